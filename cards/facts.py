@@ -1,0 +1,212 @@
+"""What is told of a law, once for screen and paper: every number rounded by its uncertainty."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..parameters import Covariance, DroppedRows, Law, ParameterFile
+from .rounding import EXACT, p_value, plain, told
+
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One coefficient as text: estimate and standard error, t, p, interval, the other fit, the print."""
+
+    name: str
+    estimate: str
+    se: str
+    t: str
+    p: str
+    interval: str
+    other: str
+    published: str
+
+
+def coefficient_rows(law: Law, level: float = LEVEL) -> list[Row]:
+    """A row for each coefficient, the constant first and the shifts of a category last.
+
+    The constant of a power or exponential law has no t: it is positive by its form, and its value only says
+    which units were used.
+    """
+    published = law.published.coefficients if law.published is not None and not lacking(law) else {}
+    half = _half_widths(law, level)
+    rows = []
+    for name, value in _values(law).items():
+        se = law.standard_errors.get(name)
+        estimate, error = told(value, se)
+        is_scale = law.form in ("power", "exponential") and name == next(iter(law.coefficients))
+        t = value / se if se and not is_scale else None
+        other = _values(law.alternative).get(name) if law.alternative is not None else None
+        rows.append(
+            Row(
+                name,
+                estimate,
+                error,
+                "" if t is None else plain(t, 4),
+                "" if t is None else p_value(_two_sided(t, law.df)),
+                _interval(value, half.get(name), se, is_scale),
+                "" if other is None else told(other, se)[0],
+                plain(published[name], 6) if name in published else "",
+            )
+        )
+    return rows
+
+
+def statistics_line(law: Law) -> str:
+    """R2, F, residual standard error and count in one line, as a paper prints them."""
+    s = law.statistics
+    parts = []
+    if s.r2 is not None:
+        parts.append(f"R² {s.r2:.4f}" + (f" (adjusted {s.r2_adj:.4f})" if s.r2_adj is not None else ""))
+    if s.F is not None and s.F_df is not None and s.F_p is not None:
+        p = p_value(s.F_p)
+        parts.append(f"F({s.F_df[0]}, {s.F_df[1]}) {plain(s.F)}, p {p if p[0] == '<' else '= ' + p}")
+    if law.residual_se is not None:
+        parts.append(residual_words(law))
+    edges = f" from {law.n_edges} edges" if law.n_edges is not None else ""
+    parts.append(f"n {law.n} rows{edges}")
+    return "; ".join(parts)
+
+
+def residual_words(law: Law) -> str:
+    """Residual standard error, and what it means for one measurement."""
+    se = law.residual_se or 0.0
+    if law.error == "additive":
+        return f"residual SE {plain(se, 3)} {law.unit}"
+    return f"residual SE {plain(se, 3)} in ln (one row scatters by about {100 * math.expm1(se):.2g} %)"
+
+
+def structure_words(law: Law) -> str:
+    """Which fit this is, in words."""
+    if law.form in ("load_line", "feed_line"):
+        return "straight line, least squares"
+    if law.error == "multiplicative":
+        return f"errors multiply: least squares of ln {law.response}"
+    return f"errors add: least squares of {law.response} itself, started from the fit of its logarithm"
+
+
+def other_words(law: Law) -> str:
+    """Heading of the column that holds the other fit."""
+    other = law.alternative
+    if other is None:
+        return ""
+    return "natural units" if other.error == "additive" else "log-linear"
+
+
+def cautions(law: Law) -> list[str]:
+    """What a reader must know before using the law, one sentence each."""
+    out = []
+    if not isinstance(law.uncertainty, Covariance):
+        out.append(f"{law.uncertainty.reason}: nothing is left over to judge the law by.")
+    out += [f"{item.factor} is left out: {item.reason}." for item in law.left_out]
+    out += [_dropped_words(rows) for rows in law.dropped_rows]
+    out += [f"{note[0].upper()}{note[1:]}." if not note.endswith(".") else note for note in law.notes]
+    return out
+
+
+def _dropped_words(rows: DroppedRows) -> str:
+    lines = ", ".join(map(str, rows.lines)) + (", ..." if rows.count > len(rows.lines) else "")
+    where = f" (line{'s' if rows.count > 1 else ''} {lines})" if rows.lines else ""
+    return f"{rows.count} row{'s' if rows.count > 1 else ''} left out, {rows.reason}{where}."
+
+
+def about_intervals(pf: ParameterFile) -> str:
+    """What standard errors and intervals stand on, for all laws of a pair."""
+    laws = pf.laws.values()
+    edges = max((law.n_edges for law in laws if law.n_edges is not None), default=None)
+    rows = max((law.n for law in laws), default=0)
+    if edges is not None and edges < rows:
+        return (
+            f"Standard errors, t, p, F and intervals take the {rows} rows as independent, as the papers do. They "
+            f"come from {edges} edges: what changes only between edges (V, f, d) is less certain than printed here."
+        )
+    if edges is None:
+        return (
+            "Standard errors, t, p, F and intervals take rows as independent: the file has no edge column. If "
+            "several rows come from one edge, they are less certain than printed here."
+        )
+    return (
+        "Standard errors, t, p, F and intervals take rows as independent: each comes from an edge of its own."
+    )
+
+
+def published_words(law: Law) -> str:
+    """How far the rows lie from the printed law."""
+    p = law.published
+    if p is None:
+        return ""
+    if p.rms_percent is None or p.worst_percent is None:
+        printed = ", ".join(f"{name} {plain(value, 6)}" for name, value in p.coefficients.items())
+        return (
+            f"{p.source} prints {printed}; the fit is without {', '.join(lacking(law))}, so neither its "
+            "coefficients nor the rows can be held against the print one by one."
+        )
+    return (
+        f"Beside {p.source}: the {law.n} rows lie off the printed law by {p.rms_percent:.2g} % (root mean "
+        f"square), at most by {p.worst_percent:+.2g} % (line {p.worst_line} of the file)."
+    )
+
+
+def lacking(law: Law) -> list[str]:
+    """Factors of the printed law that the fit does without."""
+    printed = law.published.coefficients if law.published is not None else {}
+    return [name for name in printed if name not in law.coefficients]
+
+
+def _values(law: Law) -> dict[str, float]:
+    shifts = {} if law.by is None else {f"{law.by.column}[{k}]": v for k, v in law.by.shifts.items()}
+    return {**law.coefficients, **shifts}
+
+
+def _half_widths(law: Law, level: float) -> dict[str, float]:
+    """Half width of the interval of each parameter, on the scale it was fitted."""
+    cov = law.uncertainty
+    if not isinstance(cov, Covariance):
+        return {}
+    from scipy.special import stdtrit
+
+    q = float(stdtrit(cov.df, (1 + level) / 2))
+    se = np.sqrt(np.diag(np.array(cov.matrix)))
+    return {name.removeprefix("ln "): float(q * s) for name, s in zip(cov.of, se, strict=True)}
+
+
+def _interval(value: float, half: float | None, se: float | None, is_scale: bool) -> str:
+    if half is None or not se:
+        return ""
+    low, high = (
+        (value * math.exp(-half), value * math.exp(half)) if is_scale else (value - half, value + half)
+    )
+    return "" if half <= abs(value) * EXACT else f"{told(low, se)[0]} … {told(high, se)[0]}"
+
+
+def _two_sided(t: float, df: int) -> float:
+    from scipy.special import stdtr
+
+    return float(2 * stdtr(max(df, 1), -abs(t)))
+
+
+def life_equation(pf: ParameterFile) -> str:
+    """The tool-life law, to the digits one computes with."""
+    life = pf.tool_life
+    if life is None:
+        return ""
+    c0, *exponents = life.coefficients.items()
+    return " ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)])
+
+
+def life_words(pf: ParameterFile) -> str:
+    """Tool life at the middle of the ranges, and whether anybody has waited that long."""
+    life = pf.tool_life
+    if life is None:
+        return ""
+    at = ", ".join(f"{name} {value:.3g}" for name, value in life.typical_at.items())
+    where = f"At the middle of the ranges ({at}) T is {plain(life.typical, 3)} {life.unit}"
+    if life.typical <= life.t_observed:
+        return f"{where}; the longest test ran {plain(life.t_observed, 3)} {life.unit}."
+    return (
+        f"{where}, but the longest test ran {plain(life.t_observed, 3)} {life.unit}: beyond it this is an "
+        "extrapolation, not a measurement."
+    )

@@ -1,0 +1,57 @@
+"""The three figures of a card: every law of the pair as a panel, drawn by the room that fitted it."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ..fit import LawFit
+from ..fit.draw import normal_quantiles, observed_against_predicted, residuals, response_surface
+
+NAMES = ("response_surfaces.png", "observed_predicted.png", "residuals.png")
+Panel = Callable[[LawFit, Axes], Axes]
+
+
+def draw_figures(laws: Sequence[LawFit], folder: Path, banner: str = "") -> tuple[str, ...]:
+    """Write the three figures to ``folder`` and return their names; ``banner`` is drawn over each of them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows: dict[str, tuple[Panel, ...]] = {
+        NAMES[0]: (response_surface,),
+        NAMES[1]: (observed_against_predicted,),
+        NAMES[2]: (residuals, normal_quantiles),
+    }
+    for name, panels in rows.items():
+        _save(_compose(laws, panels, banner), folder / name)
+    return NAMES
+
+
+def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Figure:
+    """One column a law, at most four beside each other; the kinds of panel stand under each other."""
+    across = min(len(laws), 4)
+    blocks = -(-len(laws) // across)
+    down = blocks * len(panels)
+    width, height = 3.7 * across, 3.4 * down
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    figure.subplots_adjust(
+        left=0.75 / width, right=1 - 0.25 / width, bottom=0.6 / height, top=1 - 0.65 / height, wspace=0.36,
+        hspace=0.42,
+    )  # fmt: skip
+    grid = figure.subplots(down, across, squeeze=False)
+    for ax in grid.flat:
+        ax.set_visible(False)
+    for i, law in enumerate(laws):
+        for k, panel in enumerate(panels):
+            ax = grid[i // across * len(panels) + k, i % across]
+            ax.set_visible(True)
+            panel(law, ax)
+            ax.tick_params(labelsize=8)
+    if banner:
+        figure.text(0.995, 0.995, banner, ha="right", va="top", fontsize=8, color="#a33", wrap=True)
+    return figure
+
+
+def _save(figure: Figure, path: Path) -> None:
+    figure.savefig(path, dpi=110, metadata={"Software": None})

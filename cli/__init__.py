@@ -1,0 +1,68 @@
+"""The command ``fitmodels``: reads arguments, calls the rooms, prints, and ends with an exit code.
+
+0 done, 2 usage, 3 the data cannot be read or used, 4 a model cannot be fitted, 5 a quality gate failed.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from .. import __version__
+
+# Each command is a module of this room with ``parser()`` and ``run(args) -> exit code``.
+COMMANDS = ("plan", "simulate")
+DEFECT = 70
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code.
+
+    >>> main(["--version"])  # doctest: +ELLIPSIS
+    fitmodels ...
+    0
+    """
+    argv = list(sys.argv[1:] if arguments is None else arguments)
+    if argv[:1] in (["--version"], ["-V"]):
+        print(f"fitmodels {__version__}")  # noqa: T201
+        return 0
+    name, rest = (argv[0], argv[1:]) if argv and argv[0] in COMMANDS else ("wear", argv)
+    command = import_module(f".{name}", __name__)
+    try:
+        args = command.parser().parse_args(rest)
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return _guarded(command.run, args)
+
+
+def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    """Turn every error into one sentence on standard error."""
+    from ..datasets.errors import FitmodelsError
+
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal without ± prints ? instead of failing
+    try:
+        code = int(run(args))
+        sys.stdout.flush()
+    except FitmodelsError as error:
+        return _say(str(error), error.exit_code)
+    except BrokenPipeError:  # the reader of the pipe has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        return _say("interrupted; nothing was left half-written.", 130)
+    except Exception as error:
+        if os.environ.get("FITMODELS_TRACEBACK"):
+            raise
+        return _say(
+            f"a defect of fitmodels, not of your data: {type(error).__name__}: {error}. "
+            "Set FITMODELS_TRACEBACK=1, run again and report what it prints.",
+            DEFECT,
+        )
+    return code
+
+
+def _say(sentence: str, code: int) -> int:
+    sys.stderr.write(f"fitmodels: {sentence}\n")
+    return code

@@ -1,0 +1,69 @@
+"""Parsing shared by the commands: help that leads with an example, and a did-you-mean on options."""
+
+import argparse
+import sys
+from difflib import get_close_matches
+from typing import NoReturn
+
+from ..datasets.errors import UsageError
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose help starts with an example and whose complaints are one sentence."""
+
+    def __init__(self, prog: str, example: str, description: str) -> None:
+        super().__init__(
+            prog=prog,
+            description=description,
+            allow_abbrev=False,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        self.example = example
+
+    def format_help(self) -> str:
+        """The example first, then what argparse has to say."""
+        return f"example: {self.example}\n\n{super().format_help()}"
+
+    def error(self, message: str) -> NoReturn:
+        """One sentence, with the option that was probably meant, and exit code 2."""
+        options = [option for action in self._actions for option in action.option_strings]
+        for word in message.split():
+            if word.startswith("-") and word not in options:
+                near = get_close_matches(word.split("=")[0], options, 1, 0.6)
+                if near:
+                    message += f" (did you mean {near[0]}?)"
+                    break
+        sys.stderr.write(f"{self.prog}: {message}; {self.prog} -h says what there is.\n")
+        raise SystemExit(2)
+
+
+def pairs(words: list[str] | None, option: str, example: str) -> dict[str, str]:
+    """``["VB=col7"]`` as a mapping.
+
+    >>> pairs(["VB=col7"], "--map", "VB=col7")
+    {'VB': 'col7'}
+    """
+    out: dict[str, str] = {}
+    for word in words or []:
+        key, equals, value = word.partition("=")
+        if not (equals and key.strip() and value.strip()):
+            raise UsageError(f"{option} {word}: it is written as {example}.")
+        if key.strip() in out:
+            raise UsageError(f"{option} {word}: {key.strip()} is given twice.")
+        out[key.strip()] = value.strip()
+    return out
+
+
+def ranges(words: list[str] | None, option: str = "--range") -> dict[str, tuple[float, ...]]:
+    """``["V=50:200"]`` as numbers.
+
+    >>> ranges(["V=50:200"])
+    {'V': (50.0, 200.0)}
+    """
+    out: dict[str, tuple[float, ...]] = {}
+    for key, text in pairs(words, option, "V=50:200").items():
+        try:
+            out[key] = tuple(float(part) for part in text.split(":"))
+        except ValueError:
+            raise UsageError(f"{option} {key}={text}: it is low:high with points, as V=50:200.") from None
+    return out

@@ -1,0 +1,256 @@
+"""The main job: understand a wear-test file, fit its laws, judge them, write a folder for each pair."""
+
+import argparse
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .arguments import Parser, pairs, ranges
+from .output import Printer
+
+OPTIONS_OF_A_FIT = (
+    "map",
+    "unit",
+    "range",
+    "tool",
+    "work",
+    "by",
+    "error",
+    "criterion",
+    "decimal",
+    "delimiter",
+    "sheet",
+)
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels FILE``."""
+    p = Parser(
+        "fitmodels",
+        "fitmodels data.csv",
+        "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work pair\n"
+        "with params.json, a model card (README.md) and figures.\n"
+        "Other commands: fitmodels plan -h, fitmodels simulate -h",
+    )
+    p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
+    p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
+    p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
+    p.add_argument(
+        "--json", action="store_true", help="print the report as JSON; writes nothing unless --out"
+    )
+    read = p.add_argument_group("reading")
+    read.add_argument(
+        "--map", action="append", metavar="VB=COLUMN", help="which column is which, by name or col7"
+    )
+    read.add_argument(
+        "--unit", action="append", metavar="t=s", help="unit of a column that names none, or the wrong one"
+    )
+    read.add_argument(
+        "--range", action="append", metavar="V=50:200", help="what the coded levels -1 and 1 stand for"
+    )
+    read.add_argument("--tool", metavar="NAME", help="name of the tool")
+    read.add_argument("--work", metavar="NAME", help="name of the work material")
+    read.add_argument(
+        "--decimal", choices=["point", "comma"], help="decimal mark, where the file leaves it open"
+    )
+    read.add_argument(
+        "--delimiter", metavar="MARK", help="what stands between cells, where the file leaves it open"
+    )
+    read.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
+    fit = p.add_argument_group("fitting")
+    fit.add_argument("--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together")
+    fit.add_argument(
+        "--error", choices=["multiplicative", "additive"], default="multiplicative",
+        help="where the scatter is: a share of the value (default), or the same everywhere",
+    )  # fmt: skip
+    fit.add_argument(
+        "--criterion", type=float, metavar="MM", help="wear at which an edge is worn out (default: 0.3)"
+    )
+    p.add_argument("--version", "-V", action="store_true", help="print the version")
+    return p
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One tool/work pair: its runs, where its folder goes, and whether that already holds this very fit."""
+
+    runs: Any
+    folder: Path | None
+    unchanged: bool
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it, and return the exit code."""
+    from ..cards import terminal
+    from ..datasets import read_runs
+    from .output import progress
+
+    out = Printer()
+    with progress() as step:
+        step(f"reading {Path(args.file).name}")
+        runs = read_runs(
+            args.file,
+            map=pairs(args.map, "--map", "VB=col7"),
+            units=pairs(args.unit, "--unit", "t=s"),
+            ranges=ranges(args.range),
+            tool=args.tool,
+            work=args.work,
+            decimal=args.decimal,
+            delimiter=args.delimiter,
+            sheet=args.sheet,
+        )
+    options = {name: value for name in OPTIONS_OF_A_FIT if (value := getattr(args, name)) is not None}
+    jobs = _jobs(runs, args, options)
+    if not args.json:
+        out.show(terminal.understood(runs))
+    reports = [_one_pair(job, args, options, out) for job in jobs]
+    if args.json:
+        report = {"schema": "fitmodels.report/1", "understood": _facts(runs), "pairs": reports}
+        print(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+    return 4 if any(report["parameters"] is None for report in reports) else 0
+
+
+def _jobs(runs: Any, args: argparse.Namespace, options: Mapping[str, Any]) -> list[Job]:  # noqa: ANN401
+    """The pairs and their folders; an existing result stops everything before anything is fitted."""
+    from ..datasets.errors import UsageError
+
+    each = [runs] if args.by else list(runs.pairs())
+    if args.json and not args.out:
+        return [Job(pair, None, False) for pair in each]
+    root = Path(args.out or f"{Path(args.file).stem}-fit")
+    if root.exists() and not root.is_dir():
+        raise UsageError(f"{root} is a file; choose a folder with --out.")
+    jobs: list[Job] = []
+    for pair in each:
+        folder = root / _folder_name(pair.tool, pair.work, {job.folder.name for job in jobs if job.folder})
+        same = not args.force and _holds(folder, pair, options)
+        if not (same or args.force) and folder.is_dir() and any(folder.iterdir()):
+            raise UsageError(
+                f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out."
+            )
+        jobs.append(Job(pair, folder, same))
+    return jobs
+
+
+def _folder_name(tool: str, work: str, taken: set[str]) -> str:
+    """``<tool>_<work>`` in letters that every file system takes, and that stay inside the folder."""
+    words = [re.sub(r"[^\w.-]+", "-", name).strip("-._")[:60] or "unnamed" for name in (tool, work)]
+    name, number = "_".join(words), 2
+    while name.lower() in {other.lower() for other in taken}:
+        name, number = f"{'_'.join(words)}-{number}", number + 1
+    return name
+
+
+def _holds(folder: Path, runs: Any, options: Mapping[str, Any]) -> bool:  # noqa: ANN401
+    """Whether the folder already holds the fit of these data by this version with these options."""
+    from .. import __version__, cards, parameters
+
+    if not all((folder / name).is_file() for name in cards.FILES):
+        return False
+    try:
+        p = parameters.read(folder / "params.json").provenance
+    except parameters.ParameterError:
+        return False
+    made = (p.data_sha256, p.fitmodels, p.options, p.data_file)
+    return made == (runs.source.sha256, __version__, dict(options), runs.source.name)
+
+
+def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], out: Printer) -> dict[str, Any]:  # noqa: ANN401
+    from rich.text import Text
+
+    from .. import cards, fit, parameters
+    from ..cards import terminal
+    from .output import progress
+
+    runs = job.runs
+    with progress() as step:
+        step(f"fitting {runs.tool} on {runs.work}")
+        laws, refused = fit.default_laws(runs, error=args.error, by=args.by)
+        life = _life(laws, args.criterion, refused_if_asked=args.criterion is not None)
+    pf = None
+    if laws:
+        pf = parameters.collect(
+            tool=runs.tool,
+            work=runs.work,
+            laws=laws,
+            tool_life=life,
+            simulated=runs.simulated,
+            note=" ".join(runs.notes) if runs.simulated else None,
+            data_file=runs.source.name,
+            data_sha256=runs.source.sha256,
+            n_rows=len(runs),
+            command=_command(args),
+            options=dict(options),
+        )
+    if not args.json:
+        out.show(terminal.pair_head(runs))
+        for block in terminal.pair_blocks(pf, refused):
+            out.show(block)
+    folder = job.folder
+    if pf is not None and folder is not None and not job.unchanged:
+        with progress() as step:
+            step(f"writing {folder}")
+            cards.write(pf, folder, laws=laws, data_lines=terminal.data_lines(runs), force=args.force)
+    if not args.json and pf is not None:
+        out.show(
+            Text(
+                f"{folder}: unchanged" if job.unchanged else f"Written: {folder}/ ({', '.join(cards.FILES)})"
+            )
+        )
+    return {
+        "tool": runs.tool,
+        "work": runs.work,
+        "folder": None if folder is None or pf is None else str(folder),
+        "parameters": None if pf is None else pf.model_dump(mode="json"),
+        "refused": [{"response": item.response, "reason": item.reason} for item in refused],
+    }
+
+
+def _life(laws: Any, criterion: float | None, *, refused_if_asked: bool) -> Any:  # noqa: ANN401
+    from ..fit import FitError, tool_life
+
+    wear = next((law for law in laws if law.response in ("AW", "VB") and "t" in law.factors), None)
+    if wear is None:
+        if refused_if_asked:
+            raise FitError("--criterion asks for tool life, but there is no wear law on time in this file.")
+        return None
+    try:
+        return tool_life(wear, 0.3 if criterion is None else criterion)
+    except FitError:
+        if refused_if_asked:
+            raise
+        return None
+
+
+def _command(args: argparse.Namespace) -> str:
+    """The command that makes this again, without where it was written."""
+    import shlex
+
+    words = ["fitmodels", Path(args.file).name]
+    for name in OPTIONS_OF_A_FIT:
+        value = getattr(args, name)
+        if name == "error" and value == "multiplicative":
+            continue
+        for item in value if isinstance(value, list) else [value] if value is not None else []:
+            words += [f"--{name}", str(item)]
+    return shlex.join(words)
+
+
+def _facts(runs: Any) -> dict[str, Any]:  # noqa: ANN401
+    """What was understood, for programs."""
+    from dataclasses import asdict
+
+    return {
+        "source": asdict(runs.source),
+        "tool": runs.tool,
+        "work": runs.work,
+        "columns": [asdict(use) for use in runs.columns],
+        "units": dict(runs.units),
+        "assumed": list(runs.assumed),
+        "warnings": list(runs.warnings),
+        "notes": list(runs.notes),
+        "simulated": runs.simulated,
+    }

@@ -1,0 +1,62 @@
+"""What was measured: a lab file becomes columns, units and Runs; bundled sets; plans and simulated tests.
+
+Names are imported when they are first used, so that a reader of parameter files need not load pandas.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .bundles import bundled, bundled_names
+    from .columns import ColumnUse
+    from .design import central_composite
+    from .errors import DataError, FitmodelsError, UsageError
+    from .runs import Runs, Source, read_runs, runs_from_frame
+    from .simulation import SimulatedLaw, simulate, write_csv
+    from .table import Table, read_table
+
+_HOME = {
+    "ColumnUse": "columns",
+    "DataError": "errors",
+    "FitmodelsError": "errors",
+    "Runs": "runs",
+    "SimulatedLaw": "simulation",
+    "Source": "runs",
+    "Table": "table",
+    "UsageError": "errors",
+    "bundled": "bundles",
+    "bundled_names": "bundles",
+    "central_composite": "design",
+    "read_runs": "runs",
+    "read_table": "table",
+    "runs_from_frame": "runs",
+    "simulate": "simulation",
+    "write_csv": "simulation",
+}
+
+__all__ = [
+    "ColumnUse",
+    "DataError",
+    "FitmodelsError",
+    "Runs",
+    "SimulatedLaw",
+    "Source",
+    "Table",
+    "UsageError",
+    "bundled",
+    "bundled_names",
+    "central_composite",
+    "read_runs",
+    "read_table",
+    "runs_from_frame",
+    "simulate",
+    "write_csv",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value

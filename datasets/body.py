@@ -1,0 +1,216 @@
+"""The data rows of a table: in blocks, of one width, without blank rows, footer and remarks."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from .errors import DataError
+from .layout import Layout, footer_label, is_text_line
+from .numerals import Cell, Decimal, Evidence, parse_number
+
+BLOCK = 20_000  # rows converted at once
+_TAIL = 200  # rows held back, among which footer and remarks are looked for
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Successive data rows: their line numbers, and the cells of each column."""
+
+    lines: list[int]
+    columns: list[tuple[Cell, ...]]
+
+
+@dataclass(slots=True)
+class Findings:
+    """What was met on the way through the rows; complete once all blocks have been taken."""
+
+    short: int = 0
+    first_short: int = 0
+    footers: list[tuple[int, str]] = field(default_factory=list)
+    remarks: list[int] = field(default_factory=list)
+
+    def sentences(self) -> list[str]:
+        """Tell it in full sentences.
+
+        >>> Findings(footers=[(9, "Mean")]).sentences()
+        ["Footer rows are left out: line 9 'Mean'."]
+        """
+        told = []
+        if self.short:
+            told.append(
+                f"{self.short} row(s) have fewer cells than the header, the first in line "
+                f"{self.first_short}; the cells they lack count as missing."
+            )
+        if self.footers:
+            rows = ", ".join(f"line {line} {label!r}" for line, label in self.footers)
+            told.append(f"Footer rows are left out: {rows}.")
+        if self.remarks:
+            told.append(f"Text below the data is kept as a note: line {', '.join(map(str, self.remarks))}.")
+        return told
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """The rows of a source seen through its layout; it can be walked through again and again."""
+
+    name: str
+    rows: Iterable[tuple[int, Sequence[Cell]]]
+    layout: Layout
+    delimiter: str
+
+    def blocks(self, findings: Findings) -> Iterator[Block]:
+        """Iterate over the data in blocks of at most 20 000 rows, noting what is met.
+
+        Raises
+        ------
+        DataError
+            A row has more filled cells than the table has columns.
+
+        >>> from .layout import find_layout
+        >>> rows = [(1, ["V", "f"]), (2, ["1", "2"]), (3, ["Mean", "2"])]
+        >>> body = Body("a.csv", rows, find_layout(rows, lambda text: False, "a.csv"), ",")
+        >>> list(body.blocks(Findings()))
+        [Block(lines=[2], columns=[('1',), ('2',)])]
+
+        """
+        lines: list[int] = []
+        rows: list[Sequence[Cell]] = []
+        above = self.layout.above
+        for line, row in self.rows:
+            if line > above and row:
+                lines.append(line)
+                rows.append(row)
+                if len(rows) == BLOCK + _TAIL:
+                    yield from self._block(lines[:BLOCK], rows[:BLOCK], findings)
+                    del lines[:BLOCK], rows[:BLOCK]
+        self._cut_tail(lines, rows, findings)
+        yield from self._block(lines, rows, findings)
+
+    def _block(self, lines: list[int], rows: list[Sequence[Cell]], findings: Findings) -> Iterator[Block]:
+        """Bring the rows to one width; if all begin with a filled cell and have it, nothing is done."""
+        width = self.layout.width
+        if not all(len(row) == width and row[0] and row[0] != " " for row in rows):
+            kept = [
+                (line, fitted)
+                for line, row in zip(lines, rows, strict=True)
+                if (fitted := self._fit(line, row, findings)) is not None
+            ]
+            lines, rows = [line for line, _ in kept], [row for _, row in kept]
+        if rows:
+            yield Block(lines, list(zip(*rows, strict=True)))
+
+    def _fit(self, line: int, row: Sequence[Cell], findings: Findings) -> Sequence[Cell] | None:
+        width = self.layout.width
+        if _is_blank(row):
+            return None
+        if len(row) < width:
+            findings.short += 1
+            findings.first_short = findings.first_short or line
+            return [*row, *[""] * (width - len(row))]
+        if len(row) > width:
+            if not _is_blank(row[width:]):
+                raise self._too_wide(line, row)
+            return row[:width]
+        return row
+
+    def _cut_tail(self, lines: list[int], rows: list[Sequence[Cell]], findings: Findings) -> None:
+        while rows:
+            if label := footer_label(rows[-1]):
+                findings.footers.insert(0, (lines[-1], label))
+            elif not _is_blank(rows[-1]):
+                if not is_text_line(rows[-1], self.layout):
+                    return
+                findings.remarks.insert(0, lines[-1])
+            del lines[-1], rows[-1]
+
+    def _too_wide(self, line: int, row: Sequence[Cell]) -> DataError:
+        width = self.layout.width
+        seen = max(i for i, cell in enumerate(row, start=1) if str(cell).strip())
+        expected = (
+            f"the header in line {self.layout.header_line}"
+            if self.layout.header_line
+            else "the first full row"
+        )
+        if self.delimiter == "," and seen == 2 * width:
+            return DataError(
+                f"{self.name} line {line} has {seen} cells, twice the {width} of {expected}: commas seem "
+                "to be both decimal mark and delimiter, which cannot be told apart. "
+                "Export with semicolons, or with decimal points."
+            )
+        return DataError(
+            f"{self.name} line {line} has {seen} cells, {expected} has {width}. "
+            "Give the extra column a name, or remove the extra cell"
+            + (" (a decimal comma makes two cells of one)." if self.delimiter == "," else ".")
+        )
+
+
+def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, list[str]]:
+    """Decide the decimal mark of a table, unless told, by the majority of the cells with one reading only.
+
+    All cells of the first block that holds such a cell are counted.
+
+    Returns
+    -------
+    decimal, thousands : str
+        The mark and the thousands mark seen with it, "" when there is none.
+    warnings : list of str
+
+    Raises
+    ------
+    DataError
+        Cells have two readings and no cell decides, or as many cells say point as say comma.
+
+    >>> from .layout import find_layout
+    >>> rows = [(1, ["V", "f"]), (2, ["1.234", "2,5"])]
+    >>> weigh_decimal(Body("a.csv", rows, find_layout(rows, lambda text: False, "a.csv"), ";"), None)
+    ('comma', '.', [])
+
+    """
+    evidence = Evidence()
+    for block in body.blocks(Findings()):
+        evidence.add(block.lines, block.columns)
+        if evidence.decided or decimal is not None:
+            break
+    chosen = decimal or _majority(body, evidence)
+    thousands = max(evidence.thousands[chosen].items(), key=lambda item: item[1], default=("", 0))[0]
+    other = "comma" if chosen == "point" else "point"
+    warnings = []
+    if evidence.counts[other]:
+        line, number, text = evidence.first[other]
+        warnings.append(
+            f"The numbers are read with a decimal {chosen}, but {evidence.counts[other]} cell(s) are numbers "
+            f"with a decimal {other} only, the first in line {line}, "
+            f"{_column(body, number)}: {text.strip()!r}."
+        )
+    return chosen, thousands, warnings
+
+
+def _majority(body: Body, evidence: Evidence) -> Decimal:
+    counts = evidence.counts
+    if counts["point"] != counts["comma"]:
+        return "point" if counts["point"] > counts["comma"] else "comma"
+    flags = "Say --decimal point or --decimal comma."
+    if counts["point"]:
+        places = [
+            f"{text.strip()!r} in line {line}"
+            for line, _, text in map(evidence.first.__getitem__, ("point", "comma"))
+        ]
+        raise DataError(
+            f"{body.name} mixes decimal marks: as many cells are numbers with a decimal point only "
+            f"({places[0]}) as with a decimal comma only ({places[1]}). {flags}"
+        )
+    if counts["either"]:
+        line, number, text = evidence.first["either"]
+        point, comma = parse_number(text, "point"), parse_number(text, "comma")
+        raise DataError(
+            f"{body.name} line {line}, {_column(body, number)}: {text.strip()!r} is {point:.10g} with "
+            f"a decimal point and {comma:.10g} with a decimal comma, and no cell of the file decides. {flags}"
+        )
+    return "point"
+
+
+def _column(body: Body, number: int) -> str:
+    return f"column {number} {body.layout.names[number - 1]!r}"
+
+
+def _is_blank(row: Sequence[Cell]) -> bool:
+    return not any(cell.strip() if isinstance(cell, str) else True for cell in row)

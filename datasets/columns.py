@@ -1,0 +1,197 @@
+"""Headers become roles, cells become numbers in the role's unit; whatever does not fit is said."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import DataError, UsageError
+from .table import Column
+from .units import canonical, convert, same_dimension, suggest
+from .vocabulary import ROLES, Role, parse_header, role_of, suggest_role, understood_unit
+
+NONE = "none"  # --map P=none: no column of this file is the power
+
+Values = NDArray[np.float64] | NDArray[np.object_]
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnUse:
+    """What became of one column of the file.
+
+    Attributes
+    ----------
+    number : int
+        Position in the file, from 1.
+    header, name : str
+        The header as written, and without its unit.
+    role : str or None
+        Symbol of the role it was given; None: not used.
+    unit : str
+        Unit as understood; empty where none was written.
+    converted : bool
+        Whether the numbers were converted to the unit of the role.
+    suggestion : str or None
+        Role that an unused header comes near to.
+    """
+
+    number: int
+    header: str
+    name: str
+    role: str | None
+    unit: str
+    converted: bool
+    suggestion: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Claim:
+    column: Column
+    name: str
+    unit_text: str
+    role: str | None
+    said: bool  # by --map, not by the header
+
+
+def assign(
+    columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]
+) -> tuple[tuple[ColumnUse, ...], dict[str, Values], tuple[str, ...]]:
+    """Uses of the columns, values by role in the role's unit, and what was assumed about units."""
+    _known_roles((*mapping, *units))
+    claims = _claims(columns, mapping, units)
+    chosen = _one_each(claims)
+    uses: list[ColumnUse] = []
+    data: dict[str, Values] = {}
+    assumed: list[str] = []
+    unitless: list[str] = []
+    for claim in claims:
+        role = ROLES[claim.role] if claim.role is not None and chosen.get(claim.role) is claim else None
+        unit, converted = "", False
+        if role is not None:
+            data[role.symbol], unit, converted = _values(claim, role)
+            if role.unit and not unit:
+                unitless.append(f"{role.symbol} {role.unit}")
+            elif unit and unit != canonical(claim.unit_text):
+                assumed.append(f"{role.symbol}: {claim.unit_text} is taken as {unit}")
+        column, near = claim.column, suggest_role(claim.name) if role is None else None
+        symbol = role.symbol if role is not None else None
+        uses.append(ColumnUse(column.number, column.name, claim.name, symbol, unit, converted, near))
+    if unitless:
+        assumed.append(f"units that the file does not name: {', '.join(unitless)}")
+    if not data:
+        names = ", ".join(repr(c.name) for c in columns[:12])
+        raise DataError(
+            f"no column is recognised among {names}: name them as V, f, d, t, AW ... or say which is which, "
+            'for instance --map "VB=col3".'
+        )
+    return tuple(uses), data, tuple(assumed)
+
+
+def _known_roles(symbols: tuple[str, ...]) -> None:
+    for symbol in symbols:
+        if symbol not in ROLES:
+            near = get_close_matches(symbol, ROLES, 1, 0.5)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise UsageError(f"{symbol!r} is no role of a column; {hint}The roles are {', '.join(ROLES)}.")
+
+
+def _claims(
+    columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]
+) -> list[_Claim]:
+    wanted = {symbol: name for symbol, name in mapping.items() if name.strip().lower() != NONE}
+    said = {_find(columns, name).number: symbol for symbol, name in wanted.items()}
+    if len(said) < len(wanted):
+        raise UsageError("--map gives one column to two roles; each role needs a column of its own.")
+    claims = []
+    for column in columns:
+        header = parse_header(column.name)
+        text = column.unit_cell or header.unit_text
+        role = said.get(column.number) or role_of(header.name, canonical(text) if text else None)
+        if role in mapping and role not in wanted:
+            role = None
+        if role in units:
+            text = units[role]
+        claims.append(_Claim(column, header.name, text, role, column.number in said))
+    missing = [symbol for symbol in units if all(claim.role != symbol for claim in claims)]
+    if missing:
+        raise UsageError(f"--unit {missing[0]}={units[missing[0]]}: no column has the role {missing[0]}.")
+    return claims
+
+
+def _find(columns: tuple[Column, ...], name: str) -> Column:
+    """The column of this header, this name without unit, or ``col7``; the header counts first."""
+    wanted = name.strip()
+    for test in (
+        lambda c: c.name == wanted,
+        lambda c: parse_header(c.name).name == wanted,
+        lambda c: wanted == f"col{c.number}",
+    ):
+        found = [column for column in columns if test(column)]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            places = " or ".join(f"col{c.number}" for c in found)
+            raise UsageError(f"column {wanted!r} stands {len(found)} times in the file: say {places}.")
+    near = get_close_matches(wanted, [c.name for c in columns], 1, 0.5)
+    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(repr(c.name) for c in columns)}."
+    raise UsageError(f"--map names a column {wanted!r} that the file does not have; {hint}")
+
+
+def _one_each(claims: list[_Claim]) -> dict[str, _Claim]:
+    """The claim that gets each role: one named by --map before one named by its header."""
+    chosen: dict[str, _Claim] = {}
+    for claim in sorted(claims, key=lambda c: not c.said):
+        if claim.role is None:
+            continue
+        first = chosen.setdefault(claim.role, claim)
+        if first is not claim and not first.said:
+            a, b = first.column, claim.column
+            raise DataError(
+                f"columns {a.number} ({a.name!r}) and {b.number} ({b.name!r}) both read as "
+                f"{ROLES[claim.role].quantity} {claim.role}: choose one with --map {claim.role}=col{a.number}."
+            )
+    return chosen
+
+
+def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
+    """Values in the unit of the role, the unit that was written, and whether they were converted."""
+    column = claim.column
+    if role.kind == "label":
+        return column.labels(), "", False
+    _only_numbers(column, role)
+    if not claim.unit_text:
+        return column.values, "", False
+    unit = understood_unit(role.symbol, claim.unit_text)
+    if unit == "1":  # a dash in the units row, or coded levels
+        return column.values, "", False
+    if unit is None:
+        raise DataError(
+            f"column {column.name!r}: unit {claim.unit_text!r} is not in the table of units; "
+            f"{suggest(claim.unit_text)} Say it with --unit {role.symbol}={role.unit}."
+        )
+    if not same_dimension(unit, role.unit):
+        raise DataError(
+            f"column {column.name!r} reads as {role.quantity} {role.symbol} (in {role.unit}), but its unit is "
+            f"{unit}: correct the unit with --unit {role.symbol}={role.unit}, give the role to another column "
+            f"with --map {role.symbol}=..., or to none with --map {role.symbol}={NONE}."
+        )
+    if unit == role.unit:
+        return column.values, unit, False
+    return convert(np.asarray(column.values, dtype=float), unit, role.unit), unit, True
+
+
+def _only_numbers(column: Column, role: Role) -> None:
+    if column.bad:
+        cells = ", ".join(f"line {line}: {text!r}" for line, text in column.bad[:3])
+        raise DataError(
+            f"column {column.name!r} ({role.quantity} {role.symbol}) holds text where numbers belong: {cells}. "
+            "Write a number, or leave the cell empty."
+        )
+    if not column.is_numeric:
+        shown = next((str(v) for v in column.values if v != ""), "")
+        raise DataError(
+            f"column {column.name!r} reads as {role.quantity} {role.symbol} but holds text, for instance {shown!r}: "
+            f"give the role to another column with --map {role.symbol}=..., or to none with --map {role.symbol}={NONE}."
+        )

@@ -1,0 +1,231 @@
+"""Text lines -> rows of cells: the delimiter of a file and the way its numbers are written."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+from .decode import encoding_name, text_lines
+from .errors import DataError, UsageError
+from .numerals import Decimal, is_missing, is_number
+
+_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "space": " ", "\\t": "\t"}
+_PLURALS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks", "": "one column"}
+_MARK_NAMES = {",": "comma", ".": "point", "'": "apostrophe", "’": "apostrophe"}
+_SEP_LINE = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
+_QUOTED_OR_BARE = re.compile(r'"([^"]*)"|([^ \t"][^ \t]*)')
+_SAMPLE = 300  # lines looked at to tell the delimiter
+_LONGEST_CELL = 30  # lines one quoted cell may span
+_END = "\x00end"  # follows the last line: a cell that swallows it was opened by a quote and never closed
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How a table is written.
+
+    Parameters
+    ----------
+    encoding : str
+        Python codec name, or "xlsx".
+    delimiter : str
+        One character; " " for runs of blanks, "" when there is one column or a workbook.
+    decimal : {"point", "comma"}
+    thousands : str
+        The thousands mark met, or "".
+    has_header : bool
+
+    >>> Dialect("utf-8", ";", "comma", ".", True).describe()
+    'UTF-8, semicolons, decimal comma, thousands point'
+
+    """
+
+    encoding: str
+    delimiter: str
+    decimal: Decimal
+    thousands: str
+    has_header: bool
+
+    def describe(self) -> str:
+        r"""Say it in one short phrase.
+
+        >>> Dialect("cp1252", "\t", "point", "", False).describe()
+        'Windows-1252, tabs, decimal point, no header'
+        """
+        parts = [encoding_name(self.encoding)]
+        if self.encoding != "xlsx":
+            parts += [_PLURALS.get(self.delimiter, repr(self.delimiter)), f"decimal {self.decimal}"]
+        if self.thousands:
+            parts.append(f"thousands {_MARK_NAMES.get(self.thousands, 'blank')}")
+        return ", ".join(parts if self.has_header else [*parts, "no header"])
+
+
+@dataclass(frozen=True, slots=True)
+class TextSource:
+    r"""The rows of a text file, read anew from its bytes at each iteration.
+
+    >>> list(TextSource("a.csv", b"V;f\n1,5;2\n", "utf-8", ";", False))
+    [(1, ['V', 'f']), (2, ['1,5', '2'])]
+    """
+
+    name: str
+    data: bytes
+    encoding: str
+    delimiter: str
+    has_sep_line: bool
+
+    def __iter__(self) -> Iterator[tuple[int, list[str]]]:
+        """Iterate over (line number, cells); comment lines come as blank lines."""
+        if self.delimiter in ("", " "):
+            yield from enumerate((split_line(line, self.delimiter) for line in self._uncommented()), start=1)
+            return
+        lines = self._uncommented(_END)
+        reader = csv.reader(lines, delimiter=self.delimiter, skipinitialspace=True)
+        start = 1
+        try:
+            for row in reader:
+                if reader.line_num - start > _LONGEST_CELL or (row and row[-1].endswith(_END)):
+                    if row != [_END]:
+                        raise self._unclosed(start)
+                    return
+                yield start, row
+                start = reader.line_num + 1
+        except csv.Error as error:
+            raise self._unclosed(start) from error
+
+    def comments(self) -> list[tuple[int, str]]:
+        r"""List the comment lines, those beginning with # or %, as (line number, text).
+
+        >>> TextSource("a.csv", b"# steel\nV;f\n", "utf-8", ";", False).comments()
+        [(1, '# steel')]
+        """
+        if not self._may_hold_comments():
+            return []
+        lines = enumerate(text_lines(self.data, self.encoding), start=1)
+        return [(n, line.strip()) for n, line in lines if is_comment(line, self.delimiter)]
+
+    def as_written(self, numbers: set[int]) -> dict[int, str]:
+        r"""Give lines by number as they stand in the file, without the delimiters Excel pads them with.
+
+        >>> TextSource("a.csv", b"Test 5;;\nV;f\n", "utf-8", ";", False).as_written({1})
+        {1: 'Test 5'}
+        """
+        if not numbers:
+            return {}
+        lines = islice(enumerate(text_lines(self.data, self.encoding), start=1), max(numbers))
+        return {n: line.strip().strip(self.delimiter + " \t") for n, line in lines if n in numbers}
+
+    def _may_hold_comments(self) -> bool:
+        return b"#" in self.data or b"%" in self.data
+
+    def _uncommented(self, *end: str) -> Iterator[str]:
+        lines = text_lines(self.data, self.encoding)
+        if self.has_sep_line:
+            next(lines)
+            yield "\n"
+        if self._may_hold_comments():
+            lines = ("\n" if is_comment(line, self.delimiter) else line for line in lines)
+        yield from lines
+        yield from end
+
+    def _unclosed(self, line: int) -> DataError:
+        return DataError(
+            f'{self.name} line {line}: a quote " opens a cell and no quote closes it. Close or delete it.'
+        )
+
+
+def text_source(name: str, data: bytes, encoding: str, delimiter: str | None) -> TextSource:
+    r"""Find the delimiter of a text file: as told, as its ``sep=`` line says, or as its rows suggest.
+
+    Raises
+    ------
+    UsageError
+        ``delimiter`` is neither one character nor one of comma, semicolon, tab, bar, space.
+
+    >>> text_source("a.csv", b"V\tf\n1,5\t2,5\n", "utf-8", None).delimiter
+    '\t'
+
+    """
+    if data.endswith(b"\x1a"):  # the end-of-file mark of DOS
+        data = data.rstrip(b"\x1a")
+    first = _SEP_LINE.fullmatch(next(iter(text_lines(data, encoding)), ""))
+    if delimiter is not None:
+        chosen = _DELIMITERS.get(delimiter, delimiter)
+        if len(chosen) != 1 or chosen in '"\r\n':
+            raise UsageError(
+                f"--delimiter {delimiter!r} is not a delimiter: "
+                "say comma, semicolon, tab, bar, space or one character."
+            )
+    else:
+        chosen = first[1] if first else guess_delimiter(_sample(data, encoding))
+    return TextSource(name, data, encoding, chosen, first is not None)
+
+
+def guess_delimiter(lines: Sequence[str]) -> str:
+    """Tell the delimiter of a few lines of a table; " " stands for runs of blanks, "" for one column.
+
+    Semicolon, tab and bar seldom stand in a cell, so one of them that splits most lines wins; a comma may
+    be a decimal mark and a blank a part of a text, so these two are compared by the numbers they leave.
+
+    >>> [guess_delimiter(lines) for lines in (["V;f", "1,5;2,5"], ["V  f", "1,5  2,5"], ["V", "1"])]
+    [';', ' ', '']
+    """
+    for candidates in (";\t|", ", "):
+        trials = [trial for mark in candidates if (trial := _try(lines, mark)) is not None]
+        if trials:
+            return max(trials, key=lambda trial: trial[:2])[2]
+    return ""
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Split one line that stands alone.
+
+    >>> split_line(' 1.5   "tool A" 2 ', " ")
+    ['1.5', 'tool A', '2']
+    """
+    if delimiter == "":
+        return [line.strip()]
+    if delimiter != " ":
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    if '"' in line:
+        return [quoted or bare for quoted, bare in _QUOTED_OR_BARE.findall(line.strip())]
+    # Not str.split(): it would split at the no-break blanks inside a number.
+    return [cell for cell in line.strip().replace("\t", " ").split(" ") if cell]
+
+
+def is_comment(line: str, delimiter: str) -> bool:
+    """Tell a comment from a row whose first cell is an Excel error mark or a column named "#".
+
+    >>> is_comment("# steel", ";"), is_comment("#DIV/0!;2", ";"), is_comment("#;V", ";")
+    (True, False, False)
+    """
+    start = line.lstrip(" \t")[:1]
+    if start != "#" and start != "%":
+        return False
+    cells = [cell.strip() for cell in split_line(line, delimiter)]
+    if is_missing(cells[0]):
+        return False
+    return cells[0] not in ("#", "%") or delimiter in ("", " ") or not any(cells[1:])
+
+
+def _sample(data: bytes, encoding: str) -> list[str]:
+    head = islice(text_lines(data, encoding), 10 * _SAMPLE)
+    kept = (line for line in head if line.strip() and not is_comment(line, " "))
+    return list(islice(kept, _SAMPLE))
+
+
+def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None:
+    """Split the lines and tell (does a text row fit the numbers' width, share of numbers, delimiter)."""
+    rows = [split_line(line, delimiter) for line in lines]
+    numbers = [sum(map(is_number, row)) for row in rows]
+    first = next((i for i, row in enumerate(rows) if len(row) > 1 and numbers[i]), None)
+    if first is None:
+        return None
+    block = [(row, count) for row, count in zip(rows[first:], numbers[first:], strict=True) if len(row) > 1]
+    if len(block) < 0.6 * len(rows[first:]):
+        return None
+    width = Counter(len(row) for row, count in block if count).most_common(1)[0][0]
+    has_header = any(len(row) == width and not count for row, count in zip(rows, numbers, strict=True))
+    filled = sum(1 for row, _ in block for cell in row if cell.strip())
+    return has_header, sum(count for _, count in block) / filled, delimiter

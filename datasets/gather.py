@@ -1,0 +1,162 @@
+"""Blocks of cells -> columns of numbers or of text."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .body import Body, Findings
+from .errors import DataError
+from .numerals import Cell, Decimal, is_missing, to_floats
+
+_LISTED = 5  # bad cells kept per column
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a table.
+
+    Parameters
+    ----------
+    number : int
+        Position in the file, from 1.
+    name, unit_cell : str
+        Header text and units-row cell as written, without outer blanks, and "" where there is none.
+    values : ndarray, shape (n,)
+        float, nan where missing or bad; in a text column str objects, "" where missing.
+    is_numeric : bool
+        Fewer than half of the filled cells fail to be numbers.
+    bad : tuple of (int, str)
+        Line and text of the first five cells of a numeric column that are not numbers.
+    bad_count : int
+        How many there are in all.
+
+    >>> Column(1, "V", "m/min", np.array([100.0]), True).labels()
+    array(['100'], dtype=object)
+
+    """
+
+    number: int
+    name: str
+    unit_cell: str
+    values: NDArray[Any]
+    is_numeric: bool
+    bad: tuple[tuple[int, str], ...] = ()
+    bad_count: int = 0
+
+    def labels(self) -> NDArray[np.object_]:
+        """Give the values as text, shape (n,): whole numbers without a point, "" where missing.
+
+        >>> Column(1, "edge", "", np.array([1.0, 2.5, np.nan]), True).labels()
+        array(['1', '2.5', ''], dtype=object)
+        """
+        if not self.is_numeric:
+            return self.values.copy()
+        texts = ["" if v != v else str(int(v)) if v.is_integer() else repr(v) for v in self.values.tolist()]
+        return np.array(texts, dtype=object)
+
+
+@dataclass(slots=True)
+class _Gathering:
+    """One column while its blocks come in; text is kept of blocks where most cells are no numbers."""
+
+    floats: list[NDArray[np.float64]] = field(default_factory=list)
+    texts: list[NDArray[np.object_] | None] = field(default_factory=list)
+    bad: list[tuple[int, str]] = field(default_factory=list)
+    bad_count: int = 0
+    filled: int = 0
+
+    @property
+    def is_numeric(self) -> bool:
+        return 2 * self.bad_count < self.filled or self.filled == 0
+
+    def add(self, cells: tuple[Cell, ...], lines: list[int], decimal: Decimal) -> None:
+        values, bad = to_floats(cells, decimal)
+        self.filled += int(np.count_nonzero(values == values)) + len(bad)
+        self.bad_count += len(bad)
+        self.bad += [(lines[i], str(cells[i]).strip()) for i in bad[: _LISTED - len(self.bad)]]
+        self.floats.append(values)
+        self.texts.append(_texts(cells) if 2 * len(bad) >= len(cells) else None)
+
+
+def gather_columns(body: Body, decimal: Decimal) -> tuple[tuple[Column, ...], NDArray[np.int64], Findings]:
+    """Convert the data rows of a table.
+
+    Returns
+    -------
+    columns : tuple of Column
+        Columns without a name and without a value are left out.
+    lines : ndarray, shape (n,), int
+    findings : Findings
+
+    Raises
+    ------
+    DataError
+        No column is numeric.
+
+    >>> from .layout import find_layout
+    >>> rows = [(1, ["edge", "V"]), (2, ["E1", "100"])]
+    >>> body = Body("a.csv", rows, find_layout(rows, lambda text: False, "a.csv"), ",")
+    >>> [column.is_numeric for column in gather_columns(body, "point")[0]]
+    [False, True]
+
+    """
+    gatherings = [_Gathering() for _ in body.layout.names]
+    lines: list[NDArray[np.int64]] = []
+    findings = Findings()
+    for block in body.blocks(findings):
+        lines.append(np.array(block.lines, dtype=np.int64))
+        for gathering, cells in zip(gatherings, block.columns, strict=True):
+            gathering.add(cells, block.lines, decimal)
+    if not any(gathering.is_numeric and gathering.filled for gathering in gatherings):
+        raise DataError(
+            f"{body.name} has no numeric column: in each of {', '.join(map(repr, body.layout.names))} "
+            "at least half of the filled cells are no numbers. "
+            "Check the delimiter (--delimiter) and the decimal mark (--decimal)."
+        )
+    columns = tuple(_columns(body, gatherings))
+    return columns, np.concatenate(lines), findings
+
+
+def _columns(body: Body, gatherings: list[_Gathering]) -> Iterator[Column]:
+    layout = body.layout
+    lacking = [
+        i for i, g in enumerate(gatherings) if not g.is_numeric and any(text is None for text in g.texts)
+    ]
+    again = _reread(body, lacking)
+    for i, (g, name, unit) in enumerate(zip(gatherings, layout.names, layout.unit_cells, strict=True)):
+        if not name and not unit and not g.filled:
+            continue  # an empty column between or beside the others
+        if g.is_numeric:
+            values: NDArray[Any] = np.concatenate(g.floats)
+            g.floats.clear()
+            yield Column(i + 1, name or f"col{i + 1}", unit, values, True, tuple(g.bad), g.bad_count)
+        else:
+            texts = again[i] if i in again else np.concatenate([text for text in g.texts if text is not None])
+            yield Column(i + 1, name or f"col{i + 1}", unit, texts, False)
+
+
+def _reread(body: Body, places: list[int]) -> dict[int, NDArray[np.object_]]:
+    """Read the text of columns that turned out to be text after some of their blocks had been all numbers."""
+    if not places:
+        return {}
+    parts: dict[int, list[NDArray[np.object_]]] = {i: [] for i in places}
+    for block in body.blocks(Findings()):
+        for i in places:
+            parts[i].append(_texts(block.columns[i]))
+    return {i: np.concatenate(blocks) for i, blocks in parts.items()}
+
+
+def _texts(cells: tuple[Cell, ...]) -> NDArray[np.object_]:
+    """Give the cells as text, one object for equal texts."""
+    known: dict[Cell, str] = {}
+    texts = [known.setdefault(cell, _text(cell)) for cell in cells]
+    return np.array(texts, dtype=object)
+
+
+def _text(cell: Cell) -> str:
+    if isinstance(cell, float):
+        return str(int(cell)) if cell.is_integer() else repr(cell)
+    return "" if is_missing(cell) else cell.strip()

@@ -1,0 +1,206 @@
+"""Rows -> the places of a table in its file: notes above, header, units row, data, footer."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+from .errors import DataError
+from .numerals import Cell, is_missing, is_number
+
+_SAMPLE = 500  # rows looked at to find header and data
+_BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
+_FOOTERS = frozenset(
+    """
+    mean/mean value/average/avg/sum/total/grand total/subtotal/std/sd/std dev/stdev/stddev/standard deviation/
+    variance/min/minimum/max/maximum/count/median/range/rsd/cv/
+    mittelwert/mittel/durchschnitt/mw/ø/summe/gesamt/anzahl/standardabweichung/stabw/stdabw/varianz/
+    moyenne/moy/somme/nombre/écart-type/écart type/ecart-type/ecart type/médiane/mediane/
+    media/promedio/suma/recuento/cuenta/mediana/desviación/desviacion/desviación estándar/desviacion estandar/
+    desviación típica/desviacion tipica/desvest/mín/máx/mínimo/máximo
+    """.replace("\n    ", "").split("/")
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the parts of a table stand.
+
+    Parameters
+    ----------
+    header_line : int
+        Line of the header row, 0 when there is none.
+    names, unit_cells : tuple of str, one per column
+        Text as written; ``unit_cells`` holds "" where nothing is written.
+    above : int
+        Last line that belongs to the head: rows below it are data.
+    note_lines : tuple of int
+        Lines of the preamble.
+    numeric : tuple of bool
+        Which cells of the first full data row are numbers.
+
+    """
+
+    header_line: int
+    names: tuple[str, ...]
+    unit_cells: tuple[str, ...]
+    above: int
+    note_lines: tuple[int, ...]
+    numeric: tuple[bool, ...]
+
+    @property
+    def width(self) -> int:
+        """The number of columns."""
+        return len(self.names)
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A row of the sample: its cells up to the last filled one, and counts of what they are."""
+
+    line: int
+    cells: tuple[Cell, ...]
+    written: int
+    filled: int
+    numbers: int
+    marks: int
+
+    @property
+    def is_text(self) -> bool:
+        return self.numbers == 0 and self.marks == 0
+
+
+def find_layout(
+    rows: Iterable[tuple[int, Sequence[Cell]]], is_unit: Callable[[str], bool], name: str
+) -> Layout:
+    """Find header, units row and first data row among the first rows of a file.
+
+    The width of the table is that of the rows holding most numbers. The header is, of the rows without a
+    number above the first row of that width, the one nearest in width, then the fullest, then the lowest.
+
+    Raises
+    ------
+    DataError
+        There is a header only, or no row holds a number.
+
+    >>> layout = find_layout([(1, ["Test 5"]), (2, ["V", "f"]), (3, ["1", "2"])], lambda text: False, "a.csv")
+    >>> layout.header_line, layout.names, layout.note_lines
+    (2, ('V', 'f'), (1,))
+
+    """
+    sample = list(islice((row for row in map(_look, rows) if row is not None), _SAMPLE))
+    weights: Counter[int] = Counter()
+    for row in sample:
+        weights[len(row.cells)] += row.numbers**2
+    width = max(weights, key=lambda w: (weights[w], w), default=0)
+    if not weights[width]:
+        raise _no_numbers(sample, name)
+    first = next(i for i, row in enumerate(sample) if row.numbers and len(row.cells) == width)
+    numeric = tuple(is_number(cell) for cell in sample[first].cells)
+    head = _find_head(sample[: first + 1], width, is_unit)
+    if head is None:
+        while first and _matches(sample[first - 1], numeric):
+            first -= 1
+        notes = tuple(row.line for row in sample[:first])
+        names = tuple(f"col{i + 1}" for i in range(width))
+        return Layout(0, names, ("",) * width, sample[first].line - 1, notes, numeric)
+    header, units = sample[head], sample[head + 1]
+    has_units = _is_units_row(units, header, is_unit)
+    names = tuple(str(cell).strip() for cell in header.cells)
+    unit_cells = [str(cell).strip() for cell in units.cells[: len(names)]] if has_units else []
+    unit_cells += [""] * (len(names) - len(unit_cells))
+    above = units.line if has_units else header.line
+    notes = tuple(row.line for row in sample[:head])
+    return Layout(header.line, names, tuple(unit_cells), above, notes, numeric)
+
+
+def footer_label(cells: Sequence[Cell]) -> str:
+    """Give the label of a row of sums or means as written, or "" for any other row.
+
+    >>> footer_label(["", "Mittelwert:", "3,5"]), footer_label(["E1", "3,5"])
+    ('Mittelwert:', '')
+    """
+    label = next((str(cell).strip() for cell in cells if str(cell).strip()), "")
+    plain = " ".join(label.casefold().replace(".", " ").split()).strip(" :=")
+    return label if plain in _FOOTERS else ""
+
+
+def is_text_line(cells: Sequence[Cell], layout: Layout) -> bool:
+    """Tell whether a row at the end of a file is a remark: it has no value where the data rows have numbers.
+
+    A row written to the table's width is a remark only if it fills one cell, and that in a column of numbers;
+    else it is a data row without values.
+
+    >>> layout = Layout(1, ("edge", "V"), ("", ""), 1, (), (False, True))
+    >>> is_text_line(["Measured by N.N."], layout), is_text_line(["E7", ""], layout)
+    (True, False)
+    """
+    filled = [i for i, cell in enumerate(cells) if str(cell).strip()]
+    in_numbers = [i for i in filled if i < len(layout.numeric) and layout.numeric[i]]
+    if any(is_number(cells[i]) or is_missing(str(cells[i])) for i in in_numbers):
+        return False
+    return len(cells) != layout.width or (len(filled) == 1 and filled == in_numbers)
+
+
+def _look(numbered: tuple[int, Sequence[Cell]]) -> _Row | None:
+    line, written = numbered
+    cells = list(written)
+    while cells and not str(cells[-1]).strip():
+        cells.pop()
+    if not cells:
+        return None
+    filled = [cell for cell in cells if str(cell).strip()]
+    numbers = sum(map(is_number, filled))
+    marks = sum(1 for cell in filled if isinstance(cell, str) and is_missing(cell))
+    return _Row(line, tuple(cells), len(written), len(filled), numbers, marks)
+
+
+def _no_numbers(sample: Sequence[_Row], name: str) -> DataError:
+    if len(sample) <= 2:
+        lines = " and ".join(str(row.line) for row in sample) or "none"
+        return DataError(
+            f"{name} holds a header only (filled lines: {lines}): no row of numbers follows. "
+            "Export the data rows too."
+        )
+    return DataError(
+        f"{name}: none of its first {len(sample)} filled rows (from line {sample[0].line}) holds a number, "
+        "so there is no numeric column. Name the file that holds the measured table."
+    )
+
+
+def _find_head(rows: Sequence[_Row], width: int, is_unit: Callable[[str], bool]) -> int | None:
+    """Give the place of the header among the rows up to the first full data row, or None."""
+    places = [i for i, row in enumerate(rows[:-1]) if row.is_text and row.filled >= min(2, width)]
+    if not places:
+        return None
+    best = max(places, key=lambda i: (-abs(len(rows[i].cells) - width), rows[i].filled, i))
+    below_is_units = _is_units_row(rows[best + 1], rows[best], is_unit)
+    if not below_is_units and best - 1 in places and _is_units_row(rows[best], rows[best - 1], is_unit):
+        return best - 1
+    return best
+
+
+def _is_units_row(row: _Row, header: _Row, is_unit: Callable[[str], bool]) -> bool:
+    """Tell whether most filled cells are units, standing below names, and one of them is not a number."""
+    if row.written != header.written and len(row.cells) != len(header.cells):
+        return False
+    places = [i for i, cell in enumerate(row.cells) if str(cell).strip()]
+    if any(i >= len(header.cells) or not str(header.cells[i]).strip() for i in places):
+        return False
+    texts = [str(row.cells[i]).strip() for i in places]
+    units = [text for text in texts if _is_unit_cell(text, is_unit)]
+    dashes = sum(text in ("-", "--", "–", "—") for text in texts)
+    return 2 * (len(units) + dashes) > len(texts) and not all(map(is_number, units))
+
+
+def _is_unit_cell(text: str, is_unit: Callable[[str], bool]) -> bool:
+    bracketed = len(text) > 2 and _BRACKETS.get(text[0]) == text[-1]
+    return bracketed or is_unit(text)
+
+
+def _matches(row: _Row, numeric: Sequence[bool]) -> bool:
+    """Tell whether a row above the first full one is data: no text where that row has numbers."""
+    if len(row.cells) > len(numeric) or not row.numbers:
+        return False
+    pairs = zip(row.cells, numeric, strict=False)
+    return all(not number or is_number(cell) or is_missing(str(cell)) for cell, number in pairs)

@@ -1,0 +1,179 @@
+"""Cells -> numbers: the grammar of a number with a decimal point or comma, and which of them a file uses."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Decimal: TypeAlias = Literal["point", "comma"]
+Cell: TypeAlias = str | float  # a float only where a workbook stores a typed number
+
+_MINUS = "\N{MINUS SIGN}"
+# Thousands marks under either reading: apostrophes, the blank and the no-break and thin blanks.
+_NEUTRAL_GROUPS = "'’ \u00a0\u2007\u2009\u202f"
+_MISSING_TEXTS = """
+    n/a na n.a. - -- – — ? nan -nan +nan null none
+    #div/0! #¡div/0! #n/a #nv #n/d #wert! #value! #valeur! #¡valor! #ref! #bezug! #num! #zahl! #null! #name?
+"""
+_MISSING = frozenset(["", *_MISSING_TEXTS.split()])
+# Spellings met in long files, looked up as they stand; any other goes through the strict path.
+_MISSING_AS_WRITTEN = _MISSING | {mark.upper() for mark in _MISSING} | {"NaN", "Null", "None"}
+
+
+def _grammar(mark: str, other: str) -> re.Pattern[str]:
+    plain = rf"(?:\d+{mark}?\d*|{mark}\d+)(?:[eE][+-]?\d+)?"
+    grouped = rf"[1-9]\d{{0,2}}(?P<mark>[{other}{_NEUTRAL_GROUPS}])\d{{3}}(?:(?P=mark)\d{{3}})*(?:{mark}\d*)?"
+    return re.compile(rf"[+-]?(?:{plain}|{grouped})", re.ASCII)
+
+
+_GRAMMAR: dict[Decimal, re.Pattern[str]] = {"point": _grammar(r"\.", ","), "comma": _grammar(",", r"\.")}
+
+
+def parse_number(text: str, decimal: Decimal) -> float | None:
+    """Read one cell as a finite number, or give None.
+
+    Signs, a unicode minus, exponents and one kind of thousands mark are read; a thousands group never starts
+    with 0 and never carries an exponent; ``inf``, ``1_000``, ``0x10`` and ``True`` are no numbers.
+
+    >>> parse_number("1.234,5", "comma"), parse_number("1.234", "point"), parse_number("1.234,5", "point")
+    (1234.5, 1.234, None)
+    """
+    match = _GRAMMAR[decimal].fullmatch(text.strip().replace(_MINUS, "-"))
+    if match is None:
+        return None
+    value = _value(match, decimal)
+    return value if math.isfinite(value) else None
+
+
+def is_missing(text: str) -> bool:
+    """Tell whether a cell says "no value": empty, a dash, ``n/a``, ``NaN`` or a spreadsheet's error mark.
+
+    >>> is_missing(" #DIV/0! "), is_missing("inf")
+    (True, False)
+    """
+    return text.strip().casefold() in _MISSING
+
+
+def is_number(cell: Cell) -> bool:
+    """Tell whether a cell is a number under either reading of its marks.
+
+    >>> is_number("1,5"), is_number("12.03.2024")
+    (True, False)
+    """
+    if isinstance(cell, float):
+        return True
+    return parse_number(cell, "point") is not None or parse_number(cell, "comma") is not None
+
+
+def to_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float64], list[int]]:
+    """Convert one column of cells.
+
+    Returns
+    -------
+    values : ndarray, shape (n,)
+        nan where a cell is missing or no number.
+    bad : list of int
+        Positions of the cells that are neither a number nor a missing mark.
+
+    >>> to_floats(["1,5", "-", "worn"], "comma")
+    (array([1.5, nan, nan]), [2])
+
+    """
+    values = _plain_floats(cells, decimal)
+    return (values, []) if values is not None else _strict_floats(cells, decimal)
+
+
+def _plain_floats(cells: Sequence[Cell], decimal: Decimal) -> NDArray[np.float64] | None:
+    """Convert a column without thousands marks, or give None: Python's float() does the work, fenced in."""
+    try:
+        text = "\n".join(cells)  # type: ignore[arg-type]  # a typed cell raises the TypeError below
+    except TypeError:
+        return None
+    if "_" in text or (decimal == "comma" and "." in text):
+        return None  # float() would take both
+    plain = text.replace(_MINUS, "-")
+    if not plain.isascii():
+        return None  # float() would take the digits of other scripts
+    if decimal == "comma":
+        plain = plain.replace(",", ".")
+    parts = cells if plain is text else plain.split("\n")
+    if len(parts) != len(cells):
+        return None
+    try:
+        values = np.fromiter(map(float, parts), dtype=float, count=len(parts))
+    except ValueError:
+        try:
+            values = np.array([math.nan if part in _MISSING_AS_WRITTEN else float(part) for part in parts])
+        except ValueError:
+            return None
+    return None if np.isinf(values).any() else values
+
+
+def _strict_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float64], list[int]]:
+    read = {cell: cell if isinstance(cell, float) else parse_number(cell, decimal) for cell in set(cells)}
+    failed = {cell for cell, value in read.items() if value is None and not is_missing(str(cell))}
+    values = np.array([math.nan if (value := read[cell]) is None else value for cell in cells], dtype=float)
+    return values, [i for i, cell in enumerate(cells) if cell in failed] if failed else []
+
+
+@dataclass(slots=True)
+class Evidence:
+    """What the cells seen so far say about the decimal mark.
+
+    ``counts`` has the keys "point" and "comma" (cells that are numbers under that reading alone) and "either"
+    (cells that are two different numbers); ``first`` holds one such cell each as (line, column number, text);
+    ``thousands`` counts the thousands marks met under each reading.
+    """
+
+    counts: Counter[str] = field(default_factory=Counter)
+    first: dict[str, tuple[int, int, str]] = field(default_factory=dict)
+    thousands: dict[str, Counter[str]] = field(
+        default_factory=lambda: {"point": Counter(), "comma": Counter()}
+    )
+
+    @property
+    def decided(self) -> bool:
+        """Whether a decisive cell has been seen."""
+        return bool(self.counts["point"] or self.counts["comma"])
+
+    def add(self, lines: Sequence[int], columns: Iterable[Sequence[Cell]]) -> None:
+        """Take a block of rows into account, given column by column.
+
+        >>> evidence = Evidence()
+        >>> evidence.add([2, 3], [("1.234", "0.5")])
+        >>> dict(evidence.counts)
+        {'either': 1, 'point': 1}
+        """
+        for number, column in enumerate(columns, start=1):
+            seen: set[str] = set()
+            for text, count in Counter(column).items():
+                if isinstance(text, str) and (kind := self._kind(text, count)):
+                    self.counts[kind] += count
+                    if kind not in seen:
+                        seen.add(kind)
+                        sighting = (lines[column.index(text)], number, text)
+                        self.first[kind] = min(sighting, self.first.get(kind, sighting))
+
+    def _kind(self, text: str, count: int) -> str:
+        numbers: dict[Decimal, float] = {}
+        for reading, grammar in _GRAMMAR.items():
+            match = grammar.fullmatch(text.strip().replace(_MINUS, "-"))
+            if match is not None:
+                numbers[reading] = _value(match, reading)
+                if match["mark"]:
+                    self.thousands[reading][match["mark"]] += count
+        if len(numbers) == 2:
+            return "either" if numbers["point"] != numbers["comma"] else ""
+        return next(iter(numbers), "")
+
+
+def _value(match: re.Match[str], decimal: Decimal) -> float:
+    text = match[0]
+    if match["mark"]:
+        text = text.replace(match["mark"], "")
+    return float(text.replace(",", ".") if decimal == "comma" else text)

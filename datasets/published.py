@@ -1,0 +1,87 @@
+"""Laws as the papers print them, to set beside a refit of the same tool and work."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .gc435 import LAWS, STANDARD_ERROR
+
+TAI_2023 = "Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587"
+ALASKARI_2016 = "Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006"
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedLaw:
+    """One printed law.
+
+    Attributes
+    ----------
+    tool, work : str
+        Pair it was published for; an empty tool: the source names none.
+    form : str
+        ``power``, ``exponential``, ``load_line`` or ``feed_line``.
+    response : str
+        Symbol; ``factor`` of an exponential law in ``factor``.
+    coefficients : mapping
+        As the project names them: c0 and exponents, a and b, or A, B and k1.
+    standard_error : float or None
+        Residual standard error as printed.
+    source : str
+    """
+
+    tool: str
+    work: str
+    form: str
+    response: str
+    coefficients: Mapping[str, float]
+    source: str
+    standard_error: float | None = None
+    factor: str = field(default="")
+
+    def predict(self, factors: Mapping[str, ArrayLike]) -> NDArray[np.float64] | None:
+        """The printed law at these factors; None for a form it is not defined for, or a missing factor.
+
+        >>> law = published("", "Ck 45", "Ra", "exponential")
+        >>> law.predict({"F": [448.06]}).round(3).tolist()
+        [1.102]
+        """
+        c = self.coefficients
+        if self.form == "exponential" and self.factor in factors:
+            return np.asarray(c["a"] * np.exp(c["b"] * np.asarray(factors[self.factor], dtype=float)))
+        needed = [name for name in c if name != "c0"]
+        if self.form != "power" or any(name not in factors for name in needed):
+            return None
+        logs = [c[name] * np.log(np.asarray(factors[name], dtype=float)) for name in needed]
+        return np.asarray(c["c0"] * np.exp(sum(logs)), dtype=float)
+
+
+PUBLISHED = (
+    *(
+        PublishedLaw(
+            "GC435", "709M40", "power", law.response, {"c0": law.c0, **law.exponents},
+            ALASKARI_2016, STANDARD_ERROR[law.response],
+        )
+        for law in LAWS
+    ),
+    PublishedLaw(
+        "", "Ck 45", "exponential", "Ra", {"a": 0.2401, "b": 0.0034}, "constant-roughness paper (SURF), eq. 5",
+        factor="F",
+    ),
+)  # fmt: skip
+
+
+def published(tool: str, work: str, response: str, form: str) -> PublishedLaw | None:
+    """The printed law of this pair and response, or None.
+
+    Examples
+    --------
+    >>> published("GC435", "709M40 (En 19)", "AW", "power").coefficients["V"]
+    0.577
+    """
+    for law in PUBLISHED:
+        if law.tool.lower() in tool.lower() and work.lower().startswith(law.work.lower()):
+            if law.response == response and law.form == form:
+                return law
+    return None

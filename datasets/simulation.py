@@ -1,0 +1,283 @@
+"""Simulated wear tests: the rows a laboratory would write down if given laws were true."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from .design import round_significant
+from .errors import DataError, UsageError
+
+USUAL_UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedLaw:
+    """A power law with two lognormal deviations: R = c0 * prod X_j^b_j * exp(edge) * exp(row).
+
+    Parameters
+    ----------
+    response, unit : str
+        such as "AW" and "mm"
+    c0 : float
+        positive, in the unit that the natural units of the factors imply
+    exponents : mapping of factor to exponent
+        a factor is a column of the design, "t", or an earlier law's response
+    sd_edge, sd_row : float
+        standard deviations of ln R between edges and between the rows of an edge, 0 or more
+    digits : int
+        significant digits written down
+
+    Raises
+    ------
+    UsageError
+        for a constant that is not positive, a negative deviation, an exponent that is not finite
+
+    Examples
+    --------
+    >>> wear = SimulatedLaw("AW", "mm", 0.01, {"V": 0.5, "t": 0.25}, sd_edge=0.07, sd_row=0.07)
+    >>> round(float(wear.median({"V": 100.0, "t": 16.0})), 9)
+    0.2
+
+    """
+
+    response: str
+    unit: str
+    c0: float
+    exponents: Mapping[str, float]
+    sd_edge: float
+    sd_row: float
+    digits: int = 4
+
+    def __post_init__(self) -> None:
+        """Check the numbers once."""
+        if not (np.isfinite(self.c0) and self.c0 > 0):
+            raise UsageError(
+                f"law of {self.response}: c0 {self.c0:g}; a power law needs a positive constant."
+            )
+        for name, sd in (("sd_edge", self.sd_edge), ("sd_row", self.sd_row)):
+            if not (np.isfinite(sd) and sd >= 0):
+                raise UsageError(f"law of {self.response}: {name} {sd:g}; give 0 or more, in natural logs.")
+        for factor, exponent in self.exponents.items():
+            if not np.isfinite(exponent):
+                raise UsageError(
+                    f"law of {self.response}: exponent {exponent:g} of {factor}; give a finite one."
+                )
+        if self.digits < 1:
+            raise UsageError(f"law of {self.response}: digits {self.digits}; give 1 or more.")
+
+    def median(self, factors: Mapping[str, ArrayLike]) -> Floats:
+        """Value without deviations, c0 * prod X_j^b_j; broadcasts over arrays, in `unit`.
+
+        >>> SimulatedLaw("MRR", "mm3/min", 1000, {"V": 1, "f": 1}, 0, 0).median({"V": [50, 60], "f": 0.6})
+        array([30000., 36000.])
+        """
+        log = np.log(self.c0)
+        for factor, exponent in self.exponents.items():
+            log = log + exponent * np.log(np.asarray(factors[factor], dtype=np.float64))
+        return np.asarray(np.exp(log), dtype=np.float64)
+
+
+def simulate(
+    design: pd.DataFrame,
+    laws: Sequence[SimulatedLaw],
+    *,
+    interval: float = 2.0,
+    t_max: float = 20.0,
+    criterion: float | None = 0.3,
+    wear: str = "AW",
+    seed: int,
+) -> pd.DataFrame:
+    """Cut every edge of a design in sub-tests until its wear reaches the criterion, or to `t_max`.
+
+    Each law has one deviation per edge and one per row; a later law takes an earlier response as it was
+    written down. A longer `t_max`, another `criterion` or a further law leave the other numbers as they are.
+
+    Parameters
+    ----------
+    design : DataFrame
+        one row an edge, with an `edge` column and positive factors, as `central_composite` gives it
+    laws : sequence of SimulatedLaw
+        in the order in which they depend on each other
+    interval, t_max : float
+        length of a sub-test and longest time on an edge, min
+    criterion : float or None
+        wear at which an edge is taken off, its row kept, in the unit of `wear`; None cuts to `t_max`
+    wear : str
+        response that the criterion judges
+    seed : int
+        seed of all deviations
+
+    Returns
+    -------
+    DataFrame, one row a sub-test: edge, the other columns of the design (without run and the coded ones),
+    t and the responses; `attrs["units"]` holds the units for `write_csv`
+
+    Raises
+    ------
+    UsageError
+        for a factor, response or time that cannot be
+    DataError
+        for a design without edges, or with a factor that is not positive
+
+    Examples
+    --------
+    >>> law = SimulatedLaw("AW", "mm", 0.01, {"V": 0.5, "t": 0.5}, 0, 0)
+    >>> simulate(pd.DataFrame({"edge": ["E1"], "V": [100.0]}), [law], criterion=0.2, seed=1)["AW"].tolist()
+    [0.1414, 0.2]
+
+    """
+    carried = [c for c in design.columns if c not in ("run", "edge") and not str(c).endswith("_coded")]
+    factors = [c for c in carried if pd.api.types.is_numeric_dtype(design[c])]
+    _check_design(design, factors)
+    _check_times(interval, t_max, criterion)
+    _check_laws(laws, factors, wear if criterion is not None else None)
+    t = _times(interval, t_max)
+    grid = {factor: design[factor].to_numpy(dtype=np.float64)[:, None] for factor in factors}
+    written = _responses(laws, {**grid, "t": t[None, :]}, (len(design), len(t)), seed)
+    keep = (
+        np.ones((len(design), len(t)), dtype=bool) if criterion is None else _kept(written[wear], criterion)
+    )
+    edge, row = np.nonzero(keep)
+    frame = design[["edge", *carried]].iloc[edge].reset_index(drop=True)
+    frame = frame.assign(t=t[row], **{name: values[edge, row] for name, values in written.items()})
+    frame.attrs = {"units": {**USUAL_UNITS, **{law.response: law.unit for law in laws}}}
+    return frame
+
+
+def write_csv(
+    frame: pd.DataFrame,
+    path_or_buffer: str | Path | TextIO,
+    notes: Sequence[str],
+    *,
+    units: Mapping[str, str] | None = None,
+) -> None:
+    """Write a lab file: notes as `# ...` lines, then a header such as `V [m/min]`, then the rows.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        any columns; numbers are written in the fewest digits that read back the same
+    path_or_buffer : str, Path or text stream
+        a file is written whole or not at all
+    notes : sequence of str
+        one comment each; a line break starts a new comment
+    units : mapping of column to unit
+        by default `frame.attrs["units"]`; a column without a unit keeps its bare name
+
+    Examples
+    --------
+    >>> import sys
+    >>> write_csv(pd.DataFrame({"V": [100.0]}), sys.stdout, ["tool: GC435"], units={"V": "m/min"})
+    # tool: GC435
+    V [m/min]
+    100
+
+    """
+    known = frame.attrs.get("units", {}) if units is None else units
+    header = [f"{c} [{known[c]}]" if c in known else str(c) for c in frame.columns]
+    lines = [f"# {line}".rstrip() for note in notes for line in note.splitlines()]
+    body = frame.to_csv(index=False, header=header, lineterminator="\n", float_format=_shortest)
+    text = "".join(f"{line}\n" for line in lines) + body
+    if not isinstance(path_or_buffer, str | Path):
+        path_or_buffer.write(text)
+        return
+    path = Path(path_or_buffer)
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8", newline="\n")
+    part.replace(path)
+
+
+def _shortest(value: object) -> str:
+    return str(value).removesuffix(".0")
+
+
+def _times(interval: float, t_max: float) -> Floats:
+    """List the ends of the sub-tests, shape (times,), min; the tolerance keeps 3 * 0.1 within 0.3."""
+    n = int(np.floor(t_max / interval * (1 + 1e-12)))
+    return np.asarray(round_significant(interval * np.arange(1, n + 1), 12), dtype=np.float64)
+
+
+def _responses(
+    laws: Sequence[SimulatedLaw], factors: Mapping[str, Floats], shape: tuple[int, int], seed: int
+) -> dict[str, Floats]:
+    """Responses as written down, each of shape (edges, times), every edge cut to the end."""
+    known, written = dict(factors), {}
+    for law, stream in zip(laws, np.random.SeedSequence(seed).spawn(len(laws)), strict=True):
+        rng = np.random.default_rng(stream)
+        of_edge = rng.standard_normal(shape[0])[:, None]
+        of_row = rng.standard_normal((shape[1], shape[0])).T  # drawn time by time: more times only add draws
+        values = law.median(known) * np.exp(law.sd_edge * of_edge + law.sd_row * of_row)
+        known[law.response] = written[law.response] = round_significant(values, law.digits)
+    return written
+
+
+def _kept(wear: Floats, criterion: float) -> NDArray[np.bool_]:
+    """Rows up to and with the first that reaches the criterion, shape (edges, times)."""
+    reached = wear >= criterion
+    return np.asarray(np.cumsum(reached, axis=1) - reached == 0)
+
+
+def _check_times(interval: float, t_max: float, criterion: float | None) -> None:
+    if not (np.isfinite(interval) and interval > 0):
+        raise UsageError(
+            f"interval {interval:g} min: a sub-test needs a positive length; give one such as 2."
+        )
+    if not (np.isfinite(t_max) and t_max >= interval):
+        raise UsageError(
+            f"t_max {t_max:g} min is shorter than one sub-test of {interval:g} min; give a longer time."
+        )
+    if criterion is not None and not criterion > 0:
+        raise UsageError(
+            f"criterion {criterion:g}: wear is positive; give a positive limit, or None for no limit."
+        )
+
+
+def _check_laws(laws: Sequence[SimulatedLaw], factors: Sequence[str], wear: str | None) -> None:
+    known = [*factors, "t"]
+    for law in laws:
+        if law.response in known:
+            raise UsageError(
+                f"law of {law.response}: that name is taken by a factor or an earlier law; rename it."
+            )
+        for factor in law.exponents:
+            if factor not in known:
+                raise UsageError(
+                    f"law of {law.response}: factor {factor!r} is none of {', '.join(known)}; "
+                    "add it to the design, or put its law first."
+                )
+        known.append(law.response)
+    if not laws:
+        raise UsageError("no laws given; a simulated test needs at least one.")
+    if wear is not None and wear not in [law.response for law in laws]:
+        raise UsageError(
+            f"wear {wear!r} is no simulated response ({', '.join(law.response for law in laws)}); "
+            "name one of them, or set criterion=None."
+        )
+
+
+def _check_design(design: pd.DataFrame, factors: Sequence[str]) -> None:
+    if "edge" not in design.columns:
+        raise DataError("the design has no column 'edge'; give each row of it a label, such as E01.")
+    if "t" in design.columns:
+        raise DataError(
+            "the design has a column 't'; time comes from interval and t_max: leave the column out."
+        )
+    if len(design) == 0:
+        raise DataError("the design has no rows; a simulated test needs at least one edge.")
+    twice = design["edge"][design["edge"].duplicated()]
+    if len(twice):
+        raise DataError(f"edge {twice.iloc[0]} stands twice in the design; give each row a label of its own.")
+    for factor in factors:
+        bad = design.loc[~(design[factor] > 0), ["edge", factor]]
+        if len(bad):
+            edge, value = bad.iloc[0]
+            raise DataError(
+                f"edge {edge}: {factor} {value:g}; a power law needs positive factors: mend the design."
+            )

@@ -1,0 +1,207 @@
+"""A text file or workbook -> columns, with no knowledge of what they mean."""
+
+import difflib
+import hashlib
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .body import Body, weigh_decimal
+from .decode import encoding_of, load_bytes
+from .dialect import Dialect, TextSource, split_line, text_source
+from .errors import DataError, UsageError
+from .gather import Column, gather_columns
+from .layout import Layout, find_layout
+from .numerals import Decimal, is_missing, is_number
+from .workbook import Sheet, is_workbook, read_sheets
+
+__all__ = ["Column", "Table", "no_units", "read_table"]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    r"""What a file holds.
+
+    Parameters
+    ----------
+    path : Path
+    sha256 : str
+        Of the file's bytes.
+    columns : tuple of Column
+    lines : ndarray, shape (n,), int
+        Line in the file, or row of the sheet, of each data row.
+    notes : tuple of str
+        Preamble, comment and trailing lines as written.
+    warnings : tuple of str
+        Full sentences on what was left out, filled in or presumed.
+    dialect : Dialect
+
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "a.csv")
+    >>> _ = path.write_text("V;f\n100;0,2\n")
+    >>> read_table(path).column("f").values
+    array([0.2])
+
+    """
+
+    path: Path
+    sha256: str
+    columns: tuple[Column, ...]
+    lines: NDArray[np.int64]
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    dialect: Dialect
+
+    @property
+    def n_rows(self) -> int:
+        """The number of data rows."""
+        return len(self.lines)
+
+    def column(self, name: str) -> Column:
+        """Find a column by its exact name, or by its position as ``colN``.
+
+        Raises
+        ------
+        UsageError
+            There is none, or more than one, of that name.
+
+        """
+        found = [column for column in self.columns if column.name == name]
+        if len(found) > 1:
+            places = " or ".join(f"col{column.number}" for column in found)
+            raise UsageError(
+                f"{self.path.name} has {len(found)} columns named {name!r}. Say which: {places}."
+            )
+        found = found or [column for column in self.columns if f"col{column.number}" == name]
+        if found:
+            return found[0]
+        names = [column.name for column in self.columns]
+        folded = {known.casefold(): known for known in names}
+        near = difflib.get_close_matches(name.casefold(), folded, n=1)
+        hint = (
+            f"Did you mean {folded[near[0]]!r}?"
+            if near
+            else f"Its columns are {', '.join(map(repr, names))}."
+        )
+        raise UsageError(f"{self.path.name} has no column {name!r}. {hint}")
+
+
+def no_units(text: str) -> bool:
+    """Hold no text for a unit: the default of `read_table`, finding units rows by brackets only.
+
+    >>> no_units("mm")
+    False
+    """
+    return False
+
+
+def read_table(
+    path: str | os.PathLike[str],
+    *,
+    is_unit: Callable[[str], bool] = no_units,
+    decimal: Decimal | None = None,
+    delimiter: str | None = None,
+    sheet: str | None = None,
+) -> Table:
+    r"""Read a delimited text file or an .xlsx workbook.
+
+    Encoding, delimiter, decimal mark, preamble, header, units row and footer are found; what cannot be told
+    apart is refused.
+
+    Parameters
+    ----------
+    path : str or path
+        A text file in UTF-8, UTF-16 or Windows-1252, or a workbook, whatever its extension.
+    is_unit : callable
+        Tells whether a cell's text is a unit; a row of such cells below the header is the units row.
+    decimal : {"point", "comma"}, optional
+        The decimal mark; by default the cells decide.
+    delimiter : str, optional
+        One character, or comma, semicolon, tab, bar, space.
+    sheet : str, optional
+        The sheet of a workbook; by default the first that holds a table.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read as a table with at least one numeric column.
+    UsageError
+        The sheet, the delimiter or the decimal mark asked for does not exist.
+
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "a.csv")
+    >>> _ = path.write_text("V\tf\n100\t0,2\n")
+    >>> read_table(path).dialect.describe()
+    'UTF-8, tabs, decimal comma'
+
+    """
+    if decimal not in (None, "point", "comma"):
+        raise UsageError(f"--decimal {decimal!r} is not a decimal mark: say point or comma.")
+    path = Path(path)
+    data = load_bytes(path)
+    source: TextSource | Sheet
+    if is_workbook(data, path.name):
+        source, layout, notes, warnings = _from_workbook(data, path.name, sheet, is_unit)
+    elif sheet is not None:
+        raise UsageError(f"{path.name} is a text file and has no sheets: leave out --sheet {sheet}.")
+    else:
+        source = text = text_source(path.name, data, encoding_of(data, path.name), delimiter)
+        layout, notes, warnings = _from_text(text, is_unit)
+    body = Body(path.name, source, layout, source.delimiter if isinstance(source, TextSource) else "")
+    mark, thousands, doubts = weigh_decimal(body, decimal)
+    columns, lines, findings = gather_columns(body, mark)
+    named = source.as_written({*layout.note_lines, *findings.remarks}).items()
+    encoding = source.encoding if isinstance(source, TextSource) else "xlsx"
+    return Table(
+        path=path,
+        sha256=hashlib.sha256(data).hexdigest(),
+        columns=columns,
+        lines=lines,
+        notes=tuple(text for _, text in sorted([*notes, *named])),
+        warnings=(*warnings, *doubts, *findings.sentences()),
+        dialect=Dialect(encoding, body.delimiter, mark, thousands, layout.header_line > 0),
+    )
+
+
+def _from_workbook(
+    data: bytes, name: str, title: str | None, is_unit: Callable[[str], bool]
+) -> tuple[Sheet, Layout, list[tuple[int, str]], list[str]]:
+    """Take the first sheet that holds a table, with a note naming the others."""
+    sheets, titles = read_sheets(data, name, title)
+    refusals: list[DataError] = []
+    for sheet in sheets:
+        try:
+            layout = find_layout(sheet, is_unit, f"{name}, sheet {sheet.title!r}")
+        except DataError as refusal:
+            refusals.append(refusal)
+            continue
+        others = [other for other in titles if other != sheet.title]
+        note = f"Sheet {sheet.title!r} is read; not read: {', '.join(map(repr, others))}."
+        return sheet, layout, [(0, note)] if others else [], _header_warning(layout)
+    raise DataError(f"{refusals[0]} Cells of formulas hold a number only once Excel has saved the workbook.")
+
+
+def _from_text(
+    source: TextSource, is_unit: Callable[[str], bool]
+) -> tuple[Layout, list[tuple[int, str]], list[str]]:
+    """Lay out a text file; without a header row, a comment above with as many cells serves as one."""
+    layout = find_layout(source, is_unit, source.name)
+    comments = source.comments()
+    if layout.header_line:
+        return layout, comments, []
+    for line, text in reversed([comment for comment in comments if comment[0] <= layout.above]):
+        cells = [cell.strip() for cell in split_line(text.lstrip("#% \t"), source.delimiter)]
+        if len(cells) == layout.width > 1 and not any(is_number(cell) or is_missing(cell) for cell in cells):
+            names = replace(layout, header_line=line, names=tuple(cells))
+            return names, comments, [f"The column names are taken from the comment in line {line}."]
+    return layout, comments, _header_warning(layout)
+
+
+def _header_warning(layout: Layout) -> list[str]:
+    if layout.header_line:
+        return []
+    return [f"There is no header row; the columns are named col1 to col{layout.width}."]

@@ -1,0 +1,327 @@
+"""The vocabulary of the field: what a column of a laboratory's file may be, and the names it goes by.
+
+Symbols follow ISO 3002 (cutting conditions, forces) and ISO 3685 (wear, tool life); names are English,
+German, French and Spanish. Words match whatever their case, accents and separators (``Cutting_Speed``,
+``cutting-speed``), symbols of two letters and more in any case (``VC``, ``a_p``). Case decides between
+one-letter symbols, and between fz and Fz: f feed and F force, d depth and D diameter, t time and T life.
+"""
+
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import lru_cache
+from typing import Literal
+
+from .units import canonical, is_unit, same_dimension
+
+__all__ = ["ROLES", "Header", "Role", "parse_header", "role_of", "suggest_role", "understood_unit"]
+
+Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """What a column is: symbol, quantity, canonical unit ("" for a label), kind, and all names.
+
+    >>> ROLES["V"].quantity, ROLES["V"].unit
+    ('cutting speed', 'm/min')
+    """
+
+    symbol: str
+    quantity: str
+    unit: str
+    kind: Kind
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """A header cell taken apart: the column's name and the text of its unit, "" when it has none.
+
+    >>> Header(name="V", unit_text="m/min").unit_text
+    'm/min'
+    """
+
+    name: str
+    unit_text: str
+
+
+def _role(symbol: str, quantity: str, unit: str, kind: Kind, *names: str) -> Role:
+    """Build a role whose further names come as lists, a string for each language."""
+    return Role(symbol, quantity, unit, kind, (symbol, quantity, *", ".join(names).split(", ")))
+
+
+# fmt: off
+_TABLE = (
+    _role("V", "cutting speed", "m/min", "condition", "v, vc, speed, surface speed",
+          "Schnittgeschwindigkeit, Geschwindigkeit", "vitesse de coupe, vitesse",
+          "velocidad de corte, velocidad"),
+    _role("f", "feed", "mm/rev", "condition", "fn, feed per revolution, feed per rev",
+          "Vorschub, Vorschub pro Umdrehung", "avance, avance par tour",
+          "avance por vuelta, avance por revolución"),
+    _role("fz", "feed per tooth", "mm/tooth", "condition", "chip load", "Vorschub pro Zahn, Zahnvorschub",
+          "avance par dent", "avance por diente"),
+    _role("fm", "feed rate", "mm/min", "condition", "vf, feed speed, table feed", "Vorschubgeschwindigkeit",
+          "vitesse d'avance", "velocidad de avance"),
+    _role("d", "depth of cut", "mm", "condition",
+          "ap, DOC, depth, cutting depth, axial depth of cut, axial depth",
+          "Schnitttiefe, Schnittiefe, Spanungstiefe, Zustellung",
+          "profondeur de passe, profondeur de coupe, profondeur",
+          "profundidad de corte, profundidad de pasada, profundidad"),
+    _role("ae", "width of cut", "mm", "condition",
+          "WOC, radial depth of cut, radial depth, radial engagement",
+          "Eingriffsbreite, Schnittbreite", "largeur de coupe, engagement radial",
+          "ancho de corte, profundidad radial"),
+    _role("n", "spindle speed", "1/min", "condition", "rpm, rotational speed", "Drehzahl, Spindeldrehzahl",
+          "vitesse de rotation, vitesse de broche, fréquence de rotation",
+          "velocidad de giro, velocidad del husillo"),
+    _role("t", "cutting time", "min", "time", "tc, time, machining time, time in cut",
+          "Zeit, Schnittzeit, Eingriffszeit", "temps, temps de coupe, temps d'usinage",
+          "tiempo, tiempo de corte, tiempo de mecanizado"),
+    _role("T", "tool life", "min", "time", "life", "Standzeit", "durée de vie, tenue d'outil",
+          "vida útil, vida de la herramienta, vida de herramienta"),
+    _role("D", "workpiece diameter", "mm", "other", "Ø, ø, diameter, work diameter",
+          "Durchmesser, Werkstückdurchmesser", "diamètre, diamètre de la pièce",
+          "diámetro, diámetro de la pieza"),
+    _role("AW", "average wear", "mm", "wear", "wear, mean wear, tool wear, average tool wear",
+          "Verschleiß, mittlerer Verschleiß, Werkzeugverschleiß", "usure, usure moyenne, usure de l'outil",
+          "desgaste, desgaste medio, desgaste de la herramienta"),
+    _role("VB", "flank wear", "mm", "wear",
+          "VBB, VBmax, VBBmax, maximum flank wear, flank wear land, flank wear width",
+          "Freiflächenverschleiß, Verschleißmarkenbreite", "usure en dépouille, usure frontale",
+          "desgaste de flanco, desgaste del flanco"),
+    _role("Fx", "force along x", "N", "load", "force x, x force", "Kraft x", "effort x", "fuerza x"),
+    _role("Fy", "force along y", "N", "load", "force y, y force", "Kraft y", "effort y", "fuerza y"),
+    _role("Fz", "force along z", "N", "load", "force z, z force", "Kraft z", "effort z", "fuerza z"),
+    _role("Fxz", "thrust force", "N", "load", "thrust"),
+    _role("Fc", "cutting force", "N", "load", "main cutting force, tangential force", "Schnittkraft",
+          "effort de coupe, force de coupe, effort tangentiel", "fuerza de corte"),
+    _role("Ff", "feed force", "N", "load", "Vorschubkraft", "effort d'avance, force d'avance",
+          "fuerza de avance"),
+    _role("Fp", "passive force", "N", "load", "back force", "Passivkraft",
+          "effort passif, effort de refoulement",
+          "fuerza pasiva"),
+    _role("F", "resultant force", "N", "load", "force, total force, Fres",
+          "Kraft, Zerspankraft, resultierende Kraft",
+          "effort, force résultante", "fuerza, fuerza resultante"),
+    _role("P", "power", "kW", "load", "Pc, cutting power, spindle power",
+          "Leistung, Schnittleistung, Spindelleistung",
+          "puissance, puissance de coupe", "potencia, potencia de corte"),
+    _role("M", "torque", "Nm", "load", "Mc, cutting torque, spindle torque", "Drehmoment, Schnittmoment",
+          "couple, couple de coupe", "par de torsión, par de corte"),
+    _role("I", "spindle current", "A", "load", "current, motor current", "Strom, Spindelstrom, Motorstrom",
+          "courant, courant de broche, intensité", "corriente, corriente del husillo"),
+    _role("MRR", "material removal rate", "mm3/min", "other", "Q, Qw, removal rate, metal removal rate",
+          "Zeitspanvolumen, Zeitspanungsvolumen", "débit de copeaux",
+          "caudal de viruta, tasa de remoción de material"),
+    _role("Ra", "arithmetic mean roughness", "um", "surface",
+          "roughness, surface roughness, average roughness",
+          "Rauheit, Rauigkeit, Mittenrauwert", "rugosité", "rugosidad, rugosidad media"),
+    _role("Rz", "maximum height of profile", "um", "surface", "roughness depth",
+          "Rautiefe, gemittelte Rautiefe"),
+    _role("edge", "cutting edge", "", "label", "test, test no, test number, test id, test #, case, case no",
+          "edge no, edge number, edge id, edge #, Schneide, Schneidkante, Schneidennr, Schneide Nr",
+          "Versuch, Versuchsnr, Versuch Nr, Versuchsnummer",
+          "arête, arête de coupe, essai, essai no, numéro d'essai",
+          "filo, filo de corte, ensayo, ensayo no"),
+    _role("tool", "tool", "", "label", "insert, cutting tool, tool material, tool grade, insert grade",
+          "Werkzeug, Schneidstoff, Wendeschneidplatte, Schneidplatte", "outil, outil de coupe, plaquette",
+          "herramienta, plaquita, inserto"),
+    _role("work", "work material", "", "label", "workpiece, workpiece material, material",
+          "Werkstoff, Werkstück, Werkstückstoff", "matière, matériau, pièce", "pieza, material de la pieza"),
+    _role("run", "run order", "", "label", "run no, run number, run #, standard order, std order",
+          "Lauf, Laufnr, Lauf Nr, Reihenfolge", "ordre, ordre de passage", "corrida, orden"),
+)
+# fmt: on
+
+ROLES: Mapping[str, Role] = {role.symbol: role for role in _TABLE}
+"""Symbol -> role, in the order in which tables and messages tell them."""
+
+# Names of several quantities: a symbol beside them or the unit decides, and without either the first counts.
+_SHARED: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(("f", "feed", "Vorschub", "avance"), ("f", "fm", "fz")),
+    **dict.fromkeys(("fm", "vf", "feed rate", "feed speed"), ("fm", "f")),
+    **dict.fromkeys(("Vorschubgeschwindigkeit", "vitesse d'avance", "velocidad de avance"), ("fm", "f")),
+    **dict.fromkeys(("speed", "Geschwindigkeit", "vitesse", "velocidad"), ("V", "n")),
+    **dict.fromkeys(("force", "Kraft", "effort", "fuerza"), ("F", "Fx", "Fy", "Fz", "Fxz", "Fc", "Ff", "Fp")),
+    **dict.fromkeys(("wear", "Verschleiß", "usure", "desgaste"), ("AW", "VB")),
+    **dict.fromkeys(("roughness", "Rauheit", "rugosité", "rugosidad"), ("Ra", "Rz")),
+    "FZ": ("Fz", "fz"),
+}
+_CASED_PAIRS = ("fz", "Fz", "FZ")
+
+
+def _key(name: str, umlauts: bool = True) -> str:
+    """Bring a name to the form compared: no separators, accents or case; a lone letter keeps its case."""
+    plain = re.sub(r"[\s_.,;:'’()\[\]{}-]", "", unicodedata.normalize("NFKC", name)).replace("#", "no")
+    if len(plain) == 1 or plain in _CASED_PAIRS:
+        return plain
+    folded = plain.casefold()
+    if umlauts:
+        folded = folded.replace("ä", "ae").replace("ö", "oe").replace("ü", "ue")
+    return "".join(c for c in unicodedata.normalize("NFD", folded) if not unicodedata.combining(c))
+
+
+def _index() -> dict[str, tuple[str, ...]]:
+    named = [(name, (role.symbol,)) for role in _TABLE for name in role.names]
+    return {
+        _key(name, umlauts): roles for name, roles in (*named, *_SHARED.items()) for umlauts in (True, False)
+    }
+
+
+_BY_NAME: dict[str, tuple[str, ...]] = _index()
+
+
+@lru_cache(maxsize=4096)
+def _meanings(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Roles a run of words may name: as a whole, or as parts that agree, such as "cutting speed" and "Vc"."""
+    whole = _BY_NAME.get(_key(" ".join(words)), ())
+    if whole or not 1 < len(words) < 9:
+        return whole
+    for cut in range(1, len(words)):
+        right = _meanings(words[cut:])
+        if common := tuple(role for role in _meanings(words[:cut]) if role in right):
+            return common
+    return ()
+
+
+def _roles_named(name: str) -> tuple[str, ...]:
+    return _meanings(tuple(word for word in re.split(r"[\s_()\[\]{},;:/=-]+", name) if word))
+
+
+def understood_unit(symbol: str, unit: str) -> str | None:
+    """Canonical unit of a column of this role, None when the unit is not listed.
+
+    A bare length under a feed (f or fz in mm, as many write them) is understood per revolution or per tooth.
+
+    >>> understood_unit("f", "mm"), understood_unit("fz", "mm"), understood_unit("d", "mm")
+    ('mm/rev', 'mm/tooth', 'mm')
+    """
+    known = canonical(unit)
+    if known in ("mm", "in") and symbol in ("f", "fz"):
+        return f"{known}/{'rev' if symbol == 'f' else 'tooth'}"
+    return known
+
+
+def _fits(symbol: str, unit: str) -> bool:
+    """Whether a listed unit measures what the role is; a label has none."""
+    role, known = ROLES[symbol], understood_unit(symbol, unit)
+    if not role.unit or known is None:
+        return known == "1"
+    return known == role.unit or same_dimension(known, role.unit)
+
+
+def role_of(name: str, unit: str | None) -> str | None:
+    """Symbol of the role that a column's name (without its unit) tells, None when it is unknown.
+
+    The unit decides between the roles of one name. One that fits none of them leaves the first, so that the
+    reader can complain, except where the letter plainly stands for something else: V in volt, T in degC, a
+    label with a unit. None, "" or a spelling that is not listed tells nothing.
+
+    >>> role_of("Schnittgeschwindigkeit vc", "m/min"), role_of("feed", "mm/s"), role_of("V", "volt")
+    ('V', 'fm', None)
+    >>> role_of("AW", "N")
+    'AW'
+    """
+    found = _roles_named(name)
+    if not (found and unit and is_unit(unit)):
+        return found[0] if found else None
+    fitting = [symbol for symbol in found if _fits(symbol, unit)]
+    if fitting:
+        return fitting[0]
+    other_thing = canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t")
+    return None if other_thing or not ROLES[found[0]].unit else found[0]
+
+
+def suggest_role(name: str) -> str | None:
+    """Symbol of the role whose name an unknown name nearly is, None when nothing is near.
+
+    >>> suggest_role("Cuting speed"), suggest_role("Position")
+    ('V', None)
+    """
+    if _roles_named(name):
+        return None
+    words = [known for known in _BY_NAME if len(known) >= 4]
+    near = get_close_matches(_key(name), words, n=1, cutoff=0.84)  # a slip in four letters, two in twelve
+    return _BY_NAME[near[0]][0] if near else None
+
+
+_BRACKETS = re.compile(r"\[([^\[\]]*)\]|\{([^{}]*)\}|\(([^()]*)\)")
+_MARKS = (r"(.+?)\s+(?:in|en)\s+(.+)", r"(.+?)\s*[,;:]\s*(.+)", r"(.+?)\s+/\s*(.+)", r"(.+?)/(.+)")
+
+
+def _tells_unit(name: str, inside: str) -> bool:
+    """Whether a text beside a name is its unit, not its symbol: the V of "Cutting speed (V)" is no volt."""
+    roles = _roles_named(name)
+    if not is_unit(inside) or inside.isdigit():
+        return False
+    symbol = name.strip() != inside and not set(roles).isdisjoint(_roles_named(inside))
+    return not symbol or any(_fits(role, inside) for role in roles)
+
+
+def _bracketed(text: str) -> Iterator[tuple[str, str]]:
+    """Units in brackets, last first; round ones hold remarks too and must look like a unit: "VB (mean)"."""
+    for match in reversed(list(_BRACKETS.finditer(text))):
+        inside = next(group for group in match.groups() if group is not None).strip()
+        name = f"{text[: match.start()]} {text[match.end() :]}"
+        foreign = not is_unit(inside) and set(_roles_named(name)).isdisjoint(_roles_named(inside))
+        looks = match[0][0] in "[{" or re.search(r"[/^*·%°µμ⁻]", inside)
+        if _tells_unit(name, inside) or (foreign and looks):
+            yield name, inside
+
+
+def _marked(text: str) -> Iterator[tuple[str, str]]:
+    """Units after "in", a comma or a slash; a slash without blanks only after a known name."""
+    for pattern in _MARKS:
+        match = re.fullmatch(pattern, text)
+        if match and _tells_unit(match[1], match[2]) and (pattern != _MARKS[-1] or _roles_named(match[1])):
+            yield match[1], match[2]
+
+
+def _ends_in_unit(name: str, words: list[str], unit_text: str) -> bool:
+    """Whether the last words of a header without marks are its unit; the first rule that speaks decides.
+
+    They are when written with "per"; when the name before them is known and measured in that unit; when they
+    are a quotient (mm_s); when the name is unknown and they are a canonical unit of two letters and more, but
+    neither "min" (minimum) nor "in"; when a word of the name is a quantity of that unit (X1_absCurrent_A).
+    """
+    if not is_unit(unit_text) or not any(map(str.isalpha, unit_text)) or words[0] == "per":
+        return False
+    if "per" in words or any(_fits(role, unit_text) for role in _roles_named(name)):
+        return True
+    if "/" in unit_text and not any(word.isdigit() for word in words):
+        return True
+    plain = canonical(unit_text) == unit_text and len(unit_text) > 1 and unit_text not in ("min", "in")
+    if plain and not _roles_named(name):
+        return True
+    parts = re.findall(r"[A-Z]?[a-z]{2,}|[A-Z]{2,}(?![a-z])", name)
+    return any(_fits(role, unit_text) for part in parts for role in _roles_named(part))
+
+
+def _suffixed(text: str) -> Iterator[tuple[str, str]]:
+    """Units at the end after ``_`` or a blank, the longest first."""
+    for gap in re.finditer(r"[_\s]+", text):
+        name, words = text[: gap.start()], re.split(r"[_\s]+", text[gap.end() :])
+        for unit_text in ("/".join(words).replace("/per/", "/"), " ".join(words)):
+            if name and _ends_in_unit(name, words, unit_text):
+                yield name, unit_text
+
+
+def parse_header(text: str) -> Header:
+    """Take a header cell apart into name and unit.
+
+    Read are ``V [m/min]``, ``V (m/min)``, ``V{m/min}``, ``V in m/min``, ``V, m/min``, ``V / m/min``,
+    ``V m/min`` and ``V_m_per_min``. A tail that is no unit stays in the name (``Ra_mean``,
+    ``Cutting speed (Vc)``).
+
+    >>> parse_header("feed_mm_s"), parse_header("Ra_mean").unit_text
+    (Header(name='feed', unit_text='mm/s'), '')
+    """
+    text = " ".join(text.replace("\ufeff", "").split())
+    for read in (_bracketed, _marked, _suffixed):
+        for name, unit_text in () if is_unit(text) and read is not _bracketed else read(text):
+            if name := " ".join(name.split()).strip(" _,;:/-"):
+                return Header(name, unit_text.strip())
+    return Header(text, "")

@@ -1,0 +1,65 @@
+"""A refit set beside the law that a paper prints for the same tool and work."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..datasets.published import published
+from .lawfit import LawFit
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """The printed law, and how far the measured rows lie from it.
+
+    Attributes
+    ----------
+    source : str
+    coefficients : mapping
+        As printed.
+    standard_error : float or None
+        Residual standard error as printed.
+    rms_percent, worst_percent : float or None
+        Root mean square of, and largest, ``100 (observed / printed law - 1)``; None where the file lacks a
+        factor of the printed law.
+    worst_line : int or None
+        Line of the file in which the largest stands.
+    """
+
+    source: str
+    coefficients: Mapping[str, float]
+    standard_error: float | None
+    rms_percent: float | None
+    worst_percent: float | None
+    worst_line: int | None
+
+
+def beside_published(law: LawFit, tool: str, work: str) -> Beside | None:
+    """What a paper prints for this response of this pair, or None where none is known.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1")))
+    >>> beside = fit.beside_published(law, "", "Ck 45")
+    >>> round(beside.worst_percent)
+    -14
+    """
+    known = published(tool, work, law.response, law.form)
+    if known is None:
+        return None
+    factors = {name: law.X[:, j] for j, name in enumerate(law.factors)}
+    at = known.predict(factors)
+    if at is None or law.by is not None:
+        return Beside(known.source, known.coefficients, known.standard_error, None, None, None)
+    percent = 100 * (law.observed / at - 1)
+    worst = int(np.argmax(np.abs(percent)))
+    return Beside(
+        known.source,
+        known.coefficients,
+        known.standard_error,
+        float(np.sqrt(np.mean(percent**2))),
+        float(percent[worst]),
+        int(law.lines[worst]),
+    )

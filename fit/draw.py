@@ -1,0 +1,171 @@
+"""Pictures of one law on given axes; the only file of the room that imports matplotlib."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from .lawfit import LawFit
+
+BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
+
+
+def _axes(ax: Axes | None) -> Axes:
+    return Figure(figsize=(4.8, 4.2), layout="constrained").subplots() if ax is None else ax
+
+
+def _label(law: LawFit, symbol: str) -> str:
+    unit = law.units.get(symbol, "")
+    return f"{symbol} [{unit}]" if unit else symbol
+
+
+def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
+    """Measured values against the law's, with the line on which they would be equal."""
+    ax = _axes(ax)
+    ax.plot(law.fitted, law.observed, "o", ms=4, mfc="none", mec=BLUE, mew=0.9)
+    ends = [min(law.fitted.min(), law.observed.min()), max(law.fitted.max(), law.observed.max())]
+    ax.plot(ends, ends, color=ORANGE, lw=1.2)
+    if law.error == "multiplicative" and ends[0] > 0 and ends[1] / ends[0] > 3:
+        ax.set(xscale="log", yscale="log")
+        _plain_ticks(ax, "xy", ends, ends)
+    ax.set_xlabel(f"predicted {_label(law, law.response)}")
+    ax.set_ylabel(f"observed {_label(law, law.response)}")
+    ax.set_title(f"{law.response}: R² {law.rsquared:.3f}, n {law.nobs}", fontsize=10)
+    return ax
+
+
+def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
+    """Residuals against the prediction, on the scale on which they were made small."""
+    ax = _axes(ax)
+    ax.axhline(0, color=ORANGE, lw=1.2)
+    ax.plot(law.fitted, law.residuals, "o", ms=4, mfc="none", mec=BLUE, mew=0.9)
+    se = law.scale_se
+    if se:
+        for side in (-2, 2):
+            ax.axhline(side * se, color=GREY, lw=0.8, ls="--")
+    low, high = law.fitted.min(), law.fitted.max()
+    if law.error == "multiplicative" and low > 0 and high / low > 3:
+        ax.set_xscale("log")
+        _plain_ticks(ax, "x", [low, high], [low, high])
+    unit = "ln" if law.error == "multiplicative" else law.units.get(law.response, "")
+    ax.set_xlabel(f"predicted {_label(law, law.response)}")
+    ax.set_ylabel(f"residual of {law.response} [{unit}]")
+    ax.set_title(f"{law.response}: dashed ±2 SE" if se else law.response, fontsize=10)
+    return ax
+
+
+def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
+    """Ordered residuals over normal quantiles: on the line where residuals are normal."""
+    from scipy.special import ndtri
+
+    ax = _axes(ax)
+    n = law.nobs
+    scale = law.scale_se or 1.0
+    quantiles = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))  # Blom 1958
+    ax.plot(quantiles, np.sort(law.residuals) / scale, "o", ms=4, mfc="none", mec=BLUE, mew=0.9)
+    ends = [quantiles[0], quantiles[-1]]
+    ax.plot(ends, ends, color=ORANGE, lw=1.2)
+    ax.set_xlabel("normal quantile")
+    ax.set_ylabel(f"ordered residual of {law.response} / SE")
+    return ax
+
+
+def response_surface(law: LawFit, ax: Axes | None = None) -> Axes:
+    """The law over its first two factors, the others at the middle of their range; settings as dots.
+
+    A law of one factor is a line through its points.
+    """
+    ax = _axes(ax)
+    return _line(law, ax) if len(law.factors) == 1 else _contours(law, ax)
+
+
+def _line(law: LawFit, ax: Axes) -> Axes:
+    (name,) = law.factors
+    low, high = law.domain[name]
+    grid = np.linspace(low, high, 120)
+    at: dict[str, object] = {name: grid, **_category(law, len(grid))}
+    if law.no_interval:
+        ax.plot(grid, law.predict(at), color=ORANGE)
+    else:
+        band = law.predict(at, "prediction")
+        ax.fill_between(
+            grid, band["low"], band["high"], color=BLUE, alpha=0.15, lw=0, label="95 % prediction"
+        )
+        ax.plot(grid, band["value"], color=ORANGE)
+        ax.legend(frameon=False, fontsize=8)
+    ax.plot(law.X[:, 0], law.observed, "o", ms=4, mfc="none", mec=BLUE)
+    ax.set_xlabel(_label(law, name))
+    ax.set_ylabel(_label(law, law.response))
+    ax.set_title(f"{law.response} on {name}", fontsize=10)
+    return ax
+
+
+def _contours(law: LawFit, ax: Axes) -> Axes:
+    x, y, *others = law.factors
+    (x0, x1), (y0, y1) = law.domain[x], law.domain[y]
+    logs = law.form == "power"
+    space = np.geomspace if logs else np.linspace
+    gx, gy = np.meshgrid(space(x0, x1, 50), space(y0, y1, 50))
+    middle = {name: _middle(law.domain[name], logs) for name in others}
+    at = {x: gx.ravel(), y: gy.ravel(), **{name: np.full(gx.size, v) for name, v in middle.items()}}
+    z = np.asarray(law.predict({**at, **_category(law, gx.size)})).reshape(gx.shape)
+    levels = _levels(z)
+    ax.contourf(gx, gy, z, levels, cmap="Blues", alpha=0.6, extend="both")
+    lines = ax.contour(gx, gy, z, levels, colors="black", linewidths=0.7)
+    ax.clabel(lines, fontsize=7, fmt=lambda v: f"{v:.4g}")
+    settings = np.unique(law.X[:, :2], axis=0)
+    if len(settings) > 400:
+        settings = settings[:: len(settings) // 400]
+    ax.plot(settings[:, 0], settings[:, 1], "o", ms=4, color=ORANGE, mec="white", mew=0.5, clip_on=False)
+    if logs:
+        ax.set(xscale="log", yscale="log")
+        _plain_ticks(ax, "xy", [x0, x1], [y0, y1])
+    ax.set_xlabel(_label(law, x))
+    ax.set_ylabel(_label(law, y))
+    held = ", ".join(
+        f"{name} {value:.3g} {law.units.get(name, '')}".rstrip() for name, value in middle.items()
+    )
+    ax.set_title(_label(law, law.response) + (f"\n{held}" if held else ""), fontsize=9)
+    return ax
+
+
+def _category(law: LawFit, n: int) -> Mapping[str, object]:
+    return {} if law.by is None else {law.by.column: np.full(n, law.by.reference)}
+
+
+def _middle(ends: tuple[float, float], logs: bool) -> float:
+    return float(np.sqrt(ends[0] * ends[1])) if logs else (ends[0] + ends[1]) / 2
+
+
+def _levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """About seven contour levels at numbers a person would choose."""
+    low, high = float(z.min()), float(z.max())
+    if not high > low:
+        return np.array([low, low + 1e-9])
+    if low > 0 and high / low > 8:
+        inside = [v for v in _round_numbers(low, high) if low < v < high]
+        return np.array(inside) if len(inside) > 2 else np.geomspace(low, high, 8)[1:-1]
+    return np.array([v for v in MaxNLocator(8).tick_values(low, high) if low < v < high])
+
+
+def _plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
+    """Ticks of a logarithmic axis at round numbers, written as people write them."""
+    for name, axis, ends in (("x", ax.xaxis, x), ("y", ax.yaxis, y)):
+        if name in which:
+            ticks = _round_numbers(*ends)
+            axis.set_ticks(ticks, [f"{v:g}" for v in ticks])
+            axis.set_ticks([], minor=True)
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    for steps in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)):
+        ticks = [
+            float(f"{d * s:.6g}") for d in decades for s in steps if low * 0.999 <= d * s <= high * 1.001
+        ]
+        if 3 <= len(ticks) <= 8:
+            return ticks
+    return ticks if ticks and len(ticks) <= 8 else [float(f"{v:.2g}") for v in np.geomspace(low, high, 4)]

@@ -1,0 +1,314 @@
+"""What a fit returns: facts only. Rounding, words and pictures are made elsewhere, from these."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .errors import FitError
+from .identifiable import LeftOut
+from .laws import Error, Form, Law
+from .rows import By, Dropped
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LawFit:
+    """A fitted law. Names of results follow statsmodels, letters the papers.
+
+    Attributes
+    ----------
+    law : Law
+        Formula and names.
+    error : {"multiplicative", "additive"}
+        Where the residuals live: in the logarithm of the response, or in its own unit.
+    theta, cov_theta : ndarray, shape (p,) and (p, p)
+        Parameters as they were fitted (the constant of a power or exponential law as its logarithm) and
+        their covariance, which is None where observations equal parameters.
+    X, observed, fitted, residuals : ndarray
+        Factors (n, k), response, prediction (n,) in their units, and residuals on the scale of ``error``.
+    lines : ndarray of int, shape (n,)
+        Line of each row in the data file.
+    edge : ndarray of str, shape (n,), or None
+        Cutting edge of each row.
+    rss, tss : float
+        Residual and total sum of squares on the scale of ``error``.
+    units : mapping
+        Unit of the response and of each factor.
+    by : By or None
+        Category whose levels multiply the law by exp(shift), or move a line by the shift.
+    left_out, dropped, notes
+        Factors and rows that were left out, each with its reason, and what else should be known.
+    repeats : int
+        How often the file repeats each measurement; only one of each was used.
+    alternative : LawFit or None
+        The same law with the other error structure.
+    """
+
+    law: Law
+    error: Error
+    theta: Array
+    cov_theta: Array | None
+    X: Array
+    shifts: Array
+    observed: Array
+    fitted: Array
+    residuals: Array
+    lines: NDArray[np.intp]
+    edge: NDArray[np.object_] | None
+    rss: float
+    tss: float
+    units: Mapping[str, str]
+    by: By | None
+    left_out: tuple[LeftOut, ...]
+    dropped: tuple[Dropped, ...]
+    notes: tuple[str, ...]
+    repeats: int
+    alternative: "LawFit | None" = None
+
+    @property
+    def form(self) -> Form:
+        """``power``, ``exponential``, ``load_line`` or ``feed_line``."""
+        return self.law.form
+
+    @property
+    def response(self) -> str:
+        """Symbol of the response."""
+        return self.law.response
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Symbols of the factors in the law."""
+        return self.law.factors
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters: constant, factors, then shifts as ``material[2]``."""
+        levels = () if self.by is None else tuple(f"{self.by.column}[{level}]" for level in self.by.levels)
+        return (*self.law.names, *levels)
+
+    @property
+    def theta_names(self) -> tuple[str, ...]:
+        """Names of ``theta``: as ``names``, with ``ln`` before a constant that is held as a logarithm."""
+        first, *rest = self.names
+        return (f"ln {first}" if self.law.logarithmic else first, *rest)
+
+    @property
+    def nobs(self) -> int:
+        """Number of observations used."""
+        return len(self.observed)
+
+    @property
+    def n_edges(self) -> int | None:
+        """Number of cutting edges among them, None where the file names none."""
+        return None if self.edge is None else len(set(self.edge))
+
+    @property
+    def df_model(self) -> int:
+        """Number of parameters besides the constant."""
+        return len(self.theta) - 1
+
+    @property
+    def df_resid(self) -> int:
+        """Observations less parameters, rows taken as independent."""
+        return self.nobs - len(self.theta)
+
+    @property
+    def no_interval(self) -> str | None:
+        """Why there is no interval, or None where there is one."""
+        if self.df_resid > 0:
+            return None
+        return f"no interval: {self.nobs} observations fix {len(self.theta)} parameters exactly"
+
+    @property
+    def params(self) -> "pd.Series[float]":
+        """Coefficients, indexed by ``names``."""
+        return pd.Series(self.law.coefficients(self.theta), index=list(self.names), name=self.response)
+
+    @property
+    def cov_params(self) -> pd.DataFrame:
+        """Covariance of ``params``, the constant of a logarithmic law by the delta method; NaN if none."""
+        slope = np.ones(len(self.theta))
+        if self.law.logarithmic:
+            slope[0] = np.exp(self.theta[0])
+        cov = self._cov() * np.outer(slope, slope)
+        return pd.DataFrame(cov, index=list(self.names), columns=list(self.names))
+
+    @property
+    def bse(self) -> "pd.Series[float]":
+        """Standard errors of ``params``, rows taken as independent."""
+        return pd.Series(np.sqrt(np.diag(self.cov_params)), index=list(self.names), name="bse")
+
+    @property
+    def tvalues(self) -> "pd.Series[float]":
+        """``params / bse``; infinite where the fit is exact."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = self.params.to_numpy() / self.bse.to_numpy()
+        return pd.Series(t, index=list(self.names), name="t")
+
+    @property
+    def pvalues(self) -> "pd.Series[float]":
+        """Two-sided p of each parameter against zero."""
+        from scipy.special import stdtr
+
+        p = 2 * stdtr(max(self.df_resid, 1), -np.abs(self.tvalues.to_numpy()))
+        return pd.Series(p, index=list(self.names), name="p")
+
+    @property
+    def rsquared(self) -> float:
+        """Share of the variance explained, on the scale of ``error``."""
+        return 1.0 - self.rss / self.tss if self.tss > 0 else 1.0
+
+    @property
+    def rsquared_adj(self) -> float | None:
+        """R2 adjusted for degrees of freedom; None without any."""
+        if self.df_resid <= 0:
+            return None
+        return 1.0 - (1.0 - self.rsquared) * (self.nobs - 1) / self.df_resid
+
+    @property
+    def fvalue(self) -> float | None:
+        """F of the whole law, as the papers print it; None without residual or without factors."""
+        if self.df_resid <= 0 or self.df_model == 0 or self.rss <= 0:
+            return None
+        return (self.tss - self.rss) / self.df_model / (self.rss / self.df_resid)
+
+    @property
+    def f_pvalue(self) -> float | None:
+        """p of ``fvalue``."""
+        from scipy.special import fdtrc
+
+        F = self.fvalue
+        return None if F is None else float(fdtrc(self.df_model, self.df_resid, max(F, 0.0)))
+
+    @property
+    def scale_se(self) -> float | None:
+        """Residual standard error (the papers' SE), in ``scale_unit``; None without degrees of freedom."""
+        return float(np.sqrt(self.rss / self.df_resid)) if self.df_resid > 0 else None
+
+    @property
+    def scale_unit(self) -> str:
+        """``ln`` for multiplicative errors, else the unit of the response."""
+        return "ln" if self.error == "multiplicative" else self.units.get(self.response, "")
+
+    @property
+    def domain(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each factor among the rows used."""
+        low, high = self.X.min(axis=0), self.X.max(axis=0)
+        return {name: (float(low[j]), float(high[j])) for j, name in enumerate(self.factors)}
+
+    def conf_int(self, level: float = 0.95) -> pd.DataFrame:
+        """Intervals of ``params`` at ``level``, columns ``low`` and ``high``; NaN where there are none.
+
+        The constant of a logarithmic law gets the interval of its logarithm, so its low end stays positive.
+        """
+        half = self._quantile(level) * np.sqrt(np.diag(self._cov()))
+        low = self.law.coefficients(self.theta - half)
+        high = self.law.coefficients(self.theta + half)
+        return pd.DataFrame({"low": low, "high": high}, index=list(self.names))
+
+    def predict(
+        self,
+        new: Mapping[str, object] | pd.DataFrame,
+        interval: Literal["mean", "prediction"] | None = None,
+        level: float = 0.95,
+    ) -> Array | pd.DataFrame:
+        """The law at new factor values, in the unit of the response.
+
+        Parameters
+        ----------
+        new : mapping or DataFrame
+            A value or column for each factor, and the category of ``by`` under its name.
+        interval : None, "mean" or "prediction"
+            None gives an array, shape (n,): with multiplicative errors it is the median. Otherwise a
+            DataFrame ``value, low, high``: "mean" is about the law itself, "prediction" about one new row.
+            Rows are taken as independent.
+        level : float
+            Level of the interval.
+
+        Raises
+        ------
+        FitError
+            A factor is missing, not positive where the law takes its logarithm, or there is no interval.
+        """
+        Z = self._design_of(pd.DataFrame({name: np.atleast_1d(np.asarray(v)) for name, v in new.items()}))
+        value = self.law.response_at(self.theta, Z)
+        if interval is None:
+            return value
+        if self.no_interval:
+            raise FitError(f"{self.response}: {self.no_interval}. Add observations.")
+        return self._interval(Z, value, interval, level)
+
+    def summary(self) -> str:
+        """The fit as plain text: coefficients with their row statistics, then R2, F and residual error."""
+        table = pd.DataFrame({"estimate": self.params, "se": self.bse, "t": self.tvalues, "p": self.pvalues})
+        se = self.scale_se
+        tail = [
+            f"R2 {self.rsquared:.4f}",
+            f"F {self.fvalue:.4g}" if self.fvalue is not None else "no F",
+            f"residual standard error {se:.4g} {self.scale_unit}"
+            if se is not None
+            else str(self.no_interval),
+            f"n {self.nobs}",
+        ]
+        left = [f"left out: {item.factor}, {item.reason}" for item in self.left_out]
+        head = f"{self.response} [{self.units.get(self.response, '')}], {self.form}, {self.error} errors"
+        return "\n".join([head, table.to_string(float_format="{:.5g}".format), ", ".join(tail), *left])
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Observed against predicted, on ``ax`` or on axes of its own, which are returned."""
+        from .draw import observed_against_predicted
+
+        return observed_against_predicted(self, ax)
+
+    def _cov(self) -> Array:
+        p = len(self.theta)
+        return np.full((p, p), np.nan) if self.cov_theta is None else self.cov_theta
+
+    def _quantile(self, level: float) -> float:
+        from scipy.special import stdtrit
+
+        if not 0 < level < 1:
+            raise FitError(f"level {level} of an interval: it lies between 0 and 1, for instance 0.95.")
+        return float(stdtrit(max(self.df_resid, 1), (1 + level) / 2))
+
+    def _design_of(self, new: pd.DataFrame) -> Array:
+        missing = [name for name in self.factors if name not in new]
+        if missing:
+            raise FitError(
+                f"{self.response} needs {', '.join(missing)}; given: {', '.join(new) or 'nothing'}."
+            )
+        X = new[list(self.factors)].to_numpy(dtype=float)
+        if self.form == "power" and (X <= 0).any():
+            j = int(np.argmax((X <= 0).any(axis=0)))
+            raise FitError(f"{self.factors[j]} {X[:, j].min():g}: a power law needs values above zero.")
+        return self.law.design(X, self._shifts_of(new))
+
+    def _shifts_of(self, new: pd.DataFrame) -> Array:
+        if self.by is None:
+            return np.empty((len(new), 0))
+        known = (self.by.reference, *self.by.levels)
+        if self.by.column not in new:
+            raise FitError(f"the law was fitted by {self.by.column}: say which ({', '.join(known)}).")
+        level = new[self.by.column].astype(str)
+        strange = sorted(set(level) - set(known))
+        if strange:
+            raise FitError(f"{self.by.column} {strange[0]!r} is not among the fitted: {', '.join(known)}.")
+        return np.column_stack([(level == name).to_numpy(dtype=float) for name in self.by.levels])
+
+    def _interval(self, Z: Array, value: Array, kind: str, level: float) -> pd.DataFrame:
+        """Delta method on the scale on which the errors are: in logarithms, or in the unit itself."""
+        scale = self.scale_se or 0.0
+        G = Z if self.error == "multiplicative" else self.law.gradient(self.theta, Z)
+        variance = np.einsum("ij,jk,ik->i", G, self._cov(), G) + (scale**2 if kind == "prediction" else 0.0)
+        half = self._quantile(level) * np.sqrt(variance)
+        if self.error == "multiplicative":
+            return pd.DataFrame({"value": value, "low": value * np.exp(-half), "high": value * np.exp(half)})
+        return pd.DataFrame({"value": value, "low": value - half, "high": value + half})

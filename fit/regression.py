@@ -1,0 +1,217 @@
+"""Two stages, as the papers do it: a straight line in logarithms, then least squares in natural units.
+
+The first stage is the maximum-likelihood fit when errors multiply (a scatter of so many per cent); its
+result starts the second, which is that fit when errors add (a scatter of so many newtons). Which of them
+a law reports is ``error``; the other one travels with it as ``alternative``.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..datasets import Runs, UsageError
+from .errors import FitError
+from .identifiable import LeftOut, identifiable
+from .lawfit import LawFit
+from .laws import Error, Law, exponential, power
+from .linear import linear
+from .rows import Rows, select
+
+Array = NDArray[np.float64]
+# theta, its covariance (None without degrees of freedom), fitted response, residuals, total sum of squares
+Stage = tuple[Array, Array | None, Array, Array, float]
+
+# Tolerances of the nonlinear stage: near machine precision, since certified sets ask for 8 to 11 digits.
+TIGHT = 1e-15
+
+
+def power_law(
+    runs: Runs,
+    response: str,
+    factors: Sequence[str],
+    *,
+    error: Error = "multiplicative",
+    edge: str | None = "edge",
+    by: str | None = None,
+) -> LawFit:
+    """Fit ``R = c0 prod X_j^b_j`` (Alaskari & Oraby, doi 10.15242/IIE.E1216006, eq. 1-3).
+
+    Parameters
+    ----------
+    runs : Runs
+    response : str
+        Symbol of the response, e.g. ``"AW"``; its unit becomes the unit of c0 times the factors' powers.
+    factors : sequence of str
+        Symbols, most important first. A constant, or an exact product of earlier ones, is left out by name.
+    error : {"multiplicative", "additive"}
+        Least squares of ln R, or of R itself. Both are fitted where possible; the other one is
+        ``LawFit.alternative``.
+    edge : str or None
+        Column that says which cutting edge a row is from.
+    by : str, optional
+        Category (work material, say) whose level multiplies the law by exp(shift).
+
+    Raises
+    ------
+    FitError
+        Too few usable rows, no factor left, or no convergence.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("ac2017_table1"))
+    >>> fit.power_law(runs, "AW", ["V", "f"]).params.round(4).to_dict()
+    {'c0': 0.0096, 'V': 0.577, 'f': 0.168}
+    """
+    rows = select(runs, response, factors, by=by, edge=edge, positive=_positive(error))
+    keep, left_out = identifiable(factors, np.log(rows.X), rows.shifts, logs=True)
+    law = power(response, tuple(factors[j] for j in keep))
+    rows = replace(rows, X=rows.factors(keep))
+    return fit_rows(runs, law, rows, left_out, error)
+
+
+def exponential_law(
+    runs: Runs,
+    response: str = "Ra",
+    factor: str = "F",
+    *,
+    error: Error = "multiplicative",
+    by: str | None = None,
+) -> LawFit:
+    """Fit ``Ra = a exp(b F)``, roughness as an exponential of force (SURF eq. 5: a 0.2401 um, b 0.0034 1/N).
+
+    Arguments and errors as for :func:`power_law`.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("surf_table1"))
+    >>> list(fit.exponential_law(runs).params.index)
+    ['a', 'b']
+    """
+    positive: Literal["all", "none"] = "all" if error == "multiplicative" else "none"
+    rows = select(runs, response, [factor], by=by, positive=positive)
+    keep, left_out = identifiable([factor], rows.X, rows.shifts, logs=False)
+    if not keep:
+        raise FitError(f"{response} on {factor}: {factor} is {left_out[0].reason}; nothing to fit.")
+    fitted = fit_rows(runs, exponential(response, factor), rows, left_out, error)
+    different = len(np.unique(rows.X))
+    if different > len(rows.X) / 2:
+        return fitted
+    note = f"{factor} takes {different} values in {len(rows.X)} rows: rows that share one are not independent"
+    return replace(fitted, notes=(*fitted.notes, note))
+
+
+def _positive(error: Error) -> Literal["all", "factors"]:
+    if error not in ("multiplicative", "additive"):
+        raise UsageError(f"error={error!r}: it is 'multiplicative' or 'additive'.")
+    return "all" if error == "multiplicative" else "factors"
+
+
+def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], error: Error) -> LawFit:
+    """Both stages, the one that was asked for in front."""
+    _enough(law, rows, left_out)
+    notes = _notes(rows)
+    Z = law.design(rows.X, rows.shifts)
+    units = {name: runs.units.get(name, "") for name in (law.response, *law.factors)}
+
+    def result(error: Error, theta: Array, cov: Array | None, fitted: Array, r: Array, tss: float) -> LawFit:
+        return LawFit(
+            law, error, theta, cov, rows.X, rows.shifts, rows.y, fitted, r, rows.lines, rows.edge,
+            float(r @ r), tss, units, rows.by, left_out, rows.dropped, notes, rows.repeats,
+        )  # fmt: skip
+
+    if not law.logarithmic:
+        return result("additive", *_straight(Z, rows.y))
+    if not (rows.y > 0).all():  # only the second stage can use these rows
+        positive = rows.y > 0
+        _enough(law, replace(rows, y=rows.y[positive]), left_out)
+        start = law.guess(Z[positive], rows.y[positive])
+        return result("additive", *_natural(law, Z, rows.y, start))
+    multiplicative = result("multiplicative", *_logarithmic(Z, rows.y))
+    try:
+        additive = result("additive", *_natural(law, Z, rows.y, multiplicative.theta))
+    except FitError:
+        if error == "additive":
+            raise
+        reason = "the second stage, least squares in natural units, did not converge: only the first is given"
+        return replace(multiplicative, notes=(*notes, reason))
+    first, second = (multiplicative, additive) if error == "multiplicative" else (additive, multiplicative)
+    return replace(first, alternative=second)
+
+
+def _enough(law: Law, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
+    why = "".join(f"; {item.factor} is left out: {item.reason}" for item in left_out)
+    gone = "".join(f"; {item.count} rows left out: {item.reason}" for item in rows.dropped)
+    p = len(law.names) + rows.shifts.shape[1]
+    if len(rows.y) < p:
+        raise FitError(
+            f"{law.response}: {len(rows.y)} usable rows for {p} parameters ({', '.join(law.names)}){gone}{why}. "
+            f"Measure at least {p + 1 - len(rows.y)} more, or leave out a factor."
+        )
+    if not law.factors:
+        raise FitError(f"{law.response}: no factor to fit it on{why}{gone}. Vary at least one condition.")
+
+
+def _notes(rows: Rows) -> tuple[str, ...]:
+    if rows.repeats == 1:
+        return ()
+    n = len(rows.y)
+    return (
+        f"the file writes each of {n} measurements {rows.repeats} times ({n * rows.repeats} rows); "
+        "a copy is no new evidence, so each counts once",
+    )
+
+
+def _straight(Z: Array, y: Array) -> Stage:
+    """Least squares of y on Z: the whole fit of a line."""
+    fit = linear(Z, y)
+    eta = Z @ fit.params
+    return fit.params, fit.cov_params if fit.df_resid else None, eta, y - eta, fit.tss
+
+
+def _logarithmic(Z: Array, y: Array) -> Stage:
+    """First stage: least squares of ln y."""
+    theta, cov, eta, residuals, tss = _straight(Z, np.log(y))
+    return theta, cov, np.exp(eta), residuals, tss
+
+
+def _natural(law: Law, Z: Array, y: Array, start: Array) -> Stage:
+    """Second stage: trust region on the residuals in natural units, analytic gradient, then one exact step.
+
+    Centring the columns of Z makes the constant nearly independent of the exponents, which is what the
+    solver's steps are quick and sure in.
+    """
+    from scipy.optimize import least_squares
+
+    centre = np.zeros(Z.shape[1])
+    centre[1:] = Z[:, 1:].mean(axis=0)
+    C = Z - centre
+    back = np.eye(Z.shape[1])
+    back[0, 1:] = -centre[1:]
+    size = float(np.max(np.abs(y)))
+
+    def residuals(theta: Array) -> Array:
+        return (law.response_at(theta, C) - y) / size
+
+    def jacobian(theta: Array) -> Array:
+        return law.gradient(theta, C) / size
+
+    begin = np.linalg.solve(back, start)
+    found = least_squares(
+        residuals, begin, jac=jacobian, method="trf", x_scale="jac", ftol=TIGHT, xtol=TIGHT, gtol=TIGHT
+    )
+    if not np.isfinite(found.x).all() or found.status == 0:
+        raise FitError(
+            f"{law.response}: least squares in natural units did not converge from the log-linear start. "
+            "Fit with error='multiplicative'."
+        )
+    step = linear(jacobian(found.x), -residuals(found.x))
+    theta = back @ (found.x + step.params)
+    fitted = law.response_at(theta, Z)
+    r = y - fitted
+    cov = float(r @ r) / step.df_resid * back @ step.cov_unscaled @ back.T if step.df_resid else None
+    return theta, cov, fitted, r, float(np.sum((y - y.mean()) ** 2))

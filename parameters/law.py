@@ -1,0 +1,303 @@
+"""The law section: one fitted equation with its domain, its uncertainty and its statistics."""
+
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field, model_validator
+
+from .errors import ParameterError, short
+from .evaluate import (
+    LOGARITHMIC,
+    as_given,
+    checked_values,
+    coefficient_names,
+    parameter_names,
+    response,
+    student_quantile,
+    terms,
+    theta,
+)
+from .sections import (
+    By,
+    Count,
+    Covariance,
+    DroppedRows,
+    Factor,
+    LeftOut,
+    NoCovariance,
+    NotNegative,
+    Number,
+    Published,
+    Section,
+    Statistics,
+    Text,
+)
+
+KEPT = ("level", "kind", "by")  # arguments of predict and interval: no factor can be called so
+
+EXAMPLE: Mapping[str, object] = {  # the law of the examples below
+    "form": "power",
+    "response": "AW",
+    "quantity": "flank wear",
+    "unit": "mm",
+    "equation": "AW = 0.01 V^0.5",
+    "error": "multiplicative",
+    "coefficients": {"c0": 0.01, "V": 0.5},
+    "factors": [{"symbol": "V", "quantity": "cutting speed", "unit": "m/min", "low": 50.0, "high": 200.0}],
+    "uncertainty": {
+        "kind": "covariance",
+        "of": ["ln c0", "V"],
+        "matrix": [[0.9, -0.19], [-0.19, 0.0405]],
+        "df": 6,
+    },
+    "residual_se": 0.1,
+    "residual_scale": "ln",
+    "n": 8,
+    "df": 6,
+}
+
+
+class Law(Section):
+    """One fitted equation, able to predict from the file alone.
+
+    Attributes
+    ----------
+    form, error : str
+        ``power``, ``exponential``, ``load_line`` or ``feed_line``; ``multiplicative`` or ``additive``.
+    response, quantity, unit, equation : str
+        Symbol, words, unit, and the equation with its numbers at six digits, for people.
+    coefficients : dict of float
+        c0 and each factor's exponent; or a, b; or A, B, k1; or fm0, slope: for the units of
+        ``response`` and ``factors`` and the reference level of ``by``.
+    factors : tuple of Factor
+        Symbol, unit and domain of each.
+    by : By or None
+        Levels that share the exponents, and the shift of each from the reference.
+    uncertainty : Covariance or NoCovariance
+        Covariance of ``ln c0`` (``ln a``), the exponents and the shifts; of A, B, k1 as they are.
+    residual_se : float or None
+        Standard deviation about the law, in ``residual_scale``: ``ln`` or the response's unit.
+    n, df : int
+        Observations and residual degrees of freedom, rows taken as independent.
+    n_edges : int or None
+        Cutting edges among the observations, where the data name them.
+    statistics, standard_errors, left_out, dropped_rows, notes
+        What the fit has to say of itself; standard errors are those of ``coefficients`` and shifts.
+    alternative : Law or None
+        The same law fitted with the other error structure.
+    published : Published or None
+        What a paper prints for the same response, tool and work.
+
+    Examples
+    --------
+    >>> law = Law.model_validate(EXAMPLE)
+    >>> round(law.predict(V=100.0), 9)
+    0.1
+    """
+
+    form: Literal["power", "exponential", "load_line", "feed_line"]
+    response: Text
+    quantity: str
+    unit: str
+    equation: str
+    error: Literal["multiplicative", "additive"]
+    coefficients: dict[str, Number]
+    factors: tuple[Factor, ...]
+    by: By | None = None
+    uncertainty: Annotated[Covariance | NoCovariance, Field(discriminator="kind")]
+    residual_se: NotNegative | None = None
+    residual_scale: str
+    n: Count
+    df: Count
+    n_edges: Count | None = None
+    statistics: Statistics = Statistics()
+    standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
+    dropped_rows: tuple[DroppedRows, ...] = ()
+    alternative: "Law | None" = None
+    published: Published | None = None
+    notes: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        _check_coefficients(self)
+        _check_form(self)
+        if isinstance(self.uncertainty, Covariance) and set(self.uncertainty.of) != set(
+            parameter_names(self)
+        ):
+            names = f"{_listed(self.uncertainty.of)}; it must be of {_listed(parameter_names(self))}"
+            raise ValueError(f"the covariance of {self.response} is of {names}")
+        other = self.alternative
+        if other and (other.response != self.response or other.error == self.error or other.alternative):
+            raise ValueError(
+                f"the alternative must be one law of {self.response} with the other error structure"
+            )
+        return self
+
+    def predict(self, by: str | None = None, **factors: ArrayLike) -> Any:  # noqa: ANN401
+        """Tell the response at the given factors, from the coefficients alone.
+
+        Of a multiplicative law this is the median of the response, not its mean; of an additive law
+        it is the mean.
+
+        Parameters
+        ----------
+        by : str, optional
+            Level of the ``by`` column; needed where the law has one.
+        **factors : float or array_like
+            Every factor of the law by its symbol, in the unit of the file; they broadcast.
+
+        Returns
+        -------
+        float or ndarray
+            In the law's unit: a float when every factor is one number.
+
+        Raises
+        ------
+        ParameterError
+            A factor is missing, unknown, or not a number the law can take; the level is unknown.
+
+        Examples
+        --------
+        >>> law = Law.model_validate(EXAMPLE)
+        >>> law.predict(V=[100.0, 200.0]).round(6).tolist()
+        [0.1, 0.141421]
+        """
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            return as_given(self, response(self, terms(self, by, factors) @ theta(self)))
+
+    def interval(
+        self,
+        level: float = 0.95,
+        kind: Literal["mean", "prediction"] = "mean",
+        by: str | None = None,
+        **factors: ArrayLike,
+    ) -> tuple[Any, Any]:
+        """Two-sided interval of the response by the delta method, with Student's t.
+
+        A multiplicative law's is computed in logs and brought back, so that ``mean`` bounds the
+        median of the response; an additive law's is symmetric and may reach below zero.
+
+        Parameters
+        ----------
+        level : float
+            Coverage, between 0 and 1.
+        kind : str
+            ``mean`` for the law itself, ``prediction`` for one new observation.
+        by : str, optional
+            Level of the ``by`` column; needed where the law has one.
+        **factors : float or array_like
+            As in `predict`.
+
+        Returns
+        -------
+        low, high : float or ndarray
+            In the law's unit.
+
+        Raises
+        ------
+        ParameterError
+            As in `predict`; or the file holds no covariance, and its reason is told.
+
+        Examples
+        --------
+        >>> law = Law.model_validate(EXAMPLE)
+        >>> low, high = law.interval(V=100.0)
+        >>> print(f"{low:.3f} {high:.3f}")
+        0.079 0.126
+        """
+        covariance, spread = _asked(self, level, kind)
+        order = [covariance.of.index(name) for name in parameter_names(self)]
+        C = np.array(covariance.matrix)[np.ix_(order, order)]
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            Z = terms(self, by, factors)
+            centre = Z @ theta(self)
+            back = self.form in LOGARITHMIC and self.error == "multiplicative"
+            if self.form in LOGARITHMIC and not back:
+                centre = response(self, centre)
+                Z = Z * centre[..., None]
+            variance = np.einsum("...i,ij,...j->...", Z, C, Z)
+            half = student_quantile(level, covariance.df) * np.sqrt(np.maximum(variance, 0.0) + spread**2)
+            low, high = (response(self, end) if back else end for end in (centre - half, centre + half))
+        return as_given(self, low), as_given(self, high)
+
+    def inside(self, **factors: ArrayLike) -> Any:  # noqa: ANN401
+        """Tell where every factor lies in its domain low..high, both ends included.
+
+        Parameters
+        ----------
+        **factors : float or array_like
+            As in `predict`.
+
+        Returns
+        -------
+        bool or ndarray of bool
+            A bool when every factor is one number.
+
+        Raises
+        ------
+        ParameterError
+            A factor is missing, unknown, or not a number the law can take.
+
+        Examples
+        --------
+        >>> law = Law.model_validate(EXAMPLE)
+        >>> law.inside(V=[100.0, 300.0]).tolist()
+        [True, False]
+        """
+        pairs = zip(checked_values(self, factors), self.factors, strict=True)
+        within = [(value >= factor.low) & (value <= factor.high) for value, factor in pairs]
+        inside = np.logical_and.reduce(within)
+        return inside if np.ndim(inside) else bool(inside)
+
+
+def _check_coefficients(law: Law) -> None:
+    symbols = [factor.symbol for factor in law.factors]
+    if len(set(symbols)) < len(symbols):
+        raise ValueError(f"the law of {law.response} names a factor twice: {_listed(symbols)}")
+    kept = [symbol for symbol in symbols if symbol in (*KEPT, "c0")]
+    if kept:
+        raise ValueError(f"no factor can be called {kept[0]}; give it another symbol")
+    names = coefficient_names(law.form, symbols)
+    if set(law.coefficients) != set(names) or len(names) != 1 + len(symbols):
+        given = f"{_listed(symbols)} has the coefficients {_listed(law.coefficients)}"
+        raise ValueError(f"the {law.form} law of {law.response} in {given}, not {_listed(names)}")
+    if law.form in LOGARITHMIC and law.coefficients[names[0]] <= 0:
+        raise ValueError(f"{names[0]} = {law.coefficients[names[0]]:g} of {law.response} must be positive")
+    unknown = set(law.standard_errors) - {*names, *(law.by.names if law.by else ())}
+    if unknown:
+        raise ValueError(
+            f"the law of {law.response} has no parameter {_listed(sorted(unknown))} for a standard error"
+        )
+
+
+def _check_form(law: Law) -> None:
+    if law.form not in LOGARITHMIC and law.error == "multiplicative":
+        raise ValueError(f"a {law.form} has additive errors")
+    if law.error == "multiplicative" and law.residual_se is not None and law.residual_scale != "ln":
+        raise ValueError(f"the residual of a multiplicative law is in ln, not in {short(law.residual_scale)}")
+
+
+def _asked(law: Law, level: float, kind: str) -> tuple[Covariance, float]:
+    """Find the covariance, and the spread of the observation asked for."""
+    if isinstance(law.uncertainty, NoCovariance):
+        raise ParameterError(f"the law of {law.response} has no interval: {law.uncertainty.reason}")
+    if not isinstance(level, float) or not 0 < level < 1:
+        raise ParameterError(
+            f"level = {short(level)}: a coverage is between 0 and 1, as 0.95 (a level of the law is by=)."
+        )
+    if kind not in ("mean", "prediction"):
+        raise ParameterError(f"kind = {short(kind)}: an interval is of the 'mean' or a 'prediction'.")
+    if kind == "mean":
+        return law.uncertainty, 0.0
+    if law.residual_se is None:
+        raise ParameterError(
+            f"the law of {law.response} has no residual standard error: no prediction interval."
+        )
+    return law.uncertainty, law.residual_se
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(short(name).strip("'") for name in names) or "nothing"

@@ -1,0 +1,222 @@
+"""The small parts a law section is made of; `Section` is the base of every part of the file."""
+
+from collections.abc import Mapping
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from .errors import short
+
+# strict: a number in quotes, or true for 1, is a mistake of whoever wrote the file
+Number = Annotated[float, Field(strict=True)]
+NotNegative = Annotated[float, Field(strict=True, ge=0)]
+Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+Text = Annotated[str, Field(min_length=1)]
+ROUNDING = 1e-9  # of a correlation: a matrix printed by another program keeps about ten digits
+
+
+class Section(BaseModel):
+    """A part of the file: frozen, without NaN or infinity, and keeping the fields it does not know.
+
+    Examples
+    --------
+    >>> class Limits(Section):
+    ...     feed: Number
+    >>> Limits(feed=0.4, later="kept").model_dump()
+    {'feed': 0.4, 'later': 'kept'}
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+
+class Factor(Section):
+    """A factor of a law and the range of it in the data, ``low`` to ``high`` in ``unit``.
+
+    Examples
+    --------
+    >>> Factor(symbol="V", quantity="cutting speed", unit="m/min", low=50.0, high=200.0).high
+    200.0
+    """
+
+    symbol: Text
+    quantity: str
+    unit: str
+    low: Number
+    high: Number
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.low > self.high:
+            raise ValueError(f"the domain of {short(self.symbol)} has low {self.low} above high {self.high}")
+        return self
+
+
+class By(Section):
+    """Levels of a column that share the exponents: times exp(shift), or plus the shift of a line.
+
+    Examples
+    --------
+    >>> By(column="material", reference="1", shifts={"2": 0.1}).names
+    {'material[2]': '2'}
+    """
+
+    column: Text
+    reference: str
+    shifts: dict[str, Number]
+
+    @property
+    def names(self) -> Mapping[str, str]:
+        """Parameter name of each shift -> its level."""
+        return {f"{self.column}[{level}]": level for level in self.shifts}
+
+    @model_validator(mode="after")
+    def _reference_apart(self) -> Self:
+        if self.reference in self.shifts:
+            raise ValueError(f"the reference level {short(self.reference)} cannot have a shift")
+        return self
+
+
+class Covariance(Section):
+    """Covariance of the law's parameters: (p, p), in the order of ``of``, with the ``df`` of its t.
+
+    Examples
+    --------
+    >>> Covariance(of=["ln c0", "V"], matrix=[[0.9, -0.19], [-0.19, 0.0405]], df=6).df
+    6
+    """
+
+    kind: Literal["covariance"] = "covariance"
+    of: tuple[str, ...]
+    matrix: tuple[tuple[Number, ...], ...]
+    df: Annotated[int, Field(strict=True, ge=1, lt=2**63)]
+
+    @model_validator(mode="after")
+    def _is_a_covariance(self) -> Self:
+        size = len(self.of)
+        if len(set(self.of)) < size:
+            raise ValueError("a parameter is named twice in 'of'")
+        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
+            raise ValueError(f"the matrix must be {size} x {size}, as 'of' names {size} parameters")
+        complaint = _complaint(np.array(self.matrix, dtype=np.float64).reshape(size, size))
+        if complaint:
+            raise ValueError(complaint)
+        return self
+
+
+def _complaint(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> str | None:
+    """Why a square matrix is no covariance; judged on its correlations, so free of units."""
+    variance = matrix.diagonal()
+    if (variance < 0).any():
+        return "a variance on the diagonal is negative"
+    deviation = np.sqrt(np.where(variance > 0, variance, 1.0))
+    with np.errstate(over="ignore", under="ignore"):
+        correlation = matrix / deviation / deviation[:, None]
+    if not (np.abs(correlation) <= 1 + ROUNDING).all():
+        return "a covariance is larger than its two variances allow"
+    if not np.allclose(correlation, correlation.T, rtol=0, atol=ROUNDING):
+        return "the matrix is not symmetric"
+    if len(matrix) and np.linalg.eigvalsh(correlation)[0] < -len(matrix) * ROUNDING:
+        return "the matrix is no covariance: some combination of the parameters has a negative variance"
+    return None
+
+
+class NoCovariance(Section):
+    """There is no interval, and why: as many observations as parameters, for one.
+
+    Examples
+    --------
+    >>> NoCovariance(reason="4 observations, 4 parameters").kind
+    'none'
+    """
+
+    kind: Literal["none"] = "none"
+    reason: Text
+
+
+class LeftOut(Section):
+    """A factor that was asked for and is not in the law.
+
+    Examples
+    --------
+    >>> LeftOut(factor="d", reason="the same in every row").factor
+    'd'
+    """
+
+    factor: str
+    reason: str
+
+
+class DroppedRows(Section):
+    """Rows of the data that the fit did not use; ``lines`` are the first of them in the data file.
+
+    Examples
+    --------
+    >>> DroppedRows(reason="AW is empty", count=2).count
+    2
+    """
+
+    reason: str
+    count: Count
+    lines: tuple[Count, ...] = ()
+
+
+class Statistics(Section):
+    """Statistics of the fit by the papers' letters, None where one cannot be had.
+
+    Examples
+    --------
+    >>> Statistics(r2=0.98, F=120.0, F_df=(4, 20)).F_df
+    (4, 20)
+    """
+
+    r2: Number | None = None
+    r2_adj: Number | None = None
+    F: Number | None = None
+    F_df: tuple[Count, Count] | None = None
+    F_p: Number | None = None
+
+
+class Published(Section):
+    """What a paper prints for the same response, tool and work, and how far the data lie from it.
+
+    ``rms_percent`` and ``worst_percent`` are of ``100 (observed / printed law - 1)`` over the rows of the
+    fit, None where the file lacks a factor of the printed law; ``worst_line`` is a line of the data file.
+
+    Examples
+    --------
+    >>> Published(source="a paper, eq. 5", coefficients={"a": 0.24, "b": 0.0034}).rms_percent is None
+    True
+    """
+
+    source: Text
+    coefficients: dict[str, Number]
+    standard_error: NotNegative | None = None
+    rms_percent: NotNegative | None = None
+    worst_percent: Number | None = None
+    worst_line: Count | None = None
+
+
+class ToolLifeSection(Section):
+    """Tool life ``T = c0 V^a f^b ...`` at a wear criterion, solved from the wear law.
+
+    ``typical`` is T at ``typical_at``, the middle of each factor's range, and ``t_observed`` the longest
+    time in the data: beyond it T is extrapolated.
+
+    Examples
+    --------
+    >>> ToolLifeSection(wear="AW", criterion=0.3, unit_of_wear="mm", unit="min", coefficients={"c0": 1e6, "V": -2.4},
+    ...                 t_observed=20.0, typical=16.0, typical_at={"V": 100.0}).coefficients["V"]
+    -2.4
+    """
+
+    wear: Text
+    criterion: Annotated[float, Field(strict=True, gt=0)]
+    unit_of_wear: str
+    unit: str
+    coefficients: dict[str, Number]
+    standard_errors: dict[str, NotNegative] = {}
+    taylor_n: Number | None = None
+    t_observed: NotNegative
+    typical: NotNegative
+    typical_at: dict[str, Number]
