@@ -6,6 +6,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ..fit import LawFit
 from ..fit.draw import normal_quantiles, observed_against_predicted, residuals, response_surface
@@ -39,15 +40,14 @@ def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Fi
         left=0.75 / width, right=1 - 0.25 / width, bottom=0.6 / height, top=1 - 0.65 / height, wspace=0.36,
         hspace=0.42,
     )  # fmt: skip
-    grid = figure.subplots(down, across, squeeze=False)
-    for ax in grid.flat:
-        ax.set_visible(False)
+    grid = figure.add_gridspec(down, across)
     for i, law in enumerate(laws):
         for k, panel in enumerate(panels):
-            ax = grid[i // across * len(panels) + k, i % across]
-            ax.set_visible(True)
-            panel(law, ax)
+            ax = figure.add_subplot(grid[i // across * len(panels) + k, i % across])
             ax.tick_params(labelsize=8)
+            ax.xaxis.set_major_locator(MaxNLocator(5))
+            ax.yaxis.set_major_locator(MaxNLocator(5))
+            panel(law, ax)
     if banner:
         figure.text(0.995, 0.995, banner, ha="right", va="top", fontsize=8, color="#a33", wrap=True)
     return figure

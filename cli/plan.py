@@ -3,6 +3,7 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import TextIO
 
 from .arguments import Parser, ranges
 
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def target(out: str | None, force: bool) -> "Path | object":
+def target(out: str | None, force: bool) -> Path | TextIO:
     """Standard output, or a file that may be written."""
     from ..datasets import UsageError
 

@@ -71,8 +71,8 @@ def _laws(pf: "ParameterFile", icc: float) -> "list[SimulatedLaw]":
     from ..datasets import SimulatedLaw, UsageError
 
     chosen = [law for law in pf.laws.values() if law.form == "power" and law.by is None]
-    chosen = [law if law.error == "multiplicative" else law.alternative for law in chosen]
-    powers = [law for law in chosen if law is not None and law.error == "multiplicative"]
+    either = [fit for law in chosen for fit in (law, law.alternative)]
+    powers = [law for law in either if law is not None and law.error == "multiplicative"]
     if not powers:
         raise UsageError(
             "the parameter file holds no power law with multiplicative errors: nothing to simulate from."

@@ -109,9 +109,9 @@ def _claims(
         header = parse_header(column.name)
         text = column.unit_cell or header.unit_text
         role = said.get(column.number) or role_of(header.name, canonical(text) if text else None)
-        if role in mapping and role not in wanted:
+        if role is not None and role in mapping and role not in wanted:
             role = None
-        if role in units:
+        if role is not None and role in units:
             text = units[role]
         claims.append(_Claim(column, header.name, text, role, column.number in said))
     missing = [symbol for symbol in units if all(claim.role != symbol for claim in claims)]

@@ -109,8 +109,10 @@ class Runs:
         texts = {role: text.where(text != "", UNNAMED[role]) for role, text in texts.items()}
         for _, group in pd.DataFrame(texts).groupby(keys, sort=False):
             rows = self.data.index.get_indexer(group.index)
-            named = {role: str(group[role].iloc[0]) for role in keys}
-            yield replace(self, data=self.data.iloc[rows], lines=self.lines[rows], **named)
+            tool, work = (
+                str(group[role].iloc[0]) if role in group else getattr(self, role) for role in UNNAMED
+            )
+            yield replace(self, data=self.data.iloc[rows], lines=self.lines[rows], tool=tool, work=work)
 
     def join(self, other: "Runs") -> "Runs":
         """Runs of both, as if they stood in one file; only columns that both hold are kept."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from ..datasets import Runs
 from .errors import FitError
@@ -51,12 +52,12 @@ def default_laws(
     wear = [name for name in WEAR if runs.has(name)]
     for name in wear:
         if conditions:
-            attempt(name, lambda name=name: power_law(runs, name, conditions, error=error, by=by))
+            attempt(name, partial(power_law, runs, name, conditions, error=error, by=by))
     for name in LOADS:
         if runs.has(name) and (conditions or wear):
-            attempt(name, lambda name=name: power_law(runs, name, conditions + wear[:1], error=error, by=by))
+            attempt(name, partial(power_law, runs, name, conditions + wear[:1], error=error, by=by))
     if runs.has("I") and runs.has("fm") and wear:
-        attempt("I", lambda: load_law(runs, wear=wear[-1]))
+        attempt("I", partial(load_law, runs, wear=wear[-1]))
     if runs.has("Ra") and runs.has("F"):
-        attempt("Ra", lambda: exponential_law(runs, error=error, by=by))
+        attempt("Ra", partial(exponential_law, runs, error=error, by=by))
     return tuple(laws), tuple(refused)

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..datasets.errors import UsageError
 from .errors import FitError
 from .identifiable import LeftOut
 from .laws import Error, Form, Law
@@ -17,6 +18,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
+
+
+def _columns(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.DataFrame:
+    """Single values and columns of one length as a table."""
+    columns = {str(name): np.atleast_1d(np.asarray(values)) for name, values in new.items()}
+    n = max((len(values) for values in columns.values() if len(values) != 1), default=1)
+    odd = [name for name, values in columns.items() if values.shape not in ((1,), (n,))]
+    if odd:
+        raise FitError(
+            f"{response}: {odd[0]} has shape {columns[odd[0]].shape}; "
+            f"each factor is one value or a column of {n}."
+        )
+    return pd.DataFrame({name: np.broadcast_to(values, n) for name, values in columns.items()})
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +62,6 @@ class LawFit:
         Factors and rows that were left out, each with its reason, and what else should be known.
     repeats : int
         How often the file repeats each measurement; only one of each was used.
-    alternative : LawFit or None
-        The same law with the other error structure.
     """
 
     law: Law
@@ -71,7 +83,6 @@ class LawFit:
     dropped: tuple[Dropped, ...]
     notes: tuple[str, ...]
     repeats: int
-    alternative: "LawFit | None" = None
 
     @property
     def form(self) -> Form:
@@ -162,6 +173,13 @@ class LawFit:
         return pd.Series(p, index=list(self.names), name="p")
 
     @property
+    def alternative(self) -> "LawFit | None":
+        """The same law with the other error structure, fitted when it is asked for; None if it has none."""
+        from .regression import other_structure
+
+        return other_structure(self)
+
+    @property
     def rsquared(self) -> float:
         """Share of the variance explained, on the scale of ``error``."""
         return 1.0 - self.rss / self.tss if self.tss > 0 else 1.0
@@ -214,6 +232,15 @@ class LawFit:
         high = self.law.coefficients(self.theta + half)
         return pd.DataFrame({"low": low, "high": high}, index=list(self.names))
 
+    @overload
+    def predict(self, new: Mapping[str, object] | pd.DataFrame, interval: None = None) -> Array: ...
+    @overload
+    def predict(
+        self,
+        new: Mapping[str, object] | pd.DataFrame,
+        interval: Literal["mean", "prediction"],
+        level: float = 0.95,
+    ) -> pd.DataFrame: ...
     def predict(
         self,
         new: Mapping[str, object] | pd.DataFrame,
@@ -236,9 +263,12 @@ class LawFit:
         Raises
         ------
         FitError
-            A factor is missing, not positive where the law takes its logarithm, or there is no interval.
+            A factor is missing, not positive where the law takes its logarithm, columns differ in length, or
+            there is no interval.
         """
-        Z = self._design_of(pd.DataFrame({name: np.atleast_1d(np.asarray(v)) for name, v in new.items()}))
+        if interval not in (None, "mean", "prediction"):
+            raise UsageError(f"interval={interval!r}: it is None, 'mean' or 'prediction'.")
+        Z = self._design_of(_columns(self.response, new))
         value = self.law.response_at(self.theta, Z)
         if interval is None:
             return value
@@ -283,7 +313,7 @@ class LawFit:
         missing = [name for name in self.factors if name not in new]
         if missing:
             raise FitError(
-                f"{self.response} needs {', '.join(missing)}; given: {', '.join(new) or 'nothing'}."
+                f"{self.response} needs {', '.join(missing)}; given: {', '.join(map(str, new)) or 'nothing'}."
             )
         X = new[list(self.factors)].to_numpy(dtype=float)
         if self.form == "power" and (X <= 0).any():
@@ -297,7 +327,7 @@ class LawFit:
         known = (self.by.reference, *self.by.levels)
         if self.by.column not in new:
             raise FitError(f"the law was fitted by {self.by.column}: say which ({', '.join(known)}).")
-        level = new[self.by.column].astype(str)
+        level = new[self.by.column].map(lambda v: f"{v:.15g}" if isinstance(v, float) else str(v))
         strange = sorted(set(level) - set(known))
         if strange:
             raise FitError(f"{self.by.column} {strange[0]!r} is not among the fitted: {', '.join(known)}.")

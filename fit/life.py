@@ -48,9 +48,13 @@ class ToolLife:
 
     def predict(self, **factors: float) -> float:
         """Life at one set of conditions, in ``unit``."""
-        missing = [name for name in self.coefficients.index[1:] if name not in factors]
+        names = [str(name) for name in self.coefficients.index[1:]]
+        missing = [name for name in names if name not in factors]
         if missing:
             raise FitError(f"tool life needs {', '.join(missing)}.")
+        for name in names:
+            if not factors[name] > 0:
+                raise FitError(f"{name} {factors[name]:g}: a power law needs values above zero.")
         return _life(self.coefficients, factors)
 
 
@@ -93,7 +97,13 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
     names = [law.names[j] for j in others]
     middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items() if name != "t"}
     values = eta.copy()
-    values[0] = np.exp(eta[0])
+    with np.errstate(over="ignore"):
+        values[0] = np.exp(eta[0])
+    if not np.isfinite(values[0]):
+        raise FitError(
+            f"{law.response} hardly grows with time (t exponent {k:.3g}): it reaches {criterion:g} "
+            f"{law.units[law.response]} in no time that can be told."
+        )
     coefficients = pd.Series(values, index=names)
     return ToolLife(
         wear=law.response,

@@ -105,13 +105,15 @@ def linear(X: ArrayLike, y: ArrayLike) -> LinearFit:
     W, means, lengths = _standardised(X[:, others], centre=constant is not None)
     y_mean = _mean(y) if constant is not None else 0.0
     unit = [np.full((n, 1), n**-0.5)] if constant is not None else []
-    R = np.linalg.qr(np.hstack([*unit, W, (y - y_mean)[:, None]]), mode="r")
+    R: Array = np.asarray(np.linalg.qr(np.hstack([*unit, W, (y - y_mean)[:, None]]), mode="r"))
     _refuse_dependent(R[:k, :k], ([constant] if constant is not None else []) + others)
     T = _back_to_columns(means, lengths, n, constant, others)
+    if constant is not None:  # its column need not hold ones
+        T[constant] /= X[0, constant]
     inverse = _upper_inverse(R[:k, :k])
     params = T @ (inverse @ R[:k, k])
     if constant is not None:
-        params[constant] += y_mean
+        params[constant] += y_mean / X[0, constant]
     root = T @ inverse
     rss = float(R[k, k] ** 2) if n > k else 0.0
     return LinearFit(
@@ -130,11 +132,15 @@ def _checked(X: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     v: Array = np.asarray(y, dtype=float)
     if A.ndim != 2 or v.shape != (len(A),):
         raise FitError(f"X has shape {A.shape} and y {v.shape}; they need the shapes (n, k) and (n,).")
+    if not A.size:
+        raise FitError(f"X has shape {A.shape}: a fit needs at least one row and one column.")
     if len(A) < A.shape[1]:
         raise FitError(
             f"{len(A)} rows for {A.shape[1]} parameters: add rows or leave out {A.shape[1] - len(A)} columns."
         )
-    if not (np.isfinite(A.sum()) and np.isfinite(v.sum())):  # a sum shows NaN and infinity in one pass
+    with np.errstate(invalid="ignore"):  # inf - inf
+        finite = np.isfinite(A.sum()) and np.isfinite(v.sum())  # a sum shows NaN and infinity in one pass
+    if not finite:
         raise FitError("X or y holds NaN or infinity: leave those rows out before fitting.")
     return A, v
 

@@ -43,6 +43,11 @@ def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "V
     'feed_line'
     """
     rows = select(runs, current, [feed, wear], positive="none")
+    if not len(rows.y):
+        gone = "; ".join(f"{item.count} rows: {item.reason}" for item in rows.dropped)
+        raise FitError(
+            f"load line {current} on {feed} and {wear}: no usable row ({gone}). Fill those cells in."
+        )
     held = _held(rows.y)
     if held.all():
         return _held_law(

@@ -2,7 +2,7 @@
 
 The first stage is the maximum-likelihood fit when errors multiply (a scatter of so many per cent); its
 result starts the second, which is that fit when errors add (a scatter of so many newtons). Which of them
-a law reports is ``error``; the other one travels with it as ``alternative``.
+a law reports is ``error``; ``LawFit.alternative`` gives the other.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from .identifiable import LeftOut, identifiable
 from .lawfit import LawFit
 from .laws import Error, Law, exponential, power
 from .linear import linear
-from .rows import Rows, select
+from .rows import Dropped, Rows, select
 
 Array = NDArray[np.float64]
 # theta, its covariance (None without degrees of freedom), fitted response, residuals, total sum of squares
@@ -47,8 +47,7 @@ def power_law(
     factors : sequence of str
         Symbols, most important first. A constant, or an exact product of earlier ones, is left out by name.
     error : {"multiplicative", "additive"}
-        Least squares of ln R, or of R itself. Both are fitted where possible; the other one is
-        ``LawFit.alternative``.
+        Least squares of ln R, or of R itself. ``LawFit.alternative`` gives the other one.
     edge : str or None
         Column that says which cutting edge a row is from.
     by : str, optional
@@ -92,7 +91,7 @@ def exponential_law(
     >>> list(fit.exponential_law(runs).params.index)
     ['a', 'b']
     """
-    positive: Literal["all", "none"] = "all" if error == "multiplicative" else "none"
+    positive: Literal["all", "none"] = "all" if _positive(error) == "all" else "none"
     rows = select(runs, response, [factor], by=by, positive=positive)
     keep, left_out = identifiable([factor], rows.X, rows.shifts, logs=False)
     if not keep:
@@ -112,7 +111,7 @@ def _positive(error: Error) -> Literal["all", "factors"]:
 
 
 def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], error: Error) -> LawFit:
-    """Both stages, the one that was asked for in front."""
+    """The stages that ``error`` asks for: the logarithms alone, or they and natural units after them."""
     _enough(law, rows, left_out)
     notes = _notes(rows)
     Z = law.design(rows.X, rows.shifts)
@@ -126,21 +125,51 @@ def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], er
 
     if not law.logarithmic:
         return result("additive", *_straight(Z, rows.y))
-    if not (rows.y > 0).all():  # only the second stage can use these rows
-        positive = rows.y > 0
-        _enough(law, replace(rows, y=rows.y[positive]), left_out)
-        start = law.guess(Z[positive], rows.y[positive])
-        return result("additive", *_natural(law, Z, rows.y, start))
-    multiplicative = result("multiplicative", *_logarithmic(Z, rows.y))
+    if error == "multiplicative":
+        return result("multiplicative", *_logarithmic(Z, rows.y))
+    above = rows.y > 0
+    start = law.guess(Z, rows.y) if above.all() else _start(law, Z, rows, left_out)
+    return result("additive", *_natural(law, Z, rows.y, start))
+
+
+def other_structure(law: LawFit) -> LawFit | None:
+    """The same law fitted to the same rows with the other error structure; None where there is no such fit.
+
+    A line has none; rows that are not above zero have no logarithm; and least squares in natural units may
+    fail to converge.
+    """
+    if not law.law.logarithmic or not (law.observed > 0).all():
+        return None
+    error: Error = "additive" if law.error == "multiplicative" else "multiplicative"
+    Z = law.law.design(law.X, law.shifts)
     try:
-        additive = result("additive", *_natural(law, Z, rows.y, multiplicative.theta))
+        stage = (
+            _natural(law.law, Z, law.observed, law.theta)
+            if error == "additive"
+            else _logarithmic(Z, law.observed)
+        )
     except FitError:
-        if error == "additive":
-            raise
-        reason = "the second stage, least squares in natural units, did not converge: only the first is given"
-        return replace(multiplicative, notes=(*notes, reason))
-    first, second = (multiplicative, additive) if error == "multiplicative" else (additive, multiplicative)
-    return replace(first, alternative=second)
+        return None
+    theta, cov, fitted, r, tss = stage
+    return replace(
+        law, error=error, theta=theta, cov_theta=cov, fitted=fitted, residuals=r, rss=float(r @ r), tss=tss
+    )
+
+
+def _start(law: Law, Z: Array, rows: Rows, left_out: tuple[LeftOut, ...]) -> Array:
+    """Log-linear start from the rows above zero, where not all of them are."""
+    above = rows.y > 0
+    below = rows.lines[~above]
+    reason = f"{law.response} zero or negative, and the fit starts from logarithms"
+    unusable = Dropped(reason, len(below), tuple(int(i) for i in below[:5]))
+    _enough(law, replace(rows, y=rows.y[above], dropped=(*rows.dropped, unusable)), left_out)
+    try:
+        return law.guess(Z[above], rows.y[above])
+    except FitError:
+        raise FitError(
+            f"{law.response}: the {int(above.sum())} rows above zero do not tell the parameters apart, so "
+            "least squares in natural units has no start. Leave out a factor or the category, or add such rows."
+        ) from None
 
 
 def _enough(law: Law, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
@@ -213,5 +242,6 @@ def _natural(law: Law, Z: Array, y: Array, start: Array) -> Stage:
     theta = back @ (found.x + step.params)
     fitted = law.response_at(theta, Z)
     r = y - fitted
-    cov = float(r @ r) / step.df_resid * back @ step.cov_unscaled @ back.T if step.df_resid else None
+    variance = float(r @ r) / size**2 / max(step.df_resid, 1)  # the step is fitted in units of size
+    cov = variance * back @ step.cov_unscaled @ back.T if step.df_resid else None
     return theta, cov, fitted, r, float(np.sum((y - y.mean()) ** 2))

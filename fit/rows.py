@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets import Runs
+from ..datasets import Runs, UsageError
 from .errors import FitError
 
 Array = NDArray[np.float64]
@@ -81,6 +81,12 @@ def select(
     positive: Literal["all", "factors", "none"] = "all",
 ) -> Rows:
     """Rows of ``runs`` in which response, factors and category are there and, where asked, above zero."""
+    if not factors:
+        raise UsageError(f"{response}: no factor is named; a law needs at least one, for instance V.")
+    if response in factors:
+        raise UsageError(
+            f"{response} is the response and cannot be its own factor; leave it out of the factors."
+        )
     columns = {name: runs.values(name) for name in (response, *factors)}
     level = runs.labels(by) if by is not None else None
     keep = np.ones(len(runs), dtype=bool)
@@ -101,7 +107,7 @@ def select(
     for name in must_be_positive:
         drop(columns[name] <= 0, f"{name} zero or negative")
     labels = runs.labels(edge) if edge is not None and runs.has(edge) else None
-    keep, repeats = _without_copies(columns, labels, keep)
+    keep, repeats = _without_copies(columns, (labels, level), keep)
     shifts, category = _indicators(level, keep, by)
     return Rows(
         X=np.column_stack([columns[name][keep] for name in factors]),
@@ -116,19 +122,23 @@ def select(
 
 
 def _without_copies(
-    columns: dict[str, Array], edge: NDArray[np.object_] | None, keep: NDArray[np.bool_]
+    columns: dict[str, Array],
+    labels: tuple[NDArray[np.object_] | None, ...],
+    keep: NDArray[np.bool_],
 ) -> tuple[NDArray[np.bool_], int]:
     """Keep one row of each measurement where a file repeats every one of them.
 
     A mean force written beside six roughness readings is one measurement, not six. Only the plain case
-    counts: every distinct row (response, factors and edge to all digits) stands there 6, 12 ... times.
+    counts: every distinct row (response, factors, edge and category, to all digits) stands there 6, 12 ...
+    times.
     """
     first = next(iter(columns.values()))[keep]
     if len(first) < 2 * FEWEST or len(np.unique(first)) > len(first) / 2:
         return keep, 1
     table = pd.DataFrame({name: values[keep] for name, values in columns.items()})
-    if edge is not None:
-        table["edge of the row"] = edge[keep]
+    for i, label in enumerate(labels):
+        if label is not None:
+            table[f"label {i} of the row"] = label[keep]
     group = table.groupby(list(table.columns), sort=False)
     counts = group.size().to_numpy()
     repeats = int(np.gcd.reduce(counts))

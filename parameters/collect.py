@@ -115,7 +115,7 @@ def law_section(law: "LawFit", tool: str = "", work: str = "") -> Law:
     ParameterError
         The fit holds what the schema refuses, an infinite coefficient for one.
     """
-    data = _section(law) | {"published": _published(law, tool, work)}
+    data = _section(law) | {"published": _published(law, tool, work), "alternative": _alternative(law)}
     try:
         return Law.model_validate(data)
     except ValidationError as error:
@@ -149,7 +149,6 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "dropped_rows": [
             {"reason": d.reason, "count": int(d.count), "lines": list(d.lines)} for d in law.dropped
         ],
-        "alternative": law_section(law.alternative) if law.alternative is not None else None,
         "notes": list(law.notes),
     }
 
@@ -203,6 +202,11 @@ def _uncertainty(law: "LawFit") -> dict[str, Any]:
     cov = np.asarray(law.cov_theta, dtype=np.float64)
     matrix = ((cov + cov.T) / 2).tolist()  # symmetric to the last bit, as no product of factors is
     return {"kind": "covariance", "of": list(law.theta_names), "matrix": matrix, "df": int(law.df_resid)}
+
+
+def _alternative(law: "LawFit") -> dict[str, Any] | None:
+    other = law.alternative
+    return None if other is None else _section(other)
 
 
 def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:

@@ -160,13 +160,13 @@ def test_units_scale_through_a_power_law(scale, V):
         ({"V": np.nan, "f": 0.2}, "V = nan"),
         ({"V": "fast", "f": 0.2}, "V = 'fast' is not a number"),
         ({"V": [1, 2], "f": [1, 2, 3]}, "do not broadcast"),
-        ({"V": 1e300, "f": 1e300, "level": "9"}, "no material '9'"),
-        ({"V": 100, "f": 0.2, "level": None}, "say which level"),
+        ({"V": 1e300, "f": 1e300, "by": "9"}, "no material '9'"),
+        ({"V": 100, "f": 0.2, "by": None}, "say which level"),
     ],
 )
 def test_what_a_law_cannot_take_is_named(arguments, words):
     with pytest.raises(ParameterError, match=words):
-        law().predict(**{"level": "1", **arguments})
+        law().predict(**{"by": "1", **arguments})
 
 
 def test_a_level_where_there_is_none_is_refused():
@@ -678,6 +678,7 @@ def stand_in(**changes):
         "cov_theta": np.diag([0.5, 0.01, 0.02, 0.01]) + np.triu(np.full((4, 4), 1e-13), 1),
         "no_interval": None,
         "nobs": 20,
+        "n_edges": 5,
         "df_resid": 16,
         "df_model": 3,
         "rsquared": 0.9,
@@ -689,7 +690,7 @@ def stand_in(**changes):
         "domain": {"V": (50.0, 200.0), "f": (0.1, 0.4)},
         "by": SimpleNamespace(column="material", reference="1", levels=("2",)),
         "left_out": (SimpleNamespace(factor="d", reason="the same in every row"),),
-        "dropped": (SimpleNamespace(reason="AW is empty", count=np.int64(2)),),
+        "dropped": (SimpleNamespace(reason="AW is empty", count=np.int64(2), lines=(3, 7)),),
         "notes": ("a note",),
         "alternative": None,
     }
@@ -699,7 +700,7 @@ def stand_in(**changes):
 def test_collect_hands_every_number_over(path):
     other = stand_in(error="additive", scale_unit="mm")
     pf = collect(
-        tool="GC435",
+        tool="another",
         work="709M40",
         laws=[stand_in(alternative=other)],
         data_file="/some/where/data.csv",
@@ -716,6 +717,7 @@ def test_collect_hands_every_number_over(path):
     assert (section.quantity, section.factors[0].quantity) == ("average wear", "cutting speed")
     assert (section.factors[1].low, section.factors[1].high) == (0.1, 0.4)
     assert section.statistics.F_df == (3, 16)
+    assert (section.n_edges, section.dropped_rows[0].lines) == (5, (3, 7))
     assert section.standard_errors["material[2]"] == 0.1
     assert section.uncertainty.df == 16
     assert section.alternative.residual_scale == "mm"

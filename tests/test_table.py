@@ -135,7 +135,8 @@ def test_a_workbench_export_with_everything(tmp_path):
 @pytest.mark.parametrize(
     ("cell", "decimal", "value"),
     [
-        ("0.234", "point", 0.234), ("1.23", "point", 1.23), ("1.2345", "point", 1.2345), ("1.234e3", "point", 1234),
+        ("0.234", "point", 0.234), ("1.23", "point", 1.23), ("1.2345", "point", 1.2345),
+        ("1.234e3", "point", 1234),
         ("1.234.567", "comma", 1234567), ("0,234", "comma", 0.234), ("1,234,567", "point", 1234567),
         ("1 234,5", "comma", 1234.5), ("1'234.5", "point", 1234.5), ("1\u2009234,567", "comma", 1234.567),
         ("+.5", "point", 0.5), ("1,5E-03", "comma", 0.0015),

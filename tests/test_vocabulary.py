@@ -245,9 +245,9 @@ def test_parts_that_disagree_are_unknown(name):
         ("fz", "mm", "fz"),
         ("V", "volt", None),
         ("V", "furlong", "V"),  # an unlisted unit tells nothing here; the reader complains of it by name
-        ("I", "V", None),
+        ("I", "V", "I"),  # no role else: the reader says that the unit does not fit
         ("T", "°C", None),
-        ("d", "mm/rev", None),
+        ("d", "mm/rev", "d"),
         ("wear", "um", "AW"),
         ("flank wear", "um", "VB"),
         ("force", "lbf", "F"),

@@ -1,0 +1,97 @@
+"""Formula, gradient and first guess of each law agree with each other."""
+
+import numpy as np
+import pytest
+from fitmodels.fit.laws import exponential, feed_line, load_line, power
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+LAWS = {
+    "power": (power("AW", ("V", "f")), [-4.0, 0.5, 0.2]),
+    "exponential": (exponential("Ra", "F"), [-1.4, 0.0034]),
+    "load_line": (load_line("I", "fm", "VB"), [0.12, 1.2e-4, 0.22]),
+    "feed_line": (feed_line("fm", "VB"), [996.0, -1970.0]),
+}
+RANGES = {"V": (50, 200), "f": (0.06, 0.6), "F": (400, 800), "fm": (500, 1000), "VB": (0, 0.3)}
+
+
+def case(form, seed=0):
+    law, theta = LAWS[form]
+    low, high = np.array([RANGES[name] for name in law.factors]).T
+    X = np.random.default_rng(seed).uniform(low, high, size=(20, len(law.factors)))
+    return law, np.array(theta), X
+
+
+@pytest.mark.parametrize("form", LAWS)
+def test_gradient_is_the_derivative(form):
+    """Central differences with steps of 1e-6 of each parameter are good to 1e-9 or better of a linear link."""
+    law, theta, X = case(form)
+    Z = law.design(X)
+    for j in range(len(theta)):
+        step = np.zeros_like(theta)
+        step[j] = 1e-6 * abs(theta[j])
+        numeric = (law.response_at(theta + step, Z) - law.response_at(theta - step, Z)) / (2 * step[j])
+        np.testing.assert_allclose(law.gradient(theta, Z)[:, j], numeric, rtol=1e-7, atol=1e-12)
+
+
+@pytest.mark.parametrize("form", LAWS)
+def test_the_guess_is_exact_on_exact_data(form):
+    law, theta, X = case(form)
+    Z = law.design(X)
+    np.testing.assert_allclose(law.guess(Z, law.response_at(theta, Z)), theta, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("form", "value"),
+    [
+        ("power", lambda c, X: c[0] * X[:, 0] ** c[1] * X[:, 1] ** c[2]),
+        ("exponential", lambda c, X: c[0] * np.exp(c[1] * X[:, 0])),
+        ("load_line", lambda c, X: c[0] + c[1] * X[:, 0] + c[2] * X[:, 1]),
+        ("feed_line", lambda c, X: c[0] + c[1] * X[:, 0]),
+    ],
+)
+def test_the_coefficients_are_those_of_the_printed_formula(form, value):
+    law, theta, X = case(form)
+    c = law.coefficients(theta)
+    assert len(c) == len(law.names)
+    np.testing.assert_allclose(law.response_at(theta, law.design(X)), value(c, X), rtol=1e-13)
+
+
+def test_names_carry_the_papers_letters():
+    assert power("AW", ("V", "f")).names == ("c0", "V", "f")
+    assert exponential("Ra", "F").names == ("a", "b")
+    assert load_line("I", "fm", "VB").names == ("A", "B", "k1")
+    assert feed_line("fm", "VB").names == ("fm0", "slope")
+    assert [law.logarithmic for law, _ in LAWS.values()] == [True, True, False, False]
+
+
+def test_a_category_adds_columns_after_the_factors():
+    law, theta, X = case("power")
+    shifts = np.repeat([[1.0], [0.0]], 10, axis=0)
+    Z = law.design(X, shifts)
+    assert Z.shape == (20, 4)
+    moved = law.response_at(np.append(theta, np.log(3)), Z) / law.response_at(theta, law.design(X))
+    np.testing.assert_allclose(moved, np.repeat([3.0, 1.0], 10), rtol=1e-13)
+
+
+def test_coefficients_leave_theta_as_it_was():
+    law, theta, _ = case("power")
+    before = theta.copy()
+    law.coefficients(theta)[0] = 99
+    np.testing.assert_array_equal(theta, before)
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.01, 100))
+def test_a_power_law_turns_scales_into_its_constant(a, b, scale):
+    law, theta = power("P", ("V", "f")), np.array([0.3, a, b])
+    X = np.random.default_rng(5).uniform(0.1, 10, size=(6, 2))
+    moved = theta - np.array([a * np.log(scale), 0, 0])
+    np.testing.assert_allclose(
+        law.response_at(moved, law.design(X * [scale, 1])), law.response_at(theta, law.design(X)), rtol=1e-11
+    )
+
+
+def test_a_wild_trial_overflows_without_a_warning():
+    law, _, X = case("power")
+    assert np.isinf(law.response_at(np.array([2000.0, 1, 1]), law.design(X))).all()

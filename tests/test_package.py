@@ -1,0 +1,134 @@
+"""The package tests itself: what pyproject promises, what the README shows, what a wheel holds."""
+
+import importlib
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import fitmodels
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+SETUPTOOLS = PROJECT["tool"]["setuptools"]
+README = (ROOT / "README.md").read_text("utf-8")
+ROOMS = ("datasets", "fit", "parameters", "cards", "cli")
+COMMANDS = (
+    "python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/fitmodels datasets/gc435_709m40/data.csv",
+    "python3 -m venv .venv && .venv/bin/pip install '.[test]' && .venv/bin/pytest",
+)
+
+
+def test_packages_are_the_folders_with_python_in_them():
+    on_disk = {
+        "fitmodels" + "".join(f".{part}" for part in path.parent.relative_to(ROOT).parts)
+        for path in ROOT.glob("**/__init__.py")
+        if not {"tests", "docs", "benchmarks", "build", ".venv"} & set(path.relative_to(ROOT).parts)
+    }
+    assert set(SETUPTOOLS["packages"]) == on_disk
+
+
+def test_only_three_modules_stand_at_the_root():
+    assert {path.stem for path in ROOT.glob("*.py")} == {"__init__", "__main__"}
+
+
+def test_package_data_names_every_file_that_is_not_python():
+    for room in ROOMS:
+        patterns = SETUPTOOLS["package-data"].get(f"fitmodels.{room}", [])
+        carried = {path for pattern in patterns for path in (ROOT / room).glob(pattern)}
+        files = {
+            path for path in (ROOT / room).rglob("*") if path.is_file() and "__pycache__" not in path.parts
+        }
+        left = {path.relative_to(ROOT).as_posix() for path in files - carried if path.suffix != ".py"}
+        assert not left
+    assert (ROOT / "py.typed").is_file()
+
+
+def test_version_is_told_alike_everywhere():
+    version = PROJECT["project"]["version"]
+    assert fitmodels.__version__ == version
+    assert f"version: {version}" in (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_public_names_exist_and_are_documented(room):
+    module = importlib.import_module(f"fitmodels.{room}")
+    assert module.__doc__
+    for name in getattr(module, "__all__", []):
+        thing = getattr(module, name)
+        assert not callable(thing) or (thing.__doc__ and thing.__module__.startswith(f"fitmodels.{room}")), (
+            name
+        )
+
+
+def test_rooms_load_on_first_use():
+    code = (
+        "import sys, fitmodels; fitmodels.__version__; "
+        "print([m for m in ('numpy', 'pandas', 'scipy', 'matplotlib') if m in sys.modules]); "
+        "fitmodels.parameters; print('pandas' in sys.modules, 'scipy' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines() == ["[]", "False False"]
+
+
+def test_the_readme_holds_its_two_commands_a_line_each():
+    lines = [line.strip() for line in README.splitlines() if line.strip().startswith("python3 -m venv")]
+    assert tuple(lines) == COMMANDS
+
+
+def test_the_output_in_the_readme_is_what_the_command_prints(tmp_path, monkeypatch, capsys):
+    from fitmodels.cli import main
+    from fitmodels.datasets import bundled
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    assert main([str(bundled("gc435_709m40"))]) == 0
+    printed = capsys.readouterr().out
+    blocks = re.findall(r"```text\n(.*?)```", README, flags=re.S)
+    assert len(blocks) == 1
+    pieces = [piece.strip("\n") for piece in blocks[0].split("...\n")]
+    assert len(pieces) >= 2
+    for piece in pieces:
+        assert piece in printed
+
+
+def test_the_python_in_the_readme_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    blocks = re.findall(r"```python\n(.*?)```", README, flags=re.S)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})  # noqa: S102
+
+
+@pytest.mark.packaging
+def test_wheel_and_sdist_hold_what_is_needed_and_install(tmp_path):
+    subprocess.run(
+        [sys.executable, "-m", "build", "--outdir", str(tmp_path), str(ROOT)], check=True, capture_output=True
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    (sdist,) = tmp_path.glob("*.tar.gz")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    expected = {
+        "fitmodels/py.typed",
+        "fitmodels/cards/templates/card.md",
+        "fitmodels/datasets/gc435_709m40/data.csv",
+        "fitmodels/datasets/gc435_709m40/README.md",
+        "fitmodels/cli/__init__.py",
+    }
+    assert expected <= names
+    assert not [name for name in names if "tests" in name or "benchmarks" in name]
+    listing = subprocess.run(["tar", "tzf", str(sdist)], check=True, capture_output=True, text=True).stdout
+    for part in ("tests/test_package.py", "MANIFEST.in", "datasets/surf_table1/data.csv", "CHANGELOG.md"):
+        assert part in listing
+    venv = tmp_path / "venv"
+    subprocess.run([sys.executable, "-m", "venv", str(venv)], check=True)
+    subprocess.run([str(venv / "bin" / "pip"), "install", "--quiet", str(wheel)], check=True)
+    code = "from fitmodels import datasets; print(len(datasets.read_runs(datasets.bundled('ac2017_table1'))))"
+    run = subprocess.run(
+        [str(venv / "bin" / "python"), "-c", code], cwd=tmp_path, check=True, capture_output=True
+    )
+    assert run.stdout.strip() == b"16"
