@@ -101,6 +101,11 @@ def cautions(law: Law) -> list[str]:
     out = []
     if not isinstance(law.uncertainty, Covariance):
         out.append(f"{law.uncertainty.reason}: nothing is left over to judge the law by.")
+    if law.form in ("power", "exponential") and law.alternative is None:
+        out.append(
+            "There is no fit with the other error structure beside it: it needs every row above zero, and least "
+            "squares in natural units that converges."
+        )
     out += [f"{item.factor} is left out: {item.reason}." for item in law.left_out]
     out += [_dropped_words(rows) for rows in law.dropped_rows]
     out += [f"{note[0].upper()}{note[1:]}." if not note.endswith(".") else note for note in law.notes]

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from .columns import ColumnUse
     from .design import central_composite
     from .errors import DataError, FitmodelsError, UsageError
-    from .runs import Runs, Source, read_runs, runs_from_frame
+    from .reading import read_runs, runs_from_frame
+    from .runs import Runs, Source
     from .simulation import SimulatedLaw, simulate, write_csv
     from .table import Table, read_table
 
@@ -27,9 +28,9 @@ _HOME = {
     "bundled": "bundles",
     "bundled_names": "bundles",
     "central_composite": "design",
-    "read_runs": "runs",
+    "read_runs": "reading",
     "read_table": "table",
-    "runs_from_frame": "runs",
+    "runs_from_frame": "reading",
     "simulate": "simulation",
     "write_csv": "simulation",
 }

@@ -19,10 +19,13 @@ def looks_coded(values: NDArray[np.float64]) -> bool:
     >>> looks_coded(np.array([-1, 1, 0, 0, -1, 1.0])), looks_coded(np.array([50, 100, 200.0]))
     (True, False)
     """
-    levels = np.unique(values[~np.isnan(values)])
+    known = values[~np.isnan(values)]
+    if not known.size or known.min() < -3 or known.max() > 3:  # the usual case, told without sorting
+        return False
+    levels = np.unique(known)
     if not 2 <= len(levels) <= 7 or not {-1.0, 1.0} <= set(levels):
         return False
-    return bool(np.allclose(levels, -levels[::-1]) and np.abs(levels).max() <= 3)
+    return bool(np.allclose(levels, -levels[::-1]))
 
 
 def decode(role: str, values: Values, given: tuple[float, ...] | None) -> tuple[Values, tuple[str, ...]]:

@@ -151,9 +151,8 @@ def _reread(body: Body, places: list[int]) -> dict[int, NDArray[np.object_]]:
 
 def _texts(cells: tuple[Cell, ...]) -> NDArray[np.object_]:
     """Give the cells as text, one object for equal texts."""
-    known: dict[Cell, str] = {}
-    texts = [known.setdefault(cell, _text(cell)) for cell in cells]
-    return np.array(texts, dtype=object)
+    known = {cell: _text(cell) for cell in set(cells)}
+    return np.array([known[cell] for cell in cells], dtype=object)
 
 
 def _text(cell: Cell) -> str:

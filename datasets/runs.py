@@ -1,20 +1,15 @@
-"""A lab file becomes Runs: columns with roles and units, one row a measurement, nothing guessed in silence."""
+"""Measurements of cutting tests: columns with roles and units, one row a measurement."""
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from hashlib import sha256
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .coded import decode
-from .columns import ColumnUse, assign
-from .errors import DataError, UsageError
-from .table import Column, read_table
-from .units import is_unit
-from .vocabulary import ROLES
+from .columns import ColumnUse
+from .errors import UsageError
 
 Array = NDArray[np.float64]
 UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}
@@ -120,14 +115,17 @@ class Runs:
         if not shared:
             raise UsageError(f"{self.source.name} and {other.source.name} have no column in common.")
         data = pd.concat([self.data[shared], other.data[shared]], ignore_index=True)
-        source = replace(self.source, name=f"{self.source.name} + {other.source.name}", rows=len(data))
+        digest = sha256((self.source.sha256 + other.source.sha256).encode()).hexdigest()
+        name = f"{self.source.name} + {other.source.name}"
         return replace(
             self,
             data=data,
             units={name: unit for name, unit in self.units.items() if name in shared},
             lines=np.concatenate([self.lines, other.lines]),
-            source=source,
-            notes=(*self.notes, *other.notes),
+            source=replace(self.source, name=name, rows=len(data), sha256=digest),
+            tool=self.tool if self.tool == other.tool else "several",
+            work=self.work if self.work == other.work else "several",
+            notes=tuple(dict.fromkeys((*self.notes, *other.notes))),
             assumed=tuple(dict.fromkeys((*self.assumed, *other.assumed))),
             warnings=(*self.warnings, *other.warnings),
         )
@@ -142,146 +140,3 @@ class Runs:
         if column is None:
             raise UsageError(f"no column {name!r}; there are {', '.join(map(str, self.data.columns))}.")
         return column
-
-
-def read_runs(
-    path: str | os.PathLike[str],
-    *,
-    map: Mapping[str, str] | None = None,  # noqa: A002  the option of the command is --map
-    units: Mapping[str, str] | None = None,
-    ranges: Mapping[str, tuple[float, ...]] | None = None,
-    tool: str | None = None,
-    work: str | None = None,
-    decimal: Literal["point", "comma"] | None = None,
-    delimiter: str | None = None,
-    sheet: str | None = None,
-) -> Runs:
-    """Read a wear-test file: text of any dialect, or .xlsx.
-
-    Parameters
-    ----------
-    path : path of the file
-    map : mapping of role symbol to column header (or ``col7``), which overrides what the headers say
-    units : mapping of role symbol to unit, for columns whose unit is not in the file
-    ranges : mapping of role symbol to (low, high) or (low, centre, high), for columns in coded levels
-    tool, work : names of the pair, where the file does not hold them
-    decimal, delimiter, sheet : see :func:`fitmodels.datasets.read_table`
-
-    Raises
-    ------
-    DataError
-        The file cannot be read, two columns claim one role, a unit does not fit, or a cell is no number.
-    UsageError
-        ``map``, ``units`` or ``ranges`` name a role or column that does not exist.
-
-    Examples
-    --------
-    >>> from fitmodels import datasets
-    >>> len(datasets.read_runs(datasets.bundled("ac2017_table1")))
-    16
-    """
-    table = read_table(path, is_unit=is_unit, decimal=decimal, delimiter=delimiter, sheet=sheet)
-    source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
-    notes = tuple(note.lstrip("#% ") for note in table.notes)
-    return _assemble(
-        table.columns, table.lines, source, notes, table.warnings,
-        mapping=map or {}, units=units or {}, ranges=ranges or {}, tool=tool, work=work,
-    )  # fmt: skip
-
-
-def runs_from_frame(
-    frame: pd.DataFrame,
-    *,
-    map: Mapping[str, str] | None = None,  # noqa: A002
-    units: Mapping[str, str] | None = None,
-    tool: str | None = None,
-    work: str | None = None,
-) -> Runs:
-    """Runs from a DataFrame whose column names are read as headers of a file are.
-
-    Examples
-    --------
-    >>> from fitmodels import datasets
-    >>> frame = pd.DataFrame({"vc [m/s]": [1.0, 2.0], "AW": [0.1, 0.2]})
-    >>> datasets.runs_from_frame(frame).values("V").tolist()
-    [60.0, 120.0]
-    """
-    columns = tuple(_column_of(i, str(name), frame.iloc[:, i]) for i, name in enumerate(frame.columns))
-    source = Source("DataFrame", "", len(frame), "in memory")
-    return _assemble(
-        columns, np.arange(len(frame)), source, (), (),
-        mapping=map or {}, units=units or {}, ranges={}, tool=tool, work=work,
-    )  # fmt: skip
-
-
-def _column_of(position: int, name: str, series: "pd.Series[float]") -> Column:
-    numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
-    values = series.to_numpy(dtype=float) if numeric else series.fillna("").astype(str).to_numpy(dtype=object)
-    if numeric and np.isinf(values).any():
-        row = int(np.flatnonzero(np.isinf(values))[0])
-        raise DataError(f"column {name!r} row {row}: {values[row]} is no measurement; leave the row out.")
-    return Column(position + 1, name, "", values, numeric, ())
-
-
-def _assemble(
-    columns: tuple[Column, ...],
-    lines: NDArray[np.intp],
-    source: Source,
-    notes: tuple[str, ...],
-    warnings: tuple[str, ...],
-    *,
-    mapping: Mapping[str, str],
-    units: Mapping[str, str],
-    ranges: Mapping[str, tuple[float, ...]],
-    tool: str | None,
-    work: str | None,
-) -> Runs:
-    uses, data, assumed = assign(columns, mapping, units)
-    for role, values in data.items():
-        if ROLES[role].kind == "condition" or role in ranges:
-            data[role], said = decode(role, values, ranges.get(role))
-            assumed += said
-    assumed = (*_computed(data), *assumed)
-    roles = {use.number: use.role for use in uses}
-    for column in columns:
-        if roles[column.number] is None:
-            data.setdefault(column.name or f"col{column.number}", column.values)
-    frame = pd.DataFrame(data)
-    given = {"tool": tool, "work": work}
-    for role, name in given.items():
-        if name is not None and role in frame:
-            frame = frame.drop(columns=role)
-    named = {role: _pair_name(role, given[role], frame, notes) for role in given}
-    assumed += tuple(
-        f"{role}: not named in the file, called {name}; name it with --{role}"
-        for role, name in named.items()
-        if name == UNNAMED[role]
-    )
-    roled = {role: ROLES[role].unit for role in data if role in ROLES and ROLES[role].unit}
-    return Runs(frame, roled, uses, lines, source, named["tool"], named["work"], assumed, warnings, notes)
-
-
-def _computed(data: dict[str, NDArray[np.float64] | NDArray[np.object_]]) -> tuple[str, ...]:
-    if "Fxz" in data or "Fx" not in data or "Fz" not in data:
-        return ()
-    data["Fxz"] = np.hypot(data["Fx"].astype(float), data["Fz"].astype(float))
-    return ("Fxz is computed from the file's Fx and Fz: sqrt(Fx^2 + Fz^2)",)
-
-
-def _pair_name(role: str, given: str | None, frame: pd.DataFrame, notes: tuple[str, ...]) -> str:
-    """Name of tool or work: as given, from its column, from a note ``tool: GC435``, or the stand-in."""
-    if given is not None:
-        return given
-    if role in frame:
-        column = frame[role]
-        names = [
-            f"{v:.15g}" if isinstance(v, float) else str(v) for v in column.unique() if v not in ("", None)
-        ]
-        names = [name for name in names if name != "nan"]
-        return names[0] if len(names) == 1 else "several" if names else UNNAMED[role]
-    words = {name.lower() for name in (role, *ROLES[role].names)}
-    for note in notes:
-        head, colon, tail = note.lstrip("#% ").replace(";", ":", 1).replace("\t", ":", 1).partition(":")
-        if colon and head.strip().lower() in words and tail.strip(" ;,\t:"):
-            return tail.strip(" ;,\t:")
-    return UNNAMED[role]

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from .lawfit import LawFit
 
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
+MOST = 4000  # points in one panel: more are slow to draw and show nothing new
 
 
 def _axes(ax: Axes | None) -> Axes:
@@ -22,10 +24,25 @@ def _label(law: LawFit, symbol: str) -> str:
     return f"{symbol} [{unit}]" if unit else symbol
 
 
+def _even(n: int) -> NDArray[np.intp]:
+    """Positions of an even choice of at most ``MOST`` of n points, the first and the last among them."""
+    return np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp)
+
+
+def _title(ax: Axes, text: str, n: int) -> None:
+    """Title of a panel of points, which says so where not all of them are drawn."""
+    ax.set_title(text + (f"\n{MOST} of {n} points drawn" if n > MOST else ""), fontsize=10)
+
+
+def _points(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+    shown = _even(len(x))
+    ax.plot(x[shown], y[shown], "o", ms=4, mfc="none", mec=BLUE, mew=0.9)
+
+
 def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
     """Measured values against the law's, with the line on which they would be equal."""
     ax = _axes(ax)
-    ax.plot(law.fitted, law.observed, "o", ms=4, mfc="none", mec=BLUE, mew=0.9)
+    _points(ax, law.fitted, law.observed)
     ends = [min(law.fitted.min(), law.observed.min()), max(law.fitted.max(), law.observed.max())]
     ax.plot(ends, ends, color=ORANGE, lw=1.2)
     if law.error == "multiplicative" and ends[0] > 0 and ends[1] / ends[0] > 3:
@@ -33,7 +50,7 @@ def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
         _plain_ticks(ax, "xy", ends, ends)
     ax.set_xlabel(f"predicted {_label(law, law.response)}")
     ax.set_ylabel(f"observed {_label(law, law.response)}")
-    ax.set_title(f"{law.response}: R² {law.rsquared:.3f}, n {law.nobs}", fontsize=10)
+    _title(ax, f"{law.response}: R² {law.rsquared:.3f}, n {law.nobs}", law.nobs)
     return ax
 
 
@@ -41,7 +58,7 @@ def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
     """Residuals against the prediction, on the scale on which they were made small."""
     ax = _axes(ax)
     ax.axhline(0, color=ORANGE, lw=1.2)
-    ax.plot(law.fitted, law.residuals, "o", ms=4, mfc="none", mec=BLUE, mew=0.9)
+    _points(ax, law.fitted, law.residuals)
     se = law.scale_se
     if se:
         for side in (-2, 2):
@@ -53,7 +70,7 @@ def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
     unit = "ln" if law.error == "multiplicative" else law.units.get(law.response, "")
     ax.set_xlabel(f"predicted {_label(law, law.response)}")
     ax.set_ylabel(f"residual of {law.response} [{unit}]")
-    ax.set_title(f"{law.response}: dashed ±2 SE" if se else law.response, fontsize=10)
+    _title(ax, f"{law.response}: dashed ±2 SE" if se else law.response, law.nobs)
     return ax
 
 
@@ -65,7 +82,7 @@ def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
     n = law.nobs
     scale = law.scale_se or 1.0
     quantiles = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))  # Blom 1958
-    ax.plot(quantiles, np.sort(law.residuals) / scale, "o", ms=4, mfc="none", mec=BLUE, mew=0.9)
+    _points(ax, quantiles, np.sort(law.residuals) / scale)
     ends = [quantiles[0], quantiles[-1]]
     ax.plot(ends, ends, color=ORANGE, lw=1.2)
     ax.set_xlabel("normal quantile")
@@ -96,10 +113,10 @@ def _line(law: LawFit, ax: Axes) -> Axes:
         )
         ax.plot(grid, band["value"], color=ORANGE)
         ax.legend(frameon=False, fontsize=8)
-    ax.plot(law.X[:, 0], law.observed, "o", ms=4, mfc="none", mec=BLUE)
+    _points(ax, law.X[:, 0], law.observed)
     ax.set_xlabel(_label(law, name))
     ax.set_ylabel(_label(law, law.response))
-    ax.set_title(f"{law.response} on {name}", fontsize=10)
+    _title(ax, f"{law.response} on {name}", law.nobs)
     return ax
 
 
@@ -116,9 +133,8 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
     ax.contourf(gx, gy, z, levels, cmap="Blues", alpha=0.6, extend="both")
     lines = ax.contour(gx, gy, z, levels, colors="black", linewidths=0.7)
     ax.clabel(lines, fontsize=7, fmt=lambda v: f"{v:.4g}")
-    settings = np.unique(law.X[:, :2], axis=0)
-    if len(settings) > 400:
-        settings = settings[:: len(settings) // 400]
+    settings = pd.DataFrame(law.X[:, :2]).drop_duplicates().to_numpy()
+    settings = settings[:: -(-len(settings) // 400)]
     ax.plot(settings[:, 0], settings[:, 1], "o", ms=4, color=ORANGE, mec="white", mew=0.5, clip_on=False)
     if logs:
         ax.set(xscale="log", yscale="log")

@@ -18,7 +18,7 @@ from .errors import FitError
 Array = NDArray[np.float64]
 
 # A scaled column whose part outside the span of the columns before it is shorter than this is no column
-# of its own. Filip's tenth power, the hardest certified set, keeps 1e-9; an exact copy keeps about 1e-16.
+# of its own. Filip's tenth power, the hardest certified set, keeps 6e-8; an exact copy keeps about 1e-16.
 DEPENDENT = 1e-13
 
 

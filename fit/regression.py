@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets import Runs, UsageError
+from .condense import Condensed
 from .errors import FitError
 from .identifiable import LeftOut, identifiable
 from .lawfit import LawFit
@@ -181,6 +182,10 @@ def _enough(law: Law, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
             f"{law.response}: {len(rows.y)} usable rows for {p} parameters ({', '.join(law.names)}){gone}{why}. "
             f"Measure at least {p + 1 - len(rows.y)} more, or leave out a factor."
         )
+    if np.all(rows.y == rows.y[0]):
+        raise FitError(
+            f"{law.response} is {rows.y[0]:g} in all {len(rows.y)} rows: there is nothing to explain. Check the column."
+        )
     if not law.factors:
         raise FitError(f"{law.response}: no factor to fit it on{why}{gone}. Vary at least one condition.")
 
@@ -221,27 +226,22 @@ def _natural(law: Law, Z: Array, y: Array, start: Array) -> Stage:
     C = Z - centre
     back = np.eye(Z.shape[1])
     back[0, 1:] = -centre[1:]
-    size = float(np.max(np.abs(y)))
-
-    def residuals(theta: Array) -> Array:
-        return (law.response_at(theta, C) - y) / size
-
-    def jacobian(theta: Array) -> Array:
-        return law.gradient(theta, C) / size
-
+    condensed = Condensed(law, C, y, float(np.max(np.abs(y))))
     begin = np.linalg.solve(back, start)
     found = least_squares(
-        residuals, begin, jac=jacobian, method="trf", x_scale="jac", ftol=TIGHT, xtol=TIGHT, gtol=TIGHT
-    )
+        condensed.residuals, begin, jac=condensed.jacobian, method="trf", x_scale="jac",
+        ftol=TIGHT, xtol=TIGHT, gtol=TIGHT,
+    )  # fmt: skip
     if not np.isfinite(found.x).all() or found.status == 0:
         raise FitError(
             f"{law.response}: least squares in natural units did not converge from the log-linear start. "
             "Fit with error='multiplicative'."
         )
-    step = linear(jacobian(found.x), -residuals(found.x))
+    step = linear(condensed.jacobian(found.x), -condensed.residuals(found.x))
     theta = back @ (found.x + step.params)
     fitted = law.response_at(theta, Z)
     r = y - fitted
-    variance = float(r @ r) / size**2 / max(step.df_resid, 1)  # the step is fitted in units of size
-    cov = variance * back @ step.cov_unscaled @ back.T if step.df_resid else None
+    df = len(y) - len(theta)
+    variance = float(r @ r) / condensed.size**2 / max(df, 1)  # the step is fitted in units of size
+    cov = variance * back @ step.cov_unscaled @ back.T if df else None
     return theta, cov, fitted, r, float(np.sum((y - y.mean()) ** 2))

@@ -132,10 +132,9 @@ def _without_copies(
     counts: every distinct row (response, factors, edge and category, to all digits) stands there 6, 12 ...
     times.
     """
-    first = next(iter(columns.values()))[keep]
-    if len(first) < 2 * FEWEST or len(np.unique(first)) > len(first) / 2:
-        return keep, 1
     table = pd.DataFrame({name: values[keep] for name, values in columns.items()})
+    if len(table) < 2 * FEWEST or _alone(table):
+        return keep, 1
     for i, label in enumerate(labels):
         if label is not None:
             table[f"label {i} of the row"] = label[keep]
@@ -147,6 +146,15 @@ def _without_copies(
     kept = keep.copy()
     kept[np.flatnonzero(keep)[group.cumcount().to_numpy() % repeats > 0]] = False
     return kept, repeats
+
+
+def _alone(table: pd.DataFrame) -> bool:
+    """Whether the first row has no equal, which settles that not every row has one."""
+    equal = np.ones(len(table), dtype=bool)
+    for name in table:
+        values = table[name].to_numpy()
+        equal &= values == values[0]
+    return bool(equal.sum() == 1)
 
 
 def _indicators(

@@ -1,0 +1,80 @@
+"""Residuals and Jacobian of many rows, condensed to as many rows as the Jacobian has columns.
+
+A step of least squares needs J'J, J'r and r'r alone. The triangle of a QR of ``[J r]`` holds all three in
+p + 1 rows, so that the singular values of a trust region cost next to nothing however many rows were
+measured; taken block by block it also needs no memory of the size of J.
+
+Source: Demmel, Grigori, Hoemmen & Langou 2012, SIAM J. Sci. Comput. 34, A206 (tall-skinny QR).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .laws import Law
+
+Array = NDArray[np.float64]
+
+BLOCK = 8192  # rows at a time: the block and its triangle stay in the processor's cache
+
+
+@dataclass(slots=True)
+class Condensed:
+    """Residuals and Jacobian of a law, both in units of ``size``, for ``scipy.optimize.least_squares``.
+
+    Attributes
+    ----------
+    law : Law
+    Z : ndarray, shape (n, p)
+        Columns of the linear form.
+    y : ndarray, shape (n,)
+        Response.
+    size : float
+        What residuals and Jacobian are divided by.
+
+    Examples
+    --------
+    >>> from .laws import power
+    >>> Z, y = np.column_stack([np.ones(4), np.arange(4.0)]), np.array([1.0, 2.0, 4.0, 9.0])
+    >>> line = Condensed(power("R", ("x",)), Z, y, 1.0)
+    >>> theta = np.array([0.0, 0.7])
+    >>> J, r = line.jacobian(theta), line.residuals(theta)
+    >>> J.shape, bool(np.isclose(r @ r, np.sum((np.exp(Z @ theta) - y) ** 2)))
+    ((3, 2), True)
+    """
+
+    law: Law
+    Z: Array
+    y: Array
+    size: float
+    _at: Array | None = field(default=None, init=False)
+    _triangle: Array = field(default_factory=lambda: np.empty((0, 0)), init=False)
+
+    def residuals(self, theta: Array) -> Array:
+        """Rotated residuals, shape (p + 1,): their length is that of the n residuals."""
+        return self._of(theta)[:, -1]
+
+    def jacobian(self, theta: Array) -> Array:
+        """Jacobian in the same rotation, shape (p + 1, p)."""
+        return self._of(theta)[:, :-1]
+
+    def _of(self, theta: Array) -> Array:
+        """Triangle of ``[J r]``; both must come of one rotation, so the last one is kept."""
+        if self._at is None or not np.array_equal(theta, self._at):
+            blocks = [self._block(theta, slice(i, i + BLOCK)) for i in range(0, len(self.y), BLOCK)]
+            self._triangle = blocks[0] if len(blocks) == 1 else _triangle(np.vstack(blocks))
+            self._at = theta.copy()
+        return self._triangle
+
+    def _block(self, theta: Array, rows: slice) -> Array:
+        Z = self.Z[rows]
+        with np.errstate(over="ignore", invalid="ignore"):  # a wild trial step
+            r = self.law.response_at(theta, Z) - self.y[rows]
+            return _triangle(np.column_stack([self.law.gradient(theta, Z), r]) / self.size)
+
+
+def _triangle(A: Array) -> Array:
+    if not np.isfinite(A).all():  # the solver turns a step down when it sees infinity
+        return np.full((min(A.shape), A.shape[1]), np.inf)
+    return np.asarray(np.linalg.qr(A, mode="r"))
