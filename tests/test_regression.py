@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import curve_fit
 from scipy.stats import t as student
@@ -187,9 +187,15 @@ def test_an_exponential_law_says_when_forces_repeat():
     st.tuples(*[st.floats(-2, 2)] * 3), st.floats(1e-4, 1e4), st.sampled_from(["multiplicative", "additive"])
 )
 def test_exact_data_give_their_exponents_back(exponents, c0, error):
+    assume(max(abs(b) for b in exponents) > 1e-9)  # a constant response is refused, see below
     law = fitted(turning(20, noise=0, exponents=exponents, c0=c0), error=error)
     np.testing.assert_allclose(law.params[1:], exponents, atol=1e-8)
     assert law.params["c0"] == pytest.approx(c0, rel=1e-7)
+
+
+def test_a_constant_response_is_refused():
+    with pytest.raises(fit.FitError, match=r"AW is 0\.2 in all 20 rows: there is nothing to explain"):
+        fitted(turning(20).assign(AW=0.2))
 
 
 @REPRODUCIBLE
