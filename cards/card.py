@@ -13,8 +13,8 @@ from .facts import (
     about_intervals,
     cautions,
     coefficient_rows,
-    life_equation,
     lacking,
+    life_equation,
     life_words,
     other_words,
     published_words,
@@ -38,7 +38,10 @@ def markdown(pf: ParameterFile, *, figures: bool = False, data_lines: Sequence[s
         What was understood of the data, a line each.
     """
     first = next(iter(pf.laws.values()), None)
-    example = ", ".join(f"{f.symbol}={_middle(f.low, f.high)}" for f in first.factors) if first else ""
+    at = [f"{f.symbol}={_middle(f.low, f.high)}" for f in first.factors] if first else []
+    if first and first.by:
+        at.append(f"by={json.dumps(first.by.reference, ensure_ascii=False)}")
+    example = ", ".join(at)
     return (
         _environment()
         .get_template("card.md")
@@ -80,7 +83,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        text=_text, code=_code, quoted=json.dumps, text_line=_one_line, sentence=_sentence
+        text=_text, code=_code, quoted=_quoted, text_line=_one_line, sentence=_sentence
     )
     return environment
 
@@ -88,6 +91,11 @@ def _environment() -> Environment:
 def _text(value: object) -> str:
     """Text that Markdown and HTML leave alone, on one line."""
     return SPECIAL.sub(r"\\\1", html.escape(_one_line(value), quote=False))
+
+
+def _quoted(value: object) -> str:
+    """A YAML string that no reader takes for HTML, as one that does not know the head might."""
+    return json.dumps(value).replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def _code(value: object) -> str:

@@ -9,6 +9,7 @@ from ..parameters import Covariance, DroppedRows, Law, ParameterFile
 from .rounding import EXACT, p_value, plain, told
 
 LEVEL = 0.95
+WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +180,7 @@ def _half_widths(law: Law, level: float) -> dict[str, float]:
 
 
 def _interval(value: float, half: float | None, se: float | None, is_scale: bool) -> str:
-    if half is None or not se:
+    if half is None or not se or (is_scale and half > WIDEST):
         return ""
     low, high = (
         (value * math.exp(-half), value * math.exp(half)) if is_scale else (value - half, value + half)

@@ -30,8 +30,8 @@ def draw_figures(laws: Sequence[LawFit], folder: Path, banner: str = "") -> tupl
 
 def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Figure:
     """One column a law, at most four beside each other; the kinds of panel stand under each other."""
-    across = min(len(laws), 4)
-    blocks = -(-len(laws) // across)
+    blocks = -(-len(laws) // 4)
+    across = -(-len(laws) // blocks)
     down = blocks * len(panels)
     width, height = 3.7 * across, 3.4 * down
     figure = Figure(figsize=(width, height))

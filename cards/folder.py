@@ -1,9 +1,9 @@
 """The folder of a pair: parameter file, card and figures, all of them or none."""
 
 import os
-import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..datasets.errors import UsageError
@@ -65,18 +65,32 @@ def write(
             f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out."
         )
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".fitmodels-", dir=folder.parent))
+        with _stage(folder.parent) as stage:
+            made = stage / "made"  # the stage itself is private to its user
+            made.mkdir()
+            _fill(made, pf, laws, data_lines)
+            _move(made, folder)
     except OSError as error:
         raise UsageError(
-            f"{folder.parent} cannot be written: {error.strerror}; choose another with --out."
+            f"{folder} cannot be written: {error.strerror or error}; choose another place with --out."
         ) from None
-    try:
-        _fill(stage, pf, laws, data_lines)
-        _move(stage, folder)
-    finally:
-        shutil.rmtree(stage, ignore_errors=True)
     return folder
+
+
+@contextmanager
+def _stage(parent: Path) -> Iterator[Path]:
+    """A hidden folder in ``parent``; it goes afterwards, and so do parents made for it that stayed empty."""
+    missing = [place for place in (parent, *parent.parents) if not place.exists()]
+    parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(
+            prefix=".fitmodels-", dir=parent, ignore_cleanup_errors=True
+        ) as name:
+            yield Path(name)
+    finally:
+        for place in missing:
+            with suppress(OSError):  # not empty: the result stands in it
+                place.rmdir()
 
 
 def _fill(stage: Path, pf: ParameterFile, laws: Sequence[LawFit], data_lines: Sequence[str]) -> None:
@@ -88,10 +102,18 @@ def _fill(stage: Path, pf: ParameterFile, laws: Sequence[LawFit], data_lines: Se
         draw_figures(laws, stage / "figures", "not measured" if pf.identity.simulated else "")
 
 
-def _move(stage: Path, folder: Path) -> None:
-    for path in sorted(stage.rglob("*")):
-        target = folder / path.relative_to(stage)
-        if path.is_dir():
-            continue
+def _move(made: Path, folder: Path) -> None:
+    """Put a new folder in its place at one stroke; into one that is there, file by file."""
+    if not folder.exists():
+        made.rename(folder)
+        return
+    moves = [(path, folder / path.relative_to(made)) for path in sorted(made.rglob("*")) if path.is_file()]
+    for _, target in moves:
+        if target.is_dir() or (target.parent.exists() and not target.parent.is_dir()):
+            odd = target if target.is_dir() else target.parent
+            raise UsageError(
+                f"{odd} stands where fitmodels writes; rename it, or choose another place with --out."
+            )
+    for path, target in moves:
         target.parent.mkdir(parents=True, exist_ok=True)
         path.replace(target)

@@ -11,6 +11,7 @@ from rich.text import Text
 from ..datasets import ColumnUse, Runs
 from ..datasets.vocabulary import ROLES
 from ..fit import Refused
+from ..fit.defaults import CONDITIONS
 from ..parameters import Law, ParameterFile
 from .facts import (
     about_intervals,
@@ -25,10 +26,10 @@ from .facts import (
 )
 from .rounding import plain
 
-
 NOTHING = (
-    "No law to fit: a wear law needs AW or VB and one of V, f, d, t; force and power laws a force or P; "
-    "a load line I, fm and VB; a roughness law Ra and F."
+    "no law can be fitted to these columns. A wear law needs AW or VB beside V, f, d or t; a force or power "
+    "law a force or P beside them; a load line I, fm and VB; a roughness law Ra and F. Say which column is "
+    'which with --map, for instance --map "VB=col7".'
 )
 
 
@@ -36,7 +37,7 @@ def understood(runs: Runs) -> RenderableType:
     """What was understood of the file, before anything is fitted."""
     table = _grid()
     s = runs.source
-    table.add_row("file", Text(f"{s.name}: {s.dialect}; {s.rows} rows"))
+    table.add_row("file", Text(f"{s.name}: {s.dialect}; {_rows(s.rows)}"))
     table.add_row("tool, work", Text(f"{runs.tool}, {runs.work}"))
     columns = [_column_words(runs, use) for use in runs.columns if use.role is not None]
     table.add_row("columns", Text("\n".join(columns)))
@@ -81,36 +82,69 @@ def pair_head(runs: Runs) -> RenderableType:
     """Title of a pair, with its rows."""
     title = Text(f"{runs.tool} on {runs.work}", style="bold underline")
     title.append(
-        f"   {len(runs)} rows" + (", not measured: " + runs.notes[0] if runs.simulated else ""), "not bold"
+        f"   {_rows(len(runs))}" + (", not measured: " + runs.disclaimers[0] if runs.simulated else ""),
+        "not bold",
     )
     return Padding(title, (0, 0, 1, 0))
 
 
-def pair_blocks(pf: ParameterFile | None, refused: Sequence[Refused]) -> list[RenderableType]:
-    """Every law of a pair, the tool life, and what could not be fitted."""
-    blocks: list[RenderableType] = [law_block(law) for law in pf.laws.values()] if pf is not None else []
-    life = tool_life_block(pf) if pf is not None else None
+def pair_blocks(runs: Runs, pf: ParameterFile, refused: Sequence[Refused]) -> list[RenderableType]:
+    """Every law of a pair, the tool life, what could not be fitted, and what no law takes in."""
+    blocks: list[RenderableType] = [law_block(law) for law in pf.laws.values()]
+    life = tool_life_block(pf)
     if life is not None:
         blocks.append(life)
-    if pf is not None and pf.laws:
-        blocks.append(Padding(Text(about_intervals(pf)), (0, 0, 1, 0)))
-    if refused:
-        blocks.append(
-            Text("\n".join(f"{item.response} is not fitted: {item.reason}" for item in refused) + "\n")
-        )
-    if pf is None and not refused:
-        blocks.append(Text(NOTHING))
+    blocks.append(Padding(Text(about_intervals(pf)), (0, 0, 1, 0)))
+    beside = [*map(_refusal, refused), *idle(runs, pf)]
+    if beside:
+        blocks.append(Text("\n".join(beside) + "\n"))
     return blocks
 
 
-def data_lines(runs: Runs) -> list[str]:
+def nothing_fitted(runs: Runs, refused: Sequence[Refused]) -> str:
+    """Why a pair has no law at all."""
+    return f"{runs.tool} on {runs.work}: " + (" ".join(map(_refusal, refused)) or NOTHING)
+
+
+def idle(runs: Runs, pf: ParameterFile) -> list[str]:
+    """Conditions that change in the file and stand in no law of it, a sentence each."""
+    laws = pf.laws.values()
+    taken = {law.response for law in laws}.union(
+        *({f.symbol for f in law.factors} | {item.factor for item in law.left_out} for law in laws)
+    )
+    out = []
+    for use in runs.columns:
+        role = ROLES.get(use.role or "")
+        if role is None or role.kind != "condition" or role.symbol in taken:
+            continue
+        values = runs.values(role.symbol)
+        if np.nanmin(values, initial=np.inf) < np.nanmax(values, initial=-np.inf):
+            cure = f' If it is to count as the feed f, say --map "f={use.name}" --unit f=mm/rev.'
+            cure = cure if role.symbol == "fz" or (role.symbol == "fm" and not use.unit) else ""
+            out.append(
+                f"{role.symbol}, {role.quantity}, changes but stands in no law: they are fitted on "
+                f"{', '.join(CONDITIONS)}.{cure}"
+            )
+    return out
+
+
+def data_lines(runs: Runs, pf: ParameterFile) -> list[str]:
     """What was understood, as lines for the card."""
     columns = [_column_words(runs, use) for use in runs.columns if use.role is not None]
     unused = ", ".join(repr(use.header) for use in runs.columns if use.role is None)
     lines = [" ".join(line.split()) for line in columns]
     lines += [f"not used: {unused}"] if unused else []
+    lines += idle(runs, pf)
     lines += [f"assumed: {sentence}" for sentence in runs.assumed]
     return [*lines, *runs.warnings, *(f"from the file: {note.lstrip('#% ')}" for note in runs.notes)]
+
+
+def _refusal(item: Refused) -> str:
+    return f"{item.response} is not fitted: {item.reason.removeprefix(f'{item.response}: ')}"
+
+
+def _rows(n: int) -> str:
+    return f"{n} row{'s' if n != 1 else ''}"
 
 
 def _grid() -> Table:

@@ -7,7 +7,9 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 
 from .. import __version__
 
@@ -19,6 +21,9 @@ DEFECT = 70
 def entry() -> int:
     """Run the command as a process of its own, which is too short to be worth collecting garbage in."""
     gc.disable()  # the collector takes a tenth of the whole time, most of it while importing
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller, as in `fitmodels data.csv >&-`
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115  open as long as the process
     return main()
 
 
@@ -55,8 +60,11 @@ def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
     except FitmodelsError as error:
         return _say(str(error), error.exit_code)
     except BrokenPipeError:  # the reader of the pipe has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 0
+    except OSError as error:
+        _drop_output()
+        return _say(f"{error.filename or 'the output'} cannot be written: {error.strerror or error}.", 2)
     except KeyboardInterrupt:
         return _say("interrupted; nothing was left half-written.", 130)
     except Exception as error:
@@ -70,6 +78,14 @@ def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
     return code
 
 
+def _drop_output() -> None:
+    """Let nothing that is still to be printed fail again when the process ends."""
+    with suppress(OSError, ValueError):  # standard output is no file: nothing is left to print
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _say(sentence: str, code: int) -> int:
-    sys.stderr.write(f"fitmodels: {sentence}\n")
+    from .output import complain
+
+    complain(sentence)
     return code

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from argparse import ArgumentTypeError
 from difflib import get_close_matches
 from typing import NoReturn
 
@@ -27,7 +28,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """One sentence, with the option that was probably meant, and exit code 2."""
         options = [option for action in self._actions for option in action.option_strings]
-        for word in message.split():
+        for word in (word.rstrip(":") for word in message.split()):
             if word.startswith("-") and word not in options:
                 near = get_close_matches(word.split("=")[0], options, 1, 0.6)
                 if near:
@@ -35,6 +36,17 @@ class Parser(argparse.ArgumentParser):
                     break
         sys.stderr.write(f"{self.prog}: {message}; {self.prog} -h says what there is.\n")
         raise SystemExit(2)
+
+
+def seed(text: str) -> int:
+    """A seed from the command line.
+
+    >>> seed("435")
+    435
+    """
+    if not text.isdecimal():
+        raise ArgumentTypeError(f"{text} is no seed; give a whole number, 0 or more")
+    return int(text)
 
 
 def pairs(words: list[str] | None, option: str, example: str) -> dict[str, str]:
@@ -65,5 +77,9 @@ def ranges(words: list[str] | None, option: str = "--range") -> dict[str, tuple[
         try:
             out[key] = tuple(float(part) for part in text.split(":"))
         except ValueError:
-            raise UsageError(f"{option} {key}={text}: it is low:high with points, as V=50:200.") from None
+            out[key] = ()
+        if len(out[key]) not in (2, 3):
+            raise UsageError(
+                f"{option} {key}={text}: it is low:high or low:centre:high, with decimal points, as V=50:200."
+            )
     return out

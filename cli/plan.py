@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
-from .arguments import Parser, ranges
+from .arguments import Parser, ranges, seed
 
 
 def parser() -> Parser:
@@ -13,8 +13,8 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels plan",
         "fitmodels plan --range V=50:200 --range f=0.06:0.6 --range d=1.5:3 --out plan.csv",
-        "Plan wear tests: a central composite design in the logarithms of the conditions, an edge a row, with the\n"
-        "run order drawn at random. Without --out the plan is printed.",
+        "Plan wear tests: a central composite design in the logarithms of the conditions, an edge a row,\n"
+        "with the run order drawn at random. Without --out the plan is printed.",
     )
     p.add_argument(
         "--range", action="append", metavar="V=50:200", help="a condition and its range; up to six"
@@ -22,7 +22,7 @@ def parser() -> Parser:
     p.add_argument("--alpha", type=float, default=2.0, help="how far out the axial points stand (default: 2)")
     p.add_argument("--centre", type=int, default=4, help="edges at the centre (default: 4)")
     p.add_argument("--axial", type=int, default=2, help="edges at each axial point (default: 2)")
-    p.add_argument("--seed", type=int, default=1, help="seed of the run order (default: 1)")
+    p.add_argument("--seed", type=seed, default=1, help="seed of the run order (default: 1)")
     p.add_argument("--out", metavar="FILE", help="file to write")
     p.add_argument("--force", action="store_true", help="replace the file if it is there")
     return p
@@ -44,9 +44,11 @@ def run(args: argparse.Namespace) -> int:
         alpha=args.alpha, centre=args.centre, axial_repeats=args.axial, seed=args.seed,
     )  # fmt: skip
     design = design.round({f"{name}_coded": 3 for name in given})
+    design[[f"{name}_coded" for name in given]] += 0.0  # no minus before a zero
     units = {name: ROLES[name].unit for name in given if name in ROLES and ROLES[name].unit}
     notes = [
-        f"plan: central composite design in logarithms, alpha {args.alpha:g}, {len(design)} edges, seed {args.seed}",
+        f"plan: central composite design in logarithms, alpha {args.alpha:g}, {len(design)} edges, "
+        f"seed {args.seed}",
         "cut the edges in the order of run; measure wear, forces and power after each sub-test, a row each",
     ]
     write_csv(design, target(args.out, args.force), notes, units=units)

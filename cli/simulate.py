@@ -2,9 +2,11 @@
 
 import argparse
 from math import sqrt
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .arguments import Parser
+from .. import __version__
+from .arguments import Parser, seed
 from .plan import target
 
 if TYPE_CHECKING:
@@ -19,8 +21,9 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels simulate",
         "fitmodels simulate data-fit/GC435_709M40/params.json --out simulated.csv",
-        "Simulate wear tests from the power laws of a parameter file: every edge of the plan is cut in sub-tests to\n"
-        "the wear criterion or the longest time. Without --plan: a central composite design over the laws' ranges.",
+        "Simulate wear tests from the power laws of a parameter file: every edge of the plan is cut in\n"
+        "sub-tests to the wear criterion or the longest time. Without --plan: a central composite design\n"
+        "over the laws' ranges.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument("--plan", metavar="FILE", help="plan of edges, as `fitmodels plan` writes it")
@@ -36,7 +39,7 @@ def parser() -> Parser:
     p.add_argument(
         "--icc", type=float, default=0.5, help="share of the variance between edges (default: 0.5)"
     )
-    p.add_argument("--seed", type=int, default=1, help="seed of everything drawn (default: 1)")
+    p.add_argument("--seed", type=seed, default=1, help="seed of everything drawn (default: 1)")
     p.add_argument("--out", metavar="FILE", help="file to write; without it the data are printed")
     p.add_argument("--force", action="store_true", help="replace the file if it is there")
     return p
@@ -56,8 +59,9 @@ def run(args: argparse.Namespace) -> int:
         _design(pf, laws, args), laws, interval=args.interval, t_max=args.t_max,
         criterion=args.criterion if wear is not None else None, wear=wear or "AW", seed=args.seed,
     )  # fmt: skip
+    source = "/".join(Path(args.file).parts[-2:])  # not the whole path: the file may be handed on
     notes = [
-        f"simulated: no real measurement; drawn by fitmodels {pf.provenance.fitmodels} from the laws of {args.file}",
+        f"simulated: no real measurement; drawn by fitmodels {__version__} from the laws of {source}",
         f"simulated: seed {args.seed}, intraclass correlation of the edges {args.icc:g} (assumed)",
         f"tool: {pf.identity.tool}",
         f"work: {pf.identity.work}",

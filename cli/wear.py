@@ -3,14 +3,21 @@
 import argparse
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from .. import __version__
 from .arguments import Parser, pairs, ranges
-from .output import Printer
+from .output import Printer, complain
 
+if TYPE_CHECKING:
+    from ..datasets import Runs
+    from ..fit import LawFit, ToolLife
+    from ..parameters import ParameterFile
+
+LONGEST_NAME = 80  # bytes of tool and of work in a folder's name; most file systems end at 255 for both
 OPTIONS_OF_A_FIT = (
     "map",
     "unit",
@@ -31,8 +38,8 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels",
         "fitmodels data.csv",
-        "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work pair\n"
-        "with params.json, a model card (README.md) and figures.\n"
+        "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
+        "pair with params.json, a model card (README.md) and figures.\n"
         "Other commands: fitmodels plan -h, fitmodels simulate -h",
     )
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
@@ -69,7 +76,7 @@ def parser() -> Parser:
     fit.add_argument(
         "--criterion", type=float, metavar="MM", help="wear at which an edge is worn out (default: 0.3)"
     )
-    p.add_argument("--version", "-V", action="store_true", help="print the version")
+    p.add_argument("--version", "-V", action="version", version=f"fitmodels {__version__}")
     return p
 
 
@@ -85,9 +92,13 @@ class Job:
 def run(args: argparse.Namespace) -> int:
     """Do it, and return the exit code."""
     from ..cards import terminal
-    from ..datasets import read_runs
+    from ..datasets import UsageError, read_runs
     from .output import progress
 
+    if args.criterion is not None and not 0 < args.criterion < float("inf"):
+        raise UsageError(
+            f"--criterion {args.criterion:g}: a wear criterion lies above zero, for instance 0.3."
+        )
     out = Printer()
     with progress() as step:
         step(f"reading {Path(args.file).name}")
@@ -129,7 +140,8 @@ def _jobs(runs: Any, args: argparse.Namespace, options: Mapping[str, Any]) -> li
         same = not args.force and _holds(folder, pair, options)
         if not (same or args.force) and folder.is_dir() and any(folder.iterdir()):
             raise UsageError(
-                f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out."
+                f"{folder} is there already and holds something else than this very fit; replace what "
+                "fitmodels wrote there with --force, or write elsewhere with --out."
             )
         jobs.append(Job(pair, folder, same))
     return jobs
@@ -137,7 +149,9 @@ def _jobs(runs: Any, args: argparse.Namespace, options: Mapping[str, Any]) -> li
 
 def _folder_name(tool: str, work: str, taken: set[str]) -> str:
     """``<tool>_<work>`` in letters that every file system takes, and that stay inside the folder."""
-    words = [re.sub(r"[^\w.-]+", "-", name).strip("-._")[:60] or "unnamed" for name in (tool, work)]
+    words = [re.sub(r"[^\w.-]+", "-", name).strip("-._") for name in (tool, work)]
+    short = [word.encode()[:LONGEST_NAME].decode(errors="ignore").rstrip("-._") for word in words]
+    words = [word or "unnamed" for word in short]
     name, number = "_".join(words), 2
     while name.lower() in {other.lower() for other in taken}:
         name, number = f"{'_'.join(words)}-{number}", number + 1
@@ -146,7 +160,7 @@ def _folder_name(tool: str, work: str, taken: set[str]) -> str:
 
 def _holds(folder: Path, runs: Any, options: Mapping[str, Any]) -> bool:  # noqa: ANN401
     """Whether the folder already holds the fit of these data by this version with these options."""
-    from .. import __version__, cards, parameters
+    from .. import cards, parameters
 
     if not all((folder / name).is_file() for name in cards.FILES):
         return False
@@ -158,10 +172,10 @@ def _holds(folder: Path, runs: Any, options: Mapping[str, Any]) -> bool:  # noqa
     return made == (runs.source.sha256, __version__, dict(options), runs.source.name)
 
 
-def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], out: Printer) -> dict[str, Any]:  # noqa: ANN401
+def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], out: Printer) -> dict[str, Any]:
     from rich.text import Text
 
-    from .. import cards, fit, parameters
+    from .. import cards, fit
     from ..cards import terminal
     from .output import progress
 
@@ -170,30 +184,19 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
         step(f"fitting {runs.tool} on {runs.work}")
         laws, refused = fit.default_laws(runs, error=args.error, by=args.by)
         life = _life(laws, args.criterion, refused_if_asked=args.criterion is not None)
-    pf = None
-    if laws:
-        pf = parameters.collect(
-            tool=runs.tool,
-            work=runs.work,
-            laws=laws,
-            tool_life=life,
-            simulated=runs.simulated,
-            note=" ".join(runs.notes) if runs.simulated else None,
-            data_file=runs.source.name,
-            data_sha256=runs.source.sha256,
-            n_rows=len(runs),
-            command=_command(args),
-            options=dict(options),
-        )
+    pf = _collected(runs, laws, life, args, options) if laws else None
     if not args.json:
         out.show(terminal.pair_head(runs))
-        for block in terminal.pair_blocks(pf, refused):
+    if pf is None:
+        complain(terminal.nothing_fitted(runs, refused))
+    elif not args.json:
+        for block in terminal.pair_blocks(runs, pf, refused):
             out.show(block)
     folder = job.folder
     if pf is not None and folder is not None and not job.unchanged:
         with progress() as step:
             step(f"writing {folder}")
-            cards.write(pf, folder, laws=laws, data_lines=terminal.data_lines(runs), force=args.force)
+            cards.write(pf, folder, laws=laws, data_lines=terminal.data_lines(runs, pf), force=args.force)
     if not args.json and pf is not None:
         out.show(
             Text(
@@ -207,6 +210,31 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
         "parameters": None if pf is None else pf.model_dump(mode="json"),
         "refused": [{"response": item.response, "reason": item.reason} for item in refused],
     }
+
+
+def _collected(
+    runs: "Runs",
+    laws: "Sequence[LawFit]",
+    life: "ToolLife | None",
+    args: argparse.Namespace,
+    options: Mapping[str, Any],
+) -> "ParameterFile":
+    """The parameter file of a pair."""
+    from .. import parameters
+
+    return parameters.collect(
+        tool=runs.tool,
+        work=runs.work,
+        laws=laws,
+        tool_life=life,
+        simulated=runs.simulated,
+        note=". ".join(runs.disclaimers) or None,
+        data_file=runs.source.name,
+        data_sha256=runs.source.sha256,
+        n_rows=len(runs),
+        command=_command(args),
+        options=dict(options),
+    )
 
 
 def _life(laws: Any, criterion: float | None, *, refused_if_asked: bool) -> Any:  # noqa: ANN401

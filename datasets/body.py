@@ -139,7 +139,11 @@ class Body:
         return DataError(
             f"{self.name} line {line} has {seen} cells, {expected} has {width}. "
             "Give the extra column a name, or remove the extra cell"
-            + (" (a decimal comma makes two cells of one)." if self.delimiter == "," else ".")
+            + (
+                " (a decimal comma makes two cells of one: then export with semicolons)."
+                if self.delimiter == ","
+                else "."
+            )
         )
 
 

@@ -1,5 +1,6 @@
 """Headers become roles, cells become numbers in the role's unit; whatever does not fit is said."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -8,10 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError, UsageError
+from .numerals import is_number
 from .table import Column
 from .units import canonical, convert, same_dimension, suggest
 from .vocabulary import ROLES, Role, parse_header, role_of, suggest_role, understood_unit
 
+LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
+_BOUND = re.compile(r"\s*[<>≤≥]")
+_WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:[^\W\d_]|[%°\"'])\D*")
 NONE = "none"  # --map P=none: no column of this file is the power
 
 Values = NDArray[np.float64] | NDArray[np.object_]
@@ -81,12 +86,20 @@ def assign(
     if unitless:
         assumed.append(f"units that the file does not name: {', '.join(unitless)}")
     if not data:
-        names = ", ".join(repr(c.name) for c in columns[:12])
-        raise DataError(
-            f"no column is recognised among {names}: name them as V, f, d, t, AW ... or say which is which, "
-            'for instance --map "VB=col3".'
-        )
+        raise DataError(_unrecognised(columns))
     return tuple(uses), data, tuple(assumed)
+
+
+def _unrecognised(columns: tuple[Column, ...]) -> str:
+    names = ", ".join(repr(c.name) for c in columns[:12]) + (", ..." if len(columns) > 12 else "")
+    if all(c.name == f"col{c.number}" for c in columns):
+        head = f"the file has no row of column names above its numbers: no column is recognised among {names}"
+    else:
+        head = f"no column is recognised among {names}"
+    return (
+        f"{head}: name them as V, f, d, t, AW ... in a header row, or say which is which, for instance "
+        '--map "V=col1" --map "VB=col3".'
+    )
 
 
 def _known_roles(symbols: tuple[str, ...]) -> None:
@@ -150,7 +163,8 @@ def _one_each(claims: list[_Claim]) -> dict[str, _Claim]:
             a, b = first.column, claim.column
             raise DataError(
                 f"columns {a.number} ({a.name!r}) and {b.number} ({b.name!r}) both read as "
-                f"{ROLES[claim.role].quantity} {claim.role}: choose one with --map {claim.role}=col{a.number}."
+                f"{ROLES[claim.role].quantity} {claim.role}: choose one with "
+                f"--map {claim.role}=col{a.number} or --map {claim.role}=col{b.number}."
             )
     return chosen
 
@@ -161,6 +175,7 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
     if role.kind == "label":
         return column.labels(), "", False
     _only_numbers(column, role)
+    _only_measurable(column, role)
     if not claim.unit_text:
         return column.values, "", False
     unit = understood_unit(role.symbol, claim.unit_text)
@@ -169,13 +184,14 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
     if unit is None:
         raise DataError(
             f"column {column.name!r}: unit {claim.unit_text!r} is not in the table of units; "
-            f"{suggest(claim.unit_text)} Say it with --unit {role.symbol}={role.unit}."
+            f"{suggest(claim.unit_text)} If the numbers are in {role.unit}, say "
+            f"--unit {role.symbol}={role.unit}."
         )
     if not same_dimension(unit, role.unit):
         raise DataError(
-            f"column {column.name!r} reads as {role.quantity} {role.symbol} (in {role.unit}), but its unit is "
-            f"{unit}: correct the unit with --unit {role.symbol}={role.unit}, give the role to another column "
-            f"with --map {role.symbol}=..., or to none with --map {role.symbol}={NONE}."
+            f"column {column.name!r} reads as {role.quantity} {role.symbol} (in {role.unit}), but its unit "
+            f"is {unit}: correct the unit with --unit {role.symbol}={role.unit}, give the role to another "
+            f"column with --map {role.symbol}=..., or to none with --map {role.symbol}={NONE}."
         )
     if unit == role.unit:
         return column.values, unit, False
@@ -185,13 +201,49 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
 def _only_numbers(column: Column, role: Role) -> None:
     if column.bad:
         cells = ", ".join(f"line {line}: {text!r}" for line, text in column.bad[:3])
+        cells += f" and {column.bad_count - 3} more" if column.bad_count > 3 else ""
         raise DataError(
-            f"column {column.name!r} ({role.quantity} {role.symbol}) holds text where numbers belong: {cells}. "
-            "Write a number, or leave the cell empty."
+            f"column {column.name!r} ({role.quantity} {role.symbol}) holds text where numbers belong: "
+            f"{cells}. " + (_cure(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
         )
     if not column.is_numeric:
         shown = next((str(v) for v in column.values if v != ""), "")
+        cure = _cure(shown, role)
         raise DataError(
-            f"column {column.name!r} reads as {role.quantity} {role.symbol} but holds text, for instance {shown!r}: "
-            f"give the role to another column with --map {role.symbol}=..., or to none with --map {role.symbol}={NONE}."
+            f"column {column.name!r} reads as {role.quantity} {role.symbol} but holds text, for instance "
+            f"{shown!r}. "
+            + (f"{cure} Or give" if cure else "Give")
+            + f" the role to another column with --map {role.symbol}=..., or to none with "
+            f"--map {role.symbol}={NONE}."
+        )
+
+
+def _cure(text: str, role: Role) -> str:
+    """What to do about a cell that is no number, where its text tells."""
+    if is_number(text):
+        return "It has another decimal mark than the rest of the file: use one throughout."
+    if _BOUND.match(text):
+        return "Write a number, or leave the cell empty: a value known only by its bound cannot be fitted."
+    if _WITH_UNIT.fullmatch(text):
+        return (
+            f"Write the number alone in the cell, and its unit in the header, as {role.symbol} [{role.unit}]."
+        )
+    if role.kind == "time":
+        return (
+            f"Write it as a number of {role.unit}, counted from the start of the edge, not as a date or a "
+            "clock time."
+        )
+    return ""
+
+
+def _only_measurable(column: Column, role: Role) -> None:
+    """Refuse what no gauge shows: its powers would leave the range of numbers."""
+    size = np.abs(column.values)
+    odd = np.flatnonzero((size > LARGEST) | ((size < 1 / LARGEST) & (size > 0)))
+    if odd.size:
+        value = column.values[odd[0]]
+        raise DataError(
+            f"column {column.name!r} ({role.quantity} {role.symbol}), row {odd[0] + 1} of the data: "
+            f"{value:g} is no measurement, its size lies outside {1 / LARGEST:g} to {LARGEST:g}. "
+            "Correct it, or leave the cell empty."
         )

@@ -84,7 +84,8 @@ def encoding_of(data: bytes, name: str) -> str:
         encoding = "utf-8" if _decodes(data, "utf-8") else "cp1252"
     if not encoding.startswith("utf-16") and _has_control_bytes(data):
         raise DataError(
-            f"{name} is not text: it holds {_first_control(data)}. Export the table as .csv or .xlsx."
+            f"{name} is not text, and no workbook either: it holds {_first_control(data)}. "
+            "Export the table as .csv or .xlsx."
         )
     if encoding != "utf-8" and not _decodes(data, encoding):
         raise DataError(

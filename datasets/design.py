@@ -11,6 +11,7 @@ from .errors import UsageError
 
 RESERVED = ("run", "edge", "point")
 MOST_FACTORS = 6
+MOST_EDGES = 1000  # at one point
 
 Floats = NDArray[np.float64]
 
@@ -161,6 +162,10 @@ def _check_counts(alpha: float, centre: int, axial_repeats: int, digits: int | N
     if not (np.isfinite(alpha) and alpha >= 1):
         raise UsageError(
             f"alpha {alpha:g}: below 1 the factorial points leave the ranges; give 1 or more (2 is usual)."
+        )
+    if max(centre, axial_repeats) > MOST_EDGES:
+        raise UsageError(
+            f"{max(centre, axial_repeats)} edges at one point; at most {MOST_EDGES} are planned: give fewer."
         )
     if centre < 0:
         raise UsageError(f"centre {centre}: the number of centre points cannot be negative; give 0 or more.")

@@ -92,7 +92,7 @@ class TextSource:
                 yield start, row
                 start = reader.line_num + 1
         except csv.Error as error:
-            raise self._unclosed(start) from error
+            raise self._unclosed(start) if self._is_short(start) else self._too_long(start) from error
 
     def comments(self) -> list[tuple[int, str]]:
         r"""List the comment lines, those beginning with # or %, as (line number, text).
@@ -128,6 +128,15 @@ class TextSource:
             lines = ("\n" if is_comment(line, self.delimiter) else line for line in lines)
         yield from lines
         yield from end
+
+    def _is_short(self, line: int) -> bool:
+        return len(self.as_written({line}).get(line, "")) <= csv.field_size_limit()
+
+    def _too_long(self, line: int) -> DataError:
+        return DataError(
+            f"{self.name} line {line} holds a cell of more than {csv.field_size_limit()} characters, which "
+            "is no measurement. Delete that cell or its column, or check the delimiter (--delimiter)."
+        )
 
     def _unclosed(self, line: int) -> DataError:
         return DataError(
@@ -187,7 +196,10 @@ def split_line(line: str, delimiter: str) -> list[str]:
     if delimiter == "":
         return [line.strip()]
     if delimiter != " ":
-        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+        try:
+            return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+        except csv.Error:  # a cell longer than the reader takes: refused, by its line, when the table is read
+            return line.split(delimiter)
     if '"' in line:
         return [quoted or bare for quoted, bare in _QUOTED_OR_BARE.findall(line.strip())]
     # Not str.split(): it would split at the no-break blanks inside a number.

@@ -156,8 +156,10 @@ def _look(numbered: tuple[int, Sequence[Cell]]) -> _Row | None:
 
 
 def _no_numbers(sample: Sequence[_Row], name: str) -> DataError:
+    if not sample:
+        return DataError(f"{name} holds no filled cell. Export the table again.")
     if len(sample) <= 2:
-        lines = " and ".join(str(row.line) for row in sample) or "none"
+        lines = " and ".join(str(row.line) for row in sample)
         return DataError(
             f"{name} holds a header only (filled lines: {lines}): no row of numbers follows. "
             "Export the data rows too."

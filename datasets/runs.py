@@ -12,6 +12,7 @@ from .columns import ColumnUse
 from .errors import UsageError
 
 Array = NDArray[np.float64]
+NOT_MEASURED = ("simulated", "simulation", "simuliert", "simulé", "simulad", "no measurement")
 UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}
 
 
@@ -69,10 +70,14 @@ class Runs:
         return len(self.data)
 
     @property
+    def disclaimers(self) -> tuple[str, ...]:
+        """Notes in which the file says of itself that it is simulated or computed, not measured."""
+        return tuple(note for note in self.notes if any(word in note.lower() for word in NOT_MEASURED))
+
+    @property
     def simulated(self) -> bool:
-        """Whether the file says of itself that it is simulated or computed, not measured."""
-        text = " ".join(self.notes).lower()
-        return any(word in text for word in ("simulated", "simulation", "simuliert", "no measurement"))
+        """Whether there is such a note."""
+        return bool(self.disclaimers)
 
     def has(self, name: str) -> bool:
         """Whether a role or column of this name is there."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .design import round_significant
 from .errors import DataError, UsageError
 
+MOST_ROWS = 10_000_000
 USUAL_UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 
 Floats = NDArray[np.float64]
@@ -136,7 +137,7 @@ def simulate(
     carried = [c for c in design.columns if c not in ("run", "edge") and not str(c).endswith("_coded")]
     factors = [c for c in carried if pd.api.types.is_numeric_dtype(design[c])]
     _check_design(design, factors)
-    _check_times(interval, t_max, criterion)
+    _check_times(interval, t_max, criterion, len(design))
     _check_laws(laws, factors, wear if criterion is not None else None)
     t = _times(interval, t_max)
     grid = {factor: design[factor].to_numpy(dtype=np.float64)[:, None] for factor in factors}
@@ -190,8 +191,13 @@ def write_csv(
         return
     path = Path(path_or_buffer)
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8", newline="\n")
-    part.replace(path)
+    try:
+        part.write_text(text, encoding="utf-8", newline="\n")
+        part.replace(path)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror}; choose another place.") from None
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _shortest(value: object) -> str:
@@ -224,7 +230,7 @@ def _kept(wear: Floats, criterion: float) -> NDArray[np.bool_]:
     return np.asarray(np.cumsum(reached, axis=1) - reached == 0)
 
 
-def _check_times(interval: float, t_max: float, criterion: float | None) -> None:
+def _check_times(interval: float, t_max: float, criterion: float | None, edges: int) -> None:
     if not (np.isfinite(interval) and interval > 0):
         raise UsageError(
             f"interval {interval:g} min: a sub-test needs a positive length; give one such as 2."
@@ -232,6 +238,11 @@ def _check_times(interval: float, t_max: float, criterion: float | None) -> None
     if not (np.isfinite(t_max) and t_max >= interval):
         raise UsageError(
             f"t_max {t_max:g} min is shorter than one sub-test of {interval:g} min; give a longer time."
+        )
+    if edges * t_max / interval > MOST_ROWS:
+        raise UsageError(
+            f"{edges} edges to {t_max:g} min in sub-tests of {interval:g} min are more than {MOST_ROWS} "
+            "rows; give a longer interval."
         )
     if criterion is not None and not criterion > 0:
         raise UsageError(

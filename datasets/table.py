@@ -182,7 +182,7 @@ def _from_workbook(
         others = [other for other in titles if other != sheet.title]
         note = f"Sheet {sheet.title!r} is read; not read: {', '.join(map(repr, others))}."
         return sheet, layout, [(0, note)] if others else [], _header_warning(layout)
-    raise DataError(f"{refusals[0]} Cells of formulas hold a number only once Excel has saved the workbook.")
+    raise DataError(f"{refusals[0]} (A formula holds a number only once Excel has saved the workbook.)")
 
 
 def _from_text(

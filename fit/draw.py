@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from .lawfit import LawFit
 
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
+ROUNDING = (
+    1e-24  # of the sum of squares: residuals of 1e-12, what is left of an exact law in double precision
+)
 MOST = 4000  # points in one panel: more are slow to draw and show nothing new
 
 
@@ -36,7 +39,20 @@ def _title(ax: Axes, text: str, n: int) -> None:
 
 def _points(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     shown = _even(len(x))
-    ax.plot(x[shown], y[shown], "o", ms=4, mfc="none", mec=BLUE, mew=0.9)
+    size, edge = (4, 0.9) if len(shown) <= 500 else (2, 0.4)
+    ax.plot(x[shown], y[shown], "o", ms=size, mfc="none", mec=BLUE, mew=edge)
+
+
+def _says_why(law: LawFit, ax: Axes) -> bool:
+    """Write on the panel why there are no residuals to look at, where there are none but rounding."""
+    if law.no_interval is None and law.rss > ROUNDING * law.tss:
+        return False
+    why = (
+        f"{law.nobs} rows fix\n{len(law.theta)} parameters" if law.no_interval else "the law meets every row"
+    )
+    ax.text(0.5, 0.5, f"no residuals:\n{why}", ha="center", va="center", transform=ax.transAxes, color=GREY)
+    ax.set(xticks=[], yticks=[], title=law.response)
+    return True
 
 
 def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
@@ -57,6 +73,8 @@ def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
 def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
     """Residuals against the prediction, on the scale on which they were made small."""
     ax = _axes(ax)
+    if _says_why(law, ax):
+        return ax
     ax.axhline(0, color=ORANGE, lw=1.2)
     _points(ax, law.fitted, law.residuals)
     se = law.scale_se
@@ -79,6 +97,8 @@ def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
     from scipy.special import ndtri
 
     ax = _axes(ax)
+    if _says_why(law, ax):
+        return ax
     n = law.nobs
     scale = law.scale_se or 1.0
     quantiles = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))  # Blom 1958

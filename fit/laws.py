@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 Form = Literal["power", "exponential", "load_line", "feed_line"]
 Error = Literal["multiplicative", "additive"]
 
+# Of the logarithm of a constant: beyond it the square of a standard error is no number (doubles end at 709).
+LARGEST_LOG = 300.0
+
 
 @dataclass(frozen=True, slots=True)
 class Law:
@@ -86,7 +89,8 @@ class Law:
         """Coefficients as they are printed: exp of the first where theta holds its logarithm."""
         out = theta.copy()
         if self.logarithmic:
-            out[0] = np.exp(out[0])
+            with np.errstate(over="ignore"):  # the end of an interval that says nothing
+                out[0] = np.exp(out[0])
         return out
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .errors import FitError
 from .lawfit import LawFit
+from .laws import LARGEST_LOG
 
 Array = NDArray[np.float64]
 
@@ -97,13 +98,12 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
     names = [law.names[j] for j in others]
     middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items() if name != "t"}
     values = eta.copy()
-    with np.errstate(over="ignore"):
-        values[0] = np.exp(eta[0])
-    if not np.isfinite(values[0]):
+    if abs(eta[0]) > LARGEST_LOG:
         raise FitError(
             f"{law.response} hardly grows with time (t exponent {k:.3g}): it reaches {criterion:g} "
             f"{law.units[law.response]} in no time that can be told."
         )
+    values[0] = np.exp(eta[0])
     coefficients = pd.Series(values, index=names)
     return ToolLife(
         wear=law.response,
@@ -121,9 +121,10 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
 
 def _life(coefficients: "pd.Series[float]", factors: Mapping[str, float]) -> float:
     c0, *exponents = coefficients
-    return float(
-        c0 * np.prod([factors[str(x)] ** b for x, b in zip(coefficients.index[1:], exponents, strict=True)])
-    )
+    names = coefficients.index[1:]
+    logs = [b * np.log(factors[str(x)]) for x, b in zip(names, exponents, strict=True)]
+    with np.errstate(over="ignore"):  # in logarithms, since a single power may be too large for a number
+        return float(np.exp(np.log(c0) + sum(logs)))
 
 
 def _standard_errors(

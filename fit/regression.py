@@ -17,7 +17,7 @@ from .condense import Condensed
 from .errors import FitError
 from .identifiable import LeftOut, identifiable
 from .lawfit import LawFit
-from .laws import Error, Law, exponential, power
+from .laws import LARGEST_LOG, Error, Law, exponential, power
 from .linear import linear
 from .rows import Dropped, Rows, select
 
@@ -119,6 +119,7 @@ def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], er
     units = {name: runs.units.get(name, "") for name in (law.response, *law.factors)}
 
     def result(error: Error, theta: Array, cov: Array | None, fitted: Array, r: Array, tss: float) -> LawFit:
+        _within_numbers(law, theta, Z)
         return LawFit(
             law, error, theta, cov, rows.X, rows.shifts, rows.y, fitted, r, rows.lines, rows.edge,
             float(r @ r), tss, units, rows.by, left_out, rows.dropped, notes, rows.repeats,
@@ -149,6 +150,7 @@ def other_structure(law: LawFit) -> LawFit | None:
             if error == "additive"
             else _logarithmic(Z, law.observed)
         )
+        _within_numbers(law.law, stage[0], Z)
     except FitError:
         return None
     theta, cov, fitted, r, tss = stage
@@ -175,19 +177,42 @@ def _start(law: Law, Z: Array, rows: Rows, left_out: tuple[LeftOut, ...]) -> Arr
 
 def _enough(law: Law, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
     why = "".join(f"; {item.factor} is left out: {item.reason}" for item in left_out)
-    gone = "".join(f"; {item.count} rows left out: {item.reason}" for item in rows.dropped)
-    p = len(law.names) + rows.shifts.shape[1]
+    gone = "".join(f"; {_gone(item)}" for item in rows.dropped)
+    shifts = rows.shifts.shape[1]
+    p = len(law.names) + shifts
     if len(rows.y) < p:
+        names = ", ".join(law.names) + (f" and {shifts} shifts of {rows.by.column}" if rows.by else "")
+        mend = "Correct the rows left out, measure" if gone else "Measure"
+        less = f", or leave a factor out (--map {law.factors[-1]}=none)" if law.factors else ""
         raise FitError(
-            f"{law.response}: {len(rows.y)} usable rows for {p} parameters ({', '.join(law.names)}){gone}{why}. "
-            f"Measure at least {p + 1 - len(rows.y)} more, or leave out a factor."
+            f"{law.response}: {len(rows.y)} usable rows for {p} parameters ({names}){gone}{why}. "
+            f"{mend} at least {p + 1 - len(rows.y)} more{less}."
         )
     if np.all(rows.y == rows.y[0]):
         raise FitError(
-            f"{law.response} is {rows.y[0]:g} in all {len(rows.y)} rows: there is nothing to explain. Check the column."
+            f"{law.response} is {rows.y[0]:g} in all {len(rows.y)} rows: there is nothing to explain. "
+            "Check the column."
         )
     if not law.factors:
         raise FitError(f"{law.response}: no factor to fit it on{why}{gone}. Vary at least one condition.")
+
+
+def _gone(item: Dropped) -> str:
+    lines = ", ".join(map(str, item.lines)) + (", ..." if item.count > len(item.lines) else "")
+    return f"{item.count} rows left out: {item.reason} (lines {lines})"
+
+
+def _within_numbers(law: Law, theta: Array, Z: Array) -> None:
+    """Refuse a constant that no number holds: some factor hardly changes, and its exponent runs away."""
+    if not law.logarithmic or abs(theta[0]) < LARGEST_LOG:
+        return
+    runaway = 1 + int(np.argmax(np.abs(theta[1:] * Z[0, 1:])))
+    name = law.factors[min(runaway, len(law.factors)) - 1]
+    raise FitError(
+        f"{law.response}: its constant comes out as exp({theta[0]:.4g}), which no number holds, since {name} "
+        f"hardly changes in these rows and its coefficient comes out as {theta[runaway]:.3g}. Vary {name}, "
+        f"or leave it out (--map {name}=none)."
+    )
 
 
 def _notes(rows: Rows) -> tuple[str, ...]:

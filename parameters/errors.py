@@ -39,6 +39,8 @@ class ParameterError(FitmodelsError):
     nowhere.json: there is no such file; give the path of a params.json written by fitmodels.
     """
 
+    exit_code = 3
+
 
 def in_words(error: "ValidationError", data: object) -> str:
     """Tell the first complaints of the schema about ``data``, each with its JSON path, as one clause."""
