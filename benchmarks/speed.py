@@ -42,9 +42,7 @@ def command_against_imports():
         whole = [sys.executable, "-m", "fitmodels", data, "--out", folder, "--force"]
         bare = [sys.executable, "-c", f"import {LIBRARIES}"]
         a, b, ratio = against(lambda: seconds(whole), lambda: seconds(bare))
-    print(
-        f"fitmodels data.csv / bare import of its libraries   {ratio:5.2f}   ({a:.2f} s / {b:.2f} s)   aim < 1.8"
-    )
+    print(f"fitmodels data.csv / bare import of its libraries   {ratio:5.2f}   ({a:.2f} s / {b:.2f} s)   aim < 1.8")
 
 
 def version():
@@ -66,12 +64,8 @@ def large_fits(n=1_000_000):
     X = {name: np.exp(rng.uniform(*np.log(ends), n)) for name, ends in factors.items()}
     log = np.column_stack([np.ones(n), *(np.log(x) for x in X.values())])
     y = log @ np.array([-4.9, 0.577, 0.168, 0.248, 0.245]) + 0.1 * rng.standard_normal(n)
-    a, b, ratio = against(
-        lambda: clocked(lambda: fit.linear(log, y)), lambda: clocked(lambda: np.linalg.qr(log))
-    )
-    print(
-        f"fit.linear, 1e6 rows / numpy QR of the same matrix  {ratio:5.2f}   ({a:.2f} s / {b:.2f} s)   aim < 2"
-    )
+    a, b, ratio = against(lambda: clocked(lambda: fit.linear(log, y)), lambda: clocked(lambda: np.linalg.qr(log)))
+    print(f"fit.linear, 1e6 rows / numpy QR of the same matrix  {ratio:5.2f}   ({a:.2f} s / {b:.2f} s)   aim < 2")
     runs = datasets.runs_from_frame(pd.DataFrame({**X, "AW": np.exp(y)}))
     for label, law in (
         ("fit.power_law", lambda: fit.power_law(runs, "AW", list(X))),

@@ -65,9 +65,7 @@ def markdown(pf: ParameterFile, *, figures: bool = False, data_lines: Sequence[s
     )
 
 
-def write_card(
-    pf: ParameterFile, folder: Path, *, figures: bool = False, data_lines: Sequence[str] = ()
-) -> Path:
+def write_card(pf: ParameterFile, folder: Path, *, figures: bool = False, data_lines: Sequence[str] = ()) -> Path:
     """Write the card as ``README.md`` in ``folder`` and return its path."""
     path = folder / "README.md"
     path.write_text(markdown(pf, figures=figures, data_lines=data_lines), encoding="utf-8", newline="\n")
@@ -82,9 +80,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(
-        text=_text, code=_code, quoted=_quoted, text_line=_one_line, sentence=_sentence
-    )
+    environment.filters.update(text=_text, code=_code, quoted=_quoted, text_line=_one_line, sentence=_sentence)
     return environment
 
 

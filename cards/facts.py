@@ -134,9 +134,7 @@ def about_intervals(pf: ParameterFile) -> str:
             "Standard errors, t, p, F and intervals take rows as independent: the file has no edge column. If "
             "several rows come from one edge, they are less certain than printed here."
         )
-    return (
-        "Standard errors, t, p, F and intervals take rows as independent: each comes from an edge of its own."
-    )
+    return "Standard errors, t, p, F and intervals take rows as independent: each comes from an edge of its own."
 
 
 def published_words(law: Law) -> str:
@@ -182,9 +180,7 @@ def _half_widths(law: Law, level: float) -> dict[str, float]:
 def _interval(value: float, half: float | None, se: float | None, is_scale: bool) -> str:
     if half is None or not se or (is_scale and half > WIDEST):
         return ""
-    low, high = (
-        (value * math.exp(-half), value * math.exp(half)) if is_scale else (value - half, value + half)
-    )
+    low, high = (value * math.exp(-half), value * math.exp(half)) if is_scale else (value - half, value + half)
     return "" if half <= abs(value) * EXACT else f"{told(low, se)[0]} … {told(high, se)[0]}"
 
 

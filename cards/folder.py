@@ -61,9 +61,7 @@ def write(
     """
     folder = Path(folder)
     if not force and any((folder / name).exists() for name in FILES):
-        raise UsageError(
-            f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out."
-        )
+        raise UsageError(f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out.")
     try:
         with _stage(folder.parent) as stage:
             made = stage / "made"  # the stage itself is private to its user
@@ -83,9 +81,7 @@ def _stage(parent: Path) -> Iterator[Path]:
     missing = [place for place in (parent, *parent.parents) if not place.exists()]
     parent.mkdir(parents=True, exist_ok=True)
     try:
-        with tempfile.TemporaryDirectory(
-            prefix=".fitmodels-", dir=parent, ignore_cleanup_errors=True
-        ) as name:
+        with tempfile.TemporaryDirectory(prefix=".fitmodels-", dir=parent, ignore_cleanup_errors=True) as name:
             yield Path(name)
     finally:
         for place in missing:
@@ -111,9 +107,7 @@ def _move(made: Path, folder: Path) -> None:
     for _, target in moves:
         if target.is_dir() or (target.parent.exists() and not target.parent.is_dir()):
             odd = target if target.is_dir() else target.parent
-            raise UsageError(
-                f"{odd} stands where fitmodels writes; rename it, or choose another place with --out."
-            )
+            raise UsageError(f"{odd} stands where fitmodels writes; rename it, or choose another place with --out.")
     for path, target in moves:
         target.parent.mkdir(parents=True, exist_ok=True)
         path.replace(target)

@@ -72,9 +72,7 @@ def tool_life_block(pf: ParameterFile) -> RenderableType | None:
         lines.append(Text(f"Taylor's n {plain(life.taylor_n, 3)} in V T^n = C"))
     lines.append(Text(life_words(pf)))
     head = Text(f"T  tool life, {life.unit}", style="bold")
-    head.append(
-        f"   at {life.wear} {life.criterion:g} {life.unit_of_wear}, from the wear law", style="not bold"
-    )
+    head.append(f"   at {life.wear} {life.criterion:g} {life.unit_of_wear}, from the wear law", style="not bold")
     return Group(head, Padding(Group(*lines), (0, 0, 1, 2)))
 
 
@@ -158,9 +156,7 @@ def _column_words(runs: Runs, use: ColumnUse) -> str:
     role = ROLES[str(use.role)]
     head = f"{role.symbol:<4} {role.quantity}"
     if role.kind == "label" or role.symbol not in runs.data:
-        names = (
-            [str(v) for v in dict.fromkeys(runs.labels(role.symbol)) if v] if runs.has(role.symbol) else []
-        )
+        names = [str(v) for v in dict.fromkeys(runs.labels(role.symbol)) if v] if runs.has(role.symbol) else []
         shown = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
         return f"{head:<28} column {use.number} {use.header!r}: {len(names)} different ({shown})"
     values = runs.values(role.symbol)

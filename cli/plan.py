@@ -16,9 +16,7 @@ def parser() -> Parser:
         "Plan wear tests: a central composite design in the logarithms of the conditions, an edge a row,\n"
         "with the run order drawn at random. Without --out the plan is printed.",
     )
-    p.add_argument(
-        "--range", action="append", metavar="V=50:200", help="a condition and its range; up to six"
-    )
+    p.add_argument("--range", action="append", metavar="V=50:200", help="a condition and its range; up to six")
     p.add_argument("--alpha", type=float, default=2.0, help="how far out the axial points stand (default: 2)")
     p.add_argument("--centre", type=int, default=4, help="edges at the centre (default: 4)")
     p.add_argument("--axial", type=int, default=2, help="edges at each axial point (default: 2)")
@@ -47,8 +45,7 @@ def run(args: argparse.Namespace) -> int:
     design[[f"{name}_coded" for name in given]] += 0.0  # no minus before a zero
     units = {name: ROLES[name].unit for name in given if name in ROLES and ROLES[name].unit}
     notes = [
-        f"plan: central composite design in logarithms, alpha {args.alpha:g}, {len(design)} edges, "
-        f"seed {args.seed}",
+        f"plan: central composite design in logarithms, alpha {args.alpha:g}, {len(design)} edges, seed {args.seed}",
         "cut the edges in the order of run; measure wear, forces and power after each sub-test, a row each",
     ]
     write_csv(design, target(args.out, args.force), notes, units=units)

@@ -27,18 +27,10 @@ def parser() -> Parser:
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument("--plan", metavar="FILE", help="plan of edges, as `fitmodels plan` writes it")
-    p.add_argument(
-        "--interval", type=float, default=2.0, metavar="MIN", help="length of a sub-test (default: 2)"
-    )
-    p.add_argument(
-        "--t-max", type=float, default=20.0, metavar="MIN", help="longest time on an edge (default: 20)"
-    )
-    p.add_argument(
-        "--criterion", type=float, default=0.3, metavar="MM", help="wear that ends an edge (default: 0.3)"
-    )
-    p.add_argument(
-        "--icc", type=float, default=0.5, help="share of the variance between edges (default: 0.5)"
-    )
+    p.add_argument("--interval", type=float, default=2.0, metavar="MIN", help="length of a sub-test (default: 2)")
+    p.add_argument("--t-max", type=float, default=20.0, metavar="MIN", help="longest time on an edge (default: 20)")
+    p.add_argument("--criterion", type=float, default=0.3, metavar="MM", help="wear that ends an edge (default: 0.3)")
+    p.add_argument("--icc", type=float, default=0.5, help="share of the variance between edges (default: 0.5)")
     p.add_argument("--seed", type=seed, default=1, help="seed of everything drawn (default: 1)")
     p.add_argument("--out", metavar="FILE", help="file to write; without it the data are printed")
     p.add_argument("--force", action="store_true", help="replace the file if it is there")
@@ -78,9 +70,7 @@ def _laws(pf: "ParameterFile", icc: float) -> "list[SimulatedLaw]":
     either = [fit for law in chosen for fit in (law, law.alternative)]
     powers = [law for law in either if law is not None and law.error == "multiplicative"]
     if not powers:
-        raise UsageError(
-            "the parameter file holds no power law with multiplicative errors: nothing to simulate from."
-        )
+        raise UsageError("the parameter file holds no power law with multiplicative errors: nothing to simulate from.")
     powers.sort(key=lambda law: law.response not in ("AW", "VB"))
     out = []
     for law in powers:
@@ -106,9 +96,7 @@ def _design(pf: "ParameterFile", laws: "list[SimulatedLaw]", args: argparse.Name
     from ..datasets import central_composite, read_runs
 
     made = {law.response for law in laws} | {"t"}
-    ranges = {
-        f.symbol: (f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol not in made
-    }
+    ranges = {f.symbol: (f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol not in made}
     if args.plan is None:
         return central_composite(ranges, seed=args.seed)
     runs = read_runs(args.plan)

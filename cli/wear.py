@@ -45,27 +45,17 @@ def parser() -> Parser:
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
-    p.add_argument(
-        "--json", action="store_true", help="print the report as JSON; writes nothing unless --out"
-    )
+    p.add_argument("--json", action="store_true", help="print the report as JSON; writes nothing unless --out")
     read = p.add_argument_group("reading")
-    read.add_argument(
-        "--map", action="append", metavar="VB=COLUMN", help="which column is which, by name or col7"
-    )
+    read.add_argument("--map", action="append", metavar="VB=COLUMN", help="which column is which, by name or col7")
     read.add_argument(
         "--unit", action="append", metavar="t=s", help="unit of a column that names none, or the wrong one"
     )
-    read.add_argument(
-        "--range", action="append", metavar="V=50:200", help="what the coded levels -1 and 1 stand for"
-    )
+    read.add_argument("--range", action="append", metavar="V=50:200", help="what the coded levels -1 and 1 stand for")
     read.add_argument("--tool", metavar="NAME", help="name of the tool")
     read.add_argument("--work", metavar="NAME", help="name of the work material")
-    read.add_argument(
-        "--decimal", choices=["point", "comma"], help="decimal mark, where the file leaves it open"
-    )
-    read.add_argument(
-        "--delimiter", metavar="MARK", help="what stands between cells, where the file leaves it open"
-    )
+    read.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file leaves it open")
+    read.add_argument("--delimiter", metavar="MARK", help="what stands between cells, where the file leaves it open")
     read.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
     fit = p.add_argument_group("fitting")
     fit.add_argument("--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together")
@@ -73,9 +63,7 @@ def parser() -> Parser:
         "--error", choices=["multiplicative", "additive"], default="multiplicative",
         help="where the scatter is: a share of the value (default), or the same everywhere",
     )  # fmt: skip
-    fit.add_argument(
-        "--criterion", type=float, metavar="MM", help="wear at which an edge is worn out (default: 0.3)"
-    )
+    fit.add_argument("--criterion", type=float, metavar="MM", help="wear at which an edge is worn out (default: 0.3)")
     p.add_argument("--version", "-V", action="version", version=f"fitmodels {__version__}")
     return p
 
@@ -96,9 +84,7 @@ def run(args: argparse.Namespace) -> int:
     from .output import progress
 
     if args.criterion is not None and not 0 < args.criterion < float("inf"):
-        raise UsageError(
-            f"--criterion {args.criterion:g}: a wear criterion lies above zero, for instance 0.3."
-        )
+        raise UsageError(f"--criterion {args.criterion:g}: a wear criterion lies above zero, for instance 0.3.")
     out = Printer()
     with progress() as step:
         step(f"reading {Path(args.file).name}")
@@ -198,11 +184,7 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
             step(f"writing {folder}")
             cards.write(pf, folder, laws=laws, data_lines=terminal.data_lines(runs, pf), force=args.force)
     if not args.json and pf is not None:
-        out.show(
-            Text(
-                f"{folder}: unchanged" if job.unchanged else f"Written: {folder}/ ({', '.join(cards.FILES)})"
-            )
-        )
+        out.show(Text(f"{folder}: unchanged" if job.unchanged else f"Written: {folder}/ ({', '.join(cards.FILES)})"))
     return {
         "tool": runs.tool,
         "work": runs.work,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .reading import read_runs, runs_from_frame
     from .runs import Runs, Source
     from .simulation import SimulatedLaw, simulate, write_csv
-    from .table import Table, read_table
+    from .tables import Table, read_table
 
 _HOME = {
     "ColumnUse": "columns",
@@ -23,13 +23,13 @@ _HOME = {
     "Runs": "runs",
     "SimulatedLaw": "simulation",
     "Source": "runs",
-    "Table": "table",
+    "Table": "tables",
     "UsageError": "errors",
     "bundled": "bundles",
     "bundled_names": "bundles",
     "central_composite": "design",
     "read_runs": "reading",
-    "read_table": "table",
+    "read_table": "tables",
     "runs_from_frame": "reading",
     "simulate": "simulation",
     "write_csv": "simulation",

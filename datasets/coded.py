@@ -54,9 +54,7 @@ def decode(role: str, values: Values, given: tuple[float, ...] | None) -> tuple[
     levels = np.asarray(values, dtype=float)
     if not looks_coded(levels):
         if given is not None:
-            raise UsageError(
-                f"--range {role}: the column holds no coded levels (-1, 0, 1); leave the range out."
-            )
+            raise UsageError(f"--range {role}: the column holds no coded levels (-1, 0, 1); leave the range out.")
         return values, ()
     if given is None:
         raise DataError(
@@ -73,9 +71,7 @@ def decode(role: str, values: Values, given: tuple[float, ...] | None) -> tuple[
 
 def _checked(role: str, given: tuple[float, ...]) -> tuple[float, float, float]:
     if len(given) not in (2, 3) or not (0 < given[0] < given[-1] < np.inf):
-        raise UsageError(
-            f"--range {role}={':'.join(f'{v:g}' for v in given)}: it is low:high, both above zero."
-        )
+        raise UsageError(f"--range {role}={':'.join(f'{v:g}' for v in given)}: it is low:high, both above zero.")
     low, high = given[0], given[-1]
     centre = given[1] if len(given) == 3 else float(np.sqrt(low * high))
     geometric = np.isclose(centre**2, low * high, rtol=0.02)

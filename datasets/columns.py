@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError, UsageError
-from .numerals import is_number
-from .table import Column
+from .headers import parse_header
+from .tables import Column, is_number
 from .units import canonical, convert, same_dimension, suggest
-from .vocabulary import ROLES, Role, parse_header, role_of, suggest_role, understood_unit
+from .vocabulary import ROLES, Role, role_of, suggest_role, understood_unit
 
 LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
 _BOUND = re.compile(r"\s*[<>≤≥]")
@@ -110,9 +110,7 @@ def _known_roles(symbols: tuple[str, ...]) -> None:
             raise UsageError(f"{symbol!r} is no role of a column; {hint}The roles are {', '.join(ROLES)}.")
 
 
-def _claims(
-    columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]
-) -> list[_Claim]:
+def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
     wanted = {symbol: name for symbol, name in mapping.items() if name.strip().lower() != NONE}
     said = {_find(columns, name).number: symbol for symbol, name in wanted.items()}
     if len(said) < len(wanted):
@@ -225,13 +223,10 @@ def _cure(text: str, role: Role) -> str:
     if _BOUND.match(text):
         return "Write a number, or leave the cell empty: a value known only by its bound cannot be fitted."
     if _WITH_UNIT.fullmatch(text):
-        return (
-            f"Write the number alone in the cell, and its unit in the header, as {role.symbol} [{role.unit}]."
-        )
+        return f"Write the number alone in the cell, and its unit in the header, as {role.symbol} [{role.unit}]."
     if role.kind == "time":
         return (
-            f"Write it as a number of {role.unit}, counted from the start of the edge, not as a date or a "
-            "clock time."
+            f"Write it as a number of {role.unit}, counted from the start of the edge, not as a date or a clock time."
         )
     return ""
 

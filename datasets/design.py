@@ -103,9 +103,7 @@ def round_significant(values: ArrayLike, digits: int) -> Floats:
     return np.array(rounded, dtype=np.float64).reshape(array.shape)
 
 
-def _standard_order(
-    factors: int, alpha: float, centre: int, axial_repeats: int
-) -> tuple[Floats, NDArray[np.str_]]:
+def _standard_order(factors: int, alpha: float, centre: int, axial_repeats: int) -> tuple[Floats, NDArray[np.str_]]:
     """Coded points, shape (n, factors), and the kind of each, shape (n,)."""
     factorial = np.array(list(product((-1.0, 1.0), repeat=factors)))
     axial = np.kron(np.eye(factors), np.array([[-alpha], [alpha]]))
@@ -170,10 +168,6 @@ def _check_counts(alpha: float, centre: int, axial_repeats: int, digits: int | N
     if centre < 0:
         raise UsageError(f"centre {centre}: the number of centre points cannot be negative; give 0 or more.")
     if axial_repeats < 1:
-        raise UsageError(
-            f"axial_repeats {axial_repeats}: each axial point is cut at least once; give 1 or more."
-        )
+        raise UsageError(f"axial_repeats {axial_repeats}: each axial point is cut at least once; give 1 or more.")
     if digits is not None and digits < 1:
-        raise UsageError(
-            f"digits {digits}: a level needs at least 1 significant digit; give 1 or more, or None."
-        )
+        raise UsageError(f"digits {digits}: a level needs at least 1 significant digit; give 1 or more, or None.")

@@ -26,9 +26,7 @@ from .design import central_composite
 from .errors import UsageError
 from .simulation import SimulatedLaw, simulate, write_csv
 
-DOMAIN: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {"V": (50.0, 200.0), "f": (0.06, 0.6), "d": (1.5, 3.0)}
-)
+DOMAIN: Mapping[str, tuple[float, float]] = MappingProxyType({"V": (50.0, 200.0), "f": (0.06, 0.6), "d": (1.5, 3.0)})
 STANDARD_ERROR: Mapping[str, float] = MappingProxyType({"AW": 0.1, "P": 0.062, "Fxz": 0.12})
 ICC = 0.5
 SEED = 435

@@ -81,7 +81,7 @@ def published(tool: str, work: str, response: str, form: str) -> PublishedLaw | 
     0.577
     """
     for law in PUBLISHED:
-        if law.tool.lower() in tool.lower() and work.lower().startswith(law.work.lower()):
-            if law.response == response and law.form == form:
-                return law
+        pair = law.tool.lower() in tool.lower() and work.lower().startswith(law.work.lower())
+        if pair and (law.response, law.form) == (response, form):
+            return law
     return None

@@ -13,7 +13,7 @@ from .coded import decode
 from .columns import NONE, ColumnUse, Values, assign
 from .errors import DataError, UsageError
 from .runs import UNNAMED, Runs, Source
-from .table import Column, read_table
+from .tables import Column, read_table
 from .units import is_unit
 from .vocabulary import ROLES
 
@@ -90,11 +90,7 @@ def runs_from_frame(
 
 def _column_of(position: int, name: str, series: "pd.Series[float]") -> Column:
     numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
-    texts = (
-        []
-        if numeric
-        else ["" if missing else str(v) for v, missing in zip(series, series.isna(), strict=True)]
-    )
+    texts = [] if numeric else ["" if missing else str(v) for v, missing in zip(series, series.isna(), strict=True)]
     values = series.to_numpy(dtype=float, na_value=np.nan) if numeric else np.array(texts, dtype=object)
     if numeric and np.isinf(values).any():
         row = int(np.flatnonzero(np.isinf(values))[0])
@@ -143,9 +139,7 @@ def _decoded(data: dict[str, Values], ranges: Mapping[str, tuple[float, ...]]) -
     """Turn coded levels into conditions, in place, and say how."""
     absent = [role for role in ranges if role not in data]
     if absent:
-        raise UsageError(
-            f"--range {absent[0]}: no column has the role {absent[0]}; there are {', '.join(data)}."
-        )
+        raise UsageError(f"--range {absent[0]}: no column has the role {absent[0]}; there are {', '.join(data)}.")
     said: tuple[str, ...] = ()
     for role, values in data.items():
         if ROLES[role].kind == "condition" or role in ranges:
@@ -162,7 +156,7 @@ def _without_role(
     for column, use in zip(columns, uses, strict=True):
         if use.role is None:
             taken = not column.name or column.name in ROLES or column.name in data or column.name in out
-            out[f"col{column.number}" if taken else column.name] = column.values
+            out[f"col{column.number}" if taken else column.name] = column.values  # noqa: PD011  a Column, no Series
     return out
 
 

@@ -95,9 +95,7 @@ class Runs:
         series = self.data[self._known(name)]
         if not pd.api.types.is_numeric_dtype(series):
             return series.to_numpy(dtype=object)
-        return np.array(
-            ["" if np.isnan(v) else f"{v:.15g}" for v in series.to_numpy(dtype=float)], dtype=object
-        )
+        return np.array(["" if np.isnan(v) else f"{v:.15g}" for v in series.to_numpy(dtype=float)], dtype=object)
 
     def pairs(self) -> Iterator["Runs"]:
         """The runs of each tool/work pair, in the order in which the file names them."""
@@ -109,9 +107,7 @@ class Runs:
         texts = {role: text.where(text != "", UNNAMED[role]) for role, text in texts.items()}
         for _, group in pd.DataFrame(texts).groupby(keys, sort=False):
             rows = self.data.index.get_indexer(group.index)
-            tool, work = (
-                str(group[role].iloc[0]) if role in group else getattr(self, role) for role in UNNAMED
-            )
+            tool, work = (str(group[role].iloc[0]) if role in group else getattr(self, role) for role in UNNAMED)
             yield replace(self, data=self.data.iloc[rows], lines=self.lines[rows], tool=tool, work=work)
 
     def join(self, other: "Runs") -> "Runs":

@@ -59,17 +59,13 @@ class SimulatedLaw:
     def __post_init__(self) -> None:
         """Check the numbers once."""
         if not (np.isfinite(self.c0) and self.c0 > 0):
-            raise UsageError(
-                f"law of {self.response}: c0 {self.c0:g}; a power law needs a positive constant."
-            )
+            raise UsageError(f"law of {self.response}: c0 {self.c0:g}; a power law needs a positive constant.")
         for name, sd in (("sd_edge", self.sd_edge), ("sd_row", self.sd_row)):
             if not (np.isfinite(sd) and sd >= 0):
                 raise UsageError(f"law of {self.response}: {name} {sd:g}; give 0 or more, in natural logs.")
         for factor, exponent in self.exponents.items():
             if not np.isfinite(exponent):
-                raise UsageError(
-                    f"law of {self.response}: exponent {exponent:g} of {factor}; give a finite one."
-                )
+                raise UsageError(f"law of {self.response}: exponent {exponent:g} of {factor}; give a finite one.")
         if self.digits < 1:
             raise UsageError(f"law of {self.response}: digits {self.digits}; give 1 or more.")
 
@@ -142,9 +138,7 @@ def simulate(
     t = _times(interval, t_max)
     grid = {factor: design[factor].to_numpy(dtype=np.float64)[:, None] for factor in factors}
     written = _responses(laws, {**grid, "t": t[None, :]}, (len(design), len(t)), seed)
-    keep = (
-        np.ones((len(design), len(t)), dtype=bool) if criterion is None else _kept(written[wear], criterion)
-    )
+    keep = np.ones((len(design), len(t)), dtype=bool) if criterion is None else _kept(written[wear], criterion)
     edge, row = np.nonzero(keep)
     frame = design[["edge", *carried]].iloc[edge].reset_index(drop=True)
     frame = frame.assign(t=t[row], **{name: values[edge, row] for name, values in written.items()})
@@ -232,31 +226,23 @@ def _kept(wear: Floats, criterion: float) -> NDArray[np.bool_]:
 
 def _check_times(interval: float, t_max: float, criterion: float | None, edges: int) -> None:
     if not (np.isfinite(interval) and interval > 0):
-        raise UsageError(
-            f"interval {interval:g} min: a sub-test needs a positive length; give one such as 2."
-        )
+        raise UsageError(f"interval {interval:g} min: a sub-test needs a positive length; give one such as 2.")
     if not (np.isfinite(t_max) and t_max >= interval):
-        raise UsageError(
-            f"t_max {t_max:g} min is shorter than one sub-test of {interval:g} min; give a longer time."
-        )
+        raise UsageError(f"t_max {t_max:g} min is shorter than one sub-test of {interval:g} min; give a longer time.")
     if edges * t_max / interval > MOST_ROWS:
         raise UsageError(
             f"{edges} edges to {t_max:g} min in sub-tests of {interval:g} min are more than {MOST_ROWS} "
             "rows; give a longer interval."
         )
     if criterion is not None and not criterion > 0:
-        raise UsageError(
-            f"criterion {criterion:g}: wear is positive; give a positive limit, or None for no limit."
-        )
+        raise UsageError(f"criterion {criterion:g}: wear is positive; give a positive limit, or None for no limit.")
 
 
 def _check_laws(laws: Sequence[SimulatedLaw], factors: Sequence[str], wear: str | None) -> None:
     known = [*factors, "t"]
     for law in laws:
         if law.response in known:
-            raise UsageError(
-                f"law of {law.response}: that name is taken by a factor or an earlier law; rename it."
-            )
+            raise UsageError(f"law of {law.response}: that name is taken by a factor or an earlier law; rename it.")
         for factor in law.exponents:
             if factor not in known:
                 raise UsageError(
@@ -277,9 +263,7 @@ def _check_design(design: pd.DataFrame, factors: Sequence[str]) -> None:
     if "edge" not in design.columns:
         raise DataError("the design has no column 'edge'; give each row of it a label, such as E01.")
     if "t" in design.columns:
-        raise DataError(
-            "the design has a column 't'; time comes from interval and t_max: leave the column out."
-        )
+        raise DataError("the design has a column 't'; time comes from interval and t_max: leave the column out.")
     if len(design) == 0:
         raise DataError("the design has no rows; a simulated test needs at least one edge.")
     twice = design["edge"][design["edge"].duplicated()]
@@ -289,6 +273,4 @@ def _check_design(design: pd.DataFrame, factors: Sequence[str]) -> None:
         bad = design.loc[~(design[factor] > 0), ["edge", factor]]
         if len(bad):
             edge, value = bad.iloc[0]
-            raise DataError(
-                f"edge {edge}: {factor} {value:g}; a power law needs positive factors: mend the design."
-            )
+            raise DataError(f"edge {edge}: {factor} {value:g}; a power law needs positive factors: mend the design.")

@@ -123,12 +123,8 @@ Hz = 1 / s                ; kHz = 1000 / s       ; percent = 1 / 100
 HRC = [hardness_rockwell] ; HB = [hardness_brinell] ; HV = [hardness_vickers]
 """
 
-_SIGNS = str.maketrans(
-    {"º": "°", "˚": "°", "″": '"', "”": '"', "“": '"', "′": "'"} | dict.fromkeys("·⋅∙•×", "*")
-)
-_MINUS_AND_MU = str.maketrans(
-    {"−": "-", "–": "-", "—": "-", "‐": "-", "μ": "u"} | dict.fromkeys("[](){}", " ")
-)
+_SIGNS = str.maketrans({"º": "°", "˚": "°", "″": '"', "”": '"', "“": '"', "′": "'"} | dict.fromkeys("·⋅∙•×", "*"))
+_MINUS_AND_MU = str.maketrans({"−": "-", "–": "-", "—": "-", "‐": "-", "μ": "u"} | dict.fromkeys("[](){}", " "))
 _REWRITES = (
     (r"\b(?:per|pro|par|por|je)\b(?!\s*ci?ent)", "/"),
     (r"\*\*|\^", ""),
@@ -150,9 +146,7 @@ def _key(text: str) -> str:
 
 
 _BY_KEY: dict[str, str] = {_key(s): unit for unit, spellings in SPELLINGS.items() for s in spellings}
-_BY_FOLDED: dict[str, str] = {
-    key.casefold(): unit for key, unit in _BY_KEY.items() if sum(map(str.isalpha, key)) >= 3
-}
+_BY_FOLDED: dict[str, str] = {key.casefold(): unit for key, unit in _BY_KEY.items() if sum(map(str.isalpha, key)) >= 3}
 
 
 def _look_up(text: str) -> str | None:

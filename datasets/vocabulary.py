@@ -8,7 +8,7 @@ one-letter symbols, and between fz and Fz: f feed and F force, d depth and D dia
 
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
@@ -16,7 +16,7 @@ from typing import Literal
 
 from .units import canonical, is_unit, same_dimension
 
-__all__ = ["ROLES", "Header", "Role", "parse_header", "role_of", "suggest_role", "understood_unit"]
+__all__ = ["ROLES", "Role", "fits", "role_of", "roles_named", "suggest_role", "understood_unit"]
 
 Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
 
@@ -34,18 +34,6 @@ class Role:
     unit: str
     kind: Kind
     names: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Header:
-    """A header cell taken apart: the column's name and the text of its unit, "" when it has none.
-
-    >>> Header(name="V", unit_text="m/min").unit_text
-    'm/min'
-    """
-
-    name: str
-    unit_text: str
 
 
 def _role(symbol: str, quantity: str, unit: str, kind: Kind, *names: str) -> Role:
@@ -166,9 +154,7 @@ def _key(name: str, umlauts: bool = True) -> str:
 
 def _index() -> dict[str, tuple[str, ...]]:
     named = [(name, (role.symbol,)) for role in _TABLE for name in role.names]
-    return {
-        _key(name, umlauts): roles for name, roles in (*named, *_SHARED.items()) for umlauts in (True, False)
-    }
+    return {_key(name, umlauts): roles for name, roles in (*named, *_SHARED.items()) for umlauts in (True, False)}
 
 
 _BY_NAME: dict[str, tuple[str, ...]] = _index()
@@ -187,7 +173,12 @@ def _meanings(words: tuple[str, ...]) -> tuple[str, ...]:
     return ()
 
 
-def _roles_named(name: str) -> tuple[str, ...]:
+def roles_named(name: str) -> tuple[str, ...]:
+    """Symbols of all roles that a name may stand for, the likeliest first.
+
+    >>> roles_named("feed")
+    ('f', 'fm', 'fz')
+    """
     return _meanings(tuple(word for word in re.split(r"[\s_()\[\]{},;:/=-]+", name) if word))
 
 
@@ -205,7 +196,7 @@ def understood_unit(symbol: str, unit: str) -> str | None:
     return known
 
 
-def _fits(symbol: str, unit: str) -> bool:
+def fits(symbol: str, unit: str) -> bool:
     """Whether a listed unit measures what the role is; a label has none."""
     role, known = ROLES[symbol], understood_unit(symbol, unit)
     if not role.unit or known is None:
@@ -225,10 +216,10 @@ def role_of(name: str, unit: str | None) -> str | None:
     >>> role_of("AW", "N")
     'AW'
     """
-    found = _roles_named(name)
+    found = roles_named(name)
     if not (found and unit and is_unit(unit)):
         return found[0] if found else None
-    fitting = [symbol for symbol in found if _fits(symbol, unit)]
+    fitting = [symbol for symbol in found if fits(symbol, unit)]
     if fitting:
         return fitting[0]
     other_thing = canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t")
@@ -241,87 +232,8 @@ def suggest_role(name: str) -> str | None:
     >>> suggest_role("Cuting speed"), suggest_role("Position")
     ('V', None)
     """
-    if _roles_named(name):
+    if roles_named(name):
         return None
     words = [known for known in _BY_NAME if len(known) >= 4]
     near = get_close_matches(_key(name), words, n=1, cutoff=0.84)  # a slip in four letters, two in twelve
     return _BY_NAME[near[0]][0] if near else None
-
-
-_BRACKETS = re.compile(r"\[([^\[\]]*)\]|\{([^{}]*)\}|\(([^()]*)\)")
-_MARKS = (r"(.+?)\s+(?:in|en)\s+(.+)", r"(.+?)\s*[,;:]\s*(.+)", r"(.+?)\s+/\s*(.+)", r"(.+?)/(.+)")
-
-
-def _tells_unit(name: str, inside: str) -> bool:
-    """Whether a text beside a name is its unit, not its symbol: the V of "Cutting speed (V)" is no volt."""
-    roles = _roles_named(name)
-    if not is_unit(inside) or inside.isdigit():
-        return False
-    symbol = name.strip() != inside and not set(roles).isdisjoint(_roles_named(inside))
-    return not symbol or any(_fits(role, inside) for role in roles)
-
-
-def _bracketed(text: str) -> Iterator[tuple[str, str]]:
-    """Units in brackets, last first; round ones hold remarks too and must look like a unit: "VB (mean)"."""
-    for match in reversed(list(_BRACKETS.finditer(text))):
-        inside = next(group for group in match.groups() if group is not None).strip()
-        name = f"{text[: match.start()]} {text[match.end() :]}"
-        foreign = not is_unit(inside) and set(_roles_named(name)).isdisjoint(_roles_named(inside))
-        looks = match[0][0] in "[{" or re.search(r"[/^*·%°µμ⁻]", inside)
-        if _tells_unit(name, inside) or (foreign and looks):
-            yield name, inside
-
-
-def _marked(text: str) -> Iterator[tuple[str, str]]:
-    """Units after "in", a comma or a slash; a slash without blanks only after a known name."""
-    for pattern in _MARKS:
-        match = re.fullmatch(pattern, text)
-        if match and _tells_unit(match[1], match[2]) and (pattern != _MARKS[-1] or _roles_named(match[1])):
-            yield match[1], match[2]
-
-
-def _ends_in_unit(name: str, words: list[str], unit_text: str) -> bool:
-    """Whether the last words of a header without marks are its unit; the first rule that speaks decides.
-
-    They are when written with "per"; when the name before them is known and measured in that unit; when they
-    are a quotient (mm_s); when the name is unknown and they are a canonical unit of two letters and more, but
-    neither "min" (minimum) nor "in"; when a word of the name is a quantity of that unit (X1_absCurrent_A).
-    """
-    if not is_unit(unit_text) or not any(map(str.isalpha, unit_text)) or words[0] == "per":
-        return False
-    if "per" in words or any(_fits(role, unit_text) for role in _roles_named(name)):
-        return True
-    if "/" in unit_text and not any(word.isdigit() for word in words):
-        return True
-    plain = canonical(unit_text) == unit_text and len(unit_text) > 1 and unit_text not in ("min", "in")
-    if plain and not _roles_named(name):
-        return True
-    parts = re.findall(r"[A-Z]?[a-z]{2,}|[A-Z]{2,}(?![a-z])", name)
-    return any(_fits(role, unit_text) for part in parts for role in _roles_named(part))
-
-
-def _suffixed(text: str) -> Iterator[tuple[str, str]]:
-    """Units at the end after ``_`` or a blank, the longest first."""
-    for gap in re.finditer(r"[_\s]+", text):
-        name, words = text[: gap.start()], re.split(r"[_\s]+", text[gap.end() :])
-        for unit_text in ("/".join(words).replace("/per/", "/"), " ".join(words)):
-            if name and _ends_in_unit(name, words, unit_text):
-                yield name, unit_text
-
-
-def parse_header(text: str) -> Header:
-    """Take a header cell apart into name and unit.
-
-    Read are ``V [m/min]``, ``V (m/min)``, ``V{m/min}``, ``V in m/min``, ``V, m/min``, ``V / m/min``,
-    ``V m/min`` and ``V_m_per_min``. A tail that is no unit stays in the name (``Ra_mean``,
-    ``Cutting speed (Vc)``).
-
-    >>> parse_header("feed_mm_s"), parse_header("Ra_mean").unit_text
-    (Header(name='feed', unit_text='mm/s'), '')
-    """
-    text = " ".join(text.replace("\ufeff", "").split())
-    for read in (_bracketed, _marked, _suffixed):
-        for name, unit_text in () if is_unit(text) and read is not _bracketed else read(text):
-            if name := " ".join(name.split()).strip(" _,;:/-"):
-                return Header(name, unit_text.strip())
-    return Header(text, "")

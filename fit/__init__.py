@@ -1,7 +1,9 @@
 """Static laws: power, exponential and load laws, fitted in two stages and judged row by row."""
 
+from .available import NotAvailable
 from .beside import Beside, beside_published
 from .defaults import Refused, default_laws
+from .edges import EdgeInference, edge_inference
 from .errors import FitError
 from .identifiable import LeftOut
 from .lawfit import LawFit
@@ -15,14 +17,17 @@ __all__ = [
     "Beside",
     "By",
     "Dropped",
+    "EdgeInference",
     "FitError",
     "LawFit",
     "LeftOut",
     "LinearFit",
+    "NotAvailable",
     "Refused",
     "ToolLife",
     "beside_published",
     "default_laws",
+    "edge_inference",
     "exponential_law",
     "linear",
     "load_law",

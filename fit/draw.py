@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from .lawfit import LawFit
 
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
-ROUNDING = (
-    1e-24  # of the sum of squares: residuals of 1e-12, what is left of an exact law in double precision
-)
+ROUNDING = 1e-24  # of the sum of squares: residuals of 1e-12, what is left of an exact law in double precision
 MOST = 4000  # points in one panel: more are slow to draw and show nothing new
 
 
@@ -47,9 +45,7 @@ def _says_why(law: LawFit, ax: Axes) -> bool:
     """Write on the panel why there are no residuals to look at, where there are none but rounding."""
     if law.no_interval is None and law.rss > ROUNDING * law.tss:
         return False
-    why = (
-        f"{law.nobs} rows fix\n{len(law.theta)} parameters" if law.no_interval else "the law meets every row"
-    )
+    why = f"{law.nobs} rows fix\n{len(law.theta)} parameters" if law.no_interval else "the law meets every row"
     ax.text(0.5, 0.5, f"no residuals:\n{why}", ha="center", va="center", transform=ax.transAxes, color=GREY)
     ax.set(xticks=[], yticks=[], title=law.response)
     return True
@@ -128,9 +124,7 @@ def _line(law: LawFit, ax: Axes) -> Axes:
         ax.plot(grid, law.predict(at), color=ORANGE)
     else:
         band = law.predict(at, "prediction")
-        ax.fill_between(
-            grid, band["low"], band["high"], color=BLUE, alpha=0.15, lw=0, label="95 % prediction"
-        )
+        ax.fill_between(grid, band["low"], band["high"], color=BLUE, alpha=0.15, lw=0, label="95 % prediction")
         ax.plot(grid, band["value"], color=ORANGE)
         ax.legend(frameon=False, fontsize=8)
     _points(ax, law.X[:, 0], law.observed)
@@ -161,9 +155,7 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
         _plain_ticks(ax, "xy", [x0, x1], [y0, y1])
     ax.set_xlabel(_label(law, x))
     ax.set_ylabel(_label(law, y))
-    held = ", ".join(
-        f"{name} {value:.3g} {law.units.get(name, '')}".rstrip() for name, value in middle.items()
-    )
+    held = ", ".join(f"{name} {value:.3g} {law.units.get(name, '')}".rstrip() for name, value in middle.items())
     ax.set_title(_label(law, law.response) + (f"\n{held}" if held else ""), fontsize=9)
     return ax
 
@@ -199,9 +191,7 @@ def _plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
 def _round_numbers(low: float, high: float) -> list[float]:
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     for steps in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)):
-        ticks = [
-            float(f"{d * s:.6g}") for d in decades for s in steps if low * 0.999 <= d * s <= high * 1.001
-        ]
+        ticks = [float(f"{d * s:.6g}") for d in decades for s in steps if low * 0.999 <= d * s <= high * 1.001]
         if 3 <= len(ticks) <= 8:
             return ticks
     return ticks if ticks and len(ticks) <= 8 else [float(f"{v:.2g}") for v in np.geomspace(low, high, 4)]

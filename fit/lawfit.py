@@ -27,8 +27,7 @@ def _columns(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.Data
     odd = [name for name, values in columns.items() if values.shape not in ((1,), (n,))]
     if odd:
         raise FitError(
-            f"{response}: {odd[0]} has shape {columns[odd[0]].shape}; "
-            f"each factor is one value or a column of {n}."
+            f"{response}: {odd[0]} has shape {columns[odd[0]].shape}; each factor is one value or a column of {n}."
         )
     return pd.DataFrame({name: np.broadcast_to(values, n) for name, values in columns.items()})
 
@@ -200,7 +199,7 @@ class LawFit:
 
     @property
     def f_pvalue(self) -> float | None:
-        """p of ``fvalue``."""
+        """P of ``fvalue``."""
         from scipy.special import fdtrc
 
         F = self.fvalue
@@ -283,9 +282,7 @@ class LawFit:
         tail = [
             f"R2 {self.rsquared:.4f}",
             f"F {self.fvalue:.4g}" if self.fvalue is not None else "no F",
-            f"residual standard error {se:.4g} {self.scale_unit}"
-            if se is not None
-            else str(self.no_interval),
+            f"residual standard error {se:.4g} {self.scale_unit}" if se is not None else str(self.no_interval),
             f"n {self.nobs}",
         ]
         left = [f"left out: {item.factor}, {item.reason}" for item in self.left_out]

@@ -127,9 +127,7 @@ def _life(coefficients: "pd.Series[float]", factors: Mapping[str, float]) -> flo
         return float(np.exp(np.log(c0) + sum(logs)))
 
 
-def _standard_errors(
-    law: LawFit, eta: Array, values: Array, others: list[int], at: int
-) -> "pd.Series[float] | None":
+def _standard_errors(law: LawFit, eta: Array, values: Array, others: list[int], at: int) -> "pd.Series[float] | None":
     """Delta method: each parameter of ln T is a ratio -theta_j / k."""
     if law.cov_theta is None:
         return None

@@ -8,7 +8,6 @@ Source: Golub & Van Loan, Matrix Computations, section 5.3 (QR of the augmented 
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -103,7 +102,7 @@ def linear(X: ArrayLike, y: ArrayLike) -> LinearFit:
     constant = _constant_column(X)
     others = [j for j in range(k) if j != constant]
     W, means, lengths = _standardised(X[:, others], centre=constant is not None)
-    y_mean = _mean(y) if constant is not None else 0.0
+    y_mean = float(_mean(y)) if constant is not None else 0.0
     unit = [np.full((n, 1), n**-0.5)] if constant is not None else []
     R: Array = np.asarray(np.linalg.qr(np.hstack([*unit, W, (y - y_mean)[:, None]]), mode="r"))
     _refuse_dependent(R[:k, :k], ([constant] if constant is not None else []) + others)
@@ -153,10 +152,10 @@ def _constant_column(X: Array) -> int | None:
     return None
 
 
-def _mean(a: Array) -> Any:
+def _mean(a: Array) -> Array:
     """Mean in two passes: the second adds back what rounding took from the first."""
     first = a.mean(axis=0)
-    return first + (a - first).mean(axis=0)
+    return np.asarray(first + (a - first).mean(axis=0))
 
 
 def _standardised(X: Array, centre: bool) -> tuple[Array, Array, Array]:
@@ -171,9 +170,7 @@ def _standardised(X: Array, centre: bool) -> tuple[Array, Array, Array]:
 def _refuse_dependent(R: Array, order: list[int]) -> None:
     short = np.flatnonzero(np.abs(np.diag(R)) < DEPENDENT)
     if short.size:
-        raise FitError(
-            f"column {order[short[0]]} of X is a linear combination of the columns before it: leave it out."
-        )
+        raise FitError(f"column {order[short[0]]} of X is a linear combination of the columns before it: leave it out.")
 
 
 def _upper_inverse(R: Array) -> Array:

@@ -45,15 +45,11 @@ def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "V
     rows = select(runs, current, [feed, wear], positive="none")
     if not len(rows.y):
         gone = "; ".join(f"{item.count} rows: {item.reason}" for item in rows.dropped)
-        raise FitError(
-            f"load line {current} on {feed} and {wear}: no usable row ({gone}). Fill those cells in."
-        )
+        raise FitError(f"load line {current} on {feed} and {wear}: no usable row ({gone}). Fill those cells in.")
     held = _held(rows.y)
     if held.all():
-        return _held_law(
-            runs, current, feed, wear, rows, held, "the current is held, so it cannot be a response"
-        )
-    keep, left_out = identifiable([feed, wear], rows.X, rows.shifts, logs=False)
+        return _held_law(runs, current, feed, wear, rows, held, "the current is held, so it cannot be a response")
+    _, left_out = identifiable([feed, wear], rows.X, rows.shifts, logs=False)
     if left_out:
         reasons = "; ".join(f"{item.factor} is {item.reason}" for item in left_out)
         raise FitError(f"load line {current} on {feed} and {wear}: {reasons}. Add runs in which both change.")
@@ -63,9 +59,7 @@ def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "V
         return fitted
     if held.sum() > len(held) / 2:
         return _held_law(runs, current, feed, wear, rows, held, f"eq. 14 is refused: {wrong}")
-    raise FitError(
-        f"load line refused: {wrong}. Vary feed at one wear, and wear at one feed, over a wider range."
-    )
+    raise FitError(f"load line refused: {wrong}. Vary feed at one wear, and wear at one feed, over a wider range.")
 
 
 def _held(current: Array) -> NDArray[np.bool_]:
@@ -86,9 +80,7 @@ def _wrong_sign(fitted: LawFit) -> str | None:
     return None
 
 
-def _held_law(
-    runs: Runs, current: str, feed: str, wear: str, rows: Rows, held: NDArray[np.bool_], why: str
-) -> LawFit:
+def _held_law(runs: Runs, current: str, feed: str, wear: str, rows: Rows, held: NDArray[np.bool_], why: str) -> LawFit:
     level = float(np.median(rows.y))
     unit = runs.units[current]
     law = feed_line(feed, wear)
@@ -105,12 +97,8 @@ def _held_law(
     )
     fitted = fit_rows(runs, law, at_level, (), "additive")
     if fitted.params["slope"] >= 0:
-        raise FitError(
-            f"{why}; feed on wear (eq. 15) has the wrong sign too: {feed} does not fall with {wear}."
-        )
+        raise FitError(f"{why}; feed on wear (eq. 15) has the wrong sign too: {feed} does not fall with {wear}.")
     others = len(held) - int(held.sum())
-    used = f"the {int(held.sum())} rows held at {level:g} {unit}" + (
-        f" ({others} others not used)" if others else ""
-    )
+    used = f"the {int(held.sum())} rows held at {level:g} {unit}" + (f" ({others} others not used)" if others else "")
     note = f"{why}; feed is fitted on wear instead (eq. 15), on {used}. It is true at {level:g} {unit} alone."
     return replace(fitted, notes=(*fitted.notes, note))

@@ -145,18 +145,12 @@ def other_structure(law: LawFit) -> LawFit | None:
     error: Error = "additive" if law.error == "multiplicative" else "multiplicative"
     Z = law.law.design(law.X, law.shifts)
     try:
-        stage = (
-            _natural(law.law, Z, law.observed, law.theta)
-            if error == "additive"
-            else _logarithmic(Z, law.observed)
-        )
+        stage = _natural(law.law, Z, law.observed, law.theta) if error == "additive" else _logarithmic(Z, law.observed)
         _within_numbers(law.law, stage[0], Z)
     except FitError:
         return None
     theta, cov, fitted, r, tss = stage
-    return replace(
-        law, error=error, theta=theta, cov_theta=cov, fitted=fitted, residuals=r, rss=float(r @ r), tss=tss
-    )
+    return replace(law, error=error, theta=theta, cov_theta=cov, fitted=fitted, residuals=r, rss=float(r @ r), tss=tss)
 
 
 def _start(law: Law, Z: Array, rows: Rows, left_out: tuple[LeftOut, ...]) -> Array:
@@ -190,8 +184,7 @@ def _enough(law: Law, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
         )
     if np.all(rows.y == rows.y[0]):
         raise FitError(
-            f"{law.response} is {rows.y[0]:g} in all {len(rows.y)} rows: there is nothing to explain. "
-            "Check the column."
+            f"{law.response} is {rows.y[0]:g} in all {len(rows.y)} rows: there is nothing to explain. Check the column."
         )
     if not law.factors:
         raise FitError(f"{law.response}: no factor to fit it on{why}{gone}. Vary at least one condition.")

@@ -84,9 +84,7 @@ def select(
     if not factors:
         raise UsageError(f"{response}: no factor is named; a law needs at least one, for instance V.")
     if response in factors:
-        raise UsageError(
-            f"{response} is the response and cannot be its own factor; leave it out of the factors."
-        )
+        raise UsageError(f"{response} is the response and cannot be its own factor; leave it out of the factors.")
     columns = {name: runs.values(name) for name in (response, *factors)}
     level = runs.labels(by) if by is not None else None
     keep = np.ones(len(runs), dtype=bool)
@@ -157,9 +155,7 @@ def _alone(table: pd.DataFrame) -> bool:
     return bool(equal.sum() == 1)
 
 
-def _indicators(
-    level: NDArray[np.object_] | None, keep: NDArray[np.bool_], by: str | None
-) -> tuple[Array, By | None]:
+def _indicators(level: NDArray[np.object_] | None, keep: NDArray[np.bool_], by: str | None) -> tuple[Array, By | None]:
     if level is None or by is None:
         return np.empty((int(keep.sum()), 0)), None
     names = sorted(set(level[keep]))

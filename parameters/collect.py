@@ -100,9 +100,7 @@ def _by_response(laws: Sequence["LawFit"], tool: str, work: str) -> dict[str, La
     found: dict[str, Law] = {}
     for law in laws:
         if law.response in found:
-            raise ParameterError(
-                f"there are two laws of {law.response}; a parameter file holds one for each response."
-            )
+            raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
         found[law.response] = law_section(law, tool, work)
     return found
 
@@ -119,9 +117,7 @@ def law_section(law: "LawFit", tool: str = "", work: str = "") -> Law:
     try:
         return Law.model_validate(data)
     except ValidationError as error:
-        raise ParameterError(
-            f"the law of {law.response} cannot be handed over: {in_words(error, data)}."
-        ) from None
+        raise ParameterError(f"the law of {law.response} cannot be handed over: {in_words(error, data)}.") from None
 
 
 def _section(law: "LawFit") -> dict[str, Any]:
@@ -146,9 +142,7 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "statistics": _statistics(law),
         "standard_errors": {str(k): float(v) for k, v in law.bse.items() if math.isfinite(v)},
         "left_out": [{"factor": out.factor, "reason": out.reason} for out in law.left_out],
-        "dropped_rows": [
-            {"reason": d.reason, "count": int(d.count), "lines": list(d.lines)} for d in law.dropped
-        ],
+        "dropped_rows": [{"reason": d.reason, "count": int(d.count), "lines": list(d.lines)} for d in law.dropped],
         "notes": list(law.notes),
     }
 
@@ -157,9 +151,7 @@ def equation(law: "LawFit") -> str:
     """Tell the equation, its numbers at six digits: at the reference level, then what each level changes."""
     constant, *slopes = (float(law.params[name]) for name in coefficient_names(law.form, law.factors))
     if law.form == "power":
-        right = " ".join(
-            [_six(constant), *(f"{x}^{_six(b)}" for x, b in zip(law.factors, slopes, strict=True))]
-        )
+        right = " ".join([_six(constant), *(f"{x}^{_six(b)}" for x, b in zip(law.factors, slopes, strict=True))])
     elif law.form == "exponential":
         right = f"{_six(constant)} exp({_six(slopes[0])} {law.factors[0]})"
     else:

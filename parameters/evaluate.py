@@ -94,16 +94,12 @@ def _number(law: "Law", symbol: str, unit: str, given: ArrayLike) -> Array:
     try:
         value = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ParameterError(
-            f"{symbol} = {short(given)} is not a number; give it in {unit or 'its unit'}."
-        ) from None
+        raise ParameterError(f"{symbol} = {short(given)} is not a number; give it in {unit or 'its unit'}.") from None
     bad = ~np.isfinite(value) | ((value <= 0) if law.form == "power" else False)
     if bad.any():
         wanted = "positive" if law.form == "power" else "finite"
         seen = float(value[bad].flat[0]) if value.ndim else float(value)
-        raise ParameterError(
-            f"{symbol} = {seen:g} {unit}: the {law.form} law of {law.response} needs {wanted} values."
-        )
+        raise ParameterError(f"{symbol} = {seen:g} {unit}: the {law.form} law of {law.response} needs {wanted} values.")
     return value
 
 

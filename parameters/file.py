@@ -173,9 +173,7 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     path = Path(path)
     content = _content(pf, path)
     if not force and os.path.lexists(path):
-        raise ParameterError(
-            f"{path}: there is a file already; choose another path, or replace it with --force."
-        )
+        raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
     _replace(path, content)
     return path
 

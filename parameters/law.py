@@ -124,16 +124,12 @@ class Law(Section):
     def _consistent(self) -> Self:
         _check_coefficients(self)
         _check_form(self)
-        if isinstance(self.uncertainty, Covariance) and set(self.uncertainty.of) != set(
-            parameter_names(self)
-        ):
+        if isinstance(self.uncertainty, Covariance) and set(self.uncertainty.of) != set(parameter_names(self)):
             names = f"{_listed(self.uncertainty.of)}; it must be of {_listed(parameter_names(self))}"
             raise ValueError(f"the covariance of {self.response} is of {names}")
         other = self.alternative
         if other and (other.response != self.response or other.error == self.error or other.alternative):
-            raise ValueError(
-                f"the alternative must be one law of {self.response} with the other error structure"
-            )
+            raise ValueError(f"the alternative must be one law of {self.response} with the other error structure")
         return self
 
     def predict(self, by: str | None = None, **factors: ArrayLike) -> Any:  # noqa: ANN401
@@ -268,9 +264,7 @@ def _check_coefficients(law: Law) -> None:
         raise ValueError(f"{names[0]} = {law.coefficients[names[0]]:g} of {law.response} must be positive")
     unknown = set(law.standard_errors) - {*names, *(law.by.names if law.by else ())}
     if unknown:
-        raise ValueError(
-            f"the law of {law.response} has no parameter {_listed(sorted(unknown))} for a standard error"
-        )
+        raise ValueError(f"the law of {law.response} has no parameter {_listed(sorted(unknown))} for a standard error")
 
 
 def _check_form(law: Law) -> None:
@@ -293,9 +287,7 @@ def _asked(law: Law, level: float, kind: str) -> tuple[Covariance, float]:
     if kind == "mean":
         return law.uncertainty, 0.0
     if law.residual_se is None:
-        raise ParameterError(
-            f"the law of {law.response} has no residual standard error: no prediction interval."
-        )
+        raise ParameterError(f"the law of {law.response} has no residual standard error: no prediction interval.")
     return law.uncertainty, law.residual_se
 
 

@@ -67,9 +67,7 @@ def test_an_unknown_name_is_answered_with_the_nearest():
 
 @pytest.mark.parametrize("name", EVERY)
 def test_readme_lists_exactly_the_columns_and_units_of_the_file(name):
-    header = next(
-        line for line in bundled(name).read_text(encoding="utf-8").splitlines() if not line.startswith("#")
-    )
+    header = next(line for line in bundled(name).read_text(encoding="utf-8").splitlines() if not line.startswith("#"))
     readme = bundled(name).with_name("README.md").read_text(encoding="utf-8")
     section = readme.split("## Columns")[1].split("##")[0]
     rows = re.findall(r"^\| `([^`]+)` \| ([^|]*)\|", section, flags=re.MULTILINE)
@@ -172,14 +170,8 @@ def test_roughness_table_stands_to_equation_5_as_the_readme_says():
 
 def test_equation_5_is_the_regression_of_desired_roughness_on_uncontrolled_force():
     table = numbers("surf_table1")
-    fits = {
-        (y, x): np.polyfit(table[x], np.log(table[y]), 1)
-        for y in ("Ra", "Ra_ref")
-        for x in ("F", "F_without")
-    }
-    matches = [
-        pair for pair, (b, a) in fits.items() if (round(np.exp(a), 4), round(b, 4)) == (0.2401, 0.0034)
-    ]
+    fits = {(y, x): np.polyfit(table[x], np.log(table[y]), 1) for y in ("Ra", "Ra_ref") for x in ("F", "F_without")}
+    matches = [pair for pair, (b, a) in fits.items() if (round(np.exp(a), 4), round(b, 4)) == (0.2401, 0.0034)]
     assert matches == [("Ra_ref", "F_without")]
 
 
@@ -201,9 +193,7 @@ def test_the_simulated_test_goes_to_standard_output_without_a_file(capsys):
 
 
 @pytest.mark.parametrize("arguments", [["a.csv", "b.csv"], ["--help"], ["no/such/folder/data.csv"]])
-def test_the_command_answers_what_it_cannot_do_with_one_line_and_code_2(
-    arguments, capsys, tmp_path, monkeypatch
-):
+def test_the_command_answers_what_it_cannot_do_with_one_line_and_code_2(arguments, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert gc435.main(arguments) == 2
     told = capsys.readouterr()

@@ -50,9 +50,7 @@ def test_an_arithmetic_centre_makes_the_levels_even_in_the_factor():
 
 def test_a_geometric_centre_says_the_same_as_none():
     levels = np.array([-1, 0, 1.0])
-    np.testing.assert_allclose(
-        decode("f", levels, (0.1, 0.2, 0.4))[0], decode("f", levels, (0.1, 0.4))[0], rtol=1e-12
-    )
+    np.testing.assert_allclose(decode("f", levels, (0.1, 0.2, 0.4))[0], decode("f", levels, (0.1, 0.4))[0], rtol=1e-12)
 
 
 def test_missing_levels_stay_missing():
@@ -101,9 +99,7 @@ def test_exponents_do_not_depend_on_how_the_design_was_written(tmp_path):
     ]  # 50:200 and 0.1:0.4 are a factor of 2 on either side of 100 and 0.2
     other = tmp_path / "natural.csv"
     other.write_text("\n".join(natural) + "\n", "utf-8")
-    a, b = (
-        fit.power_law(runs, "AW", ["V", "f"]).params.to_numpy() for runs in (coded, datasets.read_runs(other))
-    )
+    a, b = (fit.power_law(runs, "AW", ["V", "f"]).params.to_numpy() for runs in (coded, datasets.read_runs(other)))
     np.testing.assert_allclose(a, b, rtol=1e-10)
 
 

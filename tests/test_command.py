@@ -42,8 +42,7 @@ CONDITIONS = [
     )
 ]
 WEAR = [
-    (V, f, t, round(0.01 * V**0.5 * f**0.2 * t**0.3 * e, 5))
-    for (V, f, t), e in zip(CONDITIONS, SCATTER, strict=True)
+    (V, f, t, round(0.01 * V**0.5 * f**0.2 * t**0.3 * e, 5)) for (V, f, t), e in zip(CONDITIONS, SCATTER, strict=True)
 ]
 NAMES = (
     "../../x", "<script>alert(1)</script>", '"; M30 (', "a`b|c", "con", "n" * 300, "漢" * 100, "", "...",
@@ -85,9 +84,7 @@ def strict(text):
 
 
 def snapshot(folder):
-    return {
-        path: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.rglob("*") if path.is_file()
-    }
+    return {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.rglob("*") if path.is_file()}
 
 
 def hidden(folder):
@@ -120,9 +117,7 @@ def test_a_run_prints_results_and_writes_one_folder(fitted):
         assert law.equation in fitted.out
     assert "Written:" in fitted.out
     assert [path.name for path in fitted.root.iterdir()] == [FOLDER]
-    files = {
-        path.relative_to(fitted.folder).as_posix() for path in fitted.folder.rglob("*") if path.is_file()
-    }
+    files = {path.relative_to(fitted.folder).as_posix() for path in fitted.folder.rglob("*") if path.is_file()}
     assert files == set(cards.FILES)
 
 
@@ -277,9 +272,7 @@ def test_another_fit_in_its_place_needs_force(wear, tmp_path):
     out = tmp_path / "out"
     run(wear, "--out", out)
     before = snapshot(out)
-    refused(
-        run(wear, "--out", out, "--error", "additive"), 2, "unnamed-tool_unnamed-work", "--force", "--out"
-    )
+    refused(run(wear, "--out", out, "--error", "additive"), 2, "unnamed-tool_unnamed-work", "--force", "--out")
     assert snapshot(out) == before
     (folder,) = out.iterdir()
     (folder / "mine.txt").write_text("calibrated on Monday")
@@ -333,9 +326,7 @@ def interrupted(*_, **__):
     raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize(
-    ("room", "name"), [(fitmodels.fit, "default_laws"), (fitmodels.cards.figures, "draw_figures")]
-)
+@pytest.mark.parametrize(("room", "name"), [(fitmodels.fit, "default_laws"), (fitmodels.cards.figures, "draw_figures")])
 def test_an_interrupt_leaves_nothing_half_written(wear, tmp_path, monkeypatch, room, name):
     monkeypatch.setattr(room, name, interrupted)
     result = run(wear, "--out", tmp_path / "out")
@@ -504,9 +495,7 @@ def test_criterion_is_solved_for(wear):
 
 
 def test_criterion_without_a_wear_law_is_a_sentence(wear):
-    refused(
-        run(wear, "--json", "--map", "t=none", "--criterion", "0.3"), 4, "--criterion", "no wear law on time"
-    )
+    refused(run(wear, "--json", "--map", "t=none", "--criterion", "0.3"), 4, "--criterion", "no wear law on time")
 
 
 def test_error_additive_keeps_a_zero(tmp_path):

@@ -78,9 +78,7 @@ def test_coarse_rounding_never_leaves_the_range():
 def test_coded_columns_are_balanced_and_orthogonal(ranges, alpha, centre, axial_repeats):
     named = {f"x{i}": r for i, r in enumerate(ranges)}
     k = len(ranges)
-    plan = central_composite(
-        named, alpha=alpha, centre=centre, axial_repeats=axial_repeats, seed=3, digits=None
-    )
+    plan = central_composite(named, alpha=alpha, centre=centre, axial_repeats=axial_repeats, seed=3, digits=None)
     x = coded(plan)
     assert len(plan) == 2**k + centre + 2 * k * axial_repeats
     assert x.sum(axis=0) == pytest.approx(0, abs=1e-9)

@@ -55,9 +55,7 @@ def test_a_factor_that_changes_only_with_the_category_is_said():
     frame["d"] = np.repeat([1.0, 2.0, 3.0], 10)
     law = fitted(frame, ["V", "f", "d"], by="work")
     assert law.names == ("c0", "V", "f", "work[42CrMo4]", "work[C45]")
-    assert [(item.factor, item.reason) for item in law.left_out] == [
-        ("d", "it changes only with the category")
-    ]
+    assert [(item.factor, item.reason) for item in law.left_out] == [("d", "it changes only with the category")]
 
 
 def test_a_column_computed_to_six_decimals_is_exact_but_of_full_rank():

@@ -87,9 +87,7 @@ def test_an_exactly_determined_law_has_a_life_without_errors():
 
 
 def by_material():
-    frame = pd.DataFrame(
-        {"t": [1.0, 2, 3, 4, 5, 6], "AW": [1, 1.5, 1.7, 2.2, 2.4, 3.1], "work": list("ababab")}
-    )
+    frame = pd.DataFrame({"t": [1.0, 2, 3, 4, 5, 6], "AW": [1, 1.5, 1.7, 2.2, 2.4, 3.1], "work": list("ababab")})
     return fit.power_law(datasets.runs_from_frame(frame), "AW", ["t"], by="work")
 
 

@@ -57,9 +57,7 @@ def test_a_far_origin_costs_no_digits():
     """Years, not years since 1950: centring takes the offset out before the QR sees it."""
     years = np.arange(1947.0, 1963.0)
     y = np.sin(years)
-    near, far = (
-        linear(np.column_stack([np.ones(16), x, x**2]), y) for x in (years - 1955, (years - 1955) + 1e6)
-    )
+    near, far = (linear(np.column_stack([np.ones(16), x, x**2]), y) for x in (years - 1955, (years - 1955) + 1e6))
     assert far.params[2] == pytest.approx(near.params[2], rel=1e-5)
     assert far.rss == pytest.approx(near.rss, rel=1e-9)
 

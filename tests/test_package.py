@@ -39,9 +39,7 @@ def test_package_data_names_every_file_that_is_not_python():
     for room in ROOMS:
         patterns = SETUPTOOLS["package-data"].get(f"fitmodels.{room}", [])
         carried = {path for pattern in patterns for path in (ROOT / room).glob(pattern)}
-        files = {
-            path for path in (ROOT / room).rglob("*") if path.is_file() and "__pycache__" not in path.parts
-        }
+        files = {path for path in (ROOT / room).rglob("*") if path.is_file() and "__pycache__" not in path.parts}
         left = {path.relative_to(ROOT).as_posix() for path in files - carried if path.suffix != ".py"}
         assert not left
     assert (ROOT / "py.typed").is_file()
@@ -60,9 +58,7 @@ def test_public_names_exist_and_are_documented(room):
     assert module.__doc__
     for name in getattr(module, "__all__", []):
         thing = getattr(module, name)
-        assert not callable(thing) or (thing.__doc__ and thing.__module__.startswith(f"fitmodels.{room}")), (
-            name
-        )
+        assert not callable(thing) or (thing.__doc__ and thing.__module__.startswith(f"fitmodels.{room}")), name
 
 
 def test_rooms_load_on_first_use():
@@ -128,7 +124,5 @@ def test_wheel_and_sdist_hold_what_is_needed_and_install(tmp_path):
     subprocess.run([sys.executable, "-m", "venv", str(venv)], check=True)
     subprocess.run([str(venv / "bin" / "pip"), "install", "--quiet", str(wheel)], check=True)
     code = "from fitmodels import datasets; print(len(datasets.read_runs(datasets.bundled('ac2017_table1'))))"
-    run = subprocess.run(
-        [str(venv / "bin" / "python"), "-c", code], cwd=tmp_path, check=True, capture_output=True
-    )
+    run = subprocess.run([str(venv / "bin" / "python"), "-c", code], cwd=tmp_path, check=True, capture_output=True)
     assert run.stdout.strip() == b"16"

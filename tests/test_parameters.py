@@ -71,8 +71,7 @@ def law(**changes):
 def line(**changes):
     """The load line of CLM-2023, with made-up numbers."""
     factors = [
-        {"symbol": s, "quantity": s, "unit": u, "low": 0.0, "high": 1.0}
-        for s, u in (("fm", "mm/min"), ("VB", "mm"))
+        {"symbol": s, "quantity": s, "unit": u, "low": 0.0, "high": 1.0} for s, u in (("fm", "mm/min"), ("VB", "mm"))
     ]
     wide = {
         "kind": "covariance",
@@ -120,8 +119,7 @@ def test_power_law_is_its_equation():
 
 def test_single_point_is_a_float():
     assert (
-        type(law(by=None, uncertainty={"kind": "none", "reason": "r"}, standard_errors={}).predict(V=60, f=1))
-        is float
+        type(law(by=None, uncertainty={"kind": "none", "reason": "r"}, standard_errors={}).predict(V=60, f=1)) is float
     )
     low, high = law().interval(by="1", V=60, f=0.2)
     assert type(low) is float
@@ -354,9 +352,7 @@ unknown = st.dictionaries(text.map("x-{}".format), json_values, max_size=2)
 
 @st.composite
 def laws(draw):
-    symbols = draw(
-        st.lists(names.filter(lambda s: s not in ("level", "kind", "by", "c0")), max_size=3, unique=True)
-    )
+    symbols = draw(st.lists(names.filter(lambda s: s not in ("level", "kind", "by", "c0")), max_size=3, unique=True))
     levels = draw(st.lists(text, min_size=1, max_size=3, unique=True))
     by = {"column": draw(names), "reference": levels[0], "shifts": {at: draw(finite) for at in levels[1:]}}
     of = ["ln c0", *symbols, *(f"{by['column']}[{at}]" for at in levels[1:])]
@@ -480,9 +476,7 @@ def test_a_write_asks_for_the_disk_before_the_name(path, monkeypatch):
     calls = []
     for name in ("fsync", "replace"):
         real = getattr(os, name)
-        monkeypatch.setattr(
-            file_module.os, name, lambda *a, real=real, name=name: (calls.append(name), real(*a))[1]
-        )
+        monkeypatch.setattr(file_module.os, name, lambda *a, real=real, name=name: (calls.append(name), real(*a))[1])
     write(whole(), path)
     assert calls == ["fsync", "replace"]
 
@@ -631,9 +625,7 @@ def swap_value(rng, data):
         if not isinstance(inner, dict | list) or not inner or rng.random() < 0.1:
             break
         here = inner
-    here[key] = rng.choice(
-        [None, -1, 0, 1e308, -0.0, 5e-324, True, "", "V", [], {}, [[1.0]], {"a": 1}, 10**30]
-    )
+    here[key] = rng.choice([None, -1, 0, 1e308, -0.0, 5e-324, True, "", "V", [], {}, [[1.0]], {"a": 1}, 10**30])
     return json.dumps(data).encode()
 
 
@@ -725,9 +717,7 @@ def test_collect_hands_every_number_over(path):
     assert pf.provenance.data_file == "data.csv"
     assert set(pf.provenance.versions) == {"python", "numpy", "scipy"}
     assert pf.model_dump()["pi"] == {"kp": 0.5}
-    assert_allclose(
-        section.predict("2", V=100, f=0.2), 0.00123456789 * 100**0.577 * 0.2**-0.21 * math.exp(0.3)
-    )
+    assert_allclose(section.predict("2", V=100, f=0.2), 0.00123456789 * 100**0.577 * 0.2**-0.21 * math.exp(0.3))
 
 
 def test_the_same_call_gives_the_same_bytes(tmp_path):
@@ -836,9 +826,7 @@ def test_the_file_knows_no_fitting_room_and_nothing_heavy(module):
     tree = ast.parse(Path(parameters.__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
     found = {alias.name for node in tree.body if isinstance(node, ast.Import) for alias in node.names}
     found |= {node.module for node in tree.body if isinstance(node, ast.ImportFrom) and node.module}
-    assert not [
-        name for name in found if name.split(".")[0] in ("pandas", "scipy", "matplotlib", "fit", "pint")
-    ]
+    assert not [name for name in found if name.split(".")[0] in ("pandas", "scipy", "matplotlib", "fit", "pint")]
 
 
 def test_reading_and_predicting_load_no_fitting_room(path):

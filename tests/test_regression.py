@@ -82,9 +82,9 @@ def test_a_category_is_statsmodels_indicator_column():
     law = fitted(frame, by="work")
     assert law.names == ("c0", "V", "f", "d", "work[b]", "work[c]")
     assert law.by.reference == "a"
-    logs = np.column_stack(
-        [np.ones(30), np.log(frame[["V", "f", "d"]]), frame.work == "b", frame.work == "c"]
-    ).astype(float)
+    logs = np.column_stack([np.ones(30), np.log(frame[["V", "f", "d"]]), frame.work == "b", frame.work == "c"]).astype(
+        float
+    )
     ols = OLS(np.log(frame.AW.to_numpy()), logs).fit(method="qr")
     np.testing.assert_allclose(law.theta, ols.params, rtol=SAME)
     np.testing.assert_allclose(law.bse[1:], ols.bse[1:], rtol=SAME)
@@ -119,9 +119,7 @@ def test_second_stage_is_curve_fit(response):
 
 
 def test_each_error_structure_carries_the_other():
-    first, second = (
-        fit.power_law(gc435(), "AW", CONDITIONS, error=e) for e in ("multiplicative", "additive")
-    )
+    first, second = (fit.power_law(gc435(), "AW", CONDITIONS, error=e) for e in ("multiplicative", "additive"))
     assert (first.error, first.alternative.error) == ("multiplicative", "additive")
     np.testing.assert_array_equal(first.alternative.theta, second.theta)
     np.testing.assert_array_equal(second.alternative.theta, first.theta)
@@ -183,9 +181,7 @@ def test_an_exponential_law_says_when_forces_repeat():
 
 
 @REPRODUCIBLE
-@given(
-    st.tuples(*[st.floats(-2, 2)] * 3), st.floats(1e-4, 1e4), st.sampled_from(["multiplicative", "additive"])
-)
+@given(st.tuples(*[st.floats(-2, 2)] * 3), st.floats(1e-4, 1e4), st.sampled_from(["multiplicative", "additive"]))
 def test_exact_data_give_their_exponents_back(exponents, c0, error):
     assume(max(abs(b) for b in exponents) > 1e-9)  # a constant response is refused, see below
     law = fitted(turning(20, noise=0, exponents=exponents, c0=c0), error=error)
@@ -207,9 +203,7 @@ def test_another_unit_changes_the_constant_alone(seed, scale, name):
     np.testing.assert_allclose(scaled.bse[1:], plain.bse[1:], rtol=1e-7)
     assert scaled.params["c0"] == pytest.approx(plain.params["c0"] * scale ** -plain.params[name], rel=1e-6)
     assert scaled.rsquared == pytest.approx(plain.rsquared, rel=1e-9)
-    np.testing.assert_allclose(
-        scaled.alternative.params[1:], plain.alternative.params[1:], rtol=1e-6, atol=1e-8
-    )
+    np.testing.assert_allclose(scaled.alternative.params[1:], plain.alternative.params[1:], rtol=1e-6, atol=1e-8)
 
 
 @REPRODUCIBLE

@@ -70,9 +70,7 @@ def test_what_the_file_does_not_say_is_assumed_aloud(read):
     runs = read("V,f [mm],AW\n100,0.2,0.1\n200,0.2,0.2\n")
     assert "f: mm is taken as mm/rev" in runs.assumed
     assert "units that the file does not name: V m/min, AW mm" in runs.assumed
-    assert any(
-        "tool: not named in the file, called unnamed-tool; name it with --tool" in a for a in runs.assumed
-    )
+    assert any("tool: not named in the file, called unnamed-tool; name it with --tool" in a for a in runs.assumed)
     assert (runs.tool, runs.work) == ("unnamed-tool", "unnamed-work")
 
 
@@ -117,9 +115,7 @@ def test_a_range_for_a_missing_column_is_refused(read):
 
 def test_two_columns_for_one_role_are_asked_about(read):
     text = "V,vc [m/s],AW\n100,2,0.1\n200,3,0.2\n"
-    says = (
-        r"columns 1 \('V'\) and 2 \('vc \[m/s\]'\) both read as cutting speed V: choose one with --map V=col1"
-    )
+    says = r"columns 1 \('V'\) and 2 \('vc \[m/s\]'\) both read as cutting speed V: choose one with --map V=col1"
     with pytest.raises(datasets.DataError, match=says):
         read(text)
     assert read(text, map={"V": "col1"}).values("V").tolist() == [100, 200]
@@ -175,9 +171,7 @@ def test_a_file_without_any_role_is_refused(read):
 def test_text_among_numbers_is_named_with_its_line(read):
     with pytest.raises(datasets.DataError, match=r"column 'AW \[mm\]'.*line 3: 'broken'"):
         read("V,AW [mm]\n100,0.1\n150,broken\n200,0.2\n250,0.3\n")
-    with pytest.raises(
-        datasets.DataError, match="'AW' reads as average wear AW but holds text, for instance 'low'"
-    ):
+    with pytest.raises(datasets.DataError, match="'AW' reads as average wear AW but holds text, for instance 'low'"):
         read("V,AW\n100,low\n150,high\n")
 
 
@@ -241,9 +235,7 @@ def test_names_from_the_caller_rule(read):
     assert len(list(both.pairs())) == 1
 
 
-@pytest.mark.parametrize(
-    ("note", "simulated"), [("# simulated with seed 1", True), ("# lathe: Mascot", False)]
-)
+@pytest.mark.parametrize(("note", "simulated"), [("# simulated with seed 1", True), ("# lathe: Mascot", False)])
 def test_a_file_says_that_it_is_simulated(read, note, simulated):
     assert read(f"{note}\n{WEAR}").simulated is simulated
 
@@ -270,9 +262,7 @@ def test_a_frame_with_an_infinite_cell_is_refused():
         datasets.runs_from_frame(pd.DataFrame({"V": [1.0, 2], "AW": [0.1, np.inf]}))
 
 
-@pytest.mark.parametrize(
-    "kind", ["category", "Int64", "string"]
-)
+@pytest.mark.parametrize("kind", ["category", "Int64", "string"])
 def test_a_frame_of_other_column_types(kind):
     cells = pd.Series([1, 2, None], dtype="Int64")
     work = cells.astype(kind) if kind != "string" else pd.Series(["1", "2", None], dtype="string")

@@ -10,9 +10,7 @@ from fitmodels.datasets.errors import DataError, UsageError
 from fitmodels.datasets.simulation import SimulatedLaw, simulate, write_csv
 
 WEAR = SimulatedLaw("AW", "mm", 7.62e-3, {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}, 0.07, 0.07)
-POWER = SimulatedLaw(
-    "P", "kW", 0.14, {"V": 0.82, "f": 0.627, "d": 0.844, "t": -0.049, "AW": 0.342}, 0.04, 0.03
-)
+POWER = SimulatedLaw("P", "kW", 0.14, {"V": 0.82, "f": 0.627, "d": 0.844, "t": -0.049, "AW": 0.342}, 0.04, 0.03)
 RANGES = {"V": (50.0, 200.0), "f": (0.06, 0.6), "d": (1.5, 3.0)}
 PLAN = central_composite(RANGES, seed=1)
 SIGMAS = 4.0  # Monte Carlo allowance: 4 standard errors, with the seed fixed
@@ -95,9 +93,7 @@ def test_a_large_simulated_set_gives_back_exponents_and_both_deviations(law):
     x = np.column_stack([np.ones(len(rows)), np.log(rows[factors].to_numpy())])
     fitted, *_ = np.linalg.lstsq(x, np.log(rows[law.response].to_numpy()), rcond=None)
     inverse = np.linalg.inv(x.T @ x)
-    scores = (
-        pd.DataFrame(x).mul(residual.to_numpy(), axis=0).groupby(rows["edge"].to_numpy()).sum().to_numpy()
-    )
+    scores = pd.DataFrame(x).mul(residual.to_numpy(), axis=0).groupby(rows["edge"].to_numpy()).sum().to_numpy()
     error = np.sqrt(np.diag(inverse @ (scores.T @ scores) @ inverse))
     truth = np.array([np.log(law.c0), *law.exponents.values()])
     assert (abs(fitted - truth) < SIGMAS * error).all()

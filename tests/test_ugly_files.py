@@ -312,9 +312,7 @@ def test_as_many_rows_as_parameters_are_solved_without_an_interval(tmp_path):
 
 
 def test_a_law_without_scatter_comes_back(tmp_path):
-    exact = with_column(
-        lambda i, r: repr(0.0076 * r[0] ** 0.577 * r[1] ** 0.168 * r[2] ** 0.248 * r[3] ** 0.245)
-    )
+    exact = with_column(lambda i, r: repr(0.0076 * r[0] ** 0.577 * r[1] ** 0.168 * r[2] ** 0.248 * r[3] ** 0.245))
     _, pair = facts(tmp_path, exact)
     assert wear_law(pair)["coefficients"] == pytest.approx(
         {"c0": 0.0076, "V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}, rel=1e-9
@@ -347,8 +345,7 @@ def test_a_formula_as_a_header_is_text_on_the_card(tmp_path):
 
 NICE = measured(20, seed=3)
 FORCES = [
-    (round(900 * (f / 0.2) ** 0.7 * d, 1), round(1.1 * (V / 100) * (f / 0.2) ** 0.6 * d, 3))
-    for V, f, d, _, _ in NICE
+    (round(900 * (f / 0.2) ** 0.7 * d, 1), round(1.1 * (V / 100) * (f / 0.2) ** 0.6 * d, 3)) for V, f, d, _, _ in NICE
 ]
 LAWS = ("VB", "Fc", "P")
 
@@ -431,8 +428,7 @@ def test_an_inch_file_gives_the_laws_of_the_metric_one(tmp_path, metric):
     canonical = ("m/min", "mm/rev", "mm", "min", "mm", "N", "kW")
     inches = [convert(c, a, b) for c, a, b in zip(columns, canonical, units, strict=True)]
     header = [
-        f"{n} ({u})"
-        for n, u in zip(("speed", "feed", "DOC", "time", "flank wear", "Fc", "P"), written, strict=True)
+        f"{n} ({u})" for n, u in zip(("speed", "feed", "DOC", "time", "flank wear", "Fc", "P"), written, strict=True)
     ]
     understood, pair = facts(tmp_path, table(zip(*(c.tolist() for c in inches), strict=True), header))
     same_laws(pair, metric)

@@ -100,9 +100,7 @@ def test_spellings_that_pint_misreads():
     np.testing.assert_array_equal(convert(np.array([0.01]), "in/rev", "mm/U"), [0.254])
 
 
-@pytest.mark.parametrize(
-    "text", ["furlong", "enzyme_unit", "meter**2", "number_meter", "mm/X", "__import__('os')"]
-)
+@pytest.mark.parametrize("text", ["furlong", "enzyme_unit", "meter**2", "number_meter", "mm/X", "__import__('os')"])
 def test_an_unlisted_spelling_never_reaches_pint(text, monkeypatch):
     def refuse():
         raise AssertionError("pint was asked")

@@ -1,15 +1,9 @@
 """The vocabulary: headers of four languages and of published files are named, or left unknown."""
 
 import pytest
+from fitmodels.datasets.headers import Header, parse_header
 from fitmodels.datasets.units import canonical
-from fitmodels.datasets.vocabulary import (
-    ROLES,
-    Header,
-    parse_header,
-    role_of,
-    suggest_role,
-    understood_unit,
-)
+from fitmodels.datasets.vocabulary import ROLES, role_of, suggest_role, understood_unit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -164,9 +158,7 @@ def test_case_decides_between_symbols(pair, roles):
     assert [role_of(name, None) for name in pair.split()] == roles.split()
 
 
-@pytest.mark.parametrize(
-    "name", ["N", "i", "p", "m", "q", "X", "Tool_ID", "Run_ID", "Tool material work", ""]
-)
+@pytest.mark.parametrize("name", ["N", "i", "p", "m", "q", "X", "Tool_ID", "Run_ID", "Tool material work", ""])
 def test_unknown_names(name):
     assert role_of(name, None) is None
 

@@ -132,9 +132,7 @@ class Evidence:
 
     counts: Counter[str] = field(default_factory=Counter)
     first: dict[str, tuple[int, int, str]] = field(default_factory=dict)
-    thousands: dict[str, Counter[str]] = field(
-        default_factory=lambda: {"point": Counter(), "comma": Counter()}
-    )
+    thousands: dict[str, Counter[str]] = field(default_factory=lambda: {"point": Counter(), "comma": Counter()})
 
     @property
     def decided(self) -> bool:

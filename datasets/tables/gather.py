@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import DataError
 from .body import Body, Findings
-from .errors import DataError
 from .numerals import Cell, Decimal, is_missing, to_floats
 
 _LISTED = 5  # bad cells kept per column
@@ -122,9 +122,7 @@ def gather_columns(body: Body, decimal: Decimal) -> tuple[tuple[Column, ...], ND
 
 def _columns(body: Body, gatherings: list[_Gathering]) -> Iterator[Column]:
     layout = body.layout
-    lacking = [
-        i for i, g in enumerate(gatherings) if not g.is_numeric and any(text is None for text in g.texts)
-    ]
+    lacking = [i for i, g in enumerate(gatherings) if not g.is_numeric and any(text is None for text in g.texts)]
     again = _reread(body, lacking)
     for i, (g, name, unit) in enumerate(zip(gatherings, layout.names, layout.unit_cells, strict=True)):
         if not name and not unit and not g.filled:

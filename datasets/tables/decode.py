@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
-from .errors import DataError
+from ..errors import DataError
 
 _SIGNATURES = (
     (b"\x89PNG", "a PNG image"),
@@ -127,17 +127,13 @@ def _absent(path: Path) -> str:
     if not folder.is_dir():
         return f"{path} does not exist: there is no folder {folder}."
     near = difflib.get_close_matches(path.name, [entry.name for entry in folder.iterdir()], n=1)
-    return f"{path} does not exist. " + (
-        f"Did you mean {near[0]}?" if near else f"Look in {folder.resolve()}."
-    )
+    return f"{path} does not exist. " + (f"Did you mean {near[0]}?" if near else f"Look in {folder.resolve()}.")
 
 
 def _refuse_signature(data: bytes, name: str) -> None:
     kind = looks_like(data)
     if kind:
-        raise DataError(
-            f"{name} is not a text table, it looks like {kind}. Export the table as .csv or .xlsx."
-        )
+        raise DataError(f"{name} is not a text table, it looks like {kind}. Export the table as .csv or .xlsx.")
 
 
 def _utf16_without_bom(data: bytes) -> str | None:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from .errors import DataError
+from ..errors import DataError
 from .numerals import Cell, is_missing, is_number
 
 _SAMPLE = 500  # rows looked at to find header and data
@@ -70,9 +70,7 @@ class _Row:
         return self.numbers == 0 and self.marks == 0
 
 
-def find_layout(
-    rows: Iterable[tuple[int, Sequence[Cell]]], is_unit: Callable[[str], bool], name: str
-) -> Layout:
+def find_layout(rows: Iterable[tuple[int, Sequence[Cell]]], is_unit: Callable[[str], bool], name: str) -> Layout:
     """Find header, units row and first data row among the first rows of a file.
 
     The width of the table is that of the rows holding most numbers. The header is, of the rows without a
@@ -161,8 +159,7 @@ def _no_numbers(sample: Sequence[_Row], name: str) -> DataError:
     if len(sample) <= 2:
         lines = " and ".join(str(row.line) for row in sample)
         return DataError(
-            f"{name} holds a header only (filled lines: {lines}): no row of numbers follows. "
-            "Export the data rows too."
+            f"{name} holds a header only (filled lines: {lines}): no row of numbers follows. Export the data rows too."
         )
     return DataError(
         f"{name}: none of its first {len(sample)} filled rows (from line {sample[0].line}) holds a number, "

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import DataError, UsageError
 from .body import Body, weigh_decimal
 from .decode import encoding_of, load_bytes
 from .dialect import Dialect, TextSource, split_line, text_source
-from .errors import DataError, UsageError
 from .gather import Column, gather_columns
 from .layout import Layout, find_layout
 from .numerals import Decimal, is_missing, is_number
@@ -73,20 +73,14 @@ class Table:
         found = [column for column in self.columns if column.name == name]
         if len(found) > 1:
             places = " or ".join(f"col{column.number}" for column in found)
-            raise UsageError(
-                f"{self.path.name} has {len(found)} columns named {name!r}. Say which: {places}."
-            )
+            raise UsageError(f"{self.path.name} has {len(found)} columns named {name!r}. Say which: {places}.")
         found = found or [column for column in self.columns if f"col{column.number}" == name]
         if found:
             return found[0]
         names = [column.name for column in self.columns]
         folded = {known.casefold(): known for known in names}
         near = difflib.get_close_matches(name.casefold(), folded, n=1)
-        hint = (
-            f"Did you mean {folded[near[0]]!r}?"
-            if near
-            else f"Its columns are {', '.join(map(repr, names))}."
-        )
+        hint = f"Did you mean {folded[near[0]]!r}?" if near else f"Its columns are {', '.join(map(repr, names))}."
         raise UsageError(f"{self.path.name} has no column {name!r}. {hint}")
 
 
@@ -185,9 +179,7 @@ def _from_workbook(
     raise DataError(f"{refusals[0]} (A formula holds a number only once Excel has saved the workbook.)")
 
 
-def _from_text(
-    source: TextSource, is_unit: Callable[[str], bool]
-) -> tuple[Layout, list[tuple[int, str]], list[str]]:
+def _from_text(source: TextSource, is_unit: Callable[[str], bool]) -> tuple[Layout, list[tuple[int, str]], list[str]]:
     """Lay out a text file; without a header row, a comment above with as many cells serves as one."""
     layout = find_layout(source, is_unit, source.name)
     comments = source.comments()

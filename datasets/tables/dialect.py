@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
+from ..errors import DataError, UsageError
 from .decode import encoding_name, text_lines
-from .errors import DataError, UsageError
 from .numerals import Decimal, is_missing, is_number
 
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "space": " ", "\\t": "\t"}
@@ -139,9 +139,7 @@ class TextSource:
         )
 
     def _unclosed(self, line: int) -> DataError:
-        return DataError(
-            f'{self.name} line {line}: a quote " opens a cell and no quote closes it. Close or delete it.'
-        )
+        return DataError(f'{self.name} line {line}: a quote " opens a cell and no quote closes it. Close or delete it.')
 
 
 def text_source(name: str, data: bytes, encoding: str, delimiter: str | None) -> TextSource:
@@ -163,8 +161,7 @@ def text_source(name: str, data: bytes, encoding: str, delimiter: str | None) ->
         chosen = _DELIMITERS.get(delimiter, delimiter)
         if len(chosen) != 1 or chosen in '"\r\n':
             raise UsageError(
-                f"--delimiter {delimiter!r} is not a delimiter: "
-                "say comma, semicolon, tab, bar, space or one character."
+                f"--delimiter {delimiter!r} is not a delimiter: say comma, semicolon, tab, bar, space or one character."
             )
     else:
         chosen = first[1] if first else guess_delimiter(_sample(data, encoding))

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from .errors import DataError
+from ..errors import DataError
 from .layout import Layout, footer_label, is_text_line
 from .numerals import Cell, Decimal, Evidence, parse_number
 
@@ -125,11 +125,7 @@ class Body:
     def _too_wide(self, line: int, row: Sequence[Cell]) -> DataError:
         width = self.layout.width
         seen = max(i for i, cell in enumerate(row, start=1) if str(cell).strip())
-        expected = (
-            f"the header in line {self.layout.header_line}"
-            if self.layout.header_line
-            else "the first full row"
-        )
+        expected = f"the header in line {self.layout.header_line}" if self.layout.header_line else "the first full row"
         if self.delimiter == "," and seen == 2 * width:
             return DataError(
                 f"{self.name} line {line} has {seen} cells, twice the {width} of {expected}: commas seem "
@@ -195,8 +191,7 @@ def _majority(body: Body, evidence: Evidence) -> Decimal:
     flags = "Say --decimal point or --decimal comma."
     if counts["point"]:
         places = [
-            f"{text.strip()!r} in line {line}"
-            for line, _, text in map(evidence.first.__getitem__, ("point", "comma"))
+            f"{text.strip()!r} in line {line}" for line, _, text in map(evidence.first.__getitem__, ("point", "comma"))
         ]
         raise DataError(
             f"{body.name} mixes decimal marks: as many cells are numbers with a decimal point only "

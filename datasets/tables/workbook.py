@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from .errors import DataError, UsageError
+from ..errors import DataError, UsageError
 from .numerals import Cell
 
 _OLE = b"\xd0\xcf\x11\xe0"
@@ -52,9 +52,7 @@ def is_workbook(data: bytes, name: str) -> bool:
 
     """
     if data.startswith(_OLE):
-        raise DataError(
-            f"{name} is an old Excel workbook (.xls) or one with a password, which cannot be read. {_CURE}"
-        )
+        raise DataError(f"{name} is an old Excel workbook (.xls) or one with a password, which cannot be read. {_CURE}")
     ends_in_xlsx = name.lower().endswith((".xlsx", ".xlsm"))
     if not data.startswith(b"PK\x03\x04"):
         return False

@@ -8,7 +8,7 @@ import numpy as np
 import openpyxl
 import pytest
 from fitmodels.datasets.errors import DataError, UsageError
-from fitmodels.datasets.table import Table, read_table
+from fitmodels.datasets.tables import Table, read_table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -263,9 +263,7 @@ def test_finding_a_column(tmp_path):
 def test_more_than_one_block(tmp_path):
     rng = np.random.default_rng(4)
     first, second = rng.normal(size=60_000), rng.integers(0, 9, 60_000)
-    third = [
-        str(i) if i < 25_000 else f"E{i}" for i in range(60_000)
-    ]  # turns out to be text in a later block
+    third = [str(i) if i < 25_000 else f"E{i}" for i in range(60_000)]  # turns out to be text in a later block
     lines = [f"{a!r};{b};{c}" for a, b, c in zip(first.tolist(), second, third, strict=True)]
     lines[55_000] = ";;"
     lines[59_000] = "worn;1;E"

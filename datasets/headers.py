@@ -1,0 +1,99 @@
+"""Header cells taken apart: the name of a column, and its unit in whatever way a laboratory writes it."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from .units import canonical, is_unit
+from .vocabulary import fits, roles_named
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """A header cell taken apart: the column's name and the text of its unit, "" when it has none.
+
+    >>> Header(name="V", unit_text="m/min").unit_text
+    'm/min'
+    """
+
+    name: str
+    unit_text: str
+
+
+_BRACKETS = re.compile(r"\[([^\[\]]*)\]|\{([^{}]*)\}|\(([^()]*)\)")
+_MARKS = (r"(.+?)\s+(?:in|en)\s+(.+)", r"(.+?)\s*[,;:]\s*(.+)", r"(.+?)\s+/\s*(.+)", r"(.+?)/(.+)")
+
+
+def _tells_unit(name: str, inside: str) -> bool:
+    """Whether a text beside a name is its unit, not its symbol: the V of "Cutting speed (V)" is no volt."""
+    roles = roles_named(name)
+    if not is_unit(inside) or inside.isdigit():
+        return False
+    symbol = name.strip() != inside and not set(roles).isdisjoint(roles_named(inside))
+    return not symbol or any(fits(role, inside) for role in roles)
+
+
+def _bracketed(text: str) -> Iterator[tuple[str, str]]:
+    """Units in brackets, last first; round ones hold remarks too and must look like a unit: "VB (mean)"."""
+    for match in reversed(list(_BRACKETS.finditer(text))):
+        inside = next(group for group in match.groups() if group is not None).strip()
+        name = f"{text[: match.start()]} {text[match.end() :]}"
+        foreign = not is_unit(inside) and set(roles_named(name)).isdisjoint(roles_named(inside))
+        looks = match[0][0] in "[{" or re.search(r"[/^*·%°µμ⁻]", inside)
+        if _tells_unit(name, inside) or (foreign and looks):
+            yield name, inside
+
+
+def _marked(text: str) -> Iterator[tuple[str, str]]:
+    """Units after "in", a comma or a slash; a slash without blanks only after a known name."""
+    for pattern in _MARKS:
+        match = re.fullmatch(pattern, text)
+        if match and _tells_unit(match[1], match[2]) and (pattern != _MARKS[-1] or roles_named(match[1])):
+            yield match[1], match[2]
+
+
+def _ends_in_unit(name: str, words: list[str], unit_text: str) -> bool:
+    """Whether the last words of a header without marks are its unit; the first rule that speaks decides.
+
+    They are when written with "per"; when the name before them is known and measured in that unit; when they
+    are a quotient (mm_s); when the name is unknown and they are a canonical unit of two letters and more, but
+    neither "min" (minimum) nor "in"; when a word of the name is a quantity of that unit (X1_absCurrent_A).
+    """
+    if not is_unit(unit_text) or not any(map(str.isalpha, unit_text)) or words[0] == "per":
+        return False
+    if "per" in words or any(fits(role, unit_text) for role in roles_named(name)):
+        return True
+    if "/" in unit_text and not any(word.isdigit() for word in words):
+        return True
+    plain = canonical(unit_text) == unit_text and len(unit_text) > 1 and unit_text not in ("min", "in")
+    if plain and not roles_named(name):
+        return True
+    parts = re.findall(r"[A-Z]?[a-z]{2,}|[A-Z]{2,}(?![a-z])", name)
+    return any(fits(role, unit_text) for part in parts for role in roles_named(part))
+
+
+def _suffixed(text: str) -> Iterator[tuple[str, str]]:
+    """Units at the end after ``_`` or a blank, the longest first."""
+    for gap in re.finditer(r"[_\s]+", text):
+        name, words = text[: gap.start()], re.split(r"[_\s]+", text[gap.end() :])
+        for unit_text in ("/".join(words).replace("/per/", "/"), " ".join(words)):
+            if name and _ends_in_unit(name, words, unit_text):
+                yield name, unit_text
+
+
+def parse_header(text: str) -> Header:
+    """Take a header cell apart into name and unit.
+
+    Read are ``V [m/min]``, ``V (m/min)``, ``V{m/min}``, ``V in m/min``, ``V, m/min``, ``V / m/min``,
+    ``V m/min`` and ``V_m_per_min``. A tail that is no unit stays in the name (``Ra_mean``,
+    ``Cutting speed (Vc)``).
+
+    >>> parse_header("feed_mm_s"), parse_header("Ra_mean").unit_text
+    (Header(name='feed', unit_text='mm/s'), '')
+    """
+    text = " ".join(text.replace("\ufeff", "").split())
+    for read in (_bracketed, _marked, _suffixed):
+        for name, unit_text in () if is_unit(text) and read is not _bracketed else read(text):
+            if name := " ".join(name.split()).strip(" _,;:/-"):
+                return Header(name, unit_text.strip())
+    return Header(text, "")

@@ -1,0 +1,13 @@
+"""A text file or workbook becomes columns, with no knowledge of what they mean.
+
+decode     bytes -> lines of text              dialect   lines -> delimiter and kind of file
+numerals   a cell -> a number, or not          layout    which row is header, units, data, footer
+workbook   .xlsx -> rows of cells              body      the rows of data, block by block
+gather     blocks -> columns                   read      the whole way, and what was found on it
+"""
+
+from .gather import Column
+from .numerals import is_number
+from .read import Table, no_units, read_table
+
+__all__ = ["Column", "Table", "is_number", "no_units", "read_table"]

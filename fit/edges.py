@@ -1,0 +1,192 @@
+"""Inference by edge: rows of one cutting edge are one test measured many times, not many tests.
+
+The default is the jackknife by edge (CR3): leave out each edge in turn and see how far the parameters move.
+It assumes nothing about how rows of an edge depend on each other, holds its level for what changes between
+edges (V, f, d) and within them (t), and gives one covariance for the whole law. A random level of each edge
+(``mixed``) stands beside it as a cross-check and splits the variance.
+
+Sources: Bell & McCaffrey 2002, Survey Methodology 28, 169; Cameron & Miller 2015, J. Human Resources 50, 317.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .available import NotAvailable
+from .lawfit import LawFit
+from .linear import linear
+from .mixed import Mixed, mixed
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-11  # relative residual below which a law meets its rows exactly
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeInference:
+    """Standard errors of a law that hold for repeated measures on an edge.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Parameters, as ``LawFit.theta_names``.
+    cov_theta : ndarray, shape (p, p)
+        CR3 covariance of ``LawFit.theta``.
+    df : int
+        Its degrees of freedom, edges less one.
+    n_edges : int
+    within : tuple of bool
+        Whether each parameter is told within edges (t, wear) or between them (V, f, d).
+    moved : ndarray, shape (G, p)
+        How far each parameter moves when an edge is left out.
+    edges : tuple of str
+        Names of the edges, in the order of ``moved``.
+    mixed : Mixed
+        The law with a random level of each edge.
+    fvalue, row_fvalue : float or None
+        F of the factors told between edges: with this covariance on ``(f_df, df)`` degrees of freedom, and
+        with rows taken as independent. None where every factor changes within edges.
+    """
+
+    names: tuple[str, ...]
+    cov_theta: Array
+    df: int
+    n_edges: int
+    within: tuple[bool, ...]
+    moved: Array
+    edges: tuple[str, ...]
+    mixed: Mixed
+    fvalue: float | None
+    row_fvalue: float | None
+
+    @property
+    def f_df(self) -> int:
+        """Number of factors told between edges."""
+        return sum(not w for w in self.within[1:])
+
+    @property
+    def f_pvalue(self) -> float | None:
+        """P of ``fvalue``."""
+        from scipy.special import fdtrc
+
+        return None if self.fvalue is None else float(fdtrc(self.f_df, self.df, self.fvalue))
+
+    @property
+    def inflation(self) -> float | None:
+        """How many times larger F is when rows are taken as independent."""
+        if self.fvalue is None or self.row_fvalue is None:
+            return None
+        return self.row_fvalue / self.fvalue
+
+    @property
+    def bse(self) -> "pd.Series[float]":
+        """CR3 standard errors of ``theta``."""
+        return pd.Series(np.sqrt(np.diag(self.cov_theta)), index=list(self.names))
+
+    @property
+    def icc(self) -> float:
+        """Share of the residual variance that lies between edges."""
+        return self.mixed.icc
+
+
+def edge_inference(law: LawFit) -> EdgeInference | NotAvailable:
+    """Standard errors by edge, or why these data do not allow them.
+
+    Parameters
+    ----------
+    law : LawFit
+        Of runs with an edge column; an additive power law is taken along its gradient.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> edges = fit.edge_inference(fit.power_law(runs, "AW", ["V", "f", "d", "t"]))
+    >>> edges.df, edges.within
+    (23, (False, False, False, False, True))
+    """
+    if law.edge is None:
+        return NotAvailable(
+            "no edge column: rows are taken as independent; if several come from one edge, intervals are too narrow"
+        )
+    names, edge = np.unique(law.edge, return_inverse=True)
+    Z, G, p = _gradient(law), len(names), len(law.theta)
+    if law.df_resid <= 0 or _exact(law):
+        return NotAvailable("the law meets every row exactly: there is no scatter to tell edges by")
+    if law.nobs == G:
+        return NotAvailable(f"each of the {G} rows is an edge of its own: rows are independent")
+    within = tuple(bool(w) for w in _within(Z, edge))
+    between = p - sum(within)
+    if between + 1 > G:
+        return NotAvailable(
+            f"{G} edge{'s' if G > 1 else ''} for {between} parameters that only edges can tell: cut at least "
+            f"{between + 1 - G} more, at other conditions"
+        )
+    moved = _moved(Z, law.residuals, edge, G)
+    if isinstance(moved, int):
+        return NotAvailable(
+            f"edge {names[moved]} alone holds a parameter of the law: without it the others cannot tell it. Cut "
+            "another edge near its conditions"
+        )
+    cov = (G - 1) / G * moved.T @ moved
+    told_between = [j for j in range(1, p) if not within[j]]
+    return EdgeInference(
+        names=law.theta_names,
+        cov_theta=cov,
+        df=G - 1,
+        n_edges=G,
+        within=within,
+        moved=moved,
+        edges=tuple(str(name) for name in names),
+        mixed=mixed(Z, law.residuals + Z @ law.theta, edge, np.array(within)),
+        fvalue=_wald(law.theta, cov, told_between),
+        row_fvalue=None if law.cov_theta is None else _wald(law.theta, law.cov_theta, told_between),
+    )
+
+
+def _exact(law: LawFit) -> bool:
+    """Whether residuals are rounding alone."""
+    size = 1.0 if law.error == "multiplicative" else float(np.abs(law.observed).max())
+    return bool(np.sqrt(law.rss / law.nobs) <= ROUNDING * size)
+
+
+def _gradient(law: LawFit) -> Array:
+    """Columns along which the fit is linear: Z itself, or the gradient of a law in natural units."""
+    Z = law.law.design(law.X, law.shifts)
+    return law.law.gradient(law.theta, Z) if law.error == "additive" else Z
+
+
+def _within(Z: Array, edge: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which columns change within an edge."""
+    first = np.zeros(edge.max() + 1, dtype=np.intp)
+    first[edge[::-1]] = np.arange(len(edge))[::-1]
+    return np.asarray(np.any(np.abs(Z - Z[first[edge]]) > 1e-9 * np.abs(Z).max(axis=0), axis=0), dtype=bool)
+
+
+def _moved(Z: Array, residuals: Array, edge: NDArray[np.intp], G: int) -> Array | int:
+    """How theta moves when each edge is left out, shape (G, p); or the number of an edge that cannot be.
+
+    With Q = Z L orthonormal, leaving edge g out moves L^-1 theta by ``-(I - Q_g'Q_g)^-1 Q_g' r_g``.
+    """
+    L = np.linalg.cholesky(linear(Z, residuals).cov_unscaled)
+    Q = Z @ L
+    order = np.argsort(edge, kind="stable")
+    bounds = np.searchsorted(edge[order], np.arange(G + 1))
+    moved = np.empty((G, Z.shape[1]))
+    for g in range(G):
+        rows = order[bounds[g] : bounds[g + 1]]
+        left = np.eye(Z.shape[1]) - Q[rows].T @ Q[rows]
+        if np.linalg.eigvalsh(left)[0] < 1e-10:
+            return g
+        moved[g] = -L @ np.linalg.solve(left, Q[rows].T @ residuals[rows])
+    return moved
+
+
+def _wald(theta: Array, cov: Array, which: list[int]) -> float | None:
+    """F of some parameters together; None of none."""
+    if not which:
+        return None
+    b = theta[which]
+    return float(b @ np.linalg.solve(cov[np.ix_(which, which)], b)) / len(which)
