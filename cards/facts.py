@@ -14,7 +14,7 @@ WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one s
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One coefficient as text: estimate and standard error, t, p, interval, the other fit, the print."""
+    """One coefficient as text: estimate, standard error, t, p, interval, row SE, the other fit, the print."""
 
     name: str
     estimate: str
@@ -22,6 +22,7 @@ class Row:
     t: str
     p: str
     interval: str
+    row_se: str
     other: str
     published: str
 
@@ -47,8 +48,9 @@ def coefficient_rows(law: Law, level: float = LEVEL) -> list[Row]:
                 estimate,
                 error,
                 "" if t is None else plain(t, 4),
-                "" if t is None else p_value(_two_sided(t, law.df)),
+                "" if t is None else p_value(_two_sided(t, _df(law))),
                 _interval(value, half.get(name), se, is_scale),
+                told(value, law.row_standard_errors.get(name))[1],
                 "" if other is None else told(other, se)[0],
                 plain(published[name], 6) if name in published else "",
             )
@@ -121,20 +123,23 @@ def _dropped_words(rows: DroppedRows) -> str:
 
 def about_intervals(pf: ParameterFile) -> str:
     """What standard errors and intervals stand on, for all laws of a pair."""
-    laws = pf.laws.values()
-    edges = max((law.n_edges for law in laws if law.n_edges is not None), default=None)
-    rows = max((law.n for law in laws), default=0)
-    if edges is not None and edges < rows:
+    by_edge = [law for law in pf.laws.values() if law.edges is not None and law.edges.reason is None]
+    named = any(law.n_edges is not None for law in pf.laws.values())
+    if by_edge and isinstance(by_edge[0].uncertainty, Covariance):
+        law = by_edge[0]
+        others = [law.response for law in pf.laws.values() if law not in by_edge]
+        but = f" In {', '.join(others)} they take rows as independent." if others else ""
         return (
-            f"Standard errors, t, p, F and intervals take the {rows} rows as independent, as the papers do. They "
-            f"come from {edges} edges: what changes only between edges (V, f, d) is less certain than printed here."
+            f"SE, t, p and intervals are by edge: the jackknife over {law.n_edges} edges, t with {_df(law)} degrees of "
+            "freedom. R², F and residual SE, and the row SE beside them, are the papers': they take the "
+            f"{law.n} rows as independent.{but}"
         )
-    if edges is None:
+    if not named:
         return (
             "Standard errors, t, p, F and intervals take rows as independent: the file has no edge column. If "
             "several rows come from one edge, they are less certain than printed here."
         )
-    return "Standard errors, t, p, F and intervals take rows as independent: each comes from an edge of its own."
+    return "Standard errors, t, p, F and intervals take rows as independent."
 
 
 def published_words(law: Law) -> str:
@@ -158,6 +163,28 @@ def lacking(law: Law) -> list[str]:
     """Factors of the printed law that the fit does without."""
     printed = law.published.coefficients if law.published is not None else {}
     return [name for name in printed if name not in law.coefficients]
+
+
+def edge_words(law: Law) -> str:
+    """What the edges say of the law: where the scatter lies, and what the papers' F is worth."""
+    e = law.edges
+    if e is None:
+        return ""
+    if e.reason is not None:
+        return "" if law.n_edges is None else f"No inference by edge: {e.reason}."
+    parts = [f"{100 * (e.icc or 0):.0f} % of the scatter lies between edges"]
+    if e.F is not None and e.F_df is not None and e.F_p is not None and e.row_F is not None:
+        p = p_value(e.F_p)
+        parts.append(
+            f"F of {', '.join(e.between)} is {plain(e.F, 3)} by edge (df {e.F_df[0]}, {e.F_df[1]}; p "
+            f"{p if p[0] == '<' else '= ' + p}), and {plain(e.row_F, 3)} if rows were independent, "
+            f"{plain(e.row_F / e.F, 2)} times as much"
+        )
+    return "; ".join(parts) + "."
+
+
+def _df(law: Law) -> int:
+    return law.uncertainty.df if isinstance(law.uncertainty, Covariance) else law.df
 
 
 def _values(law: Law) -> dict[str, float]:

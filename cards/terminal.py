@@ -17,6 +17,7 @@ from .facts import (
     about_intervals,
     cautions,
     coefficient_rows,
+    edge_words,
     life_equation,
     life_words,
     other_words,
@@ -56,7 +57,8 @@ def law_block(law: Law) -> RenderableType:
         (f"{law.response}  {law.quantity}" + (f", {law.unit}" if law.unit else ""), "bold"),
         f"   {law.form.replace('_', ' ')}; {structure_words(law)}",
     )
-    lines = [Text(statistics_line(law)), *(Text(s) for s in cautions(law))]
+    words = [statistics_line(law), edge_words(law), *cautions(law)]
+    lines = [Text(sentence) for sentence in words if sentence]
     if law.published is not None:
         lines.append(Text(published_words(law)))
     return Group(head, Padding(Group(Text(law.equation), _coefficients(law), *lines), (0, 0, 1, 2)))
@@ -188,6 +190,7 @@ def _coefficients(law: Law) -> Table:
         "t": [r.t for r in rows],
         "p": [r.p for r in rows],
         "95 % interval": [r.interval for r in rows],
+        "row SE": [r.row_se for r in rows],
         other_words(law) or "other": [r.other for r in rows],
         "as printed": [r.published for r in rows],
     }

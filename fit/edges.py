@@ -9,15 +9,18 @@ Sources: Bell & McCaffrey 2002, Survey Methodology 28, 169; Cameron & Miller 201
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from .available import NotAvailable
-from .lawfit import LawFit
 from .linear import linear
 from .mixed import Mixed, mixed
+
+if TYPE_CHECKING:
+    from .lawfit import LawFit
 
 Array = NDArray[np.float64]
 
@@ -91,7 +94,7 @@ class EdgeInference:
         return self.mixed.icc
 
 
-def edge_inference(law: LawFit) -> EdgeInference | NotAvailable:
+def edge_inference(law: "LawFit") -> EdgeInference | NotAvailable:
     """Standard errors by edge, or why these data do not allow them.
 
     Parameters
@@ -103,7 +106,7 @@ def edge_inference(law: LawFit) -> EdgeInference | NotAvailable:
     --------
     >>> from fitmodels import datasets, fit
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
-    >>> edges = fit.edge_inference(fit.power_law(runs, "AW", ["V", "f", "d", "t"]))
+    >>> edges = fit.power_law(runs, "AW", ["V", "f", "d", "t"]).edges
     >>> edges.df, edges.within
     (23, (False, False, False, False, True))
     """
@@ -146,13 +149,13 @@ def edge_inference(law: LawFit) -> EdgeInference | NotAvailable:
     )
 
 
-def _exact(law: LawFit) -> bool:
+def _exact(law: "LawFit") -> bool:
     """Whether residuals are rounding alone."""
     size = 1.0 if law.error == "multiplicative" else float(np.abs(law.observed).max())
     return bool(np.sqrt(law.rss / law.nobs) <= ROUNDING * size)
 
 
-def _gradient(law: LawFit) -> Array:
+def _gradient(law: "LawFit") -> Array:
     """Columns along which the fit is linear: Z itself, or the gradient of a law in natural units."""
     Z = law.law.design(law.X, law.shifts)
     return law.law.gradient(law.theta, Z) if law.error == "additive" else Z

@@ -1,7 +1,7 @@
 """What a fit returns: facts only. Rounding, words and pictures are made elsewhere, from these."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
@@ -9,6 +9,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..datasets.errors import UsageError
+from .available import NotAvailable
+from .edges import EdgeInference
 from .errors import FitError
 from .identifiable import LeftOut
 from .laws import Error, Form, Law
@@ -44,7 +46,7 @@ class LawFit:
         Where the residuals live: in the logarithm of the response, or in its own unit.
     theta, cov_theta : ndarray, shape (p,) and (p, p)
         Parameters as they were fitted (the constant of a power or exponential law as its logarithm) and
-        their covariance, which is None where observations equal parameters.
+        their covariance with rows taken as independent, None where observations equal parameters.
     X, observed, fitted, residuals : ndarray
         Factors (n, k), response, prediction (n,) in their units, and residuals on the scale of ``error``.
     lines : ndarray of int, shape (n,)
@@ -61,6 +63,9 @@ class LawFit:
         Factors and rows that were left out, each with its reason, and what else should be known.
     repeats : int
         How often the file repeats each measurement; only one of each was used.
+    edges : EdgeInference or NotAvailable
+        Inference by edge, or why these data do not allow it. Where it is there, standard errors, t, p and
+        intervals are by edge; R2, F and the residual standard error are always the papers', of rows.
     """
 
     law: Law
@@ -82,6 +87,7 @@ class LawFit:
     dropped: tuple[Dropped, ...]
     notes: tuple[str, ...]
     repeats: int
+    edges: EdgeInference | NotAvailable = field(default=NotAvailable("not asked for"))
 
     @property
     def form(self) -> Form:
@@ -148,13 +154,23 @@ class LawFit:
         slope = np.ones(len(self.theta))
         if self.law.logarithmic:
             slope[0] = np.exp(self.theta[0])
-        cov = self._cov() * np.outer(slope, slope)
+        cov = self.covariance() * np.outer(slope, slope)
         return pd.DataFrame(cov, index=list(self.names), columns=list(self.names))
 
     @property
     def bse(self) -> "pd.Series[float]":
-        """Standard errors of ``params``, rows taken as independent."""
+        """Standard errors of ``params``, by edge where the edges allow it."""
         return pd.Series(np.sqrt(np.diag(self.cov_params)), index=list(self.names), name="bse")
+
+    @property
+    def row_bse(self) -> "pd.Series[float]":
+        """Standard errors of ``params`` as the papers print them, rows taken as independent."""
+        return replace(self, edges=NotAvailable("rows were asked for")).bse
+
+    @property
+    def df(self) -> int:
+        """Degrees of freedom of t, p and intervals: edges less one, or those of the rows."""
+        return self.edges.df if isinstance(self.edges, EdgeInference) else self.df_resid
 
     @property
     def tvalues(self) -> "pd.Series[float]":
@@ -168,7 +184,7 @@ class LawFit:
         """Two-sided p of each parameter against zero."""
         from scipy.special import stdtr
 
-        p = 2 * stdtr(max(self.df_resid, 1), -np.abs(self.tvalues.to_numpy()))
+        p = 2 * stdtr(max(self.df, 1), -np.abs(self.tvalues.to_numpy()))
         return pd.Series(p, index=list(self.names), name="p")
 
     @property
@@ -226,7 +242,7 @@ class LawFit:
 
         The constant of a logarithmic law gets the interval of its logarithm, so its low end stays positive.
         """
-        half = self._quantile(level) * np.sqrt(np.diag(self._cov()))
+        half = self._quantile(level) * np.sqrt(np.diag(self.covariance()))
         low = self.law.coefficients(self.theta - half)
         high = self.law.coefficients(self.theta + half)
         return pd.DataFrame({"low": low, "high": high}, index=list(self.names))
@@ -255,7 +271,7 @@ class LawFit:
         interval : None, "mean" or "prediction"
             None gives an array, shape (n,): with multiplicative errors it is the median. Otherwise a
             DataFrame ``value, low, high``: "mean" is about the law itself, "prediction" about one new row.
-            Rows are taken as independent.
+            Both are by edge where the edges allow it.
         level : float
             Level of the interval.
 
@@ -295,8 +311,11 @@ class LawFit:
 
         return observed_against_predicted(self, ax)
 
-    def _cov(self) -> Array:
+    def covariance(self) -> Array:
+        """Covariance of ``theta`` that standard errors and intervals stand on, shape (p, p); NaN if there is none."""
         p = len(self.theta)
+        if isinstance(self.edges, EdgeInference):
+            return self.edges.cov_theta
         return np.full((p, p), np.nan) if self.cov_theta is None else self.cov_theta
 
     def _quantile(self, level: float) -> float:
@@ -304,7 +323,7 @@ class LawFit:
 
         if not 0 < level < 1:
             raise FitError(f"level {level} of an interval: it lies between 0 and 1, for instance 0.95.")
-        return float(stdtrit(max(self.df_resid, 1), (1 + level) / 2))
+        return float(stdtrit(max(self.df, 1), (1 + level) / 2))
 
     def _design_of(self, new: pd.DataFrame) -> Array:
         missing = [name for name in self.factors if name not in new]
@@ -334,7 +353,7 @@ class LawFit:
         """Delta method on the scale on which the errors are: in logarithms, or in the unit itself."""
         scale = self.scale_se or 0.0
         G = Z if self.error == "multiplicative" else self.law.gradient(self.theta, Z)
-        variance = np.einsum("ij,jk,ik->i", G, self._cov(), G) + (scale**2 if kind == "prediction" else 0.0)
+        variance = np.einsum("ij,jk,ik->i", G, self.covariance(), G) + (scale**2 if kind == "prediction" else 0.0)
         half = self._quantile(level) * np.sqrt(variance)
         if self.error == "multiplicative":
             return pd.DataFrame({"value": value, "low": value * np.exp(-half), "high": value * np.exp(half)})

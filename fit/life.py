@@ -135,6 +135,6 @@ def _standard_errors(law: LawFit, eta: Array, values: Array, others: list[int], 
     J = np.zeros((len(others), len(law.theta)))
     J[np.arange(len(others)), others] = -1.0 / k
     J[:, at] = -eta / k
-    se = np.sqrt(np.einsum("ij,jk,ik->i", J, law.cov_theta, J))
+    se = np.sqrt(np.einsum("ij,jk,ik->i", J, law.covariance(), J))
     se[0] *= values[0]
     return pd.Series(se, index=[law.names[j] for j in others])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..datasets import Runs, UsageError
 from .condense import Condensed
+from .edges import edge_inference
 from .errors import FitError
 from .identifiable import LeftOut, identifiable
 from .lawfit import LawFit
@@ -50,7 +51,8 @@ def power_law(
     error : {"multiplicative", "additive"}
         Least squares of ln R, or of R itself. ``LawFit.alternative`` gives the other one.
     edge : str or None
-        Column that says which cutting edge a row is from.
+        Column that says which cutting edge a row is from; standard errors and intervals are then by edge.
+        None: rows are taken as independent, as the papers do.
     by : str, optional
         Category (work material, say) whose level multiplies the law by exp(shift).
 
@@ -126,12 +128,13 @@ def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], er
         )  # fmt: skip
 
     if not law.logarithmic:
-        return result("additive", *_straight(Z, rows.y))
-    if error == "multiplicative":
-        return result("multiplicative", *_logarithmic(Z, rows.y))
-    above = rows.y > 0
-    start = law.guess(Z, rows.y) if above.all() else _start(law, Z, rows, left_out)
-    return result("additive", *_natural(law, Z, rows.y, start))
+        fitted = result("additive", *_straight(Z, rows.y))
+    elif error == "multiplicative":
+        fitted = result("multiplicative", *_logarithmic(Z, rows.y))
+    else:
+        start = law.guess(Z, rows.y) if (rows.y > 0).all() else _start(law, Z, rows, left_out)
+        fitted = result("additive", *_natural(law, Z, rows.y, start))
+    return replace(fitted, edges=edge_inference(fitted))
 
 
 def other_structure(law: LawFit) -> LawFit | None:
@@ -150,7 +153,8 @@ def other_structure(law: LawFit) -> LawFit | None:
     except FitError:
         return None
     theta, cov, fitted, r, tss = stage
-    return replace(law, error=error, theta=theta, cov_theta=cov, fitted=fitted, residuals=r, rss=float(r @ r), tss=tss)
+    other = replace(law, error=error, theta=theta, cov_theta=cov, fitted=fitted, residuals=r, rss=float(r @ r), tss=tss)
+    return replace(other, edges=edge_inference(other))
 
 
 def _start(law: Law, Z: Array, rows: Rows, left_out: tuple[LeftOut, ...]) -> Array:

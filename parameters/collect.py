@@ -18,6 +18,8 @@ from .file import ParameterFile
 from .law import Law
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ..fit import LawFit, ToolLife
 
 
@@ -140,7 +142,9 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "df": int(law.df_resid),
         "n_edges": law.n_edges,
         "statistics": _statistics(law),
-        "standard_errors": {str(k): float(v) for k, v in law.bse.items() if math.isfinite(v)},
+        "edges": _edges(law),
+        "standard_errors": _finite(law.bse),
+        "row_standard_errors": _finite(law.row_bse) if law.edges else {},
         "left_out": [{"factor": out.factor, "reason": out.reason} for out in law.left_out],
         "dropped_rows": [{"reason": d.reason, "count": int(d.count), "lines": list(d.lines)} for d in law.dropped],
         "notes": list(law.notes),
@@ -191,9 +195,34 @@ def _by(law: "LawFit", params: Mapping[str, float]) -> dict[str, Any] | None:
 def _uncertainty(law: "LawFit") -> dict[str, Any]:
     if law.cov_theta is None:
         return {"kind": "none", "reason": law.no_interval or "the fit gives no covariance"}
-    cov = np.asarray(law.cov_theta, dtype=np.float64)
-    matrix = ((cov + cov.T) / 2).tolist()  # symmetric to the last bit, as no product of factors is
-    return {"kind": "covariance", "of": list(law.theta_names), "matrix": matrix, "df": int(law.df_resid)}
+    cov = np.asarray(law.covariance(), dtype=np.float64)
+    return {
+        "kind": "covariance",
+        "method": "jackknife by edge (CR3)" if law.edges else "rows taken as independent",
+        "of": list(law.theta_names),
+        "matrix": ((cov + cov.T) / 2).tolist(),  # symmetric to the last bit, as no product of factors is
+        "df": int(law.df),
+    }
+
+
+def _edges(law: "LawFit") -> dict[str, Any] | None:
+    from ..fit import NotAvailable
+
+    edges = law.edges
+    if isinstance(edges, NotAvailable):
+        return {"reason": edges.reason}
+    F = _known(edges.fvalue)
+    return {
+        "between": [name for name, within in zip(law.names[1:], edges.within[1:], strict=True) if not within],
+        "F": F,
+        "F_df": None if F is None else (edges.f_df, edges.df),
+        "F_p": _known(edges.f_pvalue),
+        "row_F": _known(edges.row_fvalue),
+        "sd_between": edges.mixed.sd_between,
+        "sd_within": edges.mixed.sd_within,
+        "icc": edges.icc,
+        "random_level": dict(zip(law.theta_names, edges.mixed.bse.tolist(), strict=True)),
+    }
 
 
 def _alternative(law: "LawFit") -> dict[str, Any] | None:
@@ -232,6 +261,10 @@ def _statistics(law: "LawFit") -> dict[str, Any]:
         "F_df": None if F is None else (int(law.df_model), int(law.df_resid)),
         "F_p": _known(law.f_pvalue),
     }
+
+
+def _finite(values: "pd.Series[float]") -> dict[str, float]:
+    return {str(name): float(value) for name, value in values.items() if math.isfinite(value)}
 
 
 def _known(value: float | None) -> float | None:

@@ -24,6 +24,7 @@ from .sections import (
     Count,
     Covariance,
     DroppedRows,
+    Edges,
     Factor,
     LeftOut,
     NoCovariance,
@@ -87,6 +88,10 @@ class Law(Section):
         What the fit has to say of itself; standard errors are those of ``coefficients`` and shifts.
     alternative : Law or None
         The same law fitted with the other error structure.
+    edges : Edges or None
+        What the cutting edges say: variance split, and F of what only edges can tell.
+    row_standard_errors : dict of float
+        Standard errors with rows taken as independent, as the papers print them, where others are by edge.
     published : Published or None
         What a paper prints for the same response, tool and work.
 
@@ -113,6 +118,8 @@ class Law(Section):
     df: Count
     n_edges: Count | None = None
     statistics: Statistics = Statistics()
+    edges: Edges | None = None
+    row_standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
     standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
     dropped_rows: tuple[DroppedRows, ...] = ()

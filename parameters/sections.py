@@ -80,6 +80,8 @@ class By(Section):
 class Covariance(Section):
     """Covariance of the law's parameters: (p, p), in the order of ``of``, with the ``df`` of its t.
 
+    ``method`` says what it stands on: rows taken as independent, or the jackknife by edge.
+
     Examples
     --------
     >>> Covariance(of=["ln c0", "V"], matrix=[[0.9, -0.19], [-0.19, 0.0405]], df=6).df
@@ -87,6 +89,7 @@ class Covariance(Section):
     """
 
     kind: Literal["covariance"] = "covariance"
+    method: str = "rows taken as independent"
     of: tuple[str, ...]
     matrix: tuple[tuple[Number, ...], ...]
     df: Annotated[int, Field(strict=True, ge=1, lt=2**63)]
@@ -220,3 +223,29 @@ class ToolLifeSection(Section):
     t_observed: NotNegative
     typical: NotNegative
     typical_at: dict[str, Number]
+
+
+class Edges(Section):
+    """What the cutting edges say of a law: the variance between and within them, and F of what only they tell.
+
+    ``between`` names the factors told between edges; ``F`` on ``F_df`` is theirs by edge and ``row_F`` theirs
+    with rows taken as independent; ``icc`` is the share of the variance between edges. ``random_level`` holds
+    the standard errors with a random level of each edge, the cross-check of the jackknife. ``reason`` is set
+    where inference by edge cannot be had.
+
+    Examples
+    --------
+    >>> Edges(reason="no edge column").F is None
+    True
+    """
+
+    reason: str | None = None
+    between: tuple[str, ...] = ()
+    F: Number | None = None
+    F_df: tuple[Count, Count] | None = None
+    F_p: Number | None = None
+    row_F: Number | None = None
+    sd_between: NotNegative | None = None
+    sd_within: NotNegative | None = None
+    icc: NotNegative | None = None
+    random_level: dict[str, NotNegative] = {}

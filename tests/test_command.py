@@ -190,7 +190,7 @@ def test_the_card_holds_no_number_that_is_none(fitted):
 
 def test_every_number_in_the_cards_tables_is_that_of_the_parameter_file(fitted):
     for law, (head, _, *rows) in zip(fitted.pf.laws.values(), tables(fitted.card), strict=True):
-        spread = np.sqrt(np.diag(law.uncertainty.matrix)) * stdtrit(law.df, 0.975)
+        spread = np.sqrt(np.diag(law.uncertainty.matrix)) * stdtrit(law.uncertainty.df, 0.975)
         half = dict(zip(law.uncertainty.of, spread, strict=True))
         assert [row[0] for row in rows] == list(law.coefficients)
         for cells in rows:
@@ -200,6 +200,7 @@ def test_every_number_in_the_cards_tables_is_that_of_the_parameter_file(fitted):
             near = pytest.approx
             assert float(told["estimate"]) == near(value, abs=ROUNDED * se)
             assert float(told["SE"]) == near(se, rel=ROUNDED)
+            assert float(told["row SE"]) == near(law.row_standard_errors[name], rel=ROUNDED)
             ends = (
                 [value * math.exp(-half["ln c0"]), value * math.exp(half["ln c0"])]
                 if name == "c0"

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 def wear_law(factors=("V", "f", "d", "t"), **options):
     runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
-    return fit.power_law(runs, "AW", list(factors), **options)
+    return fit.power_law(runs, "AW", list(factors), edge=None, **options)
 
 
 def exact(V=0.8, t=0.4, c0=1e-4, n=12):

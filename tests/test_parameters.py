@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import parameters
+from fitmodels import fit, parameters
 from fitmodels.parameters import Law, ParameterError, ParameterFile, collect, read, write
 from fitmodels.parameters import file as file_module
 from hypothesis import assume, given, settings
@@ -671,7 +671,9 @@ def stand_in(**changes):
         "no_interval": None,
         "nobs": 20,
         "n_edges": 5,
+        "edges": fit.NotAvailable("no edge column"),
         "df_resid": 16,
+        "df": 16,
         "df_model": 3,
         "rsquared": 0.9,
         "rsquared_adj": 0.88,
@@ -686,7 +688,9 @@ def stand_in(**changes):
         "notes": ("a note",),
         "alternative": None,
     }
-    return SimpleNamespace(**{**attributes, **changes})
+    law = SimpleNamespace(**{**attributes, **changes})
+    law.covariance = lambda: law.cov_theta
+    return law
 
 
 def test_collect_hands_every_number_over(path):
