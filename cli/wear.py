@@ -72,7 +72,7 @@ def parser() -> Parser:
 class Job:
     """One tool/work pair: its runs, where its folder goes, and whether that already holds this very fit."""
 
-    runs: Any
+    runs: "Runs"
     folder: Path | None
     unchanged: bool
 
@@ -110,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
     return 4 if any(report["parameters"] is None for report in reports) else 0
 
 
-def _jobs(runs: Any, args: argparse.Namespace, options: Mapping[str, Any]) -> list[Job]:  # noqa: ANN401
+def _jobs(runs: "Runs", args: argparse.Namespace, options: Mapping[str, Any]) -> list[Job]:
     """The pairs and their folders; an existing result stops everything before anything is fitted."""
     from ..datasets.errors import UsageError
 
@@ -144,7 +144,7 @@ def _folder_name(tool: str, work: str, taken: set[str]) -> str:
     return name
 
 
-def _holds(folder: Path, runs: Any, options: Mapping[str, Any]) -> bool:  # noqa: ANN401
+def _holds(folder: Path, runs: "Runs", options: Mapping[str, Any]) -> bool:
     """Whether the folder already holds the fit of these data by this version with these options."""
     from .. import cards, parameters
 
@@ -169,7 +169,7 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
     with progress() as step:
         step(f"fitting {runs.tool} on {runs.work}")
         laws, refused = fit.default_laws(runs, error=args.error, by=args.by)
-        life = _life(laws, args.criterion, refused_if_asked=args.criterion is not None)
+        life = _life(laws, args.criterion)
     pf = _collected(runs, laws, life, args, options) if laws else None
     if not args.json:
         out.show(terminal.pair_head(runs))
@@ -219,18 +219,19 @@ def _collected(
     )
 
 
-def _life(laws: Any, criterion: float | None, *, refused_if_asked: bool) -> Any:  # noqa: ANN401
+def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "ToolLife | None":
+    """Tool life from the wear law on time; missing or impossible only matters where a criterion was asked for."""
     from ..fit import FitError, tool_life
 
     wear = next((law for law in laws if law.response in ("AW", "VB") and "t" in law.factors), None)
     if wear is None:
-        if refused_if_asked:
+        if criterion is not None:
             raise FitError("--criterion asks for tool life, but there is no wear law on time in this file.")
         return None
     try:
         return tool_life(wear, 0.3 if criterion is None else criterion)
     except FitError:
-        if refused_if_asked:
+        if criterion is not None:
             raise
         return None
 
@@ -249,7 +250,7 @@ def _command(args: argparse.Namespace) -> str:
     return shlex.join(words)
 
 
-def _facts(runs: Any) -> dict[str, Any]:  # noqa: ANN401
+def _facts(runs: "Runs") -> dict[str, Any]:
     """What was understood, for programs."""
     from dataclasses import asdict
 

@@ -11,6 +11,14 @@ from numpy.typing import NDArray
 
 from .lawfit import LawFit
 
+# Steps within a decade, coarse to fine
+STEPS = (
+    (1.0,),
+    (1.0, 3.0),
+    (1.0, 2.0, 5.0),
+    (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
+)
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
 ROUNDING = 1e-24  # of the sum of squares: residuals of 1e-12, what is left of an exact law in double precision
 MOST = 4000  # points in one panel: more are slow to draw and show nothing new
@@ -174,7 +182,7 @@ def _levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
     if not high > low:
         return np.array([low, low + 1e-9])
     if low > 0 and high / low > 8:
-        inside = [v for v in _round_numbers(low, high) if low < v < high]
+        inside = [v for v in _round_numbers(low, high, fewest=5) if low < v < high]
         return np.array(inside) if len(inside) > 2 else np.geomspace(low, high, 8)[1:-1]
     return np.array([v for v in MaxNLocator(8).tick_values(low, high) if low < v < high])
 
@@ -188,10 +196,12 @@ def _plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
             axis.set_ticks([], minor=True)
 
 
-def _round_numbers(low: float, high: float) -> list[float]:
+def _round_numbers(low: float, high: float, fewest: int = 3, most: int = 9) -> list[float]:
+    """Numbers a person would choose between two ends on a logarithmic axis, at least ``fewest`` if there are."""
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    for steps in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)):
+    ticks: list[float] = []
+    for steps in STEPS:
         ticks = [float(f"{d * s:.6g}") for d in decades for s in steps if low * 0.999 <= d * s <= high * 1.001]
-        if 3 <= len(ticks) <= 8:
+        if fewest <= len(ticks) <= most:
             return ticks
-    return ticks if ticks and len(ticks) <= 8 else [float(f"{v:.2g}") for v in np.geomspace(low, high, 4)]
+    return ticks if 2 <= len(ticks) <= most else [float(f"{v:.2g}") for v in np.geomspace(low, high, 4)]
