@@ -191,7 +191,7 @@ def _plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
     """Ticks of a logarithmic axis at round numbers, written as people write them."""
     for name, axis, ends in (("x", ax.xaxis, x), ("y", ax.yaxis, y)):
         if name in which:
-            ticks = _round_numbers(*ends)
+            ticks = _round_numbers(ends[0], ends[1])
             axis.set_ticks(ticks, [f"{v:g}" for v in ticks])
             axis.set_ticks([], minor=True)
 

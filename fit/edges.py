@@ -89,6 +89,11 @@ class EdgeInference:
         return pd.Series(np.sqrt(np.diag(self.cov_theta)), index=list(self.names))
 
     @property
+    def sd_new(self) -> float:
+        """Standard deviation of a row of a new edge about the law."""
+        return float(np.hypot(self.mixed.sd_between, self.mixed.sd_within))
+
+    @property
     def icc(self) -> float:
         """Share of the residual variance that lies between edges."""
         return self.mixed.icc

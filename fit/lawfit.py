@@ -270,7 +270,8 @@ class LawFit:
             A value or column for each factor, and the category of ``by`` under its name.
         interval : None, "mean" or "prediction"
             None gives an array, shape (n,): with multiplicative errors it is the median. Otherwise a
-            DataFrame ``value, low, high``: "mean" is about the law itself, "prediction" about one new row.
+            DataFrame ``value, low, high``: "mean" is about the law itself, "prediction" about one new row, of a
+            new edge where the data name edges.
             Both are by edge where the edges allow it.
         level : float
             Level of the interval.
@@ -351,7 +352,7 @@ class LawFit:
 
     def _interval(self, Z: Array, value: Array, kind: str, level: float) -> pd.DataFrame:
         """Delta method on the scale on which the errors are: in logarithms, or in the unit itself."""
-        scale = self.scale_se or 0.0
+        scale = self.edges.sd_new if isinstance(self.edges, EdgeInference) else self.scale_se or 0.0
         G = Z if self.error == "multiplicative" else self.law.gradient(self.theta, Z)
         variance = np.einsum("ij,jk,ik->i", G, self.covariance(), G) + (scale**2 if kind == "prediction" else 0.0)
         half = self._quantile(level) * np.sqrt(variance)

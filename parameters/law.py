@@ -1,5 +1,6 @@
 """The law section: one fitted equation with its domain, its uncertainty and its statistics."""
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Self
 
@@ -188,7 +189,8 @@ class Law(Section):
         level : float
             Coverage, between 0 and 1.
         kind : str
-            ``mean`` for the law itself, ``prediction`` for one new observation.
+            ``mean`` for the law itself, ``prediction`` for one new observation, on a new edge where the
+            data name edges.
         by : str, optional
             Level of the ``by`` column; needed where the law has one.
         **factors : float or array_like
@@ -295,6 +297,9 @@ def _asked(law: Law, level: float, kind: str) -> tuple[Covariance, float]:
         return law.uncertainty, 0.0
     if law.residual_se is None:
         raise ParameterError(f"the law of {law.response} has no residual standard error: no prediction interval.")
+    e = law.edges
+    if e is not None and e.sd_between is not None and e.sd_within is not None:
+        return law.uncertainty, math.hypot(e.sd_between, e.sd_within)  # a new row is on a new edge
     return law.uncertainty, law.residual_se
 
 
