@@ -109,6 +109,8 @@ def cautions(law: Law) -> list[str]:
             "There is no fit with the other error structure beside it: it needs every row above zero, and least "
             "squares in natural units that converges."
         )
+    if law.checked_rows is not None and law.checked_rows < law.n:
+        out.append(f"The checks were made on an even choice of {law.checked_rows} of the {law.n} rows.")
     out += [f"{item.factor} is left out: {item.reason}." for item in law.left_out]
     out += [_dropped_words(rows) for rows in law.dropped_rows]
     out += [f"{note[0].upper()}{note[1:]}." if not note.endswith(".") else note for note in law.notes]

@@ -1,5 +1,6 @@
 """Static laws: power, exponential and load laws, fitted in two stages and judged row by row."""
 
+from .adequacy import Adequacy, adequacy
 from .available import NotAvailable
 from .beside import Beside, beside_published
 from .defaults import Refused, default_laws
@@ -14,6 +15,7 @@ from .regression import exponential_law, power_law
 from .rows import By, Dropped
 
 __all__ = [
+    "Adequacy",
     "Beside",
     "By",
     "Dropped",
@@ -25,6 +27,7 @@ __all__ = [
     "NotAvailable",
     "Refused",
     "ToolLife",
+    "adequacy",
     "beside_published",
     "default_laws",
     "edge_inference",

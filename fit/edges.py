@@ -16,7 +16,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .available import NotAvailable
-from .linear import linear
 from .mixed import Mixed, mixed
 
 if TYPE_CHECKING:
@@ -119,20 +118,21 @@ def edge_inference(law: "LawFit") -> EdgeInference | NotAvailable:
         return NotAvailable(
             "no edge column: rows are taken as independent; if several come from one edge, intervals are too narrow"
         )
-    names, edge = np.unique(law.edge, return_inverse=True)
+    edge, names = pd.factorize(law.edge, sort=True)
     Z, G, p = _gradient(law), len(names), len(law.theta)
     if law.df_resid <= 0 or _exact(law):
         return NotAvailable("the law meets every row exactly: there is no scatter to tell edges by")
     if law.nobs == G:
         return NotAvailable(f"each of the {G} rows is an edge of its own: rows are independent")
-    within = tuple(bool(w) for w in _within(Z, edge))
+    within = tuple(_within(Z, edge))
     between = p - sum(within)
     if between + 1 > G:
         return NotAvailable(
             f"{G} edge{'s' if G > 1 else ''} for {between} parameters that only edges can tell: cut at least "
             f"{between + 1 - G} more, at other conditions"
         )
-    moved = _moved(Z, law.residuals, edge, G)
+    assert law.cov_theta is not None  # there are degrees of freedom
+    moved = _moved(Z, law.residuals, law.cov_theta * (law.df_resid / law.rss), edge, G)
     if isinstance(moved, int):
         return NotAvailable(
             f"edge {names[moved]} alone holds a parameter of the law: without it the others cannot tell it. Cut "
@@ -166,29 +166,29 @@ def _gradient(law: "LawFit") -> Array:
     return law.law.gradient(law.theta, Z) if law.error == "additive" else Z
 
 
-def _within(Z: Array, edge: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _within(Z: Array, edge: NDArray[np.intp]) -> list[bool]:
     """Which columns change within an edge."""
     first = np.zeros(edge.max() + 1, dtype=np.intp)
     first[edge[::-1]] = np.arange(len(edge))[::-1]
-    return np.asarray(np.any(np.abs(Z - Z[first[edge]]) > 1e-9 * np.abs(Z).max(axis=0), axis=0), dtype=bool)
+    return [bool(np.any(np.abs(z - z[first][edge]) > 1e-9 * np.abs(z).max())) for z in Z.T]
 
 
-def _moved(Z: Array, residuals: Array, edge: NDArray[np.intp], G: int) -> Array | int:
+def _moved(Z: Array, residuals: Array, cov_unscaled: Array, edge: NDArray[np.intp], G: int) -> Array | int:
     """How theta moves when each edge is left out, shape (G, p); or the number of an edge that cannot be.
 
     With Q = Z L orthonormal, leaving edge g out moves L^-1 theta by ``-(I - Q_g'Q_g)^-1 Q_g' r_g``.
     """
-    L = np.linalg.cholesky(linear(Z, residuals).cov_unscaled)
-    Q = Z @ L
+    L = np.linalg.cholesky(cov_unscaled)
     order = np.argsort(edge, kind="stable")
     bounds = np.searchsorted(edge[order], np.arange(G + 1))
     moved = np.empty((G, Z.shape[1]))
     for g in range(G):
         rows = order[bounds[g] : bounds[g + 1]]
-        left = np.eye(Z.shape[1]) - Q[rows].T @ Q[rows]
+        Q = Z[rows] @ L
+        left = np.eye(Z.shape[1]) - Q.T @ Q
         if np.linalg.eigvalsh(left)[0] < 1e-10:
             return g
-        moved[g] = -L @ np.linalg.solve(left, Q[rows].T @ residuals[rows])
+        moved[g] = -L @ np.linalg.solve(left, Q.T @ residuals[rows])
     return moved
 
 

@@ -12,6 +12,7 @@ Sources: Draper & Smith 1998, Applied Regression Analysis, section 2.1 (pure err
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from .available import NotAvailable
@@ -70,6 +71,11 @@ class LackOfFit:
         return 2 if self.pvalue < SIGNIFICANT else 0
 
     @property
+    def brief(self) -> str:
+        """The finding in a few words."""
+        return f"no lack of fit {p_in_words(self.pvalue)}"
+
+    @property
     def verdict(self) -> str:
         """One sentence: what was found and what to do."""
         found = f"F({self.df[0]},{self.df[1]}) {self.statistic:.2f}, {p_in_words(self.pvalue)}"
@@ -126,12 +132,12 @@ class Strata:
     @property
     def df_within(self) -> int:
         """Rows less edges less what changes within them."""
-        return len(self.rest) - len(self.names) - self.basis.shape[1]
+        return len(self.rest) - len(self.names) - int(self.basis.shape[1])
 
     @property
     def df_between(self) -> int:
         """Edge levels less the parameters that only they tell."""
-        return self.basis.shape[1] + len(self.names) - len(self.within)
+        return int(self.basis.shape[1]) + len(self.names) - len(self.within)
 
     @property
     def weights(self) -> Array:
@@ -231,7 +237,9 @@ def has_repeated_edges(law: LawFit) -> bool:
 
 def p_in_words(p: float) -> str:
     """A p-value as the papers print it: ``p .015``."""
-    return "p < .001" if p < 0.001 else f"p {p:.3f}".replace(" 0.", " .") if p < 0.1 else f"p {p:.2f}".replace(" 0.", " .")
+    if p < 0.001:
+        return "p < .001"
+    return f"p {p:.{3 if p < 0.1 else 2}f}".replace(" 0.", " .")
 
 
 def without_levels(A: Array, level: Array, edge: Codes, G: int) -> tuple[Array, Array]:
@@ -251,7 +259,7 @@ def orthonormal(A: Array) -> Array:
 
 
 def _parted(law: LawFit, labels: NDArray[np.object_]) -> Strata:
-    names, edge = np.unique(labels, return_inverse=True)
+    edge, names = pd.factorize(labels, sort=True)
     columns, back = linear_columns(law)
     level = columns[:, 0] * np.sqrt(len(columns))  # ones, or the gradient of the constant scaled to their size
     weight = np.bincount(edge, weights=level**2)
@@ -303,7 +311,7 @@ def _of_edges(law: LawFit, strata: Strata) -> LackOfFit | NotAvailable:
 def _of_rows(law: LawFit) -> LackOfFit | NotAvailable:
     setting = settings_of(law.law.design(law.X, law.shifts))
     S = int(setting.max()) + 1
-    if S == law.nobs:
+    if law.nobs == S:
         return NotAvailable(
             "no two rows were measured at the same conditions, so pure error is unknown and the form of the law cannot "
             "be tested: repeat one setting, the middle one say, three or four times"
@@ -336,7 +344,7 @@ def _test(
     counts = np.bincount(setting)
     if df[0] <= 0:
         return NotAvailable(
-            f"{len(counts)} settings leave nothing over once the law is fitted: cut at further settings to test its form"
+            f"{len(counts)} settings leave nothing over once the law is fitted: cut at further ones to test its form"
         )
     if pure <= EXACT * size:
         return NotAvailable(

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+BLOCK = 16_384  # rows at a time
+
 
 @dataclass(frozen=True, slots=True)
 class Mixed:
@@ -67,9 +69,8 @@ def mixed(Z: Array, y: Array, edge: NDArray[np.intp], within: NDArray[np.bool_])
 
     n, p = Z.shape
     size = np.bincount(edge).astype(float)
-    rows = np.column_stack([Z, y])
-    means = np.column_stack([np.bincount(edge, weights=column) for column in rows.T]) / size[:, None]
-    inside = np.linalg.qr(rows - means[edge], mode="r")  # all that is told within edges, in p + 1 rows
+    means = np.column_stack([np.bincount(edge, weights=column) for column in (*Z.T, y)]) / size[:, None]
+    inside = _about_means(Z, y, edge, means)  # all that is told within edges, in few rows
 
     def triangle(icc: float) -> Array:
         weight: Array = np.sqrt(size / (1 + size * icc / (1 - icc)))
@@ -94,3 +95,13 @@ def mixed(Z: Array, y: Array, edge: NDArray[np.intp], within: NDArray[np.bool_])
         sd_between=float(np.sqrt(s2 * icc / (1 - icc))),
         sd_within=float(np.sqrt(s2)),
     )
+
+
+def _about_means(Z: Array, y: Array, edge: NDArray[np.intp], means: Array) -> Array:
+    """Triangle of ``[Z y]`` less the means of each edge, taken in blocks so that it needs no copy of the whole."""
+    blocks = []
+    for start in range(0, len(y), BLOCK):
+        rows = slice(start, start + BLOCK)
+        about = np.column_stack([Z[rows], y[rows]]) - means[edge[rows]]
+        blocks.append(np.linalg.qr(about, mode="r"))
+    return np.vstack(blocks) if len(blocks) == 1 else np.asarray(np.linalg.qr(np.vstack(blocks), mode="r"))

@@ -137,6 +137,30 @@ def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], er
     return replace(fitted, edges=edge_inference(fitted))
 
 
+def even_choice(law: LawFit, most: int) -> LawFit:
+    """The same law fitted to at most ``most`` of its rows, evenly chosen; the law itself where it has no more."""
+    if law.nobs <= most:
+        return law
+    keep = slice(None, None, -(-law.nobs // most))
+    X, shifts, y = law.X[keep], law.shifts[keep], law.observed[keep]
+    Z = law.law.design(X, shifts)
+    try:
+        if not law.law.logarithmic:
+            theta, cov, fitted, r, tss = _straight(Z, y)
+        elif law.error == "multiplicative":
+            theta, cov, fitted, r, tss = _logarithmic(Z, y)
+        else:
+            theta, cov, fitted, r, tss = _natural(law.law, Z, y, law.theta)
+    except FitError:  # a level or setting that the choice has missed
+        return law
+    edge = None if law.edge is None else law.edge[keep]
+    chosen = replace(
+        law, theta=theta, cov_theta=cov, X=X, shifts=shifts, observed=y, fitted=fitted, residuals=r,
+        lines=law.lines[keep], edge=edge, rss=float(r @ r), tss=tss,
+    )  # fmt: skip
+    return replace(chosen, edges=edge_inference(chosen))
+
+
 def other_structure(law: LawFit) -> LawFit | None:
     """The same law fitted to the same rows with the other error structure; None where there is no such fit.
 

@@ -20,6 +20,7 @@ from .file import Identity, ParameterFile, Provenance, read, write
 from .law import Law
 from .sections import (
     By,
+    Check,
     Covariance,
     DroppedRows,
     Edges,
@@ -34,6 +35,7 @@ from .sections import (
 
 __all__ = [
     "By",
+    "Check",
     "Covariance",
     "DroppedRows",
     "Edges",

@@ -115,7 +115,12 @@ def law_section(law: "LawFit", tool: str = "", work: str = "") -> Law:
     ParameterError
         The fit holds what the schema refuses, an infinite coefficient for one.
     """
-    data = _section(law) | {"published": _published(law, tool, work), "alternative": _alternative(law)}
+    data = {
+        **_section(law),
+        **_adequacy(law),
+        "published": _published(law, tool, work),
+        "alternative": _alternative(law),
+    }
     try:
         return Law.model_validate(data)
     except ValidationError as error:
@@ -223,6 +228,27 @@ def _edges(law: "LawFit") -> dict[str, Any] | None:
         "icc": edges.icc,
         "random_level": dict(zip(law.theta_names, edges.mixed.bse.tolist(), strict=True)),
     }
+
+
+def _adequacy(law: "LawFit") -> dict[str, Any]:
+    """The checks of a law, and what they say."""
+    from ..fit import NotAvailable, adequacy
+
+    found = adequacy(law)
+    checks = {
+        name: {"reason": check.reason}
+        if isinstance(check, NotAvailable)
+        else {
+            "null": check.null,
+            "statistic": _known(check.statistic),
+            "df": check.df,
+            "p": _known(check.pvalue),
+            "concern": check.concern,
+            "verdict": check.verdict,
+        }
+        for name, check in found.checks.items()
+    }
+    return {"checks": checks, "verdicts": found.verdicts(), "checked_rows": found.nobs}
 
 
 def _alternative(law: "LawFit") -> dict[str, Any] | None:

@@ -22,6 +22,7 @@ from .evaluate import (
 )
 from .sections import (
     By,
+    Check,
     Count,
     Covariance,
     DroppedRows,
@@ -91,6 +92,12 @@ class Law(Section):
         The same law fitted with the other error structure.
     edges : Edges or None
         What the cutting edges say: variance split, and F of what only edges can tell.
+    checks : dict of Check
+        Adequacy of the law, check by check.
+    verdicts : tuple of str
+        What the checks say, worst first, in at most six plain sentences.
+    checked_rows : int or None
+        Rows that were checked: of very many an even choice.
     row_standard_errors : dict of float
         Standard errors with rows taken as independent, as the papers print them, where others are by edge.
     published : Published or None
@@ -120,6 +127,9 @@ class Law(Section):
     n_edges: Count | None = None
     statistics: Statistics = Statistics()
     edges: Edges | None = None
+    checks: dict[str, Check] = Field(default_factory=dict)
+    verdicts: tuple[str, ...] = ()
+    checked_rows: Count | None = None
     row_standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
     standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()

@@ -249,3 +249,23 @@ class Edges(Section):
     sd_within: NotNegative | None = None
     icc: NotNegative | None = None
     random_level: dict[str, NotNegative] = {}
+
+
+class Check(Section):
+    """One check of a law: what it takes for granted, its figures and its verdict in words, or why there is none.
+
+    ``concern`` is 0 where all is well, 1 where one should look, 2 where one should act.
+
+    Examples
+    --------
+    >>> Check(reason="no replicated edges: pure error unknown").verdict is None
+    True
+    """
+
+    reason: str | None = None
+    null: str | None = None
+    statistic: Number | None = None
+    df: Count | tuple[Count, Count] | None = None
+    p: Number | None = None
+    concern: Count = 0
+    verdict: str | None = None

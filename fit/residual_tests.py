@@ -1,0 +1,440 @@
+"""Tests of what a law leaves over: its shape, its spread, and whether rows of an edge follow each other.
+
+Where edges gave several rows there are two sets of residuals, and each has its own test: rows about the level
+of their edge, and the levels of the edges about the law. Taken together they would be neither independent nor
+alike, and the tests would reject sound laws.
+
+Sources: Anderson & Darling 1954, with the p-values of D'Agostino & Stephens 1986, Goodness-of-Fit Techniques,
+table 4.9; Breusch & Pagan 1979, Econometrica 47, 1287, in the form of Koenker 1981, J. Econometrics 17, 107;
+Durbin & Watson 1950, Biometrika 37, 409 (exact moments of a ratio of quadratic forms in residuals).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .available import NotAvailable
+from .lack_of_fit import (
+    SIGNIFICANT,
+    Strata,
+    has_repeated_edges,
+    meets_exactly,
+    no_scatter,
+    orthonormal,
+    p_in_words,
+)
+from .lawfit import LawFit
+
+Array = NDArray[np.float64]
+
+FEWEST = 8  # values below which the p-value of Anderson and Darling's statistic is not known
+STRONG = 0.001
+HELD = 1e-9  # share of its own variance below which a residual is fixed by the fit
+# Anderson-Darling for normality, mean and variance estimated: (upper end, a, b, c) of p = exp(a + b A + c A^2),
+# or of 1 - p where A is below .34 (table 4.9).
+STEPHENS = ((0.2, -13.436, 101.14, -223.73), (0.34, -8.318, 42.796, -59.938), (0.6, 0.9177, -4.279, -1.38))
+STEPHENS_TAIL, STEPHENS_END = (1.2937, -5.709, 0.0186), 13.0
+
+
+@dataclass(frozen=True, slots=True)
+class Residuals:
+    """One set of residuals that may be tested together.
+
+    Attributes
+    ----------
+    of : {"rows", "rows within edges", "edges"}
+    values : ndarray, shape (m,)
+        Residuals; those of edges and within edges are scaled to equal variance.
+    names : tuple of str, length k
+    terms : ndarray, shape (m, k)
+        Terms of the law that change among them, at the same places, without the constant.
+    free : int
+        Degrees of freedom among them.
+    group : ndarray of int, shape (m,), or None
+        Edge of each where several are of one edge.
+    tied : ndarray, shape (m,), or None
+        ``h / (1 - h)`` with h the part of a row's own level: residuals i and j of one edge have correlation
+        ``-sqrt(tied_i tied_j)``, their squares ``tied_i tied_j``.
+    """
+
+    of: str
+    values: Array
+    names: tuple[str, ...]
+    terms: Array
+    free: int
+    group: NDArray[np.intp] | None = None
+    tied: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Normality:
+    """Anderson-Darling test of residuals, mean and variance estimated.
+
+    Attributes
+    ----------
+    of : str
+        Which residuals, as in :class:`Residuals`.
+    nobs : int
+    statistic : float
+        ``A*^2 = A^2 (1 + 0.75/n + 2.25/n^2)``.
+    pvalue : float
+    """
+
+    of: str
+    nobs: int
+    statistic: float
+    pvalue: float
+
+    @property
+    def null(self) -> str:
+        """What the test takes for granted until it rejects it."""
+        return f"residuals of {self.of} are normal on the scale of the fit"
+
+    @property
+    def df(self) -> None:
+        """None: the statistic has a distribution of its own."""
+        return
+
+    @property
+    def concern(self) -> int:
+        """0 fine, 1 below .05, 2 below .001. Cause: outliers or the wrong error structure."""
+        return _concern(self.pvalue)
+
+    @property
+    def brief(self) -> str:
+        """The finding in a few words."""
+        return f"normal residuals of {self.of} {p_in_words(self.pvalue)}"
+
+    @property
+    def verdict(self) -> str:
+        """One sentence: what was found and what to do."""
+        found = f"Anderson-Darling {self.statistic:.2f}, {p_in_words(self.pvalue)}, {self.nobs} residuals"
+        if self.concern:
+            return (
+                f"Residuals of {self.of} are not normal ({found}): look for outliers; prediction intervals are the "
+                "least to be trusted."
+            )
+        return f"Residuals of {self.of} look normal ({found})."
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Breusch-Pagan test, studentised by Koenker, of scatter that changes with the conditions.
+
+    Attributes
+    ----------
+    of : str
+        Which residuals, as in :class:`Residuals`.
+    statistic : float
+        ``n R2`` of the squared residuals on the terms of the law, chi-squared on ``df``.
+    df : int
+    pvalue : float
+    term : str
+        Term with which the scatter changes most.
+    rises : bool
+        Whether it rises with it.
+    additive : bool
+        Whether the law was fitted in natural units.
+    """
+
+    of: str
+    statistic: float
+    df: int
+    pvalue: float
+    term: str
+    rises: bool
+    additive: bool
+
+    @property
+    def null(self) -> str:
+        """What the test takes for granted until it rejects it."""
+        return f"residuals of {self.of} scatter alike at all conditions"
+
+    @property
+    def concern(self) -> int:
+        """0 fine, 1 below .05, 2 below .001. Cause: a scatter in per cent fitted in units, or a noisy corner."""
+        return _concern(self.pvalue)
+
+    @property
+    def brief(self) -> str:
+        """The finding in a few words."""
+        return f"even scatter of {self.of} {p_in_words(self.pvalue)}"
+
+    @property
+    def verdict(self) -> str:
+        """One sentence: what was found and what to do."""
+        found = f"Breusch-Pagan {self.statistic:.1f} on {self.df} df, {p_in_words(self.pvalue)}"
+        if not self.concern:
+            return f"Scatter of {self.of} is even over the conditions ({found})."
+        how = "rises" if self.rises else "falls"
+        cure = (
+            "fit it with multiplicative errors" if self.additive else "one interval for all conditions misleads there"
+        )
+        return f"Scatter of {self.of} {how} with {self.term} ({found}): {cure}."
+
+
+@dataclass(frozen=True, slots=True)
+class SerialCorrelation:
+    """Pooled lag-1 correlation of residuals within edges, each edge having its own level.
+
+    Removing the level alone makes it about ``-1/(m - 1)`` for m rows an edge, so it is set beside its exact mean
+    and variance under independence; the p-value is that of a beta variable with these moments.
+
+    Attributes
+    ----------
+    correlation, expected, sd : float
+        What was found, and its mean and standard deviation for independent rows.
+    nobs, n_edges : int
+        Rows and edges that tell it.
+    order : str
+        What rows were put in order by: ``t`` or ``line of the file``.
+    pvalue : float
+    """
+
+    correlation: float
+    expected: float
+    sd: float
+    nobs: int
+    n_edges: int
+    order: str
+    pvalue: float
+
+    @property
+    def null(self) -> str:
+        """What the test takes for granted until it rejects it."""
+        return "rows of an edge scatter about its level independently of each other"
+
+    @property
+    def statistic(self) -> float:
+        """Standard deviations between the correlation and what independence gives."""
+        return (self.correlation - self.expected) / self.sd
+
+    @property
+    def df(self) -> None:
+        """None: the p-value follows from two exact moments."""
+        return
+
+    @property
+    def concern(self) -> int:
+        """0 fine, 1 below .05, 2 below .001. Cause: cumulative wear, or edges with time exponents of their own."""
+        return _concern(self.pvalue)
+
+    @property
+    def brief(self) -> str:
+        """The finding in a few words."""
+        return f"independent rows within edges {p_in_words(self.pvalue)}"
+
+    @property
+    def verdict(self) -> str:
+        """One sentence: what was found and what to do."""
+        found = f"lag-1 {self.correlation:.2f} where independence gives {self.expected:.2f}, {p_in_words(self.pvalue)}"
+        if not self.concern:
+            return f"Rows of an edge do not follow each other ({found})."
+        if self.correlation < self.expected:
+            return f"Rows of an edge swing about each other ({found}): check how wear was read and in which order."
+        return (
+            f"Rows of an edge follow each other ({found}): wear adds up or edges differ in their course, so trust "
+            "only the by-edge interval for what changes within edges."
+        )
+
+
+def residual_sets(
+    law: LawFit, strata: Strata | NotAvailable
+) -> tuple[Residuals | NotAvailable, Residuals | NotAvailable]:
+    """Residuals of rows (within edges where edges gave several), and of the levels of edges.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> from fitmodels.fit.lack_of_fit import split
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> [(found.of, len(found.values)) for found in residual_sets(law, split(law))]
+    [('rows within edges', 239), ('edges', 24)]
+    """
+    if law.df_resid <= 0 or meets_exactly(law):
+        gone = NotAvailable(no_scatter(law))
+        return gone, gone
+    terms = law.law.design(law.X, law.shifts)[:, 1:]
+    if isinstance(strata, Strata):
+        return _within(law, strata, terms), _of_edges(law, strata, terms)
+    if has_repeated_edges(law):
+        return strata, strata
+    return Residuals("rows", law.residuals, law.names[1:], terms, law.df_resid), strata
+
+
+def normality(residuals: Residuals) -> Normality | NotAvailable:
+    """Anderson-Darling test of a set of residuals."""
+    n = len(residuals.values)
+    if residuals.free < FEWEST:
+        return NotAvailable(
+            f"residuals of {residuals.of} have {residuals.free} degrees of freedom: their shape shows from {FEWEST} on"
+        )
+    statistic, p = anderson_darling(residuals.values)
+    return Normality(residuals.of, n, statistic, p)
+
+
+def anderson_darling(x: Array) -> tuple[float, float]:
+    """Adjusted statistic and p-value of the Anderson-Darling test of normality, mean and variance estimated.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,), n at least 8, not all equal
+
+    Examples
+    --------
+    >>> A, p = anderson_darling(np.array([1.0, 2, 3, 4, 5, 6, 7, 8, 9, 40]))
+    >>> round(A, 2), p < 0.001
+    (1.98, True)
+    """
+    from scipy.special import log_ndtr
+
+    n = len(x)
+    z = np.sort((x - x.mean()) / x.std(ddof=1))
+    A = -n - float(((2 * np.arange(1, n + 1) - 1) * (log_ndtr(z) + log_ndtr(-z[::-1]))).sum()) / n
+    A *= 1 + 0.75 / n + 2.25 / n**2
+    for end, a, b, c in STEPHENS:
+        if end > A:
+            p = float(np.exp(a + b * A + c * A**2))
+            return A, 1 - p if end < 0.6 else p
+    a, b, c = STEPHENS_TAIL
+    shown = min(A, STEPHENS_END)  # beyond it the parabola would turn up again
+    return A, float(np.exp(a + b * shown + c * shown**2))
+
+
+def spread(law: LawFit, residuals: Residuals) -> Spread | NotAvailable:
+    """Breusch-Pagan test of a set of residuals on the terms of the law.
+
+    Independent residuals give Koenker's ``n R2``. Residuals about a common level are correlated, and so are their
+    squares: two of an edge's two are equal. The covariance of the scores allows for it.
+    """
+    from scipy.special import chdtrc
+
+    names, scaled = _centred(residuals)
+    Q = orthonormal(scaled)
+    n, k = Q.shape
+    if k == 0:
+        return NotAvailable(f"no factor changes among the residuals of {residuals.of}")
+    if residuals.free < k + 3:
+        return NotAvailable(
+            f"residuals of {residuals.of} have {residuals.free} degrees of freedom for {k} factors: too few to see "
+            "where the scatter changes"
+        )
+    squares = residuals.values**2
+    size = float(squares @ squares)
+    squares = squares - squares.mean()
+    if float(squares @ squares) <= HELD * size:
+        return NotAvailable(f"residuals of {residuals.of} are all of one size: nothing to compare")
+    s2, axes = np.linalg.eigh(_covariance_of_squares(Q, residuals))
+    free = s2 > HELD  # of two rows an edge nothing shows how scatter changes within it
+    told = (axes.T @ (Q.T @ squares))[free]
+    statistic = n * float((told**2 / s2[free]).sum()) / float(squares @ squares)
+    pull = scaled.T @ squares
+    j = int(np.argmax(np.abs(pull)))
+    p = float(chdtrc(len(told), statistic))
+    return Spread(residuals.of, statistic, len(told), p, names[j], bool(pull[j] > 0), law.error == "additive")
+
+
+def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorrelation | NotAvailable:
+    """Pooled lag-1 correlation within edges, in order of time where the law has it, else of the file."""
+    from scipy.special import betainc
+
+    if law.df_resid <= 0 or meets_exactly(law):
+        return NotAvailable(no_scatter(law))
+    if not isinstance(strata, Strata):
+        return strata
+    total = float(strata.rest @ strata.rest)
+    by_time = "t" in law.factors and bool(strata.within[1 + law.factors.index("t")])
+    key = law.X[:, law.factors.index("t")] if by_time else law.lines
+    order = np.lexsort((law.lines, key, strata.edge))
+    mean, variance = _moments(strata, order)
+    if variance < HELD or total <= HELD**2 * law.rss:
+        return NotAvailable("rows of an edge can only be told to follow each other where edges have three or more")
+    rest, same = strata.rest[order], np.diff(strata.edge[order]) == 0
+    found = float((rest[1:] * rest[:-1])[same].sum()) / total
+    x, m, v = (found + 1) / 2, (mean + 1) / 2, variance / 4
+    size = m * (1 - m) / v - 1
+    below = float(betainc(m * size, (1 - m) * size, x))
+    rows = np.bincount(strata.edge)
+    return SerialCorrelation(
+        found, mean, variance**0.5, int(rows[rows > 1].sum()), int((rows > 1).sum()),
+        "t" if by_time else "line of the file", min(1.0, 2 * min(below, 1 - below)),
+    )  # fmt: skip
+
+
+def _concern(p: float) -> int:
+    return int(p < SIGNIFICANT) + int(p < STRONG)
+
+
+def _within(law: LawFit, strata: Strata, terms: Array) -> Residuals | NotAvailable:
+    if strata.df_within <= 0 or float(strata.rest @ strata.rest) <= HELD**2 * law.rss:
+        return NotAvailable("rows of an edge stand on one common course exactly: no scatter within edges")
+    own = strata.level**2 / strata.weight[strata.edge]
+    hat = own + np.einsum("ij,ij->i", strata.basis, strata.basis)
+    free = 1 - hat > HELD
+    values = strata.rest[free] / np.sqrt(1 - hat[free])
+    tied = own[free] / (1 - own[free])
+    return Residuals("rows within edges", values, law.names[1:], terms[free], strata.df_within, strata.edge[free], tied)
+
+
+def _of_edges(law: LawFit, strata: Strata, terms: Array) -> Residuals:
+    stacked, w = strata.stacked(), strata.basis.shape[1]
+    Q = orthonormal(stacked[:, :-1])
+    left = (stacked[:, -1] - Q @ (Q.T @ stacked[:, -1]))[w:]
+    hat = np.einsum("ij,ij->i", Q, Q)[w:]
+    free = 1 - hat > HELD
+    rows = np.bincount(strata.edge)
+    told = np.flatnonzero(~strata.within[1:])
+    means = np.empty((len(rows), len(told)))
+    for j, column in enumerate(told):
+        means[:, j] = np.bincount(strata.edge, weights=terms[:, column]) / rows
+    values = left[free] / np.sqrt(1 - hat[free])
+    return Residuals("edges", values, tuple(law.names[1 + j] for j in told), means[free], strata.df_between)
+
+
+def _centred(residuals: Residuals) -> tuple[list[str], Array]:
+    """Terms that change among the residuals: names, and columns centred and of length one."""
+    terms = residuals.terms - residuals.terms.mean(axis=0)
+    length = np.sqrt(np.einsum("ij,ij->j", terms, terms))
+    seen = length > HELD * np.abs(residuals.terms).max(axis=0, initial=0.0)
+    return [name for name, there in zip(residuals.names, seen, strict=True) if there], terms[:, seen] / length[seen]
+
+
+def _covariance_of_squares(Q: Array, residuals: Residuals) -> Array:
+    """Covariance of ``Q' e^2`` for e of unit variance, but for a factor; unity where residuals are independent."""
+    if residuals.group is None or residuals.tied is None:
+        return np.eye(Q.shape[1])
+    of_edges = np.column_stack([np.bincount(residuals.group, weights=residuals.tied * q) for q in Q.T])
+    return np.asarray((Q * (1 - residuals.tied**2)[:, None]).T @ Q + of_edges.T @ of_edges)
+
+
+def _moments(strata: Strata, order: NDArray[np.intp]) -> tuple[float, float]:
+    """Mean and variance of the lag-1 ratio for independent normal rows.
+
+    With ``M`` the projection that makes the residuals and ``A`` the matrix of neighbours, ``r = e'Ae / e'e``
+    has mean ``tr(MA) / v`` and variance ``2 (v tr(MAMA) - tr(MA)^2) / (v^2 (v + 2))``, v the rank of M.
+    """
+    edge, level, basis = strata.edge[order], strata.level[order], strata.basis[order]
+    same = np.diff(edge) == 0
+    by_edge = np.bincount
+    beside = _neighbours(level, same)
+    one = by_edge(edge, weights=level * beside) / strata.weight
+    two = by_edge(edge, weights=beside**2) / strata.weight
+    of_basis = np.column_stack([_neighbours(q, same) for q in basis.T]) if basis.shape[1] else basis
+    inner = basis.T @ of_basis
+    shared = sum(float((by_edge(edge, weights=level * q) ** 2 / strata.weight).sum()) for q in of_basis.T)
+    first = -float(one.sum()) - float(np.trace(inner))
+    second = 0.5 * float(same.sum()) - 2 * float(two.sum()) + float((one**2).sum())
+    second += -2 * (float((of_basis**2).sum()) - shared) + float((inner**2).sum())
+    v = strata.df_within
+    if v <= 0:
+        return 0.0, 0.0
+    return first / v, 2 * (v * second - first**2) / (v**2 * (v + 2))
+
+
+def _neighbours(x: Array, same: NDArray[np.bool_]) -> Array:
+    """Half the sum of the neighbours of each row on its edge."""
+    out = np.zeros_like(x)
+    out[1:] += np.where(same, x[:-1], 0.0)
+    out[:-1] += np.where(same, x[1:], 0.0)
+    return out / 2
