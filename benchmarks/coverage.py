@@ -1,5 +1,7 @@
 """Do 95 % intervals hold? Coverage of the interval that the command reports, beside three others.
 
+Also how often the test of lack of fit rejects the law, which is true here.
+
     python benchmarks/coverage.py [REPETITIONS]
 
 The design is that of the published tests: 24 edges (8 factorial, 4 centre, 6 axial twice) with 6 sub-tests
@@ -56,10 +58,11 @@ def main(repetitions):
     print(f"{'':34}" + "".join(f"{name:>7}" for name in EXPONENTS))
     for icc, serial in CASES:
         rng = np.random.default_rng([1, int(100 * icc), int(100 * serial)])
-        hits = {}
+        hits, rejected = {}, 0
         for _ in range(repetitions):
             AW = median * np.exp(noise(rng, frame["edge"].nunique(), icc, serial))
             law = fit.power_law(replace(runs, data=runs.data.assign(AW=AW)), "AW", list(EXPONENTS))
+            rejected += fit.adequacy(law).lack_of_fit.pvalue < 0.05
             for name, theta, se, df in intervals(law):
                 reach = stdtrit(np.broadcast_to(df, len(theta))[1:], 0.975) * se[1:]
                 inside = np.abs(theta[1:] - truth) <= reach
@@ -67,6 +70,7 @@ def main(repetitions):
         print(f"ICC {icc:g}" + (f", serial correlation {serial:g}" if serial else ""))
         for name, count in hits.items():
             print(f"  {name:<32}" + "".join(f"{c / repetitions:7.3f}" for c in count))
+        print(f"  lack of fit rejects this sound law in {100 * rejected / repetitions:.1f} % (aim 3 to 7, nominal 5)")
 
 
 if __name__ == "__main__":

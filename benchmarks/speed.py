@@ -75,8 +75,23 @@ def large_fits(n=1_000_000):
         print(f"{label + ', 1e6 rows / the same QR':<51} {ratio:5.2f}   ({a:.2f} s / {b:.2f} s)")
 
 
+def small_checks():
+    """The checks and the bootstrap on a design of 24 edges x 6 rows, in one process."""
+    plan = datasets.central_composite({"V": (50, 200), "f": (0.06, 0.6), "d": (1.5, 3)}, seed=1)
+    wear = datasets.SimulatedLaw("AW", "mm", 7.62e-3, {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}, 0.07, 0.07)
+    rows = datasets.simulate(plan, [wear], t_max=12.0, criterion=None, seed=1)
+    law = fit.power_law(datasets.runs_from_frame(rows), "AW", ["V", "f", "d", "t"])
+    for label, call, aim in (
+        ("fit.adequacy, every check, 144 rows", lambda: fit.adequacy(law), 25),
+        ("fit.edge_bootstrap, 2000 refits, 144 rows", lambda: fit.edge_bootstrap(law, 2000), 50),
+    ):
+        call()
+        print(f"{label:<51} {1e3 * median(clocked(call) for _ in range(RUNS)):5.1f} ms    aim < {aim} ms")
+
+
 if __name__ == "__main__":
     print(f"Python {sys.version.split()[0]}, numpy {np.__version__}; medians of {RUNS} alternating runs")
     version()
     command_against_imports()
+    small_checks()
     large_fits()

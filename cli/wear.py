@@ -27,6 +27,7 @@ OPTIONS_OF_A_FIT = (
     "by",
     "error",
     "criterion",
+    "gauge_sd",
     "decimal",
     "delimiter",
     "sheet",
@@ -64,6 +65,12 @@ def parser() -> Parser:
         help="where the scatter is: a share of the value (default), or the same everywhere",
     )  # fmt: skip
     fit.add_argument("--criterion", type=float, metavar="MM", help="wear at which an edge is worn out (default: 0.3)")
+    fit.add_argument(
+        "--gauge-sd",
+        type=float,
+        metavar="MM",
+        help="standard deviation of the wear gauge, to see what it does",
+    )
     p.add_argument("--version", "-V", action="version", version=f"fitmodels {__version__}")
     return p
 
@@ -85,6 +92,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.criterion is not None and not 0 < args.criterion < float("inf"):
         raise UsageError(f"--criterion {args.criterion:g}: a wear criterion lies above zero, for instance 0.3.")
+    if args.gauge_sd is not None and not 0 <= args.gauge_sd < float("inf"):
+        raise UsageError(f"--gauge-sd {args.gauge_sd:g}: a standard deviation is not below zero, for instance 0.01.")
     out = Printer()
     with progress() as step:
         step(f"reading {Path(args.file).name}")
@@ -209,6 +218,7 @@ def _collected(
         work=runs.work,
         laws=laws,
         tool_life=life,
+        gauge_sd=args.gauge_sd,
         simulated=runs.simulated,
         note=". ".join(runs.disclaimers) or None,
         data_file=runs.source.name,
@@ -246,7 +256,7 @@ def _command(args: argparse.Namespace) -> str:
         if name == "error" and value == "multiplicative":
             continue
         for item in value if isinstance(value, list) else [value] if value is not None else []:
-            words += [f"--{name}", str(item)]
+            words += [f"--{name.replace('_', '-')}", str(item)]
     return shlex.join(words)
 
 

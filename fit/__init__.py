@@ -3,37 +3,61 @@
 from .adequacy import Adequacy, adequacy
 from .available import NotAvailable
 from .beside import Beside, beside_published
+from .bootstrap import EdgeBootstrap, edge_bootstrap
+from .composite import Composite, composite
 from .defaults import Refused, default_laws
 from .edges import EdgeInference, edge_inference
 from .errors import FitError
+from .forms import Forms, rival_forms
+from .gauge import GaugeFit, gauge_corrected, sensitivity
 from .identifiable import LeftOut
+from .judgement import Judgement, judge
 from .lawfit import LawFit
 from .life import ToolLife, tool_life
 from .linear import LinearFit, linear
 from .load_line import load_law
 from .regression import exponential_law, power_law
+from .robust import RobustFit, dominant_edge, robust
 from .rows import By, Dropped
+from .slopes import common_exponent
+from .structure import error_structure
 
 __all__ = [
     "Adequacy",
     "Beside",
     "By",
+    "Composite",
     "Dropped",
+    "EdgeBootstrap",
     "EdgeInference",
     "FitError",
+    "Forms",
+    "GaugeFit",
+    "Judgement",
     "LawFit",
     "LeftOut",
     "LinearFit",
     "NotAvailable",
     "Refused",
+    "RobustFit",
     "ToolLife",
     "adequacy",
     "beside_published",
+    "common_exponent",
+    "composite",
     "default_laws",
+    "dominant_edge",
+    "edge_bootstrap",
     "edge_inference",
+    "error_structure",
     "exponential_law",
+    "gauge_corrected",
+    "judge",
     "linear",
     "load_law",
     "power_law",
+    "rival_forms",
+    "robust",
+    "sensitivity",
     "tool_life",
 ]

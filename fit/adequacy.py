@@ -3,6 +3,7 @@
 Whatever leaves out, resamples or compares does it by edge where edges gave several rows.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -129,25 +130,31 @@ class Adequacy:
         UsageError
             ``most`` below 1.
         """
-        if most < 1:
-            raise UsageError(f"most={most}: at least one sentence is needed to say anything.")
-        there: list[Check] = [check for check in self.checks.values() if not isinstance(check, NotAvailable)]
-        wrong = sorted((check for check in there if check.concern), key=lambda check: -check.concern)
-        fine = [check.brief for check in there if not check.concern]
-        well = [f"{'In order' if wrong else 'Nothing speaks against the law'}: {', '.join(fine)}."] if fine else []
-        told = [*(check.verdict for check in wrong), *self._unknown()]
-        kept = told[: most - len(well)] if most > 1 else (told or well)[:1]
-        return (*kept, *(well if most > 1 else ()))
+        return worst_first(self.checks, self.rows_are_independent, most)
 
-    def _unknown(self) -> list[str]:
-        """One sentence for each reason, with all that it keeps from being known."""
-        reasons: dict[str, list[str]] = {}
-        by_edge = {"order within edges", "even scatter of edges", "normality of edges"}
-        for name, check in self.checks.items():
-            # of independent rows these are no loss
-            if isinstance(check, NotAvailable) and not (self.rows_are_independent and name in by_edge):
-                reasons.setdefault(check.reason, []).append(name)
-        return [f"Not known ({', '.join(names)}): {reason}." for reason, names in reasons.items()]
+
+def worst_first(checks: Mapping[str, Check | NotAvailable], rows_are_independent: bool, most: int) -> tuple[str, ...]:
+    """At most ``most`` sentences of checks: what is wrong, what cannot be told, and in one sentence what is well."""
+    if most < 1:
+        raise UsageError(f"most={most}: at least one sentence is needed to say anything.")
+    there: list[Check] = [check for check in checks.values() if not isinstance(check, NotAvailable)]
+    wrong = sorted((check for check in there if check.concern), key=lambda check: -check.concern)
+    fine = [check.brief for check in there if not check.concern]
+    well = [f"{'In order' if wrong else 'Nothing speaks against the law'}: {', '.join(fine)}."] if fine else []
+    told = [*(check.verdict for check in wrong), *_unknown(checks, rows_are_independent)]
+    kept = told[: most - len(well)] if most > 1 else (told or well)[:1]
+    return (*kept, *(well if most > 1 else ()))
+
+
+def _unknown(checks: Mapping[str, Check | NotAvailable], rows_are_independent: bool) -> list[str]:
+    """One sentence for each reason, with all that it keeps from being known."""
+    reasons: dict[str, list[str]] = {}
+    by_edge = {"order within edges", "even scatter of edges", "normality of edges"}
+    for name, check in checks.items():
+        # of independent rows these are no loss
+        if isinstance(check, NotAvailable) and not (rows_are_independent and name in by_edge):
+            reasons.setdefault(check.reason, []).append(name)
+    return [f"Not known ({', '.join(names)}): {reason}." for reason, names in reasons.items()]
 
 
 def adequacy(law: LawFit) -> Adequacy:

@@ -119,8 +119,8 @@ def edge_inference(law: "LawFit") -> EdgeInference | NotAvailable:
             "no edge column: rows are taken as independent; if several come from one edge, intervals are too narrow"
         )
     edge, names = pd.factorize(law.edge, sort=True)
-    Z, G, p = _gradient(law), len(names), len(law.theta)
-    if law.df_resid <= 0 or _exact(law):
+    Z, G, p = gradient(law), len(names), len(law.theta)
+    if law.cov_theta is None or _exact(law):
         return NotAvailable("the law meets every row exactly: there is no scatter to tell edges by")
     if law.nobs == G:
         return NotAvailable(f"each of the {G} rows is an edge of its own: rows are independent")
@@ -131,7 +131,6 @@ def edge_inference(law: "LawFit") -> EdgeInference | NotAvailable:
             f"{G} edge{'s' if G > 1 else ''} for {between} parameters that only edges can tell: cut at least "
             f"{between + 1 - G} more, at other conditions"
         )
-    assert law.cov_theta is not None  # there are degrees of freedom
     moved = _moved(Z, law.residuals, law.cov_theta * (law.df_resid / law.rss), edge, G)
     if isinstance(moved, int):
         return NotAvailable(
@@ -160,7 +159,7 @@ def _exact(law: "LawFit") -> bool:
     return bool(np.sqrt(law.rss / law.nobs) <= ROUNDING * size)
 
 
-def _gradient(law: "LawFit") -> Array:
+def gradient(law: "LawFit") -> Array:
     """Columns along which the fit is linear: Z itself, or the gradient of a law in natural units."""
     Z = law.law.design(law.X, law.shifts)
     return law.law.gradient(law.theta, Z) if law.error == "additive" else Z

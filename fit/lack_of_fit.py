@@ -262,7 +262,7 @@ def _parted(law: LawFit, labels: NDArray[np.object_]) -> Strata:
     edge, names = pd.factorize(labels, sort=True)
     columns, back = linear_columns(law)
     level = columns[:, 0] * np.sqrt(len(columns))  # ones, or the gradient of the constant scaled to their size
-    weight = np.bincount(edge, weights=level**2)
+    weight: Array = np.asarray(np.bincount(edge, weights=level**2), dtype=float)
     levels, inside = without_levels(np.column_stack([columns, law.residuals]), level, edge, len(names))
     within = np.linalg.norm(inside[:, :-1], axis=0) > ROUNDING
     inside[:, :-1][:, ~within] = 0.0

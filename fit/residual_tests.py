@@ -77,7 +77,7 @@ class Normality:
         Which residuals, as in :class:`Residuals`.
     nobs : int
     statistic : float
-        ``A*^2 = A^2 (1 + 0.75/n + 2.25/n^2)``.
+        ``A^2``; the p-value is that of ``A^2 (1 + 0.75/n + 2.25/n^2)``.
     pvalue : float
     """
 
@@ -275,7 +275,7 @@ def normality(residuals: Residuals) -> Normality | NotAvailable:
 
 
 def anderson_darling(x: Array) -> tuple[float, float]:
-    """Adjusted statistic and p-value of the Anderson-Darling test of normality, mean and variance estimated.
+    """``A^2`` and p-value of the Anderson-Darling test of normality, mean and variance estimated.
 
     Parameters
     ----------
@@ -285,21 +285,21 @@ def anderson_darling(x: Array) -> tuple[float, float]:
     --------
     >>> A, p = anderson_darling(np.array([1.0, 2, 3, 4, 5, 6, 7, 8, 9, 40]))
     >>> round(A, 2), p < 0.001
-    (1.98, True)
+    (1.74, True)
     """
     from scipy.special import log_ndtr
 
     n = len(x)
     z = np.sort((x - x.mean()) / x.std(ddof=1))
-    A = -n - float(((2 * np.arange(1, n + 1) - 1) * (log_ndtr(z) + log_ndtr(-z[::-1]))).sum()) / n
-    A *= 1 + 0.75 / n + 2.25 / n**2
+    A2 = -n - float(((2 * np.arange(1, n + 1) - 1) * (log_ndtr(z) + log_ndtr(-z[::-1]))).sum()) / n
+    A = A2 * (1 + 0.75 / n + 2.25 / n**2)
     for end, a, b, c in STEPHENS:
         if end > A:
             p = float(np.exp(a + b * A + c * A**2))
-            return A, 1 - p if end < 0.6 else p
+            return A2, 1 - p if end < 0.6 else p
     a, b, c = STEPHENS_TAIL
     shown = min(A, STEPHENS_END)  # beyond it the parabola would turn up again
-    return A, float(np.exp(a + b * shown + c * shown**2))
+    return A2, float(np.exp(a + b * shown + c * shown**2))
 
 
 def spread(law: LawFit, residuals: Residuals) -> Spread | NotAvailable:

@@ -29,6 +29,7 @@ def collect(
     work: str,
     laws: Sequence["LawFit"] = (),
     tool_life: "ToolLife | None" = None,
+    gauge_sd: float | None = None,
     machine: str | None = None,
     simulated: bool = False,
     note: str | None = None,
@@ -51,6 +52,8 @@ def collect(
         At most one for each response. Where a paper prints the law of this tool and work, it is set beside.
     tool_life : ToolLife, optional
         Solved from one of the laws.
+    gauge_sd : float, optional
+        Standard deviation of the wear gauge, in the unit of the wear.
     simulated : bool
         True when the data came from a simulation.
     data_file, data_sha256, n_rows, created, command, options, seed
@@ -86,7 +89,7 @@ def collect(
         "options": dict(options or {}),
         "seed": seed,
     }
-    sections = {"identity": identity, "laws": _by_response(laws, tool, work), "provenance": provenance}
+    sections = {"identity": identity, "laws": _by_response(laws, tool, work, gauge_sd), "provenance": provenance}
     if tool_life is not None:
         sections["tool_life"] = _tool_life(tool_life)
     taken = sorted({"schema_version", *sections} & set(more))
@@ -98,16 +101,16 @@ def collect(
         raise ParameterError(f"cannot collect: {in_words(error, {**sections, **more})}.") from None
 
 
-def _by_response(laws: Sequence["LawFit"], tool: str, work: str) -> dict[str, Law]:
+def _by_response(laws: Sequence["LawFit"], tool: str, work: str, gauge_sd: float | None) -> dict[str, Law]:
     found: dict[str, Law] = {}
     for law in laws:
         if law.response in found:
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
-        found[law.response] = law_section(law, tool, work)
+        found[law.response] = law_section(law, tool, work, gauge_sd)
     return found
 
 
-def law_section(law: "LawFit", tool: str = "", work: str = "") -> Law:
+def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float | None = None) -> Law:
     """Turn a fitted law of this tool and work into its section of the file.
 
     Raises
@@ -117,7 +120,7 @@ def law_section(law: "LawFit", tool: str = "", work: str = "") -> Law:
     """
     data = {
         **_section(law),
-        **_adequacy(law),
+        **_judged(law, gauge_sd),
         "published": _published(law, tool, work),
         "alternative": _alternative(law),
     }
@@ -230,11 +233,11 @@ def _edges(law: "LawFit") -> dict[str, Any] | None:
     }
 
 
-def _adequacy(law: "LawFit") -> dict[str, Any]:
-    """The checks of a law, and what they say."""
-    from ..fit import NotAvailable, adequacy
+def _judged(law: "LawFit", gauge_sd: float | None) -> dict[str, Any]:
+    """The findings of a law, and what they say."""
+    from ..fit import NotAvailable, judge
 
-    found = adequacy(law)
+    found = judge(law, gauge_sd)
     checks = {
         name: {"reason": check.reason}
         if isinstance(check, NotAvailable)

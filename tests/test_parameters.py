@@ -657,8 +657,8 @@ def test_a_damaged_file_is_refused_or_valid(path):
 
 @pytest.fixture(autouse=True)
 def no_checks(monkeypatch):
-    """A stand-in has no rows to check: what `adequacy` finds on real fits is tested beside it."""
-    monkeypatch.setattr(fit, "adequacy", lambda law: SimpleNamespace(checks={}, verdicts=tuple, nobs=20))
+    """A stand-in has no rows to check: what `judge` finds on real fits is tested beside it."""
+    monkeypatch.setattr(fit, "judge", lambda law, gauge_sd: SimpleNamespace(checks={}, verdicts=tuple, nobs=20))
 
 
 def stand_in(**changes):

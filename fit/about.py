@@ -1,0 +1,184 @@
+"""What one more row is about, and how far off it: for a new edge, for an edge that was cut, for independent rows.
+
+=============  ====================================  =================================================
+for            centre known to                       scatter of a row, and its degrees of freedom
+=============  ====================================  =================================================
+a new edge     CR3 covariance by edge, t(G - 1)      between and within edges, Satterthwaite
+the same edge  best linear prediction of its level   within edges, rows - edges - parameters within
+rows           covariance of independent rows        residual standard error, n - p
+=============  ====================================  =================================================
+
+Source of the second: Henderson 1975, Biometrics 31, 423 (prediction of a random level).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .domain import changes_within
+from .edges import EdgeInference
+from .errors import FitError
+from .lawfit import LawFit
+from .linear import linear
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What rows are about, and how far off it: all on the scale of the law's errors.
+
+    Attributes
+    ----------
+    of : {"new", "same", "independent rows"}
+    edge, method : str
+        Whose rows they are, in words, and where the variances come from.
+    shift, variance : ndarray, shape (n,)
+        Level of the edge above the law, and variance with which the centre is known.
+    sd : float
+        Standard deviation of a row about the centre.
+    df : float
+        Degrees of freedom of t.
+    parts : tuple of (float, float)
+        Mean squares that ``sd^2`` is the sum of, each with its degrees of freedom.
+    """
+
+    of: str
+    edge: str
+    method: str
+    shift: Array
+    variance: Array
+    sd: float
+    df: float
+    parts: tuple[tuple[float, float], ...]
+
+    @property
+    def df_sd(self) -> float:
+        """Degrees of freedom of ``sd`` (Satterthwaite)."""
+        total = sum(part for part, _ in self.parts)
+        return total**2 / sum(part**2 / df for part, df in self.parts) if total > 0 else self.parts[0][1]
+
+    def df_bound(self, level: float) -> float:
+        """Degrees of freedom at which chi-square bounds ``sd`` from above as the modified large-sample bound does.
+
+        Satterthwaite's take the estimated split as the true one and are too many where edges were alike by
+        luck; the bound of Graybill & Wang 1980, J. Am. Stat. Assoc. 75, 869, keeps its level.
+        """
+        from scipy.optimize import brentq
+        from scipy.special import chdtri
+
+        total = sum(part for part, _ in self.parts)
+        if len(self.parts) == 1 or total <= 0:
+            return self.parts[0][1]
+        wide = sum((part * (df / chdtri(df, level) - 1)) ** 2 for part, df in self.parts) ** 0.5 / total
+        low, high = min(df for _, df in self.parts), sum(df for _, df in self.parts)
+
+        def excess(df: float) -> float:
+            return float(df / chdtri(df, level) - 1 - wide)
+
+        return float(brentq(excess, low, high)) if excess(low) > 0 > excess(high) else low
+
+
+def new_edge(law: LawFit, Z: Array) -> About:
+    """Rows of an edge not yet cut; or rows as such, where there is no inference by edge.
+
+    Parameters
+    ----------
+    law : LawFit, with a degree of freedom
+    Z : ndarray, shape (n, p), design of the points
+    """
+    G = gradient_at(law, Z)
+    variance = np.einsum("ij,jk,ik->i", G, law.covariance(), G)
+    none = np.zeros(len(Z))
+    if not isinstance(law.edges, EdgeInference):
+        sd, df = law.scale_se or 0.0, float(law.df_resid)
+        method = f"rows taken as independent ({law.edges.reason})"
+        return About("independent rows", "no edge", method, none, variance, sd, df, ((sd**2, df),))
+    method = "jackknife by edge (CR3), scatter between and within edges"
+    parts = mean_squares(law, law.edges)
+    return About("new", "a new edge", method, none, variance, law.edges.sd_new, float(law.edges.df), parts)
+
+
+def same_edge(law: LawFit, Z: Array, table: pd.DataFrame) -> About:
+    """Further rows of edges that were cut, about the level each has shown.
+
+    The level is predicted as ``lambda_g`` times the mean residual of its ``n_g`` rows, ``lambda_g = s_b^2 /
+    (s_b^2 + s_w^2 / n_g)``. Law and level together are then a weighted sum of all rows, whose variance about
+    the truth follows from the two variances exactly. Where ``table`` names no edge the level is taken as
+    known, and as standing at the law.
+    """
+    inference = law.edges
+    if not isinstance(inference, EdgeInference):
+        return new_edge(law, Z)
+    sd, df, none = inference.mixed.sd_within, df_within(law), np.zeros(len(Z))
+    if "edge" not in table:
+        words = "an edge whose own level is known and stands at the value"
+        return About("same", words, "scatter within edges alone", none, none, sd, df, ((sd**2, df),))
+    at = _known(law, inference, table)
+    A, number = gradient_at(law, _design(law)), edge_numbers(law)
+    size = np.bincount(number).astype(float)
+    means = np.column_stack([np.bincount(number, weights=a) for a in (*A.T, law.residuals)]) / size[:, None]
+    drawn = (inference.mixed.sd_between**2 / (inference.mixed.sd_between**2 + sd**2 / size))[at] if sd > 0 else none
+    centre, M = means[at, :-1], linear(A, law.residuals).cov_unscaled
+    q = gradient_at(law, Z) - drawn[:, None] * centre
+    within = np.einsum("ij,jk,ik->i", q, M, q + 2 * drawn[:, None] * centre) + drawn**2 / size[at]
+    sums = (q @ M @ means[:, :-1].T) * size  # of the weights, in each edge
+    sums[np.arange(len(at)), at] += drawn - 1
+    variance = sd**2 * within + inference.mixed.sd_between**2 * np.einsum("ij,ij->i", sums, sums)
+    method = "best linear prediction of the edge's level, scatter within edges"
+    return About("same", "the same edge", method, drawn * means[at, -1], variance, sd, df, ((sd**2, df),))
+
+
+def gradient_at(law: LawFit, Z: Array) -> Array:
+    """Derivative by theta of what is predicted on the scale of the errors, shape (n, p)."""
+    return Z if law.error == "multiplicative" else law.law.gradient(law.theta, Z)
+
+
+def edge_numbers(law: LawFit) -> NDArray[np.intp]:
+    """Number of each row's edge, in the order of their names; one edge where the file names none."""
+    if law.edge is None:
+        return np.zeros(law.nobs, dtype=np.intp)
+    return np.asarray(np.unique(law.edge, return_inverse=True)[1], dtype=np.intp)
+
+
+def df_between(law: LawFit) -> float:
+    """Edges less parameters told between them, 1 or more."""
+    number = edge_numbers(law)
+    return float(max(number.max() + 1 - (~changes_within(_design(law), number)).sum(), 1))
+
+
+def df_within(law: LawFit) -> float:
+    """Rows less edges less parameters told within them, 1 or more."""
+    number = edge_numbers(law)
+    return float(max(law.nobs - number.max() - 1 - changes_within(_design(law), number).sum(), 1))
+
+
+def mean_squares(law: LawFit, edges: EdgeInference) -> tuple[tuple[float, float], ...]:
+    """Variance of a row of a new edge as ``MS_between / m + (1 - 1/m) MS_within``, each with its df.
+
+    m is the harmonic mean of the rows an edge has.
+    """
+    sizes = np.bincount(edge_numbers(law))
+    m = len(sizes) / float(np.sum(1.0 / sizes))
+    inner = edges.mixed.sd_within**2
+    return (edges.mixed.sd_between**2 + inner / m, df_between(law)), ((1 - 1 / m) * inner, df_within(law))
+
+
+def _design(law: LawFit) -> Array:
+    return law.law.design(law.X, law.shifts)
+
+
+def _known(law: LawFit, edges: EdgeInference, table: pd.DataFrame) -> NDArray[np.intp]:
+    """Number of each point's edge among those of the fit."""
+    number = {name: g for g, name in enumerate(edges.edges)}
+    asked = [f"{v:.15g}" if isinstance(v, float) else str(v) for v in table["edge"]]
+    strange = next((name for name in asked if name not in number), None)
+    if strange is not None:
+        some = ", ".join(edges.edges[:6]) + (", ..." if edges.n_edges > 6 else "")
+        raise FitError(
+            f"{law.response}: edge {strange!r} is not among the {edges.n_edges} of the fit ({some}); for an edge not "
+            "yet cut ask for edge='new'."
+        )
+    return np.array([number[name] for name in asked], dtype=np.intp)

@@ -1,0 +1,265 @@
+"""Do new runs bear a law out? Row by row against its prediction intervals, and edge by edge in one test.
+
+Rows of one edge stand off the law together, so that counting them proves little: the judgement rests on a test of
+the levels of the edges, each once, and one of the rows about them (``joint``), as one p value by Bonferroni.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..datasets import Runs, UsageError
+from .about import gradient_at, new_edge
+from .available import NotAvailable
+from .domain import domain
+from .edges import EdgeInference
+from .errors import FitError
+from .joint import JointTest, by_edge, no_edges, of_rows, over
+from .lawfit import LawFit
+from .rows import Dropped, select
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Unjudged:
+    """A new row outside the region of the design: its line in the file, and by what it is outside."""
+
+    line: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """New runs beside what a law foretold.
+
+    Attributes
+    ----------
+    response : str
+    level : float
+        Of the prediction intervals; the tests are judged at one less it.
+    rows : DataFrame
+        A row for each new row that was judged: line, edge, observed, predicted, low, high (in the unit of the
+        response), inside, and z, its deviation over the standard deviation of its prediction.
+    edges : DataFrame
+        A row for each new edge: rows, ratio of observed to predicted (of their geometric means where errors
+        multiply, else of their means), z of its level, and inside. Empty where the new rows name no edges or the
+        law knows none.
+    tests : tuple of JointTest, or NotAvailable
+    unjudged : tuple of Unjudged
+    dropped : tuple of Dropped
+        Rows without a usable response or factor.
+    """
+
+    response: str
+    level: float
+    rows: pd.DataFrame
+    edges: pd.DataFrame
+    tests: tuple[JointTest, ...] | NotAvailable
+    unjudged: tuple[Unjudged, ...]
+    dropped: tuple[Dropped, ...]
+
+    @property
+    def outside(self) -> int:
+        """Rows outside their prediction interval."""
+        return int((~self.rows["inside"]).sum())
+
+    @property
+    def expected(self) -> float:
+        """Rows that would fall outside by chance if the law held."""
+        return (1 - self.level) * len(self.rows)
+
+    @property
+    def pvalue(self) -> float | None:
+        """P of all parts together (Bonferroni); None where there is no test."""
+        if isinstance(self.tests, NotAvailable):
+            return None
+        return min(1.0, len(self.tests) * min(test.pvalue for test in self.tests))
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the law holds for the new runs; None where that cannot be tested.
+
+        False has three causes: another material or tool, a form that is wrong here, or edges that differ more
+        than those of the fit did. Cure: fit both together and look at lack of fit.
+        """
+        return None if self.pvalue is None else self.pvalue >= 1 - self.level
+
+    @property
+    def verdict(self) -> str:
+        """What was found, in words."""
+        n, k = len(self.rows), self.outside
+        head = (
+            f"{self.response}: {k} of {n} rows {'falls' if k == 1 else 'fall'} outside the "
+            f"{100 * self.level:.4g} % prediction intervals, {self.expected:.2g} expected by chance"
+        )
+        return f"{head}: {self._judgement()}{self._not_judged()}."
+
+    def _judgement(self) -> str:
+        if isinstance(self.tests, NotAvailable):
+            return f"no judgement of the whole, since {self.tests.reason}"
+        p = f"p {self.pvalue:.2g}" if self.pvalue is not None and self.pvalue >= 1e-4 else "p < 0.0001"
+        if self.holds:
+            return f"the law holds for these runs ({p})"
+        worst = min(self.tests, key=lambda test: test.pvalue)
+        if worst.of == "rows within edges":
+            return f"the law does not hold: rows stray from it within their edges ({p}), so time or wear acts otherwise"
+        off = self.edges[~self.edges["inside"]] if len(self.edges) else self.edges
+        if len(off):
+            which = ", ".join(f"{name} ({_off(row['ratio'])})" for name, row in off.head(6).iterrows())
+            more, s = ", ..." if len(off) > 6 else "", "s" if len(off) > 1 else ""
+            return f"the law does not hold for edge{s} {which}{more} ({p})"
+        return f"the law does not hold for these runs taken together ({p})"
+
+    def _not_judged(self) -> str:
+        if not self.unjudged:
+            return ""
+        lines = ", ".join(str(row.line) for row in self.unjudged[:6]) + (", ..." if len(self.unjudged) > 6 else "")
+        first = self.unjudged[0]
+        n = len(self.unjudged)
+        return (
+            f"; {n} row{'s' if n > 1 else ''} outside the region of the design {'are' if n > 1 else 'is'} not judged "
+            f"(line{'s' if n > 1 else ''} {lines}; line {first.line} is {first.reason.split('; ')[0]})"
+        )
+
+
+def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
+    """Judge a law by runs that it has not seen.
+
+    Parameters
+    ----------
+    law : LawFit
+    runs : Runs
+        With the response, every factor and, where the law knows edges, the column ``edge``.
+    level : float
+        Level of the prediction intervals for a row of a new edge, between 0 and 1.
+
+    Raises
+    ------
+    UsageError
+        A column is missing, in another unit, or ``level`` is no level.
+    FitError
+        No row can be judged, the rows are those of the fit, or the law has no interval.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> from fitmodels.fit.confirm import confirm
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> late = runs.data["edge"].isin(["E01", "E12"])
+    >>> law, new = (datasets.runs_from_frame(runs.data[part].drop(columns="point")) for part in (~late, late))
+    >>> confirm(fit.power_law(law, "AW", ["V", "f", "d", "t"]), new).holds
+    True
+    """
+    if not 0 < level < 1:
+        raise UsageError(f"level {level:g} of a prediction interval: it lies between 0 and 1, for instance 0.95.")
+    if law.no_interval:
+        raise FitError(f"{law.response}: {law.no_interval}. Add observations.")
+    _columns_there(law, runs)
+    new, frame, dropped = _usable(law, runs)
+    place = domain(law)
+    judged = place.inside(frame[list(_needed(law))])
+    unjudged = tuple(
+        Unjudged(int(line), place.words(frame[list(_needed(law))].iloc[[i]]))
+        for i, line in enumerate(frame["line"])
+        if not judged[i]
+    )
+    if not judged.any():
+        raise FitError(
+            f"{law.response}: none of the {len(frame)} new rows lies in the region of the design (line "
+            f"{unjudged[0].line} is {unjudged[0].reason}). Measure inside it, or fit them together with the old."
+        )
+    frame = frame[judged].reset_index(drop=True)
+    return _judge(law, frame, level, named=new, unjudged=unjudged, dropped=dropped)
+
+
+def _needed(law: LawFit) -> tuple[str, ...]:
+    return (*law.factors, *((law.by.column,) if law.by else ()))
+
+
+def _columns_there(law: LawFit, runs: Runs) -> None:
+    missing = [name for name in (law.response, *_needed(law)) if not runs.has(name)]
+    if missing:
+        raise UsageError(
+            f"{runs.source.name} has no {', '.join(missing)}: the law of {law.response} needs "
+            f"{', '.join((law.response, *_needed(law)))}. Measure it, or name its column with --map."
+        )
+    for name in (law.response, *law.factors):
+        old, now = law.units.get(name, ""), runs.units.get(name, "")
+        if old and now and old != now:
+            raise UsageError(f"{name} is in {now} in {runs.source.name} and in {old} in the law: give it in {old}.")
+
+
+def _usable(law: LawFit, runs: Runs) -> tuple[bool, pd.DataFrame, tuple[Dropped, ...]]:
+    """Whether edges are named, and the new rows that can be compared, in the units of the law."""
+    places = replace(runs, lines=np.arange(len(runs)))  # a row's line may not be its own in joined files
+    rows = select(places, law.response, law.factors, positive=_positive(law))
+    dropped = tuple(replace(item, lines=tuple(int(runs.lines[i]) for i in item.lines)) for item in rows.dropped)
+    if not len(rows.y):
+        why = "; ".join(f"{item.count} with {item.reason}" for item in dropped)
+        raise FitError(f"{law.response}: {runs.source.name} has no usable row ({why}). Check the columns.")
+    _unseen(law, rows.X, rows.y)
+    frame = pd.DataFrame(rows.X, columns=list(law.factors))
+    frame["line"], frame["observed"] = runs.lines[rows.lines], rows.y
+    if law.by is not None:
+        frame[law.by.column] = runs.labels(law.by.column)[rows.lines]
+    named = rows.edge is not None and bool((rows.edge != "").all())
+    frame["edge"] = rows.edge if rows.edge is not None else ""
+    return named, frame, dropped
+
+
+def _positive(law: LawFit) -> Literal["all", "factors", "none"]:
+    """Which columns the law needs above zero."""
+    if law.error == "multiplicative":
+        return "all"
+    return "factors" if law.form == "power" else "none"
+
+
+def _unseen(law: LawFit, X: Array, y: Array) -> None:
+    """Refuse the rows of the fit: a law always agrees with them."""
+    old = set(map(tuple, np.column_stack([law.X, law.observed]).tolist()))
+    if all(row in old for row in map(tuple, np.column_stack([X, y]).tolist())):
+        raise FitError(
+            f"{law.response}: all {len(y)} rows are among those the law was fitted to, so they cannot confirm it. "
+            "Give runs that it has not seen."
+        )
+
+
+def _judge(
+    law: LawFit,
+    frame: pd.DataFrame,
+    level: float,
+    *,
+    named: bool,
+    unjudged: tuple[Unjudged, ...],
+    dropped: tuple[Dropped, ...],
+) -> Confirmation:
+    from scipy.special import stdtrit
+
+    Z = law._design_of(frame)
+    at = new_edge(law, Z)
+    predicted, observed = law.law.response_at(law.theta, Z), frame["observed"].to_numpy(dtype=float)
+    multiplies = law.error == "multiplicative"
+    e = np.log(observed) - Z @ law.theta if multiplies else observed - predicted
+    sd = np.sqrt(at.variance + at.sd**2)
+    half = float(stdtrit(at.df, (1 + level) / 2)) * sd
+    ends = (predicted * np.exp(-half), predicted * np.exp(half)) if multiplies else (predicted - half, predicted + half)
+    rows = frame[["line", "edge", "observed"]].assign(
+        predicted=predicted, low=ends[0], high=ends[1], inside=np.abs(e) <= half, z=over(e, sd)
+    )
+    A = gradient_at(law, Z)
+    if not isinstance(law.edges, EdgeInference):
+        tests: tuple[JointTest, ...] | NotAvailable = (of_rows(law, A, e),)
+        edges = no_edges()
+    elif not named:
+        tests, edges = NotAvailable("the new rows do not say which edge they are from"), no_edges()
+    else:
+        tests, edges = by_edge(law, law.edges, A, e, rows, level)
+    return Confirmation(law.response, level, rows, edges, tests, unjudged, dropped)
+
+
+def _off(ratio: float) -> str:
+    return f"{100 * abs(ratio - 1):.2g} % {'above' if ratio > 1 else 'below'}"

@@ -1,0 +1,228 @@
+"""Where a law may be asked: the region that its design has cut, not the box about it.
+
+The corner of the box about a central composite design was never cut, nor anything near it; its leverage tells.
+Leverage is taken in the space of the law's columns: among *edge settings* for what changes only between edges
+(an edge counts once, however long it lasted), and among rows for the whole law.
+
+Source: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, section 8.2 (scaled prediction
+variance); Belsley, Kuh & Welsch 1980, Regression Diagnostics, section 2.1 (leverage).
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from . import region
+from .errors import FitError
+from .lawfit import LawFit, _columns
+from .linear import linear
+
+Array = NDArray[np.float64]
+Points = Mapping[str, object] | pd.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """Columns in which leverage is told, and the largest of the design there.
+
+    Attributes
+    ----------
+    of : {"edge settings", "rows"}
+        What counts as one point of the design.
+    columns : tuple of int
+        Positions in ``(1, coded factors, indicators)``.
+    matrix : tuple of tuples of float, shape (c, c)
+        ``(Z'Z)^-1`` of those columns, one row of Z an edge or a row.
+    largest : tuple of float
+        Largest leverage in the design, at each level of the category (one number without a category).
+    """
+
+    of: str
+    columns: tuple[int, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    largest: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """The region of a design.
+
+    Attributes
+    ----------
+    response : str
+    factors, units : tuple of str
+        Symbols and units, in the order of the law.
+    logs : bool
+        Whether factors are coded in logarithms.
+    centre, half_range : tuple of float
+        Middle and half width of each factor's range, in logarithms where ``logs``.
+    largest_radius : float
+        Largest coded radius of the design.
+    by : str or None
+        Category of the law.
+    levels : tuple of str
+        Its levels, the reference first; empty without one.
+    spaces : tuple of Space
+        Edge settings first, where the law has factors that change only between edges.
+    """
+
+    response: str
+    factors: tuple[str, ...]
+    units: tuple[str, ...]
+    logs: bool
+    centre: tuple[float, ...]
+    half_range: tuple[float, ...]
+    largest_radius: float
+    by: str | None
+    levels: tuple[str, ...]
+    spaces: tuple[Space, ...]
+
+    @property
+    def largest_leverage(self) -> float:
+        """Largest leverage of the design in the first space, over all levels."""
+        return max(self.spaces[0].largest)
+
+    def facts(self) -> dict[str, object]:
+        """The region as plain numbers and texts, which ``region.inside`` needs and a file can hold."""
+        return asdict(self)
+
+    def leverage(self, points: Points) -> Array:
+        """Leverage of points, shape (n,), in the first space: edge settings where there are any, else rows.
+
+        Points hold a value or column for each factor, as in ``LawFit.predict``, and the category if there is one.
+        """
+        return region.leverages(self.facts(), *self._given(points))[..., 0]
+
+    def coded_radius(self, points: Points) -> Array:
+        """Distance of points from the centre, shape (n,), each factor coded -1 to +1 over its range."""
+        return region.radius(self.facts(), self._given(points)[0])
+
+    def inside(self, points: Points) -> NDArray[np.bool_]:
+        """Whether points lie in the region, shape (n,): in every range, and no further out than the design."""
+        return region.inside(self.facts(), *self._given(points))
+
+    def words(self, point: Points) -> str:
+        """Inside or outside, and by what, for one point."""
+        facts, (X, level) = self.facts(), self._given(point)
+        if len(X) != 1:
+            raise FitError(f"{self.response}: {len(X)} points are given; words are of one point at a time.")
+        at = region.level_numbers(facts, level, (1,))[0]
+        h = region.leverages(facts, X, level)[0]
+        r = float(region.radius(facts, X)[0])
+        if region.inside(facts, X, level)[0]:
+            return (
+                f"inside: leverage {h[0]:.2g} (the design's largest {self.spaces[0].largest[at]:.2g}), "
+                f"coded radius {r:.3g} ({self.largest_radius:.3g})"
+            )
+        why = self._beyond(X[0])
+        for value, space in zip(h, self.spaces, strict=True):
+            if value > space.largest[at] * (1 + region.SLACK):
+                times = f"{value / space.largest[at]:.3g} times the design's largest"
+                why.append(f"leverage {value:.2g} among {space.of}, {times}")
+        if r**2 > self.largest_radius**2 * (1 + region.SLACK):
+            why.append(f"coded radius {r:.3g}, the design's largest {self.largest_radius:.3g}")
+        return f"outside: {'; '.join(why)}"
+
+    def _beyond(self, x: Array) -> list[str]:
+        """Factors outside their own range."""
+        u, ends = region.coded(self.facts(), x), np.add.outer([-1.0, 1.0], np.zeros(len(x))) * self.half_range
+        low, high = np.exp(ends + self.centre) if self.logs else ends + self.centre
+        return [
+            f"{name} {x[j]:.4g} {self.units[j]} {'above' if u[j] > 0 else 'below'} the {low[j]:.4g} to "
+            f"{high[j]:.4g} that was cut"
+            for j, name in enumerate(self.factors)
+            if abs(u[j]) > 1 + region.ROUNDING
+        ]
+
+    def _given(self, points: Points) -> tuple[Array, ArrayLike | None]:
+        """Factors, shape (n, k), and levels of the category."""
+        table = _columns(self.response, points)
+        needed = (*self.factors, *([self.by] if self.by else []))
+        missing = [name for name in needed if name not in table]
+        if missing:
+            have = ", ".join(map(str, table)) or "nothing"
+            raise FitError(f"the domain of {self.response} needs {', '.join(missing)}; given: {have}.")
+        X = table[list(self.factors)].to_numpy(dtype=float)
+        bad = ~np.isfinite(X) | ((X <= 0) & self.logs)
+        if bad.any():
+            j = int(np.argmax(bad.any(axis=0)))
+            wanted = "above zero" if self.logs else "that are finite"
+            raise FitError(
+                f"{self.factors[j]} {X[bad[:, j], j][0]:g}: the domain of {self.response} needs numbers {wanted}."
+            )
+        if self.by is None:
+            return X, None
+        level = [f"{v:.15g}" if isinstance(v, float) else str(v) for v in table[self.by]]
+        strange = sorted(set(level) - set(self.levels))
+        if strange:
+            raise FitError(f"{self.by} {strange[0]!r} is not among the fitted: {', '.join(self.levels)}.")
+        return X, np.array(level, dtype=object)
+
+
+def domain(law: LawFit) -> Domain:
+    """The region of the rows that a law was fitted to.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> from fitmodels.fit.domain import domain
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> domain(law).inside({"V": [100, 200], "f": [0.2, 0.6], "d": [2, 3], "t": 8}).tolist()
+    [True, False]
+    """
+    logs = law.form == "power"
+    T = np.log(law.X) if logs else law.X
+    low, high = T.min(axis=0), T.max(axis=0)
+    centre, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
+    U = (T - centre) / half
+    columns = np.hstack([np.ones((law.nobs, 1)), U, law.shifts])
+    level = (law.shifts @ np.arange(1, 1 + law.shifts.shape[1])).astype(np.intp)
+    return Domain(
+        response=law.response,
+        factors=law.factors,
+        units=tuple(law.units.get(name, "") for name in law.factors),
+        logs=logs,
+        centre=tuple(centre.tolist()),
+        half_range=tuple(half.tolist()),
+        largest_radius=float(np.linalg.norm(U, axis=1).max()),
+        by=None if law.by is None else law.by.column,
+        levels=() if law.by is None else (law.by.reference, *law.by.levels),
+        spaces=_spaces(columns, level, law.edge),
+    )
+
+
+def changes_within(columns: Array, edge: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which columns (n, c) change among the rows of one edge, edges numbered from 0.
+
+    Examples
+    --------
+    >>> changes_within(np.array([[1, 50, 2.0], [1, 50, 4.0], [1, 80, 2.0]]), np.array([0, 0, 1])).tolist()
+    [False, False, True]
+    """
+    first = np.unique(edge, return_index=True)[1]
+    limit = 1e-9 * np.abs(columns).max(axis=0)
+    return np.asarray((np.abs(columns - columns[first][edge]) > limit).any(axis=0), dtype=bool)
+
+
+def _spaces(columns: Array, level: NDArray[np.intp], edge: NDArray[np.object_] | None) -> tuple[Space, ...]:
+    """Edge settings where something is told between edges only, and rows where something is told within."""
+    every = np.arange(columns.shape[1])
+    if edge is None:
+        return (_space("rows", columns, every, level),)
+    _, first, number = np.unique(edge, return_index=True, return_inverse=True)
+    between = every[~changes_within(columns, number)]
+    spaces = [_space("edge settings", columns[first], between, level[first])] if len(between) > 1 else []
+    if len(between) < len(every):
+        spaces.append(_space("rows", columns, every, level))
+    return tuple(spaces)
+
+
+def _space(of: str, columns: Array, which: NDArray[np.intp], level: NDArray[np.intp]) -> Space:
+    Z = columns[:, which]
+    M = linear(Z, np.zeros(len(Z))).cov_unscaled
+    h = np.einsum("ij,jk,ik->i", Z, M, Z)
+    largest = [float(h[level == j].max(initial=0.0)) or float(h.max()) for j in range(int(level.max()) + 1)]
+    return Space(of, tuple(int(j) for j in which), tuple(map(tuple, M.tolist())), tuple(largest))

@@ -1,0 +1,203 @@
+"""All checks together: what they say of degenerate designs, how they are ordered, and that they take no time."""
+
+import math
+import warnings
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.datasets import UsageError
+from fitmodels.fit.adequacy import adequacy
+from fitmodels.fit.lack_of_fit import split
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+LIMIT = 0.025  # s, on 144 to 239 rows
+FACTORS = ["V", "f", "d", "t"]
+
+
+def bundled():
+    return datasets.read_runs(datasets.bundled("gc435_709m40"))
+
+
+def wear(edges=6, per_edge=4, noise=0.05, between=0.05, seed=1, **columns):
+    """A small wear test; ``columns`` stand in for what is drawn."""
+    rng = np.random.default_rng(seed)
+    at = np.repeat(np.arange(edges), per_edge)
+    frame = pd.DataFrame({"V": rng.uniform(50, 200, edges)[at], "f": rng.uniform(0.1, 0.5, edges)[at]})
+    frame["t"] = np.tile(np.arange(1.0, per_edge + 1), edges)
+    frame = frame.assign(**columns)
+    level = between * rng.normal(size=edges)[at] + noise * rng.normal(size=len(at))
+    frame["AW"] = 0.01 * frame["V"] ** 0.5 * frame["f"] ** 0.2 * frame["t"] ** 0.3 * np.exp(level)
+    frame["edge"] = [f"E{g}" for g in at]
+    return fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "f", "t"])
+
+
+def without_edges(n, noise=0.05, **columns):
+    law = wear(n, 1, noise, t=np.linspace(1, 9, n) ** 1.3, **columns)
+    return replace(law, edge=None)
+
+
+def figures(found):
+    for check in found.checks.values():
+        if isinstance(check, fit.NotAvailable):
+            assert len(str(check)) > 15
+        else:
+            yield check
+
+
+def assert_in_words(found):
+    """No NaN, no infinity, a null and a verdict to everything."""
+    for check in figures(found):
+        assert math.isfinite(check.statistic)
+        assert check.pvalue is None or 0 <= check.pvalue <= 1
+        assert check.concern in (0, 1, 2)
+        assert check.null
+        assert check.brief
+        assert check.verdict.endswith(".")
+        assert not {"nan", "inf"} & set(check.verdict.replace("(", " ").replace(",", " ").split())
+    said = found.verdicts()
+    assert 1 <= len(said) <= 6
+    assert all(sentence.endswith(".") and sentence[0].isupper() for sentence in said)
+
+
+def alike(edges, *settings):
+    """Values of edges in turn, four rows each."""
+    return np.repeat(np.resize(settings, edges), 4)
+
+
+DEGENERATE = {
+    "one edge": (lambda: wear(1, 12, V=np.geomspace(50, 200, 12), f=np.tile([0.1, 0.2, 0.3], 4)), "from one edge"),
+    "as many edges as parameters": (lambda: wear(3), "3 edges for 3 parameters that only edges can tell"),
+    "no replicated edges": (lambda: wear(8), "no two edges were cut at the same conditions"),
+    "a factor within edges": (
+        lambda: wear(4, 6, V=np.tile([50.0, 80, 120, 150, 180, 200], 4), f=np.tile([0.1, 0.3, 0.2], 8)),
+        "every factor changes within the edges",
+    ),
+    "a perfect law": (lambda: wear(6, noise=0.0, between=0.0), "meets every row exactly"),
+    "rows exact within edges": (lambda: wear(8, noise=0.0, between=0.1), "no scatter within edges"),
+    "an edge alone": (
+        lambda: wear(6, V=alike(6, 80.0, 80, 80, 80, 80, 160), f=alike(6, *np.linspace(0.1, 0.5, 6))),
+        "edge E5 alone holds a parameter",
+    ),
+    "rows equal parameters": (lambda: without_edges(4), "4 observations fix 4 parameters exactly"),
+    "one row left over": (lambda: without_edges(5), "no two rows were measured at the same conditions"),
+    "two rows an edge": (lambda: wear(10, 2), "three or more"),
+    "a row an edge": (lambda: wear(10, 1, t=np.linspace(1, 9, 10) ** 1.3), "no two rows were measured"),
+    "settings equal parameters": (
+        lambda: wear(6, V=alike(6, 60.0, 120, 180), f=alike(6, 0.1, 0.3, 0.15)),
+        "3 settings leave nothing over",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DEGENERATE)
+def test_degenerate_designs_answer_in_words(name):
+    make, words = DEGENERATE[name]
+    law = make()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = adequacy(law)
+        assert_in_words(found)
+        told = " ".join(found.verdicts(20))
+        reasons = " ".join(str(c) for c in found.checks.values() if isinstance(c, fit.NotAvailable))
+    assert words in told + reasons
+
+
+def test_edges_without_a_variance_between_them_are_tested():
+    V, f = alike(10, 60.0, 80, 120, 150, 180), alike(10, 0.1, 0.3, 0.2, 0.4, 0.15)
+    law = wear(10, noise=0.1, between=0.0, V=V, f=f)
+    level = np.repeat(np.log(law.observed).reshape(10, 4).mean(axis=1), 4)
+    Z = law.law.design(law.X, law.shifts)
+    # edges stand nearer to the law than their rows' scatter would let them: the variance between is put at zero
+    y = np.log(law.observed) - level + (Z @ law.theta).reshape(10, 4).mean(axis=1).repeat(4)
+    y += np.repeat(np.resize([1e-3, -1e-3, 2e-3], 10), 4)
+    fitted = fit.linear(Z, y)
+    r = y - Z @ fitted.params
+    law = replace(law, theta=fitted.params, observed=np.exp(y), residuals=r, rss=float(r @ r), tss=fitted.tss)
+    assert split(law).icc == 0.0
+    found = adequacy(law)
+    assert_in_words(found)
+    assert found.lack_of_fit.df == (2, 5)
+    assert found.influence.units == "edges"
+
+
+def test_replicates_that_are_copies_are_no_pure_error():
+    """Only three of the four settings are repeated, so that the file is not one written twice."""
+    V = np.array([60.0, 60, 90, 90, 120, 120, 180])
+    frame = pd.DataFrame({"V": V, "AW": 0.1 * V**0.5 * np.array([1.0, 1.0, 1.1, 1.1, 0.9, 0.9, 1.05])})
+    law = fit.power_law(datasets.runs_from_frame(frame), "AW", ["V"])
+    assert (law.repeats, law.nobs) == (1, 7)
+    assert "they are copies and no pure error" in str(adequacy(law).lack_of_fit)
+
+
+@pytest.mark.parametrize("response", ["AW", "P", "Fxz"])
+@pytest.mark.parametrize("error", ["multiplicative", "additive"])
+def test_every_check_answers_on_ordinary_data(response, error):
+    factors = FACTORS if response == "AW" else [*FACTORS, "AW"]
+    found = adequacy(fit.power_law(bundled(), response, factors, error=error))
+    assert_in_words(found)
+    missing = [name for name, check in found.checks.items() if isinstance(check, fit.NotAvailable)]
+    assert missing == (["scale of the response"] if error == "additive" else [])
+    assert not found.rows_are_independent
+
+
+def test_lines_and_exponentials_are_checked_too():
+    line = fit.load_law(datasets.read_runs(datasets.bundled("clm2023_end_milling")))
+    roughness = fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1")))
+    for law in (line, roughness):
+        found = adequacy(law)
+        assert_in_words(found)
+        assert found.rows_are_independent
+    assert adequacy(line).boxcox.of_law == 1
+
+
+def test_the_worst_comes_first_and_the_good_in_one_sentence(measurements):
+    runs = datasets.read_runs(measurements / "nasa_milling" / "nasa_mill_runs.csv")
+    found = adequacy(fit.power_law(runs, "VB", ["t", "f", "d"], by="material"))
+    said = found.verdicts()
+    concern = {check.verdict: check.concern for check in figures(found)}
+    order = [concern[sentence] for sentence in said if sentence in concern]
+    assert order == sorted(order, reverse=True)
+    assert order[0] == 2
+    assert "follow each other" in " ".join(said)
+    assert said[-1].startswith("In order: ")
+    assert found.verdicts(1) == said[:1]
+    assert len(found.verdicts(3)) == 3
+    assert found.verdicts(3)[-1] == said[-1]
+
+
+def test_the_forces_fail_on_form_alone(measurements):
+    law = fit.power_law(datasets.read_runs(measurements / "turning_forces" / "exp1_runs.csv"), "Fx", ["d", "V", "f"])
+    said = adequacy(law).verdicts()
+    assert said[0].startswith("Lack of fit (F(23,27) 2.41, p .015)")
+    assert len(said) == 2
+
+
+def test_one_sentence_at_least():
+    with pytest.raises(UsageError, match="most=0"):
+        adequacy(wear()).verdicts(0)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 9), st.integers(1, 5), st.floats(0.001, 1.0), st.integers(0, 10**6), st.booleans())
+def test_small_designs_never_give_a_nan(edges, per_edge, noise, seed, named):
+    try:
+        law = wear(edges, per_edge, noise, between=noise, seed=seed)
+    except fit.FitError:
+        return
+    assert_in_words(adequacy(law if named else replace(law, edge=None)))
+
+
+def test_the_whole_set_takes_no_time():
+    law = fit.power_law(bundled(), "P", [*FACTORS, "AW"])
+    adequacy(law)
+    times = []
+    for _ in range(7):
+        start = perf_counter()
+        adequacy(law)
+        times.append(perf_counter() - start)
+    assert min(times) < LIMIT

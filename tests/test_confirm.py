@@ -1,0 +1,157 @@
+"""New runs against a law: Chow's test where rows are independent, its size by simulation where they are not."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.datasets import UsageError
+from fitmodels.fit.confirm import confirm
+from fitmodels.fit.joint import quadratic
+from statsmodels.regression.linear_model import OLS
+
+EXACT = 1e-8
+FACTORS = ["V", "f", "d", "t"]
+LAWS = [
+    datasets.SimulatedLaw("AW", "mm", 7.62e-3, {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}, 0.07, 0.07, digits=9)
+]
+PLAN = datasets.central_composite({"V": (50, 200), "f": (0.06, 0.6), "d": (1.5, 3)}, seed=1).sort_values("edge")
+SOME = PLAN.iloc[[1, 6, 8, 10]]
+
+
+def frame(plan, seed):
+    return datasets.simulate(plan, LAWS, t_max=12.0, criterion=None, seed=seed)
+
+
+def law(seed=1, **options):
+    return fit.power_law(datasets.runs_from_frame(frame(PLAN, seed)), "AW", FACTORS, **options)
+
+
+def new(seed=1001, **changed):
+    data = frame(SOME, seed)
+    return datasets.runs_from_frame(data.assign(**{k: f(data) if callable(f) else f for k, f in changed.items()}))
+
+
+def test_rows_are_judged_by_the_laws_own_prediction_interval():
+    fitted, runs = law(), new()
+    found = confirm(fitted, runs, level=0.9)
+    band = fitted.predict(runs.data[FACTORS], "prediction", level=0.9)
+    np.testing.assert_allclose(found.rows[["predicted", "low", "high"]], band, rtol=EXACT)
+    y = runs.values("AW")
+    assert (found.rows["inside"] == ((band["low"] <= y) & (y <= band["high"]))).all()
+    assert found.expected == pytest.approx(2.4)
+    assert list(found.rows["edge"]) == list(runs.data["edge"])
+
+
+def test_independent_rows_are_chows_test():
+    """F from the residual sums of squares of both samples and of the old one alone (Chow 1960, eq. 27)."""
+    fitted, runs = law(edge=None), new()
+    Z, y = fitted.law.design(fitted.X), np.log(fitted.observed)
+    Z2, y2 = fitted.law.design(runs.data[FACTORS].to_numpy()), np.log(runs.values("AW"))
+    old, both = OLS(y, Z).fit(), OLS(np.r_[y, y2], np.vstack([Z, Z2])).fit()
+    expected = (both.ssr - old.ssr) / len(y2) / (old.ssr / old.df_resid)
+    (test,) = confirm(fitted, runs).tests
+    assert test.statistic == pytest.approx(expected, rel=EXACT)
+    assert test.df == (24.0, 139.0)
+
+
+def test_the_quadratic_form_is_that_of_the_whole_matrix():
+    rng = np.random.default_rng(1)
+    e, A, half, d = rng.normal(size=7), rng.normal(size=(7, 3)), rng.normal(size=(3, 2)), rng.uniform(0.5, 2, 7)
+    C = half @ half.T  # of rank two
+    assert quadratic(e, A, C, d) == pytest.approx(e @ np.linalg.solve(A @ C @ A.T + np.diag(d), e), rel=EXACT)
+
+
+def test_a_true_law_is_rejected_as_often_as_it_should_be():
+    """200 laws, each judged on four new edges: 5 % less for Bonferroni, plus four standard errors."""
+    found = [confirm(law(seed), new(1000 + seed)) for seed in range(200)]
+    rejected = np.mean([not one.holds for one in found])
+    assert rejected < 0.05 + 4 * np.sqrt(0.05 * 0.95 / 200)
+    levels = np.array([one.tests[0].pvalue for one in found])
+    assert abs(np.mean(levels < 0.25) - 0.25) < 4 * np.sqrt(0.25 * 0.75 / 200)  # the test is no rubber stamp
+    outside = np.mean([one.outside / len(one.rows) for one in found])
+    assert outside == pytest.approx(0.05, abs=0.02)
+
+
+def test_a_law_that_does_not_hold_is_told_by_edge():
+    found = confirm(law(), new(AW=lambda data: data["AW"] * np.where(data["edge"] == "E07", 1.6, 1.0)))
+    assert not found.holds
+    assert found.edges.index[~found.edges["inside"]].tolist() == ["E07"]
+    assert f"{found.outside} of 24 rows fall outside the 95 % prediction intervals, 1.2 expected" in found.verdict
+    assert "does not hold for edge E07 (" in found.verdict
+    assert "% above)" in found.verdict
+    good = confirm(law(), new())
+    assert "the law holds for these runs" in good.verdict
+
+
+def test_another_time_exponent_is_seen_within_edges():
+    found = confirm(law(), new(AW=lambda data: data["AW"] * (data["t"] / 6) ** 0.35))
+    assert found.tests[1].pvalue < 1e-6
+    assert "rows stray from it within their edges" in found.verdict
+
+
+def test_rows_outside_the_region_are_named_and_not_judged():
+    runs = new(V=lambda data: np.where(np.arange(len(data)) < 2, 900.0, data["V"]))
+    found = confirm(law(), runs)
+    assert [row.line for row in found.unjudged] == [int(line) for line in runs.lines[:2]]
+    assert len(found.rows) == 22
+    assert "2 rows outside the region of the design are not judged" in found.verdict
+    assert "V 900 m/min above the 50 to 200 that was cut" in found.verdict
+    with pytest.raises(fit.FitError, match="none of the 24 new rows lies in the region"):
+        confirm(law(), new(V=900.0))
+
+
+def test_new_rows_without_edges_get_no_judgement_of_the_whole():
+    data = frame(SOME, 5).drop(columns="edge")
+    found = confirm(law(), datasets.runs_from_frame(data))
+    assert found.holds is None
+    assert len(found.rows) == 24
+    assert "do not say which edge" in found.verdict
+
+
+def test_a_category():
+    data = frame(PLAN, 1)
+    hard = data["edge"].isin(data["edge"].unique()[::2])
+    data = data.assign(material=np.where(hard, "hard", "soft"), AW=data["AW"] * np.where(hard, 2.0, 1.0))
+    fitted = fit.power_law(datasets.runs_from_frame(data), "AW", FACTORS, by="material")
+    assert confirm(fitted, new(material="soft")).holds
+    assert not confirm(fitted, new(material="hard")).holds
+    with pytest.raises(fit.FitError, match="'brass' is not among"):
+        confirm(fitted, new(material="brass"))
+
+
+def test_an_additive_law():
+    fitted = law(error="additive")
+    found = confirm(fitted, new())
+    band = fitted.predict(new().data[FACTORS], "prediction")
+    np.testing.assert_allclose(found.rows[["predicted", "low", "high"]], band, rtol=EXACT)
+    assert not confirm(fitted, new(AW=lambda data: data["AW"] * 1.8)).holds
+
+
+def test_an_exact_law_forgives_nothing():
+    t = np.arange(2.0, 14.0, 2.0)
+    old = pd.DataFrame({"t": t, "AW": 0.1 * t**0.5})
+    fitted = fit.power_law(datasets.runs_from_frame(old), "AW", ["t"])
+    found = confirm(fitted, datasets.runs_from_frame(pd.DataFrame({"t": [3.0, 5.0], "AW": [0.2, 0.3]})))
+    assert not found.holds
+    assert found.outside == 2
+
+
+@pytest.mark.parametrize(
+    ("drop", "words"), [("d", "has no d: the law of AW needs AW, V, f, d, t"), ("AW", "has no AW")]
+)
+def test_missing_columns_are_refused(drop, words):
+    with pytest.raises(UsageError, match=words):
+        confirm(law(), datasets.runs_from_frame(frame(SOME, 5).drop(columns=drop)))
+
+
+def test_other_refusals():
+    fitted = law()
+    with pytest.raises(fit.FitError, match="all 144 rows are among those the law was fitted to"):
+        confirm(fitted, datasets.runs_from_frame(frame(PLAN, 1)))
+    with pytest.raises(UsageError, match="level 95"):
+        confirm(fitted, new(), level=95)
+    with pytest.raises(fit.FitError, match="no usable row"):
+        confirm(fitted, new(AW=-1.0))
+    two = fit.power_law(datasets.runs_from_frame(pd.DataFrame({"t": [2.0, 4.0], "AW": [0.1, 0.2]})), "AW", ["t"])
+    with pytest.raises(fit.FitError, match="2 observations fix 2 parameters"):
+        confirm(two, new())

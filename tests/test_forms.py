@@ -1,0 +1,209 @@
+"""Rival forms by edges left out, and the test of a common time exponent.
+
+References: refits without each edge by statsmodels and scipy, statsmodels' F of nested models and its MixedLM; the
+figures of the README of the NASA milling data (A. Agogino and K. Goebel, BEST lab, 2007).
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.fit.forms import rival_forms
+from fitmodels.fit.slopes import common_exponent, slope_spread
+from scipy.optimize import curve_fit
+from statsmodels.regression.linear_model import OLS
+from statsmodels.regression.mixed_linear_model import MixedLM
+
+EXACT = 1e-8
+ALONG_THE_GRADIENT = 0.02  # leaving out to first order against a nonlinear refit
+POWELL = 5e-3  # of a variance, with a flat optimum
+
+
+def bundled(response="P", factors=("V", "f", "d", "t", "AW")):
+    return fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), response, list(factors))
+
+
+def cut(force, *, edges=20, per_edge=6, noise=0.03, seed=1, named=True):
+    """Edges with a wear of their own rate, and a force that ``force(V, AW)`` gives."""
+    rng = np.random.default_rng(seed)
+    at, t = np.repeat(np.arange(edges), per_edge), np.tile(np.arange(1.0, per_edge + 1), edges)
+    V = np.exp(rng.uniform(np.log(50), np.log(200), edges))[at]
+    AW = 0.05 * np.exp(rng.normal(0, 0.4, edges))[at] * t**0.7
+    F = force(V, AW) * np.exp(noise * rng.normal(size=len(t)))
+    frame = pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "t": t, "AW": AW, "F": F})
+    return datasets.runs_from_frame(frame if named else frame.drop(columns="edge"))
+
+
+def test_left_out_errors_are_those_of_refits():
+    law = bundled()
+    forms = rival_forms(law)
+    Z, y = law.law.design(law.X), np.log(law.observed)
+    columns = {"power law": Z, "exponential in AW": np.column_stack([Z[:, :5], law.X[:, 4]])}
+    for form in (forms.power, *forms.rivals):
+        if form.name not in columns:
+            continue
+        X, missed = columns[form.name], np.empty(len(y))
+        for name in set(law.edge):
+            out = law.edge == name
+            missed[out] = y[out] - X[out] @ OLS(y[~out], X[~out]).fit().params
+        assert form.error == pytest.approx(np.sqrt(np.mean(missed**2)), rel=EXACT)
+
+
+def test_the_additive_form_against_scipys_refits():
+    law = fit.power_law(cut(lambda V, AW: 20 * V**0.5 + 900 * AW), "F", ["V", "AW"])
+    form = next(form for form in rival_forms(law).rivals if form.name == "additive in AW")
+
+    def ln_force(x, a, b, k):
+        return np.log(np.exp(a) * x[0] ** b + k * x[1])
+
+    X, y = law.X.T, np.log(law.observed)
+    whole = curve_fit(ln_force, X, y, p0=[3, 0.5, 800])[0]
+    np.testing.assert_allclose([form.coefficients[name] for name in ("ln c0", "V", "k")], whole, rtol=1e-4)
+    missed = np.empty(len(y))
+    for name in set(law.edge):
+        out = law.edge == name
+        missed[out] = y[out] - ln_force(X[:, out], *curve_fit(ln_force, X[:, ~out], y[~out], p0=whole)[0])
+    assert form.error == pytest.approx(np.sqrt(np.mean(missed**2)), rel=ALONG_THE_GRADIENT)
+
+
+@pytest.mark.parametrize(
+    ("force", "chosen"),
+    [
+        (lambda V, AW: 20 * V**0.5 * AW**0.3, "power law"),
+        (lambda V, AW: 20 * V**0.5 * np.exp(3 * AW), "exponential in AW"),
+        (lambda V, AW: 20 * V**0.5 + 900 * AW, "additive in AW"),
+        (lambda V, AW: 20 * V**0.5 * AW**0.3 * np.exp(0.5 * np.log(V / 100) ** 2), "second order in logs"),
+    ],
+)
+def test_the_true_form_is_chosen(force, chosen):
+    forms = rival_forms(fit.power_law(cut(force), "F", ["V", "AW"]))
+    assert forms.chosen.name == chosen
+    assert forms.concern == int(chosen != "power law")
+    assert forms.argument.count(". ") == 1
+    assert ("is kept" if chosen == "power law" else f"so {chosen} is preferred") in forms.argument
+
+
+def test_the_standard_error_of_equal_edges_is_that_of_their_means():
+    forms = rival_forms(fit.power_law(cut(lambda V, AW: 20 * V**0.5 * np.exp(3 * AW)), "F", ["V", "AW"]))
+    law = fit.power_law(cut(lambda V, AW: 20 * V**0.5 * np.exp(3 * AW)), "F", ["V", "AW"])
+    y, Z = np.log(law.observed), law.law.design(law.X)
+    X = np.column_stack([Z[:, :2], law.X[:, 1]])
+    squares = np.empty((2, len(y)))
+    for name in set(law.edge):
+        out = law.edge == name
+        for i, A in enumerate((Z, X)):
+            squares[i, out] = (y[out] - A[out] @ OLS(y[~out], A[~out]).fit().params) ** 2
+    by_edge = pd.Series(squares[1] - squares[0]).groupby(law.edge).mean()
+    form = next(form for form in forms.rivals if form.name == "exponential in AW")
+    assert form.standard_error * (form.error + forms.power.error) == pytest.approx(by_edge.sem(), rel=EXACT)
+
+
+def test_rows_are_left_out_where_there_are_no_edges_or_one():
+    nameless = rival_forms(fit.power_law(cut(lambda V, AW: V * AW**0.2, named=False), "F", ["V", "AW"]))
+    assert (nameless.unit, nameless.units) == ("row", 120)
+    lone = rival_forms(fit.power_law(cut(lambda V, AW: V * AW**0.2, edges=1, per_edge=12), "F", ["AW"]))
+    assert (lone.unit, lone.units) == ("row", 12)
+    law = fit.power_law(cut(lambda V, AW: V * AW**0.2, named=False), "F", ["V", "AW"])
+    reference = OLS(np.log(law.observed), law.law.design(law.X)).fit().get_influence().resid_press
+    assert nameless.power.error == pytest.approx(np.sqrt(np.mean(reference**2)), rel=EXACT)
+
+
+def test_what_cannot_be_fitted_says_why():
+    reasons = dict(rival_forms(bundled("AW", ("V", "f", "d", "t"))).not_fitted)
+    assert "no wear among the factors V, f, d, t" in str(reasons["exponential in wear"])
+    assert "no wear" in str(reasons["additive in wear"])
+    assert "one time exponent serves all 24 edges" in str(reasons["an exponent of t per edge"])
+    falling = rival_forms(fit.power_law(cut(lambda V, AW: V * AW**-0.3), "F", ["V", "AW"]))
+    assert "does not rise with AW" in str(dict(falling.not_fitted)["additive in AW"])
+    assert "no time t" in str(falling.common_exponent)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (
+            lambda: fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1"))),
+            "this is of the form exponential",
+        ),
+        (lambda: fit.power_law(cut(lambda V, AW: V * AW, noise=0.0), "F", ["V", "AW"]), "meets every row exactly"),
+        (
+            lambda: fit.power_law(cut(lambda V, AW: V * AW, edges=3, per_edge=1, named=False), "F", ["V", "AW"]),
+            "3 observations fix 3 parameters",
+        ),
+    ],
+)
+def test_what_has_no_rivals_says_why(make, words):
+    assert words in str(rival_forms(make()))
+
+
+def test_an_edge_that_alone_holds_a_parameter_is_said():
+    runs = cut(lambda V, AW: V * AW**0.2, edges=8)
+    frame = runs.data.copy()
+    frame["V"] = np.where(frame["edge"] == "E5", 160.0, 80.0)
+    law = fit.power_law(datasets.runs_from_frame(frame), "F", ["V", "AW"])
+    assert "one edge alone holds" in str(rival_forms(law))
+
+
+def test_the_common_exponent_is_the_f_of_nested_models():
+    law = bundled()
+    found = common_exponent(law)
+    names, edge = np.unique(law.edge, return_inverse=True)
+    y, D = np.log(law.observed), np.eye(len(names))[edge]
+    t, AW = np.log(law.X[:, 3:4]), np.log(law.X[:, 4:5])
+    full = OLS(y, np.hstack([D, D * t, AW])).fit()
+    F, p, df = full.compare_f_test(OLS(y, np.hstack([D, t, AW])).fit())
+    assert (found.fvalue, found.pvalue) == pytest.approx((F, p), rel=1e-7)
+    assert found.df == (int(df), int(full.df_resid))
+    np.testing.assert_allclose(found.exponents, full.params[24:48], rtol=1e-6)
+    assert found.concern == 0
+
+
+@pytest.mark.filterwarnings("ignore::statsmodels.tools.sm_exceptions.ConvergenceWarning")
+def test_the_spread_of_exponents_is_statsmodels_mixedlm():
+    rng = np.random.default_rng(5)
+    edge, time = np.repeat(np.arange(30), 6), np.tile(np.linspace(-1, 1, 6), 30)
+    levels, slopes = rng.normal(0, 0.2, 30), rng.normal(0, 0.3, 30)
+    y = 1 + levels[edge] + (0.5 + slopes[edge]) * time + rng.normal(0, 0.1, 180)
+    Z = np.column_stack([np.ones(180), time])
+    ours = slope_spread(Z, y, edge, time)
+    reference = MixedLM(y, Z, edge, exog_re=Z).fit(reml=True, method="powell")
+    np.testing.assert_allclose(np.diag(ours), np.diag(reference.cov_re) / reference.scale, rtol=POWELL)
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (lambda: fit.power_law(cut(lambda V, AW: V, named=False), "F", ["V", "t"]), "no edge column"),
+        (lambda: fit.power_law(cut(lambda V, AW: V, edges=1, per_edge=9), "F", ["t"]), "come from one edge"),
+        (lambda: fit.power_law(cut(lambda V, AW: V, per_edge=2), "F", ["V", "t"]), "at three times or more"),
+        (lambda: fit.power_law(cut(lambda V, AW: V * AW, noise=0), "F", ["V", "t"]), "lie on its own line exactly"),
+    ],
+)
+def test_no_exponent_test_says_why(law, words):
+    assert words in str(common_exponent(law()))
+
+
+def test_nasa_rejects_a_common_time_exponent(measurements):
+    """README: case slopes F 9.9, p 1e-13; exponents .40 to 1.19."""
+    runs = datasets.read_runs(measurements / "nasa_milling" / "nasa_mill_runs.csv")
+    forms = rival_forms(fit.power_law(runs, "VB", ["t", "f", "d"], by="material"))
+    test = forms.common_exponent
+    assert test.fvalue == pytest.approx(9.9, abs=0.05)
+    assert test.df == (14, 107)
+    assert test.pvalue == pytest.approx(1e-13, rel=0.1)
+    assert (test.exponents.min(), test.exponents.max()) == pytest.approx((0.40, 1.19), abs=0.005)
+    assert "A common time exponent is rejected (F(14,107) 9.85" in test.verdict
+    assert forms.chosen.name == "power law"  # exponents of their own do not help an edge nobody has seen
+    own = next(form for form in forms.rivals if form.name == "an exponent of t per edge")
+    assert own.coefficients["sd of u"] == pytest.approx(0.198, abs=0.001)
+    second = next(form for form in forms.rivals if form.name == "second order in logs")
+    assert "f f" not in second.coefficients  # two feeds tell no square
+
+
+def test_nasa_current_is_a_power_law_of_wear(measurements):
+    runs = datasets.read_runs(measurements / "nasa_milling" / "nasa_mill_runs.csv")
+    forms = rival_forms(fit.power_law(runs, "smcAC_mid_std", ["f", "d", "VB"], by="material"))
+    assert forms.chosen.name == "power law"
+    for rival in forms.rivals:
+        if rival.name.endswith("in VB"):
+            assert rival.difference > rival.standard_error

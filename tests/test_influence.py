@@ -1,0 +1,180 @@
+"""Leaving out, by row against statsmodels and a textbook, by edge against refits; collinearity against statsmodels.
+
+References: statsmodels ``OLSInfluence`` and ``variance_inflation_factor``; Montgomery, Design and Analysis of
+Experiments, example 10.1 (viscosity of a polymer: PRESS 5207.7; leverages and Cook's distances of its table 10.3).
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.fit.collinearity import collinearity
+from fitmodels.fit.influence import deletion, influence, precision, press
+from fitmodels.fit.lack_of_fit import split
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from statsmodels.regression.linear_model import OLS
+from statsmodels.stats.outliers_influence import OLSInfluence, variance_inflation_factor
+
+REFIT = 1e-8  # two refits of the same rows
+NAMES = ["V", "f", "d", "t"]
+VISCOSITY = [
+    (80, 8, 2256), (93, 9, 2340), (100, 10, 2426), (82, 12, 2293), (90, 11, 2330), (99, 8, 2368), (81, 8, 2250),
+    (96, 10, 2409), (94, 12, 2364), (93, 11, 2379), (97, 13, 2440), (95, 11, 2364), (100, 8, 2404), (85, 12, 2317),
+    (86, 9, 2309), (87, 12, 2328),
+]  # fmt: skip
+
+
+def straight(X, y):
+    """A power law that is the linear regression of y on the columns of X."""
+    X = np.asarray(X, dtype=float)
+    frame = pd.DataFrame({name: np.exp(x) for name, x in zip(NAMES, X.T, strict=False)})
+    frame["AW"] = np.exp(np.asarray(y) - np.mean(y))
+    return fit.power_law(datasets.runs_from_frame(frame), "AW", NAMES[: X.shape[1]])
+
+
+def left_out(law):
+    strata = split(law)
+    left = deletion(law, strata)
+    return left, press(law, left), influence(law, strata, left)
+
+
+@pytest.fixture(scope="module")
+def viscosity():
+    x1, x2, y = np.array(VISCOSITY, dtype=float).T
+    return straight(np.column_stack([(x1 - 90) / 10, (x2 - 10) / 2]), y / 100)
+
+
+@pytest.fixture(scope="module")
+def bundled():
+    return datasets.read_runs(datasets.bundled("gc435_709m40"))
+
+
+def test_press_leverage_and_cook_of_the_textbook(viscosity):
+    _, of_press, found = left_out(viscosity)
+    assert of_press.press * 1e4 == pytest.approx(5207.7, abs=0.05)
+    assert of_press.predicted_rsquared == pytest.approx(0.8907, abs=5e-5)
+    assert found.leverage[:6] == pytest.approx([0.350, 0.102, 0.177, 0.251, 0.077, 0.265], abs=5e-4)
+    assert found.cook[:4] == pytest.approx([0.137, 0.023, 0.046, 0.001], abs=5e-4)
+    assert found.units == "rows"
+    assert found.beyond["cook"] == ()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_rows_are_statsmodels(seed):
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(30, 3))
+    y = X @ [1.0, -0.5, 0.2] + 0.3 * rng.standard_t(4, size=30)
+    law = straight(X, y)
+    reference = OLSInfluence(OLS(y, np.column_stack([np.ones(30), X])).fit())
+    left, of_press, found = left_out(law)
+    np.testing.assert_allclose(found.leverage, reference.hat_matrix_diag, rtol=REFIT)
+    np.testing.assert_allclose(found.cook, reference.cooks_distance[0], rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(found.dfbetas, reference.dfbetas, rtol=1e-7, atol=1e-10)
+    np.testing.assert_allclose(left.predicted, reference.resid_press, rtol=REFIT)
+    assert of_press.press == pytest.approx(float(reference.ess_press), rel=REFIT)
+
+
+def test_edges_left_out_are_refits_without_them(bundled):
+    law = fit.power_law(bundled, "P", [*NAMES, "AW"])
+    left, of_press, _ = left_out(law)
+    total = 0.0
+    for g, name in enumerate(left.names):
+        kept = bundled.labels("edge") != name
+        refit = fit.power_law(datasets.runs_from_frame(bundled.data[kept].drop(columns="point")), "P", [*NAMES, "AW"])
+        np.testing.assert_allclose(law.theta + left.moved[g], refit.theta, rtol=1e-7, atol=1e-9)
+        here = law.edge == name
+        predicted = np.log(law.observed[here]) - law.law.design(law.X[here], law.shifts[here]) @ refit.theta
+        np.testing.assert_allclose(left.predicted[here], predicted, rtol=1e-6, atol=1e-9)
+        total += float(predicted @ predicted)
+    assert of_press.press == pytest.approx(total, rel=REFIT)
+    assert (of_press.units, left.leverage.sum()) == ("edges", pytest.approx(6))
+
+
+def test_leaving_out_rows_of_an_edge_would_flatter(bundled):
+    law = fit.power_law(bundled, "AW", NAMES)
+    frame = bundled.data.drop(columns=["point", "edge"])
+    by_row = left_out(fit.power_law(datasets.runs_from_frame(frame), "AW", NAMES))[1]
+    assert left_out(law)[1].predicted_rsquared < by_row.predicted_rsquared < law.rsquared
+
+
+def spoilt(bundled, edge, factor):
+    frame = bundled.data.drop(columns="point")
+    frame.loc[(bundled.labels("edge") == edge), "AW"] *= factor
+    return datasets.runs_from_frame(frame)
+
+
+def test_an_edge_that_decides_is_named(bundled):
+    law = fit.power_law(bundled, "AW", NAMES)
+    lone = int(np.argmax(law.X[:, 0]))
+    found = left_out(fit.power_law(spoilt(bundled, law.edge[lone], 8.0), "AW", NAMES))[2]
+    assert found.names[int(np.argmax(found.cook))] == law.edge[lone]
+    assert law.edge[lone] in found.beyond["dfbetas"]
+    assert found.concern > left_out(law)[2].concern == 0
+    assert f"Edge {law.edge[lone]}" in found.verdict
+    assert "V moves by" in found.verdict
+
+
+def test_cook_by_edge_is_measured_against_edges(bundled):
+    """Against the error of rows taken as independent it would be larger by the inflation of their F."""
+    law = fit.power_law(bundled, "AW", NAMES)
+    left, _, found = left_out(law)
+    rows = np.einsum("gj,jk,gk->g", left.moved, np.linalg.inv(law.cov_theta), left.moved) / 5
+    assert 2 < rows.sum() / found.cook.sum() < 8
+
+
+def test_adequate_precision_of_rows_is_the_books(viscosity):
+    """Range of predictions over sqrt(p s^2 / n)."""
+    found = precision(viscosity, split(viscosity))
+    range_ = np.ptp(np.log(viscosity.fitted))
+    assert found.statistic == pytest.approx(range_ / np.sqrt(3 * viscosity.scale_se**2 / 16), rel=1e-12)
+    assert not found.by_edge
+    noise = straight(np.random.default_rng(3).normal(size=(40, 2)), np.random.default_rng(4).normal(size=40))
+    assert precision(noise, split(noise)).concern == 2
+
+
+def test_edges_that_differ_cost_precision(bundled):
+    law = fit.power_law(bundled, "AW", NAMES)
+    by_row = np.ptp(np.log(law.fitted)) / np.sqrt(5 * law.scale_se**2 / law.nobs)
+    found = precision(law, split(law))
+    assert found.by_edge
+    assert found.statistic < by_row
+
+
+def test_a_law_that_predicts_worse_than_the_mean():
+    law = straight([[0.0], [0.1], [0.2], [0.3], [4.0]], [0.0, 1.0, 0.0, 1.0, 0.2])
+    of_press = left_out(law)[1]
+    assert of_press.predicted_rsquared < 0
+    assert of_press.concern == 2
+    assert "do not use it" in of_press.verdict
+
+
+@pytest.mark.parametrize("factors", [NAMES, [*NAMES, "AW"]])
+def test_variance_inflation_is_statsmodels(bundled, factors):
+    law = fit.power_law(bundled, "P", factors)
+    Z = law.law.design(law.X, law.shifts)
+    found = collinearity(law)
+    reference = [variance_inflation_factor(Z, j) for j in range(1, Z.shape[1])]
+    np.testing.assert_allclose(found.vif, reference, rtol=1e-9)
+    centred = Z[:, 1:] - Z[:, 1:].mean(axis=0)
+    assert found.condition == pytest.approx(np.linalg.cond(centred / np.linalg.norm(centred, axis=0)), rel=1e-9)
+
+
+def test_wear_among_the_factors_is_said(bundled):
+    found = collinearity(fit.power_law(bundled, "P", [*NAMES, "AW"]))
+    assert found.concern == 1
+    assert {"V", "AW"} <= set(found.entangled)
+    assert "for AW" in found.verdict
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(0.001, 1000), min_size=2, max_size=2))
+def test_units_move_neither_inflation_nor_cook(scale):
+    rng = np.random.default_rng(8)
+    frame = pd.DataFrame({"V": rng.uniform(50, 200, 12), "f": rng.uniform(0.1, 0.5, 12)})
+    frame["AW"] = 0.1 * frame["V"] ** 0.5 * rng.lognormal(0, 0.1, 12)
+    one = fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "f"])
+    other = fit.power_law(datasets.runs_from_frame(frame * [*scale, 1.0]), "AW", ["V", "f"])
+    np.testing.assert_allclose(collinearity(one).vif, collinearity(other).vif, rtol=1e-7)
+    np.testing.assert_allclose(left_out(one)[2].cook, left_out(other)[2].cook, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(left_out(one)[2].dfbetas[:, 1:], left_out(other)[2].dfbetas[:, 1:], rtol=1e-5, atol=1e-8)

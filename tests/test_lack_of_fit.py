@@ -1,0 +1,157 @@
+"""Lack of fit against printed analyses of variance, and its level on sound laws measured edge by edge.
+
+References: the vignette of R's package rsm (Lenth 2009, J. Statistical Software 32(7): ChemReact1, lack of fit
+p 0.01034 of the first-order fit, 0.005221 with the interaction); R's alr3, ``pureErrorAnova`` (Weisberg 2005,
+Applied Linear Regression, section 5.3); the README beside the turning forces for Exp1.
+"""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.fit.lack_of_fit import lack_of_fit, p_in_words, split
+
+EXACT = 1e-9
+NAMES = ["V", "f", "d", "t"]
+THETA = np.array([-4.0, 0.577, 0.168, 0.248, 0.3])
+
+
+def straight(X, y):
+    """A power law that is the linear regression of y on the columns of X."""
+    X = np.asarray(X, dtype=float)
+    frame = pd.DataFrame({name: np.exp(x) for name, x in zip(NAMES, X.T, strict=False)})
+    frame["AW"] = np.exp(np.asarray(y) - np.mean(y))
+    return fit.power_law(datasets.runs_from_frame(frame), "AW", NAMES[: X.shape[1]])
+
+
+def form_of(law):
+    return lack_of_fit(law, split(law))
+
+
+def composite(counts, seed=0):
+    """Law and edge of each row for 8 factorial, 4 centre and 6 axial edges twice; one count of rows an edge."""
+    corner = np.array(list(product([-1, 1], repeat=3)), dtype=float)
+    axis = 2 * np.repeat(np.vstack([np.eye(3), -np.eye(3)]), 2, axis=0)
+    coded = np.vstack([corner, np.zeros((4, 3)), axis])
+    at = np.repeat(np.arange(24), counts)
+    t = np.concatenate([2.0 * np.arange(1, m + 1) for m in counts])
+    levels = np.array([100.0, 0.2, 2.0]) * np.array([1.4, 1.4, 1.2]) ** coded
+    frame = pd.DataFrame(levels[at], columns=["V", "f", "d"]).assign(t=t, edge=[f"E{g:02d}" for g in at])
+    frame["AW"] = np.exp(np.random.default_rng(seed).normal(size=len(t)))
+    return fit.power_law(datasets.runs_from_frame(frame), "AW", NAMES), at
+
+
+def with_response(law, log_y):
+    """The law refitted to another response."""
+    Z = law.law.design(law.X, law.shifts)
+    found = fit.linear(Z, log_y)
+    r = log_y - Z @ found.params
+    return replace(
+        law, theta=found.params, cov_theta=found.cov_params, observed=np.exp(log_y),
+        fitted=np.exp(Z @ found.params), residuals=r, rss=float(r @ r), tss=found.tss,
+    )  # fmt: skip
+
+
+def test_chemical_reaction_of_the_rsm_vignette():
+    time, temperature = np.array([80, 80, 90, 90, 85, 85, 85.0]), np.array([170, 180, 170, 180, 175, 175, 175.0])
+    x1, x2 = (time - 85) / 5, (temperature - 175) / 5
+    yields = [80.5, 81.5, 82.0, 83.5, 83.9, 84.3, 84.0]
+    first = form_of(straight(np.column_stack([x1, x2]), yields))
+    assert (first.units, first.df) == ("rows", (2, 2))
+    assert first.pvalue == pytest.approx(0.01034, abs=5e-6)
+    interaction = form_of(straight(np.column_stack([x1, x2, x1 * x2]), yields))
+    assert interaction.df == (1, 2)
+    assert interaction.pvalue == pytest.approx(0.005221, abs=5e-7)
+
+
+def test_pure_error_anova_of_alr3():
+    x = [1, 1, 1, 2, 3, 3, 4, 4, 4, 4]
+    y = [2.55, 2.75, 2.57, 2.40, 4.19, 4.70, 3.81, 4.87, 2.93, 4.52]
+    found = form_of(straight(np.column_stack([x]), y))
+    assert found.df == (2, 6)
+    assert found.ss_lack == pytest.approx(1.8582, abs=5e-5)
+    assert found.ss_pure == pytest.approx(2.3584, abs=5e-5)
+    assert found.statistic == pytest.approx(2.3638, abs=5e-5)
+    assert (found.settings, found.replicated, found.concern) == (4, 3, 0)
+
+
+@pytest.mark.parametrize(("response", "F", "p"), [("Fx", 2.41, 0.015), ("Ra", 1.40, 0.20)])
+def test_turning_forces_and_roughness(measurements, response, F, p):
+    path = measurements / "turning_forces" / "exp1_runs.csv"
+    found = form_of(fit.power_law(datasets.read_runs(path, map={"Ra": "Ra_mean"}), response, ["d", "V", "f"]))
+    assert found.df == (23, 27)
+    assert found.statistic == pytest.approx(F, abs=0.005)
+    assert found.pvalue == pytest.approx(p, abs=0.0005 if p < 0.1 else 0.005)
+
+
+def test_the_milling_plan_has_its_edges_twice(measurements):
+    runs = datasets.read_runs(measurements / "nasa_milling" / "nasa_mill_runs.csv")
+    found = form_of(fit.power_law(runs, "VB", ["t", "f", "d"], by="material"))
+    assert (found.units, found.settings, found.df) == ("edges", 8, (4, 7))
+
+
+@pytest.mark.parametrize("icc", [0.0, 0.5])
+def test_balanced_edges_are_tested_by_their_means(icc):
+    """With equal edges the test is the textbook's on edge means, whatever the variance split."""
+    law, at = composite([6] * 24)
+    rng = np.random.default_rng(5)
+    noise = rng.normal(size=len(at)) + np.sqrt(icc / (1 - icc)) * rng.normal(size=24)[at]
+    law = with_response(law, law.law.design(law.X, law.shifts) @ THETA + 0.1 * noise)
+    mean = np.log(law.observed).reshape(24, 6).mean(axis=1)
+    by_means = form_of(straight(np.log(law.X[::6, :3]), mean))
+    found = form_of(law)
+    assert found.df == by_means.df == (11, 9)
+    assert found.statistic == pytest.approx(by_means.statistic, rel=EXACT)
+    assert found.pvalue == pytest.approx(by_means.pvalue, rel=1e-8)
+
+
+@pytest.mark.parametrize("counts", [[6] * 24, [3, 9, 6, 4, 8, 6, 2, 10] * 3], ids=["balanced", "unbalanced"])
+@pytest.mark.parametrize("icc", [0.0, 0.2, 0.5, 0.69])
+def test_sound_laws_are_rejected_as_often_as_the_level_says(icc, counts):
+    """400 laws, 5 %: the binomial lies within .02 and .085 but for 2 in 1000; the rows' F would reject nearly all."""
+    law, at = composite(counts)
+    signal = law.law.design(law.X, law.shifts) @ THETA
+    rng = np.random.default_rng(435)
+    between = np.sqrt(icc / (1 - icc))
+    laws = (
+        with_response(law, signal + 0.1 * (rng.normal(size=len(at)) + between * rng.normal(size=24)[at]))
+        for _ in range(400)
+    )
+    assert 0.02 < np.mean([form_of(one).pvalue < 0.05 for one in laws]) < 0.085
+
+
+def test_a_bent_law_is_found():
+    law, at = composite([6] * 24)
+    Z = law.law.design(law.X, law.shifts)
+    rng = np.random.default_rng(6)
+    bend = 0.8 * (Z[:, 1] - Z[:, 1].mean()) ** 2
+    found = form_of(with_response(law, Z @ THETA + bend + 0.05 * rng.normal(size=len(at))))
+    assert found.concern == 2
+    assert "second-order or rival form" in found.verdict
+
+
+def test_a_unit_scales_nothing():
+    law, at = composite([6] * 24)
+    rescaled = with_response(replace(law, X=law.X * np.array([1000 / 60, 25.4, 0.1, 60])), np.log(law.observed) + 3)
+    assert form_of(rescaled).statistic == pytest.approx(form_of(law).statistic, rel=1e-7)
+    assert len(at) == law.nobs
+
+
+def test_additive_errors_are_tested_too():
+    law, _ = composite([6] * 24)
+    rng = np.random.default_rng(7)
+    signal = np.exp(law.law.design(law.X, law.shifts) @ THETA)
+    law = with_response(law, np.log(signal * (1 + 0.05 * rng.normal(size=law.nobs))))
+    found = form_of(law.alternative)
+    assert found.df == (11, 9)
+    assert found.pvalue > 0.01
+
+
+@pytest.mark.parametrize(
+    ("p", "words"), [(0.0004, "p < .001"), (0.01504, "p .015"), (0.2, "p .20"), (1.0, "p 1.00"), (0.0999, "p .100")]
+)
+def test_p_is_told_as_papers_print_it(p, words):
+    assert p_in_words(p) == words

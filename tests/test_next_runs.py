@@ -1,0 +1,146 @@
+"""Which tests to add: D-optimal against brute force, and the repeats that pure error lacks."""
+
+from itertools import combinations, combinations_with_replacement
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.datasets import UsageError
+from fitmodels.fit.exchange import d_optimal, determinant_gain
+from fitmodels.fit.next_runs import next_runs
+
+EXACT = 1e-9
+FACTORS = ["V", "f", "d", "t"]
+RANGES = {"V": (50, 200), "f": (0.06, 0.6), "d": (1.5, 3)}
+LAWS = [datasets.SimulatedLaw("AW", "mm", 7.62e-3, {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}, 0.07, 0.07)]
+
+
+def cut(plan, seed=1):
+    return datasets.runs_from_frame(datasets.simulate(plan, LAWS, t_max=12.0, criterion=None, seed=seed))
+
+
+def bundled_law():
+    return fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", FACTORS)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("repeats", [True, False])
+def test_the_search_finds_what_brute_force_finds(seed, repeats):
+    rng = np.random.default_rng(seed)
+    old, candidates = np.column_stack([np.ones(6), rng.normal(size=(6, 2))]), rng.normal(size=(9, 3))
+    M = np.linalg.inv(old.T @ old)
+    choose = combinations_with_replacement if repeats else combinations
+    best = max(determinant_gain(M, candidates[list(rows)]) for rows in choose(range(9), 3))
+    chosen, gain = d_optimal(M, candidates, 3, 3 if repeats else 1, np.random.default_rng(0))
+    assert gain == pytest.approx(best, rel=EXACT)
+    assert determinant_gain(M, candidates[chosen]) == pytest.approx(gain, rel=EXACT)
+    assert repeats or len(set(chosen)) == 3
+
+
+def test_the_gain_is_the_ratio_of_determinants_of_a_refit():
+    law = bundled_law()
+    plan = next_runs(law, 5)
+    edges = datasets.read_runs(datasets.bundled("gc435_709m40")).data.groupby("edge")[["V", "f", "d"]].first()
+    both = pd.concat([edges, plan[["V", "f", "d"]]])
+    before, after = (
+        fit.linear(np.column_stack([np.ones(len(x)), np.log(x)]), np.arange(len(x))) for x in (edges, both)
+    )
+    ratio = np.linalg.det(before.cov_unscaled) / np.linalg.det(after.cov_unscaled)
+    assert plan.attrs["determinant_gain"] == pytest.approx(ratio, rel=1e-6)
+    assert plan.attrs["volume"] == pytest.approx(ratio**-0.5, rel=1e-6)
+
+
+def test_added_tests_beat_random_ones_and_shrink_the_covariance():
+    plan = datasets.central_composite(RANGES, seed=1)
+    law = fit.power_law(cut(plan), "AW", FACTORS)
+    added = next_runs(law, 6)
+    rng = np.random.default_rng(1)
+    old = np.column_stack([np.ones(24), np.log(plan[list(RANGES)])])
+    M = np.linalg.inv(old.T @ old)
+    at_random = [
+        determinant_gain(M, np.column_stack([np.ones(6), np.log(plan[list(RANGES)].to_numpy()[rng.choice(24, 6)])]))
+        for _ in range(200)
+    ]
+    assert added.attrs["determinant_gain"] >= max(at_random) * (1 - 1e-6)
+    more = fit.power_law(cut(pd.concat([plan, added])), "AW", FACTORS)
+    before, after = (np.linalg.det(fitted.cov_theta / fitted.scale_se**2) for fitted in (law, more))
+    assert after < before / added.attrs["determinant_gain"] ** 0.9  # as it does for edges, so for their rows
+
+
+def test_without_a_repeated_edge_repeats_come_first():
+    plan = datasets.central_composite(RANGES, centre=1, axial_repeats=1, seed=1)
+    added = next_runs(fit.power_law(cut(plan), "AW", FACTORS), 4)
+    assert added.attrs["criterion"] == "repeats"
+    assert "pure error is unknown" in added.attrs["words"]
+    assert added["point"].str.startswith("repeat of E").all()
+    assert added["point"].nunique() == 4
+    known = set(map(tuple, plan[list(RANGES)].to_numpy()))
+    assert set(map(tuple, added[list(RANGES)].to_numpy())) <= known
+    many = next_runs(fit.power_law(cut(plan), "AW", FACTORS), 20)  # 15 settings
+    assert many["point"].value_counts().max() == 2
+    assert next_runs(fit.power_law(cut(pd.concat([plan, added])), "AW", FACTORS), 2).attrs["criterion"] == "D-optimal"
+
+
+def test_new_tests_stay_in_the_region_and_can_be_cut():
+    law = bundled_law()
+    added = next_runs(law, 9)
+    assert fit.domain.domain(law).inside({**added[["V", "f", "d"]], "t": 8.0}).all()
+    assert list(added["run"]) == list(range(1, 10))
+    assert not set(added["edge"]) & set(law.edge)
+    assert len(cut(added)) == 9 * 6
+    assert added.attrs["units"] == {"V": "m/min", "f": "mm/rev", "d": "mm"}
+
+
+def test_the_seed_draws_the_order():
+    law = bundled_law()
+    first, again, other = (next_runs(law, 6, seed=seed) for seed in (1, 1, 2))
+    pd.testing.assert_frame_equal(first, again)
+    assert not first[["V", "f", "d"]].equals(other[["V", "f", "d"]])
+    assert first.attrs["determinant_gain"] == pytest.approx(other.attrs["determinant_gain"], rel=1e-6)
+
+
+def test_candidates_of_ones_own():
+    law = bundled_law()
+    corner = {"V": [100.0, 200.0], "f": [0.19, 0.6], "d": [2.1, 3.0]}
+    added = next_runs(law, 1, candidates=corner)
+    assert added.loc[0, ["point", "V", "f", "d"]].tolist() == ["new", 200.0, 0.6, 3.0]
+    assert added.attrs["determinant_gain"] == pytest.approx(1 + fit.domain.domain(law).leverage({**corner, "t": 8})[1])
+    with pytest.raises(fit.FitError, match="lack d"):
+        next_runs(law, 1, candidates={"V": 100.0, "f": 0.2})
+    with pytest.raises(fit.FitError, match="above zero"):
+        next_runs(law, 1, candidates={"V": -100.0, "f": 0.2, "d": 2.0})
+
+
+@pytest.mark.parametrize("n", [0, -1, 1001, 2.0, True])
+def test_a_number_of_tests_that_is_none(n):
+    with pytest.raises(UsageError, match="whole number from 1 to 1000"):
+        next_runs(bundled_law(), n)
+
+
+def test_rows_are_the_tests_where_no_edge_is_named():
+    V = np.array([50.0, 70.0, 100.0, 140.0])
+    frame = pd.DataFrame({"V": V, "AW": 0.01 * V**0.5 * [1, 1.1, 0.9, 1]})
+    once = fit.power_law(datasets.runs_from_frame(frame), "AW", ["V"])
+    added = next_runs(once, 2)
+    assert added.attrs["criterion"] == "repeats"
+    assert sorted(added["V"]) == [50.0, 140.0]
+    two = fit.power_law(datasets.runs_from_frame(frame.iloc[[0, 3]]), "AW", ["V"])  # as many rows as parameters
+    assert sorted(next_runs(two, 2)["V"]) == [50.0, 140.0]
+
+
+def test_one_edge_is_repeated_as_it_was():
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    law = fit.power_law(datasets.runs_from_frame(runs.data[runs.data["edge"] == "E01"]), "AW", FACTORS)
+    added = next_runs(law, 2)
+    assert added["point"].tolist() == ["repeat of E01"] * 2
+    assert list(added.columns) == ["run", "edge", "point"]
+    assert added.attrs["determinant_gain"] == pytest.approx(3.0)
+
+
+def test_a_category_is_planned_too():
+    plan = datasets.central_composite(RANGES, seed=1)
+    runs = cut(plan)
+    frame = runs.data.assign(material=np.where(runs.data["edge"].isin(["E01", "E08"]), "hard", "soft"))
+    law = fit.power_law(datasets.runs_from_frame(frame), "AW", FACTORS, by="material")
+    assert next_runs(law, 4)["material"].tolist() == ["hard"] * 4  # the rare one tells most
