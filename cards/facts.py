@@ -185,6 +185,22 @@ def edge_words(law: Law) -> str:
     return "; ".join(parts) + "."
 
 
+def composite_words(law: Law) -> str:
+    """The law with wear put in from its own law, exponents with their standard errors."""
+    c = law.composite
+    if c is None:
+        return ""
+    shown = []
+    for name, value in c.coefficients.items():
+        if name != "c0":
+            estimate, se = told(value, c.standard_errors.get(name))
+            shown.append(f"{name}^{estimate}" + (f" (SE {se})" if se else ""))
+    return (
+        f"With {c.wear} put in from its own law: {law.response} = {c.coefficients['c0']:.6g} {' '.join(shown)}. The "
+        f"standard errors assume {c.assumption}."
+    )
+
+
 def _df(law: Law) -> int:
     return law.uncertainty.df if isinstance(law.uncertainty, Covariance) else law.df
 

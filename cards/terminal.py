@@ -17,6 +17,7 @@ from .facts import (
     about_intervals,
     cautions,
     coefficient_rows,
+    composite_words,
     edge_words,
     life_equation,
     life_words,
@@ -57,7 +58,7 @@ def law_block(law: Law) -> RenderableType:
         (f"{law.response}  {law.quantity}" + (f", {law.unit}" if law.unit else ""), "bold"),
         f"   {law.form.replace('_', ' ')}; {structure_words(law)}",
     )
-    words = [statistics_line(law), edge_words(law), *law.verdicts, *cautions(law)]
+    words = [statistics_line(law), edge_words(law), *law.verdicts, composite_words(law), *cautions(law)]
     lines = [Text(sentence) for sentence in words if sentence]
     if law.published is not None:
         lines.append(Text(published_words(law)))

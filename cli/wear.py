@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
-from .arguments import Parser, pairs, ranges
+from .arguments import Parser
 from .output import Printer, complain
+from .reading import read, reading_options
 
 if TYPE_CHECKING:
     from ..datasets import Runs
@@ -41,23 +42,13 @@ def parser() -> Parser:
         "fitmodels data.csv",
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
-        "Other commands: fitmodels plan -h, fitmodels simulate -h",
+        "Other commands, each with -h: plan, next, confirm, simulate",
     )
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
     p.add_argument("--json", action="store_true", help="print the report as JSON; writes nothing unless --out")
-    read = p.add_argument_group("reading")
-    read.add_argument("--map", action="append", metavar="VB=COLUMN", help="which column is which, by name or col7")
-    read.add_argument(
-        "--unit", action="append", metavar="t=s", help="unit of a column that names none, or the wrong one"
-    )
-    read.add_argument("--range", action="append", metavar="V=50:200", help="what the coded levels -1 and 1 stand for")
-    read.add_argument("--tool", metavar="NAME", help="name of the tool")
-    read.add_argument("--work", metavar="NAME", help="name of the work material")
-    read.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file leaves it open")
-    read.add_argument("--delimiter", metavar="MARK", help="what stands between cells, where the file leaves it open")
-    read.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
+    reading_options(p)
     fit = p.add_argument_group("fitting")
     fit.add_argument("--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together")
     fit.add_argument(
@@ -87,7 +78,7 @@ class Job:
 def run(args: argparse.Namespace) -> int:
     """Do it, and return the exit code."""
     from ..cards import terminal
-    from ..datasets import UsageError, read_runs
+    from ..datasets import UsageError
     from .output import progress
 
     if args.criterion is not None and not 0 < args.criterion < float("inf"):
@@ -97,17 +88,7 @@ def run(args: argparse.Namespace) -> int:
     out = Printer()
     with progress() as step:
         step(f"reading {Path(args.file).name}")
-        runs = read_runs(
-            args.file,
-            map=pairs(args.map, "--map", "VB=col7"),
-            units=pairs(args.unit, "--unit", "t=s"),
-            ranges=ranges(args.range),
-            tool=args.tool,
-            work=args.work,
-            decimal=args.decimal,
-            delimiter=args.delimiter,
-            sheet=args.sheet,
-        )
+        runs = read(args.file, args)
     options = {name: value for name in OPTIONS_OF_A_FIT if (value := getattr(args, name)) is not None}
     jobs = _jobs(runs, args, options)
     if not args.json:

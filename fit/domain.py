@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from . import region
+from ..datasets import region
 from .errors import FitError
 from .lawfit import LawFit, _columns
 from .linear import linear

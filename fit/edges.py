@@ -124,7 +124,7 @@ def edge_inference(law: "LawFit") -> EdgeInference | NotAvailable:
         return NotAvailable("the law meets every row exactly: there is no scatter to tell edges by")
     if law.nobs == G:
         return NotAvailable(f"each of the {G} rows is an edge of its own: rows are independent")
-    within = tuple(_within(Z, edge))
+    within = tuple(_within(law.law.design(law.X, law.shifts), edge))
     between = p - sum(within)
     if between + 1 > G:
         return NotAvailable(

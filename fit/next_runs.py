@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..datasets import region
 from ..datasets.design import round_significant
 from ..datasets.errors import UsageError
-from . import region
 from .domain import Domain, Points, changes_within, domain
 from .errors import FitError
 from .exchange import d_optimal

@@ -16,6 +16,7 @@ from .errors import ParameterError, in_words
 from .evaluate import LOGARITHMIC, coefficient_names
 from .file import ParameterFile
 from .law import Law
+from .sections import Composite
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,8 +107,29 @@ def _by_response(laws: Sequence["LawFit"], tool: str, work: str, gauge_sd: float
     for law in laws:
         if law.response in found:
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
-        found[law.response] = law_section(law, tool, work, gauge_sd)
+        section = law_section(law, tool, work, gauge_sd)
+        wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
+        found[law.response] = (
+            section if wear is None else section.model_copy(update={"composite": _composite(law, wear)})
+        )
     return found
+
+
+def _composite(law: "LawFit", wear: "LawFit") -> Composite | None:
+    from ..datasets.errors import UsageError
+    from ..fit import composite
+
+    try:
+        found = composite(law, wear)
+    except UsageError:  # another unit or another category: nothing to put in
+        return None
+    se = {name: float(value) for name, value in found.bse.items() if name in found.params and math.isfinite(value)}
+    return Composite(
+        wear=wear.response,
+        coefficients={str(name): float(value) for name, value in found.params.items()},
+        standard_errors=se,
+        assumption=found.assumption,
+    )
 
 
 def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float | None = None) -> Law:
@@ -121,6 +143,7 @@ def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float |
     data = {
         **_section(law),
         **_judged(law, gauge_sd),
+        "region": _region(law),
         "published": _published(law, tool, work),
         "alternative": _alternative(law),
     }
@@ -231,6 +254,17 @@ def _edges(law: "LawFit") -> dict[str, Any] | None:
         "icc": edges.icc,
         "random_level": dict(zip(law.theta_names, edges.mixed.bse.tolist(), strict=True)),
     }
+
+
+def _region(law: "LawFit") -> dict[str, Any] | None:
+    from ..fit import FitError, domain
+
+    try:
+        found = domain(law)
+    except FitError:  # too few settings to span a region
+        return None
+    names = ("logs", "centre", "half_range", "largest_radius", "levels", "spaces")
+    return {name: value for name, value in found.facts().items() if name in names}
 
 
 def _judged(law: "LawFit", gauge_sd: float | None) -> dict[str, Any]:

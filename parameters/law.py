@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from ..datasets import region
 from .errors import ParameterError, short
 from .evaluate import (
     LOGARITHMIC,
@@ -23,6 +24,7 @@ from .evaluate import (
 from .sections import (
     By,
     Check,
+    Composite,
     Count,
     Covariance,
     DroppedRows,
@@ -33,6 +35,7 @@ from .sections import (
     NotNegative,
     Number,
     Published,
+    Region,
     Section,
     Statistics,
     Text,
@@ -90,6 +93,8 @@ class Law(Section):
         What the fit has to say of itself; standard errors are those of ``coefficients`` and shifts.
     alternative : Law or None
         The same law fitted with the other error structure.
+    region : Region or None
+        Where the design lies: the window of operation.
     edges : Edges or None
         What the cutting edges say: variance split, and F of what only edges can tell.
     checks : dict of Check
@@ -102,6 +107,8 @@ class Law(Section):
         Standard errors with rows taken as independent, as the papers print them, where others are by edge.
     published : Published or None
         What a paper prints for the same response, tool and work.
+    composite : Composite or None
+        The law with its wear put in from the wear law.
 
     Examples
     --------
@@ -126,6 +133,7 @@ class Law(Section):
     df: Count
     n_edges: Count | None = None
     statistics: Statistics = Statistics()
+    region: Region | None = None
     edges: Edges | None = None
     checks: dict[str, Check] = Field(default_factory=dict)
     verdicts: tuple[str, ...] = ()
@@ -136,6 +144,7 @@ class Law(Section):
     dropped_rows: tuple[DroppedRows, ...] = ()
     alternative: "Law | None" = None
     published: Published | None = None
+    composite: Composite | None = None
     notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")
@@ -238,11 +247,16 @@ class Law(Section):
             low, high = (response(self, end) if back else end for end in (centre - half, centre + half))
         return as_given(self, low), as_given(self, high)
 
-    def inside(self, **factors: ArrayLike) -> Any:  # noqa: ANN401
-        """Tell where every factor lies in its domain low..high, both ends included.
+    def inside(self, by: str | None = None, **factors: ArrayLike) -> Any:  # noqa: ANN401
+        """Tell which points lie in the region of the design: a law says nothing about where nobody cut.
+
+        Inside is within every factor's range and, where the file holds the region, no further out by leverage
+        and coded radius than the design's furthest point.
 
         Parameters
         ----------
+        by : str, optional
+            Level of the ``by`` column; its reference level unless given.
         **factors : float or array_like
             As in `predict`.
 
@@ -262,10 +276,19 @@ class Law(Section):
         >>> law.inside(V=[100.0, 300.0]).tolist()
         [True, False]
         """
-        pairs = zip(checked_values(self, factors), self.factors, strict=True)
-        within = [(value >= factor.low) & (value <= factor.high) for value, factor in pairs]
-        inside = np.logical_and.reduce(within)
+        values = checked_values(self, factors)
+        if self.region is not None:
+            inside = np.asarray(region.inside(self.region.model_dump(), np.stack(values, axis=-1), self._level_of(by)))
+        else:
+            pairs = zip(values, self.factors, strict=True)
+            inside = np.logical_and.reduce([(value >= f.low) & (value <= f.high) for value, f in pairs])
         return inside if np.ndim(inside) else bool(inside)
+
+    def _level_of(self, by: str | None) -> str | None:
+        known = () if self.by is None else (self.by.reference, *self.by.shifts)
+        if by is not None and by not in known:
+            raise ParameterError(f"the law of {self.response} has no level {short(by)}; it has {_listed(known)}.")
+        return by
 
 
 def _check_coefficients(law: Law) -> None:

@@ -269,3 +269,38 @@ class Check(Section):
     p: Number | None = None
     concern: Count = 0
     verdict: str | None = None
+
+
+class Space(Section):
+    """Columns of a law over which leverage is judged: their matrix, and the largest leverage of the design."""
+
+    of: str
+    columns: tuple[Count, ...]
+    matrix: tuple[tuple[Number, ...], ...]
+    largest: tuple[Number, ...]
+
+
+class Region(Section):
+    """The region of a design, a window of operation: a design is a region, not a box.
+
+    The numbers are those that ``fitmodels.datasets.region`` evaluates.
+    """
+
+    logs: bool
+    centre: tuple[Number, ...]
+    half_range: tuple[Number, ...]
+    largest_radius: NotNegative
+    levels: tuple[str, ...] = ()
+    spaces: tuple[Space, ...] = ()
+
+
+class Composite(Section):
+    """A law with its wear put in from the wear law: what the conditions alone do to the response.
+
+    ``assumption`` says how the standard errors of the two laws were taken together.
+    """
+
+    wear: str
+    coefficients: dict[str, Number]
+    standard_errors: dict[str, NotNegative] = {}
+    assumption: str

@@ -20,7 +20,7 @@ import fitmodels.cli.output
 import fitmodels.fit
 import numpy as np
 import pytest
-from fitmodels import __version__, cards, parameters
+from fitmodels import __version__, cards, datasets, parameters
 from fitmodels.cli import main
 from fitmodels.datasets import bundled, read_runs
 from scipy.special import stdtrit
@@ -717,3 +717,56 @@ def test_progress_is_shown_only_to_a_terminal_that_waits(monkeypatch, patience):
                     break
                 time.sleep(0.01)
     assert ("fitting" in screen.getvalue()) == (patience == 0)
+
+
+# --- next runs and confirmation -----------------------------------------------------------------------
+
+
+BUNDLED = str(datasets.bundled("gc435_709m40"))
+
+
+def test_next_plans_runs_that_read_back(tmp_path, capsys):
+    plan = tmp_path / "next.csv"
+    assert main(["next", BUNDLED, "--runs", "3", "--out", str(plan)]) == 0
+    runs = datasets.read_runs(plan)
+    assert len(runs) == 3
+    assert {"V", "f", "d"} <= set(runs.units)
+    assert any("D-optimal" in note for note in runs.notes)
+    assert main(["next", BUNDLED, "--law", "Ra"]) == 2
+    assert "there are laws of AW, Fxz, P" in capsys.readouterr().err
+
+
+def test_confirm_tells_runs_of_the_same_laws_from_others(tmp_path, capsys):
+    assert main([BUNDLED, "--out", str(tmp_path / "fit")]) == 0
+    (params,) = (tmp_path / "fit").rglob("params.json")
+    same, other = tmp_path / "same.csv", tmp_path / "other.csv"
+    assert main(["simulate", str(params), "--seed", "5", "--out", str(same)]) == 0
+    capsys.readouterr()
+    assert main(["confirm", str(same), "--data", BUNDLED]) == 0
+    assert capsys.readouterr().out.count("the law holds") == 3
+    frame = datasets.read_runs(same).data.drop(columns="point")
+    frame["AW"] *= 1.6  # another work material, say
+    frame.drop(columns=["P", "Fxz"]).to_csv(other, index=False)
+    assert main(["confirm", str(other), "--data", BUNDLED]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "AW: " in told
+    assert "does not hold" in told
+    assert "P is not judged" in told
+
+
+def test_each_law_is_judged_in_at_most_six_sentences(fitted):
+    for law in fitted.pf.laws.values():
+        assert 1 <= len(law.verdicts) <= 6
+        for sentence in law.verdicts:
+            assert " ".join(sentence.split()) in " ".join(fitted.out.split())
+        assert {"form", "rival forms", "error structure"} <= set(law.checks)
+
+
+def test_a_gauge_that_is_coarse_is_told(tmp_path, capsys):
+    assert main([BUNDLED, "--gauge-sd", "0.005", "--out", str(tmp_path / "fit")]) == 0
+    (params,) = (tmp_path / "fit").rglob("params.json")
+    laws = parameters.read(params).laws
+    assert "gauge error" in laws["P"].checks
+    assert "gauge error" not in laws["AW"].checks
+    assert main([BUNDLED, "--gauge-sd", "-1"]) == 2
+    assert "a standard deviation is not below zero" in capsys.readouterr().err

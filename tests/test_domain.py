@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit import region
+from fitmodels.datasets import region
 from fitmodels.fit.domain import domain
 from hypothesis import given, settings
 from hypothesis import strategies as st

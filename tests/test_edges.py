@@ -68,6 +68,11 @@ def test_what_changes_within_edges_is_told_from_what_does_not():
     assert 0 <= edges.f_pvalue < 1e-6
 
 
+def test_a_law_in_natural_units_is_told_between_edges_by_the_same_factors():
+    law = fit.power_law(bundled(), "AW", ["V", "f", "d", "t"], error="additive")
+    assert law.edges.within == (False, False, False, False, True)
+
+
 def test_edge_means_of_a_balanced_design_are_the_random_level():
     """With equal edges the variance between edges follows from the means alone (analysis of variance)."""
     rng = np.random.default_rng(3)

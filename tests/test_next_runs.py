@@ -85,7 +85,7 @@ def test_without_a_repeated_edge_repeats_come_first():
 def test_new_tests_stay_in_the_region_and_can_be_cut():
     law = bundled_law()
     added = next_runs(law, 9)
-    assert fit.domain.domain(law).inside({**added[["V", "f", "d"]], "t": 8.0}).all()
+    assert fit.domain(law).inside({**added[["V", "f", "d"]], "t": 8.0}).all()
     assert list(added["run"]) == list(range(1, 10))
     assert not set(added["edge"]) & set(law.edge)
     assert len(cut(added)) == 9 * 6
@@ -105,7 +105,7 @@ def test_candidates_of_ones_own():
     corner = {"V": [100.0, 200.0], "f": [0.19, 0.6], "d": [2.1, 3.0]}
     added = next_runs(law, 1, candidates=corner)
     assert added.loc[0, ["point", "V", "f", "d"]].tolist() == ["new", 200.0, 0.6, 3.0]
-    assert added.attrs["determinant_gain"] == pytest.approx(1 + fit.domain.domain(law).leverage({**corner, "t": 8})[1])
+    assert added.attrs["determinant_gain"] == pytest.approx(1 + fit.domain(law).leverage({**corner, "t": 8})[1])
     with pytest.raises(fit.FitError, match="lack d"):
         next_runs(law, 1, candidates={"V": 100.0, "f": 0.2})
     with pytest.raises(fit.FitError, match="above zero"):

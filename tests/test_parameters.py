@@ -655,9 +655,14 @@ def test_a_damaged_file_is_refused_or_valid(path):
 # --- collecting -------------------------------------------------------------------------------------
 
 
+def no_region(law):
+    raise fit.FitError("a stand-in has no design")
+
+
 @pytest.fixture(autouse=True)
 def no_checks(monkeypatch):
     """A stand-in has no rows to check: what `judge` finds on real fits is tested beside it."""
+    monkeypatch.setattr(fit, "domain", no_region)
     monkeypatch.setattr(fit, "judge", lambda law, gauge_sd: SimpleNamespace(checks={}, verdicts=tuple, nobs=20))
 
 

@@ -41,3 +41,16 @@ def test_prediction_intervals_hold_for_new_edges():
         inside.append(hit.mean())
     error = np.std(inside) / np.sqrt(len(inside))
     assert np.mean(inside) == pytest.approx(0.95, abs=4 * error + 0.005)
+
+
+def test_the_file_knows_the_region_of_the_design():
+    """The corner of the axial box has 2.6 times the largest leverage of the 24 edges: outside, as `domain` says."""
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    section = parameters.collect(tool="GC435", work="709M40", laws=[law]).laws["AW"]
+    rng = np.random.default_rng(2)
+    points = {name: np.exp(rng.uniform(*np.log(ends), 300)) for name, ends in law.domain.items()}
+    np.testing.assert_array_equal(section.inside(**points), fit.domain(law).inside(points))
+    assert section.inside(V=100, f=0.2, d=2, t=8) is True
+    assert section.inside(V=200, f=0.6, d=3, t=8) is False
+    assert section.inside(**{name: runs.values(name) for name in ("V", "f", "d", "t")}).all()
