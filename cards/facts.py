@@ -178,8 +178,8 @@ def edge_words(law: Law) -> str:
     if e.F is not None and e.F_df is not None and e.F_p is not None and e.row_F is not None:
         p = p_value(e.F_p)
         parts.append(
-            f"F of {', '.join(e.between)} is {plain(e.F, 3)} by edge (df {e.F_df[0]}, {e.F_df[1]}; p "
-            f"{p if p[0] == '<' else '= ' + p}), and {plain(e.row_F, 3)} if rows were independent, "
+            f"F of {', '.join(e.between)} is {plain(e.F)} by edge (df {e.F_df[0]}, {e.F_df[1]}; p "
+            f"{p if p[0] == '<' else '= ' + p}), and {plain(e.row_F)} if rows were independent, "
             f"{plain(e.row_F / e.F, 2)} times as much"
         )
     return "; ".join(parts) + "."

@@ -123,7 +123,7 @@ def _composite(law: "LawFit", wear: "LawFit") -> Composite | None:
         found = composite(law, wear)
     except UsageError:  # another unit or another category: nothing to put in
         return None
-    se = {name: float(value) for name, value in found.bse.items() if name in found.params and math.isfinite(value)}
+    se = {name: value for name, value in _finite(found.bse).items() if name in found.params}
     return Composite(
         wear=wear.response,
         coefficients={str(name): float(value) for name, value in found.params.items()},
