@@ -239,7 +239,7 @@ def _judge(
 ) -> Confirmation:
     from scipy.special import stdtrit
 
-    Z = law._design_of(frame)
+    Z = law.design_of(frame)
     at = new_edge(law, Z)
     predicted, observed = law.law.response_at(law.theta, Z), frame["observed"].to_numpy(dtype=float)
     multiplies = law.error == "multiplicative"

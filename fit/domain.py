@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..datasets import region
 from .errors import FitError
-from .lawfit import LawFit, _columns
+from .lawfit import LawFit, as_table
 from .linear import linear
 
 Array = NDArray[np.float64]
@@ -139,7 +139,7 @@ class Domain:
 
     def _given(self, points: Points) -> tuple[Array, ArrayLike | None]:
         """Factors, shape (n, k), and levels of the category."""
-        table = _columns(self.response, points)
+        table = as_table(self.response, points)
         needed = (*self.factors, *([self.by] if self.by else []))
         missing = [name for name in needed if name not in table]
         if missing:

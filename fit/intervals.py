@@ -20,7 +20,7 @@ from ..datasets.errors import UsageError
 from .about import About, edge_numbers, new_edge, same_edge
 from .domain import Points
 from .errors import FitError
-from .lawfit import LawFit, _columns
+from .lawfit import LawFit, as_table
 
 Array = NDArray[np.float64]
 Kind = Literal["mean", "prediction", "tolerance"]
@@ -83,8 +83,8 @@ def interval(
     '95 % prediction interval for one row of a new edge; the value is the median'
     """
     _check(law, kind, edge, level, coverage, centre)
-    table = _columns(law.response, new)
-    Z = law._design_of(table)
+    table = as_table(law.response, new)
+    Z = law.design_of(table)
     at = new_edge(law, Z) if edge == "new" else same_edge(law, Z, table)
     middle: Centre = "mean" if law.error == "additive" else centre
     value = law.law.response_at(law.theta, Z)

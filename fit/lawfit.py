@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def _columns(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.DataFrame:
+def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.DataFrame:
     """Single values and columns of one length as a table."""
     columns = {str(name): np.atleast_1d(np.asarray(values)) for name, values in new.items()}
     n = max((len(values) for values in columns.values() if len(values) != 1), default=1)
@@ -284,7 +284,7 @@ class LawFit:
         """
         if interval not in (None, "mean", "prediction"):
             raise UsageError(f"interval={interval!r}: it is None, 'mean' or 'prediction'.")
-        Z = self._design_of(_columns(self.response, new))
+        Z = self.design_of(as_table(self.response, new))
         value = self.law.response_at(self.theta, Z)
         if interval is None:
             return value
@@ -326,7 +326,8 @@ class LawFit:
             raise FitError(f"level {level} of an interval: it lies between 0 and 1, for instance 0.95.")
         return float(stdtrit(max(self.df, 1), (1 + level) / 2))
 
-    def _design_of(self, new: pd.DataFrame) -> Array:
+    def design_of(self, new: pd.DataFrame) -> Array:
+        """Columns of the linear form at new factor values, shape (n, p); FitError names what they lack."""
         missing = [name for name in self.factors if name not in new]
         if missing:
             raise FitError(

@@ -22,7 +22,7 @@ from ..datasets.errors import UsageError
 from .domain import Domain, Points, changes_within, domain
 from .errors import FitError
 from .exchange import d_optimal
-from .lawfit import LawFit, _columns
+from .lawfit import LawFit, as_table
 from .linear import linear
 
 Array = NDArray[np.float64]
@@ -193,7 +193,7 @@ def _reached(place: Domain, cut: Trials, grid: Array, name: str | None) -> NDArr
 
 def _asked(law: LawFit, place: Domain, cut: Trials, given: Points) -> tuple[Array, NDArray[np.object_] | None]:
     """Candidates of the user's own."""
-    table = _columns(law.response, given)
+    table = as_table(law.response, given)
     needed = (*cut.names, *([place.by] if cut.level is not None and place.by else []))
     missing = [name for name in needed if name not in table]
     if missing or not len(table):
