@@ -26,7 +26,7 @@ from .residual_tests import (
     spread,
 )
 
-MOST_ROWS = 20_000
+MOST_ROWS = 5_000
 
 
 class Check(Protocol):
@@ -88,7 +88,7 @@ class Adequacy:
     rows_are_independent : bool
         Whether no edge gave more than one row, or the file does not say.
     nobs : int
-        Rows that were checked: of more than 20 000 an even choice, which tells all that is to be told.
+        Rows that were checked: of more than 5000 an even choice, which tells all that is to be told.
     """
 
     lack_of_fit: LackOfFit | NotAvailable

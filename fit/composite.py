@@ -44,8 +44,6 @@ class Composite:
         Which of the two.
     vif : float
         Variance inflation of the wear: 1 / (1 - R2) of its logarithm on the other columns of the law.
-    reduced : LawFit or NotAvailable
-        The law fitted without the wear.
     """
 
     law: LawFit
@@ -55,7 +53,11 @@ class Composite:
     cov_theta: Array
     together: bool
     vif: float
-    reduced: LawFit | NotAvailable
+
+    @property
+    def reduced(self) -> LawFit | NotAvailable:
+        """The law fitted without the wear, when it is asked for."""
+        return without(self.law, self.wear_law.response)
 
     @property
     def params(self) -> "pd.Series[float]":
@@ -174,7 +176,7 @@ def composite(law: LawFit, wear_law: LawFit) -> Composite:
         moved = together[0] @ J.T + k * together[1] @ drawn.T
         cov = (len(moved) - 1) / len(moved) * moved.T @ moved
     return Composite(
-        law, wear_law, tuple(names), theta, cov, together is not None, _vif(law, at), without(law, wear)
+        law, wear_law, tuple(names), theta, cov, together is not None, _vif(law, at)
     )  # fmt: skip
 
 

@@ -21,6 +21,8 @@ from .lawfit import LawFit, as_table
 from .linear import linear
 
 Array = NDArray[np.float64]
+
+MOST_ROWS = 20_000  # of more rows than this a choice draws the region
 Points = Mapping[str, object] | pd.DataFrame
 
 
@@ -177,9 +179,10 @@ def domain(law: LawFit) -> Domain:
     T = np.log(law.X) if logs else law.X
     low, high = T.min(axis=0), T.max(axis=0)
     centre, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
-    U = (T - centre) / half
-    columns = np.hstack([np.ones((law.nobs, 1)), U, law.shifts])
-    level = (law.shifts @ np.arange(1, 1 + law.shifts.shape[1])).astype(np.intp)
+    keep = _telling_rows(T, law.edge)
+    U, shifts = (T[keep] - centre) / half, law.shifts[keep]
+    columns = np.hstack([np.ones((len(U), 1)), U, shifts])
+    level = (shifts @ np.arange(1, 1 + shifts.shape[1])).astype(np.intp)
     return Domain(
         response=law.response,
         factors=law.factors,
@@ -190,8 +193,22 @@ def domain(law: LawFit) -> Domain:
         largest_radius=float(np.linalg.norm(U, axis=1).max()),
         by=None if law.by is None else law.by.column,
         levels=() if law.by is None else (law.by.reference, *law.by.levels),
-        spaces=_spaces(columns, level, law.edge),
+        spaces=_spaces(columns, level, None if law.edge is None else law.edge[keep]),
     )
+
+
+def _telling_rows(T: Array, edge: NDArray[np.object_] | None) -> NDArray[np.intp]:
+    """All rows; of very many an even choice, with a row of every edge and the ends of every factor.
+
+    The region compares leverage with the largest of the design, so that an even choice draws the same region.
+    """
+    n = len(T)
+    if n <= MOST_ROWS:
+        return np.arange(n)
+    none = np.empty(0, dtype=np.intp)
+    first = none if edge is None else np.unique(pd.factorize(edge)[0], return_index=True)[1]
+    ends = [*T.argmin(axis=0), *T.argmax(axis=0)]
+    return np.unique(np.concatenate([np.arange(0, n, -(-n // MOST_ROWS)), first, ends]).astype(np.intp))
 
 
 def changes_within(columns: Array, edge: NDArray[np.intp]) -> NDArray[np.bool_]:

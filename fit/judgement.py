@@ -40,7 +40,7 @@ class Judgement:
         By what each is of.
     rows_are_independent : bool
     nobs : int
-        Rows that were looked at: of more than 20 000 an even choice.
+        Rows that were looked at: of more than 5000 an even choice.
     """
 
     checks: dict[str, Check | NotAvailable]

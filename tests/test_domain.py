@@ -153,3 +153,15 @@ def test_degenerate_designs():
 def test_refusals(bad, words):
     with pytest.raises(fit.FitError, match=words):
         domain(DESIGN).inside(bad)
+
+
+def test_of_very_many_rows_a_choice_draws_the_same_region():
+    rng = np.random.default_rng(8)
+    edge = np.repeat(np.arange(30), 2000)
+    V, f = (np.exp(rng.uniform(*np.log(ends), 30))[edge] for ends in ((50, 200), (0.1, 0.6)))
+    t = rng.uniform(1, 20, len(edge))
+    AW = 0.01 * V**0.5 * f**0.2 * t**0.3 * np.exp(0.1 * rng.normal(size=len(t)))
+    frame = pd.DataFrame({"edge": [f"E{g}" for g in edge], "V": V, "f": f, "t": t, "AW": AW})
+    place = fit.domain(fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "f", "t"]))
+    assert place.inside(frame[["V", "f", "t"]]).all()
+    assert not place.inside({"V": [400.0], "f": [0.3], "t": [10.0]}).any()
