@@ -1,6 +1,6 @@
 """What is told: the model card, its figures, and what the command prints."""
 
 from .card import markdown
-from .folder import FILES, write
+from .folder import FILES, files, write
 
-__all__ = ["FILES", "markdown", "write"]
+__all__ = ["FILES", "files", "markdown", "write"]

@@ -23,6 +23,7 @@ from .facts import (
     statistics_line,
     structure_words,
 )
+from .posterior_facts import drawn_rows, posterior_of, posterior_words
 
 # Characters that Markdown would read as its own, so that a name stays a name.
 SPECIAL = re.compile(r"([\\`*_\[\]|~])")
@@ -61,6 +62,9 @@ def markdown(pf: ParameterFile, *, figures: bool = False, data_lines: Sequence[s
             cautions=cautions,
             composite=lambda law: [words] if (words := composite_words(law)) else [],
             edge_words=edge_words,
+            posterior=lambda law: posterior_of(pf, law),
+            drawn=drawn_rows,
+            posterior_words=posterior_words,
             published=published_words,
             printed=lambda law: law.published is not None and not lacking(law),
             life_equation=life_equation(pf),

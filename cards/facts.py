@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..parameters import Covariance, DroppedRows, Law, ParameterFile
-from .rounding import EXACT, p_value, plain, told
+from ..parameters.rounding import EXACT, p_value, plain, told
 
 LEVEL = 0.95
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one says nothing

@@ -7,11 +7,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..datasets.errors import UsageError
-from ..fit import LawFit
-from ..parameters import ParameterFile
+from ..fit import LawFit, Posterior
+from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
 from .card import write_card
 
+DRAWS = "draws.npz"
 FILES = (
     "params.json",
     "README.md",
@@ -21,15 +22,22 @@ FILES = (
 )
 
 
+def files(pf: ParameterFile) -> tuple[str, ...]:
+    """Names of the files of a pair's folder: the draws only where there are any."""
+    drawn = pf.posterior is not None and pf.posterior.draws_file is not None
+    return (FILES[0], DRAWS, *FILES[1:]) if drawn else FILES
+
+
 def write(
     pf: ParameterFile,
     folder: str | os.PathLike[str],
     *,
     laws: Sequence[LawFit] = (),
+    posteriors: Sequence[Posterior] = (),
     data_lines: Sequence[str] = (),
     force: bool = False,
 ) -> Path:
-    """Write ``params.json``, the card ``README.md`` and, where ``laws`` are given, the figures.
+    """Write ``params.json``, the card ``README.md``, figures of ``laws`` and draws of ``posteriors``.
 
     Everything is made in a hidden folder beside the target first, so that a failure or an interrupt on the
     way leaves the target as it was. Files of other names in the folder stay.
@@ -40,6 +48,8 @@ def write(
     folder : path
     laws : sequence of LawFit
         The fits behind ``pf``; without them there are no figures.
+    posteriors : sequence of Posterior
+        Those that ``pf`` was collected with.
     data_lines : sequence of str
         What was understood of the data, for the card.
     force : bool
@@ -60,13 +70,13 @@ def write(
     ['README.md', 'params.json']
     """
     folder = Path(folder)
-    if not force and any((folder / name).exists() for name in FILES):
+    if not force and any((folder / name).exists() for name in (*FILES, DRAWS)):
         raise UsageError(f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out.")
     try:
         with _stage(folder.parent) as stage:
             made = stage / "made"  # the stage itself is private to its user
             made.mkdir()
-            _fill(made, pf, laws, data_lines)
+            _fill(made, pf, laws, posteriors, data_lines)
             _move(made, folder)
     except OSError as error:
         raise UsageError(
@@ -89,8 +99,12 @@ def _stage(parent: Path) -> Iterator[Path]:
                 place.rmdir()
 
 
-def _fill(stage: Path, pf: ParameterFile, laws: Sequence[LawFit], data_lines: Sequence[str]) -> None:
+def _fill(
+    stage: Path, pf: ParameterFile, laws: Sequence[LawFit], posteriors: Sequence[Posterior], data_lines: Sequence[str]
+) -> None:
     write_parameters(pf, stage / "params.json")
+    if posteriors:
+        (stage / DRAWS).write_bytes(draws_of(posteriors))
     write_card(pf, stage, figures=bool(laws), data_lines=data_lines)
     if laws:
         from .figures import draw_figures

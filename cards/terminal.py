@@ -12,7 +12,8 @@ from ..datasets import ColumnUse, Runs
 from ..datasets.vocabulary import ROLES
 from ..fit import Refused
 from ..fit.defaults import CONDITIONS
-from ..parameters import Law, ParameterFile
+from ..parameters import Law, LawPosterior, ParameterFile
+from ..parameters.rounding import plain
 from .facts import (
     about_intervals,
     cautions,
@@ -26,7 +27,7 @@ from .facts import (
     statistics_line,
     structure_words,
 )
-from .rounding import plain
+from .posterior_facts import posterior_of, posterior_words
 
 NOTHING = (
     "no law can be fitted to these columns. A wear law needs AW or VB beside V, f, d or t; a force or power "
@@ -52,13 +53,14 @@ def understood(runs: Runs) -> RenderableType:
     return Group(Text("What was understood", style="bold"), Padding(table, (0, 0, 1, 2)))
 
 
-def law_block(law: Law) -> RenderableType:
+def law_block(law: Law, posterior: LawPosterior | None = None) -> RenderableType:
     """One law: equation, coefficients, statistics, and what to beware of."""
     head = Text.assemble(
         (f"{law.response}  {law.quantity}" + (f", {law.unit}" if law.unit else ""), "bold"),
         f"   {law.form.replace('_', ' ')}; {structure_words(law)}",
     )
-    words = [statistics_line(law), edge_words(law), *law.verdicts, composite_words(law), *cautions(law)]
+    words = [statistics_line(law), edge_words(law), *law.verdicts, *posterior_words(law, posterior)]
+    words += [composite_words(law), *cautions(law)]
     lines = [Text(sentence) for sentence in words if sentence]
     if law.published is not None:
         lines.append(Text(published_words(law)))
@@ -91,7 +93,7 @@ def pair_head(runs: Runs) -> RenderableType:
 
 def pair_blocks(runs: Runs, pf: ParameterFile, refused: Sequence[Refused]) -> list[RenderableType]:
     """Every law of a pair, the tool life, what could not be fitted, and what no law takes in."""
-    blocks: list[RenderableType] = [law_block(law) for law in pf.laws.values()]
+    blocks: list[RenderableType] = [law_block(law, posterior_of(pf, law)) for law in pf.laws.values()]
     life = tool_life_block(pf)
     if life is not None:
         blocks.append(life)

@@ -14,7 +14,7 @@ from pathlib import Path
 from .. import __version__
 
 # Each command is a module of this room with ``parser()`` and ``run(args) -> exit code``.
-COMMANDS = ("confirm", "next", "plan", "simulate")
+COMMANDS = ("confirm", "next", "plan", "predict", "simulate")
 DEFECT = 70
 
 

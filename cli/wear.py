@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 from .. import __version__
 from .arguments import Parser
 from .output import Printer, complain
+from .posteriors import checked, draw, kept, posterior_options
 from .reading import read, reading_options
 
 if TYPE_CHECKING:
     from ..datasets import Runs
-    from ..fit import LawFit, ToolLife
+    from ..fit import LawFit, NotAvailable, Posterior, ToolLife
     from ..parameters import ParameterFile
 
 LONGEST_NAME = 80  # bytes of tool and of work in a folder's name; most file systems end at 255 for both
@@ -29,6 +30,11 @@ OPTIONS_OF_A_FIT = (
     "error",
     "criterion",
     "gauge_sd",
+    "seed",
+    "draws",
+    "priors",
+    "student",
+    "verify",
     "decimal",
     "delimiter",
     "sheet",
@@ -42,7 +48,7 @@ def parser() -> Parser:
         "fitmodels data.csv",
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
-        "Other commands, each with -h: plan, next, confirm, simulate",
+        "Other commands, each with -h: predict, plan, next, confirm, simulate",
     )
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
@@ -62,6 +68,7 @@ def parser() -> Parser:
         metavar="MM",
         help="standard deviation of the wear gauge, to see what it does",
     )
+    posterior_options(p)
     p.add_argument("--version", "-V", action="version", version=f"fitmodels {__version__}")
     return p
 
@@ -90,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
         step(f"reading {Path(args.file).name}")
         runs = read(args.file, args)
     options = {name: value for name in OPTIONS_OF_A_FIT if (value := getattr(args, name)) is not None}
+    options |= checked(args)
     jobs = _jobs(runs, args, options)
     if not args.json:
         out.show(terminal.understood(runs))
@@ -97,6 +105,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         report = {"schema": "fitmodels.report/1", "understood": _facts(runs), "pairs": reports}
         print(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+    if any(report["gate"] for report in reports):
+        return 5
     return 4 if any(report["parameters"] is None for report in reports) else 0
 
 
@@ -138,12 +148,13 @@ def _holds(folder: Path, runs: "Runs", options: Mapping[str, Any]) -> bool:
     """Whether the folder already holds the fit of these data by this version with these options."""
     from .. import cards, parameters
 
-    if not all((folder / name).is_file() for name in cards.FILES):
-        return False
     try:
-        p = parameters.read(folder / "params.json").provenance
+        pf = parameters.read(folder / "params.json")
     except parameters.ParameterError:
         return False
+    if not all((folder / name).is_file() for name in cards.files(pf)):
+        return False
+    p = pf.provenance
     made = (p.data_sha256, p.fitmodels, p.options, p.data_file)
     return made == (runs.source.sha256, __version__, dict(options), runs.source.name)
 
@@ -160,10 +171,14 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
         step(f"fitting {runs.tool} on {runs.work}")
         laws, refused = fit.default_laws(runs, error=args.error, by=args.by)
         life = _life(laws, args.criterion)
-    pf = _collected(runs, laws, life, args, options) if laws else None
+        posteriors, none = draw(laws, args, step)
+        shut = "" if not laws else _gate(posteriors)
+        pf = _collected(runs, laws, life, posteriors, none, args, options) if laws and not shut else None
     if not args.json:
         out.show(terminal.pair_head(runs))
-    if pf is None:
+    if shut:
+        complain(f"{runs.tool} on {runs.work}: {shut}{kept(posteriors, job.folder)}")
+    elif pf is None:
         complain(terminal.nothing_fitted(runs, refused))
     elif not args.json:
         for block in terminal.pair_blocks(runs, pf, refused):
@@ -172,14 +187,18 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
     if pf is not None and folder is not None and not job.unchanged:
         with progress() as step:
             step(f"writing {folder}")
-            cards.write(pf, folder, laws=laws, data_lines=terminal.data_lines(runs, pf), force=args.force)
+            lines = terminal.data_lines(runs, pf)
+            cards.write(pf, folder, laws=laws, posteriors=posteriors, data_lines=lines, force=args.force)
     if not args.json and pf is not None:
-        out.show(Text(f"{folder}: unchanged" if job.unchanged else f"Written: {folder}/ ({', '.join(cards.FILES)})"))
+        out.show(
+            Text(f"{folder}: unchanged" if job.unchanged else f"Written: {folder}/ ({', '.join(cards.files(pf))})")
+        )
     return {
         "tool": runs.tool,
         "work": runs.work,
         "folder": None if folder is None or pf is None else str(folder),
         "parameters": None if pf is None else pf.model_dump(mode="json"),
+        "gate": shut or None,
         "refused": [{"response": item.response, "reason": item.reason} for item in refused],
     }
 
@@ -188,6 +207,8 @@ def _collected(
     runs: "Runs",
     laws: "Sequence[LawFit]",
     life: "ToolLife | None",
+    posteriors: "Sequence[Posterior]",
+    none: "Mapping[str, NotAvailable]",
     args: argparse.Namespace,
     options: Mapping[str, Any],
 ) -> "ParameterFile":
@@ -199,6 +220,8 @@ def _collected(
         work=runs.work,
         laws=laws,
         tool_life=life,
+        posteriors=posteriors,
+        no_posterior=none,
         gauge_sd=args.gauge_sd,
         simulated=runs.simulated,
         note=". ".join(runs.disclaimers) or None,
@@ -207,7 +230,15 @@ def _collected(
         n_rows=len(runs),
         command=_command(args),
         options=dict(options),
+        seed=1 if args.seed is None else args.seed,
     )
+
+
+def _gate(posteriors: "Sequence[Posterior]") -> str:
+    """Why nothing may be written, or nothing."""
+    shut = [post for post in posteriors if not post.gate.open]
+    said = [f"the draws of {post.response} may not be used: {' '.join(post.gate.reasons)}" for post in shut]
+    return " ".join(said) + " Nothing was written." if said else ""
 
 
 def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "ToolLife | None":
@@ -237,7 +268,7 @@ def _command(args: argparse.Namespace) -> str:
         if name == "error" and value == "multiplicative":
             continue
         for item in value if isinstance(value, list) else [value] if value is not None else []:
-            words += [f"--{name.replace('_', '-')}", str(item)]
+            words += [f"--{name.replace('_', '-')}"] + ([] if item is True else [str(item)])
     return shlex.join(words)
 
 

@@ -1,30 +1,36 @@
 """Static laws: power, exponential and load laws, fitted in two stages and judged row by row."""
 
-from .adequacy import Adequacy, adequacy
 from .available import NotAvailable
+from .bayes.choose import posterior
+from .bayes.posterior import Posterior
+from .bayes.priors import Priors
 from .beside import Beside, beside_published
 from .bootstrap import EdgeBootstrap, edge_bootstrap
+from .checks.adequacy import Adequacy, adequacy
+from .checks.dominant import dominant_edge
+from .checks.forms import Forms, rival_forms
+from .checks.gauge import GaugeFit, gauge_corrected
+from .checks.judgement import Judgement, judge
+from .checks.robust import RobustFit, robust
+from .checks.sensitivity import sensitivity
+from .checks.slopes import common_exponent
+from .checks.structure import error_structure
 from .composite import Composite, composite
 from .confirm import Confirmation, confirm
 from .defaults import Refused, default_laws
 from .domain import Domain, domain
-from .edges import EdgeInference, edge_inference
+from .edges import EdgeInference
 from .errors import FitError
-from .forms import Forms, rival_forms
-from .gauge import GaugeFit, gauge_corrected, sensitivity
 from .identifiable import LeftOut
 from .intervals import interval
-from .judgement import Judgement, judge
+from .jackknife import edge_inference
 from .lawfit import LawFit
 from .life import ToolLife, tool_life
 from .linear import LinearFit, linear
 from .load_line import load_law
 from .next_runs import next_runs
 from .regression import exponential_law, power_law
-from .robust import RobustFit, dominant_edge, robust
 from .rows import By, Dropped
-from .slopes import common_exponent
-from .structure import error_structure
 
 __all__ = [
     "Adequacy",
@@ -44,6 +50,8 @@ __all__ = [
     "LeftOut",
     "LinearFit",
     "NotAvailable",
+    "Posterior",
+    "Priors",
     "Refused",
     "RobustFit",
     "ToolLife",
@@ -65,6 +73,7 @@ __all__ = [
     "linear",
     "load_law",
     "next_runs",
+    "posterior",
     "power_law",
     "rival_forms",
     "robust",

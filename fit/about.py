@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..datasets.widths import KNOWN_LEVEL, Scatter, between_and_within, of_one_part
 from .domain import changes_within
 from .edges import EdgeInference
 from .errors import FitError
@@ -33,52 +34,30 @@ class About:
     Attributes
     ----------
     of : {"new", "same", "independent rows"}
-    edge, method : str
-        Whose rows they are, in words, and where the variances come from.
+    edge : str or None
+        Whose rows they are, in words; None where rows are independent.
+    method : str
+        Where the variances come from.
     shift, variance : ndarray, shape (n,)
         Level of the edge above the law, and variance with which the centre is known.
-    sd : float
-        Standard deviation of a row about the centre.
+    scatter : Scatter
+        Of a row about the centre.
     df : float
         Degrees of freedom of t.
-    parts : tuple of (float, float)
-        Mean squares that ``sd^2`` is the sum of, each with its degrees of freedom.
     """
 
     of: str
-    edge: str
+    edge: str | None
     method: str
     shift: Array
     variance: Array
-    sd: float
+    scatter: Scatter
     df: float
-    parts: tuple[tuple[float, float], ...]
 
     @property
-    def df_sd(self) -> float:
-        """Degrees of freedom of ``sd`` (Satterthwaite)."""
-        total = sum(part for part, _ in self.parts)
-        return total**2 / sum(part**2 / df for part, df in self.parts) if total > 0 else self.parts[0][1]
-
-    def df_bound(self, level: float) -> float:
-        """Degrees of freedom at which chi-square bounds ``sd`` from above as the modified large-sample bound does.
-
-        Satterthwaite's take the estimated split as the true one and are too many where edges were alike by
-        luck; the bound of Graybill & Wang 1980, J. Am. Stat. Assoc. 75, 869, keeps its level.
-        """
-        from scipy.optimize import brentq
-        from scipy.special import chdtri
-
-        total = sum(part for part, _ in self.parts)
-        if len(self.parts) == 1 or total <= 0:
-            return self.parts[0][1]
-        wide = sum((part * (df / chdtri(df, level) - 1)) ** 2 for part, df in self.parts) ** 0.5 / total
-        low, high = min(df for _, df in self.parts), sum(df for _, df in self.parts)
-
-        def excess(df: float) -> float:
-            return float(df / chdtri(df, level) - 1 - wide)
-
-        return float(brentq(excess, low, high)) if excess(low) > 0 > excess(high) else low
+    def sd(self) -> float:
+        """Standard deviation of a row about the centre."""
+        return self.scatter.sd
 
 
 def new_edge(law: LawFit, Z: Array) -> About:
@@ -95,10 +74,13 @@ def new_edge(law: LawFit, Z: Array) -> About:
     if not isinstance(law.edges, EdgeInference):
         sd, df = law.scale_se or 0.0, float(law.df_resid)
         method = f"rows taken as independent ({law.edges.reason})"
-        return About("independent rows", "no edge", method, none, variance, sd, df, ((sd**2, df),))
+        return About("independent rows", None, method, none, variance, of_one_part(sd, df), df)
     method = "jackknife by edge (CR3), scatter between and within edges"
-    parts = mean_squares(law, law.edges)
-    return About("new", "a new edge", method, none, variance, law.edges.sd_new, float(law.edges.df), parts)
+    levels = law.edges.mixed
+    scatter = between_and_within(
+        levels.sd_between, levels.sd_within, rows_per_edge(law), df_between(law), df_within(law)
+    )
+    return About("new", "a new edge", method, none, variance, scatter, float(law.edges.df))
 
 
 def same_edge(law: LawFit, Z: Array, table: pd.DataFrame) -> About:
@@ -114,8 +96,7 @@ def same_edge(law: LawFit, Z: Array, table: pd.DataFrame) -> About:
         return new_edge(law, Z)
     sd, df, none = inference.mixed.sd_within, df_within(law), np.zeros(len(Z))
     if "edge" not in table:
-        words = "an edge whose own level is known and stands at the value"
-        return About("same", words, "scatter within edges alone", none, none, sd, df, ((sd**2, df),))
+        return About("same", KNOWN_LEVEL, "scatter within edges alone", none, none, of_one_part(sd, df), df)
     at = _known(law, inference, table)
     A, number = gradient_at(law, _design(law)), edge_numbers(law)
     size = np.bincount(number).astype(float)
@@ -128,7 +109,7 @@ def same_edge(law: LawFit, Z: Array, table: pd.DataFrame) -> About:
     sums[np.arange(len(at)), at] += drawn - 1
     variance = sd**2 * within + inference.mixed.sd_between**2 * np.einsum("ij,ij->i", sums, sums)
     method = "best linear prediction of the edge's level, scatter within edges"
-    return About("same", "the same edge", method, drawn * means[at, -1], variance, sd, df, ((sd**2, df),))
+    return About("same", "the same edge", method, drawn * means[at, -1], variance, of_one_part(sd, df), df)
 
 
 def gradient_at(law: LawFit, Z: Array) -> Array:
@@ -140,7 +121,7 @@ def edge_numbers(law: LawFit) -> NDArray[np.intp]:
     """Number of each row's edge, in the order of their names; one edge where the file names none."""
     if law.edge is None:
         return np.zeros(law.nobs, dtype=np.intp)
-    return np.asarray(np.unique(law.edge, return_inverse=True)[1], dtype=np.intp)
+    return np.asarray(pd.factorize(law.edge, sort=True)[0], dtype=np.intp)
 
 
 def df_between(law: LawFit) -> float:
@@ -155,15 +136,25 @@ def df_within(law: LawFit) -> float:
     return float(max(law.nobs - number.max() - 1 - changes_within(_design(law), number).sum(), 1))
 
 
-def mean_squares(law: LawFit, edges: EdgeInference) -> tuple[tuple[float, float], ...]:
-    """Variance of a row of a new edge as ``MS_between / m + (1 - 1/m) MS_within``, each with its df.
-
-    m is the harmonic mean of the rows an edge has.
-    """
+def rows_per_edge(law: LawFit) -> float:
+    """Harmonic mean of the rows an edge has."""
     sizes = np.bincount(edge_numbers(law))
-    m = len(sizes) / float(np.sum(1.0 / sizes))
-    inner = edges.mixed.sd_within**2
-    return (edges.mixed.sd_between**2 + inner / m, df_between(law)), ((1 - 1 / m) * inner, df_within(law))
+    return len(sizes) / float(np.sum(1.0 / sizes))
+
+
+def smearing(law: LawFit, of: str) -> float:
+    """Mean of exp(residual): over rows; over edges, which count alike; or about each edge's own mean.
+
+    ``of`` is "independent rows", "new" or "same", as in ``About``.
+    """
+    r = law.residuals
+    if of == "independent rows":
+        return float(np.exp(r).mean())
+    number = edge_numbers(law)
+    size = np.bincount(number)
+    if of == "new":
+        return float((np.bincount(number, weights=np.exp(r)) / size).mean())
+    return float(np.exp(r - (np.bincount(number, weights=r) / size)[number]).mean())
 
 
 def _design(law: LawFit) -> Array:

@@ -12,7 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .available import NotAvailable
-from .edges import EdgeInference, gradient
+from .edges import EdgeInference
+from .jackknife import gradient
 from .lawfit import LawFit
 
 Array = NDArray[np.float64]

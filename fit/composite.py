@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..datasets.errors import UsageError
 from .available import NotAvailable
-from .edges import edge_inference
+from .jackknife import edge_inference
 from .lawfit import LawFit
 from .laws import power
 from .linear import linear

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, get_args, overload
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ..datasets.errors import UsageError
+from ..datasets.widths import Centre, Edge, Kind
 from .available import NotAvailable
 from .edges import EdgeInference
 from .errors import FitError
@@ -253,44 +254,52 @@ class LawFit:
     def predict(
         self,
         new: Mapping[str, object] | pd.DataFrame,
-        interval: Literal["mean", "prediction"],
+        interval: Kind,
         level: float = 0.95,
+        *,
+        edge: Edge = "new",
+        coverage: float = 0.95,
+        centre: Centre = "median",
     ) -> pd.DataFrame: ...
     def predict(
         self,
         new: Mapping[str, object] | pd.DataFrame,
-        interval: Literal["mean", "prediction"] | None = None,
+        interval: Kind | None = None,
         level: float = 0.95,
+        *,
+        edge: Edge = "new",
+        coverage: float = 0.95,
+        centre: Centre = "median",
     ) -> Array | pd.DataFrame:
         """The law at new factor values, in the unit of the response.
 
         Parameters
         ----------
         new : mapping or DataFrame
-            A value or column for each factor, and the category of ``by`` under its name.
-        interval : None, "mean" or "prediction"
+            A value or column for each factor, and the category of ``by`` under its name; for ``edge="same"``
+            a column ``edge`` that names edges of the fit.
+        interval : None, "mean", "prediction" or "tolerance"
             None gives an array, shape (n,): with multiplicative errors it is the median. Otherwise a
-            DataFrame ``value, low, high``: "mean" is about the law itself, "prediction" about one new row, of a
-            new edge where the data name edges.
-            Both are by edge where the edges allow it.
-        level : float
-            Level of the interval.
+            DataFrame ``value, low, high, inside`` whose ``attrs["words"]`` say what these are: "mean" is about
+            the law itself, "prediction" about one new row, "tolerance" holds a share of all rows there.
+        level, edge, coverage, centre
+            As in ``fit.interval``, which makes the DataFrame.
 
         Raises
         ------
         FitError
             A factor is missing, not positive where the law takes its logarithm, columns differ in length, or
             there is no interval.
+        UsageError
+            An option that does not exist, or a level or coverage that is not between 0 and 1.
         """
-        if interval not in (None, "mean", "prediction"):
-            raise UsageError(f"interval={interval!r}: it is None, 'mean' or 'prediction'.")
-        Z = self.design_of(as_table(self.response, new))
-        value = self.law.response_at(self.theta, Z)
         if interval is None:
-            return value
-        if self.no_interval:
-            raise FitError(f"{self.response}: {self.no_interval}. Add observations.")
-        return self._interval(Z, value, interval, level)
+            return self.law.response_at(self.theta, self.design_of(as_table(self.response, new)))
+        if interval not in get_args(Kind):
+            raise UsageError(f"interval={interval!r}: it is None, {', '.join(map(repr, get_args(Kind)))}.")
+        from .intervals import interval as of_law
+
+        return of_law(self, new, interval, edge=edge, level=level, coverage=coverage, centre=centre)
 
     def summary(self) -> str:
         """The fit as plain text: coefficients with their row statistics, then R2, F and residual error."""
@@ -350,13 +359,3 @@ class LawFit:
         if strange:
             raise FitError(f"{self.by.column} {strange[0]!r} is not among the fitted: {', '.join(known)}.")
         return np.column_stack([(level == name).to_numpy(dtype=float) for name in self.by.levels])
-
-    def _interval(self, Z: Array, value: Array, kind: str, level: float) -> pd.DataFrame:
-        """Delta method on the scale on which the errors are: in logarithms, or in the unit itself."""
-        scale = self.edges.sd_new if isinstance(self.edges, EdgeInference) else self.scale_se or 0.0
-        G = Z if self.error == "multiplicative" else self.law.gradient(self.theta, Z)
-        variance = np.einsum("ij,jk,ik->i", G, self.covariance(), G) + (scale**2 if kind == "prediction" else 0.0)
-        half = self._quantile(level) * np.sqrt(variance)
-        if self.error == "multiplicative":
-            return pd.DataFrame({"value": value, "low": value * np.exp(-half), "high": value * np.exp(half)})
-        return pd.DataFrame({"value": value, "low": value - half, "high": value + half})

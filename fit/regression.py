@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..datasets import Runs, UsageError
 from .condense import Condensed
-from .edges import edge_inference
 from .errors import FitError
 from .identifiable import LeftOut, identifiable
+from .jackknife import edge_inference
 from .lawfit import LawFit
 from .laws import LARGEST_LOG, Error, Law, exponential, power
 from .linear import linear
@@ -137,28 +137,27 @@ def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], er
     return replace(fitted, edges=edge_inference(fitted))
 
 
-def even_choice(law: LawFit, most: int) -> LawFit:
-    """The same law fitted to at most ``most`` of its rows, evenly chosen; the law itself where it has no more."""
-    if law.nobs <= most:
-        return law
-    keep = slice(None, None, -(-law.nobs // most))
+def refitted(law: LawFit, error: Error, keep: slice = slice(None)) -> LawFit:
+    """The same law fitted to ``keep`` of its rows with either error structure.
+
+    Raises
+    ------
+    FitError
+        The rows miss a level or a setting, or least squares in natural units does not converge.
+    """
     X, shifts, y = law.X[keep], law.shifts[keep], law.observed[keep]
     Z = law.law.design(X, shifts)
-    try:
-        if not law.law.logarithmic:
-            theta, cov, fitted, r, tss = _straight(Z, y)
-        elif law.error == "multiplicative":
-            theta, cov, fitted, r, tss = _logarithmic(Z, y)
-        else:
-            theta, cov, fitted, r, tss = _natural(law.law, Z, y, law.theta)
-    except FitError:  # a level or setting that the choice has missed
-        return law
-    edge = None if law.edge is None else law.edge[keep]
-    chosen = replace(
-        law, theta=theta, cov_theta=cov, X=X, shifts=shifts, observed=y, fitted=fitted, residuals=r,
-        lines=law.lines[keep], edge=edge, rss=float(r @ r), tss=tss,
+    if not law.law.logarithmic:
+        stage = _straight(Z, y)
+    else:
+        stage = _logarithmic(Z, y) if error == "multiplicative" else _natural(law.law, Z, y, law.theta)
+    theta, cov, fitted, r, tss = stage
+    _within_numbers(law.law, theta, Z)
+    new = replace(
+        law, error=error, theta=theta, cov_theta=cov, X=X, shifts=shifts, observed=y, fitted=fitted, residuals=r,
+        lines=law.lines[keep], edge=None if law.edge is None else law.edge[keep], rss=float(r @ r), tss=tss,
     )  # fmt: skip
-    return replace(chosen, edges=edge_inference(chosen))
+    return replace(new, edges=edge_inference(new))
 
 
 def other_structure(law: LawFit) -> LawFit | None:
@@ -169,16 +168,10 @@ def other_structure(law: LawFit) -> LawFit | None:
     """
     if not law.law.logarithmic or not (law.observed > 0).all():
         return None
-    error: Error = "additive" if law.error == "multiplicative" else "multiplicative"
-    Z = law.law.design(law.X, law.shifts)
     try:
-        stage = _natural(law.law, Z, law.observed, law.theta) if error == "additive" else _logarithmic(Z, law.observed)
-        _within_numbers(law.law, stage[0], Z)
+        return refitted(law, "additive" if law.error == "multiplicative" else "multiplicative")
     except FitError:
         return None
-    theta, cov, fitted, r, tss = stage
-    other = replace(law, error=error, theta=theta, cov_theta=cov, fitted=fitted, residuals=r, rss=float(r @ r), tss=tss)
-    return replace(other, edges=edge_inference(other))
 
 
 def _start(law: Law, Z: Array, rows: Rows, left_out: tuple[LeftOut, ...]) -> Array:

@@ -3,9 +3,14 @@
     errors       what this room raises, in sentences
     sections     the small parts of a law section
     evaluate     a law's numbers: terms, link, checks
-    law          the law section and its predict, interval, inside
+    intervals    what an interval of a law stands on, and its ends
+    rounding     numbers rounded by their uncertainty
+    prediction   a law's answer, in numbers and in a sentence
+    law          the law section and its predict, interval, tell, inside
     strict_json  JSON without anything two readers could read differently
     file         the schema, read and write
+    posterior    the posterior section
+    draws        the draws beside the file
     collect      fitted laws -> a parameter file
 
 >>> from fitmodels import parameters
@@ -15,9 +20,13 @@
 """
 
 from .collect import collect
-from .errors import ParameterError
+from .draws import Draws, read_draws
+from .errors import GateError, ParameterError
 from .file import Identity, ParameterFile, Provenance, read, write
 from .law import Law
+from .posterior import Drawn, LawPosterior, Posterior, Prior
+from .posterior_section import draws_of
+from .prediction import Given, Prediction
 from .sections import (
     By,
     Check,
@@ -38,15 +47,23 @@ __all__ = [
     "By",
     "Check",
     "Covariance",
+    "Drawn",
+    "Draws",
     "DroppedRows",
     "Edges",
     "Factor",
+    "GateError",
+    "Given",
     "Identity",
     "Law",
+    "LawPosterior",
     "LeftOut",
     "NoCovariance",
     "ParameterError",
     "ParameterFile",
+    "Posterior",
+    "Prediction",
+    "Prior",
     "Provenance",
     "Published",
     "Region",
@@ -54,6 +71,8 @@ __all__ = [
     "Statistics",
     "ToolLifeSection",
     "collect",
+    "draws_of",
     "read",
+    "read_draws",
     "write",
 ]

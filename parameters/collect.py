@@ -16,12 +16,13 @@ from .errors import ParameterError, in_words
 from .evaluate import LOGARITHMIC, coefficient_names
 from .file import ParameterFile
 from .law import Law
+from .posterior_section import posterior_section
 from .sections import Composite
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..fit import LawFit, ToolLife
+    from ..fit import LawFit, NotAvailable, Posterior, ToolLife
 
 
 def collect(
@@ -30,6 +31,8 @@ def collect(
     work: str,
     laws: Sequence["LawFit"] = (),
     tool_life: "ToolLife | None" = None,
+    posteriors: Sequence["Posterior"] = (),
+    no_posterior: "Mapping[str, NotAvailable] | None" = None,
     gauge_sd: float | None = None,
     machine: str | None = None,
     simulated: bool = False,
@@ -53,6 +56,10 @@ def collect(
         At most one for each response. Where a paper prints the law of this tool and work, it is set beside.
     tool_life : ToolLife, optional
         Solved from one of the laws.
+    posteriors : sequence of Posterior
+        At most one for each response, of one seed, every gate open.
+    no_posterior : mapping of str to NotAvailable, optional
+        Why a response has none.
     gauge_sd : float, optional
         Standard deviation of the wear gauge, in the unit of the wear.
     simulated : bool
@@ -69,6 +76,8 @@ def collect(
 
     Raises
     ------
+    GateError
+        The gate of a posterior is shut.
     ParameterError
         Two laws of one response, or something the schema refuses.
 
@@ -93,6 +102,8 @@ def collect(
     sections = {"identity": identity, "laws": _by_response(laws, tool, work, gauge_sd), "provenance": provenance}
     if tool_life is not None:
         sections["tool_life"] = _tool_life(tool_life)
+    if posteriors or no_posterior:
+        sections["posterior"] = posterior_section(posteriors, no_posterior or {})
     taken = sorted({"schema_version", *sections} & set(more))
     if taken:
         raise ParameterError(f"{taken[0]} is written by collect itself; give its parts by name.")
@@ -169,6 +180,7 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "uncertainty": _uncertainty(law),
         "residual_se": _known(law.scale_se),
         "residual_scale": law.scale_unit,
+        "smearing": _smearing(law, "new" if law.edges else "independent rows"),
         "n": int(law.nobs),
         "df": int(law.df_resid),
         "n_edges": law.n_edges,
@@ -236,8 +248,15 @@ def _uncertainty(law: "LawFit") -> dict[str, Any]:
     }
 
 
+def _smearing(law: "LawFit", of: str) -> float | None:
+    from ..fit.about import smearing
+
+    return _known(smearing(law, of)) if law.error == "multiplicative" else None
+
+
 def _edges(law: "LawFit") -> dict[str, Any] | None:
     from ..fit import NotAvailable
+    from ..fit.about import df_between, df_within, rows_per_edge
 
     edges = law.edges
     if isinstance(edges, NotAvailable):
@@ -252,6 +271,10 @@ def _edges(law: "LawFit") -> dict[str, Any] | None:
         "sd_between": edges.mixed.sd_between,
         "sd_within": edges.mixed.sd_within,
         "icc": edges.icc,
+        "rows_per_edge": rows_per_edge(law),
+        "df_between": int(df_between(law)),
+        "df_within": int(df_within(law)),
+        "smearing_within": _smearing(law, "same"),
         "random_level": dict(zip(law.theta_names, edges.mixed.bse.tolist(), strict=True)),
     }
 

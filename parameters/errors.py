@@ -42,6 +42,12 @@ class ParameterError(FitmodelsError):
     exit_code = 3
 
 
+class GateError(ParameterError):
+    """Something that must not be handed on was asked to be written; the sentence says what to do first."""
+
+    exit_code = 5
+
+
 def in_words(error: "ValidationError", data: object) -> str:
     """Tell the first complaints of the schema about ``data``, each with its JSON path, as one clause."""
     details = error.errors(include_url=False, include_context=False)

@@ -117,13 +117,6 @@ def _level(law: "Law", level: str | None) -> str | None:
     return str(level)
 
 
-def student_quantile(coverage: float, df: int) -> float:
-    """Two-sided quantile of Student's t."""
-    from scipy.special import stdtrit  # on first use: reading and predicting need no scipy
-
-    return float(stdtrit(df, 0.5 + coverage / 2))
-
-
 def response(law: "Law", eta: Array) -> Array:
     """Invert the link."""
     with np.errstate(over="ignore", under="ignore"):  # `as_given` refuses what overflows

@@ -12,6 +12,7 @@ from pydantic import Field, JsonValue, ValidationError, field_validator
 
 from .errors import ParameterError, in_words, short
 from .law import Law
+from .posterior import Posterior
 from .sections import Count, Section, Text, ToolLifeSection
 from .strict_json import CURE, strict_json
 
@@ -90,6 +91,8 @@ class ParameterFile(Section):
         By the symbol of the response.
     tool_life : ToolLifeSection or None
         Solved from the wear law at a criterion.
+    posterior : Posterior or None
+        What draws of the laws' parameters say, and the file that holds them.
     provenance : Provenance
 
     Sections and fields that this version does not know are kept, and written back.
@@ -106,6 +109,7 @@ class ParameterFile(Section):
     identity: Identity
     laws: dict[str, Law] = Field(default_factory=dict)
     tool_life: ToolLifeSection | None = None
+    posterior: Posterior | None = None
     provenance: Provenance
 
 

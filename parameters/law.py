@@ -1,6 +1,5 @@
 """The law section: one fitted equation with its domain, its uncertainty and its statistics."""
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Self
 
@@ -9,6 +8,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from ..datasets import region
+from ..datasets.widths import Centre, Edge, Kind
 from .errors import ParameterError, short
 from .evaluate import (
     LOGARITHMIC,
@@ -17,10 +17,11 @@ from .evaluate import (
     coefficient_names,
     parameter_names,
     response,
-    student_quantile,
     terms,
     theta,
 )
+from .intervals import Asked, band
+from .prediction import Prediction, tell
 from .sections import (
     By,
     Check,
@@ -41,7 +42,8 @@ from .sections import (
     Text,
 )
 
-KEPT = ("level", "kind", "by")  # arguments of predict and interval: no factor can be called so
+# arguments of predict, interval and tell: no factor can be called so
+KEPT = ("level", "kind", "by", "edge", "coverage", "centre")
 
 EXAMPLE: Mapping[str, object] = {  # the law of the examples below
     "form": "power",
@@ -85,6 +87,8 @@ class Law(Section):
         Covariance of ``ln c0`` (``ln a``), the exponents and the shifts; of A, B, k1 as they are.
     residual_se : float or None
         Standard deviation about the law, in ``residual_scale``: ``ln`` or the response's unit.
+    smearing : float or None
+        Mean of exp(residual) where errors multiply: over edges, which count alike, or over independent rows.
     n, df : int
         Observations and residual degrees of freedom, rows taken as independent.
     n_edges : int or None
@@ -129,6 +133,7 @@ class Law(Section):
     uncertainty: Annotated[Covariance | NoCovariance, Field(discriminator="kind")]
     residual_se: NotNegative | None = None
     residual_scale: str
+    smearing: Annotated[float, Field(strict=True, gt=0)] | None = None
     n: Count
     df: Count
     n_edges: Count | None = None
@@ -194,24 +199,34 @@ class Law(Section):
     def interval(
         self,
         level: float = 0.95,
-        kind: Literal["mean", "prediction"] = "mean",
+        kind: Kind = "mean",
         by: str | None = None,
+        *,
+        edge: Edge = "new",
+        coverage: float = 0.95,
+        centre: Centre = "median",
         **factors: ArrayLike,
     ) -> tuple[Any, Any]:
-        """Two-sided interval of the response by the delta method, with Student's t.
+        """Two-sided interval of the response by the delta method, as ``fit.interval`` gives it.
 
-        A multiplicative law's is computed in logs and brought back, so that ``mean`` bounds the
-        median of the response; an additive law's is symmetric and may reach below zero.
+        A multiplicative law's is computed in logs and brought back; an additive law's is symmetric and may
+        reach below zero.
 
         Parameters
         ----------
         level : float
-            Coverage, between 0 and 1.
-        kind : str
-            ``mean`` for the law itself, ``prediction`` for one new observation, on a new edge where the
-            data name edges.
+            Confidence, between 0 and 1.
+        kind : {"mean", "prediction", "tolerance"}
+            Of the law itself; of one new row; or limits that hold a share ``coverage`` of all rows there.
         by : str, optional
             Level of the ``by`` column; needed where the law has one.
+        edge : {"new", "same"}
+            Rows of an edge not yet cut, or of one whose own level is known and stands at the law: the scatter
+            within an edge, no more. Without inference by edge both are the same.
+        coverage : float
+            Of a tolerance interval, between 0 and 1.
+        centre : {"median", "mean", "smeared"}
+            What a "mean" interval bounds where errors multiply; it leaves the ends for rows alone.
         **factors : float or array_like
             As in `predict`.
 
@@ -223,7 +238,8 @@ class Law(Section):
         Raises
         ------
         ParameterError
-            As in `predict`; or the file holds no covariance, and its reason is told.
+            As in `predict`; or the file holds no covariance, and its reason is told; or it is an earlier one
+            and lacks what this interval needs.
 
         Examples
         --------
@@ -232,20 +248,39 @@ class Law(Section):
         >>> print(f"{low:.3f} {high:.3f}")
         0.079 0.126
         """
-        covariance, spread = _asked(self, level, kind)
-        order = [covariance.of.index(name) for name in parameter_names(self)]
-        C = np.array(covariance.matrix)[np.ix_(order, order)]
-        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-            Z = terms(self, by, factors)
-            centre = Z @ theta(self)
-            back = self.form in LOGARITHMIC and self.error == "multiplicative"
-            if self.form in LOGARITHMIC and not back:
-                centre = response(self, centre)
-                Z = Z * centre[..., None]
-            variance = np.einsum("...i,ij,...j->...", Z, C, Z)
-            half = student_quantile(level, covariance.df) * np.sqrt(np.maximum(variance, 0.0) + spread**2)
-            low, high = (response(self, end) if back else end for end in (centre - half, centre + half))
-        return as_given(self, low), as_given(self, high)
+        found = band(self, Asked(kind, level, edge, coverage, centre), by, factors)
+        return as_given(self, found.low), as_given(self, found.high)
+
+    def tell(
+        self,
+        kind: Kind = "prediction",
+        level: float = 0.95,
+        by: str | None = None,
+        *,
+        edge: Edge = "new",
+        coverage: float = 0.95,
+        centre: Centre = "median",
+        **factors: ArrayLike,
+    ) -> Prediction:
+        """Value, interval, and whether the point lies in the tested region: in numbers and in a sentence.
+
+        Parameters
+        ----------
+        kind, level, by, edge, coverage, centre, **factors
+            As in `interval`; ``centre`` is what the value is, where errors multiply.
+
+        Raises
+        ------
+        ParameterError
+            As in `interval`.
+
+        Examples
+        --------
+        >>> law = Law.model_validate(EXAMPLE)
+        >>> print(law.tell(V=100.0).words)
+        AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row 0.071 to 0.140 mm; inside the tested region.
+        """
+        return tell(self, Asked(kind, level, edge, coverage, centre), by, factors)
 
     def inside(self, by: str | None = None, **factors: ArrayLike) -> Any:  # noqa: ANN401
         """Tell which points lie in the region of the design: a law says nothing about where nobody cut.
@@ -314,26 +349,6 @@ def _check_form(law: Law) -> None:
         raise ValueError(f"a {law.form} has additive errors")
     if law.error == "multiplicative" and law.residual_se is not None and law.residual_scale != "ln":
         raise ValueError(f"the residual of a multiplicative law is in ln, not in {short(law.residual_scale)}")
-
-
-def _asked(law: Law, level: float, kind: str) -> tuple[Covariance, float]:
-    """Find the covariance, and the spread of the observation asked for."""
-    if isinstance(law.uncertainty, NoCovariance):
-        raise ParameterError(f"the law of {law.response} has no interval: {law.uncertainty.reason}")
-    if not isinstance(level, float) or not 0 < level < 1:
-        raise ParameterError(
-            f"level = {short(level)}: a coverage is between 0 and 1, as 0.95 (a level of the law is by=)."
-        )
-    if kind not in ("mean", "prediction"):
-        raise ParameterError(f"kind = {short(kind)}: an interval is of the 'mean' or a 'prediction'.")
-    if kind == "mean":
-        return law.uncertainty, 0.0
-    if law.residual_se is None:
-        raise ParameterError(f"the law of {law.response} has no residual standard error: no prediction interval.")
-    e = law.edges
-    if e is not None and e.sd_between is not None and e.sd_within is not None:
-        return law.uncertainty, math.hypot(e.sd_between, e.sd_within)  # a new row is on a new edge
-    return law.uncertainty, law.residual_se
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -233,6 +233,10 @@ class Edges(Section):
     the standard errors with a random level of each edge, the cross-check of the jackknife. ``reason`` is set
     where inference by edge cannot be had.
 
+    ``rows_per_edge`` (harmonic mean) and the degrees of freedom ``df_between`` and ``df_within`` say how well the
+    two standard deviations are known; ``smearing_within`` is the mean of exp(residual) about each edge's own
+    level, where errors multiply. Earlier files lack these four.
+
     Examples
     --------
     >>> Edges(reason="no edge column").F is None
@@ -248,6 +252,10 @@ class Edges(Section):
     sd_between: NotNegative | None = None
     sd_within: NotNegative | None = None
     icc: NotNegative | None = None
+    rows_per_edge: Annotated[float, Field(strict=True, ge=1)] | None = None
+    df_between: Annotated[int, Field(strict=True, ge=1, lt=2**63)] | None = None
+    df_within: Annotated[int, Field(strict=True, ge=1, lt=2**63)] | None = None
+    smearing_within: Annotated[float, Field(strict=True, gt=0)] | None = None
     random_level: dict[str, NotNegative] = {}
 
 

@@ -10,9 +10,10 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.datasets import UsageError
-from fitmodels.fit.adequacy import adequacy
-from fitmodels.fit.lack_of_fit import split
-from hypothesis import given, settings
+from fitmodels.fit.checks.adequacy import adequacy
+from fitmodels.fit.checks.choice import MOST_ROWS
+from fitmodels.fit.checks.strata import split
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 LIMIT = 0.025  # s, on 144 to 239 rows
@@ -184,12 +185,40 @@ def test_one_sentence_at_least():
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(1, 9), st.integers(1, 5), st.floats(0.001, 1.0), st.integers(0, 10**6), st.booleans())
+@example(4, 1, 0.15625, 4, False)  # a likelihood of powers that is flat but for rounding
 def test_small_designs_never_give_a_nan(edges, per_edge, noise, seed, named):
     try:
         law = wear(edges, per_edge, noise, between=noise, seed=seed)
     except fit.FitError:
         return
     assert_in_words(adequacy(law if named else replace(law, edge=None)))
+
+
+def swinging(edges, per_edge):
+    """Rows that lie above and below the law in turn: every second one alone would look alike."""
+    rng = np.random.default_rng(3)
+    at, t = np.repeat(np.arange(edges), per_edge), np.tile(np.linspace(1, 9, per_edge), edges)
+    V = rng.uniform(50, 200, edges)[at]
+    swing = 0.05 * (-1.0) ** np.arange(len(t)) + 0.05 * rng.normal(size=edges)[at] + 0.02 * rng.normal(size=len(t))
+    frame = pd.DataFrame({"V": V, "t": t, "AW": 0.01 * V**0.5 * t**0.3 * np.exp(swing), "edge": at.astype(str)})
+    return fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "t"])
+
+
+def test_the_order_of_rows_is_told_up_to_the_limit():
+    found = adequacy(swinging(20, MOST_ROWS // 20))
+    assert found.nobs == MOST_ROWS
+    assert found.serial.verdict.startswith("Rows of an edge swing about each other (lag-1 -0.86")
+
+
+def test_the_order_of_rows_is_not_told_of_a_choice_of_them():
+    """Every second row alone: they would seem to follow each other no more than chance lets them."""
+    law = swinging(20, 300)
+    found = adequacy(law)
+    assert found.nobs == 3000
+    assert str(found.serial).startswith("3000 of 6000 rows were checked, evenly chosen, so that neighbours on an edge")
+    assert any(said.startswith("Not known (order within edges): 3000 of 6000") for said in found.verdicts(20))
+    assert any(said.startswith("Not known (order within edges): 3000 of 6000") for said in fit.judge(law).verdicts(20))
+    assert "no edge column" in str(adequacy(replace(law, edge=None)).serial)
 
 
 def test_the_whole_set_takes_no_time():

@@ -118,7 +118,8 @@ def test_a_run_prints_results_and_writes_one_folder(fitted):
     assert "Written:" in fitted.out
     assert [path.name for path in fitted.root.iterdir()] == [FOLDER]
     files = {path.relative_to(fitted.folder).as_posix() for path in fitted.folder.rglob("*") if path.is_file()}
-    assert files == set(cards.FILES)
+    assert files == set(cards.files(fitted.pf))
+    assert "draws.npz" in files
 
 
 def test_the_three_figures_are_pictures(fitted):
@@ -178,7 +179,7 @@ def tables(card):
 
 def test_the_tables_of_the_card_are_well_formed(fitted):
     found = tables(fitted.card)
-    assert len(found) == len(fitted.pf.laws)
+    assert len(found) == 2 * len(fitted.pf.laws)  # coefficients, and their draws
     for head, rule, *rows in found:
         assert all(len(row) == len(head) == len(rule) for row in rows)
         assert all(re.fullmatch(r"-+:?", cell) for cell in rule)
@@ -189,7 +190,7 @@ def test_the_card_holds_no_number_that_is_none(fitted):
 
 
 def test_every_number_in_the_cards_tables_is_that_of_the_parameter_file(fitted):
-    for law, (head, _, *rows) in zip(fitted.pf.laws.values(), tables(fitted.card), strict=True):
+    for law, (head, _, *rows) in zip(fitted.pf.laws.values(), tables(fitted.card)[::2], strict=True):
         spread = np.sqrt(np.diag(law.uncertainty.matrix)) * stdtrit(law.uncertainty.df, 0.975)
         half = dict(zip(law.uncertainty.of, spread, strict=True))
         assert [row[0] for row in rows] == list(law.coefficients)

@@ -35,7 +35,7 @@ def test_rows_are_judged_by_the_laws_own_prediction_interval():
     fitted, runs = law(), new()
     found = confirm(fitted, runs, level=0.9)
     band = fitted.predict(runs.data[FACTORS], "prediction", level=0.9)
-    np.testing.assert_allclose(found.rows[["predicted", "low", "high"]], band, rtol=EXACT)
+    np.testing.assert_allclose(found.rows[["predicted", "low", "high"]], band[["value", "low", "high"]], rtol=EXACT)
     y = runs.values("AW")
     assert (found.rows["inside"] == ((band["low"] <= y) & (y <= band["high"]))).all()
     assert found.expected == pytest.approx(2.4)
@@ -123,7 +123,7 @@ def test_an_additive_law():
     fitted = law(error="additive")
     found = confirm(fitted, new())
     band = fitted.predict(new().data[FACTORS], "prediction")
-    np.testing.assert_allclose(found.rows[["predicted", "low", "high"]], band, rtol=EXACT)
+    np.testing.assert_allclose(found.rows[["predicted", "low", "high"]], band[["value", "low", "high"]], rtol=EXACT)
     assert not confirm(fitted, new(AW=lambda data: data["AW"] * 1.8)).holds
 
 

@@ -1,6 +1,7 @@
 """Gauge error of the wear: a textbook example, orthogonal regression, and a known truth recovered.
 
-References: Fuller 1987, Measurement Error Models, example 1.2.1 (corn yields on soil nitrogen, error variance 57);
+References: Fuller 1987, Measurement Error Models, example 1.2.1 (corn yields on soil nitrogen, error variance 57); its
+moments as in the SAS/STAT sample library, ICALEX1, for which PROC CALIS fits the same model;
 the least eigenvector of the weighted moment matrix (orthogonal regression) by scipy.
 """
 
@@ -8,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.gauge import gauge_corrected, sensitivity
+from fitmodels.fit.checks.gauge import gauge_corrected
+from fitmodels.fit.checks.sensitivity import sensitivity
 from scipy.linalg import eigh
 
 EXACT = 1e-8
@@ -47,12 +49,17 @@ def corn():
 
 
 def test_fullers_corn():
-    """Printed: 67.56 + 0.4232 x; plain least squares 0.3440."""
+    """Printed: 67.56 + 0.4232 x; plain least squares 0.3440. The estimate is one of the moments alone."""
     law = corn()
+    x, y = law.X[:, 0], np.log(law.observed) + 97
+    S = np.cov(x, y)
+    assert (x.mean(), y.mean()) == pytest.approx((70.6364, 97.4545), abs=5e-5)
+    assert (S[0, 0], S[0, 1], S[1, 1]) == pytest.approx((304.8545, 104.8818, 87.6727), abs=5e-5)
     assert law.theta[1] == pytest.approx(0.3440, abs=5e-5)
     found = gauge_corrected(law, 57**0.5, wear="F", unit=law.units["F"])
     assert found.theta[1] == pytest.approx(0.4232, abs=5e-5)
     assert found.theta[0] + 97 == pytest.approx(67.56, abs=0.005)
+    assert found.theta[1] == pytest.approx(104.8818 / (304.8545 - 57), abs=5e-7)
     assert found.reliability == pytest.approx(247.8545 / 304.8545, abs=1e-6)
 
 

@@ -1,8 +1,10 @@
 """Lack of fit against printed analyses of variance, and its level on sound laws measured edge by edge.
 
-References: the vignette of R's package rsm (Lenth 2009, J. Statistical Software 32(7): ChemReact1, lack of fit
-p 0.01034 of the first-order fit, 0.005221 with the interaction); R's alr3, ``pureErrorAnova`` (Weisberg 2005,
-Applied Linear Regression, section 5.3); the README beside the turning forces for Exp1.
+References: R's package rsm on ChemReact1 (data: vignette article-JSS, after Lenth 2009, J. Statistical Software
+32(7); p of lack of fit 0.01034 of the first-order fit and 0.005221 with the interaction, as GitHub rwepa/DataDemo,
+R_Design_Of_Experiments.R, notes its output); the data of the help page of ``pureErrorAnova`` in R's package alr3;
+statsmodels' F test of a law within the means of its settings, on all of these and on the turning forces (Exp1, whose
+README has the same figures). An analysis printed by R's olsrr is in test_published_figures.py.
 """
 
 from dataclasses import replace
@@ -12,7 +14,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.lack_of_fit import lack_of_fit, p_in_words, split
+from fitmodels.fit.checks.check import p_in_words
+from fitmodels.fit.checks.lack_of_fit import lack_of_fit
+from fitmodels.fit.checks.strata import split
+from statsmodels.regression.linear_model import OLS
 
 EXACT = 1e-9
 NAMES = ["V", "f", "d", "t"]
@@ -25,6 +30,21 @@ def straight(X, y):
     frame = pd.DataFrame({name: np.exp(x) for name, x in zip(NAMES, X.T, strict=False)})
     frame["AW"] = np.exp(np.asarray(y) - np.mean(y))
     return fit.power_law(datasets.runs_from_frame(frame), "AW", NAMES[: X.shape[1]])
+
+
+def by_statsmodels(law):
+    """Sum of squares about the settings' means; F, p and degrees of freedom of the law within them."""
+    Z, y = law.law.design(law.X), np.log(law.observed)
+    setting = np.unique(np.round(Z, 9), axis=0, return_inverse=True)[1].ravel()
+    means = OLS(y, np.eye(setting.max() + 1)[setting]).fit()
+    return means.ssr, *means.compare_f_test(OLS(y, Z).fit())
+
+
+def assert_as_statsmodels(law):
+    found, (pure, F, p, df) = form_of(law), by_statsmodels(law)
+    assert (found.ss_pure, found.statistic) == pytest.approx((pure, F), rel=1e-8)
+    assert found.pvalue == pytest.approx(p, rel=1e-8)
+    assert found.df[0] == df
 
 
 def form_of(law):
@@ -62,26 +82,30 @@ def test_chemical_reaction_of_the_rsm_vignette():
     first = form_of(straight(np.column_stack([x1, x2]), yields))
     assert (first.units, first.df) == ("rows", (2, 2))
     assert first.pvalue == pytest.approx(0.01034, abs=5e-6)
-    interaction = form_of(straight(np.column_stack([x1, x2, x1 * x2]), yields))
+    crossed = straight(np.column_stack([x1, x2, x1 * x2]), yields)
+    interaction = form_of(crossed)
+    assert_as_statsmodels(crossed)
     assert interaction.df == (1, 2)
     assert interaction.pvalue == pytest.approx(0.005221, abs=5e-7)
 
 
-def test_pure_error_anova_of_alr3():
+def test_the_data_of_pure_error_anova():
     x = [1, 1, 1, 2, 3, 3, 4, 4, 4, 4]
     y = [2.55, 2.75, 2.57, 2.40, 4.19, 4.70, 3.81, 4.87, 2.93, 4.52]
-    found = form_of(straight(np.column_stack([x]), y))
+    law = straight(np.column_stack([x]), y)
+    assert_as_statsmodels(law)
+    found = form_of(law)
     assert found.df == (2, 6)
-    assert found.ss_lack == pytest.approx(1.8582, abs=5e-5)
-    assert found.ss_pure == pytest.approx(2.3584, abs=5e-5)
-    assert found.statistic == pytest.approx(2.3638, abs=5e-5)
+    assert found.ss_lack + found.ss_pure == pytest.approx(law.rss, rel=1e-9)
     assert (found.settings, found.replicated, found.concern) == (4, 3, 0)
 
 
 @pytest.mark.parametrize(("response", "F", "p"), [("Fx", 2.41, 0.015), ("Ra", 1.40, 0.20)])
 def test_turning_forces_and_roughness(measurements, response, F, p):
     path = measurements / "turning_forces" / "exp1_runs.csv"
-    found = form_of(fit.power_law(datasets.read_runs(path, map={"Ra": "Ra_mean"}), response, ["d", "V", "f"]))
+    law = fit.power_law(datasets.read_runs(path, map={"Ra": "Ra_mean"}), response, ["d", "V", "f"])
+    assert_as_statsmodels(law)
+    found = form_of(law)
     assert found.df == (23, 27)
     assert found.statistic == pytest.approx(F, abs=0.005)
     assert found.pvalue == pytest.approx(p, abs=0.0005 if p < 0.1 else 0.005)

@@ -85,7 +85,7 @@ def test_a_good_line_is_statsmodels_ols(seed):
     assert (law.units["I"], law.units["fm"], law.units["VB"]) == ("A", "mm/min", "mm")
     band = law.predict({"fm": 700, "VB": 0.1}, "prediction")
     theirs = ols.get_prediction([[1, 700, 0.1]]).summary_frame()[["mean", "obs_ci_lower", "obs_ci_upper"]]
-    np.testing.assert_allclose(band, theirs, rtol=1e-9)
+    np.testing.assert_allclose(band[["value", "low", "high"]], theirs, rtol=1e-9)
 
 
 def test_a_sharp_tool_and_an_idle_spindle_are_kept():

@@ -254,8 +254,8 @@ def test_coverage_is_between_0_and_1(level):
 
 
 def test_kind_of_interval():
-    with pytest.raises(ParameterError, match="kind = 'tolerance'"):
-        law().interval(kind="tolerance", by="1", V=100, f=0.2)
+    with pytest.raises(ParameterError, match=r"kind = 'confidence'.*'mean', 'prediction', 'tolerance'"):
+        law().interval(kind="confidence", by="1", V=100, f=0.2)
 
 
 # --- the schema -----------------------------------------------------------------------------------
@@ -634,7 +634,10 @@ def complaint(path):
     try:
         pf = read(path)
         for one in pf.laws.values():
-            one.interval(by=one.by and one.by.reference, **{factor.symbol: 1.0 for factor in one.factors})
+            at = {"by": one.by and one.by.reference, **{factor.symbol: 1.0 for factor in one.factors}}
+            one.interval(**at)
+            one.tell("tolerance", centre="mean", **at)
+            one.tell("mean", centre="mean", **at)
     except ParameterError as error:
         return str(error)
     return None
@@ -681,6 +684,7 @@ def stand_in(**changes):
         "cov_theta": np.diag([0.5, 0.01, 0.02, 0.01]) + np.triu(np.full((4, 4), 1e-13), 1),
         "no_interval": None,
         "nobs": 20,
+        "residuals": np.array([0.1, -0.1]),
         "n_edges": 5,
         "edges": fit.NotAvailable("no edge column"),
         "df_resid": 16,

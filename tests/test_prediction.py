@@ -1,9 +1,20 @@
 """The parameter file predicts what the fit predicts, with intervals by edge, and those hold for a new edge."""
 
+import re
+from itertools import product
+
 import numpy as np
+import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
+from fitmodels.parameters import Law, ParameterError
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import t as student
 
+ROUNDING = 1e-12  # a covariance made symmetric, a logarithm and its exponential
+KINDS, EDGES, CENTRES = ("mean", "prediction", "tolerance"), ("new", "same"), ("median", "mean", "smeared")
+LATER = {"rows_per_edge", "df_between", "df_within", "smearing_within", "smearing"}  # fields that earlier files lack
 AT = {"V": [60.0, 120.0, 200.0], "f": 0.3, "d": 2.0, "t": [2.0, 10.0, 20.0]}
 
 
@@ -54,3 +65,233 @@ def test_the_file_knows_the_region_of_the_design():
     assert section.inside(V=100, f=0.2, d=2, t=8) is True
     assert section.inside(V=200, f=0.6, d=3, t=8) is False
     assert section.inside(**{name: runs.values(name) for name in ("V", "f", "d", "t")}).all()
+
+
+# --- every interval from the file alone -----------------------------------------------------------------
+
+
+def bundled(**columns):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    return datasets.runs_from_frame(runs.data.drop(columns="point").assign(**columns))
+
+
+def two_materials():
+    """The bundled set, half of its edges of a second material that wears 30 % more."""
+    frame = bundled().data
+    second = frame["edge"].isin(sorted(set(frame["edge"]))[::2])
+    return bundled(material=np.where(second, "hard", "soft"), AW=frame["AW"] * np.where(second, 1.3, 1.0))
+
+
+def load(edges):
+    rng = np.random.default_rng(3)
+    edge, VB = np.repeat(np.arange(10), 5), np.tile([0.0, 0.1, 0.2, 0.25, 0.3], 10)
+    fm = rng.uniform(100, 400, 50)
+    I = 1 + 0.01 * fm + 3 * VB + rng.normal(0, 0.1, 10)[edge] + rng.normal(0, 0.1, 50)  # noqa: E741
+    frame = pd.DataFrame({"edge": [f"E{g}" for g in edge], "fm": fm, "VB": VB, "I": I})
+    return datasets.runs_from_frame(frame if edges else frame.drop(columns="edge"))
+
+
+def roughness():
+    rng = np.random.default_rng(5)
+    F = rng.uniform(200, 700, 20)
+    return datasets.runs_from_frame(pd.DataFrame({"F": F, "Ra": 0.24 * np.exp(0.003 * F + rng.normal(0, 0.1, 20))}))
+
+
+def wear_law(error="multiplicative", **options):
+    return fit.power_law(options.pop("runs", None) or bundled(), "AW", ["V", "f", "d", "t"], error=error, **options)
+
+
+CONDITIONS = {"V": [60.0, 120.0, 200.0], "f": 0.3, "d": 2.0, "t": [2.0, 10.0, 20.0]}
+FITS = {
+    "errors multiply, by edge": (wear_law, CONDITIONS, {}),
+    "errors add, by edge": (lambda: wear_law("additive"), CONDITIONS, {}),
+    "errors multiply, independent rows": (lambda: wear_law(edge=None), CONDITIONS, {}),
+    "errors add, independent rows": (lambda: wear_law("additive", edge=None), CONDITIONS, {}),
+    "by material, by edge": (lambda: wear_law(runs=two_materials(), by="material"), CONDITIONS, {"material": "hard"}),
+    "by material, rows": (
+        lambda: wear_law("additive", runs=two_materials(), by="material", edge=None),
+        CONDITIONS,
+        {"material": "soft"},
+    ),
+    "a load line by edge": (lambda: fit.load_law(load(True)), {"fm": [150.0, 300.0, 390.0], "VB": 0.2}, {}),
+    "a load line of rows": (lambda: fit.load_law(load(False)), {"fm": [150.0, 300.0, 390.0], "VB": 0.2}, {}),
+    "an exponential law": (lambda: fit.exponential_law(roughness()), {"F": [250.0, 400.0, 650.0]}, {}),
+}
+
+
+def handed_over(law, tmp_path):
+    """The law's section, written and read."""
+    pf = parameters.collect(tool="a", work="b", laws=[law])
+    return parameters.read(parameters.write(pf, tmp_path / "params.json")).laws[law.response]
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_the_file_tells_every_interval_of_the_fit(name, tmp_path):
+    make, at, category = FITS[name]
+    law = make()
+    assert bool(law.edges) == ("by edge" in name)
+    section, by = handed_over(law, tmp_path), next(iter(category.values()), None)
+    for kind, edge, centre in product(KINDS, EDGES, CENTRES):
+        options = {"edge": edge, "coverage": 0.9, "centre": centre}
+        band = law.predict({**at, **category}, kind, 0.8, **options)
+        told = section.tell(kind, 0.8, by, **options, **at)
+        np.testing.assert_allclose(told.value, band["value"], rtol=ROUNDING)
+        np.testing.assert_allclose([told.low, told.high], [band["low"], band["high"]], rtol=ROUNDING)
+        np.testing.assert_array_equal(section.interval(0.8, kind, by, **options, **at), [told.low, told.high])
+        np.testing.assert_array_equal(told.inside, band["inside"])
+        assert (told.edge, told.centre, told.coverage) == tuple(
+            band.attrs[key] for key in ("edge", "centre", "coverage")
+        )
+        assert told.of == band.attrs["words"].partition(";")[0]
+        assert (told.low < told.value).all() or (kind, edge) == ("mean", "same") or centre != "median"
+
+
+@pytest.mark.parametrize("error", ["multiplicative", "additive"])
+def test_the_other_error_structure_in_the_file_tells_its_own(error, tmp_path):
+    law = wear_law(error)
+    other = handed_over(law, tmp_path).alternative
+    band = law.alternative.predict(CONDITIONS, "tolerance", edge="same", centre="smeared")
+    np.testing.assert_allclose(
+        other.interval(kind="tolerance", edge="same", centre="smeared", **CONDITIONS),
+        band[["low", "high"]].T,
+        rtol=1e-12,
+    )
+
+
+def earlier(section):
+    """The section as an earlier version wrote it."""
+    data = section.model_dump()
+    for part in (data, data["edges"] or {}):
+        for name in LATER:
+            part.pop(name, None)
+    return Law.model_validate({**data, "alternative": None})
+
+
+def test_an_earlier_file_tells_what_it_can_and_names_what_it_lacks(tmp_path):
+    law = wear_law()
+    section = earlier(handed_over(law, tmp_path))
+    for kind in ("mean", "prediction"):
+        np.testing.assert_allclose(
+            section.interval(kind=kind, **CONDITIONS), law.predict(CONDITIONS, kind)[["low", "high"]].T, rtol=ROUNDING
+        )
+    for options, words in (
+        (
+            {"kind": "tolerance"},
+            r"lacks edges\.rows_per_edge, edges\.df_between, edges\.df_within .* tolerance interval",
+        ),
+        ({"edge": "same"}, r"lacks edges\.df_within in this file, which an interval for the same edge needs; fit the"),
+        ({"kind": "mean", "centre": "mean"}, "lacks .* the interval of a mean needs"),
+        ({"kind": "prediction", "centre": "smeared"}, "lacks smearing in this file, which the smeared mean needs"),
+    ):
+        with pytest.raises(ParameterError, match=f"the law of AW {words}"):
+            section.interval(**options, **CONDITIONS)
+
+
+def test_an_earlier_file_of_independent_rows_lacks_the_smearing_alone(tmp_path):
+    law = wear_law(edge=None)
+    section = earlier(handed_over(law, tmp_path))
+    for kind, centre in product(KINDS, CENTRES[:2]):
+        band = law.predict(CONDITIONS, kind, centre=centre)
+        ours = section.interval(kind=kind, centre=centre, **CONDITIONS)
+        np.testing.assert_allclose(ours, band[["low", "high"]].T, rtol=ROUNDING)
+    with pytest.raises(ParameterError, match="lacks smearing"):
+        section.interval(centre="smeared", **CONDITIONS)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"edge": "old"}, "edge = 'old': it is one of 'new', 'same'"),
+        ({"centre": "mode"}, "centre = 'mode'.*'median', 'mean', 'smeared'"),
+        ({"coverage": 95}, "coverage = 95"),
+        ({"V": "fast"}, "V = 'fast' is not a number"),
+    ],
+)
+def test_what_cannot_be_told_is_a_sentence(options, words, tmp_path):
+    with pytest.raises(ParameterError, match=words):
+        handed_over(wear_law(), tmp_path).tell(**{**CONDITIONS, **options})
+
+
+# --- in words ---------------------------------------------------------------------------------------------
+
+
+def hand_made(**changes):
+    """AW = 0.01 V^0.5, of eight rows."""
+    from fitmodels.parameters.law import EXAMPLE
+
+    return Law.model_validate({**EXAMPLE, **changes})
+
+
+def test_a_sentence_with_numbers_by_hand():
+    """ln 100 = 4.605: variance 0.9 - 2 x 0.19 x 4.605 + 0.0405 x 4.605^2 + 0.1^2, t(6) at 97.5 %."""
+    x = np.log(100)
+    half = student.ppf(0.975, 6) * np.sqrt(0.9 - 0.38 * x + 0.0405 * x**2 + 0.01)
+    told = hand_made().tell(V=100.0)
+    np.testing.assert_allclose([told.low, told.high], [0.1 * np.exp(-half), 0.1 * np.exp(half)], rtol=ROUNDING)
+    assert told.words == (
+        f"AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row {0.1 * np.exp(-half):.3f} to "
+        f"{0.1 * np.exp(half):.3f} mm; inside the tested region."
+    )
+    assert (type(told.value), told.inside, told.given[0].beyond) == (float, True, 0)
+
+
+def test_what_is_outside_is_named():
+    section = parameters.collect(tool="a", work="b", laws=[wear_law()]).laws["AW"]
+    at = {"V": [120.0, 320.0, 40.0, 200.0], "f": [0.2, 0.2, 0.9, 0.6], "d": [2.0, 2.0, 2.0, 3.0], "t": 8.0}
+    told = section.tell(**at)
+    assert told.inside.tolist() == [True, False, False, False]
+    assert [g.beyond.tolist() for g in told.given[:2]] == [[0, 1, -1, 0], [0, 0, 1, 0]]
+    inside, fast, slow, corner = told.words.split("\n")
+    assert inside.endswith("mm; inside the tested region.")
+    rely = "; do not rely on it."
+    assert fast.endswith(f"outside the tested region: V 320 m/min is above 200 m/min, the highest tested{rely}")
+    both = "V 40 m/min is below 50 m/min, the lowest tested, and f 0.9 mm/rev is above 0.6 mm/rev, the highest tested"
+    assert slow.endswith(f"outside the tested region: {both}{rely}")
+    assert corner.endswith(f"outside the tested region: the combination lies further out than any test{rely}")
+    assert [section.tell(**{k: v[i] if k != "t" else v for k, v in at.items()}).words for i in range(4)] == [
+        inside, fast, slow, corner,
+    ]  # fmt: skip
+
+
+def test_without_a_region_the_ranges_tell():
+    told = hand_made().tell(V=[50.0, 200.1, 49.9])
+    assert told.inside.tolist() == [True, False, False]
+    assert [line.split(": ")[-1] for line in told.words.split("\n")][1:] == [
+        "V 200.1 m/min is above 200 m/min, the highest tested; do not rely on it.",
+        "V 49.9 m/min is below 50 m/min, the lowest tested; do not rely on it.",
+    ]
+
+
+def test_centres_levels_and_shares_are_named():
+    section = parameters.collect(tool="a", work="b", laws=[wear_law(runs=two_materials(), by="material")]).laws["AW"]
+    at = {"V": 120.0, "f": 0.2, "d": 2.0, "t": 8.0}
+    words = section.tell("tolerance", 0.9, "hard", coverage=0.99, centre="smeared", **at).words
+    assert "mm (smeared mean) at V 120 m/min, f 0.2 mm/rev, d 2 mm, t 8 min, material hard; " in words
+    assert "90 % tolerance interval for 99 % of rows of a new edge " in words
+    assert (
+        "for the law at the level of an edge whose own level"
+        in section.tell("mean", by="soft", edge="same", **at).words
+    )
+    line = parameters.collect(tool="a", work="b", laws=[fit.load_law(load(True))]).laws["I"]
+    assert " (" not in line.tell(centre="smeared", fm=200.0, VB=0.1).words
+
+
+def test_a_wide_interval_keeps_its_lower_end():
+    wide = {"kind": "covariance", "of": ["ln c0", "V"], "matrix": [[4.0, 0.0], [0.0, 0.0]], "df": 6}
+    words = hand_made(uncertainty=wide).tell(V=100.0).words
+    low = 0.1 * np.exp(-student.ppf(0.975, 6) * np.sqrt(4.01))
+    assert f"{low:.5f}"[:-1] in words
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(1e-6, 1e6), st.floats(1e-4, 3.0), st.floats(0.5, 0.99))
+def test_numbers_of_a_sentence_are_its_facts_to_the_last_digit(c0, sd, level):
+    told = hand_made(coefficients={"c0": c0, "V": 0.5}, residual_se=sd).tell(level=level, V=100.0)
+    number = r"(-?[0-9.]+(?:e[+-]?\d+)?)"
+    found = re.fullmatch(rf"AW {number} mm at V 100 m/min; .* row {number} to {number} mm; inside .*", told.words)
+    for text, fact in zip(found.groups(), (told.value, told.low, told.high), strict=True):
+        digits, _, power = text.partition("e")
+        unit = 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
+        coarse = max(unit, 0.1 * min((told.high - told.low) / 2, told.low))  # two digits of the width, or finer
+        assert abs(float(text) - fact) <= 0.51 * coarse
+    assert told.low < told.value < told.high

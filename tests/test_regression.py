@@ -136,7 +136,7 @@ def test_intervals_are_those_of_statsmodels_in_the_logarithm():
         ("mean", "mean_ci_lower", "mean_ci_upper"),
         ("prediction", "obs_ci_lower", "obs_ci_upper"),
     ):
-        band = law.predict(new, kind)
+        band = law.predict(new, kind)[["value", "low", "high"]]
         np.testing.assert_allclose(np.log(band), frame[["mean", low, high]], rtol=1e-8)
     np.testing.assert_allclose(law.predict(new), np.exp(frame["mean"]), rtol=1e-8)
 
@@ -352,8 +352,8 @@ def test_the_exponential_law_refuses_in_the_same_words():
         ({}, {}, fit.FitError, "given: nothing"),
         ({"V": 0, "f": 0.2, "d": 2}, {}, fit.FitError, "V 0: a power law needs values above zero"),
         ({"V": [90, 100], "f": [1, 2, 3], "d": 2}, {}, fit.FitError, "V has shape .* a column of [23]"),
-        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "tolerance"}, datasets.UsageError, "interval='tolerance'"),
-        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "mean", "level": 95}, fit.FitError, "between 0 and 1"),
+        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "typical"}, datasets.UsageError, "interval='typical'"),
+        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "mean", "level": 95}, datasets.UsageError, "between 0 and 1"),
     ],
 )
 def test_what_cannot_be_predicted_is_a_sentence(new, options, error, says):

@@ -1,6 +1,7 @@
 """Tests of residuals against statsmodels, against matrices written out, and at their level on sound laws.
 
-References: statsmodels ``normal_ad`` and ``het_breuschpagan``; Durbin & Watson 1950 for the exact moments.
+References: statsmodels ``normal_ad`` and ``het_breuschpagan``; Durbin & Watson 1950, Biometrika 37, 409, for the exact
+moments. What R's lmtest, nortest, olsrr and plm print is in test_published_figures.py.
 """
 
 from dataclasses import replace
@@ -9,15 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.lack_of_fit import split
-from fitmodels.fit.residual_tests import (
-    Residuals,
-    anderson_darling,
-    normality,
-    residual_sets,
-    serial_correlation,
-    spread,
-)
+from fitmodels.fit.checks.normality import anderson_darling, normality
+from fitmodels.fit.checks.residuals import Residuals, residual_sets
+from fitmodels.fit.checks.serial import serial_correlation
+from fitmodels.fit.checks.spread import spread
+from fitmodels.fit.checks.strata import split
 from statsmodels.stats.diagnostic import het_breuschpagan, normal_ad
 
 NAMES = ["V", "f", "t"]

@@ -1,10 +1,14 @@
-"""Huber's refit against statsmodels RLM, and the edge that a law leans on."""
+"""Huber's refit against statsmodels RLM, and the edge that a law leans on.
+
+What R's ``MASS::rlm`` prints of the stack losses is in test_published_figures.py.
+"""
 
 import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.robust import dominant_edge, robust
+from fitmodels.fit.checks.dominant import dominant_edge
+from fitmodels.fit.checks.robust import robust
 from statsmodels.robust.norms import HuberT
 from statsmodels.robust.robust_linear_model import RLM
 

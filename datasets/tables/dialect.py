@@ -235,6 +235,6 @@ def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None
     if len(block) < 0.6 * len(rows[first:]):
         return None
     width = Counter(len(row) for row, count in block if count).most_common(1)[0][0]
-    has_header = any(len(row) == width and not count for row, count in zip(rows, numbers, strict=True))
+    has_header = any(len(row) == width and not count for row, count in zip(rows[:first], numbers, strict=False))
     filled = sum(1 for row, _ in block for cell in row if cell.strip())
     return has_header, sum(count for _, count in block) / filled, delimiter

@@ -1,0 +1,105 @@
+"""What is told of a posterior, once for screen and paper."""
+
+from dataclasses import dataclass
+
+from ..parameters import Law, LawPosterior, ParameterFile, Prior
+from ..parameters.rounding import plain, told
+
+APART = 1.5  # standard error by edge over sd of the draws, beyond which it is said
+MOVED = 0.1  # sd: what halving or doubling of priors may move without a word
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnRow:
+    """One parameter as text: median, sd, interval, prior, and how far other widths of the priors move it."""
+
+    name: str
+    median: str
+    sd: str
+    interval: str
+    prior: str
+    moved: str
+
+
+def posterior_of(pf: ParameterFile, law: Law) -> LawPosterior | None:
+    """The posterior of a law, where the file has one."""
+    return None if pf.posterior is None else pf.posterior.laws.get(law.response)
+
+
+def drawn_rows(of: LawPosterior) -> list[DrawnRow]:
+    """A row for each parameter that was drawn."""
+    rows = []
+    for name, p in of.parameters.items():
+        moves = of.sensitivity.get(name)
+        moved = "" if moves is None else f"{moves.halved:+.2f}, {moves.doubled:+.2f}"
+        prior = of.priors.get("level" if name.startswith("ln ") or name == next(iter(of.parameters)) else name)
+        ends = f"{told(p.low, p.sd)[0]} … {told(p.high, p.sd)[0]}"
+        rows.append(DrawnRow(name, told(p.median, p.sd)[0], told(p.median, p.sd)[1], ends, prior_words(prior), moved))
+    return rows
+
+
+def prior_words(prior: Prior | None) -> str:
+    """A prior in a few words."""
+    if prior is None:
+        return ""
+    n = prior.numbers
+    match prior.distribution:
+        case "normal":
+            words = f"normal {n['mean']:.4g}, sd {n['sd']:.3g}"
+        case "half-t":
+            words = f"half-t({n['df']:g}), scale {n['scale']:.3g}"
+        case "beta":
+            words = "uniform" if n["a"] == n["b"] == 1 else f"beta {n['a']:g}, {n['b']:g}"
+        case "gamma":
+            words = f"gamma {n['shape']:g}, rate {n['rate']:g}"
+        case _:
+            words = "flat"
+    return words + (f" {prior.unit}" if prior.unit not in ("", "1") and words != "flat" else "")
+
+
+def posterior_words(law: Law, of: LawPosterior | None) -> list[str]:
+    """The posterior in at most three sentences: intervals, what priors do, where the jackknife is wider."""
+    if of is None:
+        return []
+    if of.reason is not None:
+        return [f"No posterior: {of.reason}."]
+    shown = [
+        f"{name} {told(p.low, p.sd)[0]} … {told(p.high, p.sd)[0]}"
+        for name, p in of.parameters.items()
+        if name in law.coefficients and not name.startswith("ln ")
+    ]
+    how = f"{of.method}, {of.draws} draws" + (", Student-t errors" if of.errors == "student" else "")
+    said = [f"Posterior ({how}, {of.prior_set} priors): {100 * of.level:g} % credible {', '.join(shown)}."]
+    if of.verified is not None:
+        said.append(f"Checked by chains: {of.verified}.")
+    return [*said, *_wider(law, of), *_moved(of), *(f"Of the draws: {note}." for note in of.notes)]
+
+
+def _wider(law: Law, of: LawPosterior) -> list[str]:
+    """Where single edges move the estimate more than a level of each edge explains."""
+    ratio = {
+        name: se / of.parameters[name].sd
+        for name, se in of.jackknife.items()
+        if name in law.coefficients and name in of.parameters and of.parameters[name].sd > 0
+    }
+    wide = [name for name, r in ratio.items() if r > APART]
+    if not wide:
+        return []
+    worst = max(wide, key=lambda name: ratio[name])
+    return [
+        f"The draws are too sure of {', '.join(wide)}: leaving out single edges moves {worst} {plain(ratio[worst], 2)} "
+        "times as much as they say, so rows of an edge hang together by more than its level. Take the interval by edge."
+    ]
+
+
+def _moved(of: LawPosterior) -> list[str]:
+    """Parameters that the priors hold as much as the tests do."""
+    moved = {name: max(abs(s.halved), abs(s.doubled)) for name, s in of.sensitivity.items()}
+    held = [name for name, most in moved.items() if most > MOVED]
+    if not held:
+        return []
+    worst = max(held, key=lambda name: moved[name])
+    return [
+        f"The priors speak with the tests: half or twice as wide they move {', '.join(held)} (most {worst}, by "
+        f"{plain(moved[worst], 2)} of its sd); more tests, or priors of your own (--priors), settle it."
+    ]

@@ -1,0 +1,81 @@
+"""The posterior part of the main job: its options, the draws of each law, and what is kept when somebody stops it."""
+
+import argparse
+import hashlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..fit import LawFit, NotAvailable, Posterior
+
+Drawn = tuple[list["Posterior"], dict[str, "NotAvailable"]]
+
+
+def posterior_options(p: argparse.ArgumentParser) -> None:
+    """Options that say how the posterior of each law is drawn."""
+    group = p.add_argument_group("uncertainty by draws")
+    group.add_argument("--seed", type=int, metavar="N", help="of the draws (default: 1)")
+    group.add_argument("--draws", type=int, metavar="N", help="how many (default: 4000)")
+    group.add_argument(
+        "--priors", metavar="FILE", help='TOML file, or "reference": flat (default: weak, proper)'
+    )
+    student = "errors with heavy tails, for odd rows or edges"
+    group.add_argument("--student", action="store_true", default=None, help=student)
+    verify = "check every posterior by chains of another kind (some seconds a law)"
+    group.add_argument("--verify", action="store_true", default=None, help=verify)
+
+
+def checked(args: argparse.Namespace) -> dict[str, Any]:
+    """What a result depends on besides the words of the command: the content of a priors file."""
+    from ..datasets import UsageError
+    from ..fit.bayes.priors_file import read_priors
+
+    if args.seed is not None and not 0 <= args.seed < 2**32:
+        raise UsageError(f"--seed {args.seed}: it lies between 0 and {2**32 - 1}.")
+    if args.priors is None or args.priors in ("weak", "reference"):
+        return {}
+    read_priors(args.priors)
+    return {"priors_sha256": hashlib.sha256(Path(args.priors).read_bytes()).hexdigest()}
+
+
+def draw(laws: "Sequence[LawFit]", args: argparse.Namespace, step: Callable[[str], None]) -> Drawn:
+    """Posteriors of laws, and why others have none."""
+    from .. import fit
+
+    posteriors: list[Posterior] = []
+    none: dict[str, NotAvailable] = {}
+    for law in laws:
+
+        def tell(steps: int, effective: float, response: str = law.response) -> None:
+            step(f"chains for {response}: {steps} steps, {effective:.0f} effective draws so far (Ctrl-C keeps them)")
+
+        try:
+            post = fit.posterior(
+                law,
+                seed=1 if args.seed is None else args.seed,
+                draws=4000 if args.draws is None else args.draws,
+                priors=args.priors or "weak",
+                errors="student" if args.student else "normal",
+                verify=bool(args.verify),
+                progress=tell,
+            )
+        except fit.FitError as error:
+            none[law.response] = fit.NotAvailable(str(error).removeprefix(f"{law.response}: ").rstrip("."))
+            continue
+        posteriors.append(post)
+        if not post.gate.open:
+            break  # nothing will be written: no use in drawing on
+    return posteriors, none
+
+
+def kept(posteriors: "Sequence[Posterior]", folder: Path | None) -> str:
+    """Keep draws of an interrupted run beside the folder that is not written, and say where."""
+    from ..parameters import draws_of
+
+    if folder is None or not any(post.sample.interrupted for post in posteriors):
+        return ""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    path = folder.parent / f"{folder.name}.draws-so-far.npz"
+    path.write_bytes(draws_of(posteriors))
+    return f" The draws so far are in {path}."

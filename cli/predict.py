@@ -1,0 +1,233 @@
+"""``fitmodels predict``: what the laws of a parameter file say at given conditions, and whether that was tested."""
+
+import argparse
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..datasets.errors import FitmodelsError, UsageError
+from .arguments import Parser, pairs
+from .output import Printer
+
+if TYPE_CHECKING:
+    from ..parameters import Factor, Law, ParameterFile, Prediction
+    from ..parameters.intervals import Asked
+
+WEAR = ("AW", "VB")
+NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
+
+
+class _Parser(Parser):
+    """Conditions and options in any order."""
+
+    def parse_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        return self.parse_intermixed_args(args, namespace)
+
+
+@dataclass(frozen=True, slots=True)
+class _Value:
+    """A number from the command line and its unit, "" where none was written."""
+
+    number: float
+    unit: str
+    text: str
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels predict``."""
+    p = _Parser(
+        "fitmodels predict",
+        "fitmodels predict data-fit/GC435_709M40/params.json V=120 f=0.2 d=2 t=8",
+        "Say what each law of PARAMS gives at these conditions, its interval, and whether that lies in the tested\n"
+        "region. A law on wear takes AW as given, or from the wear law at these conditions.",
+    )
+    p.add_argument("file", metavar="PARAMS", help="params.json")
+    p.add_argument("at", metavar="V=120", nargs="*", help="a condition, with a unit if it is another: V=400ft/min")
+    p.add_argument("--law", metavar="AW", help="response whose law is asked (default: all)")
+    p.add_argument(
+        "--interval", choices=["mean", "prediction", "tolerance"], default="prediction",
+        help="of the law, of one new row (default), or of a share of all rows",
+    )  # fmt: skip
+    p.add_argument("--level", type=float, default=0.95, help="confidence of the interval (default: 0.95)")
+    p.add_argument("--coverage", type=float, default=0.95, help="share of rows in a tolerance interval (default: 0.95)")
+    p.add_argument("--by", metavar="LEVEL", help="level of the category that shifts the laws")
+    p.add_argument("--json", action="store_true", help="print the same facts as JSON")
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print a sentence for each law, and return the exit code."""
+    from rich.text import Text
+
+    from .. import parameters
+    from ..parameters.intervals import Asked
+
+    for option in ("level", "coverage"):
+        if not 0 < getattr(args, option) < 1:
+            raise UsageError(f"--{option} {getattr(args, option):g}: it lies between 0 and 1, for instance 0.95.")
+    pf = parameters.read(args.file)
+    laws, given = _chosen(pf, args.law), _given(args.at)
+    _all_known(pf, given, args.by)
+    asked = Asked(args.interval, args.level, "new", args.coverage)
+    told: list[Prediction] = []
+    untold: dict[str, FitmodelsError] = {}
+    for law in laws:
+        try:
+            told.append(_told(pf, law, given, args.by, asked))
+        except FitmodelsError as error:
+            untold[law.response] = error
+    if not told:
+        raise next(iter(untold.values()))
+    reasons = {name: str(reason) for name, reason in untold.items()}
+    if args.json:
+        print(json.dumps(_report(pf, args.file, told, reasons), indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+        return 0
+    out = Printer()
+    for prediction in told:
+        out.show(Text(prediction.words))
+    for name, reason in reasons.items():
+        out.show(Text(f"{name} is not told: {reason}"))
+    if pf.identity.simulated:
+        out.show(Text("Not measured: the laws were fitted to a simulation."))
+    return 0
+
+
+def _report(pf: "ParameterFile", file: str, told: "Sequence[Prediction]", reasons: Mapping[str, str]) -> object:
+    return {
+        "schema": "fitmodels.prediction/1",
+        "file": Path(file).name,
+        "tool": pf.identity.tool,
+        "work": pf.identity.work,
+        "simulated": pf.identity.simulated,
+        "predictions": [prediction.facts() for prediction in told],
+        "not_told": [{"response": name, "reason": reason} for name, reason in reasons.items()],
+    }
+
+
+def _chosen(pf: "ParameterFile", name: str | None) -> "list[Law]":
+    if not pf.laws:
+        raise UsageError("the parameter file holds no law; fit one with `fitmodels data.csv`.")
+    if name is not None and name not in pf.laws:
+        raise UsageError(f"--law {name}: the file holds laws of {', '.join(pf.laws)}{_meant(name, pf.laws)}.")
+    return list(pf.laws.values()) if name is None else [pf.laws[name]]
+
+
+def _given(words: Sequence[str]) -> dict[str, _Value]:
+    out = {}
+    for name, text in pairs(list(words), "condition", "V=120 or V=400ft/min").items():
+        found = NUMBER.fullmatch(text)
+        if found is None or found[2].startswith(","):
+            raise UsageError(f"{name}={text}: it is a number with a decimal point, and a unit if need be: {name}=0.2.")
+        out[name] = _Value(float(found[1]), found[2], f"{name}={text}")
+    return out
+
+
+def _all_known(pf: "ParameterFile", given: Mapping[str, _Value], by: str | None) -> None:
+    """Refuse a condition or a level that no law of the file has."""
+    known = {f.symbol: None for law in pf.laws.values() for f in law.factors}
+    for name in given:
+        if name not in known:
+            raise UsageError(
+                f"{given[name].text}: no law of the file has a factor {name}; they have "
+                f"{', '.join(known)}{_meant(name, known)}."
+            )
+    levels = {level: None for law in pf.laws.values() if law.by for level in (law.by.reference, *law.by.shifts)}
+    if by is not None and by not in levels:
+        there = f"there are {', '.join(levels)}{_meant(by, levels)}" if levels else "no law has levels; leave it out"
+        raise UsageError(f"--by {by}: {there}.")
+
+
+def _meant(name: str, known: Mapping[str, object]) -> str:
+    """The closing words of a complaint: what was probably meant."""
+    from ..datasets.vocabulary import roles_named, suggest_role
+
+    alike = {text.casefold(): text for text in known}
+    near = get_close_matches(name.casefold(), list(alike), 1, 0.5)
+    roles = [role for role in (*roles_named(name), suggest_role(name)) if role in known]
+    found = alike.get(name.casefold()) or next(iter(roles), None) or (alike[near[0]] if near else None)
+    return f" (did you mean {found}?)" if found else ""
+
+
+def _told(pf: "ParameterFile", law: "Law", given: Mapping[str, _Value], by: str | None, asked: "Asked") -> "Prediction":
+    """One law's answer, its wear from the file's wear law where it is not given."""
+    from ..parameters import ParameterError
+    from ..parameters.prediction import tell
+
+    level = by if law.by is not None else None
+    if law.by is not None and by is None:
+        levels = ", ".join([law.by.reference, *law.by.shifts])
+        raise UsageError(f"the law of {law.response} is by {law.by.column}: say which level ({levels}) with --by.")
+    lacking = {f.symbol: f for f in law.factors if f.symbol not in given}
+    sources = {
+        name: _told(pf, pf.laws[name], given, by, asked)
+        for name in WEAR
+        if name in lacking and _gives(pf, lacking[name], given)
+    }
+    missing = [f for name, f in lacking.items() if name not in sources]
+    if missing:
+        raise UsageError(f"the law of {law.response} needs {_needed(pf, missing, given)}.")
+    factors = {f.symbol: _in_unit(given[f.symbol], f) for f in law.factors if f.symbol in given}
+    try:
+        law.predict(level, **factors, **{name: source.value for name, source in sources.items()})
+    except ParameterError as reason:  # what was asked is wrong, not the file
+        raise UsageError(str(reason)) from None
+    return tell(law, asked, level, factors, sources)
+
+
+def _gives(pf: "ParameterFile", wear: "Factor", given: Mapping[str, _Value]) -> bool:
+    """Whether the file's own law of this wear tells it, in the same unit, from what is given."""
+    law = pf.laws.get(wear.symbol)
+    return law is not None and law.unit == wear.unit and not _lacks(law, given)
+
+
+def _lacks(law: "Law", given: Mapping[str, _Value]) -> list[str]:
+    return [f.symbol for f in law.factors if f.symbol not in given]
+
+
+def _needed(pf: "ParameterFile", missing: "Sequence[Factor]", given: Mapping[str, _Value]) -> str:
+    """Factors that are missing, and how else wear could be had."""
+    of_its_own = {
+        f.symbol: _lacks(pf.laws[f.symbol], given) for f in missing if f.symbol in WEAR and f.symbol in pf.laws
+    }
+    plain = [f for f in missing if f.symbol not in of_its_own]
+    words = [_quantity(f) for f in plain]
+    for f in missing:
+        others = [name for name in of_its_own.get(f.symbol, ()) if name not in {g.symbol for g in plain}]
+        if others:
+            words.append(f"{_quantity(f)}, or {', '.join(others)} for its own law to give it")
+    return f"{', '.join(words)}; add for instance {' '.join(f'{f.symbol}={_middle(f):g}' for f in plain or missing)}"
+
+
+def _quantity(factor: "Factor") -> str:
+    return f"{factor.symbol} ({factor.quantity}{f', {factor.unit}' if factor.unit else ''})"
+
+
+def _middle(factor: "Factor") -> float:
+    """Of the tested range, in logarithms where that can be, to two digits."""
+    low, high = factor.low, factor.high
+    return float(f"{np.sqrt(low * high) if low > 0 else (low + high) / 2:.2g}")
+
+
+def _in_unit(value: _Value, factor: "Factor") -> float:
+    """The number in the law's unit."""
+    from ..datasets.units import canonical, convert, same_dimension, suggest
+
+    if not value.unit or value.unit == factor.unit:
+        return value.number
+    unit = canonical(value.unit)
+    if unit is None:
+        raise UsageError(f"{value.text}: unit {value.unit!r} is not listed; {suggest(value.unit)}")
+    if not factor.unit:
+        raise UsageError(f"{value.text}: {factor.symbol} has no unit in the law; give the number alone.")
+    if canonical(factor.unit) is None or not same_dimension(unit, factor.unit):
+        raise UsageError(
+            f"{value.text}: {factor.symbol} of the law is in {factor.unit}, and {value.unit} measures another "
+            f"quantity; give it in {factor.unit}."
+        )
+    return float(convert(np.array(value.number), unit, factor.unit))

@@ -1,0 +1,150 @@
+"""The two strata of a law: levels of edges, and rows about them.
+
+Rows of one edge share that edge's level, so their scatter says nothing of how two edges cut alike differ.
+Edges of unequal length are weighted by the variance split, estimated from the law itself.
+
+Sources: Henderson 1953, Biometrics 9, 226, method 3 (variance split); Hurlbert 1984, Ecological Monographs 54, 187
+(why rows will not do).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..available import NotAvailable
+from ..lawfit import LawFit
+from .columns import ROUNDING, Array, Codes, linear_columns, orthonormal, without_levels
+from .evidence import has_repeated_edges, no_scatter
+
+# Intraclass correlation that stands for one: above it rows of an edge are copies of each other.
+NEARLY_ONE = 1 - 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Strata:
+    """A law's columns and residuals, parted into levels of edges and rows about them.
+
+    The columns are those along which the fit is linear, each freed of the constant and of length one
+    (``theta`` moves by ``back`` times what their coefficients move).
+
+    Attributes
+    ----------
+    names : tuple of str, length G
+    edge : ndarray of int, shape (n,)
+    level : ndarray, shape (n,)
+        Column of the constant: an edge's own level is a multiple of it.
+    weight : ndarray, shape (G,)
+        Sum of squares of ``level`` in each edge: the number of its rows where errors multiply.
+    within : ndarray of bool, shape (p,)
+        Which columns change within edges.
+    back : ndarray, shape (p, p)
+    levels : ndarray, shape (G, p + 1)
+        Level of each column, and of the residual, in each edge.
+    basis : ndarray, shape (n, w)
+        Orthonormal basis of what changes within edges.
+    inner : ndarray, shape (w, p + 1)
+        Columns, and the residual, in that basis.
+    rest : ndarray, shape (n,)
+        Residuals once edges have levels of their own.
+    icc : float
+        Share of the variance between edges (Henderson's method 3, never below zero).
+    """
+
+    names: tuple[str, ...]
+    edge: Codes
+    level: Array
+    weight: Array
+    within: NDArray[np.bool_]
+    back: Array
+    levels: Array
+    basis: Array
+    inner: Array
+    rest: Array
+    icc: float = 0.0
+
+    @property
+    def df_within(self) -> int:
+        """Rows less edges less what changes within them."""
+        return len(self.rest) - len(self.names) - int(self.basis.shape[1])
+
+    @property
+    def df_between(self) -> int:
+        """Edge levels less the parameters that only they tell."""
+        return int(self.basis.shape[1]) + len(self.names) - len(self.within)
+
+    @property
+    def weights(self) -> Array:
+        """Weight of each edge level against a row's part within, shape (G,)."""
+        return np.asarray(self.weight * (1 - self.icc) / (1 - self.icc + self.icc * self.weight))
+
+    def stacked(self) -> Array:
+        """Columns and residual as w + G rows that hold all but ``rest``, whitened; shape (w + G, p + 1)."""
+        return np.vstack([self.inner, np.sqrt(self.weights)[:, None] * self.levels])
+
+
+def split(law: LawFit) -> Strata | NotAvailable:
+    """Part a law into edges and rows within them, or say why that cannot be done.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> strata = split(law)
+    >>> strata.df_between, strata.df_within
+    (20, 214)
+    """
+    if law.edge is None:
+        return NotAvailable("no edge column: rows are taken as independent")
+    if not has_repeated_edges(law):
+        return NotAvailable("every row is an edge of its own")
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    found = _parted(law, law.edge)
+    if found.df_between > 0:
+        return _with_icc(found)
+    G, told = len(found.names), len(found.within) - found.basis.shape[1]
+    if G == 1:
+        return NotAvailable("all rows are from one edge, so nothing tells how edges differ: cut at least one more")
+    return NotAvailable(f"{G} edges for {told} parameters that only edges can tell: cut more edges than that")
+
+
+def covariance(columns: Array, law: LawFit, strata: Strata) -> Array:
+    """Covariance of the coefficients of the linear columns, each edge having a random level; shape (p, p)."""
+    stacked = strata.stacked()
+    A, b = stacked[:, :-1], stacked[:, -1]
+    left = b - A @ np.linalg.lstsq(A, b, rcond=None)[0]
+    s2 = (float(strata.rest @ strata.rest) + float(left @ left)) / law.df_resid
+    gram = columns.T @ columns
+    of_edges = strata.weight[:, None] * strata.levels[:, :-1]
+    inverse = np.linalg.inv(gram)
+    return np.asarray(s2 * inverse @ (gram + strata.icc / (1 - strata.icc) * of_edges.T @ of_edges) @ inverse)
+
+
+def _parted(law: LawFit, labels: NDArray[np.object_]) -> Strata:
+    edge, names = pd.factorize(labels, sort=True)
+    columns, back = linear_columns(law)
+    level = columns[:, 0] * np.sqrt(len(columns))  # ones, or the gradient of the constant scaled to their size
+    weight: Array = np.asarray(np.bincount(edge, weights=level**2), dtype=float)
+    levels, inside = without_levels(np.column_stack([columns, law.residuals]), level, edge, len(names))
+    within = np.linalg.norm(inside[:, :-1], axis=0) > ROUNDING
+    inside[:, :-1][:, ~within] = 0.0
+    basis = orthonormal(inside[:, :-1][:, within])
+    inner = basis.T @ inside
+    rest = inside[:, -1] - basis @ inner[:, -1]
+    return Strata(tuple(map(str, names)), edge, level, weight, within, back, levels, basis, inner, rest)
+
+
+def _with_icc(strata: Strata) -> Strata:
+    """Variance split by equating the sums of squares between and within edges to their expectations."""
+    if strata.df_within <= 0:
+        return strata
+    stacked = strata.stacked()
+    Q = orthonormal(stacked[:, :-1])
+    left = stacked[:, -1] - Q @ (Q.T @ stacked[:, -1])
+    inside = float(strata.rest @ strata.rest) / strata.df_within
+    of_edges = Q[strata.basis.shape[1] :]
+    spread = float(strata.weight @ (1 - np.einsum("ij,ij->i", of_edges, of_edges)))
+    between = max(0.0, (float(left @ left) - inside * strata.df_between) / spread)
+    return replace(strata, icc=min(between / (between + inside), NEARLY_ONE))

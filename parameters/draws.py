@@ -1,0 +1,123 @@
+"""Draws on disk: an ``.npz`` of plain numbers beside the parameter file, read without pickle, checked by its hash."""
+
+import hashlib
+import io
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ParameterError, short
+
+if TYPE_CHECKING:
+    from .file import ParameterFile
+
+Array = NDArray[np.float64]
+
+LARGEST = 1_000_000_000  # bytes, unpacked
+CURE = "Fit again, or restore the file."
+
+
+@dataclass(frozen=True, slots=True)
+class Draws:
+    """Draws of one law's parameters.
+
+    Attributes
+    ----------
+    names : tuple of str
+        As in the posterior section.
+    values : ndarray, shape (S, q)
+    """
+
+    names: tuple[str, ...]
+    values: Array
+
+
+def packed(draws: Mapping[str, Draws]) -> bytes:
+    """The bytes of the file: for each response its draws and their names; the same draws give the same bytes.
+
+    Examples
+    --------
+    >>> packed({"AW": Draws(("V",), np.ones((2, 1)))})[:2]
+    b'PK'
+    """
+    arrays: dict[str, NDArray[np.generic]] = {}
+    for response, of in draws.items():
+        arrays[f"{response}.draws"] = of.values
+        arrays[f"{response}.names"] = np.array(of.names, dtype=np.str_)
+    with io.BytesIO() as file:
+        np.savez(file, **arrays)  # type: ignore[arg-type]
+        return file.getvalue()
+
+
+def read_draws(pf: "ParameterFile", folder: str | os.PathLike[str]) -> dict[str, Draws]:
+    """Draws that a parameter file speaks of, by response.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    folder : path-like
+        Where its draws file stands, beside the parameter file itself.
+
+    Returns
+    -------
+    dict of Draws
+        Empty where the file has no draws.
+
+    Raises
+    ------
+    ParameterError
+        The file is missing, is another than the one that was written, or holds anything but numbers and names.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters import ParameterFile
+    >>> pf = ParameterFile(identity={"tool": "GC435", "work": "709M40", "simulated": False},
+    ...                    provenance={"fitmodels": "0.1.0"})
+    >>> read_draws(pf, ".")
+    {}
+    """
+    section = pf.posterior
+    if section is None or section.draws_file is None:
+        return {}
+    path = Path(folder) / section.draws_file
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise ParameterError(f"{path}: the draws of {pf.identity.tool} cannot be read: {why}. {CURE}") from None
+    found = hashlib.sha256(content).hexdigest()
+    if found != section.draws_sha256:
+        raise ParameterError(
+            f"{path}: these are not the draws that the parameter file was written with (SHA-256 {found[:12]}..., "
+            f"not {str(section.draws_sha256)[:12]}...). {CURE}"
+        )
+    return unpacked(content, str(path))
+
+
+def unpacked(content: bytes, name: str) -> dict[str, Draws]:
+    """Draws from the bytes of a file; ParameterError names what is wrong with them."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            size = sum(item.file_size for item in archive.infolist())
+        if size > LARGEST:
+            raise ParameterError(f"{name}: holds {size} bytes of draws; at most {LARGEST} are read.")
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            responses = [key.removesuffix(".draws") for key in arrays.files if key.endswith(".draws")]
+            return {response: _one(arrays, response, name) for response in responses}
+    except (zipfile.BadZipFile, ValueError, KeyError, EOFError, OSError) as error:
+        raise ParameterError(f"{name}: is no file of draws: {str(error).splitlines()[0].rstrip('.')}. {CURE}") from None
+
+
+def _one(arrays: Mapping[str, NDArray[np.generic]], response: str, name: str) -> Draws:
+    values, names = arrays[f"{response}.draws"], arrays[f"{response}.names"]
+    if values.dtype != np.float64 or values.ndim != 2 or names.shape != values.shape[1:] or names.dtype.kind != "U":
+        raise ParameterError(f"{name}: the draws of {short(response)} are no table of numbers with a name each. {CURE}")
+    if not np.isfinite(values).all():
+        raise ParameterError(f"{name}: a draw of {short(response)} is not finite. {CURE}")
+    return Draws(tuple(str(n) for n in names), np.asarray(values, dtype=np.float64))

@@ -1,0 +1,118 @@
+"""The posterior section: what was believed before the tests, what the draws say, and where the draws stand."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from .sections import Count, NotNegative, Number, Section, Text
+
+
+class Prior(Section):
+    """What was taken to be likely of one parameter before the tests, and why.
+
+    Examples
+    --------
+    >>> Prior(distribution="normal", numbers={"mean": 0.0, "sd": 2.0}, unit="1").numbers["sd"]
+    2.0
+    """
+
+    distribution: Literal["normal", "half-t", "beta", "gamma", "flat"]
+    numbers: dict[str, Number] = Field(default_factory=dict)
+    unit: str = ""
+    source: str = ""
+
+
+class Drawn(Section):
+    """Draws of one parameter: mean, standard deviation, median and ends of the equal-tailed interval.
+
+    Examples
+    --------
+    >>> Drawn(mean=0.53, sd=0.05, median=0.53, low=0.44, high=0.63).high
+    0.63
+    """
+
+    mean: Number
+    sd: NotNegative
+    median: Number
+    low: Number
+    high: Number
+
+
+class Sensitivity(Section):
+    """How far the mean of a parameter moves, in sds, when every prior is half or twice as wide."""
+
+    halved: Number
+    doubled: Number
+
+
+class LawPosterior(Section):
+    """The posterior of one law; the gate was open, or it would not stand here.
+
+    Attributes
+    ----------
+    method : str
+        ``exact``, ``importance`` or ``emcee``; ``words`` say it in a sentence.
+    errors : str
+        ``normal`` or ``student``.
+    draws, level
+        Number of draws, and level of the intervals.
+    parameters : dict of Drawn
+        As the draws name them: ``ln c0``, exponents, ``sd``, ``icc``.
+    priors : dict of Prior
+        ``level`` is that of the linear form at the middle of the tests, ``level_at`` tells where.
+    prior_set : str
+        ``weak``, ``reference`` or the name of a file.
+    r_hat, ess : float
+        The largest and the smallest of any parameter; ``k_hat`` where draws were weighted.
+    verified : str or None
+        What an independent run of chains said, where it was asked for.
+    jackknife : dict of float
+        Standard errors by edge of what the draws stand about: much above their sd, the draws are too sure.
+    elpd, elpd_se
+        Expected log density of a left-out edge (row), summed, and its standard error.
+    reason : str or None
+        Set where there is no posterior.
+
+    Examples
+    --------
+    >>> LawPosterior(reason="the law meets every row exactly").method is None
+    True
+    """
+
+    reason: str | None = None
+    method: Literal["exact", "importance", "emcee"] | None = None
+    words: str | None = None
+    errors: Literal["normal", "student"] | None = None
+    draws: Count | None = None
+    level: Annotated[float, Field(strict=True, gt=0, lt=1)] = 0.95
+    parameters: dict[str, Drawn] = Field(default_factory=dict)
+    priors: dict[str, Prior] = Field(default_factory=dict)
+    prior_set: str | None = None
+    level_at: dict[str, Number] = Field(default_factory=dict)
+    r_hat: NotNegative | None = None
+    ess: NotNegative | None = None
+    k_hat: Number | None = None
+    verified: str | None = None
+    sensitivity: dict[str, Sensitivity] = Field(default_factory=dict)
+    jackknife: dict[str, NotNegative] = Field(default_factory=dict)
+    elpd: Number | None = None
+    elpd_se: NotNegative | None = None
+    notes: tuple[str, ...] = ()
+
+
+class Posterior(Section):
+    """Posteriors of the laws, by response, and the file that holds their draws.
+
+    ``draws_file`` stands beside the parameter file, ``draws_sha256`` is of its bytes; both are None where there are no
+    draws. ``seed`` makes them again.
+
+    Examples
+    --------
+    >>> Posterior(seed=1, laws={"AW": {"reason": "the law meets every row exactly"}}).draws_file is None
+    True
+    """
+
+    seed: Count
+    draws_file: Annotated[str, Field(pattern=r"^[A-Za-z0-9][\w.-]*\.npz$", max_length=100)] | None = None
+    draws_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+    laws: dict[Text, LawPosterior] = Field(default_factory=dict)

@@ -1,0 +1,95 @@
+"""Posteriors of laws become the posterior section, and their draws bytes; never from behind a shut gate."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .draws import Draws, packed
+from .errors import GateError, ParameterError
+
+if TYPE_CHECKING:
+    from ..fit import NotAvailable, Posterior
+
+DRAWS_FILE = "draws.npz"
+
+
+def posterior_section(
+    posteriors: Sequence["Posterior"], none: Mapping[str, "NotAvailable"], draws_file: str = DRAWS_FILE
+) -> dict[str, Any]:
+    """The section of a parameter file for posteriors, at most one a response, and reasons where there is ``none``.
+
+    Raises
+    ------
+    GateError
+        The gate of a posterior is shut.
+    ParameterError
+        Two posteriors of one response, or draws of several seeds.
+    """
+    seeds = {post.seed for post in posteriors} or {0}
+    if len(seeds) > 1:
+        raise ParameterError(f"posteriors of the seeds {sorted(seeds)}: a parameter file tells one seed; draw again.")
+    laws: dict[str, Any] = {response: {"reason": why.reason} for response, why in none.items()}
+    for post in posteriors:
+        if not post.gate.open:
+            raise GateError(
+                f"{post.response}: the draws may not be used, so no parameter file is written: "
+                + " ".join(post.gate.reasons)
+            )
+        if post.response in laws:
+            raise ParameterError(f"there are two posteriors of {post.response}; a parameter file holds one.")
+        laws[post.response] = _one(post)
+    section: dict[str, Any] = {"seed": seeds.pop(), "laws": laws}
+    if posteriors:
+        digest = hashlib.sha256(draws_of(posteriors)).hexdigest()
+        section |= {"draws_file": draws_file, "draws_sha256": digest}
+    return section
+
+
+def draws_of(posteriors: Sequence["Posterior"]) -> bytes:
+    """Bytes of the file of draws."""
+    return packed({post.response: Draws(post.names, post.draws) for post in posteriors})
+
+
+def _one(post: "Posterior") -> dict[str, Any]:
+    from ..fit import NotAvailable
+
+    table, moves, left = post.table(), post.sensitivity(), post.leave_out()
+    centre, by_edge = post.density.centre[1:], post.jackknife()
+    return {
+        "method": post.method,
+        "words": post.sample.words,
+        "errors": post.errors,
+        "draws": len(post.draws),
+        "level": 0.95,
+        "parameters": {
+            name: {key: float(row[key]) for key in ("mean", "sd", "median", "low", "high")}
+            for name, row in table.iterrows()
+        },
+        "priors": {name: _prior(post, name) for name in post.priors.of},
+        "prior_set": post.priors.name,
+        "level_at": dict(zip(post.law.theta_names[1:], map(float, centre), strict=True)),
+        "r_hat": float(table["r_hat"].max()),
+        "ess": float(table[["ess_bulk", "ess_tail"]].to_numpy().min()),
+        "k_hat": None if post.sample.k_hat is None or not np.isfinite(post.sample.k_hat) else post.sample.k_hat,
+        "verified": None if post.agreement is None else post.agreement.words,
+        "sensitivity": {
+            name: {"halved": float(row["halved"]), "doubled": float(row["doubled"])} for name, row in moves.iterrows()
+        },
+        "jackknife": {} if by_edge is None else {str(name): float(se) for name, se in by_edge.items()},
+        "elpd": left.elpd,
+        "elpd_se": None if isinstance(left.se, NotAvailable) else left.se,
+        "notes": post.notes,
+    }
+
+
+def _prior(post: "Posterior", name: str) -> dict[str, Any]:
+    prior = post.priors.of[name]
+    return {
+        "distribution": prior.name,
+        "numbers": {field.name: float(getattr(prior, field.name)) for field in fields(prior)},
+        "unit": post.priors.units.get(name, ""),
+        "source": post.priors.sources.get(name, ""),
+    }

@@ -1,0 +1,239 @@
+"""What a law of a file says of a point: value, interval, inside or outside the tested region, in one sentence."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..datasets import region
+from .evaluate import as_given, checked_values
+from .intervals import Asked, band
+from .rounding import plain, told
+
+if TYPE_CHECKING:
+    from .law import Law
+
+SIDES = {-1: "below", 1: "above"}
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A factor at which a law was asked.
+
+    Attributes
+    ----------
+    symbol, unit : str
+    value : float or ndarray
+        In ``unit``.
+    low, high : float
+        The tested range.
+    beyond : int or ndarray of int
+        -1 below the lowest tested, 1 above the highest, 0 between them.
+    source : Prediction or None
+        The law's answer that the value was taken from, where it was not given.
+    """
+
+    symbol: str
+    unit: str
+    value: Any
+    low: float
+    high: float
+    beyond: Any
+    source: "Prediction | None" = None
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """A law's answer at one point or at arrays of points.
+
+    Attributes
+    ----------
+    response, unit : str
+    value, low, high : float or ndarray
+        In ``unit``.
+    inside : bool or ndarray of bool
+        Whether the point lies in the tested region. Outside it, the law says nothing that was ever tried: cut a
+        test there, or stay inside.
+    of : str
+        What ``low`` and ``high`` are of, in words.
+    kind, edge, centre : str
+        Of the interval: mean, prediction or tolerance; new, same or independent rows; what ``value`` is.
+    level, coverage : float
+        Coverage is None of anything but a tolerance interval.
+    given : tuple of Given
+        The factors, in the order of the law.
+    by : tuple of str, or None
+        Column and level, where the law has levels.
+    error : str
+        ``multiplicative`` or ``additive``.
+    """
+
+    response: str
+    unit: str
+    value: Any
+    low: Any
+    high: Any
+    inside: Any
+    of: str
+    kind: str
+    edge: str
+    centre: str
+    level: float
+    coverage: float | None
+    given: tuple[Given, ...]
+    by: tuple[str, str] | None
+    error: str
+
+    @property
+    def words(self) -> str:
+        """One sentence a point, each on a line of its own, every number rounded by its uncertainty."""
+        return "\n".join(self._sentence(i) for i in range(np.size(self.value)))
+
+    def facts(self) -> dict[str, Any]:
+        """The same as plain numbers and texts, for JSON."""
+        return {
+            "response": self.response,
+            "value": _plain(self.value),
+            "low": _plain(self.low),
+            "high": _plain(self.high),
+            "unit": self.unit,
+            "interval": self.kind,
+            "level": self.level,
+            "coverage": self.coverage,
+            "edge": self.edge,
+            "value_is": self.centre,
+            "inside": _plain(self.inside),
+            "given": {
+                g.symbol: {
+                    "value": _plain(g.value),
+                    "unit": g.unit,
+                    "low": g.low,
+                    "high": g.high,
+                    "beyond": _plain(g.beyond),
+                    "from_law": g.source.response if g.source else None,
+                }
+                for g in self.given
+            },
+            "by": None if self.by is None else dict([self.by]),
+            "words": self.words,
+        }
+
+    def _sentence(self, i: int) -> str:
+        value, low, high = self._told(i)
+        at = ", ".join(self._at(i))
+        taken = [g.symbol for g in self.given if g.source]
+        less = f" (the scatter of {', '.join(taken)} not counted)" if taken else ""
+        ends = _with(f"{low} to {high}", self.unit)
+        return (
+            f"{self.response} {_with(value, self.unit)}{self._named()}{f' at {at}' if at else ''}; "
+            f"{self.of} {ends}{less}; {self._where(i)}."
+        )
+
+    def _told(self, i: int) -> tuple[str, ...]:
+        """Value and ends, to the decimals that half the width deserves: or, of a wide one, its lower end."""
+        value, low, high = (float(np.ravel(number)[i]) for number in (self.value, self.low, self.high))
+        width = min((high - low) / 2, low) if low > 0 else (high - low) / 2
+        return tuple(told(number, width)[0] for number in (value, low, high))
+
+    def _named(self) -> str:
+        if self.error == "additive" or self.centre == "median":
+            return ""
+        return " (smeared mean)" if self.centre == "smeared" else " (mean)"
+
+    def _at(self, i: int) -> Iterator[str]:
+        for g in self.given:
+            if g.source is None:
+                yield f"{g.symbol} {_with(plain(_one(g.value, i), 6), g.unit)}"
+            else:
+                yield f"{g.symbol} {_with(g.source._told(i)[0], g.unit)} from its own law"
+        if self.by is not None:
+            yield " ".join(self.by)
+
+    def _where(self, i: int) -> str:
+        if _one(self.inside, i):
+            return "inside the tested region"
+        why = [
+            f"{g.symbol} {_with(plain(_one(g.value, i), 6 if g.source is None else 3), g.unit)} is {SIDES[side]} "
+            f"{_with(plain(g.high if side > 0 else g.low), g.unit)}, the {'highest' if side > 0 else 'lowest'} tested"
+            for g in self.given
+            if (side := int(_one(g.beyond, i)))
+        ]
+        why += [
+            f"{g.symbol} comes from outside the region of its own law"
+            for g in self.given
+            if g.source is not None and not _one(g.source.inside, i)
+        ]
+        cause = ", and ".join(why) or "the combination lies further out than any test"
+        return f"outside the tested region: {cause}; do not rely on it"
+
+
+def tell(
+    law: "Law",
+    asked: Asked,
+    by: str | None,
+    factors: Mapping[str, ArrayLike],
+    sources: Mapping[str, Prediction] | None = None,
+) -> Prediction:
+    """A law's answer; ``sources`` holds answers of other laws that stand in for factors not given.
+
+    Raises
+    ------
+    ParameterError
+        As ``Law.interval``.
+    """
+    taken = dict(sources or {})
+    by = None if by is None else str(by)
+    at = {**factors, **{name: source.value for name, source in taken.items()}}
+    found = band(law, asked, by, at)
+    values = checked_values(law, at)
+    inside = np.asarray(law.inside(by, **at))
+    for source in taken.values():
+        inside = inside & source.inside
+    given = tuple(
+        Given(f.symbol, f.unit, _item(value), f.low, f.high, _item(beyond), taken.get(f.symbol))
+        for f, value, beyond in zip(law.factors, values, _beyond(law, values), strict=True)
+    )
+    return Prediction(
+        response=law.response,
+        unit=law.unit,
+        value=as_given(law, found.value),
+        low=as_given(law, found.low),
+        high=as_given(law, found.high),
+        inside=_item(inside),
+        of=found.of,
+        kind=asked.kind,
+        edge=found.edge,
+        centre=found.centre,
+        level=asked.level,
+        coverage=asked.coverage if asked.kind == "tolerance" else None,
+        given=given,
+        by=None if law.by is None or by is None else (law.by.column, by),
+        error=law.error,
+    )
+
+
+def _beyond(law: "Law", values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:
+    """For each factor, -1 below its tested range, 1 above it: as strictly as ``Law.inside`` takes it."""
+    if law.region is None:
+        pairs = zip(values, law.factors, strict=True)
+        return [(value > f.high).astype(np.intp) - (value < f.low) for value, f in pairs]
+    U = region.coded(law.region.model_dump(), np.stack(values, axis=-1))
+    return list(np.moveaxis(np.where(np.abs(U) > 1 + region.ROUNDING, np.sign(U), 0).astype(np.intp), -1, 0))
+
+
+def _item(array: NDArray[Any]) -> Any:  # noqa: ANN401
+    return array if array.ndim else array.item()
+
+
+def _one(number: Any, i: int) -> Any:  # noqa: ANN401
+    return np.ravel(number)[i]
+
+
+def _plain(number: Any) -> Any:  # noqa: ANN401
+    return np.asarray(number).tolist()
+
+
+def _with(number: str, unit: str) -> str:
+    return f"{number} {unit}".rstrip()

@@ -1,0 +1,226 @@
+"""``fitmodels predict``: the same numbers as the laws give, told once for people and once for programs."""
+
+import contextlib
+import io
+import json
+import math
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.cli import main
+from statsmodels.regression.linear_model import OLS
+
+AT = ("V=120", "f=0.2", "d=2", "t=8")
+POINT = {"V": 120.0, "f": 0.2, "d": 2.0, "t": 8.0}
+EXACT = 1e-9  # of a covariance that two libraries reach by different decompositions
+
+
+def run(*arguments):
+    """The command in this process: exit code, standard output on one line, standard error."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(["predict", *map(str, arguments)])
+    return SimpleNamespace(code=code, out=" ".join(out.getvalue().split()), raw=out.getvalue(), err=err.getvalue())
+
+
+def refused(result, code, *words):
+    assert (result.code, result.raw) == (code, "")
+    assert result.err.count("\n") == 1
+    assert result.err.endswith(".\n")
+    for word in words:
+        assert word in result.err
+
+
+def report(*arguments):
+    result = run(*arguments, "--json")
+    assert (result.code, result.err) == (0, "")
+    return json.loads(result.raw)
+
+
+def bundled():
+    return datasets.read_runs(datasets.bundled("gc435_709m40"))
+
+
+@pytest.fixture(scope="module")
+def params(tmp_path_factory):
+    """The parameter file of the bundled set, its laws fitted without power on time, as some laboratories do."""
+    runs = bundled()
+    laws = [fit.power_law(runs, "AW", list("Vfdt")), fit.power_law(runs, "P", ["V", "f", "d", "AW"])]
+    pf = parameters.collect(tool="GC435", work="709M40", laws=laws, simulated=True)
+    return parameters.write(pf, tmp_path_factory.mktemp("told") / "params.json")
+
+
+@pytest.fixture(scope="module")
+def by_material(tmp_path_factory):
+    frame = bundled().data.drop(columns="point")
+    hard = frame["edge"].isin(sorted(set(frame["edge"]))[::2])
+    runs = datasets.runs_from_frame(
+        frame.assign(material=np.where(hard, "hard", "soft"), AW=frame["AW"] * (1 + 0.3 * hard))
+    )
+    law = fit.power_law(runs, "AW", list("Vfdt"), by="material")
+    pf = parameters.collect(tool="GC435", work="two", laws=[law])
+    return parameters.write(pf, tmp_path_factory.mktemp("told") / "params.json")
+
+
+# --- what it says
+
+
+def test_each_law_in_one_sentence(params):
+    result = run(params, *AT)
+    law = parameters.read(params).laws["AW"]
+    assert (result.code, result.err) == (0, "")
+    assert law.tell(**POINT).words in result.out
+    assert re.search(
+        r"P 2\.\d+ kW at V 120 m/min, f 0\.2 mm/rev, d 2 mm, AW 0\.176 mm from its own law; 95 % prediction interval "
+        r"for one row of a new edge .* kW \(the scatter of AW not counted\); inside the tested region\.",
+        result.out,
+    )
+    assert result.out.endswith("Not measured: the laws were fitted to a simulation.")
+    assert max(map(len, result.raw.splitlines())) <= 120
+
+
+def test_json_holds_the_same_facts(params):
+    told = report(params, *AT, "--interval", "tolerance", "--level", ".9", "--coverage", "0.8")
+    assert (told["schema"], told["file"], told["simulated"], told["not_told"]) == (
+        "fitmodels.prediction/1", "params.json", True, [],
+    )  # fmt: skip
+    laws = parameters.read(params).laws
+    wear, power = told["predictions"]
+    assert (wear["low"], wear["high"]) == laws["AW"].interval(0.9, "tolerance", coverage=0.8, **POINT)
+    assert wear["value"] == laws["AW"].predict(**POINT)
+    assert (wear["inside"], wear["interval"], wear["level"], wear["coverage"]) == (True, "tolerance", 0.9, 0.8)
+    at = {name: POINT[name] for name in "Vfd"}
+    assert (power["low"], power["high"]) == laws["P"].interval(0.9, "tolerance", coverage=0.8, AW=wear["value"], **at)
+    assert power["given"]["AW"]["from_law"] == "AW"
+    assert power["given"]["V"] == {
+        "value": 120.0, "unit": "m/min", "low": 50.0, "high": 200.0, "beyond": 0, "from_law": None,
+    }  # fmt: skip
+    for one in told["predictions"]:
+        assert one["words"] in run(params, *AT, "--interval", "tolerance", "--level", ".9", "--coverage", "0.8").out
+
+
+def test_the_interval_is_that_of_statsmodels(tmp_path):
+    """Rows without edges: ln AW on ln V and ln f, as summary_frame has a new observation and the mean."""
+    law = fit.power_law(datasets.read_runs(datasets.bundled("ac2017_table1")), "AW", ["V", "f"])
+    pf = parameters.collect(tool="a", work="b", laws=[law])
+    path = parameters.write(pf, tmp_path / "params.json")
+    V, f = (math.sqrt(low * high) for low, high in law.domain.values())
+    fitted = OLS(np.log(law.observed), np.column_stack([np.ones(law.nobs), np.log(law.X)])).fit()
+    theirs = fitted.get_prediction([[1, np.log(V), np.log(f)]]).summary_frame(alpha=0.1).iloc[0]
+    for kind, stem in (("mean", "mean_ci"), ("prediction", "obs_ci")):
+        (ours,) = report(path, f"V={V!r}", f"f={f!r}", "--interval", kind, "--level", "0.9")["predictions"]
+        expected = np.exp([theirs["mean"], theirs[f"{stem}_lower"], theirs[f"{stem}_upper"]])
+        np.testing.assert_allclose([ours["value"], ours["low"], ours["high"]], expected, rtol=EXACT)
+
+
+def test_units_and_order_do_not_matter(params):
+    """400 ft/min is 121.92 m/min and 0.08 in are 2.032 mm, exactly (NIST SP 811)."""
+    ours = run(params, "--law", "AW", "V=400ft/min", "f=0.2 mm/rev", "--level", "0.9", "d=0.08in", "t=480s")
+    law = parameters.read(params).laws["AW"]
+    assert law.tell("prediction", 0.9, V=121.92, f=0.2, d=2.032, t=8.0).words in ours.out
+
+
+def test_wear_that_is_given_is_taken(params):
+    (power,) = report(params, "V=120", "f=0.2", "d=2", "AW=0.2", "--law", "P")["predictions"]
+    assert power["value"] == parameters.read(params).laws["P"].predict(V=120.0, f=0.2, d=2.0, AW=0.2)
+    assert power["given"]["AW"]["from_law"] is None
+    told = run(params, "V=120", "f=0.2", "d=2", "AW=0.2")
+    assert told.code == 0
+    assert "not counted" not in told.out
+    assert "AW is not told: the law of AW needs t (cutting time, min); add for instance t=6.3." in told.out
+
+
+def test_outside_is_said_of_whatever_stands_on_it(params):
+    wear, power = report(params, "V=120", "f=0.2", "d=2", "t=25")["predictions"]
+    assert (wear["inside"], power["inside"]) == (False, False)
+    assert wear["words"].endswith(
+        "outside the tested region: t 25 min is above 20 min, the highest tested; do not rely on it."
+    )
+    assert power["words"].endswith(
+        "outside the tested region: AW comes from outside the region of its own law; do not rely on it."
+    )
+    assert parameters.read(params).laws["P"].inside(V=120.0, f=0.2, d=2.0, AW=wear["value"])
+
+
+def test_a_level_shifts_the_law(by_material):
+    hard, soft = (report(by_material, *AT, "--by", level)["predictions"][0] for level in ("hard", "soft"))
+    law = parameters.read(by_material).laws["AW"]
+    assert [hard["value"], soft["value"]] == [law.predict(level, **POINT) for level in ("hard", "soft")]
+    assert hard["by"] == {"material": "hard"}
+    assert "material hard; 95 %" in hard["words"]
+
+
+# --- what it refuses
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["V=120", "f=0.2", "d=2"], 2, ["the law of AW needs t (cutting time, min); add for instance t=6.3"]),
+        (["--law", "P", "V=120", "f=0.2", "d=2"], 2, ["needs AW (average wear, mm), or t for its own law to give it"]),
+        ([], 2, ["needs V (cutting speed, m/min), f (feed, mm/rev), d", "add for instance V=100 f=0.19 d=2.1 t=6.3"]),
+        ([*AT, "vc=3"], 2, ["vc=3: no law of the file has a factor vc; they have V, f, d, t, AW (did you mean V?)"]),
+        ([*AT, "aw=3"], 2, ["(did you mean AW?)"]),
+        ([*AT, "--law", "PP"], 2, ["--law PP: the file holds laws of AW, P (did you mean P?)"]),
+        ([*AT, "--by", "hard"], 2, ["--by hard: no law has levels"]),
+        ([*AT, "--level", "95"], 2, ["--level 95", "between 0 and 1"]),
+        ([*AT, "--coverage", "1"], 2, ["--coverage 1"]),
+        ([*AT, "--interval", "typical"], 2, ["invalid choice: 'typical'"]),
+        ([*AT, "--intervall", "mean"], 2, ["did you mean --interval?"]),
+        (["V=-1", *AT[1:]], 2, ["V = -1 m/min", "positive"]),
+        (["V=fast", *AT[1:]], 2, ["V=fast: it is a number with a decimal point"]),
+        (["V=12,5", *AT[1:]], 2, ["V=12,5: it is a number with a decimal point"]),
+        (["V", *AT[1:]], 2, ["condition V: it is written as V=120"]),
+        (["V=1", *AT], 2, ["V is given twice"]),
+        (["V=120kN", *AT[1:]], 2, ["V=120kN: V of the law is in m/min, and kN measures another quantity"]),
+        (["V=120mm/minn", *AT[1:]], 2, ["unit 'mm/minn' is not listed", "did you mean"]),
+        (["V=1e999", *AT[1:]], 2, ["V = inf"]),
+    ],
+)
+def test_what_cannot_be_asked_is_one_sentence(params, arguments, code, words):
+    result = run(params, *arguments)
+    assert (result.code, result.raw) == (code, "")
+    assert result.err.count("\n") == 1
+    for word in words:
+        assert word in result.err
+
+
+def test_a_level_must_be_named_and_known(by_material):
+    refused(run(by_material, *AT), 2, "by material: say which level (hard, soft) with --by")
+    refused(run(by_material, *AT, "--by", "Hard"), 2, "there are hard, soft (did you mean hard?)")
+
+
+def test_a_file_that_cannot_be_read(tmp_path):
+    refused(run(tmp_path / "no.json", *AT), 3, "there is no such file")
+    (tmp_path / "bad.json").write_text("{")
+    refused(run(tmp_path / "bad.json", *AT), 3, "bad.json")
+
+
+def test_a_file_without_a_law_or_without_its_interval(tmp_path):
+    empty = parameters.write(parameters.collect(tool="a", work="b"), tmp_path / "empty.json")
+    refused(run(empty, *AT), 2, "holds no law")
+    two = datasets.runs_from_frame(bundled().data.iloc[:2][["t", "AW"]])
+    pf = parameters.collect(tool="a", work="b", laws=[fit.power_law(two, "AW", ["t"])])
+    refused(run(parameters.write(pf, tmp_path / "two.json"), "t=3"), 3, "2 observations fix 2 parameters exactly")
+
+
+def test_an_earlier_file_says_what_it_lacks(params, tmp_path):
+    data = json.loads(params.read_text("utf-8"))
+    for law in data["laws"].values():
+        for name in ("rows_per_edge", "df_between", "df_within", "smearing_within"):
+            del law["edges"][name]
+    old = tmp_path / "old.json"
+    old.write_text(json.dumps(data), "utf-8")
+    assert report(old, *AT) == report(params, *AT) | {"file": "old.json"}
+    refused(
+        run(old, *AT, "--interval", "tolerance"), 3, "the law of AW lacks edges.rows_per_edge", "fit the data again"
+    )
+
+
+def test_help_leads_with_an_example():
+    result = run("-h")
+    assert result.code == 0
+    assert result.out.startswith("example: fitmodels predict data-fit/GC435_709M40/params.json V=120 f=0.2 d=2 t=8")
