@@ -9,6 +9,7 @@ from ..parameters import Covariance, DroppedRows, Law, ParameterFile
 from ..parameters.rounding import EXACT, p_value, plain, told
 
 LEVEL = 0.95
+CONDITIONS = ("V", "f", "fz", "d", "ae")  # what is usually set once for an edge
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one says nothing
 
 
@@ -69,7 +70,7 @@ def statistics_line(law: Law) -> str:
         parts.append(f"F({s.F_df[0]}, {s.F_df[1]}) {plain(s.F)}, p {p if p[0] == '<' else '= ' + p}")
     if law.residual_se is not None:
         parts.append(residual_words(law))
-    edges = f" from {law.n_edges} edges" if law.n_edges is not None else ""
+    edges = "" if law.n_edges is None else f" from {law.n_edges} edge{'s' if law.n_edges != 1 else ''}"
     parts.append(f"n {law.n} rows{edges}")
     return "; ".join(parts)
 
@@ -182,6 +183,13 @@ def edge_words(law: Law) -> str:
             f"{p if p[0] == '<' else '= ' + p}), and {plain(e.row_F)} if rows were independent, "
             f"{plain(e.row_F / e.F, 2)} times as much"
         )
+    held = [f.symbol for f in law.factors if f.symbol in CONDITIONS and f.symbol not in e.between]
+    if held and law.row_standard_errors:
+        change, are = ("changes", "is") if len(held) == 1 else ("change", "are")
+        parts.append(
+            f"{', '.join(held)} {change} within edges and {are} told there: if an edge was cut at one setting only, "
+            "look at the edge column"
+        )
     return "; ".join(parts) + "."
 
 
@@ -250,7 +258,8 @@ def life_words(pf: ParameterFile) -> str:
     if life is None:
         return ""
     at = ", ".join(f"{name} {value:.3g}" for name, value in life.typical_at.items())
-    where = f"At the middle of the ranges ({at}) T is {plain(life.typical, 3)} {life.unit}"
+    place = f"At the middle of the ranges ({at})" if at else "At these conditions"
+    where = f"{place} T is {plain(life.typical, 3)} {life.unit}"
     if life.typical <= life.t_observed:
         return f"{where}; the longest test ran {plain(life.t_observed, 3)} {life.unit}."
     return (

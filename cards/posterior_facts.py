@@ -6,7 +6,7 @@ from ..parameters import Law, LawPosterior, ParameterFile, Prior
 from ..parameters.rounding import plain, told
 
 APART = 1.5  # standard error by edge over sd of the draws, beyond which it is said
-MOVED = 0.1  # sd: what halving or doubling of priors may move without a word
+MOVED = 0.2  # sd: what halving or doubling of priors may move without a word
 
 
 @dataclass(frozen=True, slots=True)

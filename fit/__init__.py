@@ -2,8 +2,11 @@
 
 from .available import NotAvailable
 from .bayes.choose import posterior
+from .bayes.joint_posterior import JointPosterior
+from .bayes.latent_wear import latent_wear
 from .bayes.posterior import Posterior
 from .bayes.priors import Priors
+from .bayes.rival_posterior import RivalPosterior, rival_posterior
 from .beside import Beside, beside_published
 from .bootstrap import EdgeBootstrap, edge_bootstrap
 from .checks.adequacy import Adequacy, adequacy
@@ -45,6 +48,7 @@ __all__ = [
     "FitError",
     "Forms",
     "GaugeFit",
+    "JointPosterior",
     "Judgement",
     "LawFit",
     "LeftOut",
@@ -53,6 +57,7 @@ __all__ = [
     "Posterior",
     "Priors",
     "Refused",
+    "RivalPosterior",
     "RobustFit",
     "ToolLife",
     "adequacy",
@@ -70,12 +75,14 @@ __all__ = [
     "gauge_corrected",
     "interval",
     "judge",
+    "latent_wear",
     "linear",
     "load_law",
     "next_runs",
     "posterior",
     "power_law",
     "rival_forms",
+    "rival_posterior",
     "robust",
     "sensitivity",
     "tool_life",

@@ -50,8 +50,8 @@ def edge_inference(law: LawFit) -> EdgeInference | NotAvailable:
     between = p - sum(within)
     if between + 1 > G:
         return NotAvailable(
-            f"{G} edge{'s' if G > 1 else ''} for {between} parameters that only edges can tell: cut at least "
-            f"{between + 1 - G} more, at other conditions"
+            f"{G} edge{'s' if G > 1 else ''} for {between} parameter{'s' if between > 1 else ''} that only edges can "
+            f"tell: cut at least {between + 1 - G} more, at other conditions"
         )
     moved = left_out_moves(Z, law.residuals, law.cov_theta * (law.df_resid / law.rss), edge, G)
     if isinstance(moved, int):

@@ -73,7 +73,7 @@ def test_priors_of_ones_own_are_used_and_a_changed_file_is_noticed(run, tmp_path
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (["--draws", "10"], 2, "10 draws: at least 400"),
+        (["--draws", "10"], 2, "10 draws: at least 1000"),
         (["--seed", "-1"], 2, "--seed -1"),
         (["--priors", "nowhere.toml"], 3, "nowhere.toml cannot be read"),
     ],
@@ -127,13 +127,13 @@ def test_an_interrupted_run_keeps_its_draws_and_says_so(run, tmp_path, monkeypat
 
     from fitmodels.fit.bayes import choose
 
-    whole = choose._drawn
+    whole = choose._route
 
-    def stopped(*arguments, **options):
-        sample, words = whole(*arguments, **options)
-        return replace(sample, interrupted=True), words
+    def stopped(*arguments):
+        found = whole(*arguments)
+        return replace(found, sample=replace(found.sample, interrupted=True))
 
-    monkeypatch.setattr(choose, "_drawn", stopped)
+    monkeypatch.setattr(choose, "_route", stopped)
     code, _, err = run(GC435, "--out", "a")
     assert code == 5
     assert "stopped before its end" in err

@@ -1,6 +1,6 @@
 """Which route draws the posterior of a law: exact where it can be, importance next, chains where they must."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -12,19 +12,17 @@ from ..edges import EdgeInference
 from ..errors import FitError
 from ..jackknife import meets_exactly
 from .agreement import Agreement, agree
-from .diagnostics import diagnose
 from .law_density import Errors, LawDensity, law_density
 from .posterior import Posterior
 from .priors import Flat, Priors, reference, weak
 from .priors_file import read_priors, replaced
-from .psis import K_HAT
+from .route import Drawn, Progress, drawn, judged
 from .sample import Method, Sample
 
 if TYPE_CHECKING:
     from ..lawfit import LawFit
 
-Progress = Callable[[int, float], None]
-FEWEST, MOST = 400, 1_000_000  # draws: below the first no gate opens
+FEWEST, MOST = 1000, 1_000_000  # draws: below the first no gate opens, but by chance
 MOST_ROWS = 100_000  # of a law that is not linear: every draw looks at every row
 APART = 7919  # between the seed of the draws and that of the chains that verify them
 
@@ -76,7 +74,7 @@ def posterior(
     >>> bool(abs(post.draws[:, 1].mean() - law.params["V"]) < law.bse["V"])
     True
     """
-    _check(law, draws, errors, method)
+    _check(law, draws, seed, errors, method)
     edges, notes = _edges(law)
     density = law_density(law, _priors(law, priors, edges), errors)
     linear = errors == "normal" and not (density.natural and law.law.logarithmic)
@@ -87,37 +85,23 @@ def posterior(
             f"{law.response}: {law.nobs} rows; of a law that is not linear in its parameters at most {MOST_ROWS} can "
             "be looked at in every draw. With so many rows the interval of the fit says the same."
         )
-    chosen: Method = method or ("exact" if linear else "importance")
-    sample, handed = _drawn(density, chosen, seed, draws, progress, may_hand_over=method is None)
-    told = density.told(sample.phi)
-    post = Posterior(
-        law, density, sample, told, diagnose(density.told_names, told, sample), seed, notes=(*notes, *handed)
-    )
+    found = _route(density, "exact" if linear and method is None else method, seed, draws, progress)
+    post = Posterior(law, density, found.sample, found.told, found.diagnostics, seed, notes=(*notes, *found.notes))
     return replace(post, agreement=_verified(post, draws, progress)) if verify else post
 
 
-def _drawn(
-    density: LawDensity, method: Method, seed: int, draws: int, progress: Progress | None, *, may_hand_over: bool
-) -> tuple[Sample, tuple[str, ...]]:
-    """A sample by one route, and a word where it was handed over to another."""
-    from .chains import chains
+def _route(density: LawDensity, method: Method | None, seed: int, draws: int, progress: Progress | None) -> Drawn:
+    """Draws by one route; without a method importance sampling first, then chains."""
     from .exact import exact
-    from .importance import importance
 
     if method == "exact":
-        return exact(density, np.random.default_rng(seed), draws), ()
-    if method == "emcee":
-        return chains(density, seed, ess=draws, progress=progress), ()
-    sample = importance(density, np.random.default_rng(seed), draws)
-    if not may_hand_over or (sample.k_hat is not None and sample.k_hat <= K_HAT):
-        return sample, ()
-    word = f"importance sampling gave k-hat {sample.k_hat:.2f}, above {K_HAT:g}: chains took over"
-    return chains(density, seed, ess=draws, progress=progress), (word,)
+        return judged(density, exact(density, np.random.default_rng(seed), draws))
+    return drawn(density, seed, draws, progress, method)
 
 
 def draw_again(density: LawDensity, like: Sample, seed: int) -> Sample:
     """Another sample of the same size by the same route, of a density that differs a little."""
-    return _drawn(density, like.method, seed, len(like.phi), None, may_hand_over=True)[0]
+    return _route(density, "exact" if like.method == "exact" else None, seed, len(like.phi), None).sample
 
 
 def _verified(post: Posterior, draws: int, progress: Progress | None) -> Agreement:
@@ -130,7 +114,9 @@ def _verified(post: Posterior, draws: int, progress: Progress | None) -> Agreeme
     )
 
 
-def _check(law: "LawFit", draws: int, errors: str, method: str | None) -> None:
+def _check(law: "LawFit", draws: int, seed: int, errors: str, method: str | None) -> None:
+    if not 0 <= seed < 2**32:
+        raise UsageError(f"seed {seed}: it lies between 0 and {2**32 - 1}.")
     if errors not in get_args(Errors):
         raise UsageError(f"errors={errors!r}: they are 'normal' or 'student'.")
     if method is not None and method not in get_args(Method):

@@ -32,7 +32,9 @@ Cells = NDArray[np.intp]
 LOGIT = (-16.0, 16.0)  # icc from 1e-7 to one less that
 COARSE, FINE = 32, 64  # cells of logit icc, to find where the mass is and to draw from
 POINTS = 80  # of ln sd in a cell
-ROUGH, MOST_ZOOMS = 24, 8  # points that look where its mass is, and how often they zoom in
+ROUGH, MOST_ZOOMS = 24, 40  # points that look where its mass is, and how often they look again
+STEPS = np.linspace(0, 1, ROUGH)
+WIDE = 5.0  # of the first look: five to seven sds of ln sd, which is about 1 / sqrt(2 n)
 FAR = 16.0  # in the log density below its top: beyond it lies 1e-7 of the mass
 
 
@@ -153,24 +155,26 @@ class _Proper:
     def _log_density(self, ln_sd: Array) -> Array:
         """Of ln sd in each cell but for what goes with icc alone, (R, K) -> (R, K)."""
         sd2 = np.exp(2 * ln_sd)
-        out = self.prior.log_density(np.exp(ln_sd)) + (1 - self.n) * ln_sd - self.given.rss[:, None] / (2 * sd2)
-        for value, d in zip(self.values.T, self.d.T, strict=True):
-            ratio = value[:, None] / sd2
-            out -= 0.5 * (d[:, None] ** 2 * ratio / (1 + ratio) + np.log1p(ratio))
+        ratio = self.values[:, :, None] / sd2[:, None, :]
+        drawn = np.einsum("rj,rjk->rk", self.d**2, ratio / (1 + ratio)) + np.log1p(ratio).sum(axis=1)
+        out = self.prior.log_density(np.sqrt(sd2)) + (1 - self.n) * ln_sd
+        out -= 0.5 * (self.given.rss[:, None] / sd2 + drawn)
         return np.asarray(out)
 
     def _window(self) -> tuple[Array, Array]:
-        """Points of ln sd and the log density there: zoomed in on until the mass of each cell fills them."""
-        guess = 0.5 * np.log(self.given.rss / self.n)
-        low, high = guess - 4.0, guess + 12.0
-        row = np.arange(len(guess))
+        """Points of ln sd and the log density there, widened and zoomed in on until the mass fills them."""
+        middle, half = 0.5 * np.log(self.given.rss / self.n), WIDE / np.sqrt(self.n)
+        low, high = middle - half, middle + 2 * half
+        row = np.arange(len(middle))
         for _ in range(MOST_ZOOMS):
-            grid = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, ROUGH)
+            grid = low[:, None] + (high - low)[:, None] * STEPS
             height = self._log_density(grid)
             near = height > height.max(axis=1, keepdims=True) - FAR
             first, last = near.argmax(axis=1), ROUGH - 1 - near[:, ::-1].argmax(axis=1)
-            low, high = grid[row, np.maximum(first - 1, 0)], grid[row, np.minimum(last + 1, ROUGH - 1)]
-            if (last - first).min() > ROUGH // 2:
+            open_low, open_high, wide = near[:, 0], near[:, -1], high - low
+            low = np.where(open_low, low - wide, grid[row, np.maximum(first - 1, 0)])
+            high = np.where(open_high, high + 2 * wide, grid[row, np.minimum(last + 1, ROUGH - 1)])
+            if not (open_low.any() or open_high.any()) and (last - first).min() > ROUGH // 3:
                 break
         grid = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, POINTS)
         return grid, self._log_density(grid)

@@ -22,13 +22,6 @@ def no_scatter(law: LawFit) -> str | None:
     return "the law meets every row exactly: there is no scatter to judge it by" if meets_exactly(law) else None
 
 
-def nothing_left(law: LawFit) -> str | None:
-    """The same for what is fitted beside the law and compared with it."""
-    if law.df_resid <= 0:
-        return f"{law.nobs} observations fix {len(law.theta)} parameters exactly: add observations"
-    return "the law meets every row exactly: there is no scatter to judge by" if meets_exactly(law) else None
-
-
 def has_repeated_edges(law: LawFit) -> bool:
     """Whether some edge gave more than one row."""
     return law.n_edges is not None and law.n_edges < law.nobs

@@ -18,7 +18,7 @@ from ..lawfit import LawFit
 from ..linear import linear
 from .columns import Array, Codes
 from .deletion import ALONE
-from .evidence import nothing_left, units_of
+from .evidence import no_scatter, units_of
 from .rivals import FittedForm, power_form, rival_makers
 from .slopes import CommonExponent, common_exponent
 
@@ -154,7 +154,7 @@ def _unfit(law: LawFit) -> str | None:
         return f"rival forms are those of a power law, and this is of the form {law.form.replace('_', ' ')}"
     if (law.observed <= 0).any():
         return f"{law.response} is zero or negative in some rows: forms are compared in its logarithm"
-    return nothing_left(law)
+    return no_scatter(law)
 
 
 def _left_out(fit: FittedForm, codes: Codes) -> Array | NotAvailable:

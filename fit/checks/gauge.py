@@ -25,7 +25,7 @@ from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..linear import linear
 from .columns import Array, Codes
-from .evidence import nothing_left, units_of
+from .evidence import no_scatter, units_of
 from .refit import Refit
 
 LITTLE = 0.5  # reliability below which the correction more than doubles the exponent of wear
@@ -145,7 +145,7 @@ def _check(law: LawFit, gauge_sd: float, wear: str, unit: str) -> None:
 
 
 def _uncorrectable(law: LawFit) -> str | None:
-    if reason := nothing_left(law):
+    if reason := no_scatter(law):
         return reason
     in_units = law.error == "additive" and law.law.logarithmic
     return "the correction is exact in logarithms alone: fit with error='multiplicative'" if in_units else None

@@ -19,7 +19,7 @@ from ..lawfit import LawFit
 from ..linear import linear
 from .columns import Array
 from .dominant import DominantEdge, dominant_edge
-from .evidence import nothing_left, units_of
+from .evidence import no_scatter, units_of
 from .refit import Refit, tangent
 
 K = 1.345  # 95 % efficiency with normal errors
@@ -95,7 +95,7 @@ def robust(law: LawFit) -> RobustFit | NotAvailable:
     >>> robust(law).concern
     0
     """
-    if reason := nothing_left(law):
+    if reason := no_scatter(law):
         return NotAvailable(reason)
     Z = law.law.design(law.X, law.shifts)
     theta = law.theta

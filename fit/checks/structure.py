@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..laws import Error
-from .evidence import nothing_left, units_of
+from .evidence import no_scatter, units_of
 
 Array = NDArray[np.float64]
 
@@ -110,12 +110,12 @@ def error_structure(law: LawFit) -> ErrorStructure | NotAvailable:
     >>> error_structure(law).verdict
     'Errors multiply: the log fit is 33 units of log-likelihood better.'
     """
-    if reason := nothing_left(law):
+    if reason := no_scatter(law):
         return NotAvailable(reason)
     other = law.alternative
     if other is None:
         return NotAvailable(_no_alternative(law))
-    if reason := nothing_left(other):
+    if reason := no_scatter(other):
         return NotAvailable(reason)
     log, natural = (law, other) if law.error == "multiplicative" else (other, law)
     by_row = (_loglik(log) - np.log(log.observed), _loglik(natural))

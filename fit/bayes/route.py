@@ -1,0 +1,78 @@
+"""Draws of any density: importance sampling first, and chains where that leaves the gate shut."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ...datasets.errors import UsageError
+from .density import Array, Density
+from .diagnostics import Diagnostics, diagnose
+from .gate import gate
+from .psis import K_HAT
+from .sample import Sample
+
+Progress = Callable[[int, float], None]
+Route = Literal["importance", "emcee"]
+
+MORE = 4  # times the draws, tried before chains where weights can be trusted: a tenth of what chains cost
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A sample, its parameters as they are told (S, q), what is known of them, and a word where chains took over."""
+
+    sample: Sample
+    told: Array
+    diagnostics: Diagnostics
+    notes: tuple[str, ...] = ()
+
+
+def drawn(
+    density: Density, seed: int, draws: int, progress: Progress | None = None, method: Route | None = None
+) -> Drawn:
+    """Draw from a density.
+
+    Parameters
+    ----------
+    density : Density
+    seed : int
+    draws : int
+        Of importance sampling, or four times as many where these do not open the gate; effective draws of chains.
+    progress : callable, optional
+        Called by chains with the steps done and the effective draws so far.
+    method : {"importance", "emcee"}, optional
+        This route and no other.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> from fitmodels.fit.bayes.law_density import law_density
+    >>> from fitmodels.fit.bayes.priors import weak
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("ac2017_table1")), "AW", ["V", "f"])
+    >>> drawn(law_density(law, weak(law, edges=False)), 1, 1000).sample.method
+    'importance'
+    """
+    from .chains import chains
+    from .importance import importance
+
+    if method not in (None, "importance", "emcee"):
+        raise UsageError(f"method={method!r}: it is 'importance' or 'emcee'.")
+    if method == "emcee":
+        return judged(density, chains(density, seed, ess=draws, progress=progress))
+    for n in (draws, MORE * draws):
+        first = judged(density, importance(density, np.random.default_rng(seed), n))
+        verdict = gate(first.diagnostics)
+        if method == "importance" or verdict.open:
+            return first
+        if not (first.sample.k_hat or 0.0) <= K_HAT:
+            break
+    word = f"chains took over from importance sampling: {verdict.reasons[0]}"
+    return judged(density, chains(density, seed, ess=draws, progress=progress), (word,))
+
+
+def judged(density: Density, sample: Sample, notes: tuple[str, ...] = ()) -> Drawn:
+    """A sample with its parameters told and judged."""
+    told = density.told(sample.phi)
+    return Drawn(sample, told, diagnose(density.told_names, told, sample), notes)

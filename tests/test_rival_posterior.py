@@ -1,0 +1,164 @@
+"""Rival forms drawn: densities against a dense multivariate normal (scipy), and the true form preferred."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.datasets.errors import UsageError
+from fitmodels.fit.bayes.additive_wear import additive_wear
+from fitmodels.fit.bayes.agreement import agree
+from fitmodels.fit.bayes.chains import chains
+from fitmodels.fit.bayes.edge_slopes import edge_slopes
+from fitmodels.fit.bayes.exact import exact
+from fitmodels.fit.bayes.rival_posterior import rival_posterior
+from fitmodels.fit.checks.rivals import rival_makers
+from scipy.stats import multivariate_normal
+
+FORMS = ["exponential in wear", "additive in wear", "an exponent of t per edge", "second order in logs"]
+
+
+def cut(form="power law", *, seed=0, edges=24, per_edge=6, level=0.03, noise=0.04, named=True):
+    """24 edges, 6 rows each; wear of its own law, power by one of the forms."""
+    rng = np.random.default_rng(seed)
+    at, t = np.repeat(np.arange(edges), per_edge), np.tile(2.0 * np.arange(1, per_edge + 1), edges)
+    V, f = (np.exp(rng.uniform(-0.7, 0.7, edges))[at] * middle for middle in (100, 0.2))
+    AW = 7.62e-3 * V**0.577 * f**0.168 * t**0.445 * np.exp(0.25 * rng.normal(size=len(t)))
+    P = 0.14 * V**0.82 * f**0.627
+    u = 0.3 * rng.normal(size=edges)[at] if form == FORMS[2] else 0.0
+    P = {
+        "power law": P * AW**0.35,
+        FORMS[0]: P * np.exp(3 * AW),
+        FORMS[1]: P + 12 * AW,
+        FORMS[2]: P * AW**0.2 * t**u,
+        FORMS[3]: P * np.exp(0.3 * np.log(V / 100) ** 2 + 0.4 * np.log(V / 100) * np.log(f / 0.2)),
+    }[form]
+    P = P * np.exp(level * rng.normal(size=edges)[at] + noise * rng.normal(size=len(t)))
+    frame = pd.DataFrame({"edge": [f"E{g:02}" for g in at], "V": V, "f": f, "t": t, "AW": AW, "P": P})
+    return datasets.runs_from_frame(frame if named else frame.drop(columns="edge"))
+
+
+def law_of(*args, error="multiplicative", **kwargs):
+    return fit.power_law(cut(*args, **kwargs), "P", ["V", "f", "t", "AW"], error=error)
+
+
+def added(law, edges=True):
+    return additive_wear(law, rival_makers(law)[1][1](law), edges)
+
+
+@pytest.mark.parametrize("error", ["multiplicative", "additive"])
+@pytest.mark.parametrize("named", [True, False], ids=["edges", "rows"])
+def test_added_wear_has_the_density_of_its_formula(error, named):
+    law = law_of(FORMS[1], edges=6, named=named, error=error)
+    density = added(law, edges=named)
+    phi = density.start + 0.1 * np.random.default_rng(1).normal(size=(2, len(density.start)))
+    got = density.by_unit(phi)
+    told = pd.DataFrame(density.told(phi), columns=density.told_names)
+    names = law.edge if named else np.arange(law.nobs).astype(str)
+    V, f, t, AW = law.X.T
+    for m, of in told.iterrows():
+        mean = np.exp(of["ln c0"]) * V ** of["V"] * f ** of["f"] * t ** of["t"] + of["k"] * AW
+        r = law.observed - mean if error == "additive" else np.log(law.observed / mean)
+        between = of["sd"] ** 2 * of["icc"] / (1 - of["icc"]) if named else 0.0
+        for g, name in enumerate(np.unique(names) if named else names):
+            rows = names == name
+            cov = np.full((rows.sum(),) * 2, between) + of["sd"] ** 2 * np.eye(rows.sum())
+            assert got[m, g] == pytest.approx(multivariate_normal(np.zeros(rows.sum()), cov).logpdf(r[rows]), rel=1e-8)
+
+
+def test_edges_with_exponents_of_their_own_have_the_density_of_random_slopes():
+    law = law_of(FORMS[2], edges=5)
+    density = edge_slopes(law)
+    phi = density.start + 0.3 * np.random.default_rng(1).normal(size=(2, len(density.start)))
+    got = density.by_unit(phi)
+    Z = law.law.design(law.X)
+    x = Z[:, 3] - Z[:, 3].mean()
+    for m, of in pd.DataFrame(density.told(phi), columns=density.told_names).iterrows():
+        r = np.log(law.observed) - Z @ of.iloc[:5].to_numpy()
+        sds = np.array([of["sd"] * np.sqrt(of["icc"] / (1 - of["icc"])), of["sd of u"]])
+        D = np.outer(sds, sds) * np.array([[1, of["correlation"]], [of["correlation"], 1]])
+        for g, name in enumerate(np.unique(law.edge)):
+            rows = law.edge == name
+            W = np.column_stack([np.ones(rows.sum()), x[rows]])
+            cov = W @ D @ W.T + of["sd"] ** 2 * np.eye(rows.sum())
+            assert got[m, g] == pytest.approx(multivariate_normal(np.zeros(rows.sum()), cov).logpdf(r[rows]), rel=1e-8)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_true_form_is_preferred_and_its_draws_pass_the_gate(form):
+    rival = rival_posterior(law_of(form, seed=1), form, draws=2000)
+    assert rival.gate.open, rival.gate.reasons
+    assert rival.better, rival.words
+    assert "so it is preferred" in rival.words
+    assert rival.difference == pytest.approx(rival.leave_out.elpd - rival.power.elpd, abs=1e-9)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_where_the_power_law_is_true_no_rival_is_preferred(form):
+    rival = rival_posterior(law_of(seed=2), form, draws=2000)
+    assert not rival.better, rival.words
+    assert "the power law is kept" in rival.words
+
+
+def test_the_truth_of_added_wear_is_recovered():
+    """Made with k 12, V .82, f .627; one interval in twenty may miss."""
+    table = rival_posterior(law_of(FORMS[1], seed=3)).table(0.99)
+    truth = {"ln c0": np.log(0.14), "V": 0.82, "f": 0.627, "t": 0.0, "k": 12.0, "sd": 0.04}
+    for name, value in truth.items():
+        assert table.loc[name, "low"] < value < table.loc[name, "high"], name
+
+
+def test_in_natural_units_both_forms_have_errors_that_add():
+    rival = rival_posterior(law_of(FORMS[1], seed=4, error="additive"), draws=1000)
+    assert rival.density.natural
+    assert rival.sample.method == "importance"
+    assert rival.better
+
+
+def test_forms_linear_in_logarithms_are_drawn_exactly_as_chains_would():
+    rival = rival_posterior(law_of(seed=5), FORMS[0])
+    assert rival.sample.method == "exact"
+    other = chains(rival.density, 3)
+    found = agree((rival.draws, 1), (rival.density.told(other.phi), other.chains), rival.names)
+    assert found.agrees, found.words
+
+
+def test_left_out_edges_are_foretold_as_if_never_seen():
+    """Against drawing the form again without each edge in turn, rows of the law fitted anew to the others."""
+    law = law_of(seed=6, edges=10)
+    rival = rival_posterior(law, FORMS[0], draws=4000)
+    for g, name in enumerate(rival.density.units):
+        rows = law.edge != name
+        order = np.argsort(law.edge.astype(str), kind="stable")
+        keep = rows[order]
+        sizes = rival.density.sizes[:-1]
+        without = replace(
+            rival.density,
+            Z=rival.density.Z[keep],
+            y=rival.density.y[keep],
+            starts=np.arange(9) * 6,
+            sizes=sizes,
+            units=rival.density.units[:-1],
+        )
+        phi = exact(without, np.random.default_rng(g), 20000).phi
+        seen = rival.density.by_unit(phi)[:, g]
+        expected = np.logaddexp.reduce(seen) - np.log(len(seen))
+        assert rival.leave_out.pointwise[g] == pytest.approx(expected, abs=0.25)
+
+
+def test_same_seed_same_draws():
+    law = law_of(FORMS[1], edges=10)
+    one, two = (rival_posterior(law, draws=800) for _ in range(2))
+    assert np.array_equal(one.draws, two.draws)
+    assert one.difference == two.difference
+
+
+def test_what_cannot_be_had_says_why():
+    wear = fit.power_law(cut(), "AW", ["V", "f", "t"])
+    assert "no wear among the factors" in str(rival_posterior(wear, FORMS[1]))
+    rows = law_of(named=False)
+    assert "several rows an edge" in str(rival_posterior(rows, FORMS[2]))
+    assert "of the form exponential" in str(rival_posterior(fit.exponential_law(cut(), "P", "AW")))
+    with pytest.raises(UsageError, match="it is one of exponential in wear"):
+        rival_posterior(wear, "cubic")
