@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from .design import central_composite
     from .errors import DataError, FitmodelsError, UsageError
     from .reading import read_runs, runs_from_frame
+    from .records.look import looks_like_record
+    from .records.reading import read_record
+    from .records.record import Record
+    from .records.record import join as join_records
     from .runs import Runs, Source
     from .simulation import SimulatedLaw, simulate, write_csv
     from .tables import Table, read_table
@@ -20,6 +24,7 @@ _HOME = {
     "ColumnUse": "columns",
     "DataError": "errors",
     "FitmodelsError": "errors",
+    "Record": "records.record",
     "Runs": "runs",
     "SimulatedLaw": "simulation",
     "Source": "runs",
@@ -28,6 +33,9 @@ _HOME = {
     "bundled": "bundles",
     "bundled_names": "bundles",
     "central_composite": "design",
+    "join_records": "records.record",
+    "looks_like_record": "records.look",
+    "read_record": "records.reading",
     "read_runs": "reading",
     "read_table": "tables",
     "runs_from_frame": "reading",
@@ -35,10 +43,13 @@ _HOME = {
     "write_csv": "simulation",
 }
 
+_INSIDE = {"join_records": "join"}  # what a name is called in its module, where that differs
+
 __all__ = [
     "ColumnUse",
     "DataError",
     "FitmodelsError",
+    "Record",
     "Runs",
     "SimulatedLaw",
     "Source",
@@ -47,6 +58,9 @@ __all__ = [
     "bundled",
     "bundled_names",
     "central_composite",
+    "join_records",
+    "looks_like_record",
+    "read_record",
     "read_runs",
     "read_table",
     "runs_from_frame",
@@ -58,6 +72,6 @@ __all__ = [
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    value = getattr(import_module(f".{_HOME[name]}", __name__), _INSIDE.get(name, name))
     globals()[name] = value
     return value

@@ -1,0 +1,54 @@
+"""Time of one SRIV, output-error and ARMAX estimate: the published plant, one chirp, 20 dB of sensor noise.
+
+    python benchmarks/estimators.py
+
+Processor time, so that a machine at work on other things does not count. Aim: SRIV and output error on 750 samples
+below 10 ms each.
+"""
+
+import time
+from statistics import median
+
+import numpy as np
+from fitmodels.datasets.records.record import Record
+from fitmodels.ident.instrumental import sriv
+from fitmodels.ident.model import Model
+from fitmodels.ident.prediction_error import armax, output_error
+
+PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
+ESTIMATORS = {
+    "sriv(rec, 3, 3)": (lambda rec: sriv(rec, 3, 3), 10),
+    "output_error(rec, 3, 3)": (lambda rec: output_error(rec, 3, 3), 10),
+    "armax(rec, 3, 3, 3)": (lambda rec: armax(rec, 3, 3, 3), None),
+}
+
+
+def chirp(n):
+    t = np.arange(n) * 0.02
+    return 2.5 * np.sin(2 * np.pi * (0.1 + (2.0 - 0.1) / (2 * t[-1]) * t) * t)
+
+
+def record(n, seed):
+    u = chirp(n)
+    x = PLANT.simulate(u)
+    noise = 0.1 * np.std(x) * np.random.default_rng(seed).standard_normal(n)
+    return Record(u=u, y=x + noise, sample_time=0.02)
+
+
+def milliseconds(estimate, records):
+    estimate(records[0])
+    times = []
+    for rec in records:
+        start = time.process_time()
+        estimate(rec)
+        times.append(1e3 * (time.process_time() - start))
+    return median(times), max(times)
+
+
+if __name__ == "__main__":
+    for n, draws in ((750, 50), (10_000, 10), (100_000, 3)):
+        records = [record(n, seed) for seed in range(draws)]
+        for name, (estimate, aim) in ESTIMATORS.items():
+            middle, most = milliseconds(estimate, records)
+            goal = f"   aim < {aim} ms" if aim and n == 750 else ""
+            print(f"{n:>7} samples  {name:<24} {middle:8.1f} ms   (most {most:.1f} ms of {draws} draws){goal}")

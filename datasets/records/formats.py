@@ -1,0 +1,210 @@
+"""Files of data acquisition programs -> tables: LabVIEW .lvm, NI .tdms, MATLAB .mat; anything else is a table already.
+
+The packages that read them are extras, imported only when such a file is met. A file is known by its first bytes.
+"""
+
+import hashlib
+import io
+import os
+from collections.abc import Iterable, Mapping
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError, UsageError
+from ..tables import Column, Table, read_table
+from ..tables.decode import encoding_of, load_bytes
+from ..tables.dialect import Dialect
+from ..units import is_unit
+
+Array = NDArray[np.float64]
+Series = tuple[str, str, Array]  # name, unit, values
+_STEP_NAMES = {"ts": 1, "dt": 1, "sampletime": 1, "sample_time": 1, "fs": -1, "rate": -1, "samplerate": -1}
+WIDEST = 50  # columns of a matrix that are signals; a wider one is something else
+
+
+def record_tables(
+    path: str | os.PathLike[str],
+    *,
+    decimal: Literal["point", "comma"] | None = None,
+    delimiter: str | None = None,
+    sheet: str | None = None,
+) -> list[Table]:
+    """Tables of a file, one a run: a text file or workbook holds one, a .lvm or .tdms file one a segment or group.
+
+    Raises
+    ------
+    UsageError
+        The package that reads the format is not installed, or an option does not go with the format.
+    DataError
+        The file cannot be read.
+    """
+    path = Path(path)
+    data = load_bytes(path)
+    reader = _READERS.get(kind_of(data, path.name))
+    if reader is None:
+        return [read_table(path, is_unit=is_unit, decimal=decimal, delimiter=delimiter, sheet=sheet)]
+    for option, value in (("decimal", decimal), ("delimiter", delimiter)):
+        if value is not None:
+            raise UsageError(f"{path.name} says itself how it is written: leave out --{option}.")
+    if sheet is not None and reader is not _tdms:
+        raise UsageError(f"{path.name} has no sheets: leave out --sheet {sheet}.")
+    tables = [_table(path, data, *found) for found in reader(path, data, sheet)]
+    if not tables:
+        raise DataError(f"{path.name} holds no columns of numbers. Export the run again.")
+    return tables
+
+
+def kind_of(data: bytes, name: str) -> str:
+    """``lvm``, ``tdms``, ``mat`` or, for whatever the table reader takes, ``table``.
+
+    >>> kind_of(b"LabVIEW Measurement", "run.txt"), kind_of(b"t,u,y", "run.lvm")
+    ('lvm', 'table')
+    """
+    if data.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement"):
+        return "lvm"
+    if data.startswith(b"TDSm"):
+        return "tdms"
+    return "mat" if data.startswith(b"MATLAB") or name.lower().endswith(".mat") else "table"
+
+
+def _extra(package: str, extra: str, name: str) -> ModuleType:
+    try:
+        return import_module(package)
+    except ImportError as error:
+        raise UsageError(
+            f"{name} needs the package {package}, which is not installed: pip install 'fitmodels[{extra}]', or export "
+            "the run as .csv."
+        ) from error
+
+
+def _table(path: Path, data: bytes, kind: str, series: Iterable[Series], notes: Iterable[str]) -> Table:
+    columns = tuple(
+        Column(number, name, unit, values, True) for number, (name, unit, values) in enumerate(series, start=1)
+    )
+    rows = np.arange(1, len(columns[0].values) + 1, dtype=np.int64)
+    dialect = Dialect(kind, "", "point", "", True)
+    return Table(path, hashlib.sha256(data).hexdigest(), columns, rows, (), tuple(notes), dialect)
+
+
+Found = Iterable[tuple[str, list[Series], list[str]]]
+
+
+def _lvm(path: Path, data: bytes, sheet: str | None) -> Found:
+    """Segments of a LabVIEW measurement file.
+
+    Only ``read_str`` of lvm_read is called: its ``read`` loads and leaves a pickle beside the file, and opening a
+    pickle that came with a measurement runs whatever is in it.
+    """
+    reader = _extra("lvm_read", "lvm", path.name)
+    try:
+        parsed = reader.read_str(data.decode(encoding_of(data, path.name)))
+        segments = [parsed[k] for k in range(parsed["Segments"])]
+        for segment in segments:
+            yield "lvm", list(_lvm_series(segment, parsed.get("X_Columns", "One"))), []
+    except (ValueError, KeyError, IndexError, SyntaxError, TypeError) as error:
+        raise DataError(f"{path.name} is a damaged LabVIEW file ({error}). Export it again, or as .csv.") from error
+
+
+def _lvm_series(segment: Mapping[str, Any], x_columns: str) -> Iterable[Series]:
+    values, names = np.atleast_2d(segment["data"]), [str(name).strip() for name in segment["Channel names"]]
+    units = [str(unit).strip() for unit in segment.get("Y_Unit_Label", [])]
+    channels = iter(range(len(names)))
+    if x_columns == "No":
+        step, start = float(segment["Delta_X"][0]), float(segment["X0"][0])
+        yield "X_Value", "s", (start + step * np.arange(len(values))).astype(np.float64)
+    told = 0
+    for place, name in enumerate(names[: values.shape[1]]):
+        if name == "Comment":
+            continue
+        if name == "X_Value":
+            if not told:
+                yield name, "s", values[:, place]
+            told += 1
+            continue
+        channel = next(channels)
+        yield name, _plain_unit(units[channel] if channel < len(units) else ""), values[:, place]
+
+
+def _plain_unit(unit: str) -> str:
+    """A unit label of LabVIEW, which writes words: Volts, Amps."""
+    return unit if is_unit(unit) else unit.removesuffix("s") if is_unit(unit.removesuffix("s")) else unit
+
+
+def _tdms(path: Path, data: bytes, sheet: str | None) -> Found:
+    """Groups of an NI file that hold channels: each a run, or the one that ``sheet`` names."""
+    reader = _extra("nptdms", "tdms", path.name)
+    try:
+        groups = {g.name: list(g.channels()) for g in reader.TdmsFile.read(io.BytesIO(data)).groups()}
+    except Exception as error:  # a damaged file raises whatever its reader raises
+        raise DataError(f"{path.name} is a damaged TDMS file ({error}). Export it again.") from error
+    filled = {name: [c for c in channels if len(c) > 1 and c.dtype.kind in "fiu"] for name, channels in groups.items()}
+    filled = {name: channels for name, channels in filled.items() if channels}
+    if sheet is not None and sheet not in filled:
+        raise UsageError(f"--sheet {sheet}: the groups of {path.name} are {', '.join(map(repr, filled))}.")
+    if sheet is not None:
+        filled = {sheet: filled[sheet]}
+    if len({tuple(c.name for c in channels) for channels in filled.values()}) > 1:
+        raise UsageError(
+            f"{path.name} has groups of different channels: say --sheet, one of {', '.join(map(repr, filled))}."
+        )
+    for name, channels in filled.items():
+        yield "tdms", list(_tdms_series(channels, f"{path.name}, group {name!r}")), []
+
+
+def _tdms_series(channels: list[Any], name: str) -> Iterable[Series]:
+    if len({len(c) for c in channels}) > 1:
+        told = ", ".join(f"{c.name} {len(c)}" for c in channels)
+        raise DataError(f"{name}: channels are of different lengths ({told}): export those of one rate.")
+    steps = {float(c.properties["wf_increment"]) for c in channels if c.properties.get("wf_increment")}
+    if len(steps) > 1:
+        raise DataError(f"{name}: channels have sample times {sorted(steps)} s: export those of one rate.")
+    if steps:
+        start = float(channels[0].properties.get("wf_start_offset", 0.0))
+        yield "time", "s", (start + steps.pop() * np.arange(len(channels[0]))).astype(np.float64)
+    for c in channels:
+        unit = str(c.properties.get("unit_string") or c.properties.get("NI_UnitDescription") or "")
+        yield c.name, _plain_unit(unit), np.asarray(c[:], dtype=np.float64)
+
+
+def _mat(path: Path, data: bytes, sheet: str | None) -> Found:
+    """Vectors and narrow matrices of one length of a MATLAB file, and its sample time where a number names it."""
+    if data.startswith(b"MATLAB 7.3") or data[:8] == b"\x89HDF\r\n\x1a\n":
+        raise DataError(
+            f"{path.name} is a MATLAB 7.3 file, which is not read here. Save it in MATLAB with the option -v7."
+        )
+    from scipy.io import loadmat
+
+    try:
+        held = loadmat(str(path), appendmat=False)
+    except Exception as error:  # as above
+        raise DataError(f"{path.name} is a damaged MATLAB file ({error}). Save it again with -v7.") from error
+    arrays = {k: np.asarray(v) for k, v in held.items() if not k.startswith("__")}
+    numbers = {k: v for k, v in arrays.items() if v.dtype.kind in "fiub" and v.ndim == 2}
+    columns = {k: v.T if 1 == v.shape[0] < v.shape[1] else v for k, v in numbers.items() if v.size > 1}
+    columns = {k: v for k, v in columns.items() if v.shape[1] <= WIDEST}
+    if not columns:
+        raise DataError(f"{path.name} holds no column of numbers, only {', '.join(arrays) or 'nothing'}: save u and y.")
+    rows = max(len(v) for v in columns.values())
+    kept = {k: v for k, v in columns.items() if len(v) == rows}
+    series = [
+        (k if v.shape[1] == 1 else f"{k}_{j + 1}", "", v[:, j].astype(np.float64))
+        for k, v in kept.items()
+        for j in range(v.shape[1])
+    ]
+    notes = []
+    step = next(((k, float(v[0, 0])) for k, v in numbers.items() if v.size == 1 and k.lower() in _STEP_NAMES), None)
+    if step is not None and not any(name.lower() in ("t", "time") for name, _, _ in series):
+        seconds = step[1] ** _STEP_NAMES[step[0].lower()]
+        series.insert(0, ("time", "s", (seconds * np.arange(rows)).astype(np.float64)))
+        notes.append(f"the sample time {seconds:g} s is taken from {step[0]} = {step[1]:g}")
+    left = [k for k in arrays if k not in kept and (step is None or k != step[0])]
+    notes += [f"not read, of another kind or length: {', '.join(left)}"] if left else []
+    yield "mat", series, notes
+
+
+_READERS = {"lvm": _lvm, "tdms": _tdms, "mat": _mat}

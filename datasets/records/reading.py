@@ -1,0 +1,179 @@
+"""From a file of samples to a Record: the time axis measured, gaps kept as breaks, nothing guessed in silence."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError, UsageError
+from ..tables import Table
+from .checks import findings
+from .columns import Head, choose, find, heads, in_unit, is_counter, is_label, time_column, times
+from .formats import record_tables
+from .record import Record, join
+from .sampling import FEWEST, sample_time_of
+from .timing import Asked, Samples, timed, untimed
+
+Array = NDArray[np.float64]
+File: TypeAlias = str | os.PathLike[str] | Table
+ROLES = ("time", "input", "output")
+
+
+def read_record(
+    path: File | Sequence[File],
+    input: str | int | None = None,  # noqa: A002  the option of the command is --input
+    output: str | int | None = None,
+    *,
+    time: str | int | None = None,
+    rate: float | None = None,
+    sample_time: float | None = None,
+    units: Mapping[str, str] | None = None,
+    resample: float | None = None,
+    offsets: tuple[float, float] | None = None,
+    decimal: Literal["point", "comma"] | None = None,
+    delimiter: str | None = None,
+    sheet: str | None = None,
+) -> Record:
+    r"""Read one or more recorded runs of a machine.
+
+    Columns are named by header, name without unit, number (``3`` or ``col3``) or role of the vocabulary (``I``).
+    Empty cells, lost samples, a column named ``run`` or ``stretch``, and each further file begin a new stretch,
+    which no model looks across. What was presumed, measured, converted or left out stands in ``notes``.
+
+    Parameters
+    ----------
+    path : path of a file (text, .xlsx, .lvm, .tdms or .mat), a Table that was read already, or several of these
+    input, output : column of each; left out, the first and the second of just two signals
+    time : column of times; left out, the one whose header tells it, or the only one that rises evenly
+    rate, sample_time : Hz or s, one of them, for a file without times or with times too coarse to tell
+    units : mapping of ``time``, ``input``, ``output`` to a unit, where the file names none, or the wrong one
+    resample : Hz to which the samples are brought, through an anti-alias filter where that is slower; uneven
+        samples are joined by lines first, and refused without it
+    offsets : operating point (input, output) to take off; by default nothing is (see `Record.centred`)
+    decimal, delimiter, sheet : see :func:`fitmodels.datasets.read_table`; ``sheet`` also names a group of a .tdms file
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, has text where numbers belong, or is not evenly sampled.
+    UsageError
+        A column or unit does not exist, or the file leaves open which is meant.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "run.csv")
+    >>> _ = path.write_text("Zeit [ms];u [V];y [um]\n" + "".join(f"{20 * k};{k % 3};{k / 2}\n" for k in range(12)))
+    >>> rec = read_record(path)
+    >>> rec.rate, rec.input, rec.unit_y, rec.y[-1].item()
+    (50.0, 'u', 'mm', 0.0055)
+    """
+    asked = Asked(input, output, time, sample_time_of(rate, sample_time), units or {}, resample, offsets)
+    files = [path] if isinstance(path, (str, os.PathLike, Table)) else list(path)
+    tables = [
+        table
+        for file in files
+        for table in (
+            [file]
+            if isinstance(file, Table)
+            else record_tables(file, decimal=decimal, delimiter=delimiter, sheet=sheet)
+        )
+    ]
+    if not tables:
+        raise UsageError("no file to read; name at least one.")
+    records = [_record(table, asked) for table in tables]
+    first = records[0]
+    for table, other in zip(tables, records, strict=True):
+        if (other.input, other.output) != (first.input, first.output):
+            raise DataError(
+                f"{table.path.name} gives {other.input} and {other.output}, {tables[0].path.name} gives {first.input} "
+                f"and {first.output}: runs of one record hold the same signals. Name them with --input and --output."
+            )
+    return first if len(records) == 1 else join(records)
+
+
+def _record(table: Table, asked: Asked) -> Record:
+    """One table as a record."""
+    known = heads(table.columns)
+    clock = find(known, asked.time, "time") if asked.time is not None else time_column(known)
+    u, y, presumed = choose(known, clock, asked.input, asked.output)
+    if clock is not None and clock.column.number in (u.column.number, y.column.number):
+        if asked.time is not None:
+            raise UsageError(f"--time means column {clock.label}, which is the input or output too.")
+        clock = None  # named as a signal: a ramp is not the time
+    given = _units(asked.units, known, {"time": clock, "input": u, "output": y})
+    (u_values, unit_u, u_notes), (y_values, unit_y, y_notes) = in_unit(u, given[1]), in_unit(y, given[2])
+    if clock is None and asked.sample_time is None:
+        names = ", ".join(repr(c.name) for c in table.columns[:12])
+        raise UsageError(
+            f"{table.path.name} has no column of times among {names}: say --rate (Hz) or --sample-time (s), or which "
+            "column it is with --time."
+        )
+    samples, notes = _samples(table, clock, np.column_stack([u_values, y_values]), known)
+    if clock is not None:
+        record = timed(clock, samples, asked, given[0])
+    else:
+        record = untimed(samples, asked, asked.sample_time or 0.0)
+    told = (*(text.rstrip(".") for text in table.warnings), *presumed, *u_notes, *y_notes, *notes, *record.notes)
+    checked = (*findings(u.name, samples.values[:, 0], unit_u), *findings(y.name, samples.values[:, 1], unit_y))
+    record = replace(
+        record,
+        input=u.name, output=y.name, unit_u=unit_u, unit_y=unit_y,
+        source=table.path.name, sha256=table.sha256, notes=(*told, *checked),
+    )  # fmt: skip
+    return record.less(*asked.offsets) if asked.offsets is not None else record
+
+
+def _units(units: Mapping[str, str], known: Sequence[Head], chosen: Mapping[str, Head | None]) -> list[str | None]:
+    """Unit given for time, input and output, under that word or the name of the column."""
+    out: dict[str, str] = {}
+    for word, unit in units.items():
+        role = word
+        if word not in ROLES:
+            near = get_close_matches(word, ROLES, 1, 0.6)
+            if near:
+                raise UsageError(f"--unit {word}={unit}: did you mean {near[0]}?")
+            number = find(known, word, "unit").column.number
+            role = next((r for r, head in chosen.items() if head and head.column.number == number), "")
+        if not role or chosen[role] is None:
+            raise UsageError(f"--unit {word}={unit}: that column is not used as {', '.join(ROLES)}.")
+        out[role] = unit
+    return [out.get(role) for role in ROLES]
+
+
+def _samples(table: Table, clock: Head | None, values: Array, known: Sequence[Head]) -> tuple[Samples, list[str]]:
+    """Rows without an empty cell; a row left out makes a gap in the time, and the rows around it no neighbours."""
+    time = times(clock)[0] if clock is not None else np.arange(len(values), dtype=np.float64)
+    keep = np.isfinite(time) & np.isfinite(values).all(axis=1)
+    notes = []
+    if not keep.all():
+        first = int(table.lines[np.flatnonzero(~keep)[0]])
+        notes.append(f"{np.count_nonzero(~keep)} row(s) lack a number, the first in line {first}: left out, as a gap")
+    if np.count_nonzero(keep) < FEWEST:
+        raise DataError(
+            f"{table.path.name} has {np.count_nonzero(keep)} full rows of time, input and output; a record needs "
+            f"{FEWEST} to tell its sample time, and hundreds to tell a machine."
+        )
+    changed = np.zeros(len(values), dtype=bool)
+    for head in known:
+        if is_label(head) and not is_counter(head):
+            labels = head.column.labels()
+            changed[1:] |= labels[1:] != labels[:-1]
+    runs = np.cumsum(changed)[keep]
+    time, values, lines = time[keep], values[keep], table.lines[keep]
+    again = np.zeros(len(time), dtype=bool)
+    if clock is not None:
+        again[1:] = (np.diff(time) == 0) & (np.diff(values, axis=0) == 0).all(axis=1) & (np.diff(runs) == 0)
+        if np.count_nonzero(again) > 0.2 * len(again):
+            again[:] = False  # a time that stands still, not rows written twice
+    if again.any():
+        notes.append(f"{np.count_nonzero(again)} row(s) stand twice, the first in line {lines[again][0]}: kept once")
+    places = (np.flatnonzero(keep) - np.cumsum(again))[~again]
+    cuts = np.flatnonzero(np.diff(runs[~again])) + 1
+    if cuts.size:
+        notes.append(f"{cuts.size + 1} runs are told apart by their labels: each is a stretch of its own")
+    return Samples(time[~again], values[~again], lines[~again], places, cuts), notes

@@ -1,0 +1,237 @@
+"""A record: evenly sampled input and output of a machine, in stretches that no regressor may cross."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError
+
+Array = NDArray[np.float64]
+
+CLOCKS = 1e-3  # two clocks differ by parts in 1e5; a model's poles would feel no less than this
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Input u and output y at a fixed rate.
+
+    Attributes
+    ----------
+    u, y : ndarray, shape (N,)
+        In ``unit_u`` and ``unit_y``, less the ``offsets``; finite.
+    sample_time : float
+        Seconds between samples.
+    starts : tuple of int
+        First sample of each stretch: a run of its own, or what follows a gap. The first is 0.
+    offsets : ndarray, shape (stretches, 2)
+        What was taken from u and y of each stretch: the operating point.
+    input, output, unit_u, unit_y : str
+        Names and units.
+    source, sha256 : str or None
+        File, and hash of its bytes (of the numbers, where there is no file; of the hashes, where there are several).
+    notes : tuple of str
+        What was assumed or mended on the way here.
+
+    Examples
+    --------
+    >>> rec = Record(u=[0.0, 1.0, 1.0, 1.0], y=[0.0, 0.0, 0.5, 0.75], sample_time=0.02)
+    >>> len(rec), rec.rate
+    (4, 50.0)
+    """
+
+    u: Array
+    y: Array
+    sample_time: float
+    starts: tuple[int, ...] = (0,)
+    offsets: Array | None = None
+    input: str = "u"
+    output: str = "y"
+    unit_u: str = ""
+    unit_y: str = ""
+    source: str | None = None
+    sha256: str | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        u, y = (np.ascontiguousarray(a, dtype=np.float64) for a in (self.u, self.y))
+        if u.ndim != 1 or u.shape != y.shape or not u.size:
+            raise DataError(
+                f"input has shape {u.shape} and output {y.shape}; a record needs one column of each, of one length."
+            )
+        for name, values in ((self.input, u), (self.output, y)):
+            if not np.isfinite(values).all():
+                k = int(np.flatnonzero(~np.isfinite(values))[0])
+                raise DataError(
+                    f"{name} is {values[k]} at sample {k}: a record holds numbers only. Leave the gap out and let what "
+                    "follows be a stretch of its own (starts)."
+                )
+        if not (np.isfinite(self.sample_time) and self.sample_time > 0):
+            raise DataError(f"sample_time {self.sample_time!r} s: it lies above zero, for instance 0.02 for 50 Hz.")
+        starts = tuple(int(s) for s in self.starts)
+        if starts[:1] != (0,) or any(b <= a for a, b in zip(starts, (*starts[1:], len(u)), strict=True)):
+            raise DataError(f"starts {starts} of {len(u)} samples: they rise from 0, each below the number of samples.")
+        offsets = np.zeros((len(starts), 2)) if self.offsets is None else np.asarray(self.offsets, dtype=np.float64)
+        if offsets.shape != (len(starts), 2):
+            raise DataError(f"offsets have shape {offsets.shape}; {len(starts)} stretches need ({len(starts)}, 2).")
+        for name, value in (("u", u), ("y", y), ("starts", starts), ("offsets", offsets)):
+            object.__setattr__(self, name, value)
+        if self.sha256 is None:
+            object.__setattr__(self, "sha256", hashlib.sha256(u.tobytes() + y.tobytes()).hexdigest())
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second, Hz."""
+        return 1.0 / self.sample_time
+
+    @property
+    def stretches(self) -> tuple[slice, ...]:
+        """Samples of each stretch."""
+        ends = (*self.starts[1:], len(self))
+        return tuple(slice(start, end) for start, end in zip(self.starts, ends, strict=True))
+
+    def part(self, start: int, stop: int) -> "Record":
+        """Samples ``start`` up to, not with, ``stop``."""
+        if not 0 <= start < stop <= len(self):
+            raise DataError(f"samples {start} to {stop} of a record of {len(self)}: 0 <= start < stop <= {len(self)}.")
+        kept = [k for k, s in enumerate(self.stretches) if s.start < stop and s.stop > start]
+        starts = tuple(max(self.stretches[k].start - start, 0) for k in kept)
+        assert self.offsets is not None  # noqa: S101  set in __post_init__
+        return replace(
+            self, u=self.u[start:stop], y=self.y[start:stop], starts=starts, offsets=self.offsets[kept], sha256=None
+        )
+
+    def centred(self, trend: bool = False) -> "Record":
+        """Less the mean (with ``trend``, the line) of each stretch; the operating point stays in ``offsets``."""
+        u, y = self.u.copy(), self.y.copy()
+        assert self.offsets is not None  # noqa: S101
+        offsets = self.offsets.copy()
+        for k, s in enumerate(self.stretches):
+            for j, values in enumerate((u, y)):
+                mean = values[s].mean()
+                offsets[k, j] += mean
+                values[s] -= mean
+                if trend and s.stop - s.start > 1:
+                    time = np.arange(s.stop - s.start) - (s.stop - s.start - 1) / 2
+                    values[s] -= time * (time @ values[s]) / (time @ time)
+        return replace(self, u=u, y=y, offsets=offsets)
+
+    def less(self, u: float, y: float) -> "Record":
+        """Less one operating point for all stretches, which is kept in ``offsets``.
+
+        >>> rec = Record(u=[2.0, 3.0], y=[10.0, 11.0], sample_time=0.1).less(2.0, 10.0)
+        >>> rec.u.tolist(), rec.offsets.tolist()
+        ([0.0, 1.0], [[2.0, 10.0]])
+        """
+        if not np.isfinite([u, y]).all():
+            raise DataError(f"operating point ({u}, {y}): two finite numbers, in the units of input and output.")
+        assert self.offsets is not None  # noqa: S101
+        return replace(self, u=self.u - u, y=self.y - y, offsets=self.offsets + np.array([u, y]))
+
+    def decimated(self, k: int) -> "Record":
+        """Every k-th sample, behind an anti-alias filter without phase that runs in each stretch on its own.
+
+        Input and output pass the same filter, so that the relation between them stays; 80 % of the new half rate
+        passes unchanged. Stretches of fewer than 3 new samples are left out, and that is noted.
+
+        Raises
+        ------
+        DataError
+            k is no whole number of 1 or more, or no stretch is long enough.
+
+        Examples
+        --------
+        >>> slow = Record(u=np.arange(100.0), y=np.ones(100), sample_time=0.01).decimated(5)
+        >>> len(slow), slow.sample_time, slow.u[:3].round(6).tolist()
+        (20, 0.05, [0.0, 5.0, 10.0])
+        """
+        if k != int(k) or k < 1:
+            raise DataError(f"decimation by {k!r}: a whole number of 1 or more.")
+        return self if k == 1 else self._at(1, int(k))
+
+    def resampled(self, rate: float) -> "Record":
+        """At another rate in Hz: a ratio of whole numbers to the present one, up or down, filtered as `decimated`.
+
+        Examples
+        --------
+        >>> rec = Record(u=np.arange(100.0), y=np.ones(100), sample_time=0.01).resampled(40.0)
+        >>> len(rec), rec.sample_time
+        (40, 0.025)
+        """
+        from .resampling import ratio_of
+
+        ratio = ratio_of(rate, self.sample_time)
+        return self if ratio == 1 else self._at(ratio.numerator, ratio.denominator)
+
+    def _at(self, up: int, down: int) -> "Record":
+        from .resampling import KEPT, rational
+
+        assert self.offsets is not None  # noqa: S101
+        kept = [i for i, s in enumerate(self.stretches) if (s.stop - s.start - 1) * up // down + 1 >= 3]
+        if not kept:
+            raise DataError(
+                f"no stretch of this record has 3 samples left at {self.rate * up / down:g} Hz: the longest has "
+                f"{max(s.stop - s.start for s in self.stretches)} at {self.rate:g} Hz."
+            )
+        parts = [[rational(x[self.stretches[i]], up, down) for x in (self.u, self.y)] for i in kept]
+        begins = np.concatenate([[0], np.cumsum([len(part[0]) for part in parts])])[:-1]
+        slower = min(1.0, up / down)
+        notes = [
+            f"brought from {self.rate:.6g} to {self.rate * up / down:.6g} Hz; what lies below "
+            f"{KEPT * slower * self.rate / 2:.4g} Hz is kept, nothing above {slower * self.rate / 2:.4g} Hz is left"
+        ]
+        if len(kept) < len(self.starts):
+            notes.append(f"{len(self.starts) - len(kept)} stretch(es) too short for the new rate are left out")
+        return replace(
+            self,
+            u=np.concatenate([part[0] for part in parts]),
+            y=np.concatenate([part[1] for part in parts]),
+            sample_time=self.sample_time * down / up,
+            starts=tuple(int(b) for b in begins),
+            offsets=self.offsets[kept],
+            sha256=None,
+            notes=(*self.notes, *notes),
+        )
+
+
+def join(records: Sequence[Record]) -> Record:
+    """Several records of one machine as one, each a stretch of its own.
+
+    Examples
+    --------
+    >>> rec = Record(u=[0.0, 1.0], y=[0.0, 0.5], sample_time=0.1)
+    >>> join([rec, rec]).starts
+    (0, 2)
+    """
+    if not records:
+        raise DataError("no record to join; give at least one.")
+    first = records[0]
+    for other in records[1:]:
+        if not np.isclose(other.sample_time, first.sample_time, rtol=CLOCKS):
+            raise DataError(
+                f"one record is sampled every {first.sample_time:g} s, another every {other.sample_time:g} s: they "
+                "cannot be joined. Resample one of them."
+            )
+        if (other.unit_u, other.unit_y) != (first.unit_u, first.unit_y):
+            raise DataError(
+                f"one record is in {first.unit_u!r} and {first.unit_y!r}, another in {other.unit_u!r} and "
+                f"{other.unit_y!r}: bring them to the same units."
+            )
+    begin = np.concatenate([[0], np.cumsum([len(rec) for rec in records])])
+    sources = dict.fromkeys(rec.source for rec in records if rec.source)
+    hashes = "".join(rec.sha256 or "" for rec in records)
+    return replace(
+        first,
+        u=np.concatenate([rec.u for rec in records]),
+        y=np.concatenate([rec.y for rec in records]),
+        starts=tuple(int(b + s) for b, rec in zip(begin[:-1], records, strict=True) for s in rec.starts),
+        offsets=np.vstack([rec.offsets for rec in records if rec.offsets is not None]),
+        source=" + ".join(sources) or None,
+        sha256=hashlib.sha256(hashes.encode()).hexdigest(),
+        notes=tuple(dict.fromkeys(note for rec in records for note in rec.notes)),
+    )

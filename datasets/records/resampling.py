@@ -1,0 +1,121 @@
+"""From one sample rate to another: through a filter that keeps what the new rate can hold, and nothing else.
+
+Input and output pass the same filter, which therefore drops out of the relation between them.
+"""
+
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError, UsageError
+
+Array = NDArray[np.float64]
+
+STOP = (
+    70.0  # dB by which what would fold back is held down: below the 16 bits of a good card, far below a sensor's noise
+)
+KEPT = 0.8  # share of the new half rate that passes unchanged; from there to 1.0 the filter falls
+LONGEST = 1000  # up and down factors beyond it are no ratio that anyone means
+GAP = 3.0  # median steps; uneven samples further apart are not joined by a line
+
+
+@lru_cache(maxsize=8)
+def taps(up: int, down: int) -> Array:
+    """Symmetric low-pass for ``up`` / ``down`` at the rate between, odd length, shape (m,), sum 1.
+
+    Kaiser window: Kaiser & Schafer 1980, doi:10.1109/TASSP.1980.1163349.
+
+    >>> taps(1, 4).sum().round(12).item(), len(taps(1, 4)) % 2
+    (1.0, 1)
+    """
+    from scipy.signal import firwin, kaiserord
+
+    band = 1.0 / max(up, down)
+    count, beta = kaiserord(STOP, (1 - KEPT) * band)
+    return np.asarray(firwin(int(count) | 1, (1 + KEPT) / 2 * band, window=("kaiser", beta)), dtype=np.float64)
+
+
+def rational(values: Array, up: int, down: int) -> Array:
+    """One stretch, shape (n,), at ``up`` / ``down`` times its rate; the first sample stays the first.
+
+    The filter has no phase. Beyond its ends the stretch goes on mirrored about its end points, so that a straight
+    line stays one.
+
+    >>> rational(np.arange(9.0), 1, 4).round(9).tolist()
+    [0.0, 4.0, 8.0]
+    """
+    from scipy.signal import upfirdn
+
+    n = len(values)
+    if up == down or n < 2:
+        return values[:: max(1, down // up)].copy()
+    line = values[0] + (values[-1] - values[0]) * np.arange(n) / (n - 1)
+    h = taps(up, down) * up
+    half = len(h) // 2
+    pad = -(-half // up) + 1
+    padded = np.pad(values - line, pad, mode="reflect", reflect_type="odd")
+    late = -(pad * up + half) % down  # zeros that bring the first sample onto the grid of kept ones
+    out = upfirdn(np.concatenate([np.zeros(late), h]), padded, up, down)
+    first = (pad * up + half + late) // down
+    count = (n - 1) * up // down + 1
+    ends = values[0] + (values[-1] - values[0]) * np.arange(count) * (down / up) / (n - 1)
+    return np.asarray(out[first : first + count] + ends, dtype=np.float64)
+
+
+def ratio_of(rate: float, sample_time: float) -> Fraction:
+    """Ratio of a wanted rate in Hz to that of a sample time in s.
+
+    Raises
+    ------
+    UsageError
+        The rate is not above zero, or no ratio of whole numbers up to 1000 gives it.
+
+    >>> ratio_of(100.0, 0.004)
+    Fraction(2, 5)
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise UsageError(f"rate {rate!r} Hz to resample to: it lies above zero, for instance 50.")
+    exact = rate * sample_time
+    ratio = Fraction(exact).limit_denominator(LONGEST)
+    if not ratio or max(ratio.numerator, ratio.denominator) > LONGEST or abs(float(ratio) / exact - 1) > 1e-6:
+        near = f"; near it is {float(ratio) / sample_time:.6g} Hz" if ratio else ""
+        raise UsageError(
+            f"{rate:g} Hz is no simple ratio of {1 / sample_time:.6g} Hz (whole numbers up to {LONGEST}){near}."
+        )
+    return ratio
+
+
+def interpolated(time: Array, values: Array, starts: tuple[int, ...], rate: float) -> tuple[Array, tuple[int, ...]]:
+    """Lines between unevenly timed samples, read at an even rate in each stretch.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,), s, rising in each stretch
+    values : ndarray, shape (n, k)
+    starts : tuple of int
+        First row of each stretch.
+    rate : float, Hz
+
+    Returns
+    -------
+    values : ndarray, shape (m, k)
+    starts : tuple of int
+        Stretches too short for two samples are left out.
+
+    >>> values, starts = interpolated(np.array([0.0, 0.5, 2.0]), np.array([[0.0], [1.0], [4.0]]), (0,), 1.0)
+    >>> values.ravel().tolist(), starts
+    ([0.0, 2.0, 4.0], (0,))
+    """
+    parts: list[Array] = []
+    for begin, end in zip(starts, (*starts[1:], len(time)), strict=True):
+        t = time[begin:end]
+        count = int((t[-1] - t[0]) * rate + 1e-6) + 1
+        if count > 1:
+            grid = t[0] + np.arange(count) / rate
+            parts.append(np.column_stack([np.interp(grid, t, column) for column in values[begin:end].T]))
+    if not parts:
+        raise DataError(f"no stretch is long enough for two samples at {rate:g} Hz: take a higher rate.")
+    begins = np.concatenate([[0], np.cumsum([len(part) for part in parts])])[:-1]
+    return np.concatenate(parts), tuple(int(b) for b in begins)

@@ -1,0 +1,90 @@
+"""Filters and lags by stretch, and whether a polynomial is stable: what the iterative estimators share.
+
+Every stretch is filtered on its own from rest: no filter state and no regressor crosses a join.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-28  # of the squares of the data: a loss below it is rounding of the arithmetic
+EDGE = 1 - 1e-6  # the largest modulus of a root that estimates may have: a time constant of a million samples
+
+
+def filtered(num: Array | list[float], den: Array | list[float], x: Array, stretches: Sequence[slice]) -> Array:
+    """``num / den`` x, from rest in each stretch; x (N,) or (N, k), the same shape back."""
+    from scipy.signal import lfilter
+
+    if len(stretches) == 1:
+        return np.asarray(lfilter(num, den, x, axis=0), dtype=np.float64)
+    out = np.empty_like(x)
+    for s in stretches:
+        out[s] = lfilter(num, den, x[s], axis=0)
+    return out
+
+
+def lagged(x: Array, lags: range, stretches: Sequence[slice]) -> Array:
+    """Column k is x (N,) delayed by ``lags[k]`` samples, zero before each stretch; shape (N, len(lags))."""
+    out = np.zeros((len(x), len(lags)), order="F")
+    for s in stretches:
+        n = s.stop - s.start
+        for k, lag in enumerate(lags):
+            if lag < n:
+                out[s.start + lag : s.stop, k] = x[s.start : s.stop - lag]
+    return out
+
+
+def is_stable(polynomial: Array, radius: float = 1.0) -> bool:
+    """Whether every root of 1 + p_1 z^-1 + ... has a modulus below ``radius`` (Schur-Cohn: every reflection below 1).
+
+    >>> is_stable(np.array([1.0, -0.5])), is_stable(np.array([1.0, -1.0]))
+    (True, False)
+    """
+    p = [x / radius**k for k, x in enumerate(polynomial.tolist())]
+    while len(p) > 1:
+        k = p[-1] / p[0]
+        if not abs(k) < 1:  # a NaN is not stable
+            return False
+        p = [x - k * y for x, y in zip(p[:-1], reversed(p[1:]), strict=True)]
+    return True
+
+
+def reflected(polynomial: Array) -> Array:
+    """The polynomial with its roots outside the unit circle put at 1/conj(root), where |response| has the same shape.
+
+    >>> reflected(np.array([1.0, -2.0])).tolist()
+    [1.0, -0.5]
+    """
+    if is_stable(polynomial, EDGE) or not np.isfinite(polynomial).all():
+        return polynomial
+    roots = np.roots(polynomial).astype(np.complex128)
+    size = np.abs(roots)
+    outside = size >= EDGE
+    inside = np.minimum(1 / size[outside], 2 * EDGE - 1)
+    roots[outside] = inside * roots[outside] / size[outside]
+    return np.real(np.poly(np.r_[roots, np.zeros(len(polynomial) - 1 - len(roots))])).astype(np.float64)
+
+
+def impulse_response(den: Array, length: int) -> Array:
+    """1 / den driven by one impulse, up to ``length`` samples or until it has died out."""
+    from scipy.signal import lfilter
+
+    n = 1024
+    while True:
+        pulse = np.zeros(min(n, length))
+        pulse[0] = 1.0
+        h = np.asarray(lfilter([1.0], den, pulse), dtype=np.float64)
+        # beyond this the filter would crawl through denormal numbers
+        if n >= length or np.abs(h[-len(den) :]).max() < 1e-17 * np.abs(h).max():
+            return h
+        n *= 8
+
+
+def squares(e: Array) -> float:
+    """Sum of squares; infinite where a simulation ran away."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = float(e @ e)
+    return total if math.isfinite(total) else math.inf

@@ -1,0 +1,183 @@
+"""A discrete transfer function with what is known of it: the hand-over from every estimator.
+
+    y(t) = b(q) / a(q) u(t) + noise,    b(q) = b_nk q^-nk + ... + b_(nk+nb-1) q^-(nk+nb-1),    a(q) = 1 + a_1 q^-1 ...
+
+``nk`` counts samples of delay: nk = 1 is the first response that a sampled machine can give (as in MATLAB; Octave's arx
+counts one less). Source: Ljung 1999, System Identification, section 4.2.
+"""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import IdentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+Structure = Literal["arx", "sriv", "output_error", "armax", "given"]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One identified (or given) model.
+
+    Attributes
+    ----------
+    b, a : ndarray
+        Whole polynomials in z^-1: b keeps its nk leading zeros, a starts with 1.
+    nk : int
+        Samples of delay.
+    sample_time : float
+        Seconds.
+    structure : str
+        ``arx``, ``sriv``, ``output_error``, ``armax``, or ``given``.
+    cov_params : ndarray, shape (na + nb, na + nb), or None
+        Covariance of ``theta`` = a_1 ... a_na, b_nk ... b_(nk+nb-1).
+    noise_variance : float or None
+        Of the innovations (arx, armax) or of the output error (sriv, output_error), in unit_y squared.
+    c : ndarray
+        Noise polynomial of armax; 1 otherwise.
+    n : int or None
+        Samples that it was fitted to.
+    record : str or None
+        SHA-256 of the record.
+    input, output, unit_u, unit_y : str
+    operating_point : tuple of float or None
+        Mean input and output that were taken off before the fit.
+    band : tuple of float or None
+        Excited band in Hz: outside it the model has seen nothing.
+    notes : tuple of str
+
+    Examples
+    --------
+    >>> model = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1)
+    >>> model.dc_gain, model.stable
+    (1.0, True)
+    """
+
+    b: Array
+    a: Array
+    nk: int
+    sample_time: float
+    structure: Structure = "given"
+    cov_params: Array | None = None
+    noise_variance: float | None = None
+    c: Array = field(default_factory=lambda: np.ones(1))
+    n: int | None = None
+    record: str | None = None
+    input: str = "u"
+    output: str = "y"
+    unit_u: str = ""
+    unit_y: str = ""
+    operating_point: tuple[float, float] | None = None
+    band: tuple[float, float] | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        b, a, c = (np.atleast_1d(np.asarray(p, dtype=np.float64)) for p in (self.b, self.a, self.c))
+        for name, p in (("b", b), ("a", a), ("c", c)):
+            if p.ndim != 1 or not np.isfinite(p).all():
+                raise IdentError(f"{name} of a model is {p.tolist()}: a polynomial is a row of finite numbers.")
+            object.__setattr__(self, name, p)
+        if a[0] != 1 or c[0] != 1:
+            raise IdentError(
+                f"a and c of a model start with 1, not {a[0]:g} and {c[0]:g}: divide by the first coefficient."
+            )
+        if self.nk < 0 or len(b) <= self.nk or np.any(b[: self.nk] != 0):
+            raise IdentError(
+                f"b {b.tolist()} of a model with nk {self.nk}: it begins with {self.nk} zeros, then its coefficients."
+            )
+        if not self.sample_time > 0:
+            raise IdentError(f"sample_time {self.sample_time!r} s of a model: it lies above zero.")
+
+    @property
+    def na(self) -> int:
+        """Order of a."""
+        return len(self.a) - 1
+
+    @property
+    def nb(self) -> int:
+        """Number of coefficients of b."""
+        return len(self.b) - self.nk
+
+    @property
+    def theta(self) -> Array:
+        """a_1 ... a_na, b_nk ... b_(nk+nb-1)."""
+        return np.concatenate([self.a[1:], self.b[self.nk :]])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of ``theta``."""
+        return (*(f"a{i}" for i in range(1, self.na + 1)), *(f"b{j}" for j in range(self.nk, len(self.b))))
+
+    @property
+    def params(self) -> "pd.Series[float]":
+        """``theta`` by name."""
+        import pandas as pd
+
+        return pd.Series(self.theta, index=list(self.names))
+
+    @property
+    def bse(self) -> "pd.Series[float]":
+        """Standard errors of ``theta``; NaN where there is no covariance."""
+        import pandas as pd
+
+        none = np.full(len(self.theta), np.nan)
+        se = none if self.cov_params is None else np.sqrt(np.diag(self.cov_params))
+        return pd.Series(se, index=list(self.names))
+
+    @property
+    def transfer_function(self) -> tuple[Array, Array, float]:
+        """b, a in powers of z^-1 and the sample time, as scipy and python-control take them (lengths made equal)."""
+        n = max(len(self.b), len(self.a))
+        return np.pad(self.b, (0, n - len(self.b))), np.pad(self.a, (0, n - len(self.a))), self.sample_time
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Roots of a, in z."""
+        return np.asarray(np.roots(self.transfer_function[1]), dtype=np.complex128)
+
+    @property
+    def zeros(self) -> NDArray[np.complex128]:
+        """Roots of b, in z."""
+        return np.asarray(np.roots(self.transfer_function[0]), dtype=np.complex128)
+
+    @property
+    def radius(self) -> float:
+        """Largest modulus of a pole; 0 without poles."""
+        return float(np.abs(self.poles).max(initial=0.0))
+
+    @property
+    def stable(self) -> bool:
+        """Whether a free run dies out: every pole inside the unit circle."""
+        return self.radius < 1.0
+
+    @property
+    def dc_gain(self) -> float:
+        """Response to a constant input of 1, in unit_y per unit_u; infinite for an integrator."""
+        below = float(self.a.sum())
+        return float(self.b.sum()) / below if below != 0 else float(np.copysign(np.inf, self.b.sum()))
+
+    def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """G at frequencies in Hz, complex, the shape of ``frequency``."""
+        z = np.exp(-2j * np.pi * np.asarray(frequency, dtype=np.float64) * self.sample_time)
+        return np.asarray(np.polyval(self.b[::-1], z) / np.polyval(self.a[::-1], z), dtype=np.complex128)
+
+    def simulate(self, u: ArrayLike) -> Array:
+        """Free run from rest on an input u (N,), shape (N,): no measured output enters."""
+        from scipy.signal import lfilter
+
+        return np.asarray(lfilter(self.b, self.a, np.asarray(u, dtype=np.float64)), dtype=np.float64)
+
+    def to_control(self) -> Any:  # noqa: ANN401
+        """The model as a python-control TransferFunction; IdentError where that library is not installed."""
+        try:
+            import control
+        except ImportError:
+            raise IdentError("python-control is not installed: pip install 'fitmodels[control]'.") from None
+        num, den, dt = self.transfer_function
+        return control.TransferFunction(num, den, dt, inputs=self.input, outputs=self.output)
