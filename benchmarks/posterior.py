@@ -88,8 +88,8 @@ def of_nuts(law, edges: bool, natural: bool) -> tuple[float, float] | None:
     def model():
         names = ("level", *law.theta_names[1:])
         beta = jnp.stack([numpyro.sample(n, dist.Normal(priors.of[n].mean, priors.of[n].sd)) for n in names])
-        sd = numpyro.sample("sd", dist.TransformedDistribution(
-            dist.StudentT(priors.of["sd"].df, 0.0, priors.of["sd"].scale), dist.transforms.AbsTransform()))  # fmt: skip
+        half = dist.FoldedDistribution(dist.StudentT(priors.of["sd"].df, 0.0, priors.of["sd"].scale))
+        sd = numpyro.sample("sd", half)
         eta = Z @ beta
         if natural:
             eta = jnp.exp(eta)

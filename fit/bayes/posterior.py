@@ -17,7 +17,7 @@ from .gate import Gate, gate
 from .law_density import Errors, LawDensity
 from .leave_out import LeaveOut, leave_one_out
 from .priors import Priors
-from .psis import K_HAT, pareto_smoothed
+from .psis import pareto_smoothed
 from .sample import Sample
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Kind = Literal["mean", "prediction"]
 Edge = Literal["new", "same"]
+
+FINITE_VARIANCE = 0.5  # k-hat up to which a weighted mean has one
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +216,7 @@ class Posterior:
         other = replace(self.density, priors=self.priors.scaled(by))
         change = other.log_prior(self.sample.phi) - self.density.log_prior(self.sample.phi)
         weights, k_hat = pareto_smoothed(change)
-        if k_hat <= K_HAT:
+        if k_hat <= FINITE_VARIANCE:
             return np.asarray(np.exp(weights) @ self.draws)
         from .choose import draw_again
 
