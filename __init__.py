@@ -4,7 +4,9 @@ The rooms, in the order the data walk through them::
 
     datasets    what was measured       a lab file -> columns and units -> Runs
     fit         static laws             power, exponential and load laws
-    parameters  what is handed over     the parameter file: write, read, predict
+    ident       dynamics                records -> models that simulate, PI gains
+    parameters  what is handed over     the parameter file: write, read, predict, export
+    controllers who uses it             replayed from a parameter file alone
     cards       what is told            figures and the model card
 
 A room is imported when it is first used, so that ``import fitmodels`` costs next to nothing.
@@ -19,10 +21,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from . import cards, datasets, fit, parameters
+    from . import cards, controllers, datasets, fit, ident, parameters
 
 __version__ = "0.1.0"
-__all__ = ["__version__", "cards", "datasets", "fit", "parameters"]
+__all__ = ["__version__", "cards", "controllers", "datasets", "fit", "ident", "parameters"]
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -9,6 +9,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ..parameters import ParameterFile
+from .dynamics_facts import model_rows, model_words, transfer_function_words
 from .facts import (
     about_intervals,
     cautions,
@@ -29,14 +30,16 @@ from .posterior_facts import drawn_rows, posterior_of, posterior_words
 SPECIAL = re.compile(r"([\\`*_\[\]|~])")
 
 
-def markdown(pf: ParameterFile, *, figures: bool = False, data_lines: Sequence[str] = ()) -> str:
+def markdown(
+    pf: ParameterFile, *, figures: bool = False, dynamics_figures: bool = False, data_lines: Sequence[str] = ()
+) -> str:
     """The card of a parameter file, schema ``fitmodels.card/1``: Markdown with a YAML head.
 
     Parameters
     ----------
     pf : ParameterFile
-    figures : bool
-        Whether the three figures stand in ``figures/`` beside the card.
+    figures, dynamics_figures : bool
+        Whether the figures of laws, or of dynamics, stand in ``figures/`` beside the card.
     data_lines : sequence of str
         What was understood of the data, a line each.
     """
@@ -62,6 +65,10 @@ def markdown(pf: ParameterFile, *, figures: bool = False, data_lines: Sequence[s
             cautions=cautions,
             composite=lambda law: [words] if (words := composite_words(law)) else [],
             edge_words=edge_words,
+            dynamics_figures=dynamics_figures,
+            transfer_function=transfer_function_words,
+            model_rows=model_rows,
+            model_words=model_words,
             posterior=lambda law: posterior_of(pf, law),
             drawn=drawn_rows,
             posterior_words=posterior_words,
@@ -73,10 +80,21 @@ def markdown(pf: ParameterFile, *, figures: bool = False, data_lines: Sequence[s
     )
 
 
-def write_card(pf: ParameterFile, folder: Path, *, figures: bool = False, data_lines: Sequence[str] = ()) -> Path:
+def write_card(
+    pf: ParameterFile,
+    folder: Path,
+    *,
+    figures: bool = False,
+    dynamics_figures: bool = False,
+    data_lines: Sequence[str] = (),
+) -> Path:
     """Write the card as ``README.md`` in ``folder`` and return its path."""
     path = folder / "README.md"
-    path.write_text(markdown(pf, figures=figures, data_lines=data_lines), encoding="utf-8", newline="\n")
+    path.write_text(
+        markdown(pf, figures=figures, dynamics_figures=dynamics_figures, data_lines=data_lines),
+        encoding="utf-8",
+        newline="\n",
+    )
     return path
 
 

@@ -5,12 +5,17 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..datasets.errors import UsageError
 from ..fit import LawFit, Posterior
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
 from .card import write_card
+from .dynamics_figures import DYNAMICS_FIGURES, draw_dynamics
+
+if TYPE_CHECKING:
+    from ..ident.identification import Identification
 
 DRAWS = "draws.npz"
 FILES = (
@@ -23,7 +28,9 @@ FILES = (
 
 
 def files(pf: ParameterFile) -> tuple[str, ...]:
-    """Names of the files of a pair's folder: the draws only where there are any."""
+    """Names of the files of a folder: draws only where there are any, and the figures of laws or of dynamics."""
+    if not pf.laws and pf.dynamics is not None:
+        return (*FILES[:2], *DYNAMICS_FIGURES)
     drawn = pf.posterior is not None and pf.posterior.draws_file is not None
     return (FILES[0], DRAWS, *FILES[1:]) if drawn else FILES
 
@@ -34,6 +41,7 @@ def write(
     *,
     laws: Sequence[LawFit] = (),
     posteriors: Sequence[Posterior] = (),
+    identification: "Identification | None" = None,
     data_lines: Sequence[str] = (),
     force: bool = False,
 ) -> Path:
@@ -50,6 +58,8 @@ def write(
         The fits behind ``pf``; without them there are no figures.
     posteriors : sequence of Posterior
         Those that ``pf`` was collected with.
+    identification : Identification, optional
+        Behind the dynamics of ``pf``, for its figures.
     data_lines : sequence of str
         What was understood of the data, for the card.
     force : bool
@@ -70,13 +80,13 @@ def write(
     ['README.md', 'params.json']
     """
     folder = Path(folder)
-    if not force and any((folder / name).exists() for name in (*FILES, DRAWS)):
+    if not force and any((folder / name).exists() for name in (*FILES, DRAWS, *DYNAMICS_FIGURES)):
         raise UsageError(f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out.")
     try:
         with _stage(folder.parent) as stage:
             made = stage / "made"  # the stage itself is private to its user
             made.mkdir()
-            _fill(made, pf, laws, posteriors, data_lines)
+            _fill(made, pf, laws, posteriors, identification, data_lines)
             _move(made, folder)
     except OSError as error:
         raise UsageError(
@@ -100,12 +110,19 @@ def _stage(parent: Path) -> Iterator[Path]:
 
 
 def _fill(
-    stage: Path, pf: ParameterFile, laws: Sequence[LawFit], posteriors: Sequence[Posterior], data_lines: Sequence[str]
+    stage: Path,
+    pf: ParameterFile,
+    laws: Sequence[LawFit],
+    posteriors: Sequence[Posterior],
+    identification: "Identification | None",
+    data_lines: Sequence[str],
 ) -> None:
     write_parameters(pf, stage / "params.json")
     if posteriors:
         (stage / DRAWS).write_bytes(draws_of(posteriors))
-    write_card(pf, stage, figures=bool(laws), data_lines=data_lines)
+    write_card(pf, stage, figures=bool(laws), dynamics_figures=identification is not None, data_lines=data_lines)
+    if identification is not None:
+        draw_dynamics(identification, stage / "figures", "not measured" if pf.identity.simulated else "")
     if laws:
         from .figures import draw_figures
 

@@ -14,12 +14,14 @@ from pathlib import Path
 from .. import __version__
 
 # Each command is a module of this room with ``parser()`` and ``run(args) -> exit code``.
-COMMANDS = ("confirm", "next", "plan", "predict", "simulate")
+COMMANDS = ("check", "confirm", "excite", "export", "ident", "next", "plan", "predict", "settings", "simulate", "tune")
 DEFECT = 70
 
 
 def entry() -> int:
     """Run the command as a process of its own, which is too short to be worth collecting garbage in."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # matrices are small: threads cost ten times what they save on a busy machine
     gc.disable()  # the collector takes a tenth of the whole time, most of it while importing
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller, as in `fitmodels data.csv >&-`

@@ -1,12 +1,15 @@
 """The options that say how a lab file is read, shared by every command that reads one."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import Parser, pairs, ranges
 
 if TYPE_CHECKING:
     from ..datasets import Runs
+    from ..datasets.records.look import Look
+    from ..datasets.tables import Table
 
 
 def reading_options(parser: Parser) -> None:
@@ -24,7 +27,26 @@ def reading_options(parser: Parser) -> None:
     group.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
 
 
-def read(file: str, args: argparse.Namespace) -> "Runs":
+def recognise(file: str, args: argparse.Namespace) -> tuple["str | Table", "Look | None"]:
+    """What a file looks like, with its table where that was read; None where the options say that it holds tests."""
+    from ..datasets import looks_like_record
+    from ..datasets.records.formats import kind_of
+    from ..datasets.records.look import Look
+    from ..datasets.tables import read_table
+    from ..datasets.tables.decode import load_bytes
+    from ..datasets.units import is_unit
+
+    if args.map or args.range or args.sheet:
+        return file, None
+    path = Path(file)
+    kind = kind_of(load_bytes(path), path.name)
+    if kind != "table":
+        return file, Look("record", f"a file of samples ({kind})")
+    table = read_table(path, is_unit=is_unit, decimal=args.decimal, delimiter=args.delimiter)
+    return table, looks_like_record(table)
+
+
+def read(file: "str | Table", args: argparse.Namespace) -> "Runs":
     """Read a file as the options say."""
     from ..datasets import read_runs
 

@@ -4,7 +4,7 @@ import argparse
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,12 @@ from .. import __version__
 from .arguments import Parser
 from .output import Printer, complain
 from .posteriors import checked, draw, kept, posterior_options
-from .reading import read, reading_options
+from .reading import read, reading_options, recognise
 
 if TYPE_CHECKING:
     from ..datasets import Runs
+    from ..datasets.records.look import Look
+    from ..datasets.tables import Table
     from ..fit import LawFit, NotAvailable, Posterior, ToolLife
     from ..parameters import ParameterFile
 
@@ -48,7 +50,8 @@ def parser() -> Parser:
         "fitmodels data.csv",
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
-        "Other commands, each with -h: predict, plan, next, confirm, simulate",
+        "Other commands, each with -h: predict, plan, next, confirm, simulate; ident, excite, tune; check, settings,\n"
+        "export",
     )
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
@@ -95,7 +98,10 @@ def run(args: argparse.Namespace) -> int:
     out = Printer()
     with progress() as step:
         step(f"reading {Path(args.file).name}")
-        runs = read(args.file, args)
+        table, look = recognise(args.file, args)
+        runs = None if look else _tests(table, look, args)
+    if runs is None:
+        return _identify(args)
     options = {name: value for name in OPTIONS_OF_A_FIT if (value := getattr(args, name)) is not None}
     options |= checked(args)
     jobs = _jobs(runs, args, options)
@@ -108,6 +114,33 @@ def run(args: argparse.Namespace) -> int:
     if any(report["gate"] for report in reports):
         return 5
     return 4 if any(report["parameters"] is None for report in reports) else 0
+
+
+def _tests(table: "str | Table", look: "Look | None", args: argparse.Namespace) -> "Runs":
+    """The tests of a file; where it might be a record as well, that is said."""
+    runs = read(table, args)
+    if look is None or look.kind == "table":
+        return runs
+    word = f"a table of cutting tests ({look.reason}); if it is a record of one run, say fitmodels ident {args.file}"
+    return replace(runs, assumed=(*runs.assumed, word))
+
+
+def _identify(args: argparse.Namespace) -> int:
+    """A record: what ``fitmodels ident`` does, with the options that both know."""
+    from ..datasets import DataError, UsageError
+    from . import ident
+
+    words = [args.file]
+    for name in ("out", "tool", "work", "decimal", "delimiter"):
+        if getattr(args, name) is not None:
+            words += [f"--{name}", getattr(args, name)]
+    words += [f"--unit={item}" for item in args.unit or ()]
+    words += [f"--{name}" for name in ("force", "json") if getattr(args, name)]
+    try:
+        return ident.run(ident.parser().parse_args(words))
+    except (UsageError, DataError) as error:  # the options that it names are those of the other command
+        error.args = (f"{args.file} is a record of a run, for fitmodels ident {args.file}: {error}",)
+        raise
 
 
 def _jobs(runs: "Runs", args: argparse.Namespace, options: Mapping[str, Any]) -> list[Job]:

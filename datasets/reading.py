@@ -13,13 +13,13 @@ from .coded import decode
 from .columns import NONE, ColumnUse, Values, assign
 from .errors import DataError, UsageError
 from .runs import UNNAMED, Runs, Source
-from .tables import Column, read_table
+from .tables import Column, Table, read_table
 from .units import is_unit
 from .vocabulary import ROLES
 
 
 def read_runs(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Table,
     *,
     map: Mapping[str, str] | None = None,  # noqa: A002  the option of the command is --map
     units: Mapping[str, str] | None = None,
@@ -34,7 +34,7 @@ def read_runs(
 
     Parameters
     ----------
-    path : path of the file
+    path : path of the file, or a Table that was read from it
     map : mapping of role symbol to column header (or ``col7``), which overrides what the headers say
     units : mapping of role symbol to unit, for columns whose unit is not in the file
     ranges : mapping of role symbol to (low, high) or (low, centre, high), for columns in coded levels
@@ -54,7 +54,9 @@ def read_runs(
     >>> len(datasets.read_runs(datasets.bundled("ac2017_table1")))
     16
     """
-    table = read_table(path, is_unit=is_unit, decimal=decimal, delimiter=delimiter, sheet=sheet)
+    table = path
+    if not isinstance(table, Table):
+        table = read_table(table, is_unit=is_unit, decimal=decimal, delimiter=delimiter, sheet=sheet)
     source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
     notes = tuple(note.lstrip("#% ") for note in table.notes)
     return _assemble(

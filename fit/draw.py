@@ -1,4 +1,4 @@
-"""Pictures of one law on given axes; the only file of the room that imports matplotlib."""
+"""Pictures of one law on given axes; of the room, only this file and ``bayes/figures`` import matplotlib."""
 
 from collections.abc import Mapping
 
@@ -28,12 +28,13 @@ def _axes(ax: Axes | None) -> Axes:
     return Figure(figsize=(4.8, 4.2), layout="constrained").subplots() if ax is None else ax
 
 
-def _label(law: LawFit, symbol: str) -> str:
+def label(law: LawFit, symbol: str) -> str:
+    """A symbol with its unit in brackets, where it has one."""
     unit = law.units.get(symbol, "")
     return f"{symbol} [{unit}]" if unit else symbol
 
 
-def _even(n: int) -> NDArray[np.intp]:
+def even(n: int) -> NDArray[np.intp]:
     """Positions of an even choice of at most ``MOST`` of n points, the first and the last among them."""
     return np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp)
 
@@ -43,8 +44,9 @@ def _title(ax: Axes, text: str, n: int) -> None:
     ax.set_title(text + (f"\n{MOST} of {n} points drawn" if n > MOST else ""), fontsize=10)
 
 
-def _points(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-    shown = _even(len(x))
+def points(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+    """Open circles at x, y (n,), smaller where they are many, at most ``MOST`` of them."""
+    shown = even(len(x))
     size, edge = (4, 0.9) if len(shown) <= 500 else (2, 0.4)
     ax.plot(x[shown], y[shown], "o", ms=size, mfc="none", mec=BLUE, mew=edge)
 
@@ -62,14 +64,14 @@ def _says_why(law: LawFit, ax: Axes) -> bool:
 def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
     """Measured values against the law's, with the line on which they would be equal."""
     ax = _axes(ax)
-    _points(ax, law.fitted, law.observed)
+    points(ax, law.fitted, law.observed)
     ends = [min(law.fitted.min(), law.observed.min()), max(law.fitted.max(), law.observed.max())]
     ax.plot(ends, ends, color=ORANGE, lw=1.2)
     if law.error == "multiplicative" and ends[0] > 0 and ends[1] / ends[0] > 3:
         ax.set(xscale="log", yscale="log")
         _plain_ticks(ax, "xy", ends, ends)
-    ax.set_xlabel(f"predicted {_label(law, law.response)}")
-    ax.set_ylabel(f"observed {_label(law, law.response)}")
+    ax.set_xlabel(f"predicted {label(law, law.response)}")
+    ax.set_ylabel(f"observed {label(law, law.response)}")
     _title(ax, f"{law.response}: R² {law.rsquared:.3f}, n {law.nobs}", law.nobs)
     return ax
 
@@ -80,7 +82,7 @@ def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
     if _says_why(law, ax):
         return ax
     ax.axhline(0, color=ORANGE, lw=1.2)
-    _points(ax, law.fitted, law.residuals)
+    points(ax, law.fitted, law.residuals)
     se = law.scale_se
     if se:
         for side in (-2, 2):
@@ -90,7 +92,7 @@ def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
         ax.set_xscale("log")
         _plain_ticks(ax, "x", [low, high], [low, high])
     unit = "ln" if law.error == "multiplicative" else law.units.get(law.response, "")
-    ax.set_xlabel(f"predicted {_label(law, law.response)}")
+    ax.set_xlabel(f"predicted {label(law, law.response)}")
     ax.set_ylabel(f"residual of {law.response} [{unit}]")
     _title(ax, f"{law.response}: dashed ±2 SE" if se else law.response, law.nobs)
     return ax
@@ -106,7 +108,7 @@ def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
     n = law.nobs
     scale = law.scale_se or 1.0
     quantiles = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))  # Blom 1958
-    _points(ax, quantiles, np.sort(law.residuals) / scale)
+    points(ax, quantiles, np.sort(law.residuals) / scale)
     ends = [quantiles[0], quantiles[-1]]
     ax.plot(ends, ends, color=ORANGE, lw=1.2)
     ax.set_xlabel("normal quantile")
@@ -135,9 +137,9 @@ def _line(law: LawFit, ax: Axes) -> Axes:
         ax.fill_between(grid, band["low"], band["high"], color=BLUE, alpha=0.15, lw=0, label="95 % prediction")
         ax.plot(grid, band["value"], color=ORANGE)
         ax.legend(frameon=False, fontsize=8)
-    _points(ax, law.X[:, 0], law.observed)
-    ax.set_xlabel(_label(law, name))
-    ax.set_ylabel(_label(law, law.response))
+    points(ax, law.X[:, 0], law.observed)
+    ax.set_xlabel(label(law, name))
+    ax.set_ylabel(label(law, law.response))
     _title(ax, f"{law.response} on {name}", law.nobs)
     return ax
 
@@ -148,8 +150,8 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
     logs = law.form == "power"
     space = np.geomspace if logs else np.linspace
     gx, gy = np.meshgrid(space(x0, x1, 50), space(y0, y1, 50))
-    middle = {name: _middle(law.domain[name], logs) for name in others}
-    at = {x: gx.ravel(), y: gy.ravel(), **{name: np.full(gx.size, v) for name, v in middle.items()}}
+    at_middle = {name: middle(law.domain[name], logs) for name in others}
+    at = {x: gx.ravel(), y: gy.ravel(), **{name: np.full(gx.size, v) for name, v in at_middle.items()}}
     z = np.asarray(law.predict({**at, **_category(law, gx.size)})).reshape(gx.shape)
     levels = _levels(z)
     ax.contourf(gx, gy, z, levels, cmap="Blues", alpha=0.6, extend="both")
@@ -161,10 +163,10 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
     if logs:
         ax.set(xscale="log", yscale="log")
         _plain_ticks(ax, "xy", [x0, x1], [y0, y1])
-    ax.set_xlabel(_label(law, x))
-    ax.set_ylabel(_label(law, y))
-    held = ", ".join(f"{name} {value:.3g} {law.units.get(name, '')}".rstrip() for name, value in middle.items())
-    ax.set_title(_label(law, law.response) + (f"\n{held}" if held else ""), fontsize=9)
+    ax.set_xlabel(label(law, x))
+    ax.set_ylabel(label(law, y))
+    held = ", ".join(f"{name} {value:.3g} {law.units.get(name, '')}".rstrip() for name, value in at_middle.items())
+    ax.set_title(label(law, law.response) + (f"\n{held}" if held else ""), fontsize=9)
     return ax
 
 
@@ -172,7 +174,8 @@ def _category(law: LawFit, n: int) -> Mapping[str, object]:
     return {} if law.by is None else {law.by.column: np.full(n, law.by.reference)}
 
 
-def _middle(ends: tuple[float, float], logs: bool) -> float:
+def middle(ends: tuple[float, float], logs: bool) -> float:
+    """Middle of a range, the geometric one where ``logs``."""
     return float(np.sqrt(ends[0] * ends[1])) if logs else (ends[0] + ends[1]) / 2
 
 
@@ -182,7 +185,7 @@ def _levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
     if not high > low:
         return np.array([low, low + 1e-9])
     if low > 0 and high / low > 8:
-        inside = [v for v in _round_numbers(low, high, fewest=5) if low < v < high]
+        inside = [v for v in round_numbers(low, high, fewest=5) if low < v < high]
         return np.array(inside) if len(inside) > 2 else np.geomspace(low, high, 8)[1:-1]
     return np.array([v for v in MaxNLocator(8).tick_values(low, high) if low < v < high])
 
@@ -191,12 +194,12 @@ def _plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
     """Ticks of a logarithmic axis at round numbers, written as people write them."""
     for name, axis, ends in (("x", ax.xaxis, x), ("y", ax.yaxis, y)):
         if name in which:
-            ticks = _round_numbers(ends[0], ends[1])
+            ticks = round_numbers(ends[0], ends[1])
             axis.set_ticks(ticks, [f"{v:g}" for v in ticks])
             axis.set_ticks([], minor=True)
 
 
-def _round_numbers(low: float, high: float, fewest: int = 3, most: int = 9) -> list[float]:
+def round_numbers(low: float, high: float, fewest: int = 3, most: int = 9) -> list[float]:
     """Numbers a person would choose between two ends on a logarithmic axis, at least ``fewest`` if there are."""
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     ticks: list[float] = []

@@ -5,11 +5,15 @@
 n is the number of windows that are worth as much as independent ones. Source: Bendat & Piersol 2010, section 9.1.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.record import Record
 from .errors import IdentError
+
+if TYPE_CHECKING:
+    from ..datasets import Record
 
 Array = NDArray[np.float64]
 WINDOWS = 8  # per record by default, and
@@ -18,7 +22,7 @@ OVERLAPPED = 1 / 36  # squared correlation of spectra from Hann windows that ove
 
 
 def averaged(
-    rec: Record, frequency: Array, resolution: float | None
+    rec: "Record", frequency: Array, resolution: float | None
 ) -> tuple[NDArray[np.complex128], Array, Array, Array, float]:
     """G, its complex standard error, coherence and degrees of freedom at frequencies, and the resolution in Hz."""
     from scipy.signal import csd
@@ -30,15 +34,15 @@ def averaged(
     count = sum((s.stop - s.start - n) // (n - n // 2) + 1 for s in usable)
     if count < FEWEST:
         raise IdentError(
-            f"{count} windows of {n} samples: averaging needs {FEWEST} or more. Give a coarser resolution, record longer, "
-            'or use method="local".'
+            f"{count} windows of {n} samples: averaging needs {FEWEST} or more. Give a coarser resolution, record "
+            'longer, or use method="impulse".'
         )
-    uu, uy, yy, f = 0.0, 0.0, 0.0, np.zeros(0)
+    f = np.fft.rfftfreq(n, rec.sample_time)
+    uu, uy, yy = np.zeros(len(f)), np.zeros(len(f), dtype=np.complex128), np.zeros(len(f))
     for s in usable:
         weight = (s.stop - s.start - n) // (n - n // 2) + 1
         u, y = rec.u[s] - rec.u[s].mean(), rec.y[s] - rec.y[s].mean()
-        f, cross = csd(u, y, rec.rate, nperseg=n, noverlap=n // 2)
-        uy = uy + weight * cross
+        uy = uy + weight * csd(u, y, rec.rate, nperseg=n, noverlap=n // 2)[1]
         uu, yy = (p + weight * csd(x, x, rec.rate, nperseg=n, noverlap=n // 2)[1].real for p, x in ((uu, u), (yy, y)))
     at = np.clip(np.rint(frequency / f[1]).astype(np.intp), 1, len(f) - 1)
     s_uu, s_uy, s_yy = uu[at], uy[at], yy[at]

@@ -1,14 +1,18 @@
 """Pictures of identification on given axes; the only file of the room that imports matplotlib."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from .frequency import FrequencyResponse
+    from .model import Model
     from .orders import OrderSearch
+    from .validation import Validation
 
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
 
@@ -44,3 +48,109 @@ def order_map(search: "OrderSearch", ax: Axes | None = None) -> Axes:
     ax.set(xlabel="nb", ylabel="na")
     ax.set_title(f"chosen na {na}, nb {nb}, nk {nk}; number in a cell: best nk", fontsize=9)
     return ax
+
+
+def simulated_fit(found: "Validation", ax: Axes | None = None) -> Axes:
+    """Measured output and the free run over it; stretches are set apart."""
+    if ax is None:
+        ax = Figure(figsize=(7.2, 3.6), layout="constrained").subplots()
+    name, unit = found.labels
+    ends = [*found.starts[1:], len(found.y)]
+    for k, (start, end) in enumerate(zip(found.starts, ends, strict=True)):
+        part = slice(start, end)
+        first = k == 0
+        ax.plot(found.time[part], found.y[part], color=GREY, lw=1.6, label="measured" if first else None)
+        ax.plot(found.time[part], found.yhat[part], color=BLUE, lw=1.0, label="simulated" if first else None)
+        if not first:
+            ax.axvline(found.time[start], color="black", lw=0.6, ls=":")
+    ax.set(xlabel="time [s]", ylabel=f"{name} [{unit}]" if unit else name)
+    ax.margins(x=0)
+    ax.legend(loc="upper right", frameon=False, ncols=2, fontsize=8, bbox_to_anchor=(1, 1.12))
+    ax.set_title(f"fit {found.fit:.1f} %, R² {found.rsquared:.3f}", fontsize=9, loc="left")
+    return ax
+
+
+def bode(
+    model: "Model", measured: "FrequencyResponse | None" = None, axes: "tuple[Axes, Axes] | None" = None
+) -> tuple[Axes, Axes]:
+    """Gain and phase of a model with its band, over the measured response; what was not excited is shaded."""
+    upper, lower = axes or Figure(figsize=(6.0, 5.6), layout="constrained").subplots(2, 1, sharex=True)
+    nyquist = 0.5 / model.sample_time
+    band = model.band or (measured.band if measured is not None else None)
+    low = (
+        min(band[0] / 2, measured.frequency[0])
+        if band and measured is not None
+        else (band[0] / 2 if band else nyquist / 300)
+    )
+    f = np.geomspace(low, nyquist * 0.999, 300)
+    _bode_model(model, f, upper, lower)
+    if measured is not None:
+        _bode_measured(measured, model, upper, lower)
+    if band is not None:
+        for ax in (upper, lower):
+            for begin, end in ((f[0], band[0]), (band[1], f[-1])):
+                ax.axvspan(begin, end, color=GREY, alpha=0.18, lw=0)
+        lower.text(
+            0.995, 0.03, "shaded: not excited", ha="right", fontsize=7, color="#555555", transform=lower.transAxes
+        )
+    unit = f" [{model.unit_y}/{model.unit_u}]" if model.unit_u and model.unit_y else ""
+    upper.set(xscale="log", yscale="log", ylabel=f"gain{unit}", xlim=(f[0], f[-1]))
+    lower.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [degrees]")
+    return upper, lower
+
+
+def _bode_model(model: "Model", f: NDArray[np.float64], upper: Axes, lower: Axes) -> None:
+    gain, phase = np.abs(model.response(f)), np.degrees(np.unwrap(np.angle(model.response(f))))
+    if model.cov_params is not None:
+        from .bands import response_band
+
+        found = response_band(model, f)
+        upper.fill_between(f, found.gain_low, found.gain_high, color=BLUE, alpha=0.25, lw=0, label="95 % band")
+        lower.fill_between(f, found.phase_low, found.phase_high, color=BLUE, alpha=0.25, lw=0)
+    upper.plot(f, gain, color=BLUE, lw=1.3, label=model.structure.replace("_", " "))
+    lower.plot(f, phase, color=BLUE, lw=1.3)
+    upper.set_ylim(gain.min() / 3, gain.max() * 3)
+    lower.set_ylim(phase.min() - 60, phase.max() + 60)
+
+
+def _bode_measured(measured: "FrequencyResponse", model: "Model", upper: Axes, lower: Axes) -> None:
+    """Error bars where the response is known at all (standard error of the gain below one half)."""
+    known = measured.gain_error < 0.5
+    f, gain = measured.frequency[known], measured.gain[known]
+    bars = np.abs(np.stack([gain - measured.gain_low[known], measured.gain_high[known] - gain]))
+    style: dict[str, Any] = {"fmt": "o", "ms": 2.5, "color": ORANGE, "ecolor": ORANGE, "elinewidth": 0.7}
+    upper.errorbar(f, gain, bars, label="measured, 95 %", **style)
+    phase = np.degrees(np.unwrap(np.angle(model.response(f))))
+    turn = np.degrees(np.angle(measured.response[known] / model.response(f)))  # on the model's branch
+    lower.errorbar(f, phase + turn, (measured.phase_high - measured.phase)[known], **style)
+    upper.legend(frameon=False, fontsize=8, loc="lower left")
+
+
+def residual_correlations(found: "Validation", axes: "tuple[Axes, Axes] | None" = None) -> tuple[Axes, Axes]:
+    """Correlations of residuals with themselves, and with the input before and after, with their 95 % bands."""
+    left, right = axes or Figure(figsize=(7.6, 3.2), layout="constrained").subplots(1, 2)
+    _stems(left, found.whiteness.lags, found.whiteness.correlation, found.whiteness.band)
+    joined = [
+        np.concatenate([getattr(test, name) for test in (found.coming, found.independence)])
+        for name in ("lags", "correlation", "band")
+    ]
+    _stems(right, *joined)
+    right.axvline(-0.5, color=GREY, lw=0.7, ls=":")
+    for ax, test, text in ((left, found.whiteness, "with themselves"), (right, found.independence, "with the input")):
+        ax.set_title(f"residuals {text}: p {test.pvalue:.2g}", fontsize=9)
+        ax.set_xlabel("lag [samples]")
+    left.set_ylabel("correlation")
+    right.text(0.02, 0.96, "coming u", fontsize=7, color="#555555", va="top", transform=right.transAxes)
+    right.text(0.98, 0.96, "past u", fontsize=7, color="#555555", va="top", ha="right", transform=right.transAxes)
+    return left, right
+
+
+def _stems(ax: Axes, lags: NDArray[np.intp], correlation: NDArray[np.float64], band: NDArray[np.float64]) -> None:
+    ax.fill_between(lags, -band, band, color=GREY, alpha=0.25, lw=0, step="mid")
+    beyond = np.abs(correlation) > band
+    for chosen, colour in ((~beyond, BLUE), (beyond, ORANGE)):
+        ax.vlines(lags[chosen], 0, correlation[chosen], color=colour, lw=1)
+        ax.plot(lags[chosen], correlation[chosen], "o", ms=3, color=colour)
+    ax.axhline(0, color="black", lw=0.6)
+    top = 1.15 * max(float(np.abs(correlation).max()), float(band.max()), 1e-12)
+    ax.set_ylim(-top, top)

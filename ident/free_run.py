@@ -1,7 +1,8 @@
 """A free run of the model beside the record, and what it changes by when a coefficient changes.
 
 A stretch begins at rest, or with a free response of its own that is fitted and taken out: whatever u and y did before
-it reaches y through ``max(na, nb + nk - 1)`` numbers a stretch, and y is linear in them.
+it reaches y through ``max(na, nb + nk - 1)`` numbers a stretch, and y is linear in them. So it is in a constant: the
+mean of a run that has not settled is not its operating point.
 """
 
 from dataclasses import dataclass, replace
@@ -14,10 +15,15 @@ from .filters import ROUNDING, filtered, impulse_response, lagged, squares
 
 Array = NDArray[np.float64]
 
+NEARLY_ALIKE = 1e-10  # of a column, what is its own: below, it is one of those before it
+
 
 @dataclass(frozen=True, slots=True)
 class FreeRun:
-    """What an output-error estimator works on: u, y (N,), stretches, orders, and whether initial states are free."""
+    """What an output-error estimator works on: u, y (N,), stretches, orders, and what is free in each stretch.
+
+    A free ``constant`` needs free initial states (``free``): a step of the constant starts like one of them.
+    """
 
     u: Array
     y: Array
@@ -26,6 +32,7 @@ class FreeRun:
     nb: int
     nk: int
     free: bool = False
+    constant: bool = False
 
     @property
     def states(self) -> int:
@@ -34,8 +41,9 @@ class FreeRun:
 
     @property
     def hidden(self) -> int:
-        """Number of initial states estimated beside theta."""
-        return sum(min(self.states, s.stop - s.start) for s in self.stretches) if self.free else 0
+        """Number of initial states and constants estimated beside theta."""
+        states = sum(min(self.states, s.stop - s.start) for s in self.stretches) if self.free else 0
+        return states + self.constant * len(self.stretches)
 
     def polynomials(self, theta: Array) -> tuple[Array, Array]:
         """The whole b and a of theta = a_1 ..., b_nk ..."""
@@ -57,8 +65,35 @@ def free_responses(run: FreeRun, a: Array) -> list[tuple[slice, Array]]:
         n = min(len(h) + run.states, s.stop - s.start)
         part = np.pad(h, (0, run.states))[:n]
         columns = lagged(part, range(min(run.states, n)), (slice(0, n),))
-        out.append((slice(s.start, s.start + n), np.linalg.qr(columns)[0]))
+        if run.constant:
+            n = s.stop - s.start
+            columns = np.column_stack([np.ones(n), np.pad(columns, ((0, n - len(columns)), (0, 0)))])
+        out.append((slice(s.start, s.start + n), _orthonormal(columns)))
     return out
+
+
+def constants(run: FreeRun, theta: Array) -> Array:
+    """The constant of each stretch, shape (stretches,): what is left of y once simulation and initial state are off."""
+    b, a = run.polynomials(theta)
+    left = run.y - filtered(b, a, run.u, run.stretches)
+    out = []
+    for s, states in free_responses(replace(run, constant=False), a):
+        whole = slice(s.start, next(t.stop for t in run.stretches if t.start == s.start))
+        columns = np.zeros((whole.stop - whole.start, states.shape[1] + 1))
+        columns[:, 0], columns[: len(states), 1:] = 1.0, states
+        out.append(np.linalg.lstsq(columns, left[whole], rcond=None)[0][0])
+    return np.array(out)
+
+
+def _orthonormal(columns: Array) -> Array:
+    """Orthonormal columns of the same span; NaN where an unstable model has run beyond all numbers."""
+    if not columns.shape[1]:
+        return columns
+    if not np.isfinite(columns).all():
+        return np.full((len(columns), 1), np.nan)
+    Q, R = np.linalg.qr(columns)
+    own = np.abs(np.diag(R)) / np.linalg.norm(columns, axis=0)
+    return np.asarray(Q[:, own > NEARLY_ALIKE])
 
 
 def without(x: Array, free: list[tuple[slice, Array]]) -> Array:

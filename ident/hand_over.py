@@ -9,7 +9,7 @@ from ..datasets.records.record import Record
 from .coloured import covariance, inverse_of_squares
 from .demands import check_tellable
 from .filters import ROUNDING, squares
-from .free_run import FreeRun, sensitivities
+from .free_run import FreeRun, constants, sensitivities
 from .model import Model, Structure
 from .refusals import not_centred
 
@@ -54,12 +54,17 @@ def output_error_model(rec: Record, run: FreeRun, theta: Array, structure: Struc
         cov, colour = covariance(J, e, run.stretches, run.hidden)
     notes += (*rec.notes, *not_centred(rec))
     if run.free:
-        notes += ("initial state of each stretch estimated",)
+        notes += (f"initial state {'and offset ' if run.constant else ''}of each stretch estimated",)
     if colour:
         notes += (f"noise is coloured (autoregression of order {colour}): the standard errors allow for it",)
     b, a = run.polynomials(theta)
     notes += slow_pole(a, max(s.stop - s.start for s in run.stretches))
+    from_record = described(rec)
+    if run.constant:
+        weights = [s.stop - s.start for s in run.stretches]
+        u0, y0 = from_record["operating_point"]
+        from_record["operating_point"] = (u0, y0 + float(np.average(constants(run, theta), weights=weights)))
     return Model(
         b=b, a=a, nk=run.nk, structure=structure, cov_params=cov, notes=notes,
-        noise_variance=variance, **described(rec),
+        noise_variance=variance, **from_record,
     )  # fmt: skip

@@ -31,7 +31,7 @@ from .hand_over import output_error_model, told
 from .model import Model
 
 Array = NDArray[np.float64]
-Initial = Literal["auto", "zero", "estimate"]
+Initial = Literal["auto", "zero", "estimate", "offset"]
 POLES = (0.5, 0.8, 0.95)  # of the prefilters 1 / (1 - p q^-1)^na that starts are made with, beside none
 SAME = 1e-3  # two starts that end within this part of the loss have found one valley
 PATIENCE = 8  # steps; under strongly coloured noise Z'Phi circles the end, which Z'Z then reaches
@@ -171,8 +171,9 @@ def sriv(
         Less its operating point (``rec.centred()``). u was not computed from y: in closed loop the estimate is biased.
     na, nb, nk : int
         Order of a, number of coefficients of b, samples of delay.
-    initial : {"auto", "zero", "estimate"}
-        State at the head of each stretch: at rest, estimated, or estimated where the record says that it matters.
+    initial : {"auto", "zero", "estimate", "offset"}
+        State at the head of each stretch: at rest, estimated, estimated where the record says that it matters, or
+        estimated together with a constant, where the operating point is not known.
     max_steps, tol : int, float
         Steps at most, and the relative change of theta at which the iteration has converged; of the loss,
         ``tol**1.5``.
@@ -208,7 +209,7 @@ def sriv(
 
 def estimate(run: FreeRun, initial: Initial, max_steps: int, tol: float) -> tuple[FreeRun, Point, int, bool]:
     """Start, choice of initial state, and refinement."""
-    run = replace(run, free=initial == "estimate")
+    run = replace(run, free=initial in ("estimate", "offset"), constant=initial == "offset")
     best = search(run)
     if initial == "auto" and (freed := with_initial_states(run, best.theta)).free:
         run, best = freed, search(freed)

@@ -46,8 +46,9 @@ def output_error(
         Less its operating point (``rec.centred()``). u was not computed from y: in closed loop the estimate is biased.
     nb, nf, nk : int
         Number of coefficients of b, order of f (``Model.a``), samples of delay.
-    initial : {"auto", "zero", "estimate"}
-        State at the head of each stretch: at rest, estimated, or estimated where the record says that it matters.
+    initial : {"auto", "zero", "estimate", "offset"}
+        State at the head of each stretch: at rest, estimated, estimated where the record says that it matters, or
+        estimated together with a constant, where the operating point is not known.
     max_steps, tol : int, float
         Trials at most; converged when the next step promises less than ``tol`` of the loss.
 

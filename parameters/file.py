@@ -4,79 +4,28 @@ import json
 import os
 import secrets
 from contextlib import suppress
-from datetime import datetime
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Literal
 
-from pydantic import Field, JsonValue, ValidationError, field_validator
+from pydantic import Field, ValidationError
 
-from .errors import ParameterError, in_words, short
+from .adaptive_force import AdaptiveForce
+from .base import Section, Sha256
+from .canonical import content_sha256
+from .dynamics import Dynamics
+from .errors import ParameterError, in_words
+from .identity import Identity, Provenance
 from .law import Law
+from .limits import Limits
+from .load_line import LoadLine
+from .migrate import SCHEMA, migrated
+from .pi import Pi
 from .posterior import Posterior
-from .sections import Count, Section, Text, ToolLifeSection
+from .roughness import Roughness
+from .sections import ToolLifeSection
 from .strict_json import CURE, strict_json
 
-SCHEMA: Final = "fitmodels.parameters/1"
 LARGEST = 50_000_000  # bytes
-
-
-class Identity(Section):
-    """Whose parameters these are; ``simulated`` when the data came from a simulation.
-
-    Examples
-    --------
-    >>> Identity(tool="GC435", work="709M40", simulated=False).tool
-    'GC435'
-    """
-
-    tool: Text
-    work: Text
-    machine: str | None = None
-    simulated: bool = Field(strict=True)
-    note: str | None = None
-
-
-class Provenance(Section):
-    """Where the numbers come from: the data, the program and how it was called.
-
-    Attributes
-    ----------
-    fitmodels : str
-        Version of the program.
-    versions : dict of str
-        Versions of python, numpy and scipy.
-    data_file, data_sha256, n_rows
-        Name, checksum and number of rows of the data file.
-    created : str or None
-        ISO date, as it was given.
-    command, options, seed
-        How it was called.
-
-    Examples
-    --------
-    >>> Provenance(fitmodels="0.1.0", data_file="data.csv", n_rows=120).n_rows
-    120
-    """
-
-    created: str | None = None
-    data_file: str | None = None
-    data_sha256: str | None = Field(default=None, pattern="^[0-9a-f]{64}$")
-    n_rows: Count | None = None
-    fitmodels: Text
-    versions: dict[str, str] = Field(default_factory=dict)
-    command: str | None = None
-    options: dict[str, JsonValue] = Field(default_factory=dict)
-    seed: Count | None = None
-
-    @field_validator("created")
-    @classmethod
-    def _is_a_date(cls, created: str | None) -> str | None:
-        if created is not None:
-            try:
-                datetime.fromisoformat(created)
-            except ValueError:
-                raise ValueError(f"{short(created)} is not an ISO date such as 2024-05-01") from None
-        return created
 
 
 class ParameterFile(Section):
@@ -93,7 +42,21 @@ class ParameterFile(Section):
         Solved from the wear law at a criterion.
     posterior : Posterior or None
         What draws of the laws' parameters say, and the file that holds them.
+    dynamics : Dynamics or None
+        The identified feed drive and cut.
+    pi : Pi or None
+        Gains tuned on the dynamics.
+    load_line : LoadLine or None
+        Settings of milling at constant load.
+    limits : Limits or None
+        What machine, tool and work allow.
+    roughness : Roughness or None
+        Settings of turning at constant roughness.
+    adaptive_force : AdaptiveForce or None
+        Estimates and rates of adaptive force control.
     provenance : Provenance
+    content_sha256 : str or None
+        Checksum of everything else (see ``canonical``), as of the writing; it does not count when files are compared.
 
     Sections and fields that this version does not know are kept, and written back.
 
@@ -110,7 +73,22 @@ class ParameterFile(Section):
     laws: dict[str, Law] = Field(default_factory=dict)
     tool_life: ToolLifeSection | None = None
     posterior: Posterior | None = None
+    dynamics: Dynamics | None = None
+    pi: Pi | None = None
+    load_line: LoadLine | None = None
+    limits: Limits | None = None
+    roughness: Roughness | None = None
+    adaptive_force: AdaptiveForce | None = None
     provenance: Provenance
+    content_sha256: Sha256 | None = None
+
+    __hash__ = None  # type: ignore[assignment]  # it holds dictionaries
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ParameterFile):
+            return NotImplemented
+        bare = ({**vars(pf), "content_sha256": None} for pf in (self, other))
+        return next(bare) == next(bare) and self.model_extra == other.model_extra
 
 
 def read(path: str | os.PathLike[str]) -> ParameterFile:
@@ -144,7 +122,7 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
 
 
 def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = False) -> Path:
-    """Write a parameter file, whole or not at all.
+    """Write a parameter file, whole or not at all, its checksum renewed.
 
     Parameters
     ----------
@@ -175,23 +153,43 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     'params.json'
     """
     path = Path(path)
-    content = _content(pf, path)
+    content = _content(pf.model_dump(), str(path))
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
     _replace(path, content)
     return path
 
 
-def _content(pf: ParameterFile, path: Path) -> bytes:
-    """Give the file's bytes; what could not be read again is refused here."""
+def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
+    """The file with sections put in, and its checksum renewed.
+
+    Raises
+    ------
+    ParameterError
+        A section breaks the schema, or holds what JSON cannot.
+
+    Examples
+    --------
+    >>> pf = ParameterFile(identity={"tool": "GC435", "work": "709M40", "simulated": False},
+    ...                    provenance={"fitmodels": "0.1.0"})
+    >>> sealed(pf, limits={"power": {"value": 7.0, "unit": "kW"}}).limits.power.value
+    7.0
+    """
+    data = {**pf.model_dump(), **{k: v.model_dump() if isinstance(v, Section) else v for k, v in sections.items()}}
+    return _parse(_content(data, "the parameter file"), "the parameter file")
+
+
+def _content(data: dict[str, Any], name: str) -> bytes:
+    """Give the file's bytes, its checksum last; what could not be read again is refused here."""
     try:
-        text = json.dumps(pf.model_dump(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        content = text.encode()
+        renewed = {**data, "content_sha256": None}
+        renewed["content_sha256"] = content_sha256(renewed)
+        content = (json.dumps(renewed, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
     except (TypeError, ValueError, RecursionError) as error:
-        raise ParameterError(f"{path}: a section holds what JSON cannot: {error}.") from None
+        raise ParameterError(f"{name}: a section holds what JSON cannot: {error}.") from None
     if len(content) > LARGEST:
-        raise ParameterError(f"{path}: {len(content)} bytes to write; the limit is {LARGEST}.")
-    _parse(content, str(path))
+        raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {LARGEST}.")
+    _parse(content, name)
     return content
 
 
@@ -232,23 +230,8 @@ def _cause(error: OSError | ValueError) -> str:
 
 
 def _parse(content: bytes, name: str) -> ParameterFile:
-    data = strict_json(content, name)
-    _check_version(data, name)
+    data = migrated(strict_json(content, name), name)
     try:
         return ParameterFile.model_validate(data)
     except ValidationError as error:
         raise ParameterError(f"{name}: {in_words(error, data)}. {CURE}") from None
-
-
-def _check_version(data: object, name: str) -> None:
-    if not isinstance(data, dict) or "schema_version" not in data:
-        raise ParameterError(f"{name}: is not a parameter file: it has no schema_version {SCHEMA}.")
-    found = data["schema_version"]
-    if found == SCHEMA:
-        return
-    family, _, number = found.partition("/") if isinstance(found, str) else ("", "", "")
-    if family == SCHEMA.partition("/")[0] and number.isdecimal() and number not in ("0", "1"):
-        raise ParameterError(
-            f"{name}: is of the newer schema {short(found)}; this version reads {SCHEMA}. Upgrade fitmodels."
-        )
-    raise ParameterError(f"{name}: schema_version is {short(found)}, not {SCHEMA}; is it a parameter file?")

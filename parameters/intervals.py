@@ -24,9 +24,10 @@ from ..datasets.widths import (
     of_one_part,
     unsure_of_mean,
 )
+from .covariance import Covariance, NoCovariance
 from .errors import ParameterError, short
 from .evaluate import LOGARITHMIC, parameter_names, response, terms, theta
-from .sections import Covariance, Edges, NoCovariance
+from .sections import Edges
 
 if TYPE_CHECKING:
     from .law import Law

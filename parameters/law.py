@@ -9,6 +9,8 @@ from pydantic import Field, model_validator
 
 from ..datasets import region
 from ..datasets.widths import Centre, Edge, Kind
+from .base import Count, NotNegative, Number, Positive, Section, Text
+from .covariance import Covariance, NoCovariance
 from .errors import ParameterError, short
 from .evaluate import (
     LOGARITHMIC,
@@ -22,25 +24,7 @@ from .evaluate import (
 )
 from .intervals import Asked, band
 from .prediction import Prediction, tell
-from .sections import (
-    By,
-    Check,
-    Composite,
-    Count,
-    Covariance,
-    DroppedRows,
-    Edges,
-    Factor,
-    LeftOut,
-    NoCovariance,
-    NotNegative,
-    Number,
-    Published,
-    Region,
-    Section,
-    Statistics,
-    Text,
-)
+from .sections import By, Check, Composite, DroppedRows, Edges, Factor, LeftOut, Published, Region, Statistics
 
 # arguments of predict, interval and tell: no factor can be called so
 KEPT = ("level", "kind", "by", "edge", "coverage", "centre")
@@ -133,7 +117,7 @@ class Law(Section):
     uncertainty: Annotated[Covariance | NoCovariance, Field(discriminator="kind")]
     residual_se: NotNegative | None = None
     residual_scale: str
-    smearing: Annotated[float, Field(strict=True, gt=0)] | None = None
+    smearing: Positive | None = None
     n: Count
     df: Count
     n_edges: Count | None = None

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .sections import Count, NotNegative, Number, Section, Text
+from .base import Count, NotNegative, Number, Section, Text
 
 
 class Prior(Section):

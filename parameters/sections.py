@@ -1,33 +1,12 @@
-"""The small parts a law section is made of; `Section` is the base of every part of the file."""
+"""The small parts a law section is made of."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from .base import Count, NotNegative, Number, Positive, Section, Text
 from .errors import short
-
-# strict: a number in quotes, or true for 1, is a mistake of whoever wrote the file
-Number = Annotated[float, Field(strict=True)]
-NotNegative = Annotated[float, Field(strict=True, ge=0)]
-Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
-Text = Annotated[str, Field(min_length=1)]
-ROUNDING = 1e-9  # of a correlation: a matrix printed by another program keeps about ten digits
-
-
-class Section(BaseModel):
-    """A part of the file: frozen, without NaN or infinity, and keeping the fields it does not know.
-
-    Examples
-    --------
-    >>> class Limits(Section):
-    ...     feed: Number
-    >>> Limits(feed=0.4, later="kept").model_dump()
-    {'feed': 0.4, 'later': 'kept'}
-    """
-
-    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
 
 class Factor(Section):
@@ -75,66 +54,6 @@ class By(Section):
         if self.reference in self.shifts:
             raise ValueError(f"the reference level {short(self.reference)} cannot have a shift")
         return self
-
-
-class Covariance(Section):
-    """Covariance of the law's parameters: (p, p), in the order of ``of``, with the ``df`` of its t.
-
-    ``method`` says what it stands on: rows taken as independent, or the jackknife by edge.
-
-    Examples
-    --------
-    >>> Covariance(of=["ln c0", "V"], matrix=[[0.9, -0.19], [-0.19, 0.0405]], df=6).df
-    6
-    """
-
-    kind: Literal["covariance"] = "covariance"
-    method: str = "rows taken as independent"
-    of: tuple[str, ...]
-    matrix: tuple[tuple[Number, ...], ...]
-    df: Annotated[int, Field(strict=True, ge=1, lt=2**63)]
-
-    @model_validator(mode="after")
-    def _is_a_covariance(self) -> Self:
-        size = len(self.of)
-        if len(set(self.of)) < size:
-            raise ValueError("a parameter is named twice in 'of'")
-        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
-            raise ValueError(f"the matrix must be {size} x {size}, as 'of' names {size} parameters")
-        complaint = _complaint(np.array(self.matrix, dtype=np.float64).reshape(size, size))
-        if complaint:
-            raise ValueError(complaint)
-        return self
-
-
-def _complaint(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> str | None:
-    """Why a square matrix is no covariance; judged on its correlations, so free of units."""
-    variance = matrix.diagonal()
-    if (variance < 0).any():
-        return "a variance on the diagonal is negative"
-    deviation = np.sqrt(np.where(variance > 0, variance, 1.0))
-    with np.errstate(over="ignore", under="ignore"):
-        correlation = matrix / deviation / deviation[:, None]
-    if not (np.abs(correlation) <= 1 + ROUNDING).all():
-        return "a covariance is larger than its two variances allow"
-    if not np.allclose(correlation, correlation.T, rtol=0, atol=ROUNDING):
-        return "the matrix is not symmetric"
-    if len(matrix) and np.linalg.eigvalsh(correlation)[0] < -len(matrix) * ROUNDING:
-        return "the matrix is no covariance: some combination of the parameters has a negative variance"
-    return None
-
-
-class NoCovariance(Section):
-    """There is no interval, and why: as many observations as parameters, for one.
-
-    Examples
-    --------
-    >>> NoCovariance(reason="4 observations, 4 parameters").kind
-    'none'
-    """
-
-    kind: Literal["none"] = "none"
-    reason: Text
 
 
 class LeftOut(Section):
@@ -214,11 +133,11 @@ class ToolLifeSection(Section):
     """
 
     wear: Text
-    criterion: Annotated[float, Field(strict=True, gt=0)]
+    criterion: Positive
     unit_of_wear: str
     unit: str
     coefficients: dict[str, Number]
-    standard_errors: dict[str, NotNegative] = {}
+    standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
     taylor_n: Number | None = None
     t_observed: NotNegative
     typical: NotNegative
@@ -255,8 +174,8 @@ class Edges(Section):
     rows_per_edge: Annotated[float, Field(strict=True, ge=1)] | None = None
     df_between: Annotated[int, Field(strict=True, ge=1, lt=2**63)] | None = None
     df_within: Annotated[int, Field(strict=True, ge=1, lt=2**63)] | None = None
-    smearing_within: Annotated[float, Field(strict=True, gt=0)] | None = None
-    random_level: dict[str, NotNegative] = {}
+    smearing_within: Positive | None = None
+    random_level: dict[str, NotNegative] = Field(default_factory=dict)
 
 
 class Check(Section):
@@ -310,5 +229,5 @@ class Composite(Section):
 
     wear: str
     coefficients: dict[str, Number]
-    standard_errors: dict[str, NotNegative] = {}
+    standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
     assumption: str

@@ -239,11 +239,16 @@ class Posterior:
 
         return to_arviz(self)
 
-    def plot(self, what: str = "marginals", ax: "Axes | None" = None) -> "Axes | NDArray[np.object_]":
-        """Draw ``marginals``, ``pairs``, ``predictive`` (by edge) or ``curves``; the axes are returned."""
-        from .draw import draw
+    def plot(
+        self, what: str = "marginals", ax: "Axes | None" = None, *, banner: str = ""
+    ) -> "Axes | NDArray[np.object_]":
+        """Draw ``marginals``, ``pairs``, ``predictive`` (by edge) or ``curves``; the axes are returned.
 
-        return draw(self, what, ax)
+        ``banner`` is told on the figure, "simulated" say.
+        """
+        from .figures.draw import draw
+
+        return draw(self, what, ax, banner=banner)
 
     def summary(self) -> str:
         """The draws as plain text."""

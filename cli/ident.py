@@ -1,0 +1,184 @@
+"""``fitmodels ident``: a recorded run of a machine becomes a model that simulates it."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .arguments import Parser, pairs
+from .output import Printer
+
+if TYPE_CHECKING:
+    from ..datasets import Record
+    from ..ident.identification import Identification
+    from ..parameters import ParameterFile
+
+OPTIONS = ("input", "output", "time", "rate", "sample_time", "resample", "unit", "orders", "trend", "decimal", "sheet")
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels ident``."""
+    p = Parser(
+        "fitmodels ident",
+        "fitmodels ident run.csv --input u --output y",
+        "Identify the dynamics of a machine from evenly sampled input and output, judge the model by a free run on\n"
+        "samples that it was not fitted to, and write params.json, a card and figures. Several runs may be given.",
+    )
+    p.add_argument("file", metavar="RUN", nargs="+", help="table of samples: CSV, TXT, .xlsx, .lvm, .tdms or .mat")
+    p.add_argument("--input", metavar="COLUMN", help="what was commanded: header, or col2")
+    p.add_argument("--output", metavar="COLUMN", help="what was measured: header, or col3")
+    p.add_argument("--time", metavar="COLUMN", help="column of times, where the headers do not say")
+    p.add_argument("--rate", type=float, metavar="HZ", help="samples a second, where there is no column of times")
+    p.add_argument("--sample-time", type=float, metavar="S", help="seconds between samples, instead of --rate")
+    p.add_argument("--resample", type=float, metavar="HZ", help="bring uneven samples to this rate")
+    p.add_argument("--unit", action="append", metavar="time=ms", help="unit of a column that names none")
+    p.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file leaves it open")
+    p.add_argument("--delimiter", metavar="MARK", help="what stands between cells, where the file leaves it open")
+    p.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
+    p.add_argument("--held-out", metavar="RUN", help="a further run that judges the model")
+    p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
+    p.add_argument("--trend", action="store_true", default=None, help="take off a straight line, not only the mean")
+    p.add_argument("--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis")
+    p.add_argument("--work", metavar="NAME", default="unnamed", help="name of the work material")
+    p.add_argument("--params", metavar="FILE", help="parameter file to add the dynamics to")
+    p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
+    p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
+    p.add_argument(
+        "--json", action="store_true", help="print the report as JSON; writes nothing unless --out or --params"
+    )
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify, print and write."""
+    from ..cards import terminal_dynamics
+    from ..ident import identify
+    from .output import progress
+
+    orders = _orders(args.orders)
+    target = _target(args)
+    with progress() as step:
+        step("reading")
+        records = [_read(name, args) for name in args.file]
+        held_out = None if args.held_out is None else _read(args.held_out, args)
+        step(f"identifying {records[0].output} from {records[0].input}")
+        found = identify(records, held_out=held_out, orders=orders, trend=bool(args.trend))
+        pf = _collected(found, records, args)
+    if args.json:
+        report = {"schema": "fitmodels.report/1", "dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}
+        print(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+    else:
+        Printer().show(terminal_dynamics.block(found, pf))
+    written = _written(found, pf, target, args)
+    if written and not args.json:
+        from rich.text import Text
+
+        Printer().show(Text(written))
+    return 0
+
+
+def _orders(text: str | None) -> tuple[int, int, int] | None:
+    from ..datasets import UsageError
+
+    if text is None:
+        return None
+    parts = text.replace(" ", "").split(",")
+    if len(parts) != 3 or not all(part.isdecimal() for part in parts):
+        raise UsageError(f"--orders {text}: three whole numbers na,nb,nk, for instance 3,3,1.")
+    na, nb, nk = (int(part) for part in parts)
+    return na, nb, nk
+
+
+def _read(name: str, args: argparse.Namespace) -> "Record":
+    from ..datasets import read_record
+
+    return read_record(
+        name,
+        input=args.input,
+        output=args.output,
+        time=args.time,
+        rate=args.rate,
+        sample_time=args.sample_time,
+        units=pairs(args.unit, "--unit", "time=ms"),
+        resample=args.resample,
+        decimal=args.decimal,
+        delimiter=args.delimiter,
+        sheet=args.sheet,
+    )
+
+
+def _target(args: argparse.Namespace) -> Path | None:
+    """The folder that will be written, looked at before anything is computed."""
+    from ..datasets import UsageError
+
+    if args.params is not None or (args.json and not args.out):
+        return None
+    folder = Path(args.out or f"{Path(args.file[0]).stem}-fit")
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is a file; choose a folder with --out.")
+    if not args.force and folder.is_dir() and any(folder.iterdir()):
+        raise UsageError(f"{folder} is there already; replace what fitmodels wrote there with --force, or use --out.")
+    return folder
+
+
+def _collected(found: "Identification", records: "list[Record]", args: argparse.Namespace) -> "ParameterFile":
+    """A new parameter file, or the one that was given with its dynamics replaced."""
+    from .. import parameters
+    from ..datasets import UsageError
+
+    fit = found.validation.fit if found.validation.held_out else None
+    if args.params is not None:
+        pf = parameters.read(args.params)
+        if pf.dynamics is not None and not args.force:
+            raise UsageError(f"{args.params} holds dynamics already; replace them with --force.")
+        section = parameters.dynamics_section(found.model, fit)
+        return parameters.sealed(pf, dynamics=section, pi=None)  # gains were tuned on other dynamics
+    source = records[0].source
+    return parameters.collect(
+        tool=args.tool,
+        work=args.work,
+        dynamics=found.model,
+        held_out_fit=fit,
+        data_file=args.file[0] if source is None else Path(source).name,
+        data_sha256=records[0].sha256,
+        n_rows=len(found.record),
+        command=_command(args),
+        options={name: value for name in OPTIONS if (value := getattr(args, name)) is not None},
+    )
+
+
+def _written(found: "Identification", pf: "ParameterFile", folder: Path | None, args: argparse.Namespace) -> str:
+    from .. import cards, parameters
+
+    if args.params is not None:
+        parameters.write(pf, args.params, force=True)
+        return f"Dynamics added to {args.params}"
+    if folder is None:
+        return ""
+    cards.write(pf, folder, identification=found, data_lines=found.notes, force=args.force)
+    return f"Written: {folder}/ ({', '.join(cards.files(pf))})"
+
+
+def _facts(found: "Identification") -> dict[str, Any]:
+    return {
+        "verdicts": list(found.verdicts),
+        "concern": found.concern,
+        "judged_on": found.judged_on,
+        "fit": found.validation.fit,
+        "rsquared": found.validation.rsquared,
+        "one_step_fit": found.validation.ahead.get(1),
+        "argument": found.argument,
+        "tried": found.tried.to_dict(orient="records"),
+        "arx": {"b": found.arx.b.tolist(), "a": found.arx.a.tolist()},
+    }
+
+
+def _command(args: argparse.Namespace) -> str:
+    import shlex
+
+    words = ["fitmodels", "ident", *(Path(name).name for name in args.file)]
+    for name in OPTIONS:
+        value = getattr(args, name)
+        for item in value if isinstance(value, list) else [value] if value is not None else []:
+            words += [f"--{name.replace('_', '-')}"] + ([] if item is True else [str(item)])
+    return shlex.join(words)

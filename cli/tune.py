@@ -1,0 +1,184 @@
+"""``fitmodels tune``: PI gains that meet a specification on the dynamics of a parameter file, put into that file."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .arguments import Parser
+from .output import Printer
+
+if TYPE_CHECKING:
+    from ..ident import Model
+    from ..ident.pi.tuned import TunedPi
+    from ..parameters import Dynamics, ParameterFile
+
+LIMITS = {
+    "rise": "rise_time",
+    "settle": "settling_time",
+    "overshoot": "overshoot",
+    "undershoot": "undershoot",
+    "ms": "ms",
+    "phase_margin": "phase_margin",
+    "gain_margin": "gain_margin",
+    "travel": "travel",
+    "noise_gain": "noise_gain",
+}
+CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup")
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels tune``."""
+    p = Parser(
+        "fitmodels tune",
+        "fitmodels tune params.json --rise 2 --settle 4 --overshoot 0.05",
+        "Find PI gains that meet a specification on the dynamics of a parameter file, as the controller runs them,\n"
+        "and add them to the file. Times on the unit step of the reference: rise 10-90 %, settling within 2 %.",
+    )
+    p.add_argument("file", metavar="PARAMS", help="params.json with dynamics (fitmodels ident)")
+    asked = p.add_argument_group("what is asked; what is left out is free")
+    asked.add_argument("--rise", type=float, metavar="S", help="rise time at most")
+    asked.add_argument("--settle", type=float, metavar="S", help="settling time at most")
+    asked.add_argument("--overshoot", type=float, metavar="SHARE", help="at most, as a share (default: 0.02)")
+    asked.add_argument("--undershoot", type=float, metavar="SHARE", help="swing the wrong way at most")
+    asked.add_argument("--ms", type=float, help="sensitivity peak at most; 1.3 is calm")
+    asked.add_argument("--phase-margin", type=float, metavar="DEG", help="at least")
+    asked.add_argument("--gain-margin", type=float, metavar="FACTOR", help="at least")
+    asked.add_argument("--travel", type=float, help="sum of the changes of the command at most")
+    asked.add_argument("--noise-gain", type=float, help="command per unit of sensor noise at most")
+    chance = "that all of it holds, for what the record leaves open"
+    asked.add_argument("--probability", type=float, metavar="P", help=chance)
+    asked.add_argument(
+        "--aim", default="ms", help="made small among the gains that meet it (default: ms; iae, travel ...)"
+    )
+    runs = p.add_argument_group("the controller as it runs")
+    runs.add_argument("--form", choices=["position", "incremental"], help="default: position")
+    runs.add_argument("--integration", choices=["backward", "forward", "trapezoidal"], help="default: backward")
+    runs.add_argument("--delay", type=int, metavar="SAMPLES", help="of the computation")
+    runs.add_argument("--filter-time", type=float, metavar="S", help="first-order low-pass of the measurement")
+    runs.add_argument("--average", type=int, metavar="SAMPLES", help="moving average of the measurement")
+    runs.add_argument("--low", type=float, help="lowest command")
+    runs.add_argument("--high", type=float, help="highest command")
+    runs.add_argument("--rate", type=float, metavar="PER_S", help="largest change of the command a second")
+    runs.add_argument("--anti-windup", choices=["clamping", "back_calculation", "none"])
+    runs.add_argument("--scaling", type=float, help="units of the command in one unit of the model's input, 1459 say")
+    runs.add_argument("--unit", metavar="UNIT", help="unit of the command, with --scaling: mm/min")
+    p.add_argument("--seed", type=int, default=1, help="of the draws (default: 1)")
+    p.add_argument("--force", action="store_true", help="replace gains that are there; keep gains that miss, marked")
+    p.add_argument("--json", action="store_true", help="print the section as JSON")
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Tune, print, write, and return the exit code."""
+    from rich.text import Text
+
+    from .. import parameters
+    from ..datasets import UsageError
+    from .output import progress
+
+    pf = parameters.read(args.file)
+    if pf.dynamics is None:
+        raise UsageError(
+            f"{args.file} holds no dynamics; identify them first: fitmodels ident run.csv --params {args.file}."
+        )
+    if pf.pi is not None and not args.force:
+        raise UsageError(f"{args.file} holds gains already; replace them with --force.")
+    if (args.scaling is None) != (args.unit is None):
+        raise UsageError("--scaling and --unit go together: how many units of the command one unit of the input is.")
+    with progress() as step:
+        step("tuning")
+        tuned = _tuned(pf.dynamics, args)
+    if tuned.misses and not args.force:
+        raise parameters.GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, and marks them.")
+    forced = "kept by --force" if tuned.misses else None
+    section = parameters.pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
+    changed = parameters.sealed(pf, pi=section)
+    parameters.write(changed, args.file, force=True)
+    if args.json:
+        facts = {"schema": "fitmodels.tune/1", "file": Path(args.file).name, "pi": section, "verdict": tuned.verdict}
+        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+        return 0
+    out = Printer()
+    for line in (*_words(tuned, changed), _drawn(tuned, Path(args.file)), f"Written: pi in {args.file}"):
+        out.show(Text(line))
+    return 0
+
+
+def model_of(d: "Dynamics") -> "Model":
+    """The model of a dynamics section, with its covariance."""
+    import numpy as np
+
+    from .. import ident
+    from ..parameters import ModelCovariance
+
+    model = ident.Model(
+        b=d.b, a=d.a, nk=d.nk, sample_time=d.sample_time, input=d.input, output=d.output,
+        unit_u=d.unit_u, unit_y=d.unit_y, band=d.band,
+    )  # fmt: skip
+    if not isinstance(d.uncertainty, ModelCovariance):
+        return model
+    from dataclasses import replace
+
+    order = [d.uncertainty.of.index(name) for name in model.names]
+    return replace(model, cov_params=np.array(d.uncertainty.matrix)[np.ix_(order, order)])
+
+
+def _tuned(d: "Dynamics", args: argparse.Namespace) -> "TunedPi":
+    from ..ident import tune_pi
+
+    limits = {name: value for key, name in LIMITS.items() if (value := getattr(args, key)) is not None}
+    controller = {name: value for name in CONTROLLER if (value := getattr(args, name)) is not None}
+    if args.scaling is not None:  # limits of the command are told in its own unit
+        controller |= {name: controller[name] / args.scaling for name in ("low", "high", "rate") if name in controller}
+    return tune_pi(model_of(d), aim=args.aim, probability=args.probability, seed=args.seed, **limits, **controller)
+
+
+def _scaled(tuned: "TunedPi", args: argparse.Namespace) -> "TunedPi":
+    """The gains in the unit of the command."""
+    from dataclasses import replace
+
+    if args.scaling is None:
+        return tuned
+    return replace(tuned, gains=tuned.gains.in_units(args.unit, args.scaling))
+
+
+def _words(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
+    f, pi = tuned.figures, pf.pi
+    assert pi is not None  # noqa: S101  just written
+    per_sample = pi.ki * pi.sample_time
+    said = [
+        tuned.verdict,
+        f"On the model: rise {f.rise_time:.3g} s, settling {f.settling_time:.3g} s, overshoot "
+        f"{100 * f.overshoot:.2g} %, Ms {f.ms:.3f}, phase margin {f.phase_margin:.1f} degrees, "
+        f"gain margin {f.gain_margin:.2f}.",
+        f"The same gains: Kp {pi.kp:.6g} {_unit(pi)}, Ki {pi.ki:.6g} {_unit(pi)} per second, "
+        + (f"{per_sample:.6g} a sample, integral time {pi.kp / pi.ki:.4g} s." if pi.ki else "no integral part."),
+    ]
+    if pi.forced:
+        said.append(f"Marked in the file: {pi.forced}.")
+    return said
+
+
+def _unit(pi: Any) -> str:  # noqa: ANN401
+    return f"{pi.unit_u or 'command'}/{pi.unit_y or 'measurement'}"
+
+
+def _drawn(tuned: "TunedPi", file: Path) -> str:
+    """Map of the gains and step of the loop beside the file."""
+    from matplotlib.figure import Figure
+
+    from ..ident.pi.loop import loop_of
+
+    figure = Figure(figsize=(10.0, 4.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    tuned.plot(left)
+    n = max(int(2.0 * tuned.map.duration / tuned.model.sample_time), 50)
+    y = loop_of(tuned.model, tuned.gains).step(n)
+    right.plot([k * tuned.model.sample_time for k in range(n)], y, color="#1f5fa8")
+    right.axhline(1.0, color="0.6", lw=0.8, ls="--")
+    right.set(xlabel="time, s", ylabel="output on a unit step of the reference, by simulation")
+    path = file.parent / "figures" / "pi.png"
+    path.parent.mkdir(exist_ok=True)
+    figure.savefig(path, dpi=110)
+    return f"Drawn: {path}"

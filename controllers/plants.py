@@ -1,0 +1,70 @@
+"""What the controllers act on."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..datasets.errors import UsageError
+
+
+@dataclass(slots=True)
+class Cut:
+    """A cut under a feed override: the identified drive, a standing load, and what wear adds.
+
+        load(k) = offset + b(q)/a(q) command + wear(t) in the cut,    idle outside it
+
+    Attributes
+    ----------
+    b, a : sequence of float
+        Polynomials in z^-1, load per unit of override; b begins with at least one zero (nk of 1 or more).
+    offset, idle : float
+        Load at no feed in the cut, and outside it.
+    wear : callable
+        Time in s -> load that is added.
+    cutting : callable
+        Time in s -> whether the tool is in the cut.
+    noise : float
+        Standard deviation of the sensor.
+
+    Examples
+    --------
+    >>> cut = Cut(b=[0.0, 0.1], a=[1.0, -0.5], offset=0.1)
+    >>> noise = np.random.default_rng(1)
+    >>> [round(cut.step(1.0, 0.02, noise), 3) for _ in range(3)]
+    [0.2, 0.25, 0.275]
+    """
+
+    b: Sequence[float]
+    a: Sequence[float]
+    offset: float = 0.0
+    idle: float = 0.0
+    wear: Callable[[float], float] = field(default=lambda t: 0.0)
+    cutting: Callable[[float], bool] = field(default=lambda t: True)
+    noise: float = 0.0
+    _b: list[float] = field(default_factory=list, init=False)
+    _a: list[float] = field(default_factory=list, init=False)
+    _state: list[float] = field(default_factory=list, init=False)
+    _samples: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        if not len(self.b) or self.b[0] != 0 or self.a[0] != 1:
+            raise UsageError(
+                f"b {list(self.b)}, a {list(self.a)} of a plant: b begins with 0, as a machine answers a sample later "
+                "at the earliest, and a with 1."
+            )
+        size = max(len(self.b) - 1, len(self.a))
+        self._b = [*self.b[1:], *[0.0] * (size + 1 - len(self.b))]  # the sample of delay is the replay's
+        self._a = [*self.a, *[0.0] * (size - len(self.a))]
+        self._state = [0.0] * size
+
+    def step(self, command: float, dt: float, noise: np.random.Generator) -> float:
+        """Answer the command that was in force with the load at the sample."""
+        t = self._samples * dt
+        self._samples += 1
+        s, b, a = self._state, self._b, self._a
+        drive = b[0] * command + s[0]
+        for i in range(1, len(b)):  # transposed direct form II
+            s[i - 1] = b[i] * command - a[i] * drive + s[i]
+        load = self.offset + drive + self.wear(t) if self.cutting(t) else self.idle
+        return load + self.noise * noise.standard_normal() if self.noise else load

@@ -1,0 +1,162 @@
+"""What was learnt of each parameter, beside what was taken to be likely before; and which hang together."""
+
+from functools import partial
+from math import inf, lgamma, log, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, MaxNLocator
+from numpy.typing import NDArray
+
+from ...draw import BLUE, GREY, ORANGE
+from ...edges import EdgeInference
+from ..law_density import NU
+from ..priors import Beta, HalfT, Normal, units_of_priors
+from .bands import WHOLE
+from .sheet import MOST_PANELS, Sheet
+
+if TYPE_CHECKING:
+    from ..posterior import Posterior
+
+Array = NDArray[np.float64]
+
+MOST_PAIRED = 9  # parameters: 36 panels
+PAIRED = 1000  # draws in a panel of pairs: more hide each other
+BOUNDS = {"sd": (0.0, inf), "icc": (0.0, 1.0), "nu": (0.0, inf)}
+STRONG = 0.7  # correlation that is marked
+
+
+def marginals(posterior: "Posterior") -> Sheet:
+    """Each parameter with its prior."""
+    names = posterior.names[:MOST_PANELS]
+    some = f", the first {len(names)} of {len(posterior.names)}" if len(names) < len(posterior.names) else ""
+    title = f"{posterior.response}: parameters{some}; {posterior.method} draws, priors {posterior.priors.name}"
+    panels = [partial(_marginal, posterior, name) for name in names]
+    return Sheet(title, panels, min(4, len(names)), (2.7, 2.3), (0.42, 0.45))
+
+
+def _marginal(posterior: "Posterior", name: str, ax: Axes) -> None:
+    """Draws of one parameter, with the prior density on the same scale."""
+    x = posterior.draws[:, posterior.names.index(name)]
+    low, high = np.quantile(x, WHOLE)
+    shown = x[(x >= low - (high - low)) & (x <= high + (high - low))]
+    density, edges = np.histogram(shown, bins=35, density=True)
+    ax.stairs(density, edges, fill=True, color=BLUE, alpha=0.35, label="draws")
+    for i, end in enumerate((low, high)):
+        ax.axvline(end, color=GREY, lw=0.8, ls="--", label="" if i else "95 % interval")
+    estimate = _estimates(posterior).get(name)
+    if estimate is not None:
+        ax.axvline(estimate, color=ORANGE, lw=1.2, label="least squares")
+    ends = ax.get_xlim()
+    bounds = BOUNDS.get(name, ends)
+    grid = np.linspace(max(ends[0], bounds[0]), min(ends[1], bounds[1]), 200)
+    prior = _prior(posterior, name, grid)
+    if prior is not None:
+        ax.plot(grid, prior, color="black", lw=1.0, label="prior")
+    unit = _unit(posterior, name)
+    highest = 0.0 if prior is None else min(prior.max(), 2 * density.max())
+    ax.set(xlim=(grid[0], grid[-1]), ylim=(0, 1.12 * max(density.max(), highest)))
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MaxNLocator(3))
+        axis.set_major_formatter("{x:.7g}")
+    ax.set_xlabel(f"{_told(posterior, name)} [{unit}]", fontsize=9)
+    ax.set_ylabel(f"density [{_inverse(unit)}]", fontsize=9)
+
+
+def _told(posterior: "Posterior", name: str) -> str:
+    """A parameter's name, with what it is where the letter alone does not tell."""
+    exponent = posterior.law.form == "power" and name in posterior.law.factors
+    words = {"sd": "scatter sd", "icc": "share between edges icc", "nu": "degrees of freedom nu"}
+    return f"exponent of {name}" if exponent else words.get(name, name)
+
+
+def _unit(posterior: "Posterior", name: str) -> str:
+    return units_of_priors(posterior.law).get("level" if name == posterior.names[0] else name, "1") or "1"
+
+
+def _inverse(unit: str) -> str:
+    if unit.startswith("1/"):
+        return unit.removeprefix("1/").strip("()")
+    return "1" if unit == "1" else f"1/({unit})" if "/" in unit else f"1/{unit}"
+
+
+def _estimates(posterior: "Posterior") -> dict[str, float]:
+    """What least squares, and the mixed model by edge, say of the same parameters."""
+    law = posterior.law
+    told = dict(zip(law.theta_names, map(float, law.theta), strict=True))
+    if posterior.errors == "student":  # its sd is another thing
+        return told
+    if not posterior.density.edges:
+        return told | ({} if law.scale_se is None else {"sd": law.scale_se})
+    if isinstance(law.edges, EdgeInference):
+        told |= {"sd": law.edges.mixed.sd_within, "icc": law.edges.icc}
+    return told
+
+
+def _prior(posterior: "Posterior", name: str, x: Array) -> Array | None:
+    """Prior density of a parameter as it is told; None where it is flat, or has no density in closed form."""
+    if name == "nu":
+        a, b = NU
+        at = np.maximum(x, 1e-300)
+        return np.where(x > 0, np.exp(a * log(b) - lgamma(a) + (a - 1) * np.log(at) - b * at), 0.0)
+    prior = _of_constant(posterior) if name == posterior.names[0] else posterior.priors.of.get(name)
+    match prior:
+        case Normal():
+            return np.exp(prior.log_density(x))
+        case HalfT():
+            return np.where(x > 0, np.exp(prior.log_density(x)), 0.0)
+        case Beta():
+            inside = (x > 0) & (x < 1)
+            return np.where(inside, np.exp(prior.log_density(np.where(inside, x, 0.5))), 0.0)
+    return None
+
+
+def _of_constant(posterior: "Posterior") -> Normal | None:
+    """Prior of the constant, which follows from those of the level at the middle of the tests and of the slopes."""
+    of, names = posterior.priors.of, ("level", *posterior.law.theta_names[1:])
+    step = np.concatenate([[1.0], -posterior.density.centre[1:]])
+    normal = [prior for prior in (of[name] for name in names) if isinstance(prior, Normal)]
+    if len(normal) < len(names):
+        return None
+    return Normal(
+        float(step @ [prior.mean for prior in normal]), sqrt(sum((step * [prior.sd for prior in normal]) ** 2))
+    )
+
+
+def pairs(posterior: "Posterior") -> Sheet:
+    """Each pair of parameters with its correlation; of many parameters those that hang together most."""
+    r: Array = np.asarray(np.corrcoef(posterior.draws.T))
+    q = len(r)
+    strongest = np.argsort(-np.sort(np.abs(np.nan_to_num(r)), axis=1)[:, -2], kind="stable")[:MOST_PAIRED]
+    kept = np.sort(strongest)
+    some = f", the {len(kept)} of {q} that hang together most" if len(kept) < q else ""
+    title = f"{posterior.response}: pairs of parameters{some}, with their correlation; {posterior.method} draws"
+    panels = [partial(_pair, posterior, j, i, r[i, j]) if j < i else None for i in kept[1:] for j in kept[:-1]]
+    across = len(kept) - 1
+    side = min(2.0, max(1.15, 7.5 / across))
+    return Sheet(title, panels, across, (side, side), (0.08, 0.08), shared=True)
+
+
+def _pair(posterior: "Posterior", i: int, j: int, r: float, ax: Axes) -> None:
+    shown = posterior.draws[:: -(-len(posterior.draws) // PAIRED)]
+    ax.plot(shown[:, i], shown[:, j], "o", ms=1.6, color=BLUE, alpha=0.3, mew=0)
+    ax.text(
+        0.04, 0.96, f"{r:z.2f}".replace("-", "−"), va="top", fontsize=8, color=ORANGE if abs(r) > STRONG else "black",
+        bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.5}, transform=ax.transAxes,
+    )  # fmt: skip
+    for axis, column in ((ax.xaxis, i), (ax.yaxis, j)):
+        axis.set_major_locator(FixedLocator(_inner_ticks(*axis.get_view_interval())))
+        axis.set_major_formatter("{x:.7g}")
+        axis.set_label_text(f"{posterior.names[column]} [{_unit(posterior, posterior.names[column])}]", fontsize=8)
+    ax.tick_params(labelsize=7)
+
+
+def _inner_ticks(low: float, high: float) -> list[float]:
+    """Two or three round numbers well inside, so that those of the next panel do not meet them."""
+    low, high = low + 0.14 * (high - low), high - 0.14 * (high - low)
+    for n in (2, 3, 4, 5):
+        ticks = [float(v) for v in MaxNLocator(n).tick_values(low, high) if low <= v <= high]
+        if len(ticks) > 1:
+            break
+    return ticks

@@ -1,0 +1,241 @@
+"""PI gains with all that a controller needs to run them, and their exact conversions.
+
+With e = reference - filtered measurement, sample time T and S the running sum of the integration rule, the forms are
+
+    position          u_k = kp e_k + ki S_k
+    incremental       u_k = u_(k-1) + kp (e_k - e_(k-1)) + ki (S_k - S_(k-1))
+    incremental_sum   u_k = u_(k-1) + kp e_k + ki S_k
+
+and the rules: backward ``S_k = S_(k-1) + T e_k``, forward ``S_k = S_(k-1) + T e_(k-1)``, trapezoidal the mean of both.
+Position and incremental (velocity) form are one linear controller and part under limits: the incremental form goes on
+from the command that was sent. ``incremental_sum`` is CLM-2023 eq. 16 as it is worded, "U0 is the last control
+signal" (doi 10.1109/ACCESS.2023.3330587): its last command is an integrator more, so that kp acts as an integral gain.
+Its kp and ki are per sample: at another sample time it is another controller.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...datasets.errors import UsageError
+from .runnable import AntiWindup, Averaged, Form, Integration, above_zero, check_gains
+
+__all__ = ["AntiWindup", "Averaged", "Form", "Integration", "PiGains", "basis", "product", "summed"]
+
+Array = NDArray[np.float64]
+TimeUnit = Literal["s", "min"]
+
+_RULE: dict[str, Array] = {
+    "backward": np.array([1.0]),
+    "forward": np.array([0.0, 1.0]),
+    "trapezoidal": np.array([0.5, 0.5]),
+}
+_DIFFERENCE = np.array([1.0, -1.0])
+_SECONDS = {"s": 1.0, "min": 60.0}
+
+
+@dataclass(frozen=True, slots=True)
+class PiGains:
+    """A digital PI as it will run: gains in parallel form, and everything around them.
+
+    Attributes
+    ----------
+    kp : float
+        unit_u per unit_y (per sample in the form ``incremental_sum``).
+    ki : float
+        unit_u per unit_y per second, parallel: kp does not multiply it.
+    sample_time : float
+        Seconds.
+    form : str
+        ``position``, ``incremental`` (velocity), or ``incremental_sum``; see the head of this file.
+    integration : str
+        ``backward``, ``forward`` or ``trapezoidal``.
+    delay : int
+        Whole samples between a measurement and the command that answers it reaching the plant.
+    filter_time : float
+        Seconds, time constant of a first-order low-pass of the measurement,
+        ``f_k = f_(k-1) + (1 - exp(-T / filter_time)) (y_k - f_(k-1))`` (as LinuxCNC's lowpass); 0 is none.
+    average : int
+        Samples of a moving average; 1 is none.
+    average_of : str
+        What is averaged: ``measurement``, or ``command`` (as CLM-2023 does).
+    low, high : float or None
+        Limits of the command, unit_u.
+    rate : float or None
+        Largest change of the command, unit_u per second.
+    anti_windup : str
+        At a limit: ``clamping`` holds the sum while the command before was limited and the error pushes further
+        (as LinuxCNC's pid), ``back_calculation`` leads the sum back, ``none`` lets it grow. The incremental forms go
+        on from the command that was sent, but with ``none`` from the one that was asked for.
+    tracking_time : float or None
+        Seconds, of back-calculation; None takes kp/ki.
+    unit_u, unit_y : str
+
+    Examples
+    --------
+    >>> gains = PiGains.standard(kp=0.8, ti=0.5, sample_time=0.02, unit_u="V", unit_y="A")
+    >>> gains.ki, gains.ki_per_sample
+    (1.6, 0.032)
+    >>> fed = gains.in_units("mm/min", 1459.0)
+    >>> fed.kp, fed.unit_u, fed.ti
+    (1167.2, 'mm/min', 0.5)
+    """
+
+    kp: float
+    ki: float
+    sample_time: float
+    form: Form = "position"
+    integration: Integration = "backward"
+    delay: int = 0
+    filter_time: float = 0.0
+    average: int = 1
+    average_of: Averaged = "measurement"
+    low: float | None = None
+    high: float | None = None
+    rate: float | None = None
+    anti_windup: AntiWindup = "clamping"
+    tracking_time: float | None = None
+    unit_u: str = ""
+    unit_y: str = ""
+
+    def __post_init__(self) -> None:
+        check_gains(self)
+
+    @classmethod
+    def standard(cls, kp: float, ti: float, sample_time: float, *, time_unit: TimeUnit = "s", **rest: Any) -> Self:  # noqa: ANN401
+        """From the standard form kp (e + 1/ti integral e); ti in s or min, infinite for no integral action.
+
+        Errors: UsageError for a ti that is not above zero.
+        """
+        if not ti > 0:
+            raise UsageError(
+                f"ti {ti!r} {time_unit}: an integral time lies above zero; infinite is no integral action."
+            )
+        return cls(kp, kp / (ti * _seconds(time_unit)), sample_time, **rest)
+
+    @classmethod
+    def from_per_sample(cls, kp: float, ki_per_sample: float, sample_time: float, **rest: Any) -> Self:  # noqa: ANN401
+        """From a ki that multiplies the plain sum of errors, unit_u per unit_y per sample.
+
+        >>> PiGains.from_per_sample(160.0, 0.006, 0.02).ki
+        0.3
+        """
+        above_zero("sample_time", sample_time)
+        return cls(kp, ki_per_sample / sample_time, sample_time, **rest)
+
+    @classmethod
+    def from_per_minute(cls, kp: float, ki_per_minute: float, sample_time: float, **rest: Any) -> Self:  # noqa: ANN401
+        """From a ki in unit_u per unit_y per minute."""
+        return cls(kp, ki_per_minute / 60.0, sample_time, **rest)
+
+    @property
+    def ti(self) -> float:
+        """Integral time kp/ki, s; infinite without integral action."""
+        return self.kp / self.ki if self.ki else math.inf
+
+    @property
+    def ti_minutes(self) -> float:
+        """Integral time, min."""
+        return self.ti / 60.0
+
+    @property
+    def ki_per_sample(self) -> float:
+        """Ki T, unit_u per unit_y per sample."""
+        return self.ki * self.sample_time
+
+    @property
+    def ki_per_minute(self) -> float:
+        """ki, unit_u per unit_y per minute."""
+        return self.ki * 60.0
+
+    def in_units(
+        self, unit_u: str | None = None, factor: float = 1.0, unit_y: str | None = None, factor_y: float = 1.0
+    ) -> Self:
+        """The same controller in other units; limits and rate go with the command.
+
+        Parameters
+        ----------
+        unit_u, unit_y : str or None
+            New units; None keeps the old name.
+        factor, factor_y : float
+            New units in one old unit, so 1459 from V to mm/min where 1 V is 1459 mm/min. Above zero.
+        """
+        above_zero("factor", factor)
+        above_zero("factor_y", factor_y)
+        by = factor / factor_y
+        low, high, rate = (None if v is None else v * factor for v in (self.low, self.high, self.rate))
+        return replace(
+            self,
+            kp=self.kp * by,
+            ki=self.ki * by,
+            low=low,
+            high=high,
+            rate=rate,
+            unit_u=self.unit_u if unit_u is None else unit_u,
+            unit_y=self.unit_y if unit_y is None else unit_y,
+        )
+
+    @property
+    def forward(self) -> tuple[Array, Array]:
+        """Error to command as the plant gets it, num and den in z^-1: the form, average of the command, delay."""
+        of_kp, of_ki, den = basis(self)
+        return product(summed(self.kp * of_kp, self.ki * of_ki), self.command_path), den
+
+    @property
+    def command_path(self) -> Array:
+        """Average of the command and delay, in z^-1."""
+        average = _average(self.average if self.average_of == "command" else 1)
+        return np.concatenate([np.zeros(self.delay), average])
+
+    @property
+    def feedback(self) -> tuple[Array, Array]:
+        """Measurement to what is compared with the reference, num and den in z^-1: low-pass and average."""
+        gain = -math.expm1(-self.sample_time / self.filter_time) if self.filter_time else 1.0
+        average = _average(self.average if self.average_of == "measurement" else 1)
+        return gain * average, np.array([1.0, gain - 1.0] if self.filter_time else [1.0])
+
+    @property
+    def transfer_function(self) -> tuple[Array, Array]:
+        """Minus the measurement to the command, num and den in z^-1: all of the controller that lies in the loop.
+
+        >>> num, den = PiGains(2.0, 1.0, 0.5).transfer_function
+        >>> num.tolist(), den.tolist()
+        ([2.5, -2.0], [1.0, -1.0])
+        """
+        (num, den), (above, below) = self.forward, self.feedback
+        return product(num, above), product(den, below)
+
+
+def basis(gains: PiGains) -> tuple[Array, Array, Array]:
+    """Polynomials P, Q, D in z^-1 with (kp P + ki Q) / D the PI itself; no integrator that ki = 0 would leave idle."""
+    extra = _DIFFERENCE if gains.form == "incremental_sum" else np.ones(1)
+    if gains.ki == 0:
+        return np.ones(1), np.zeros(1), extra
+    return _DIFFERENCE, gains.sample_time * _RULE[gains.integration], product(_DIFFERENCE, extra)
+
+
+def product(*polynomials: Array) -> Array:
+    """Product of polynomials in z^-1."""
+    return np.asarray(reduce(np.convolve, polynomials), dtype=np.float64)
+
+
+def summed(*polynomials: Array) -> Array:
+    """Sum of polynomials in z^-1 of any lengths."""
+    out = np.zeros(max(len(p) for p in polynomials))
+    for p in polynomials:
+        out[: len(p)] += p
+    return out
+
+
+def _average(samples: int) -> Array:
+    return np.full(samples, 1.0 / samples)
+
+
+def _seconds(unit: str) -> float:
+    if unit not in _SECONDS:
+        raise UsageError(f"time_unit {unit!r}: s or min.")
+    return _SECONDS[unit]

@@ -1,0 +1,200 @@
+"""The linear loop that a PI closes round a model: poles, responses, and the figures that judge it.
+
+    y = G (u + input load) + output load,    u = C (r - H y)
+
+G is the model, C the PI with its delay and an average of the command, H the low-pass and an average of the measurement;
+L = G C H. All figures are those of the unit step of the reference, from rest, unless they say otherwise.
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..filters import is_stable
+from ..model import Model
+from .gains import PiGains, product, summed
+from .loops import check_pair
+from .maps import figures_on_grid
+
+__all__ = ["Figures", "Loop", "figures_on_grid", "loop_of"]
+
+Array = NDArray[np.float64]
+Fraction = tuple[Array, Array]
+
+STILL = 1e-6  # of a transient that counts as gone
+SHORTEST, LONGEST = 50, 50_000  # samples of a step whose duration is not given
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What a loop does, as numbers.
+
+    Times are in seconds and interpolated between samples along straight lines. Fractions are of the final value of the
+    step, which is 1 with integral action. What does not happen within the duration is infinite. An unstable loop has
+    all errors infinite, phase and delay margin 0, gain margin 1.
+
+    Attributes
+    ----------
+    stable : bool
+    rise_time : float
+        From 10 to 90 % of the final value, first crossings, s.
+    settling_time : float
+        Until the step stays within 2 % of its final value, s.
+    overshoot, undershoot : float
+        Above the final value, and below zero, as fractions of the final value.
+    steady_error : float
+        1 less the final value.
+    ms, mt : float
+        Peaks of |S| = 1/|1 + L| and of |T| = |L|/|1 + L|.
+    phase_margin : float
+        Degrees; smallest over all crossovers; infinite without one.
+    gain_margin : float
+        The factor nearest 1 (as a ratio) that brings the loop to the edge of stability; below 1 where that is a
+        smaller gain; infinite if there is none.
+    crossover : float
+        Where |L| = 1 and the phase margin is taken, rad/s; 0 without one.
+    delay_margin : float
+        Further delay that brings the loop to the edge of stability, s; smallest over all crossovers.
+    travel : float
+        Sum of |change of the command| in a unit reference step, its first jump from 0 included, unit_u per unit_y.
+    peak_u : float
+        Largest |command| in it, unit_u per unit_y.
+    noise_gain : float
+        Standard deviation of the command per standard deviation of white measurement noise, unit_u per unit_y.
+    disturbance_peak : float
+        Largest |y| after a unit step of load at the plant input, unit_y per unit_u.
+    disturbance_iae : float
+        Integral of |y| over the duration after the same step, unit_y s per unit_u.
+    iae : float
+        Integral of |reference - y| over the duration of a unit reference step, s.
+    """
+
+    stable: bool
+    rise_time: float
+    settling_time: float
+    overshoot: float
+    undershoot: float
+    steady_error: float
+    ms: float
+    mt: float
+    phase_margin: float
+    gain_margin: float
+    crossover: float
+    delay_margin: float
+    travel: float
+    peak_u: float
+    noise_gain: float
+    disturbance_peak: float
+    disturbance_iae: float
+    iae: float
+
+    @property
+    def crossover_hz(self) -> float:
+        """Crossover, Hz."""
+        return self.crossover / (2 * np.pi)
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A closed loop: its transfer functions in z^-1, from which all else follows."""
+
+    model: Model
+    gains: PiGains
+
+    @property
+    def open(self) -> Fraction:
+        """L = G C H, num and den."""
+        (pn, pd), (hn, hd) = self.gains.forward, self.gains.feedback
+        return product(self.model.b, pn, hn), product(self.model.a, pd, hd)
+
+    @property
+    def characteristic(self) -> Array:
+        """The denominator of every closed transfer function."""
+        return summed(*self.open)
+
+    @property
+    def closed(self) -> Fraction:
+        """Reference to output, num and den."""
+        (pn, _), (_, hd) = self.gains.forward, self.gains.feedback
+        return product(self.model.b, pn, hd), self.characteristic
+
+    @property
+    def sensitivity(self) -> Fraction:
+        """S = 1 / (1 + L), num and den."""
+        return self.open[1], self.characteristic
+
+    @property
+    def command(self) -> Fraction:
+        """Reference to command, num and den."""
+        (pn, _), (_, hd) = self.gains.forward, self.gains.feedback
+        return product(self.model.a, pn, hd), self.characteristic
+
+    @property
+    def noise_to_command(self) -> Fraction:
+        """Measurement noise to command, num and den."""
+        (pn, _), (hn, _) = self.gains.forward, self.gains.feedback
+        return -product(self.model.a, pn, hn), self.characteristic
+
+    @property
+    def load(self) -> Fraction:
+        """Load at the plant input to output, num and den."""
+        (_, pd), (_, hd) = self.gains.forward, self.gains.feedback
+        return product(self.model.b, pd, hd), self.characteristic
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Roots of the characteristic polynomial, in z."""
+        return np.asarray(np.roots(np.trim_zeros(self.characteristic, "b")), dtype=np.complex128)
+
+    @property
+    def radius(self) -> float:
+        """Largest modulus of a pole."""
+        return float(np.abs(self.poles).max(initial=0.0))
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole lies inside the unit circle."""
+        return is_stable(self.characteristic)
+
+    def step(self, n: int) -> Array:
+        """Output in a unit step of the reference from rest, shape (n,), unit_y per unit_y."""
+        return _run(self.closed, n)
+
+    def command_step(self, n: int) -> Array:
+        """Command as the plant gets it in a unit step of the reference, shape (n,), unit_u per unit_y."""
+        return _run(self.command, n)
+
+    def disturbance_step(self, n: int) -> tuple[Array, Array]:
+        """Output in a unit step of load at the plant input and at the plant output, each shape (n,)."""
+        return _run(self.load, n), _run(self.sensitivity, n)
+
+    def figures(self, duration: float | None = None) -> Figures:
+        """All figures; steps of ``duration`` s, None for until the slowest pole dies out, at most 50 000 samples."""
+        length = _until_still(self) if duration is None else duration
+        table = figures_on_grid(self.model, [self.gains.kp], [self.gains.ki], self.gains, length)
+        return Figures(**{f.name: table[f.name][0].item() for f in fields(Figures)})
+
+
+def loop_of(model: Model, gains: PiGains) -> Loop:
+    """The loop that gains close round a model.
+
+    Errors: IdentError for other sample times, and for a loop without a sample of delay.
+    """
+    check_pair(model, gains)
+    return Loop(model, gains)
+
+
+def _run(fraction: Fraction, n: int) -> Array:
+    """Response to a unit step from rest."""
+    from scipy.signal import lfilter
+
+    return np.asarray(lfilter(*fraction, np.ones(n)), dtype=np.float64)
+
+
+def _until_still(loop: Loop) -> float:
+    """Seconds until the slowest pole has shrunk to ``STILL``, within bounds."""
+    T, radius = loop.model.sample_time, loop.radius
+    if not 0 < radius < 1:
+        return SHORTEST * T
+    return float(np.clip(np.log(STILL) / np.log(radius), SHORTEST, LONGEST)) * T

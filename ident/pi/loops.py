@@ -1,0 +1,150 @@
+"""Many loops side by side: one kind of controller, many gains, one plant or one plant a loop.
+
+Every integration rule is the backward one with another kp: forward sums lack kp' = -ki T, trapezoidal ones half of it.
+So a PI is ``kp' + ki T / (1 - z^-1)``, and in the form incremental_sum one sum more.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...datasets.errors import UsageError
+from ..errors import IdentError
+from ..model import Model
+from .gains import Array, PiGains, basis
+
+Index = NDArray[np.intp]
+_LACK = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """m loops.
+
+    Attributes
+    ----------
+    b, a : ndarray, shape (., 1) or (., m)
+        Plants, in powers of z^-1; one column where all loops share it.
+    kp, ki : ndarray, shape (m,)
+    kind : PiGains
+        Everything of the controller but its gains; its own ki is 0 exactly where the whole batch has none.
+    """
+
+    b: Array
+    a: Array
+    kp: Array
+    ki: Array
+    kind: PiGains
+
+    def __len__(self) -> int:
+        return len(self.kp)
+
+    def __getitem__(self, which: slice | Index | NDArray[np.bool_]) -> "Loops":
+        shared = self.shared
+        b, a = (p if shared else p[:, which] for p in (self.b, self.a))
+        return Loops(b, a, self.kp[which], self.ki[which], self.kind)
+
+    @property
+    def shared(self) -> bool:
+        """Whether all loops have the same plant."""
+        return bool(self.a.shape[1] == 1 and self.b.shape[1] == 1)
+
+    @property
+    def integral(self) -> Array:
+        """Ki T, shape (m,)."""
+        return self.ki * self.kind.sample_time
+
+    @property
+    def proportional(self) -> Array:
+        """Kp' beside the backward sum, shape (m,)."""
+        return self.kp - _LACK[self.kind.integration] * self.integral
+
+    @property
+    def characteristic(self) -> Array:
+        """Denominator of every closed transfer function in z^-1, shape (n + 1, m)."""
+        of_kp, of_ki, den = basis(self.kind)
+        hn, hd = self.kind.feedback
+        forward = columns(self.b, self.kind.command_path, hn)
+        own = columns(self.a, den, hd)
+        return _sum(own, self.kp * columns(forward, of_kp), self.ki * columns(forward, of_ki))
+
+    @property
+    def noise_numerator(self) -> Array:
+        """Numerator of measurement noise to command, but for its sign; shape (., m)."""
+        of_kp, of_ki, _ = basis(self.kind)
+        through = columns(self.a, self.kind.command_path, self.kind.feedback[0])
+        return _sum(self.kp * columns(through, of_kp), self.ki * columns(through, of_ki))
+
+    @property
+    def final(self) -> Array:
+        """Where the unit step of a stable loop ends, shape (m,)."""
+        if basis(self.kind)[2].sum() == 0:
+            return np.ones(len(self))
+        b, a = self.b.sum(axis=0), self.a.sum(axis=0)
+        return np.asarray(self.kp * b / (a + self.kp * b), dtype=np.float64)
+
+
+def loops_of(model: Model | Sequence[Model], kp: ArrayLike, ki: ArrayLike, kind: PiGains) -> Loops:
+    """Loops of m pairs of gains round one model, or of every pair round every model (models slowest)."""
+    p, i = (np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (kp, ki))
+    if p.ndim != 1 or p.shape != i.shape or not (np.isfinite(p).all() and np.isfinite(i).all()):
+        raise UsageError(f"kp {p.shape}, ki {i.shape}: two rows of finite numbers of the same length.")
+    models = [model] if isinstance(model, Model) else list(model)
+    if not models:
+        raise UsageError("no model: give at least one to close the loop round.")
+    for one in models:
+        check_pair(one, kind)
+    b, a = (_stacked([getattr(one, name) for one in models]) for name in ("b", "a"))
+    if len(models) == 1:
+        return Loops(b, a, p, i, kind)
+    pairs, n = len(p), len(models)
+    return Loops(np.repeat(b, pairs, axis=1), np.repeat(a, pairs, axis=1), np.tile(p, n), np.tile(i, n), kind)
+
+
+def split(loops: Loops) -> list[tuple[Index, Loops]]:
+    """Loops with and without integral action apart, with where they stood: an idle sum would be a pole at 1."""
+    parts = []
+    for value, mask in ((1.0, loops.ki != 0), (0.0, loops.ki == 0)):
+        if mask.any():
+            where = np.flatnonzero(mask)
+            parts.append((where, replace(loops[where], kind=replace(loops.kind, kp=1.0, ki=value))))
+    return parts
+
+
+def check_pair(model: Model, gains: PiGains) -> None:
+    """A controller that can run on a model: one sample time, and a sample of delay somewhere in the loop."""
+    if abs(model.sample_time - gains.sample_time) > 1e-9 * model.sample_time:
+        raise IdentError(
+            f"gains at {gains.sample_time:g} s, model at {model.sample_time:g} s: identify the model at the sample "
+            "time that the controller runs at, or run the controller at the model's."
+        )
+    if model.b[0] != 0 and gains.delay == 0:
+        raise IdentError(
+            f"b starts with {model.b[0]:g} (nk 0) and the controller has no delay: the command would answer itself "
+            "within one sample. Give the controller delay=1, or identify with nk=1."
+        )
+
+
+def columns(p: Array, *polynomials: Array) -> Array:
+    """Every column of p (n, m) times 1-D polynomials."""
+    for q in polynomials:
+        out = np.zeros((len(p) + len(q) - 1, p.shape[1]))
+        for i, c in enumerate(q.tolist()):
+            if c != 0:
+                out[i : i + len(p)] += c * p
+        p = out
+    return p
+
+
+def _sum(*parts: Array) -> Array:
+    out = np.zeros((max(len(p) for p in parts), max(p.shape[1] for p in parts)))
+    for p in parts:
+        out[: len(p)] += p
+    return out
+
+
+def _stacked(polynomials: list[Array]) -> Array:
+    n = max(len(p) for p in polynomials)
+    return np.column_stack([np.pad(p, (0, n - len(p))) for p in polynomials])

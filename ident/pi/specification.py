@@ -1,0 +1,176 @@
+"""What is asked of a loop: limits on its figures, any of which may be left out."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import IdentError
+
+Array = NDArray[np.float64]
+STEADY = 1e-6  # of the step: what an integral leaves is rounding
+ROUNDING = 1e-9  # of a limit: a figure that meets it but for rounding meets it
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """How one limit reads a figure: ``figure`` stays below it, or above it where ``above``."""
+
+    figure: str
+    words: str
+    unit: str = ""
+    above: bool = False
+    least: float = 0.0  # the limit itself lies above this
+    zero_allowed: bool = False
+    scale: float = 1.0  # told as figure times scale
+
+
+LIMITS = {
+    "rise_time": Limit("rise_time", "rise time (10-90 %)", " s"),
+    "settling_time": Limit("settling_time", "settling time (within 2 %)", " s"),
+    "overshoot": Limit("overshoot", "overshoot", " %", zero_allowed=True, scale=100),
+    "undershoot": Limit("undershoot", "undershoot", " %", zero_allowed=True, scale=100),
+    "ms": Limit("ms", "sensitivity peak Ms", least=1.0),
+    "phase_margin": Limit("phase_margin", "phase margin", " degrees", above=True),
+    "gain_margin": Limit("gain_margin", "gain margin (factor)", above=True, least=1.0),
+    "disturbance": Limit("disturbance_peak", "peak after a unit step of load"),
+    "travel": Limit("travel", "travel of the command on a unit step of the reference"),
+    "peak_u": Limit("peak_u", "largest command on a unit step of the reference"),
+    "noise_gain": Limit("noise_gain", "command per unit of sensor noise (rms)"),
+    "integral_time": Limit("integral_time", "integral time Kp/Ki", " s"),
+    "steady_error": Limit("steady_error", "steady error", " %", zero_allowed=True, scale=100),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Specification:
+    """Limits on the unit step of the reference and on the loop; ``None`` leaves a figure free.
+
+    Attributes
+    ----------
+    rise_time : float, optional
+        s at most, 10-90 %.
+    settling_time : float, optional
+        s at most, until the output stays within 2 %.
+    overshoot, undershoot : float, optional
+        At most, as shares of the step: 0.02 is 2 %. Undershoot is the first swing the wrong way.
+    ms : float, optional
+        Peak of the sensitivity at most, above 1; 1.3 is calm, 2 is the edge of what is sensible.
+    phase_margin : float, optional
+        Degrees at least.
+    gain_margin : float, optional
+        Factor at least, above 1.
+    disturbance : float, optional
+        Largest deviation of the output after a unit step of load, in units of the output per unit of input, at most.
+    travel, peak_u : float, optional
+        Sum of the changes of the command, and largest command, on a unit step of the reference, in units of input per
+        unit of output, at most.
+    noise_gain : float, optional
+        rms of the command over rms of white sensor noise, at most, in units of input per unit of output.
+    integral_time : float, optional
+        s at most, Kp over Ki: a slower integral leaves an error standing for that long.
+    steady_error : float, optional
+        What is left of the unit step at last, either way, at most.
+
+    Examples
+    --------
+    >>> print(Specification(rise_time=2.0, settling_time=4.0, overshoot=0.02))
+    rise time (10-90 %) 2 s at most, settling time (within 2 %) 4 s at most, overshoot 2 % at most
+    """
+
+    rise_time: float | None = None
+    settling_time: float | None = None
+    overshoot: float | None = None
+    undershoot: float | None = None
+    ms: float | None = None
+    phase_margin: float | None = None
+    gain_margin: float | None = None
+    disturbance: float | None = None
+    travel: float | None = None
+    peak_u: float | None = None
+    noise_gain: float | None = None
+    integral_time: float | None = None
+    steady_error: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, limit, value in self.asked():
+            least = limit.least * limit.scale
+            if not (np.isfinite(value) and (value > limit.least or (limit.zero_allowed and value == 0))):
+                from_ = f"{least:g} or more" if limit.zero_allowed else f"above {least:g}"
+                hint = " (a share: 0.02 is 2 %)" if limit.scale == 100 else ""
+                raise IdentError(f"{name} {value!r} of a specification: a number {from_}{hint}, or leave it out.")
+        if self.rise_time is not None and self.settling_time is not None and self.settling_time < 0.8 * self.rise_time:
+            raise IdentError(
+                f"settling_time {self.settling_time:g} s is shorter than 0.8 times the rise_time {self.rise_time:g} s: "
+                "the rise is part of the settling. Were they taken for each other?"
+            )
+
+    def asked(self) -> Iterator[tuple[str, Limit, float]]:
+        """Name, reading and value of each limit that is asked for."""
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if value is not None:
+                yield f.name, LIMITS[f.name], float(value)
+
+    def violations(self, figures: Any) -> dict[str, Array]:  # noqa: ANN401  figures of one loop or of a grid
+        """By how much of itself each limit is missed, by name; 0 where it is met, infinite where the loop is unstable.
+
+        ``figures`` are those of one loop or of a grid of loops; each array has their shape.
+        """
+        return {name: missed(limit, value, figures) for name, limit, value in self.asked()}
+
+    def worst(self, figures: Any) -> Array:  # noqa: ANN401
+        """Largest violation over the limits, in the shape of the figures."""
+        unstable = np.where(np.asarray(figure_of(figures, "stable")), 0.0, np.inf)
+        return np.asarray(np.maximum.reduce([unstable, *self.violations(figures).values()]), dtype=np.float64)
+
+    def misses(self, figures: Any) -> list[str]:  # noqa: ANN401
+        """A sentence for each limit that one loop misses, worst first."""
+        if not bool(figure_of(figures, "stable")):
+            return ["the closed loop is unstable"]
+        found = [(float(v), name) for name, v in self.violations(figures).items() if v > 0]
+        return [self.sentence(name, figures) for _, name in sorted(found, reverse=True)]
+
+    def sentence(self, name: str, figures: Any) -> str:  # noqa: ANN401
+        """One missed limit in words."""
+        limit = LIMITS[name]
+        value, asked = (limit.scale * float(v) for v in (figure_of(figures, limit.figure), getattr(self, name)))
+        side = "below" if limit.above else "above"
+        told = f"{value:.4g}{limit.unit}" if np.isfinite(value) else "without end"
+        return f"{limit.words} {told}, {side} the {asked:g}{limit.unit} asked for"
+
+    def __str__(self) -> str:
+        return ", ".join(told(limit, value) for _, limit, value in self.asked())
+
+
+def told(limit: Limit, value: float) -> str:
+    """One limit in words."""
+    if limit.figure == "steady_error" and value <= STEADY:
+        return "no steady error"
+    return f"{limit.words} {limit.scale * value:g}{limit.unit} at {'least' if limit.above else 'most'}"
+
+
+def table_of(figures: Any, kp: ArrayLike, ki: ArrayLike) -> dict[str, Array]:  # noqa: ANN401  of one loop or of a grid
+    """Figures by name, with the integral time of their gains."""
+    table = figures if isinstance(figures, Mapping) else {f.name: getattr(figures, f.name) for f in fields(figures)}
+    kp, ki = np.asarray(kp, dtype=np.float64), np.asarray(ki, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ti = np.where(kp == 0, 0.0, np.abs(kp / ki))
+    shape = np.shape(table["stable"])
+    return {**{name: np.asarray(v) for name, v in table.items()}, "integral_time": np.broadcast_to(ti, shape)}
+
+
+def figure_of(figures: Any, name: str) -> Any:  # noqa: ANN401
+    """One figure of a loop, or one array of a table of loops."""
+    return figures[name] if isinstance(figures, Mapping) else getattr(figures, name)
+
+
+def missed(limit: Limit, value: float, figures: Any) -> Array:  # noqa: ANN401
+    """Share of one limit by which figures miss it; of a limit of zero, in hundredths of the step."""
+    figure = np.asarray(figure_of(figures, limit.figure), dtype=np.float64)
+    figure = np.abs(figure) if limit.figure == "steady_error" else figure
+    over = (value - figure if limit.above else figure - value) / (abs(value) or 0.01)
+    over = np.where(np.isnan(over), np.inf, over)
+    return np.where(over <= ROUNDING, 0.0, over)

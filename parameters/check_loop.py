@@ -1,0 +1,126 @@
+"""Gains on the dynamics of the file: stable, of the right sign, and meeting what they were tuned to."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..datasets.units import canonical
+from .errors import short_name
+from .finding import Finding
+from .loop_figures import closed_loop, figures
+
+if TYPE_CHECKING:
+    from .dynamics import Dynamics
+    from .file import ParameterFile
+    from .pi import Pi
+
+SLACK = 2e-3  # of a limit: figures are read off a grid here, off refined extremes by the tuner
+AGREES = 0.01  # of a stated figure
+LEAST = ("phase_margin", "gain_margin")  # limits that are held from above
+WORDS = {
+    "rise_time": "rise time",
+    "settling_time": "settling time",
+    "ms": "sensitivity peak",
+    "phase_margin": "phase margin",
+    "gain_margin": "gain margin",
+    "disturbance": "peak after a step of load",
+    "travel": "travel of the command",
+    "peak_u": "largest command",
+    "noise_gain": "command per unit of noise",
+    "integral_time": "integral time",
+    "steady_error": "steady error",
+}
+
+
+def loop(pf: "ParameterFile") -> Iterator[Finding]:
+    """Findings on the gains; none where the file has none."""
+    pi, model = pf.pi, pf.dynamics
+    if pi is None:
+        return
+    if model is None:
+        yield Finding("gains", None, "pi: the file holds no dynamics, so the gains could not be tried.")
+        return
+    stop = _fit_together(model, pi)
+    if stop:
+        yield Finding("gains", False, stop)
+        return
+    yield from _tried(model, pi)
+
+
+def _fit_together(model: "Dynamics", pi: "Pi") -> str:
+    if not np.isclose(model.sample_time, pi.sample_time, rtol=1e-9, atol=0):
+        return f"pi: the gains run at {pi.sample_time:g} s and the dynamics at {model.sample_time:g} s; tune again."
+    for name, scaling, ours, theirs in (
+        ("scaling_u", pi.scaling_u, pi.unit_u, model.unit_u),
+        ("scaling_y", pi.scaling_y, pi.unit_y, model.unit_y),
+    ):
+        if ours and theirs and scaling == 1 and (canonical(ours) or ours) != (canonical(theirs) or theirs):
+            return (
+                f"pi: the gains are in {ours[:40]!r} and the dynamics in {theirs[:40]!r}, and {name} is 1: state how "
+                "many of the first make one of the second."
+            )
+    if model.b[0] != 0 and pi.delay == 0:
+        return "pi: neither dynamics nor gains have a sample of delay, so the command would answer itself."
+    return ""
+
+
+def _tried(model: "Dynamics", pi: "Pi") -> Iterator[Finding]:
+    closed = closed_loop(model, pi)
+    radius = closed.radius
+    if not radius < 1:
+        sign = np.sign(pi.ki or pi.kp) * np.sign(model.dc_gain)
+        why = " (gains and dynamics have opposite signs)" if sign < 0 else ""
+        marked = f"; they are marked as forced: {pi.forced}" if pi.forced else ""
+        words = f"pi: the loop is not stable on the file's dynamics, a pole at radius {radius:.6g}{why}"
+        yield Finding("gains", False, f"{words}; tune again{marked.rstrip('.')}.")
+        return
+    yield Finding("gains", True, f"pi: the loop is stable on the file's dynamics, every pole within {radius:.6g}.")
+    found = {**figures(closed), "integral_time": np.inf if pi.ti is None else abs(pi.ti)}
+    asked = {} if pi.specification is None else pi.specification.asked
+    if not asked:
+        yield Finding("specification", None, "pi: no specification is stated, so none could be held against the gains.")
+    else:
+        yield _held(asked, found, pi.forced)
+    further = (
+        []
+        if pi.specification is None
+        else [k for k, v in (pi.specification.model_extra or {}).items() if v is not None]
+    )
+    if further:
+        names = ", ".join(map(short_name, further))
+        yield Finding("specification", None, f"pi: limits that this version does not know were not tried: {names}.")
+    yield from _as_stated(pi, found)
+
+
+def _held(asked: Mapping[str, float], found: Mapping[str, float], forced: str | None) -> Finding:
+    missed = [
+        f"{WORDS.get(name, name)} {found[name]:.4g} {'below' if name in LEAST else 'above'} the {limit:.4g} asked for"
+        for name, limit in asked.items()
+        if not _met(name, found[name], limit)
+    ]
+    if not missed:
+        told = ", ".join(f"{WORDS.get(name, name)} {found[name]:.4g} ({limit:.4g})" for name, limit in asked.items())
+        return Finding("specification", True, f"pi: the specification is met, computed again: {told}.")
+    marked = f"; they are marked as forced: {forced.rstrip('.')}" if forced else ""
+    return Finding("specification", None if forced else False, f"pi: the gains miss {', '.join(missed)}{marked}.")
+
+
+def _met(name: str, value: float, limit: float) -> bool:
+    if name in LEAST:
+        return value >= limit * (1 - SLACK)
+    return abs(value) <= limit * (1 + SLACK) + (1e-6 if name in ("overshoot", "undershoot", "steady_error") else 0.0)
+
+
+def _as_stated(pi: "Pi", found: Mapping[str, float]) -> Iterator[Finding]:
+    """Whether stated figures are those of these gains on these dynamics."""
+    if pi.figures is None:
+        return
+    odd = []
+    for name in ("rise_time", "settling_time", "ms", "phase_margin"):
+        stated = getattr(pi.figures, name)
+        if stated is not None and not np.isclose(stated, found[name], rtol=AGREES, atol=pi.sample_time * AGREES):
+            odd.append(f"{WORDS[name]} {stated:.4g} is {found[name]:.4g}")
+    if odd or not pi.figures.stable:
+        why = "; ".join(odd) or "they are stated to be unstable"
+        yield Finding("figures", False, f"pi: stated figures are not those of these gains on these dynamics ({why}).")

@@ -1,0 +1,46 @@
+"""Names and texts that cannot inject into an export: what a file says is text, and stays text."""
+
+import re
+import unicodedata
+
+LONGEST_NAME = 40  # characters; LinuxCNC's HAL ends at 47 with its prefix
+LONGEST_TEXT = 80
+SPELLED = {"µ": "u", "μ": "u", "°": "deg", "·": ".", "⋅": ".", "²": "2", "³": "3", "ß": "ss", "ø": "o", "Ø": "O"}
+
+
+def _ascii(text: str) -> str:
+    spelled = "".join(SPELLED.get(c, c) for c in text)
+    kept = "".join(c for c in unicodedata.normalize("NFKD", spelled) if not unicodedata.combining(c))
+    return kept.encode("ascii", "replace").decode()
+
+
+def safe_name(text: str, fallback: str = "unnamed") -> str:
+    """An identifier of lower-case letters, digits and single underscores that begins with a letter.
+
+    >>> safe_name("GC435"), safe_name("../../x"), safe_name('"; M30 ('), safe_name("709M40")
+    ('gc435', 'x', 'm30', 'n709m40')
+    """
+    name = re.sub(r"[^a-z0-9]+", "_", _ascii(text).lower()).strip("_")
+    name = f"n{name}" if name[:1].isdigit() else name
+    return name[:LONGEST_NAME].rstrip("_") or fallback
+
+
+def plain(text: str) -> str:
+    """Text for a comment or a quoted value of any format: letters, digits, space and ``. _ + -`` alone, one line.
+
+    >>> plain("GC435 / TiN"), plain("<script>"), plain("=cmd|' /C calc'!A0"), plain('x*)"; M30 (')
+    ('GC435 _ TiN', '_script_', '_cmd__ _C calc__A0', 'x___ M30 _')
+    """
+    shown = re.sub(r"[^A-Za-z0-9 ._+-]", "_", _ascii(text))
+    shown = re.sub(r"_{4,}", "___", shown).lstrip("+-")[:LONGEST_TEXT].strip()
+    return shown or "unnamed"
+
+
+def plain_unit(unit: str) -> str:
+    """A unit in ASCII, with ``/`` and parentheses but without anything that ends a C, ST or XML text.
+
+    >>> plain_unit("mm/min"), plain_unit("µm"), plain_unit("A*s */ (x"), plain_unit("")
+    ('mm/min', 'um', 'A.s ./ (x', '1')
+    """
+    shown = re.sub(r"[^A-Za-z0-9 ./()^%+-]", "_", _ascii(unit).replace("*", "."))
+    return shown[:LONGEST_NAME].strip() or "1"

@@ -1,0 +1,168 @@
+"""Every number of the file worth carrying, under a safe name, with its unit and what it is."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+from ..base import Section
+from .loop import Loop
+from .names import plain, plain_unit, safe_name
+
+if TYPE_CHECKING:
+    from ..file import ParameterFile
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One number of the file under a name that no format trips over.
+
+    Attributes
+    ----------
+    name : str
+        Lower-case letters, digits and underscores; begins with a letter; unlike every other name of the view.
+    value : float
+        Finite.
+    unit : str
+        ASCII as ``mm/min``, ``um``, ``A``; ``1`` for a pure number.
+    words : str
+        What it is: ASCII letters, digits, spaces and ``. _ + -``, one line.
+    """
+
+    name: str
+    value: float
+    unit: str
+    words: str
+
+
+Found = Iterator[tuple[str, float, str, str]]
+_OF_LOOP = {
+    "kp": ("({f})/{l}", "proportional gain, position form"),
+    "ki": ("({f})/{l}/s", "integral gain, position form"),
+    "sample_time": ("s", "period of the loop"),
+    "reference": ("{l}", "load that the loop holds"),
+    "feed_low": ("{f}", "lower feed limit"),
+    "feed_high": ("{f}", "upper feed limit"),
+    "feed_programmed": ("{f}", "feed of the programme, override 1"),
+    "filter_time": ("s", "time constant of the load filter, 0 none"),
+    "average": ("1", "samples of the moving average, 1 none"),
+    "engage_at": ("{l}", "load at which a cut is known"),
+    "hysteresis": ("{l}", "width of the threshold"),
+    "engage_after": ("s", "time above the threshold before the loop takes over"),
+    "disengage_after": ("s", "time below the threshold before it lets go"),
+    "back_off": ("1/s", "fastest fall of the override"),
+    "recover": ("1/s", "fastest rise of the override"),
+    "load_low": ("{l}", "a load at or below is no reading"),
+    "load_high": ("{l}", "a load at or above is no reading"),
+}
+_SECTIONS = ("limits", "roughness", "adaptive_force")
+_UNIT_OF = {"roughness": "unit_roughness", "force": "unit_force", "threshold": "unit_force", "feed": "unit_feed",
+            "chip_thickness": "unit_feed", "sample_time": "s", "servo_time": "s", "reference_time": "s",
+            "average_time": "s", "lam": "1/s", "low": "unit_u", "high": "unit_u", "depth": "unit_depth"}  # fmt: skip
+
+
+def quantities(pf: "ParameterFile", loop: Loop | None) -> tuple[Quantity, ...]:
+    """The numbers of a file in a fixed order: the loop, the load line, dynamics, laws, limits, the rest."""
+    found = [*_of_loop(loop), *_of_load_line(pf), *_of_dynamics(pf), *_of_pi(pf), *_of_laws(pf), *_of_sections(pf)]
+    taken: set[str] = set()
+    out = []
+    for name, value, unit, words in found:
+        safe = _unlike(safe_name(name), taken)
+        out.append(Quantity(safe, float(value), plain_unit(unit), plain(words)))
+    return tuple(out)
+
+
+def _unlike(name: str, taken: set[str]) -> str:
+    """The name, with a number where it is taken: two tools' names may become one identifier."""
+    number, free = 2, name
+    while free in taken:
+        free, number = f"{name}_{number}", number + 1
+    taken.add(free)
+    return free
+
+
+def _of_loop(loop: Loop | None) -> Found:
+    if loop is None:
+        return
+    units = {"f": loop.unit_feed, "l": loop.unit_load}
+    known = {field.name for field in fields(loop)}
+    for name, (unit, words) in _OF_LOOP.items():
+        if name in known:
+            yield name, getattr(loop, name), unit.format(**units), words
+
+
+def _of_load_line(pf: "ParameterFile") -> Found:
+    line = pf.load_line
+    if line is None:
+        return
+    yield "worn_load", line.worn, line.unit_load, "load that a worn tool stands"
+    yield "safety_factor", line.safety_factor, "1", "reference over worn load, before rounding"
+    yield "wear_low", line.window[0], line.unit_wear, "wear from which the tool may be changed"
+    yield "wear_high", line.window[1], line.unit_wear, "wear by which the tool must be changed"
+    if line.dwell is not None:
+        yield "dwell", line.dwell, "s", "time on the lower limit that means a worn tool"
+
+
+def _of_dynamics(pf: "ParameterFile") -> Found:
+    model = pf.dynamics
+    if model is None:
+        return
+    yield "dynamics_sample_time", model.sample_time, "s", "sample time of the model"
+    gain = f"{model.unit_y or '1'}/({model.unit_u})" if model.unit_u else model.unit_y
+    for j, value in enumerate(model.b):
+        yield f"dynamics_b{j}", value, gain, f"numerator, coefficient of z-{j}"
+    for j, value in enumerate(model.a):
+        yield f"dynamics_a{j}", value, "1", f"denominator, coefficient of z-{j}"
+
+
+def _of_pi(pf: "ParameterFile") -> Found:
+    pi = pf.pi
+    if pi is None:
+        return
+    gain = f"({pi.unit_u or '1'})/({pi.unit_y or '1'})"
+    yield "pi_kp", pi.kp, gain, f"kp as tuned, form {pi.form}"
+    yield "pi_ki", pi.ki, f"{gain}/s", f"ki as tuned, form {pi.form}, {pi.integration} sum"
+    yield "pi_sample_time", pi.sample_time, "s", "sample time the gains were tuned for"
+    yield "pi_delay", pi.delay, "1", "samples from measurement to command in force"
+
+
+def _of_laws(pf: "ParameterFile") -> Found:
+    for symbol, law in pf.laws.items():
+        units = [law.unit, *(f"1/({f.unit})" if f.unit else "1" for f in law.factors)]
+        if law.form != "exponential":
+            units = [law.unit, *(f"({law.unit})/({f.unit})" if f.unit else law.unit for f in law.factors)]
+        for place, (name, value) in enumerate(law.coefficients.items()):
+            unit = units[min(place, len(units) - 1)] if place == 0 or law.form != "power" else "1"
+            yield f"law_{symbol}_{name}", value, unit, f"{law.form} law of {symbol}, {name}"
+        for factor in law.factors:
+            yield f"law_{symbol}_{factor.symbol}_low", factor.low, factor.unit, f"{symbol} was tested from here"
+            yield f"law_{symbol}_{factor.symbol}_high", factor.high, factor.unit, f"{symbol} was tested to here"
+
+
+def _of_sections(pf: "ParameterFile") -> Found:
+    for name in _SECTIONS:
+        section = getattr(pf, name, None)
+        if section is not None:
+            yield from _of_section(name, section)
+
+
+def _of_section(prefix: str, section: Section) -> Found:
+    """Numbers of a section, and of the sections in it."""
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        for key, item in _items(f"{prefix}_{name}", value):
+            if isinstance(item, int | float) and not isinstance(item, bool):
+                yield key, float(item), _unit(section, name), key.replace("_", " ")
+            elif isinstance(item, Section):
+                yield from _of_section(key, item)
+
+
+def _items(key: str, value: object) -> Iterable[tuple[str, object]]:
+    if isinstance(value, tuple):
+        return [(f"{key}_{place}", item) for place, item in enumerate(value)]
+    return [(key, value)]
+
+
+def _unit(section: Section, name: str) -> str:
+    """Unit of a field: its section's own ``unit``, or the one that the field is told in."""
+    told = getattr(section, "unit", None) or _UNIT_OF.get(name, "1")
+    return str(getattr(section, told)) if told.startswith("unit_") and hasattr(section, told) else str(told)

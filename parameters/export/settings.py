@@ -1,0 +1,188 @@
+"""From the file's sections to the loop that an export writes: units, form, limits, and what the file leaves open."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from ...datasets.units import convert, is_unit, same_dimension
+from ..load_line import Engagement, LoadLine
+from ..pi import Pi
+from .loop import Loop
+from .names import plain_unit
+
+if TYPE_CHECKING:
+    from ..file import ParameterFile
+
+LEAST_FEED: Final = 0.05  # of the programmed feed: at zero a tool rubs in its cut for ever, below it runs back
+BACK_OFF, RECOVER = 0.5, 2.0  # s for the whole range of the feed, downwards and upwards: back off faster than recover
+ENGAGE, DISENGAGE = 0.1, 0.3  # s
+HYSTERESIS = 0.1  # of the reference
+RANGE = (-1.0, 10.0)  # of the reference: loads beyond are those of a broken sensor
+_EARLY = {"backward": 0.0, "trapezoidal": 0.5, "forward": 1.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The loop, or why there is none; and what was assumed for want of a setting in the file."""
+
+    loop: Loop | None
+    lacking: str = ""
+    assumed: tuple[str, ...] = ()
+
+
+class _Lacking(Exception):  # noqa: N818  it ends in a sentence of the view, not in an error
+    """Why there is no loop."""
+
+
+def settings(pf: "ParameterFile") -> Settings:
+    """The loop of a parameter file, in the units of its feed limits and reference load."""
+    if pf.pi is None:
+        return Settings(None, "has no PI gains; find them with `fitmodels tune params.json`.")
+    if pf.load_line is None:
+        return Settings(None, "has gains but no reference load; set it with `fitmodels settings params.json`.")
+    assumed: list[str] = []
+    try:
+        return Settings(_loop(pf, pf.pi, pf.load_line, assumed), assumed=tuple(assumed))
+    except _Lacking as reason:
+        return Settings(None, str(reason))
+
+
+def _loop(pf: "ParameterFile", pi: Pi, line: LoadLine, assumed: list[str]) -> Loop:
+    given = line.engagement or Engagement()
+    programmed = given.feed_programmed or line.upper.value
+    per_u = _feed_per_unit(pi, line, programmed)
+    kp, ki = (gain * per_u / _load_per_unit(pi, line) for gain in _position(pi))
+    low, high = _feeds(pf, pi, line, programmed, per_u, assumed)
+    rate = None if pi.rate is None else pi.rate * per_u / programmed
+    span = (high - low) / programmed
+    reference, load = line.reference, plain_unit(line.unit_load)
+
+    def own(name: str, instead: float, unit: str, words: str = "") -> float:
+        value = getattr(given, name)
+        if value is None:
+            assumed.append(f"{name} {instead:.4g} {unit}".rstrip() + (f", {words}" if words else ""))
+        return float(instead if value is None else value)
+
+    half, why = _threshold(pf, line, low)
+    loop = Loop(
+        kp=kp, ki=ki, sample_time=_period(pi, given), reference=reference,
+        feed_low=low, feed_high=high, feed_programmed=programmed,
+        unit_load=load, unit_feed=plain_unit(line.unit_feed),
+        filter_time=_filter_time(pi, given), average=pi.average, average_of=pi.average_of,
+        engage_at=own("engage_at", half, load, why),
+        hysteresis=own("hysteresis", HYSTERESIS * reference, load),
+        engage_after=own("engage_after", ENGAGE, "s"),
+        disengage_after=own("disengage_after", DISENGAGE, "s"),
+        back_off=own("back_off", rate or span / BACK_OFF, "per s"),
+        recover=own("recover", rate or span / RECOVER, "per s"),
+        load_low=own("load_low", RANGE[0] * reference, load),
+        load_high=own("load_high", RANGE[1] * reference, load),
+    )  # fmt: skip
+    if pi.anti_windup != "clamping" or pi.form != "position":
+        assumed.append(f"position form with clamping at the limits; the file has {pi.form} with {pi.anti_windup}")
+    _check_order(loop)
+    return loop
+
+
+def _position(pi: Pi) -> tuple[float, float]:
+    """Gains of the same controller in position form, its sum ending now, ki per second."""
+    if pi.form == "incremental_sum":
+        if pi.ki:
+            raise _Lacking(
+                f"has gains in the form incremental_sum with ki {pi.ki:g}, an integrator of an integrator, which no "
+                "controller's PI is; tune in the form position, or set ki to 0."
+            )
+        return 0.0, pi.kp / pi.sample_time
+    return pi.kp - _EARLY[pi.integration] * pi.ki * pi.sample_time, pi.ki
+
+
+def _feed_per_unit(pi: Pi, line: LoadLine, programmed: float) -> float:
+    """Unit of the feed limits in one unit of the command."""
+    if pi.unit_u in ("%", "1", "override"):
+        return programmed / 100 if pi.unit_u == "%" else programmed
+    cure = "tune with the scaling of the feed drive, or convert with PiGains.in_units"
+    return _factor(pi.unit_u, line.unit_feed, "commands", "feed limits", cure)
+
+
+def _load_per_unit(pi: Pi, line: LoadLine) -> float:
+    return _factor(pi.unit_y, line.unit_load, "measures", "a reference load", "give both in one unit")
+
+
+def _factor(unit: str, to: str, does: str, what: str, cure: str) -> float:
+    if unit == to:
+        return 1.0
+    if not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
+        raise _Lacking(f"has a PI that {does} {plain_unit(unit)!r} but {what} in {plain_unit(to)!r}; {cure}.")
+    return float(convert(np.array(1.0), unit, to))
+
+
+def _feeds(
+    pf: "ParameterFile", pi: Pi, line: LoadLine, programmed: float, per_u: float, assumed: list[str]
+) -> tuple[float, float]:
+    """The narrowest of the settings, the gains' own limits and the machine's; above zero, no more than programmed."""
+    machine = pf.limits.feed_rate if pf.limits else None
+    lows, highs = [line.lower.value], [line.upper.value]
+    lows += [] if pi.low is None else [pi.low * per_u]
+    highs += [] if pi.high is None else [pi.high * per_u]
+    if machine is not None and machine.unit == line.unit_feed:
+        lows, highs = [*lows, machine.low], [*highs, machine.high]
+    low, high = max(lows), min(highs)
+    if high > programmed:
+        assumed.append(f"feed_high {programmed:.6g}, the programmed feed; the file has {high:.6g}")
+        high = programmed
+    if low < LEAST_FEED * programmed:
+        assumed.append(f"feed_low {LEAST_FEED * programmed:.6g}, above zero; the file has {low:.6g}")
+        low = LEAST_FEED * programmed
+    return low, high
+
+
+def _threshold(pf: "ParameterFile", line: LoadLine, low: float) -> tuple[float, str]:
+    """Load by which a cut is known: halfway up a sharp tool's at the lowest feed, or half of the reference."""
+    law = pf.laws.get(line.law)
+    if law is not None and law.form == "load_line" and law.unit == line.unit_load:
+        A, B = law.coefficients["A"], law.coefficients["B"]
+        if 0 < A + B * low / 2 < line.reference and B > 0:
+            return A + B * low / 2, "halfway up the sharp tool at the lowest feed"
+    return line.reference / 2, "half of the reference"
+
+
+def _filter_time(pi: Pi, given: Engagement) -> float:
+    if pi.filter_time or given.filter_corner is None:
+        return pi.filter_time
+    return 1 / (2 * math.pi * given.filter_corner)
+
+
+def _period(pi: Pi, given: Engagement) -> float:
+    """Period of the thread: that of the gains, or a shorter one."""
+    thread = given.sample_time or pi.sample_time
+    if thread > pi.sample_time * (1 + 1e-9):
+        raise _Lacking(
+            f"has a thread of {thread:g} s but gains for {pi.sample_time:g} s: a slower thread lags more than they "
+            f"allow for; tune at {thread:g} s."
+        )
+    if pi.average > 1 and thread < pi.sample_time * (1 - 1e-9):
+        raise _Lacking(
+            f"averages {pi.average} samples of {pi.sample_time:g} s but has a thread of {thread:g} s; give both one "
+            "period."
+        )
+    return thread
+
+
+def _check_order(loop: Loop) -> None:
+    if not loop.feed_low < loop.feed_high:
+        raise _Lacking(
+            f"has feed limits {loop.feed_low:g} to {loop.feed_high:g} {loop.unit_feed}, which leave the loop no range; "
+            "settings, gains and machine limits must overlap."
+        )
+    if not 0 < loop.reference < loop.load_high or not loop.load_low < 0:
+        raise _Lacking(
+            f"has a reference of {loop.reference:g} {loop.unit_load} and loads from {loop.load_low:g} to "
+            f"{loop.load_high:g}; zero and the reference lie inside what counts as a reading."
+        )
+    if not loop.hysteresis / 2 < loop.engage_at < loop.reference - loop.hysteresis / 2:
+        raise _Lacking(
+            f"engages at {loop.engage_at:g} +- {loop.hysteresis / 2:g} {loop.unit_load}: both ends lie between zero "
+            f"and the reference, {loop.reference:g}."
+        )

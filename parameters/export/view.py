@@ -1,0 +1,136 @@
+"""The parameter file as a controller needs it: one typed view that every export is written from.
+
+The loop comes from `settings`, numbers under safe names from `quantities`, text that cannot inject from `names`, and
+`gate` refuses a file that fails the check.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..canonical import content_sha256
+from ..errors import GateError
+from .gate import passed
+from .loop import Loop
+from .names import plain, plain_unit, safe_name
+from .quantities import Quantity, quantities
+from .settings import settings
+
+if TYPE_CHECKING:
+    from ..file import ParameterFile
+
+__all__ = ["Gains", "Loop", "Plant", "Quantity", "View", "view"]
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """The identified feed drive: polynomials in z^-1 as the file has them (b keeps its nk leading zeros)."""
+
+    b: tuple[float, ...]
+    a: tuple[float, ...]
+    nk: int
+    sample_time: float  # s
+    unit_u: str
+    unit_y: str
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """The PI as it was tuned, in the units of the dynamics: with `Plant` it closes the loop that was judged.
+
+    Forms and integration rules are those of `fitmodels.ident.pi.gains`.
+    """
+
+    kp: float  # plant.unit_u per plant.unit_y
+    ki: float  # the same per second
+    sample_time: float  # s
+    form: str
+    integration: str
+    delay: int  # samples
+    filter_time: float  # s
+    average: int  # samples
+    average_of: str
+    unit_u: str
+    unit_y: str
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What every export is written from.
+
+    ``tool``, ``work`` and ``machine`` are plain text already (see `names.plain`), ``name`` an identifier.
+    ``quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
+    ``assumed`` says which settings the file lacks and what stands in for each.
+    """
+
+    name: str
+    tool: str
+    work: str
+    machine: str
+    simulated: bool
+    made_by: str  # "fitmodels 0.1.0"
+    checksum: str  # SHA-256 of the parameter file's content
+    loop: Loop | None
+    gains: Gains | None
+    plant: Plant | None
+    quantities: tuple[Quantity, ...]
+    assumed: tuple[str, ...]
+    lacking: str = "has no PI gains; find them with `fitmodels tune params.json`."
+
+    def needed_loop(self) -> Loop:
+        """Give the loop, or refuse: for an export that is nothing without gains.
+
+        Raises
+        ------
+        GateError
+            The file has no PI gains or no settings of the loop; ``lacking`` says which.
+        """
+        if self.loop is None:
+            raise GateError(f"the parameter file of {self.tool} on {self.work} {self.lacking}")
+        return self.loop
+
+
+def view(pf: "ParameterFile") -> View:
+    """Give the view of a parameter file.
+
+    Raises
+    ------
+    GateError
+        The file fails the check.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> seen = view(parameters.collect(tool="../../x", work="709M40", laws=[]))
+    >>> seen.name, seen.tool, seen.loop
+    ('x_n709m40', '.._.._x', None)
+    """
+    untried = passed(pf)
+    found, who = settings(pf), pf.identity
+    return View(
+        name=safe_name(f"{safe_name(who.tool, 'tool')}_{safe_name(who.work, 'work')}"),
+        tool=plain(who.tool), work=plain(who.work), machine=plain(who.machine or "not named"), simulated=who.simulated,
+        made_by=plain(f"fitmodels {pf.provenance.fitmodels}"),
+        checksum=pf.content_sha256 or content_sha256(pf.model_dump()),
+        loop=found.loop, lacking=found.lacking, gains=_gains(pf), plant=_plant(pf),
+        quantities=quantities(pf, found.loop), assumed=(*untried, *found.assumed),
+    )  # fmt: skip
+
+
+def _gains(pf: "ParameterFile") -> Gains | None:
+    pi, model = pf.pi, pf.dynamics
+    if pi is None:
+        return None
+    by = pi.scaling_y / pi.scaling_u  # of the dynamics' units
+    unit_u, unit_y = (pi.unit_u, pi.unit_y) if model is None else (model.unit_u, model.unit_y)
+    return Gains(
+        kp=pi.kp * by, ki=pi.ki * by, sample_time=pi.sample_time, form=pi.form, integration=pi.integration,
+        delay=pi.delay, filter_time=pi.filter_time, average=pi.average, average_of=pi.average_of,
+        unit_u=plain_unit(unit_u), unit_y=plain_unit(unit_y),
+    )  # fmt: skip
+
+
+def _plant(pf: "ParameterFile") -> Plant | None:
+    model = pf.dynamics
+    if model is None:
+        return None
+    return Plant(model.b, model.a, model.nk, model.sample_time, plain_unit(model.unit_u), plain_unit(model.unit_y))

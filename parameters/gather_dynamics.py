@@ -1,0 +1,128 @@
+"""An identified model and tuned gains become their sections; gains that miss their specification do not, unasked."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, fields, is_dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from .base import Section
+from .errors import GateError
+from .pi import Pi, PiFigures, PiSpecification
+
+if TYPE_CHECKING:
+    from ..ident.model import Model
+    from ..ident.pi.gains import PiGains
+    from ..ident.pi.tuned import TunedPi
+
+Gains: TypeAlias = "PiGains | TunedPi | Pi | Mapping[str, Any]"
+
+
+def dynamics_section(model: "Model | Section | Mapping[str, Any]", held_out_fit: float | None = None) -> dict[str, Any]:
+    """The section of a model.
+
+    Parameters
+    ----------
+    model : Model, or a section as it is
+    held_out_fit : float, optional
+        Per cent of another record's output that a free run explains.
+    """
+    if isinstance(model, Section | Mapping):
+        return as_data(model)
+    return {
+        "structure": model.structure,
+        **{name: [float(x) for x in getattr(model, name)] for name in ("b", "a", "c")},
+        "nk": int(model.nk),
+        "sample_time": float(model.sample_time),
+        **{name: getattr(model, name) for name in ("input", "output", "unit_u", "unit_y")},
+        "uncertainty": _uncertainty(model),
+        "noise_variance": None if model.noise_variance is None else float(model.noise_variance),
+        "n": None if model.n is None else int(model.n),
+        "record_sha256": model.record,
+        "operating_point": _pair(model.operating_point),
+        "band": _pair(model.band),
+        "held_out_fit": None if held_out_fit is None else float(held_out_fit),
+        "notes": list(model.notes),
+    }
+
+
+def pi_section(pi: Gains, *, scaling_u: float = 1.0, forced: str | None = None) -> dict[str, Any]:
+    """The section of gains, or of gains with what they were tuned to.
+
+    Parameters
+    ----------
+    pi : PiGains or TunedPi, or a section as it is
+    scaling_u : float
+        Units of the command in one unit of the model's input; both are told apart by their names.
+    forced : str, optional
+        Why gains that miss their specification are kept.
+
+    Raises
+    ------
+    GateError
+        They miss it, and nobody says why they are kept.
+    """
+    if isinstance(pi, Section | Mapping):
+        return as_data(pi)
+    gains = getattr(pi, "gains", pi)
+    section: dict[str, Any] = {field.name: getattr(gains, field.name) for field in fields(gains)}
+    section["scaling_u"] = float(scaling_u)
+    return section | (_tuned(pi, forced) if gains is not pi else {"forced": forced})
+
+
+def _tuned(tuned: Any, forced: str | None) -> dict[str, Any]:  # noqa: ANN401
+    misses = tuple(tuned.misses)
+    if misses and not forced:
+        raise GateError(
+            f"the gains miss what was asked ({'; '.join(misses)}); ask for less, identify better, or say why they are "
+            "kept (forced)."
+        )
+    held = tuned.robustness
+    return {
+        "specification": _named(tuned.specification, PiSpecification),
+        "figures": _named(tuned.figures, PiFigures),
+        "probability": None if held is None else float(held.probability),
+        "draws": None if held is None else int(held.n),
+        "forced": f"{forced}: {'; '.join(misses)}" if misses else None,
+        "method": f"smallest {tuned.aim}" if tuned.aim in ("ms", "iae") else str(tuned.aim),
+        "notes": [str(note) for note in tuned.assumed],
+    }
+
+
+def _named(found: Any, section: type[Section]) -> dict[str, Any]:  # noqa: ANN401
+    """Fields of a result, those the section knows first; what is without end is None."""
+    values = asdict(found)
+    order = [
+        *(name for name in section.model_fields if name in values),
+        *(n for n in values if n not in section.model_fields),
+    ]
+    return {name: _bounded(values[name]) for name in order}
+
+
+def _bounded(value: Any) -> bool | float | None:  # noqa: ANN401
+    if value is None or isinstance(value, bool):
+        return value
+    return float(value) if math.isfinite(value) else None
+
+
+def _uncertainty(model: "Model") -> dict[str, Any]:
+    if model.cov_params is None:
+        return {
+            "kind": "none",
+            "reason": "the model was given, not estimated" if model.structure == "given" else "not had",
+        }
+    names, matrix = list(model.names), model.cov_params
+    df = None if model.n is None else max(int(model.n) - len(names), 0)
+    return {"kind": "covariance", "of": names, "matrix": ((matrix + matrix.T) / 2).tolist(), "df": df}
+
+
+def _pair(pair: "tuple[float, float] | None") -> list[float] | None:
+    return None if pair is None else [float(x) for x in pair]
+
+
+def as_data(section: Any) -> dict[str, Any]:  # noqa: ANN401
+    """A section, a mapping or a dataclass as plain data."""
+    if isinstance(section, Section):
+        return section.model_dump()
+    if is_dataclass(section) and not isinstance(section, type):
+        return asdict(section)
+    return dict(section)

@@ -1,0 +1,66 @@
+"""The published JSON Schema of the parameter file: made from the classes, kept beside them, compared in a test.
+
+``python -m fitmodels.parameters.json_schema`` prints it, as it is kept in ``schema/parameters-1.json``. What a schema
+cannot say (a covariance is positive semi-definite, b begins with nk zeros) is refused by the reader alone.
+"""
+
+import json
+import sys
+from importlib.resources import files
+from typing import Any, Final
+
+from .file import ParameterFile
+from .migrate import SCHEMA
+
+DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
+FILE: Final = f"parameters-{SCHEMA.partition('/')[2]}.json"
+
+
+def json_schema() -> dict[str, Any]:
+    """The schema, made from the classes.
+
+    Examples
+    --------
+    >>> json_schema()["properties"]["identity"]
+    {'$ref': '#/$defs/Identity'}
+    """
+    made = ParameterFile.model_json_schema()
+    _first_paragraphs(made)
+    comment = "Unknown fields and sections are kept. The reader checks more than a schema can say."
+    return {
+        "$schema": DIALECT,
+        "$id": SCHEMA,
+        "$comment": comment,
+        **made,
+        "required": ["schema_version", *made["required"]],
+    }
+
+
+def published() -> dict[str, Any]:
+    """The schema as it is published with the package."""
+    text = files(__package__).joinpath("schema", FILE).read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def text() -> str:
+    """The schema as it stands in its file."""
+    return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def _first_paragraphs(schema: Any) -> None:  # noqa: ANN401
+    """Docstrings stand in a schema whole, and every name as a title too; the first paragraph is what it is for."""
+    if isinstance(schema, dict):
+        if isinstance(schema.get("title"), str):
+            del schema["title"]
+        if isinstance(told := schema.get("description"), str):
+            schema["description"] = " ".join(told.split("\n\n")[0].split())
+        for inner in schema.values():
+            _first_paragraphs(inner)
+    elif isinstance(schema, list):
+        for inner in schema:
+            _first_paragraphs(inner)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(text())

@@ -1,0 +1,153 @@
+"""Settings of milling at constant load, and of when the loop takes over and lets go.
+
+Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587, section II.E and eq. 15.
+"""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from .base import NotNegative, Number, Positive, Section, Share, Text
+
+
+class LimitInterval(Section):
+    """Interval of a feed limit at ``level``, and how it was had.
+
+    Examples
+    --------
+    >>> LimitInterval(low=580.0, high=640.0, level=0.95, method="Fieller").high
+    640.0
+    """
+
+    kind: Literal["interval"] = "interval"
+    low: Number
+    high: Number
+    level: Annotated[float, Field(strict=True, gt=0, lt=1)] = 0.95
+    method: str
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.low > self.high:
+            raise ValueError(f"the interval has low {self.low:g} above high {self.high:g}")
+        return self
+
+
+class NoInterval(Section):
+    """There is no interval of a feed limit, and why."""
+
+    kind: Literal["none"] = "none"
+    reason: Text
+
+
+class FeedLimit(Section):
+    """A limit of the feed: the feed at the reference load and the wear it stands for.
+
+    Examples
+    --------
+    >>> FeedLimit(value=605.0, wear=0.22, interval={"kind": "none", "reason": "3 points, 3 parameters"}).value
+    605.0
+    """
+
+    value: Number
+    wear: NotNegative
+    interval: Annotated[LimitInterval | NoInterval, Field(discriminator="kind")]
+
+
+class Engagement(Section):
+    """When the loop takes over and lets go, and how fast; each may be left to the machine.
+
+    Attributes
+    ----------
+    feed_programmed : float or None
+        F of the programme, at which the override is 1, in the unit of the feed limits.
+    filter_corner : float or None
+        Hz of a one-pole low-pass on the load.
+    engage_at, hysteresis : float or None
+        Filtered load at the middle of the hysteresis, and its whole width, in the unit of the load.
+    engage_after, disengage_after : float or None
+        s above and below until the loop takes over and lets go.
+    back_off, recover : float or None
+        Override per second downwards and upwards.
+    load_low, load_high : float or None
+        A reading at or outside these two is no reading.
+    sample_time : float or None
+        s, period of the thread.
+
+    Examples
+    --------
+    >>> Engagement(engage_at=0.15, hysteresis=0.02).engage_after is None
+    True
+    """
+
+    feed_programmed: Positive | None = None
+    filter_corner: Positive | None = None
+    engage_at: Number | None = None
+    hysteresis: NotNegative | None = None
+    engage_after: NotNegative | None = None
+    disengage_after: NotNegative | None = None
+    back_off: Positive | None = None
+    recover: Positive | None = None
+    load_low: Number | None = None
+    load_high: Number | None = None
+    sample_time: Positive | None = None
+
+
+class LoadLine(Section):
+    """Settings of CLM-2023: reference load, feed limits and the wear at which the tool is changed.
+
+    The tool is changed when the feed command rests on the lower limit.
+
+    Attributes
+    ----------
+    reference : float
+        Load that the loop holds, unit_load: ``worn`` times ``safety_factor``, rounded to ``rounded_to`` where that is
+        not None.
+    worn : float
+        Load that a worn tool stands without chipping, unit_load.
+    safety_factor : float
+        Above 0, at most 1.
+    upper, lower : FeedLimit
+        Feed at the reference with a sharp tool and at the wear limit, unit_feed.
+    window : tuple of float
+        Wear between which the tool should be changed, unit_wear.
+    probability : float or None
+        That the wear lies in the window when the lower limit is reached; ``probability_of`` says from what, or why not.
+    dwell : float or None
+        s that the command rests on the lower limit before the tool is called worn.
+    law, by
+        The law the limits come from, by the symbol of its response, and its level.
+    load : str
+        Symbol of the load; ``I`` is the spindle current.
+    engagement : Engagement or None
+    notes : tuple of str
+
+    Examples
+    --------
+    >>> exact = {"kind": "none", "reason": "3 points, 3 parameters"}
+    >>> line = LoadLine(
+    ...     reference=0.24, worn=0.28, safety_factor=0.85, rounded_to=0.01, unit_load="A", unit_feed="mm/min",
+    ...     upper={"value": 1000.0, "wear": 0.0, "interval": exact},
+    ...     lower={"value": 605.0, "wear": 0.22, "interval": exact},
+    ...     window=(0.18, 0.22), unit_wear="mm", law="I")
+    >>> line.lower.wear
+    0.22
+    """
+
+    reference: Number
+    worn: Number
+    safety_factor: Annotated[float, Field(strict=True, gt=0, le=1)]
+    rounded_to: Positive | None = None
+    load: Text = "I"
+    unit_load: str
+    upper: FeedLimit
+    lower: FeedLimit
+    unit_feed: str
+    window: tuple[NotNegative, NotNegative]
+    unit_wear: str
+    probability: Share | None = None
+    probability_of: str = ""
+    dwell: NotNegative | None = None
+    law: Text
+    by: str | None = None
+    engagement: Engagement | None = None
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,195 @@
+"""The setting rules of CLM-2023: from a load law and wear tests to reference load, feed limits and tool change.
+
+1. The load that a worn tool stands, times a safety factor, is the reference: 0.85 x 0.28 A, in print 0.24 A.
+2. The upper feed limit is the feed at the reference with a sharp tool (VB 0).
+3. The lower feed limit is the feed at the reference when the wear reaches its limit (eq. 15).
+4. The tool is changed when the feed command rests on the lower limit; the wear is then to lie in a window.
+
+Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587, sections II.E and III.A.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ..datasets.errors import UsageError
+from .errors import ParameterError, short
+from .feed_limits import feed_limit, wear_in_window
+from .load_line import FeedLimit, LoadLine
+
+if TYPE_CHECKING:
+    from .file import ParameterFile
+    from .law import Law
+
+SAFETY_FACTOR = 0.85
+WINDOW = (0.18, 0.22)  # mm
+RESOLUTION = 0.01  # of the reference, in A: as the paper rounds it
+HELD = 0.01  # of the reference: a load so near was held (the paper's own regulation)
+FORMS = ("load_line", "feed_line")
+
+
+def settings(
+    pf: "ParameterFile",
+    worn: float,
+    *,
+    safety_factor: float = SAFETY_FACTOR,
+    rounded_to: float | None = RESOLUTION,
+    window: tuple[float, float] = WINDOW,
+    wear_limit: float | None = None,
+    law: str | None = None,
+    by: str | None = None,
+    level: float = 0.95,
+    dwell: float | None = None,
+    engagement: Mapping[str, Any] | None = None,
+) -> LoadLine:
+    """Settings of milling at constant load, by the paper's rules.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+        With a law of the form load_line or feed_line.
+    worn : float
+        Load that a worn tool stands without chipping, from the wear tests, in the unit of the load.
+    safety_factor : float
+        Above 0, below 1.
+    rounded_to : float or None
+        Step that the reference is rounded to; None leaves it as it is.
+    window : tuple of float
+        Wear between which the tool is to be changed, in the law's unit of wear.
+    wear_limit : float, optional
+        Wear that the lower limit stands for; the top of the window unless given. Half the tools have worn further than
+        this when they reach the limit, so a limit in the middle of the window keeps more of them in it.
+    law, by : str, optional
+        Response of the law, needed where the file holds several, and its level.
+    level : float
+        Of the intervals.
+    dwell : float, optional
+        s that the command rests on the lower limit before the tool is called worn.
+    engagement : mapping, optional
+        When the loop takes over and lets go; see `Engagement`.
+
+    Returns
+    -------
+    LoadLine
+
+    Raises
+    ------
+    UsageError
+        A number that cannot be meant.
+    ParameterError
+        The file holds no load law; the limits come out in the wrong order; a line of feed held at another load.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit, parameters
+    >>> runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    >>> pf = parameters.collect(tool="end mill", work="S45C", laws=[fit.load_law(runs)])
+    >>> line = settings(pf, worn=0.28)
+    >>> line.reference, round(line.upper.value), round(line.lower.value)
+    (0.24, 996, 563)
+    """
+    found = _law(pf, law)
+    limit = window[1] if wear_limit is None else wear_limit
+    _check(worn, safety_factor, rounded_to, window, limit, level)
+    reference = _rounded(safety_factor * worn, rounded_to)
+    notes = _check_held(found, reference)
+    upper, lower = (feed_limit(found, reference, wear, by=by, level=level) for wear in (0.0, limit))
+    _check_order(found, reference, lower, upper)
+    probability, words = wear_in_window(found, reference, lower.value, window, by=by)
+    return LoadLine.model_validate({
+        "reference": reference,
+        "worn": float(worn),
+        "safety_factor": float(safety_factor),
+        "rounded_to": None if rounded_to is None else float(rounded_to),
+        "load": found.response if found.form == "load_line" else "I",
+        "unit_load": found.unit if found.form == "load_line" else "A",
+        "upper": upper.model_dump(),
+        "lower": lower.model_dump(),
+        "unit_feed": found.factors[0].unit if found.form == "load_line" else found.unit,
+        "window": [float(wear) for wear in window],
+        "unit_wear": found.factors[-1].unit,
+        "probability": probability,
+        "probability_of": words,
+        "dwell": dwell,
+        "law": found.response,
+        "by": by,
+        "engagement": None if engagement is None else dict(engagement),
+        "notes": [*notes, *_beyond(found, limit)],
+    })  # fmt: skip
+
+
+def _law(pf: "ParameterFile", name: str | None) -> "Law":
+    if name is not None and name not in pf.laws:
+        raise UsageError(f"--law {name}: the file holds laws of {', '.join(pf.laws) or 'nothing'}.")
+    found = [law for key, law in pf.laws.items() if law.form in FORMS and name in (None, key)]
+    if not found:
+        raise ParameterError(
+            "the file holds no load law (load on feed and wear): fit runs that have the columns fm, VB and I."
+        )
+    if len(found) > 1:
+        raise UsageError(f"there are load laws of {', '.join(law.response for law in found)}; say which with --law.")
+    return found[0]
+
+
+def _check(
+    worn: float, factor: float, step: float | None, window: tuple[float, float], limit: float, level: float
+) -> None:
+    for name, value in (("worn", worn), ("rounded_to", step), ("wear_limit", limit)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise UsageError(f"{name} {value!r}: it lies above zero.")
+    if not 0 < factor < 1:
+        raise UsageError(f"safety_factor {factor!r}: it lies between 0 and 1, in the paper 0.85 (1/1.17).")
+    if not 0 < level < 1:
+        raise UsageError(f"level {level!r}: it lies between 0 and 1, for instance 0.95.")
+    low, high = window
+    if not 0 <= low < high < math.inf:
+        raise UsageError(f"window {low:g} to {high:g}: two wears, the smaller first, in the law's unit of wear.")
+    if not low <= limit <= high:
+        raise UsageError(f"wear_limit {limit:g} lies outside the window {low:g} to {high:g}.")
+
+
+def _rounded(value: float, step: float | None) -> float:
+    """To the nearest step, as a decimal: 0.238 to 0.24, not to 0.24000000000000002."""
+    if step is None:
+        return value
+    found = float(f"{round(value / step) * step:.12g}")
+    if not found > 0:
+        raise UsageError(f"the reference {value:g} rounds to nothing in steps of {step:g}; give a smaller rounded_to.")
+    return found
+
+
+def _check_held(law: "Law", reference: float) -> list[str]:
+    """A line of feed on wear is true at one load alone; the fit's notes say at which."""
+    if law.form != "feed_line":
+        return []
+    told = [m for note in law.notes if (m := re.search(r"It is true at ([\d.eE+-]+) (\S+) alone", note))]
+    if not told:
+        return [
+            f"The limits are true at the load that the law of {law.response} was held at, which the file does not say."
+        ]
+    held = float(told[0][1])
+    if abs(held - reference) > HELD * held:
+        raise ParameterError(
+            f"the law of {law.response} was held at {held:g} {told[0][2]} and says nothing of {reference:g}: fit runs "
+            "at several loads, or take the safety factor that leads to the load that was held."
+        )
+    return [f"The limits come from feeds held at {held:g} {told[0][2]}, and are true there alone."]
+
+
+def _check_order(law: "Law", reference: float, lower: FeedLimit, upper: FeedLimit) -> None:
+    if not 0 < lower.value < upper.value:
+        raise ParameterError(
+            f"the feed limits come out as {lower.value:.4g} and {upper.value:.4g} at load {reference:g}: the lower "
+            f"must lie above zero and below the upper; look at the law of {short(law.response)} and at the units."
+        )
+
+
+def _beyond(law: "Law", limit: float) -> list[str]:
+    wear = law.factors[-1]
+    if limit <= wear.high:
+        return []
+    return [
+        f"No tool was measured at a wear above {wear.high:g} {wear.unit}: the lower limit at {limit:g} {wear.unit} is "
+        "extrapolated."
+    ]

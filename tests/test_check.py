@@ -1,0 +1,353 @@
+"""The check before a controller: it finds each thing that is wrong, passes what is right, and never falls over."""
+
+import json
+import random
+
+import control
+import numpy as np
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.cli import main
+from fitmodels.ident.model import Model
+from fitmodels.ident.pi.gains import PiGains
+from fitmodels.ident.pi.loop import loop_of
+from fitmodels.parameters import Dynamics, ParameterError, Pi, check, collect, read, sealed, write
+from fitmodels.parameters.file import _parse
+from fitmodels.parameters.loop_figures import closed_loop, figures
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import dlsim
+
+MUTATIONS = 10_000
+NONE = {"kind": "none", "reason": "given"}
+# Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18, at 50 Hz: feed voltage to spindle current
+B, A = [0.0, 0.0611, -0.1338, 0.0752], [1.0, -2.0311, 1.2104, -0.1655]
+PLANT = {"b": B, "a": A, "nk": 1, "sample_time": 0.02, "unit_u": "V", "unit_y": "A"}
+GAINS = {"kp": 0.3, "ki": 4.5, "sample_time": 0.02, "unit_u": "V", "unit_y": "A"}
+SPECIFICATION = {"rise_time": 2.5, "settling_time": 5.0, "overshoot": 0.02, "ms": 1.4, "phase_margin": 60.0}
+FORCE = {
+    "m": 0.01, "alpha": 0.2, "beta": 1.0, "g1": 1e-5, "g2": 1e-4, "g3": 1e-4, "Kd": 0.5, "lam": 10.0,
+    "unit_u": "mm/min", "set_points": [{"depth": 1.0, "force": 150.0}, {"depth": 2.0, "force": 200.0}],
+}  # fmt: skip
+ENGAGEMENT = {"engage_at": 0.15, "hysteresis": 0.02, "load_low": 0.01, "load_high": 0.6, "feed_programmed": 800.0}
+
+
+def built():
+    """A file of which everything is right."""
+    runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    covariance = np.diag([4e-8, 1e-8, 1e-8, 1e-8, 4e-8, 1e-8])
+    pf = collect(
+        tool="end mill", work="S45C", laws=[fit.load_law(runs)], dynamics=Model(**PLANT, cov_params=covariance, n=750),
+        pi={**GAINS, "specification": SPECIFICATION}, limits={"wear": 0.3, "feed_rate": (100, 2000), "power": 7},
+        adaptive_force=FORCE,
+    )  # fmt: skip
+    return sealed(pf, load_line=parameters.settings(pf, 0.28, wear_limit=0.2, engagement=ENGAGEMENT))
+
+
+@pytest.fixture(scope="module")
+def pf():
+    return built()
+
+
+def changed(pf, change):
+    data = json.loads(json.dumps(pf.model_dump()))
+    change(data)
+    return sealed(_parse(json.dumps(data).encode(), "params.json"))
+
+
+def put(section, **values):
+    def change(data):
+        here = data
+        for step in section.split("."):
+            here = here[int(step)] if isinstance(here, list) else here[step]
+        here.update(values)
+
+    return change
+
+
+def test_a_good_file_passes_every_question(pf):
+    report = check(pf)
+    assert report.ok, report.failed
+    assert {f.name for f in report.findings} == {
+        "checksum", "units", "covariance", "dynamics", "gains", "specification", "feed limits", "window", "reference",
+        "engagement", "set points",
+    }  # fmt: skip
+    assert all(f.passed for f in report.findings)
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "words"),
+    [
+        (put("laws.fm", unit="furlong"), "units", r"laws\.fm \(fm\): the unit 'furlong' is not known"),
+        (put("laws.fm", unit="mm"), "units", r"the unit is 'mm', which is not of the kind of mm/min"),
+        (put("laws.fm.factors.0", unit="N"), "units", r"\(VB\): the unit is 'N'"),
+        (put("limits.power", unit="N"), "units", r"limits\.power: the unit is 'N', which is not of the kind of kW"),
+        (put("load_line", unit_load="V"), "units", r"load_line \(load\): the unit is 'V'"),
+        (put("dynamics", unit_u="volts per hour"), "units", r"dynamics \(input\): the unit 'volts per hour'"),
+        (put("dynamics", a=[1.0, -2.1, 1.2104, -0.1655]), "dynamics", "not stable, a pole at radius"),
+        (put("dynamics", b=[0.0, 0.1, -0.2, 0.1]), "dynamics", "gain at rest is 0"),
+        (
+            put("dynamics.uncertainty", matrix=np.diag([1e-3] * 6).tolist()),
+            "dynamics",
+            "0.1812 A/V, has a standard error of .* sign is not known",
+        ),
+        (put("pi", kp=8.0), "gains", "not stable on the file's dynamics, a pole at radius 1.0"),
+        (put("pi", kp=-0.3, ki=-4.5), "gains", "opposite signs"),
+        (put("pi", sample_time=0.01), "gains", "run at 0.01 s and the dynamics at 0.02 s"),
+        (put("pi", unit_u="mm/min"), "gains", "'mm/min' and the dynamics in 'V', and scaling_u is 1"),
+        (put("pi", kp=0.1, ki=1.0), "specification", "miss rise time .* above the 2.5 asked for"),
+        (put("pi.specification", phase_margin=85.0), "specification", "miss phase margin .* below the 85"),
+        (put("pi", figures={"stable": True, "rise_time": 1.0}), "figures", "rise time 1 is 2"),
+        (put("pi", figures={"stable": False}), "figures", "stated to be unstable"),
+        (put("load_line.lower", value=-5.0, interval=NONE), "feed limits", "lower feed limit is -5 mm/min"),
+        (put("load_line.lower", value=1100.0, interval=NONE), "feed limits", "1100 is not below the upper"),
+        (put("load_line.lower", value=1.0), "feed limits", "lies outside its own interval"),
+        (put("limits.feed_rate", high=900.0), "feed limits", "upper feed limit 996.372 is outside the machine's"),
+        (put("load_line", window=[0.22, 0.18]), "window", "wrong way round"),
+        (put("load_line.lower", wear=0.3), "window", "a wear of 0.3 mm, outside the window"),
+        (put("load_line.upper", wear=0.25), "window", "stands for more wear than the lower"),
+        (put("limits.wear", value=0.1), "window", "is above the criterion, 0.1"),
+        (put("load_line", reference=0.3), "reference", "not between 0 and what a worn tool stands"),
+        (put("load_line", reference=0.2), "reference", "is not 0.85 x 0.28 = 0.238 A"),
+        (put("load_line", law="I"), "reference", "law of 'I' that the limits come from is not in the file"),
+        (put("load_line.engagement", engage_at=0.24), "engagement", "engages at 0.25 A, not below the reference 0.24"),
+        (put("load_line.engagement", load_low=0.7), "engagement", "leave no range"),
+        (put("load_line.engagement", feed_programmed=500.0), "engagement", "below the lower feed limit"),
+        (put("adaptive_force", lam=1e3), "set points", "alpha . Kd is not above lambda m"),
+        (
+            put("adaptive_force", set_points=[{"depth": 2.0, "force": 1.0}, {"depth": 1.0, "force": 1.0}]),
+            "set points",
+            "not in order of depth",
+        ),
+    ],
+)
+def test_each_thing_that_is_wrong_is_found(pf, change, name, words):
+    report = check(changed(pf, change))
+    assert not report.ok
+    assert pytest.approx(0) == sum("\n" in f.words or not f.words.endswith((".", "?")) for f in report.findings)
+    found = [f.words for f in report.failed if f.name == name]
+    assert found, report.failed
+    assert any(__import__("re").search(words, told) for told in found), found
+
+
+def test_a_changed_number_is_found_by_its_checksum(pf, tmp_path):
+    path = write(pf, tmp_path / "params.json")
+    path.write_text(path.read_text().replace('"kp": 0.3', '"kp": 0.30000000000000004'))
+    (bad,) = check(read(path)).failed
+    assert bad.name == "checksum"
+    assert "changed after it was written" in bad.words
+
+
+def test_a_file_without_a_checksum_is_told_and_passes(pf):
+    bare = pf.model_copy(update={"content_sha256": None})
+    report = check(bare)
+    assert report.ok
+    assert (report.findings[0].name, report.findings[0].passed) == ("checksum", None)
+
+
+def test_gains_that_are_marked_as_forced_may_miss_but_not_be_unstable(pf):
+    missing = check(changed(pf, put("pi", kp=0.1, ki=1.0, forced="a trial at the bench")))
+    assert missing.ok
+    assert any(f.passed is None and "marked as forced: a trial at the bench" in f.words for f in missing.findings)
+    assert not check(changed(pf, put("pi", kp=8.0, forced="a trial at the bench"))).ok
+
+
+def test_gains_in_other_units_are_tried_through_their_scaling(pf):
+    """1459 mm/min in one volt: the same controller."""
+    scaled = put("pi", kp=0.3 * 1459, ki=4.5 * 1459, unit_u="mm/min", scaling_u=1459.0)
+    one, other = (figures(closed_loop(f.dynamics, f.pi)) for f in (pf, changed(pf, scaled)))
+    for name in ("rise_time", "ms", "phase_margin", "gain_margin"):
+        assert other[name] == pytest.approx(one[name], rel=1e-9)
+    assert other["travel"] == pytest.approx(1459 * one["travel"], rel=1e-9)
+    assert check(changed(pf, scaled)).ok
+
+
+# --- the posterior and its draws ------------------------------------------------------------------------
+
+
+def drawn(folder):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    post = fit.posterior(law, seed=1, draws=1000)
+    pf = collect(tool="GC435", work="709M40", laws=[law], posteriors=[post])
+    (folder / "draws.npz").write_bytes(parameters.draws_of([post]))
+    return pf
+
+
+def test_draws_beside_the_file_are_looked_at(tmp_path):
+    pf = drawn(tmp_path)
+    assert check(pf, tmp_path).ok
+    assert any(f.name == "draws" and f.passed is None for f in check(pf).findings)
+    shut = changed(pf, put("posterior.laws.AW", r_hat=1.2, ess=30.0, k_hat=0.9))
+    (gate,) = [f.words for f in check(shut, tmp_path).failed]
+    for words in ("R-hat 1.2 is above 1.01", "30 effective draws, below 400", "k-hat 0.9 is above 0.7"):
+        assert words in gate
+    content = bytearray((tmp_path / "draws.npz").read_bytes())
+    content[len(content) // 2] ^= 1
+    (tmp_path / "draws.npz").write_bytes(bytes(content))
+    assert "these are not the draws" in check(pf, tmp_path).failed[0].words
+    (tmp_path / "draws.npz").unlink()
+    assert "cannot be read" in check(pf, tmp_path).failed[0].words
+
+
+@pytest.mark.parametrize("name", ["../draws.npz", "/tmp/draws.npz", "a\\b.npz", ".draws.npz", "draws.npz\n", "x.pkl"])  # noqa: S108
+def test_a_draws_file_stands_beside_its_file(pf, name):
+    with pytest.raises(ParameterError, match=r"posterior\.draws_file"):
+        changed(pf, lambda d: d.update(posterior={"seed": 1, "draws_file": name}))
+
+
+# --- the loop, against others -------------------------------------------------------------------------
+
+
+def loop_by_control(kp, ki):
+    plant = control.TransferFunction(B[1:], A, 0.02)
+    pi = control.TransferFunction([kp + ki * 0.02, -kp], [1, -1], 0.02)  # backward sum
+    return plant * pi
+
+
+@pytest.mark.parametrize(("kp", "ki"), [(0.3, 4.5), (0.05, 2.0), (2.0, 8.0)])
+def test_margins_are_those_of_python_control(kp, ki):
+    found = figures(closed_loop(Dynamics(**PLANT, uncertainty=NONE), Pi(kp=kp, ki=ki, sample_time=0.02)))
+    gm, pm, *_ = control.stability_margins(loop_by_control(kp, ki), method="poly")
+    assert found["gain_margin"] == pytest.approx(gm, rel=1e-5)
+    assert found["phase_margin"] == pytest.approx(pm, rel=1e-4)
+
+
+def test_the_gain_where_the_published_loop_becomes_unstable():
+    """A gain alone above 7.868 V/A is unstable at 50 Hz, from the printed decimals."""
+    model = Dynamics(**PLANT, uncertainty=NONE)
+    inside, outside = (closed_loop(model, Pi(kp=kp, ki=0.0, sample_time=0.02)).radius for kp in (7.86, 7.88))
+    assert inside < 1 < outside
+
+
+def test_the_step_is_that_of_scipy():
+    T = control.feedback(loop_by_control(0.3, 4.5), 1)
+    num, den = T.num[0][0], T.den[0][0]
+    _, y = dlsim((num, den, 0.02), np.ones(2000))
+    y = y[:, 0]
+    found = figures(closed_loop(Dynamics(**PLANT, uncertainty=NONE), Pi(kp=0.3, ki=4.5, sample_time=0.02)))
+    assert found["rise_time"] == pytest.approx((np.argmax(y >= 0.9) - np.argmax(y >= 0.1)) * 0.02, abs=0.02)
+    assert found["settling_time"] == pytest.approx((np.flatnonzero(abs(y - 1) > 0.02)[-1] + 1) * 0.02, abs=0.02)
+    assert found["overshoot"] == pytest.approx(max(y.max() - 1, 0), abs=1e-6)
+
+
+FORMS = [
+    {},
+    {"form": "incremental"},
+    {"form": "incremental_sum", "kp": 0.005, "ki": 0.001},
+    {"integration": "trapezoidal", "delay": 2},
+    {"integration": "forward", "filter_time": 0.05},
+    {"average": 5},
+    {"average": 5, "average_of": "command", "filter_time": 0.03},
+    {"ki": 0.0, "kp": 2.0},
+]
+
+
+@pytest.mark.parametrize("changes", FORMS, ids=str)
+def test_figures_are_those_of_the_tuner(changes):
+    """Two programs, polynomials here and a recursion there; times, peaks and margins agree."""
+    given_ = {**GAINS, **changes}
+    theirs = loop_of(Model(**PLANT), PiGains(**given_)).figures()
+    ours = figures(closed_loop(Dynamics(**PLANT, uncertainty=NONE), Pi(**given_)))
+    for name, value in ours.items():
+        other = getattr(theirs, "disturbance_peak" if name == "disturbance" else name)
+        assert value == pytest.approx(other, rel=2e-3, abs=1e-5), name
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
+def test_units_of_command_and_load_do_not_matter(u, y):
+    model, gains = Dynamics(**PLANT, uncertainty=NONE), Pi(**GAINS)
+    scaled = Pi(**{**GAINS, "kp": 0.3 * u / y, "ki": 4.5 * u / y, "scaling_u": u, "scaling_y": y})
+    one, other = figures(closed_loop(model, gains)), figures(closed_loop(model, scaled))
+    for name in ("rise_time", "settling_time", "ms", "gain_margin", "phase_margin"):
+        assert other[name] == pytest.approx(one[name], rel=1e-6)
+
+
+def test_a_long_average_does_not_take_long():
+    """Of 1000 samples: the characteristic polynomial is too long for its roots, and stable or not all the same."""
+    model = Dynamics(**PLANT, uncertainty=NONE)
+    slow, fast = (
+        closed_loop(model, Pi(kp=0.0, ki=ki, sample_time=0.02, average=1000, delay=1000)) for ki in (0.01, 5.0)
+    )
+    assert slow.radius < 1 < fast.radius
+    assert figures(slow)["settling_time"] > 20.0
+
+
+# --- never a traceback, never a hang --------------------------------------------------------------------
+
+WORST = [None, -1, 0, 1e308, -1e308, -0.0, 5e-324, 1e-300, True, "", "V", [], {}, [[1.0]], {"a": 1}, 10**30, "../x"]
+
+
+def places(data, here=()):
+    for key, inner in data.items() if isinstance(data, dict) else enumerate(data):
+        yield data, key
+        if isinstance(inner, dict | list):
+            yield from places(inner, (*here, key))
+
+
+def damaged(rng, content):
+    start = rng.randrange(len(content))
+    stop = min(len(content), start + rng.randrange(1, 30))
+    tokens = [b"null", b"-1", b"1e400", b"NaN", b'""', b"[]", b"{}", b"9", b"1e308", b"-", b"\xff", b"}"]
+    return content[:start] + rng.choice([b"", content[start:stop] * 2, rng.choice(tokens)]) + content[stop:]
+
+
+def judged(content):
+    """Whether a file passes the check, or the sentence that refuses to read it."""
+    try:
+        return check(_parse(content, "params.json")).ok
+    except ParameterError as error:
+        return str(error)
+
+
+def test_ten_thousand_damaged_files_are_named_errors_or_valid_files(pf):
+    """A file is read and checked, or refused in one sentence; what is read can be written again."""
+    rng = random.Random(20240501)  # noqa: S311
+    bulk = {"checks", "verdicts", "region", "edges", "statistics", "notes"}  # long, and never looked at by the check
+    data = json.loads(json.dumps(pf.model_dump(exclude_none=True, exclude={"laws": {"fm": bulk}})))
+    good = json.dumps(data).encode()
+    where = list(places(data))
+    valid = failed = 0
+    for turn in range(MUTATIONS):
+        if turn % 2:
+            content = damaged(rng, good)
+        else:
+            holder, key = rng.choice(where)
+            kept, holder[key] = holder[key], rng.choice(WORST)
+            content = json.dumps(data).encode()
+            holder[key] = kept
+        found = judged(content)
+        assert isinstance(found, bool) or "\n" not in found
+        valid += isinstance(found, bool)
+        failed += found is False
+    assert MUTATIONS / 10 < valid < MUTATIONS
+    assert failed > valid / 2  # by the checksum alone: nearly all
+
+
+# --- the command --------------------------------------------------------------------------------------
+
+
+def test_the_command_tells_every_finding(pf, tmp_path, capsys):
+    path = write(pf, tmp_path / "params.json")
+    assert main(["check", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "ok   The content is what was written." in out
+    assert out.endswith(f"{len(check(pf).findings)} findings, nothing stands against this file.\n")
+
+
+def test_the_command_fails_with_5(pf, tmp_path, capsys):
+    path = write(changed(pf, put("pi", kp=8.0)), tmp_path / "params.json")
+    assert main(["check", str(path), "--json"]) == 5
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["schema"], facts["ok"]) == ("fitmodels.check/1", False)
+    assert any(f["passed"] is False and "not stable" in f["words"] for f in facts["findings"])
+
+
+@pytest.mark.parametrize(("content", "code"), [("{}", 3), ("", 3), (None, 3)])
+def test_the_command_names_what_is_no_parameter_file(tmp_path, capsys, content, code):
+    path = tmp_path / "params.json"
+    if content is not None:
+        path.write_text(content)
+    assert main(["check", str(path)]) == code
+    assert capsys.readouterr().err.count("\n") == 1

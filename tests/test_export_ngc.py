@@ -1,0 +1,82 @@
+"""The G-code export, run by LinuxCNC's own interpreter (`rs274 -g`)."""
+
+import math
+import re
+import subprocess
+from decimal import Decimal
+
+import pytest
+from fitmodels.parameters.export import exporter, ngc
+from fitmodels.parameters.export.view import view
+from hypothesis import given
+from hypothesis import strategies as st
+
+INSTALL = "apt-get install linuxcnc-uspace"
+PRINTED = 6  # decimals of rs274
+
+
+def ngc_of(pf) -> str:
+    return exporter("ngc").render(view(pf))
+
+
+@pytest.fixture
+def rs274(consumer, tmp_path):
+    program = consumer("rs274", INSTALL)
+
+    def run(text: str) -> subprocess.CompletedProcess[str]:
+        (tmp_path / "test.ngc").write_text(text)
+        return subprocess.run([program, "-g", "test.ngc"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+
+    return run
+
+
+def scale(value: float) -> int:
+    """Power of ten that leaves a value of 1 to 10 for the six decimals that are printed."""
+    return math.floor(math.log10(abs(value))) if value else 0
+
+
+@pytest.mark.consumer
+def test_every_value_arrives_under_its_name_and_its_number(rs274, constant_load_file):
+    pf = constant_load_file()
+    quantities = view(pf).quantities
+    asked = "".join(
+        f"(DEBUG,{q.name} #{9 + 2 * k})\n(DEBUG,{q.name} #{10 + 2 * k})\n" for k, q in enumerate(quantities)
+    )
+    copies = "".join(
+        f"#{9 + 2 * k}=[#<_fm_{q.name}>/{ngc.fixed(float(Decimal(10) ** scale(q.value)))}]\n"
+        f"#{10 + 2 * k}=[#{500 + k}/{ngc.fixed(float(Decimal(10) ** scale(q.value)))}]\n"
+        for k, q in enumerate(quantities)
+    )
+    text = ngc_of(pf).removesuffix("%\n") + copies + asked + "%\n"
+    said = rs274(text)
+    assert said.returncode == 0, said.stderr
+    printed = re.findall(r'MESSAGE\("(\w+) (-?[\d.]+)"\)', said.stdout)
+    expected = [(q.name, f"{q.value / 10.0 ** scale(q.value):.{PRINTED}f}") for q in quantities for _ in (1, 2)]
+    assert [name for name, _ in printed] == [name for name, _ in expected]
+    for (name, ours), (_, theirs) in zip(expected, printed, strict=True):
+        assert float(theirs) == pytest.approx(float(ours), abs=2 * 10.0**-PRINTED), name
+    assert "ENABLE_ADAPTIVE_FEED()" in said.stdout
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize(
+    ("broken", "by"),
+    [("#<_fm_kp>=300", "#<_fm_kp>=3e2"), ("(fm - ", "(fm ("), ("\nM52 P1", "\nM52 P"), ("#<_fm_ki>=", "#<_fm_ki=")],
+)
+def test_a_broken_file_does_not_run(rs274, constant_load_file, broken, by):
+    text = ngc_of(constant_load_file())
+    assert broken in text
+    assert rs274(text).returncode == 0
+    assert rs274(text.replace(broken, by, 1)).returncode != 0
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_number_has_no_exponent_and_reads_back_to_the_same_float(value):
+    text = ngc.fixed(value)
+    assert re.fullmatch(r"-?\d+(\.\d+)?", text)
+    assert float(text) == value
+
+
+def test_no_line_is_longer_than_linuxcnc_reads(constant_load_file):
+    pf = constant_load_file(identity={"tool": "x" * 500, "work": "y" * 500})
+    assert max(len(line) for line in ngc_of(pf).splitlines()) < 255

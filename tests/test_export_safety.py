@@ -1,0 +1,115 @@
+"""Names from the data are text in every export, and a file is written whole, once, where it was asked for."""
+
+import re
+from pathlib import Path
+
+import pytest
+from fitmodels import parameters
+from fitmodels.cli import main
+from fitmodels.datasets.errors import UsageError
+from fitmodels.parameters import GateError, ParameterError
+from fitmodels.parameters.export import KINDS, export, exporter
+from fitmodels.parameters.export.names import plain, plain_unit, safe_name
+from fitmodels.parameters.export.view import view
+from hypothesis import given
+from hypothesis import strategies as st
+
+NASTY = [
+    "../../x", "<script>alert(1)</script>", '"; M30 (', "=cmd|' /C calc'!A0", "x\nsetp motion.adaptive-feed 5",
+    "x)\nM30\n(", "*/ int main(void) {} /*", "*) END_FUNCTION_BLOCK (*", "]]> &xxe; %s %n", "$HOME [HAL]FILE `id`",
+    "x\u2028y\x00\x1b[2J", "\u202egnp.exe", "-rf --force", "GC 435", "ü" * 300,
+]  # fmt: skip
+there = [kind for kind in KINDS if (Path(parameters.__file__).parent / "export" / f"{KINDS[kind][0]}.py").exists()]
+
+
+@pytest.mark.parametrize("kind", there)
+@pytest.mark.parametrize("text", NASTY)
+def test_a_nasty_name_changes_no_line_but_its_own_comment(constant_load_file, kind, text):
+    """The export with a nasty name has as many lines as with a plain one, and nothing of it that could act."""
+    name = text.replace("\x00", "")
+    nasty = constant_load_file(identity={"tool": name, "work": name, "machine": name, "note": name})
+    plain_one = constant_load_file(identity={"tool": "A", "work": "B", "machine": "C"})
+    ours, other = (exporter(kind).render(view(pf)) for pf in (nasty, plain_one))
+    if isinstance(ours, bytes):
+        assert name.encode() not in ours or name == plain(name)
+        return
+    assert ours.isascii()
+    assert ours.count("\n") == other.count("\n")
+    for piece in ("<script", "M30 (", "cmd|", "*/ int", "*) END", "]]>", "`id`", "$HOME", "../"):
+        assert ours.count(piece) == other.count(piece), piece
+    for line in ours.splitlines():
+        assert not re.match(r"\s*(setp motion|M30)", line)
+
+
+@pytest.mark.parametrize("kind", there)
+def test_a_nasty_unit_or_symbol_is_text_too(constant_load_file, kind):
+    nasty = 'A*/ "; M30 ('
+    pf = constant_load_file(
+        limits={"force": {"value": 1.0, "unit": "N", "of": nasty}}, load_line={"unit_wear": "mm"}, roughness={
+            "law": nasty, "roughness": 1.0, "force": 400.0, "threshold": 100.0, "override_high": 1.5}
+    )  # fmt: skip
+    out = exporter(kind).render(view(pf))
+    assert nasty not in (out.decode("latin-1") if isinstance(out, bytes) else out)
+
+
+@given(st.text())
+def test_names_are_identifiers_and_texts_are_one_plain_line(text):
+    assert re.fullmatch(r"[a-z][a-z0-9_]{0,39}", safe_name(text))
+    assert re.fullmatch(r"[A-Za-z0-9 ._+-]{1,80}", plain(text))
+    assert not plain(text).startswith(("+", "-", "="))
+    assert "*" not in plain_unit(text)
+    assert re.fullmatch(r"[A-Za-z0-9 ./()^%+_-]{1,40}", plain_unit(text))
+    assert safe_name(safe_name(text)) == safe_name(text)
+    assert plain(plain(text)) == plain(text)
+
+
+@pytest.mark.parametrize("kind", there)
+def test_a_file_that_is_there_is_kept_unless_forced(constant_load_file, kind, tmp_path):
+    pf, path = constant_load_file(), tmp_path / "out"
+    path.write_text("mine")
+    with pytest.raises(ParameterError, match="there is a file already"):
+        export(pf, kind, path)
+    assert path.read_text() == "mine"
+    assert export(pf, kind, path, force=True) == path
+    assert path.read_bytes() != b"mine"
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("kind", there)
+def test_gains_that_fail_the_check_reach_no_file(constant_load_file, kind, tmp_path):
+    with pytest.raises(GateError, match="not stable"):
+        export(constant_load_file(pi={"ki": 8.0e6}), kind, tmp_path / "out", force=True)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", there)
+def test_each_says_what_it_cannot_carry(kind):
+    assert exporter(kind).CANNOT
+    assert all(isinstance(words, str) and words for words in exporter(kind).CANNOT)
+
+
+def test_names_of_quantities_are_unlike_each_other(constant_load_file):
+    names = [quantity.name for quantity in view(constant_load_file()).quantities]
+    assert len(set(names)) == len(names)
+    assert all(re.fullmatch(r"[a-z][a-z0-9_]*", name) for name in names)
+
+
+def test_an_unknown_kind_is_met_with_the_nearest(constant_load_file, tmp_path):
+    with pytest.raises(UsageError, match="did you mean hal"):
+        export(constant_load_file(), "HAL", tmp_path / "x")
+
+
+def test_the_command_writes_says_and_refuses(constant_load_file, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    parameters.write(constant_load_file(), "params.json")
+    assert main(["export", "params.json", "--to", "hal"]) == 0
+    said = capsys.readouterr().out
+    assert "wrote params.hal" in said
+    assert "not carried: units" in said
+    assert main(["export", "params.json", "--to", "hal"]) == 3
+    assert main(["export", "params.json", "--to", "hal", "--force"]) == 0
+    assert main(["export", "params.json", "--to", "hla"]) == 2
+    assert main(["export", "params.json", "--to", "hal", "--out", "."]) == 2
+    parameters.write(constant_load_file(pi={"ki": 8.0e6}), "bad.json")
+    assert main(["export", "bad.json", "--to", "hal"]) == 5
+    assert not Path("bad.hal").exists()

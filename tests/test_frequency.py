@@ -1,0 +1,168 @@
+"""The measured frequency response: error bars that hold, the excited band, closed loops found, averages as scipy's."""
+
+import numpy as np
+import pytest
+from fitmodels.datasets import Record, join_records
+from fitmodels.ident.errors import IdentError
+from fitmodels.ident.excitation import chirp, multisine, prbs
+from fitmodels.ident.excited import excited_band
+from fitmodels.ident.feedback import feedback_detected
+from fitmodels.ident.frequency import frequency_response
+from fitmodels.ident.model import Model
+from scipy.signal import csd, lfilter, welch
+
+PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
+F = np.array([0.1, 0.5, 1.0, 1.5, 2.0])
+
+
+def recorded(u, snr, seed, model=PLANT, colour=0.0):
+    x = model.simulate(u)
+    e = lfilter([np.sqrt(1 - colour**2)], [1, -colour], np.random.default_rng(seed).standard_normal(len(x)))
+    return Record(u=u, y=x + np.std(x) * 10 ** (-snr / 20) * e, sample_time=model.sample_time)
+
+
+@pytest.mark.parametrize(
+    ("excitation", "snr", "colour"),
+    [(chirp(), 30, 0.0), (prbs(2.5, hold=0.2), 20, 0.0), (chirp(), 30, 0.8)],
+    ids=["one chirp", "one prbs", "one chirp, coloured noise"],
+)
+def test_error_bars_hold_their_level_in_a_single_record(excitation, snr, colour):
+    g, inside = PLANT.response(F), []
+    for seed in range(20):
+        found = frequency_response(recorded(excitation, snr, seed, colour=colour), F)
+        turn = np.abs(np.degrees(np.angle(found.response / g)))
+        inside.append(
+            [(found.gain_low <= np.abs(g)) & (np.abs(g) <= found.gain_high), turn <= found.phase_high - found.phase]
+        )
+    # 20 draws of 10 correlated figures at 95 %: three standard errors are about 9 %
+    assert 0.86 < np.mean(inside) <= 1.0
+
+
+def test_without_noise_the_response_is_the_plants():
+    found = frequency_response(recorded(chirp(), 200, 1), F[:4])
+    assert found.response == pytest.approx(PLANT.response(F[:4]), rel=1e-3)
+
+
+def test_the_band_of_the_published_chirp_is_marked():
+    low, high = excited_band(recorded(chirp(), 40, 1))
+    assert 0.05 < low < 0.15
+    assert 1.9 < high < 2.3
+    found = frequency_response(recorded(chirp(), 40, 1))
+    assert found.band == (low, high)
+    assert np.array_equal(found.outside, (found.frequency < low * 0.999) | (found.frequency > high * 1.001))
+    assert np.nanmedian(found.gain_error[found.outside]) > 20 * np.median(found.gain_error[~found.outside])
+
+
+@pytest.mark.parametrize(("lines", "low", "high"), [([0.4, 0.6, 3.0], 0.4, 3.0), ([1.0], 1.0, 1.0)])
+def test_the_band_runs_from_the_first_line_to_the_last(lines, low, high):
+    u = multisine(1.0, lines, 20, 50)
+    found = excited_band(Record(u=u, y=u, sample_time=0.02))
+    assert found == (pytest.approx(low, abs=0.11), pytest.approx(high, abs=0.11))  # two bins of smoothing
+
+
+def test_two_runs_joined_have_smaller_errors_than_one():
+    one, other = recorded(chirp(), 30, 1), recorded(chirp(), 30, 2)
+    single, both = frequency_response(one, F), frequency_response(join_records([one, other]), F)
+    assert np.median(both.gain_error / single.gain_error) == pytest.approx(1 / np.sqrt(2), rel=0.2)
+
+
+def test_a_record_sampled_needlessly_fast_gives_the_same_response():
+    fast = Model(b=[0, 0.002], a=[1, -0.998], nk=1, sample_time=0.001)
+    found = frequency_response(recorded(chirp(rate=1000), 30, 3, fast), F)
+    assert np.abs(found.gain / np.abs(fast.response(F)) - 1).max() < 0.05
+    assert (found.gain_error < 0.03).all()
+
+
+def test_coherence_tells_how_much_is_noise():
+    clean, loud = (frequency_response(recorded(chirp(), snr, 1), F[1:4]).coherence for snr in (40, 0))
+    assert (clean > 0.999).all()
+    assert (loud < clean).all()
+
+
+def test_averages_are_those_of_scipy():
+    u = np.random.default_rng(11).standard_normal(4096)
+    rec = recorded(u, 10, 1)
+    f, cross = csd(u - u.mean(), rec.y - rec.y.mean(), 50, nperseg=256)
+    found = frequency_response(rec, f[1:], method="welch", resolution=2 * f[1])
+    power = welch(u - u.mean(), 50, nperseg=256)[1]
+    assert found.response == pytest.approx((cross / power)[1:], rel=1e-9)
+
+
+def test_averaged_error_bars_hold_for_a_long_random_input():
+    rng, inside = np.random.default_rng(11), []
+    f = np.array([1.0, 3.0, 8.0, 15.0])
+    for seed in range(60):
+        found = frequency_response(recorded(rng.standard_normal(8192), 10, seed), f, method="welch", resolution=0.2)
+        at = np.abs(PLANT.response(f))
+        inside.append((found.gain_low <= at) & (at <= found.gain_high))
+    assert 0.9 < np.mean(inside) < 0.99
+
+
+def test_a_ringing_machine_is_told_from_a_short_look():
+    ringing = Model(b=[0, 0.1], a=np.real(np.poly(0.999 * np.exp([0.5j, -0.5j]))), nk=1, sample_time=0.02)
+    found = frequency_response(recorded(np.random.default_rng(11).standard_normal(600), 30, 1, ringing))
+    assert "has not died out" in found.notes[0]
+
+
+REFUSED = {
+    "above Nyquist": (lambda rec: frequency_response(rec, [30.0]), "25 Hz"),
+    "level": (lambda rec: frequency_response(rec, level=95), "level 95"),
+    "method": (lambda rec: frequency_response(rec, method="etfe"), "'etfe': impulse or welch"),
+    "unused": (lambda rec: frequency_response(rec, resolution=1.0), 'method="welch"'),
+    "too few windows": (lambda rec: frequency_response(rec, method="welch", resolution=0.1), "windows"),
+    "too short": (lambda rec: frequency_response(rec.part(0, 20)), "20 samples"),
+    "still": (lambda rec: frequency_response(Record(u=np.ones(99), y=rec.y[:99], sample_time=0.02)), "does not vary"),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_cannot_be_is_refused_in_words(what):
+    ask, words = REFUSED[what]
+    with pytest.raises(IdentError, match=words):
+        ask(recorded(chirp(), 30, 1))
+
+
+def looped(snr, delay=1, seed=0):
+    """The plant under a PI loop whose reference is the chirp."""
+    rng, n = np.random.default_rng(seed), 750
+    r, noise = chirp(), 0.18 * 10 ** (-snr / 20) * rng.standard_normal(n)
+    u, x, y, total = np.zeros(n + 3), np.zeros(n + 3), np.zeros(n + 3), 0.0
+    for t in range(3, n + 3):
+        x[t] = PLANT.b[1:] @ u[t - 3 : t][::-1] - PLANT.a[1:] @ x[t - 3 : t][::-1]
+        y[t] = x[t] + noise[t - 3]
+        error = 0.1 * r[t - 3] - y[t - delay]
+        total += 0.05 * error
+        u[t] = 0.3 * r[t - 3] + error + total
+    return Record(u=u[3:], y=y[3:], sample_time=0.02)
+
+
+@pytest.mark.parametrize("snr", [40, 10])
+def test_a_controller_is_found_in_its_data(snr):
+    assert "answers to the output" in feedback_detected(looped(snr))
+
+
+def test_a_controller_without_delay_is_found_where_the_machine_has_one():
+    assert feedback_detected(looped(30, delay=0), nk=0) is None
+    assert "answers to the output" in feedback_detected(looped(30, delay=0), nk=1)
+
+
+def test_open_loop_is_not_taken_for_a_closed_one():
+    inputs = [chirp(), prbs(2.5, hold=0.2), np.random.default_rng(9).standard_normal(750)]
+    found = [
+        feedback_detected(recorded(u, snr, seed, colour=colour), nk=1)
+        for u in inputs for snr in (60, 30, 10) for colour in (0.0, 0.9) for seed in range(5)
+    ]  # fmt: skip
+    assert found == [None] * 90
+
+
+def test_the_loop_of_a_real_drive_is_found(measurements):
+    # EMPS: Janot, Gautier & Brunot 2019, recorded under a position controller without delay
+    t, _, position, control = np.loadtxt(measurements / "emps/data_emps.csv", delimiter=",", skiprows=1)[:, :4].T
+    rec = Record(u=control, y=position, sample_time=float(t[1] - t[0]))
+    assert feedback_detected(rec, nk=1)
+
+
+@pytest.mark.parametrize("name", ["dryer", "robot_arm"])
+def test_open_loop_measurements_are_not_flagged(measurements, name):
+    u, y = np.loadtxt(measurements / f"daisy/{name}.dat").T
+    assert feedback_detected(Record(u=u, y=y, sample_time=0.08), nk=1) is None

@@ -1,0 +1,152 @@
+"""``fitmodels ident`` and ``excite``: from a file to a model in a parameter file, as a user runs them."""
+
+import json
+
+import numpy as np
+import pytest
+from fitmodels import ident, parameters
+from fitmodels.cli import main
+from fitmodels.ident import Model
+
+G = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+
+    def call(*arguments):
+        code = main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        return code, " ".join(out.split()), err
+
+    return call
+
+
+@pytest.fixture
+def german(tmp_path):
+    """A record as a German measuring programme writes it."""
+    u = ident.chirp()
+    y = G.simulate(u) + 0.24 + 0.005 * np.random.default_rng(1).standard_normal(len(u))
+    rows = (f"{k / 50:.2f};{a + 5:.5f};{b:.5f}".replace(".", ",") for k, (a, b) in enumerate(zip(u, y, strict=True)))
+    path = tmp_path / "lauf.csv"
+    path.write_text("Zeit [s];Vorschubspannung [V];Spindelstrom [A]\n" + "\n".join(rows) + "\n", encoding="latin-1")
+    return path
+
+
+def test_a_record_is_recognised_and_identified(run, german, tmp_path):
+    code, out, err = run(german.name)
+    assert (code, err) == (0, "")
+    assert "G(z) = (0.06" in out
+    assert "non-minimum phase" in out
+    assert "noise in the sensor has most likely bent ARX" in out
+    folder = tmp_path / "lauf-fit"
+    pf = parameters.read(folder / "params.json")
+    d = pf.dynamics
+    assert (d.nk, len(d.a), d.unit_u, d.unit_y) == (1, 4, "V", "A")
+    assert d.held_out_fit > 90
+    np.testing.assert_allclose(np.abs(d.response([0.5, 1.0])), np.abs(G.response([0.5, 1.0])), rtol=0.03)
+    names = {path.name for path in (folder / "figures").iterdir()}
+    assert names == {"simulated.png", "bode.png", "residuals.png", "orders.png"}
+    card = (folder / "README.md").read_text(encoding="utf-8")
+    assert "## Dynamics" in card
+    assert "nan" not in card.lower()
+    assert run(german.name)[0] == 2  # it is there already
+
+
+def test_the_explicit_command_says_the_same(run, german):
+    code, out, _ = run("ident", german.name, "--input", "Vorschubspannung", "--output", "Spindelstrom", "--json")
+    assert code == 0
+    report = json.loads(out)
+    assert report["parameters"]["dynamics"]["nk"] == 1
+    assert report["dynamics"]["fit"] > 90
+
+
+def test_dynamics_are_added_to_a_file_that_is_there(run, german, tmp_path):
+    pf = parameters.collect(tool="end mill", work="S45C")
+    parameters.write(pf, tmp_path / "p.json")
+    assert run("ident", german.name, "--params", "p.json")[0] == 0
+    added = parameters.read(tmp_path / "p.json")
+    assert added.identity.tool == "end mill"
+    assert added.dynamics is not None
+    code, _, err = run("ident", german.name, "--params", "p.json")
+    assert code != 0
+    assert "--force" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--orders", "3,3"], "three whole numbers"),
+        (["--input", "nowhere"], "nowhere"),
+        (["--rate", "70"], "70"),
+    ],
+)
+def test_bad_options_in_a_sentence(run, german, options, words):
+    code, _, err = run("ident", german.name, *options)
+    assert code in (2, 3)
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_a_table_of_tests_is_still_one(run):
+    from fitmodels.datasets import bundled
+
+    code, out, _ = run(bundled("gc435_709m40"))
+    assert code == 0
+    assert "AW average wear" in out
+
+
+# excite
+
+
+def test_an_excitation_is_written_and_read_back(run, tmp_path):
+    from fitmodels import datasets
+
+    code, out, _ = run("excite", "--out", "u.csv")
+    assert code == 0
+    assert "750 samples at 50 Hz" in out
+    table = np.loadtxt(tmp_path / "u.csv", delimiter=",", skiprows=2)
+    np.testing.assert_array_equal(table[:, 1], ident.chirp())
+    assert "# sample rate: 50 Hz" in (tmp_path / "u.csv").read_text()
+    assert datasets.looks_like_record(tmp_path / "u.csv").kind in ("record", "table")
+    assert run("excite", "--out", "u.csv")[0] == 2
+
+
+@pytest.mark.parametrize("kind", ["chirp", "logarithmic", "prbs", "multisine", "steps"])
+def test_every_kind_stays_within_its_level(run, tmp_path, kind):
+    code, _, err = run(
+        "excite", "--kind", kind, "--amplitude", "2", "--offset", "5", "--out", "u.csv", "--duration", "20"
+    )
+    assert code == 0, err
+    u = np.loadtxt(tmp_path / "u.csv", delimiter=",", skiprows=2)[:, 1]
+    assert u.min() > 2.99
+    assert u.max() < 7.01
+
+
+def test_the_errors_to_come_are_told_before_cutting(run, german):
+    assert run(german.name, "--out", "fit")[0] == 0
+    short = run("excite", "--like", "fit/params.json", "--noise", "0.005")[1]
+    long = run("excite", "--like", "fit/params.json", "--noise", "0.005", "--duration", "60")[1]
+    assert "standard error, by prediction" in short
+
+    def told(out):
+        return float(out.split("Hz")[-1].split("%")[0])
+
+    assert told(long) < told(short)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--band", "2:0.1"], "low:high"),
+        (["--band", "0.1:60"], "half the"),
+        (["--high", "1"], "limit"),
+        (["--like", "nowhere.json", "--noise", "1"], "no such file"),
+    ],
+)
+def test_an_excitation_that_cannot_be(run, options, words):
+    code, _, err = run("excite", *options)
+    assert code in (2, 3, 4)
+    assert words in err

@@ -1,0 +1,112 @@
+"""From a record to a verdict: the published plant is found again, real machines are simulated, doubt is said."""
+
+import numpy as np
+import pytest
+from fitmodels import datasets, ident
+from fitmodels.datasets import Record
+from fitmodels.ident import IdentError, Model, identify
+
+# Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 17 and 18
+G = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
+U = ident.chirp()
+FREQUENCIES = np.array([0.1, 0.5, 1.0, 2.0])
+
+
+def run(snr=None, seed=1, offset=(0.0, 0.0)):
+    y = G.simulate(U)
+    noise = 0.0 if snr is None else np.random.default_rng(seed).standard_normal(len(y)) * y.std() * 10 ** (-snr / 20)
+    return Record(u=U + offset[0], y=y + noise + offset[1], sample_time=0.02, unit_u="V", unit_y="A")
+
+
+@pytest.fixture(scope="module")
+def at_30_db():
+    return identify(run(30))
+
+
+def test_without_noise_the_published_plant_comes_back_exactly():
+    found = identify(run(offset=(5.0, 0.24)))
+    assert (found.model.na, found.model.nb, found.model.nk) == (3, 3, 1)
+    np.testing.assert_allclose(found.model.theta, G.theta, rtol=1e-6)
+
+
+def test_sensor_noise_bends_arx_and_not_the_model_and_that_is_said(at_30_db):
+    error = np.abs(at_30_db.model.response(FREQUENCIES) / G.response(FREQUENCIES) - 1)
+    assert error.max() < 0.02
+    bent = np.abs(at_30_db.arx.response(FREQUENCIES) / G.response(FREQUENCIES) - 1)
+    assert bent.max() > 0.1
+    assert "noise in the sensor" in at_30_db.bias
+    assert any("noise in the sensor" in verdict for verdict in at_30_db.verdicts)
+
+
+def test_the_band_is_what_the_chirp_excites(at_30_db):
+    low, high = at_30_db.model.band
+    assert low < 0.15
+    assert 1.8 < high < 2.4
+
+
+def test_samples_that_judge_were_not_fitted(at_30_db):
+    assert at_30_db.validation.held_out
+    assert at_30_db.validation.fit > 90
+    assert "samples 501 to 750" in at_30_db.judged_on
+
+
+def test_a_second_run_judges_where_there_is_one():
+    found = identify([run(30, 1), run(30, 2)])
+    assert "run 2 of 2" in found.judged_on
+    other = identify(run(30, 1), held_out=run(30, 3))
+    assert "held out" in other.judged_on
+
+
+def test_known_orders_are_taken_as_they_are():
+    found = identify(run(30), orders=(3, 3, 1))
+    assert len(found.tried) == 1
+    assert (found.model.na, found.model.nb, found.model.nk) == (3, 3, 1)
+
+
+def test_units_scale_the_gain():
+    rec = run(30)
+    found = identify(rec, orders=(3, 3, 1)).model
+    scaled = identify(Record(u=rec.u * 1000, y=rec.y * 10, sample_time=0.02), orders=(3, 3, 1)).model
+    assert scaled.dc_gain == pytest.approx(found.dc_gain / 100, rel=1e-6)
+
+
+def test_swapped_columns_are_suspected():
+    rec = run(40)
+    assert identify(Record(u=rec.y, y=rec.u, sample_time=0.02)).causality is not None
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "words"),
+    [
+        (np.ones(400), np.random.default_rng(1).normal(size=400), "constant|still|vary"),
+        (U[:12], G.simulate(U)[:12], "short|samples|order"),
+    ],
+    ids=["constant input", "too short"],
+)
+def test_what_cannot_be_identified_is_said(u, y, words):
+    with pytest.raises(IdentError, match=words) as error:
+        identify(Record(u=u, y=y, sample_time=0.02))
+    assert "\n" not in str(error.value)
+
+
+# Real machines
+
+
+def test_a_hair_dryer_is_simulated_on_what_was_not_fitted(measurements):
+    """DaISy dryer: published ARX simulates samples 801 to 900 with 88 % fit."""
+    rec = datasets.read_record(measurements / "daisy" / "dryer.dat", input="col1", output="col2", sample_time=0.08)
+    found = identify(rec.part(0, 300), held_out=rec.part(800, 900))
+    assert found.validation.fit > 87
+
+
+def test_a_robot_arm_is_simulated_on_what_was_not_fitted(measurements):
+    rec = datasets.read_record(measurements / "daisy" / "robot_arm.dat", input="col1", output="col2", sample_time=0.01)
+    assert identify(rec).validation.rsquared > 0.95
+
+
+def test_a_servo_is_simulated_on_what_was_not_fitted(measurements):
+    file = measurements / "servo_sweep" / "LinA__pp-sine-sweep-10mm-0.5Hz.txt"
+    rec = datasets.read_record(file, input="col3", output="col4", time="col1", units={"time": "ms"})
+    found = identify(rec)
+    assert found.validation.held_out
+    assert found.validation.rsquared > 0.98

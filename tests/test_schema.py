@@ -1,0 +1,259 @@
+"""The published schema, versions of it, and the checksum: judged by an independent validator and another reader."""
+
+import copy
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.ident.model import Model
+from fitmodels.parameters import ParameterError, collect, read, sealed, write
+from fitmodels.parameters.canonical import canonical, content_sha256
+from fitmodels.parameters.json_schema import DIALECT, json_schema, published, text
+from fitmodels.parameters.migrate import migrated
+from hypothesis import given
+from hypothesis import strategies as st
+
+SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-1.json"
+
+
+def whole():
+    """A file with a fitted law, dynamics, gains and settings."""
+    runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    model = Model(b=[0, 0.1, 0.08], a=[1, -0.8], nk=1, sample_time=0.02, cov_params=np.diag([1e-4] * 3), n=500)
+    gains = {"kp": 0.4, "ki": 0.5, "sample_time": 0.02, "unit_u": "V", "unit_y": "A"}
+    pf = collect(tool="end mill", work="S45C", laws=[fit.load_law(runs)], dynamics=model, pi=gains, limits={"power": 7})
+    return sealed(pf, load_line=parameters.settings(pf, 0.28))
+
+
+@pytest.fixture(scope="module")
+def pf():
+    return whole()
+
+
+@pytest.fixture
+def data(pf):
+    return json.loads(json.dumps(pf.model_dump()))
+
+
+# --- the schema ---------------------------------------------------------------------------------------
+
+
+def test_the_published_schema_is_that_of_the_code():
+    """Made again by `python -m fitmodels.parameters.json_schema`."""
+    assert SCHEMA.read_text("utf-8") == text()
+    assert published() == json_schema()
+
+
+def test_the_schema_is_one_by_its_dialect():
+    assert published()["$schema"] == DIALECT
+    jsonschema.Draft202012Validator.check_schema(published())
+
+
+def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
+    jsonschema.validate(json.loads(write(pf, tmp_path / "params.json").read_text()), published())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d.pop("identity"),
+        lambda d: d.pop("schema_version"),
+        lambda d: d.update(schema_version="fitmodels.parameters/2"),
+        lambda d: d["identity"].update(simulated="no"),
+        lambda d: d["identity"].update(tool=""),
+        lambda d: d["dynamics"].update(sample_time=0.0),
+        lambda d: d["dynamics"].update(b=["0.1"]),
+        lambda d: d["dynamics"].update(b=[0.0] * 101),
+        lambda d: d["dynamics"]["uncertainty"].update(kind="guess"),
+        lambda d: d["pi"].update(form="ideal"),
+        lambda d: d["load_line"]["lower"].pop("interval"),
+        lambda d: d["limits"]["power"].update(value=-1.0),
+        lambda d: d.update(content_sha256="x"),
+    ],
+)
+def test_schema_and_reader_refuse_the_same(data, change, tmp_path):
+    change(data)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(data, published())
+    (tmp_path / "params.json").write_text(json.dumps(data))
+    with pytest.raises(ParameterError):
+        read(tmp_path / "params.json")
+
+
+def test_unknown_fields_and_sections_are_allowed_and_kept(data, tmp_path):
+    later = {"deep": [1, -0.0, {"µ": None}]}
+    data |= {"later": later}
+    for place in (data["dynamics"], data["pi"], data["load_line"]["lower"], data["limits"], data["identity"]):
+        place["x-later"] = later
+    jsonschema.validate(data, published())
+    (tmp_path / "params.json").write_text(json.dumps(data))
+    again = json.loads(write(read(tmp_path / "params.json"), tmp_path / "again.json").read_text())
+    assert {**again, "content_sha256": None} == {**data, "content_sha256": None}
+
+
+# --- versions -----------------------------------------------------------------------------------------
+
+
+def moved(data):
+    """An example of a step: version 1 kept the tool at the top, version 2 keeps it in the identity."""
+    return {**{k: v for k, v in data.items() if k != "tool"}, "identity": {"tool": data["tool"]}}
+
+
+STEPS = {1: moved, 2: lambda data: {**data, "third": True}}
+
+
+def test_an_older_file_is_brought_up_step_by_step():
+    old = {"schema_version": "fitmodels.parameters/1", "tool": "GC435", "x-later": [1]}
+    before = copy.deepcopy(old)
+    new = migrated(old, "params.json", STEPS, current=3)
+    assert new == {
+        "schema_version": "fitmodels.parameters/3", "identity": {"tool": "GC435"}, "x-later": [1], "third": True,
+    }  # fmt: skip
+    assert old == before
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
+    old = {"schema_version": "fitmodels.parameters/1", "tool": "GC435"}
+    old["content_sha256"] = content_sha256(old) if held else "0" * 64
+    new = migrated(old, "params.json", STEPS, current=3)
+    assert (new["content_sha256"] == content_sha256(new)) is held
+
+
+@pytest.mark.parametrize(
+    ("version", "words"),
+    [
+        ("fitmodels.parameters/4", "newer schema 'fitmodels.parameters/4'; this version reads fitmodels.parameters/3"),
+        ("fitmodels.parameters/0", "older schema fitmodels.parameters/0, which this version cannot bring"),
+        ("fitmodels.parameters/1", "breaks the older schema fitmodels.parameters/1 .KeyError"),
+        ("fitmodels.card/1", "is it a parameter file"),
+        ("fitmodels.parameters/one", "is it a parameter file"),
+        ("fitmodels.parameters/²", "is it a parameter file"),
+        (3, "schema_version is 3"),
+    ],
+)
+def test_versions_that_cannot_be_read(version, words):
+    with pytest.raises(ParameterError, match=words) as told:
+        migrated({"schema_version": version}, "params.json", STEPS, current=3)
+    assert "\n" not in str(told.value)
+
+
+def test_the_current_version_is_left_alone(data):
+    assert migrated(data, "params.json") is data
+
+
+# --- the checksum -------------------------------------------------------------------------------------
+
+
+def test_the_checksum_can_be_had_without_fitmodels(pf, tmp_path):
+    """Python's own json, sorted keys, no blanks; whole numbers as a reader in JavaScript would write them."""
+    data = json.loads(write(pf, tmp_path / "params.json").read_text(), parse_float=as_number)
+    stated = data.pop("content_sha256")
+    plain = json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    assert hashlib.sha256(plain.encode()).hexdigest() == stated == pf.content_sha256
+
+
+def as_number(text_):
+    value = float(text_)
+    return int(value) if value.is_integer() and abs(value) < 2**53 and not text_.startswith("-0") else value
+
+
+def test_order_and_layout_do_not_count_and_every_value_does(data):
+    before = content_sha256(data)
+    assert content_sha256(dict(reversed(data.items()))) == before
+    assert content_sha256({**data, "x": None}) != before
+    data["dynamics"]["a"][1] = np.nextafter(data["dynamics"]["a"][1], 1)
+    assert content_sha256(data) != before
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_floats_are_told_apart_bit_for_bit(x):
+    """A text that reads back to the same bits, whether or not it keeps its point."""
+    back = json.loads(canonical({"x": x}))["x"]
+    assert float(back).hex() == x.hex()
+
+
+@pytest.mark.parametrize(("x", "as_text"), [(50.0, "50"), (-0.0, "-0.0"), (0.0, "0"), (1e300, "1e+300"), (0.1, "0.1")])
+def test_numbers_in_canonical_form(x, as_text):
+    assert canonical({"x": x}).decode() == f'{{"x":{as_text}}}'
+
+
+def test_reading_and_writing_by_another_program_keeps_the_checksum(pf, tmp_path):
+    path = write(pf, tmp_path / "params.json")
+    data = json.loads(path.read_text(), parse_float=as_number)  # 50.0 becomes 50
+    path.write_text(json.dumps(data, sort_keys=True))
+    report = parameters.check(read(path))
+    assert report.findings[0].passed is True
+
+
+def test_writing_renews_the_checksum(pf, tmp_path):
+    changed = pf.model_copy(update={"identity": pf.identity.model_copy(update={"tool": "other"})})
+    assert parameters.check(changed).findings[0].passed is False
+    assert parameters.check(read(write(changed, tmp_path / "params.json"))).findings[0].passed is True
+
+
+# --- written whole or not at all ----------------------------------------------------------------------
+
+VICTIM = """
+import os, signal, sys
+from fitmodels.parameters import ParameterFile, write
+def made(tool):
+    return ParameterFile(identity={"tool": tool, "work": "b" * 400, "simulated": False}, provenance={"fitmodels": "1"})
+stage, path = sys.argv[1:]
+die = lambda *a, **k: os.kill(os.getpid(), signal.SIGKILL)
+if stage == "at random":
+    print("ready", flush=True)
+    while True:
+        for tool in ("old", "new"):
+            write(made(tool), path, force=True)
+real = getattr(os, stage.split()[-1])
+def hooked(*a):
+    if stage.startswith("after"):
+        real(*a)
+    die()
+setattr(os, stage.split()[-1], hooked)
+write(made("new"), path, force=True)
+"""
+
+
+def victim(stage, path):
+    env = {"PYTHONPATH": str(Path(parameters.__file__).parents[2])}
+    return subprocess.Popen([sys.executable, "-c", VICTIM, stage, str(path)], env=env, stdout=subprocess.PIPE)
+
+
+def made(tool):
+    identity = {"tool": tool, "work": "b" * 400, "simulated": False}
+    return parameters.ParameterFile(identity=identity, provenance={"fitmodels": "1"})
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no kill -9 there")
+@pytest.mark.parametrize(
+    ("stage", "left"), [("before fsync", "old"), ("before replace", "old"), ("after replace", "new")]
+)
+def test_kill_9_at_each_step_of_a_write(tmp_path, stage, left):
+    path = write(made("old"), tmp_path / "params.json")
+    with victim(stage, path) as process:
+        assert process.wait(60) == -9
+    pf = read(path)
+    assert pf.identity.tool == left
+    assert parameters.check(pf).ok
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no kill -9 there")
+def test_kill_9_at_any_moment_leaves_the_old_file_or_the_new_one(tmp_path):
+    path = write(made("old"), tmp_path / "params.json")
+    for wait in (0.003, 0.011, 0.037):
+        with victim("at random", path) as process:
+            process.stdout.readline()
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(wait)
+            process.kill()
+        pf = read(path)
+        assert pf.identity.tool in ("old", "new")
+        assert parameters.check(pf).ok

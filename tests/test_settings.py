@@ -1,0 +1,279 @@
+"""The setting rules of Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587: on their numbers and on made-up ones."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.cli import main
+from fitmodels.parameters import LimitInterval, NoInterval, ParameterError, collect, read, write
+from scipy import stats
+
+UsageError = datasets.UsageError
+
+
+def of(*laws):
+    return collect(tool="end mill", work="S45C", laws=laws)
+
+
+def three_points():
+    """Section III.A.1: 1000 mm/min sharp and 700 at 167.3 um, both 0.24 A; 600 at 205.1 um, 0.236 A."""
+    runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    columns = {name: runs.values(name)[:3] for name in ("fm", "I", "VB")}
+    assert columns["fm"].tolist() == [1000.0, 700.0, 600.0]
+    return fit.load_law(datasets.runs_from_frame(pd.DataFrame(columns)))
+
+
+def line_of(n=40, seed=0, noise=0.002, A=0.1158, B=1.2416e-4, k1=0.2226):
+    rng = np.random.default_rng(seed)
+    fm, VB = rng.uniform(500, 1000, n), rng.uniform(0, 0.23, n)
+    current = A + B * fm + k1 * VB + noise * rng.normal(size=n)
+    return fit.load_law(datasets.runs_from_frame(pd.DataFrame({"fm": fm, "VB": VB, "I": current})))
+
+
+# --- the paper's numbers ------------------------------------------------------------------------------
+
+
+def test_the_published_points_give_the_published_settings():
+    """0.28 A x 0.85 is 0.24 A to two decimals; 1000 mm/min sharp; 605 at 220 um, within 1 % of the paper's 600."""
+    line = parameters.settings(of(three_points()), worn=0.28)
+    assert (line.reference, line.unit_load) == (0.24, "A")
+    assert line.upper.value == pytest.approx(1000, abs=1e-6)
+    assert line.lower.value == pytest.approx(605, abs=0.6)
+    assert line.lower.value == pytest.approx(600, rel=0.01)
+    assert (line.window, line.lower.wear, line.unit_wear) == ((0.18, 0.22), 0.22, "mm")
+
+
+def test_three_points_for_three_parameters_leave_no_interval_and_no_probability():
+    line = parameters.settings(of(three_points()), worn=0.28)
+    for limit in (line.upper, line.lower):
+        assert limit.interval == NoInterval(reason="no interval: 3 observations fix 3 parameters exactly")
+    assert line.probability is None
+    assert line.probability_of == "no interval: 3 observations fix 3 parameters exactly"
+    assert any("extrapolated" in note for note in line.notes)  # nobody measured beyond 205.1 um
+
+
+def test_without_rounding_the_reference_is_the_product():
+    assert parameters.settings(of(three_points()), 0.28, rounded_to=None).reference == 0.85 * 0.28
+
+
+def test_all_published_points_give_limits_with_intervals():
+    """Seven rows held at 0.24 A: the interval is that of an ordinary line, by scipy."""
+    runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    line = parameters.settings(of(fit.load_law(runs)), worn=0.28)
+    held = runs.values("I") == 0.24
+    x, y = runs.values("VB")[held], runs.values("fm")[held]
+    found = stats.linregress(x, y)
+    s2 = np.sum((y - found.intercept - found.slope * x) ** 2) / 5
+    for limit, wear in ((line.upper, 0.0), (line.lower, 0.22)):
+        half = stats.t.ppf(0.975, 5) * np.sqrt(s2 * (1 / 7 + (wear - x.mean()) ** 2 / np.sum((x - x.mean()) ** 2)))
+        value = found.intercept + found.slope * wear
+        np.testing.assert_allclose(
+            [limit.interval.low, limit.value, limit.interval.high], [value - half, value, value + half]
+        )
+    assert line.lower.interval.low < 600 < line.lower.interval.high
+    assert line.upper.interval.low < 1000 < line.upper.interval.high
+    assert any("held at 0.24 A, and are true there alone" in note for note in line.notes)
+
+
+def test_a_lower_limit_at_the_top_of_the_window_leaves_half_the_tools_beyond_it():
+    """At 220 um half of further tools are worn further; aiming at the middle of the window holds more of them."""
+    pf = of(fit.load_law(datasets.read_runs(datasets.bundled("clm2023_end_milling"))))
+    top, middle = (parameters.settings(pf, 0.28, wear_limit=w).probability for w in (0.22, 0.20))
+    assert 0.4 < top < 0.5 < middle < 0.8
+
+
+# --- intervals and probability ------------------------------------------------------------------------
+
+
+def test_fieller_by_scanning_the_feeds():
+    """The feeds at which the current is not told from the reference: |I - m(f)| within t standard errors of m(f)."""
+    law = line_of(n=12, noise=0.006)
+    line = parameters.settings(of(law), 0.28)
+    C, (A, B, k1) = law.covariance(), law.params
+    f = np.linspace(0, 3000, 600_001)
+    for limit in (line.upper, line.lower):
+        g = np.stack([np.ones_like(f), f, np.full_like(f, limit.wear)])
+        inside = np.abs(0.24 - A - B * f - k1 * limit.wear) <= stats.t.ppf(0.975, 9) * np.sqrt(
+            np.sum(g * (C @ g), axis=0)
+        )
+        assert limit.interval.method == "Fieller"
+        np.testing.assert_allclose([limit.interval.low, limit.interval.high], [f[inside][0], f[inside][-1]], atol=0.02)
+
+
+def test_fieller_is_the_delta_method_where_the_slope_is_known_well():
+    law = line_of(n=4000, noise=0.0005)
+    line = parameters.settings(of(law), 0.28)
+    B, C = law.params["B"], law.covariance()
+    for limit in (line.upper, line.lower):
+        gradient = np.array([-1, -limit.value, -limit.wear]) / B
+        half = stats.t.ppf(0.975, 3997) * np.sqrt(gradient @ C @ gradient)
+        assert limit.interval.high - limit.interval.low == pytest.approx(2 * half, rel=1e-4)
+
+
+def test_a_slope_that_is_not_told_from_zero_leaves_no_interval():
+    line = parameters.settings(of(line_of(n=5, seed=1, noise=0.04)), 0.28, wear_limit=0.18)
+    assert isinstance(line.upper.interval, NoInterval)
+    assert "B is not told from zero" in line.upper.interval.reason
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_interval_of_the_lower_limit_holds_the_truth_as_often_as_it_says(seed):
+    """90 % of 200 studies within 4 standard errors of Monte Carlo; true limit (0.24 - A - 0.2 k1)/B."""
+    truth = (0.24 - 0.1158 - 0.2 * 0.2226) / 1.2416e-4
+    held = 0
+    for study in range(200):
+        line = of_numbers(line_of(n=10, seed=1000 * seed + study, noise=0.004))
+        held += line.low <= truth <= line.high
+    assert abs(held - 180) < 4 * np.sqrt(200 * 0.9 * 0.1)
+
+
+def of_numbers(law):
+    from fitmodels.parameters.feed_limits import feed_limit
+    from fitmodels.parameters.gather_law import _section
+    from fitmodels.parameters.law import Law
+
+    return feed_limit(Law.model_validate(_section(law)), 0.24, 0.2, level=0.9).interval
+
+
+def test_the_probability_is_the_share_of_further_tools():
+    """Tools drawn about the true line, the wear at which each draws 0.24 A at the lower limit; a well-known law."""
+    line = parameters.settings(of(line_of(n=4000, noise=0.004)), 0.28, wear_limit=0.2)
+    e = 0.004 * np.random.default_rng(3).normal(size=400_000)
+    wear = (0.24 - 0.1158 - 1.2416e-4 * line.lower.value - e) / 0.2226
+    share = np.mean((wear > 0.18) & (wear < 0.22))
+    assert line.probability == pytest.approx(share, abs=0.02)
+    assert line.probability_of.startswith("t of the law's prediction of one further tool (residual 0.00")
+
+
+def test_the_probability_grows_with_the_window():
+    pf = of(line_of())
+    windows = [(0.19, 0.21), (0.18, 0.22), (0.1, 0.3)]
+    found = [parameters.settings(pf, 0.28, window=w, wear_limit=0.2).probability for w in windows]
+    assert found == sorted(found)
+    assert found[-1] > 0.99
+
+
+def test_units_of_wear_and_feed_scale_through():
+    """Wear in um and feed in mm/s: the same limits."""
+    pf = of(line_of())
+    law = pf.laws["I"]
+    to = np.diag([1, 60.0, 1e-3])
+    order = [law.uncertainty.of.index(n) for n in ("A", "B", "k1")]
+    C = np.array(law.uncertainty.matrix)[np.ix_(order, order)]
+    A, B, k1 = (law.coefficients[n] for n in ("A", "B", "k1"))
+    other = law.model_validate({
+        **law.model_dump(exclude={"region"}), "coefficients": {"A": A, "B": 60 * B, "k1": k1 / 1000},
+        "uncertainty": {"kind": "covariance", "of": ["A", "B", "k1"], "matrix": (to @ C @ to).tolist(), "df": law.df},
+        "factors": [{**law.factors[0].model_dump(), "unit": "mm/s"}, {**law.factors[1].model_dump(), "unit": "um"}],
+    })  # fmt: skip
+    one = parameters.settings(pf, 0.28)
+    two = parameters.settings(pf.model_copy(update={"laws": {"I": other}}), 0.28, window=(180.0, 220.0))
+    assert (two.unit_feed, two.unit_wear) == ("mm/s", "um")
+    assert 60 * two.lower.value == pytest.approx(one.lower.value)
+    assert 60 * two.lower.interval.high == pytest.approx(one.lower.interval.high)
+    assert two.probability == pytest.approx(one.probability)
+
+
+# --- refusals -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"worn": 0.0}, UsageError, "worn 0.0: it lies above zero"),
+        ({"worn": float("nan")}, UsageError, "worn nan"),
+        ({"safety_factor": 1.17}, UsageError, r"safety_factor 1.17: it lies between 0 and 1, in the paper 0.85"),
+        ({"window": (0.22, 0.18)}, UsageError, "the smaller first"),
+        ({"wear_limit": 0.3}, UsageError, "outside the window 0.18 to 0.22"),
+        ({"rounded_to": 10.0}, UsageError, "rounds to nothing"),
+        ({"level": 95}, UsageError, "level 95"),
+        ({"law": "AW"}, UsageError, "--law AW: the file holds laws of I"),
+        ({"window": (180.0, 220.0)}, ParameterError, "must lie above zero and below the upper"),
+        ({"worn": 0.1}, ParameterError, "must lie above zero"),
+    ],
+)
+def test_settings_that_cannot_be_meant(options, error, words):
+    with pytest.raises(error, match=words):
+        parameters.settings(of(three_points()), **{"worn": 0.28, **options})
+
+
+def test_a_file_without_a_load_law():
+    with pytest.raises(ParameterError, match="the file holds no load law"):
+        parameters.settings(collect(tool="a", work="b"), 0.28)
+
+
+def test_feeds_held_at_one_load_say_nothing_of_another():
+    pf = of(fit.load_law(datasets.read_runs(datasets.bundled("clm2023_slot_milling"))))
+    with pytest.raises(ParameterError, match=r"was held at 0.24 A and says nothing of 0.26"):
+        parameters.settings(pf, 0.31)
+
+
+# --- the command --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def params(tmp_path):
+    return write(of(three_points()), tmp_path / "params.json")
+
+
+def test_the_command_adds_the_section_and_renews_the_checksum(params, capsys):
+    before = read(params)
+    assert main(["settings", str(params), "--worn", "0.28"]) == 0
+    out = capsys.readouterr().out
+    assert "Reference 0.24 A: 0.85 x 0.28 A = 0.238 A, rounded to 0.01." in out
+    assert "Lower feed limit 605.5 mm/min at wear 0.22 mm (no interval: 3 observations fix 3 parameters" in out
+    after = read(params)
+    assert after.load_line.lower.value == pytest.approx(605.5, abs=0.1)
+    assert after.content_sha256 != before.content_sha256
+    assert parameters.check(after).ok
+    assert after.model_copy(update={"load_line": None}) == before
+    assert [path.name for path in params.parent.iterdir()] == ["params.json"]
+
+
+def test_settings_that_are_there_stand_without_force(params, capsys):
+    assert main(["settings", str(params), "--worn", "0.28"]) == 0
+    before = params.read_bytes()
+    assert main(["settings", str(params), "--worn", "0.28", "--window", "0.18:0.21"]) == 2
+    assert "replace them with --force" in capsys.readouterr().err
+    assert params.read_bytes() == before
+    assert main(["settings", str(params), "--worn", "0.28", "--window", "0.18:0.21", "--force"]) == 0
+    assert read(params).load_line.window == (0.18, 0.21)
+
+
+@pytest.mark.parametrize("window", ["180:220um", "180:220 µm", "0.18:0.22", "0.18:0.22mm", "0.018:0.022cm"])
+def test_a_window_may_be_said_in_any_unit_of_length(params, window, capsys):
+    assert main(["settings", str(params), "--worn", "0.28", "--window", window, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["schema"] == "fitmodels.settings/1"
+    assert facts["load_line"]["window"] == [0.18, 0.22]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["--window", "220"], 2, "it is written as 180:220um"),
+        (["--window", "180:220A"], 3, "cannot be told in 'mm'"),
+        (["--window", "a:b"], 2, "it is written as 180:220um"),
+        (["--wear-limit", "1:2"], 2, "it is written as 200um"),
+        (["--safety-factor", "1.17"], 2, "between 0 and 1"),
+        (["--windw", "1:2"], 2, "did you mean --window"),
+    ],
+)
+def test_what_the_command_refuses(params, arguments, code, words, capsys):
+    before = params.read_bytes()
+    assert main(["settings", str(params), "--worn", "0.28", *arguments]) == code
+    assert words in capsys.readouterr().err
+    assert params.read_bytes() == before
+
+
+def test_intervals_are_told(tmp_path, capsys):
+    path = write(of(line_of()), tmp_path / "params.json")
+    assert main(["settings", str(path), "--worn", "0.28", "--wear-limit", "200um", "--dwell", "2"]) == 0
+    out = capsys.readouterr().out
+    assert "95% interval" in out
+    assert "Fieller" in out
+    assert "is reached with a probability of 0." in out
+    assert isinstance(read(path).load_line.lower.interval, LimitInterval)
+    assert read(path).load_line.dwell == 2.0
