@@ -64,7 +64,7 @@ def model_words(d: Dynamics) -> list[str]:
 
 def _polynomial(p: Sequence[float]) -> str:
     """Coefficients with powers of z, as papers print them."""
-    parts = []
+    parts: list[str] = []
     for k, value in enumerate(p):
         if value == 0:
             continue

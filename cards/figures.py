@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..fit import LawFit
+from ..fit import LawFit, Posterior
 from ..fit.draw import normal_quantiles, observed_against_predicted, residuals, response_surface
 
 NAMES = ("response_surfaces.png", "observed_predicted.png", "residuals.png")
@@ -26,6 +26,18 @@ def draw_figures(laws: Sequence[LawFit], folder: Path, banner: str = "") -> tupl
     for name, panels in rows.items():
         _save(_compose(laws, panels, banner), folder / name)
     return NAMES
+
+
+def draw_posteriors(posteriors: Sequence[Posterior], folder: Path, banner: str = "") -> None:
+    """Write four pictures of each posterior: marginals with priors, pairs, predictive by edge, curves with bands."""
+    for post in posteriors:
+        name = "".join(letter if letter.isalnum() else "-" for letter in post.response)
+        for what in ("marginals", "pairs", "predictive", "curves"):
+            drawn = post.plot(what, banner=banner)
+            axes = drawn if isinstance(drawn, Axes) else drawn.flat[0]
+            figure = axes.get_figure()
+            if isinstance(figure, Figure):
+                _save(figure, folder / f"posterior_{name}_{what}.png")
 
 
 def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Figure:

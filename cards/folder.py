@@ -41,6 +41,7 @@ def write(
     *,
     laws: Sequence[LawFit] = (),
     posteriors: Sequence[Posterior] = (),
+    posterior_figures: bool = False,
     identification: "Identification | None" = None,
     data_lines: Sequence[str] = (),
     force: bool = False,
@@ -57,7 +58,7 @@ def write(
     laws : sequence of LawFit
         The fits behind ``pf``; without them there are no figures.
     posteriors : sequence of Posterior
-        Those that ``pf`` was collected with.
+        Those that ``pf`` was collected with; ``posterior_figures`` asks for four pictures of each.
     identification : Identification, optional
         Behind the dynamics of ``pf``, for its figures.
     data_lines : sequence of str
@@ -86,7 +87,7 @@ def write(
         with _stage(folder.parent) as stage:
             made = stage / "made"  # the stage itself is private to its user
             made.mkdir()
-            _fill(made, pf, laws, posteriors, identification, data_lines)
+            _fill(made, pf, laws, posteriors, identification, data_lines, posterior_figures)
             _move(made, folder)
     except OSError as error:
         raise UsageError(
@@ -116,6 +117,7 @@ def _fill(
     posteriors: Sequence[Posterior],
     identification: "Identification | None",
     data_lines: Sequence[str],
+    posterior_figures: bool,
 ) -> None:
     write_parameters(pf, stage / "params.json")
     if posteriors:
@@ -124,9 +126,12 @@ def _fill(
     if identification is not None:
         draw_dynamics(identification, stage / "figures", "not measured" if pf.identity.simulated else "")
     if laws:
-        from .figures import draw_figures
+        from .figures import draw_figures, draw_posteriors
 
-        draw_figures(laws, stage / "figures", "not measured" if pf.identity.simulated else "")
+        banner = "not measured" if pf.identity.simulated else ""
+        draw_figures(laws, stage / "figures", banner)
+        if posterior_figures:
+            draw_posteriors(posteriors, stage / "figures", banner)
 
 
 def _move(made: Path, folder: Path) -> None:

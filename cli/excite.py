@@ -2,9 +2,10 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from .arguments import Parser
+from .dynamics import model_of
 from .output import Printer
 
 if TYPE_CHECKING:
@@ -74,8 +75,8 @@ def _made(args: argparse.Namespace) -> Any:  # noqa: ANN401
     low, high = _band(args.band)
     frame = {"duration": args.duration, "rate": args.rate, "offset": args.offset, **limits}
     if args.kind in ("chirp", "logarithmic"):
-        kind = "linear" if args.kind == "chirp" else "logarithmic"
-        return ident.chirp(args.amplitude, low, high, kind=kind, **frame)
+        sweep: Literal["linear", "logarithmic"] = "linear" if args.kind == "chirp" else "logarithmic"
+        return ident.chirp(args.amplitude, low, high, kind=sweep, **frame)
     if args.kind == "prbs":
         hold = max(round(0.44 / high * args.rate), 1) / args.rate  # half power at the upper end of the band
         return ident.prbs(args.amplitude, hold=hold, seed=args.seed, **frame)
@@ -103,7 +104,7 @@ def _band(text: str) -> tuple[float, float]:
 
 
 def _guess(args: argparse.Namespace) -> "Model":
-    from .. import ident, parameters
+    from .. import parameters
     from ..datasets import UsageError
 
     if args.noise is None or not args.noise > 0:
@@ -115,10 +116,7 @@ def _guess(args: argparse.Namespace) -> "Model":
         raise UsageError(f"{args.like} holds no dynamics; identify them first: fitmodels ident run.csv.")
     if abs(d.sample_time * args.rate - 1) > 1e-6:
         raise UsageError(f"the dynamics are sampled at {1 / d.sample_time:g} Hz; say --rate {1 / d.sample_time:g}.")
-    return ident.Model(
-        b=d.b, a=d.a, nk=d.nk, sample_time=d.sample_time, input=d.input, output=d.output,
-        unit_u=d.unit_u, unit_y=d.unit_y,
-    )  # fmt: skip
+    return model_of(d)
 
 
 def _told(args: argparse.Namespace, u: Any, guess: "Model") -> Any:  # noqa: ANN401

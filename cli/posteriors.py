@@ -17,13 +17,13 @@ def posterior_options(p: argparse.ArgumentParser) -> None:
     group = p.add_argument_group("uncertainty by draws")
     group.add_argument("--seed", type=int, metavar="N", help="of the draws (default: 1)")
     group.add_argument("--draws", type=int, metavar="N", help="how many (default: 4000)")
-    group.add_argument(
-        "--priors", metavar="FILE", help='TOML file, or "reference": flat (default: weak, proper)'
-    )
+    group.add_argument("--priors", metavar="FILE", help='TOML file, or "reference": flat (default: weak, proper)')
     student = "errors with heavy tails, for odd rows or edges"
     group.add_argument("--student", action="store_true", default=None, help=student)
     verify = "check every posterior by chains of another kind (some seconds a law)"
     group.add_argument("--verify", action="store_true", default=None, help=verify)
+    pictures = "four pictures of each posterior too: marginals, pairs, by edge, curves"
+    group.add_argument("--posterior-figures", action="store_true", default=None, help=pictures)
 
 
 def checked(args: argparse.Namespace) -> dict[str, Any]:

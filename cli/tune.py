@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments import Parser
+from .dynamics import model_of
 from .output import Printer
 
 if TYPE_CHECKING:
-    from ..ident import Model
     from ..ident.pi.tuned import TunedPi
     from ..parameters import Dynamics, ParameterFile
 
@@ -103,25 +103,6 @@ def run(args: argparse.Namespace) -> int:
     for line in (*_words(tuned, changed), _drawn(tuned, Path(args.file)), f"Written: pi in {args.file}"):
         out.show(Text(line))
     return 0
-
-
-def model_of(d: "Dynamics") -> "Model":
-    """The model of a dynamics section, with its covariance."""
-    import numpy as np
-
-    from .. import ident
-    from ..parameters import ModelCovariance
-
-    model = ident.Model(
-        b=d.b, a=d.a, nk=d.nk, sample_time=d.sample_time, input=d.input, output=d.output,
-        unit_u=d.unit_u, unit_y=d.unit_y, band=d.band,
-    )  # fmt: skip
-    if not isinstance(d.uncertainty, ModelCovariance):
-        return model
-    from dataclasses import replace
-
-    order = [d.uncertainty.of.index(name) for name in model.names]
-    return replace(model, cov_params=np.array(d.uncertainty.matrix)[np.ix_(order, order)])
 
 
 def _tuned(d: "Dynamics", args: argparse.Namespace) -> "TunedPi":

@@ -37,6 +37,7 @@ OPTIONS_OF_A_FIT = (
     "priors",
     "student",
     "verify",
+    "posterior_figures",
     "decimal",
     "delimiter",
     "sheet",
@@ -221,7 +222,15 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
         with progress() as step:
             step(f"writing {folder}")
             lines = terminal.data_lines(runs, pf)
-            cards.write(pf, folder, laws=laws, posteriors=posteriors, data_lines=lines, force=args.force)
+            cards.write(
+                pf,
+                folder,
+                laws=laws,
+                posteriors=posteriors,
+                posterior_figures=bool(args.posterior_figures),
+                data_lines=lines,
+                force=args.force,
+            )
     if not args.json and pf is not None:
         out.show(
             Text(f"{folder}: unchanged" if job.unchanged else f"Written: {folder}/ ({', '.join(cards.files(pf))})")

@@ -6,6 +6,7 @@ is the way back.
 """
 
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -116,7 +117,7 @@ class ContinuousModel:
                 f"delay {self.delay:g} s has no rational transfer function: hand over .sampled(dt) instead."
             )
         try:
-            import control
+            control = import_module("control")
         except ImportError:
             raise IdentError("python-control is not installed: pip install 'fitmodels[control]'.") from None
         return control.TransferFunction(self.num, self.den, inputs=self.input, outputs=self.output)

@@ -210,7 +210,7 @@ def _search(
     first = _compared(rec, [(n, n, nk) for n in looks for nk in near])
     asked = set()
     for n in range(1, most_order + 1):
-        order = min(looks, key=lambda look, n=n: (abs(look - n), -look))
+        order = min((abs(look - n), -look, look) for look in looks)[2]
         asked |= {(n, nb, k) for nb in (max(n - 1, 1), n) for k in _delays(first, order) if k in near}
     return _compared(rec, sorted(asked))
 
@@ -219,7 +219,7 @@ def _delays(first: pd.DataFrame, order: int) -> set[int]:
     """The delay whose free run of this order is best, the longest that is nearly as good, and their neighbours."""
     of = first[first["na"] == order]
     of = first if of.empty else of
-    best = int(of.loc[of["bic"].idxmin(), "nk"])
+    best = int(of["nk"].to_numpy()[of["bic"].to_numpy().argmin()])
     longest = int(of.loc[of["bic"] <= of["bic"].min() + np.log(MOST_SAMPLES) / 2, "nk"].max())
     return {best - 1, best, best + 1, longest}
 
@@ -244,7 +244,7 @@ def _compared(rec: Record, asked: Sequence[tuple[int, int, int]]) -> pd.DataFram
             "machine come to rest by itself? Hold it in a loop and record again, or take off the trend."
         )
     table = pd.DataFrame(rows)
-    fewer = _independent(missed[int(table["loss"].idxmin())])
+    fewer = _independent(missed[int(table["loss"].to_numpy().argmin())])
     spread = float(np.var(rec.y))
     table["bic"] = fewer * np.log(np.maximum(table["loss"], EXACT * spread)) + 2 * table["p"] * np.log(fewer)
     table["fit"] = 100 * (1 - np.sqrt(table["loss"] / spread))

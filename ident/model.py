@@ -7,6 +7,7 @@ counts one less). Source: Ljung 1999, System Identification, section 4.2.
 """
 
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -176,7 +177,7 @@ class Model:
     def to_control(self) -> Any:  # noqa: ANN401
         """The model as a python-control TransferFunction; IdentError where that library is not installed."""
         try:
-            import control
+            control = import_module("control")
         except ImportError:
             raise IdentError("python-control is not installed: pip install 'fitmodels[control]'.") from None
         num, den, dt = self.transfer_function

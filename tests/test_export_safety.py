@@ -1,6 +1,7 @@
 """Names from the data are text in every export, and a file is written whole, once, where it was asked for."""
 
 import re
+from io import BytesIO
 from pathlib import Path
 
 import pytest
@@ -13,10 +14,12 @@ from fitmodels.parameters.export.names import plain, plain_unit, safe_name
 from fitmodels.parameters.export.view import view
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.io import loadmat
 
 NASTY = [
     "../../x", "<script>alert(1)</script>", '"; M30 (', "=cmd|' /C calc'!A0", "x\nsetp motion.adaptive-feed 5",
     "x)\nM30\n(", "*/ int main(void) {} /*", "*) END_FUNCTION_BLOCK (*", "]]> &xxe; %s %n", "$HOME [HAL]FILE `id`",
+    "*/ #include </etc/passwd>", "[values]\nkp = 1", "%(tool)s", '"/><ssv:Real value="1',
     "x\u2028y\x00\x1b[2J", "\u202egnp.exe", "-rf --force", "GC 435", "ü" * 300,
 ]  # fmt: skip
 there = [kind for kind in KINDS if (Path(parameters.__file__).parent / "export" / f"{KINDS[kind][0]}.py").exists()]
@@ -35,7 +38,8 @@ def test_a_nasty_name_changes_no_line_but_its_own_comment(constant_load_file, ki
         return
     assert ours.isascii()
     assert ours.count("\n") == other.count("\n")
-    for piece in ("<script", "M30 (", "cmd|", "*/ int", "*) END", "]]>", "`id`", "$HOME", "../"):
+    for piece in ("<script", "M30 (", "cmd|", "*/ int", "*) END", "]]>", "`id`", "$HOME", "../", "%n",
+                  "%(tool)", "#include <", "[values]", '"/><'):  # fmt: skip
         assert ours.count(piece) == other.count(piece), piece
     for line in ours.splitlines():
         assert not re.match(r"\s*(setp motion|M30)", line)
@@ -50,6 +54,31 @@ def test_a_nasty_unit_or_symbol_is_text_too(constant_load_file, kind):
     )  # fmt: skip
     out = exporter(kind).render(view(pf))
     assert nasty not in (out.decode("latin-1") if isinstance(out, bytes) else out)
+
+
+@pytest.mark.parametrize("text", NASTY)
+def test_a_nasty_name_is_plain_text_in_the_struct_of_matlab(constant_load_file, text):
+    name = text.replace("\x00", "")
+    pf = constant_load_file(identity={"tool": name, "work": name, "machine": name})
+    about = loadmat(BytesIO(exporter("mat").render(view(pf))), simplify_cells=True)["fitmodels"]["about"]
+    assert about["tool"] == about["work"] == about["machine"] == plain(name)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_file_gives_the_same_bytes_read_back_too(constant_load_file, kind, tmp_path):
+    pf = constant_load_file()
+    again = parameters.read(parameters.write(pf, tmp_path / "params.json"))
+    first, second = (export(file, kind, tmp_path / name).read_bytes() for file, name in ((pf, "a"), (again, "b")))
+    assert first == second
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_command_writes_every_kind(constant_load_file, kind, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    parameters.write(constant_load_file(), "params.json")
+    assert main(["export", "params.json", "--to", kind]) == 0
+    assert f"wrote params{KINDS[kind][1]}" in capsys.readouterr().out
+    assert Path(f"params{KINDS[kind][1]}").stat().st_size > 0
 
 
 @given(st.text())

@@ -18,7 +18,7 @@ README = (ROOT / "README.md").read_text("utf-8")
 ROOMS = ("datasets", "fit", "parameters", "cards", "cli")
 COMMANDS = (
     "python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/fitmodels datasets/gc435_709m40/data.csv",
-    "python3 -m venv .venv && .venv/bin/pip install '.[test]' && .venv/bin/pytest",
+    "python3 -m venv .venv && .venv/bin/pip install '.[test]' && .venv/bin/pytest -n auto",
 )
 
 

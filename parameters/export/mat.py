@@ -9,6 +9,7 @@ A num and its den have one length, so that they are one system whether read in f
 ``tf(num, den, Ts)``, ``filt(num, den, Ts)`` and ``filter(num, den, u)`` agree.
 """
 
+from dataclasses import asdict
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +37,7 @@ def render(view: View) -> bytes:
     from scipy.io import savemat
 
     file = BytesIO()
-    savemat(file, {"fitmodels": _struct(view)}, format="5", long_field_names=True, oned_as="row")
+    savemat(file, {"fitmodels": _struct(view)}, format="5", long_field_names=True, oned_as="row")  # type: ignore[arg-type]  # stubs know names of files alone
     head = f"MATLAB 5.0 MAT-file, {view.made_by}, parameter file {view.checksum[:16]}"
     return head.encode("ascii")[:HEAD].ljust(HEAD) + file.getvalue()[HEAD:]
 
@@ -57,7 +58,7 @@ def _about(view: View) -> dict[str, Any]:
     return {
         "made_by": view.made_by, "parameter_file": view.checksum,
         "tool": view.tool, "work": view.work, "machine": view.machine,
-        "simulated": float(view.simulated), "assumed": "; ".join(view.assumed) or "nothing",
+        "simulated": view.simulated, "assumed": "; ".join(view.assumed) or "nothing",
         "not_carried": "; ".join(CANNOT),
     }  # fmt: skip
 
@@ -74,10 +75,7 @@ def _plant(plant: Plant) -> dict[str, Any]:
 def _pi(gains: Gains) -> dict[str, Any]:
     from ...ident.pi.gains import PiGains
 
-    pi = PiGains(
-        gains.kp, gains.ki, gains.sample_time, form=gains.form, integration=gains.integration, delay=gains.delay,  # type: ignore[arg-type]
-        filter_time=gains.filter_time, average=gains.average, average_of=gains.average_of,  # type: ignore[arg-type]
-    )  # fmt: skip
+    pi = PiGains(**asdict(gains))
     (C_num, C_den), (H_num, H_den) = _level(*pi.forward), _level(*pi.feedback)
     per = f"({gains.unit_u})/({gains.unit_y})"
     return {

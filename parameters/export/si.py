@@ -48,6 +48,9 @@ def si(unit: str) -> Si | None:
     >>> si("mm/min"), si("(mm/min)/A").powers, si("HRC")
     (Si(powers=(('m', 1), ('s', -1)), factor=1.6666666666666667e-05), (('m', 1), ('s', -1), ('A', -1)), None)
     """
+    depths = _depths(unit)
+    if not unit.strip(" ()") or min(depths) < 0 or depths[-1]:
+        return None
     whole = _atom(unit)
     if whole is not None:
         return whole
@@ -59,9 +62,11 @@ def si(unit: str) -> Si | None:
 
 
 def _atom(unit: str) -> Si | None:
-    known = canonical(unit) if unit.strip() else None
-    for reference, (powers, factor) in _OF.items() if known else ():
-        if known is not None and same_dimension(known, reference):
+    known = canonical(unit)
+    if known is None:
+        return None
+    for reference, (powers, factor) in _OF.items():
+        if same_dimension(known, reference):
             return Si(tuple(powers.items()), float(convert(np.array(1.0), known, reference)) * factor)
     return None
 

@@ -82,7 +82,7 @@ cutting := enable AND known AND loaded;
 
 (* PI about the middle of the limits; its sum holds while it is clipped and the error pushes further *)
 IF cutting THEN
-  deviation := REFERENCE - measured;
+  deviation := HELD_LOAD - measured;
   IF deviation * clipped <= 0.0 THEN
     total := total + deviation * SAMPLE_TIME;
   END_IF;
@@ -179,7 +179,7 @@ def _constants(loop: Loop) -> str:
     gain = -math.expm1(-loop.sample_time / loop.filter_time) if loop.filter_time else 1.0
     reals = {
         "KP": (loop.p, f"override per {load}"), "KI": (loop.i, f"override per {load} and s"),
-        "SAMPLE_TIME": (loop.sample_time, "s"), "REFERENCE": (loop.reference, load),
+        "SAMPLE_TIME": (loop.sample_time, "s"), "HELD_LOAD": (loop.reference, load),
         "FEED_LOW": (loop.low, "override, above zero"), "FEED_HIGH": (max(loop.high, 1.0), "override"),
         "MIDDLE": (middle, "override, of the loop's limits"),
         "CENTRED": (1 - middle, "override of the programme less the middle"),
