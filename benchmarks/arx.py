@@ -14,9 +14,9 @@ from statistics import median
 
 import numpy as np
 from fitmodels.datasets import Record
-from fitmodels.ident.least_squares import arx
-from fitmodels.ident.orders import choose_order
-from fitmodels.ident.regressors import arx_regressors
+from fitmodels.ident.estimators.least_squares import arx
+from fitmodels.ident.estimators.orders import choose_order
+from fitmodels.ident.estimators.regressors import arx_regressors
 from scipy.signal import lfilter
 
 B, A = [0, 0.0611, -0.1338, 0.0752], [1, -2.0311, 1.2104, -0.1655]  # CLM-2023 eq. 18

@@ -11,9 +11,9 @@ from statistics import median
 
 import numpy as np
 from fitmodels.datasets.records.record import Record
-from fitmodels.ident.instrumental import sriv
+from fitmodels.ident.estimators.instrumental import sriv
+from fitmodels.ident.estimators.prediction_error import armax, output_error
 from fitmodels.ident.model import Model
-from fitmodels.ident.prediction_error import armax, output_error
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 ESTIMATORS = {

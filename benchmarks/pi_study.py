@@ -14,13 +14,13 @@ import time
 
 import numpy as np
 from fitmodels.datasets.records.record import Record
-from fitmodels.ident.excitation import chirp
+from fitmodels.ident.estimators.prediction_error import output_error
+from fitmodels.ident.excite.signals import chirp
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.feasible import feasible_map
 from fitmodels.ident.pi.robust import Plants, draws_of_models, outcomes, robustness
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
-from fitmodels.ident.prediction_error import output_error
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 ASKED = Specification(rise_time=2.0, settling_time=4.0, overshoot=0.02)

@@ -12,11 +12,11 @@ import sys
 
 import numpy as np
 from fitmodels.datasets.records.record import Record
-from fitmodels.ident.bias import warn_of_bias
-from fitmodels.ident.instrumental import sriv
-from fitmodels.ident.least_squares import arx
+from fitmodels.ident.estimators.bias import warn_of_bias
+from fitmodels.ident.estimators.instrumental import sriv
+from fitmodels.ident.estimators.least_squares import arx
+from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.model import Model
-from fitmodels.ident.prediction_error import output_error
 from scipy.signal import lfilter
 
 B, A = [0.0, 0.0611, -0.1338, 0.0752], [1.0, -2.0311, 1.2104, -0.1655]

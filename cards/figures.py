@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -34,8 +35,8 @@ def draw_posteriors(posteriors: Sequence[Posterior], folder: Path, banner: str =
         name = "".join(letter if letter.isalnum() else "-" for letter in post.response)
         for what in ("marginals", "pairs", "predictive", "curves"):
             drawn = post.plot(what, banner=banner)
-            axes = drawn if isinstance(drawn, Axes) else drawn.flat[0]
-            figure = axes.get_figure()
+            first: Any = drawn if isinstance(drawn, Axes) else drawn.flat[0]
+            figure = first.get_figure()
             if isinstance(figure, Figure):
                 _save(figure, folder / f"posterior_{name}_{what}.png")
 

@@ -7,22 +7,29 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .bands import response_band
-    from .bias import warn_of_bias
-    from .causality import causality
-    from .continuous import ContinuousModel, to_continuous
-    from .drive import DriveFit, drive_fit
     from .errors import IdentError
-    from .excitation import chirp, multisine, prbs, steps
-    from .excitation_file import write_excitation
-    from .excited import excited_band
-    from .force_process import ForceProcess, force_process_fit
-    from .frequency import FrequencyResponse, frequency_response
+    from .estimators.bias import warn_of_bias
+    from .estimators.causality import causality
+    from .estimators.instrumental import sriv
+    from .estimators.least_squares import arx
+    from .estimators.orders import OrderSearch, choose_order
+    from .estimators.prediction_error import armax, output_error
+    from .excite.files import write_excitation
+    from .excite.predicted_precision import predicted_errors
+    from .excite.signals import chirp, multisine, prbs, steps
     from .identification import Identification, identify
-    from .instrumental import sriv
-    from .least_squares import arx
+    from .judging.bands import response_band
+    from .judging.excited import excited_band
+    from .judging.frequency import FrequencyResponse, frequency_response
+    from .judging.pole_bands import pole_band
+    from .judging.step_bands import step_band
+    from .judging.validation import Validation, validate
+    from .machines.continuous import ContinuousModel, to_continuous
+    from .machines.drive import DriveFit, drive_fit
+    from .machines.force_process import ForceProcess, force_process_fit
+    from .machines.step_response import StepFit, step_response_fit
+    from .machines.zero_order_hold import sampled
     from .model import Model
-    from .orders import OrderSearch, choose_order
     from .pi.check import PiCheck, check_pi
     from .pi.designs import pi_by_margin
     from .pi.feasible import FeasibleMap, feasible_map
@@ -32,61 +39,54 @@ if TYPE_CHECKING:
     from .pi.specification import Specification
     from .pi.tuned import TunedPi
     from .pi.tuning import tune_pi
-    from .pole_bands import pole_band
-    from .predicted_precision import predicted_errors
-    from .prediction_error import armax, output_error
-    from .step_bands import step_band
-    from .steps import StepFit, step_response_fit
-    from .validation import Validation, validate
-    from .zero_order_hold import sampled
 
 _HOME = {
-    "ContinuousModel": "continuous",
-    "DriveFit": "drive",
+    "ContinuousModel": "machines.continuous",
+    "DriveFit": "machines.drive",
     "FeasibleMap": "pi.feasible",
-    "ForceProcess": "force_process",
-    "FrequencyResponse": "frequency",
+    "ForceProcess": "machines.force_process",
+    "FrequencyResponse": "judging.frequency",
     "IdentError": "errors",
     "Identification": "identification",
     "Model": "model",
-    "OrderSearch": "orders",
+    "OrderSearch": "estimators.orders",
     "PiCheck": "pi.check",
     "PiGains": "pi.gains",
     "Specification": "pi.specification",
-    "StepFit": "steps",
+    "StepFit": "machines.step_response",
     "TunedPi": "pi.tuned",
-    "Validation": "validation",
-    "armax": "prediction_error",
-    "arx": "least_squares",
-    "causality": "causality",
+    "Validation": "judging.validation",
+    "armax": "estimators.prediction_error",
+    "arx": "estimators.least_squares",
+    "causality": "estimators.causality",
     "check_pi": "pi.check",
-    "chirp": "excitation",
-    "choose_order": "orders",
-    "drive_fit": "drive",
-    "excited_band": "excited",
+    "chirp": "excite.signals",
+    "choose_order": "estimators.orders",
+    "drive_fit": "machines.drive",
+    "excited_band": "judging.excited",
     "feasible_map": "pi.feasible",
-    "force_process_fit": "force_process",
-    "frequency_response": "frequency",
+    "force_process_fit": "machines.force_process",
+    "frequency_response": "judging.frequency",
     "identify": "identification",
     "loop_of": "pi.loop",
-    "multisine": "excitation",
-    "output_error": "prediction_error",
+    "multisine": "excite.signals",
+    "output_error": "estimators.prediction_error",
     "pi_by_margin": "pi.designs",
-    "pole_band": "pole_bands",
-    "prbs": "excitation",
-    "predicted_errors": "predicted_precision",
-    "response_band": "bands",
-    "sampled": "zero_order_hold",
+    "pole_band": "judging.pole_bands",
+    "prbs": "excite.signals",
+    "predicted_errors": "excite.predicted_precision",
+    "response_band": "judging.bands",
+    "sampled": "machines.zero_order_hold",
     "simulate_loop": "pi.simulation",
-    "sriv": "instrumental",
-    "step_band": "step_bands",
-    "step_response_fit": "steps",
-    "steps": "excitation",
-    "to_continuous": "continuous",
+    "sriv": "estimators.instrumental",
+    "step_band": "judging.step_bands",
+    "step_response_fit": "machines.step_response",
+    "steps": "excite.signals",
+    "to_continuous": "machines.continuous",
     "tune_pi": "pi.tuning",
-    "validate": "validation",
-    "warn_of_bias": "bias",
-    "write_excitation": "excitation_file",
+    "validate": "judging.validation",
+    "warn_of_bias": "estimators.bias",
+    "write_excitation": "excite.files",
 }
 
 __all__ = [

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from .frequency import FrequencyResponse
+    from .estimators.orders import OrderSearch
+    from .judging.frequency import FrequencyResponse
+    from .judging.validation import Validation
     from .model import Model
-    from .orders import OrderSearch
-    from .validation import Validation
 
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
 
@@ -102,7 +102,7 @@ def bode(
 def _bode_model(model: "Model", f: NDArray[np.float64], upper: Axes, lower: Axes) -> None:
     gain, phase = np.abs(model.response(f)), np.degrees(np.unwrap(np.angle(model.response(f))))
     if model.cov_params is not None:
-        from .bands import response_band
+        from .judging.bands import response_band
 
         found = response_band(model, f)
         upper.fill_between(f, found.gain_low, found.gain_high, color=BLUE, alpha=0.25, lw=0, label="95 % band")

@@ -20,19 +20,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..datasets.records.record import Record, join
-from .bias import warn_of_bias
-from .causality import causality
 from .errors import IdentError
-from .excited import excited_band
-from .feedback import feedback_detected
-from .instrumental import sriv
-from .least_squares import arx
+from .estimators.bias import warn_of_bias
+from .estimators.causality import causality
+from .estimators.instrumental import sriv
+from .estimators.least_squares import arx
+from .estimators.orders import OrderSearch, choose_order
+from .estimators.prediction_error import armax, output_error
+from .estimators.refusals import check_moves
+from .judging.excited import excited_band
+from .judging.feedback import feedback_detected
+from .judging.simulated_fit import simulated
+from .judging.validation import Validation, validate
 from .model import Model
-from .orders import OrderSearch, choose_order
-from .prediction_error import armax, output_error
-from .refusals import check_moves
-from .simulated_fit import simulated
-from .validation import Validation, validate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -156,7 +156,7 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     content = _content(pf.model_dump(), str(path))
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
-    _replace(path, content)
+    put_in_place(path, content)
     return path
 
 
@@ -193,7 +193,7 @@ def _content(data: dict[str, Any], name: str) -> bytes:
     return content
 
 
-def _replace(path: Path, content: bytes) -> None:
+def put_in_place(path: Path, content: bytes) -> None:
     temporary = path.parent / f".fitmodels-{secrets.token_hex(8)}.tmp"
     try:
         with temporary.open("xb") as file:

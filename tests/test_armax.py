@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from fitmodels.datasets.records.record import Record, join
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.filters import is_stable
-from fitmodels.ident.least_squares import arx
-from fitmodels.ident.prediction_error import armax
+from fitmodels.ident.estimators.filters import is_stable
+from fitmodels.ident.estimators.least_squares import arx
+from fitmodels.ident.estimators.prediction_error import armax
 from scipy.signal import lfilter
 from statsmodels.tsa.statespace.sarimax import SARIMAX
 

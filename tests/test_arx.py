@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from fitmodels.datasets import Record, join_records
-from fitmodels.ident.causality import causality
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.least_squares import arx
-from fitmodels.ident.regressors import arx_regressors
+from fitmodels.ident.estimators.causality import causality
+from fitmodels.ident.estimators.least_squares import arx
+from fitmodels.ident.estimators.regressors import arx_regressors
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter

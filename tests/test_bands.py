@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels.datasets import Record
-from fitmodels.ident.bands import response_band, response_slope
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.excitation import chirp
+from fitmodels.ident.excite.predicted_precision import predicted_errors
+from fitmodels.ident.excite.signals import chirp
+from fitmodels.ident.judging.bands import response_band, response_slope
+from fitmodels.ident.judging.pole_bands import pole_band
+from fitmodels.ident.judging.step_bands import step_and_slope, step_band
 from fitmodels.ident.model import Model
-from fitmodels.ident.pole_bands import pole_band
-from fitmodels.ident.predicted_precision import predicted_errors
-from fitmodels.ident.step_bands import step_and_slope, step_band
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 F = np.array([0.1, 0.5, 1.0, 2.0, 20.0])
@@ -112,7 +112,7 @@ def test_what_has_no_band_is_refused_in_words(what):
 
 
 def test_bands_hold_their_level():
-    from fitmodels.ident.prediction_error import output_error
+    from fitmodels.ident.estimators.prediction_error import output_error
 
     u, rng = chirp(), np.random.default_rng(3)
     x, g, inside = PLANT.simulate(u), np.abs(PLANT.response(F[:4])), []

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from fitmodels.ident.continuous import ContinuousModel, NoContinuousForm, to_continuous
 from fitmodels.ident.errors import IdentError
+from fitmodels.ident.machines.continuous import ContinuousModel, NoContinuousForm, to_continuous
+from fitmodels.ident.machines.zero_order_hold import sampled
 from fitmodels.ident.model import Model
-from fitmodels.ident.zero_order_hold import sampled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete

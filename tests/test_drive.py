@@ -4,10 +4,10 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from fitmodels.datasets import Record, join_records, read_record
-from fitmodels.ident.block_jackknife import jackknife, widest
-from fitmodels.ident.drive import drive_fit
-from fitmodels.ident.dry_friction import velocity_and_travel
 from fitmodels.ident.errors import IdentError
+from fitmodels.ident.machines.block_jackknife import jackknife, widest
+from fitmodels.ident.machines.drive import drive_fit
+from fitmodels.ident.machines.dry_friction import velocity_and_travel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from fitmodels.datasets import Record, UsageError, read_record
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.excitation import TAPS, chirp, crest_factor, multisine, prbs, shift_register, steps
-from fitmodels.ident.excitation_file import write_excitation
+from fitmodels.ident.estimators.prediction_error import output_error
+from fitmodels.ident.excite.files import write_excitation
+from fitmodels.ident.excite.predicted_precision import predicted_errors
+from fitmodels.ident.excite.signals import TAPS, chirp, crest_factor, multisine, prbs, shift_register, steps
 from fitmodels.ident.model import Model
-from fitmodels.ident.predicted_precision import predicted_errors
-from fitmodels.ident.prediction_error import output_error
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import loadmat

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from fitmodels.datasets import Record
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.force_process import RATIOS, force_process_fit
-from fitmodels.ident.zero_order_hold import sampled
+from fitmodels.ident.machines.force_process import RATIOS, force_process_fit
+from fitmodels.ident.machines.zero_order_hold import sampled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from fitmodels.datasets import Record, join_records
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.excitation import chirp, multisine, prbs
-from fitmodels.ident.excited import excited_band
-from fitmodels.ident.feedback import feedback_detected
-from fitmodels.ident.frequency import frequency_response
+from fitmodels.ident.excite.signals import chirp, multisine, prbs
+from fitmodels.ident.judging.excited import excited_band
+from fitmodels.ident.judging.feedback import feedback_detected
+from fitmodels.ident.judging.frequency import frequency_response
 from fitmodels.ident.model import Model
 from scipy.signal import csd, lfilter, welch
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fitmodels.datasets import Record
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.orders import choose_order
+from fitmodels.ident.estimators.orders import choose_order
 from matplotlib.axes import Axes
 from scipy.signal import lfilter
 

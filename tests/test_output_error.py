@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from fitmodels.datasets.records.record import Record, join
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.instrumental import sriv
-from fitmodels.ident.levenberg_marquardt import minimise
+from fitmodels.ident.estimators.instrumental import sriv
+from fitmodels.ident.estimators.levenberg_marquardt import minimise
+from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.model import Model
-from fitmodels.ident.prediction_error import output_error
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels.datasets.records.record import Record, join
-from fitmodels.ident.bias import warn_of_bias
-from fitmodels.ident.coloured import whitening
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.filters import is_stable, reflected
-from fitmodels.ident.instrumental import sriv
-from fitmodels.ident.least_squares import arx
+from fitmodels.ident.estimators.bias import warn_of_bias
+from fitmodels.ident.estimators.coloured import whitening
+from fitmodels.ident.estimators.filters import is_stable, reflected
+from fitmodels.ident.estimators.instrumental import sriv
+from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.model import Model
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from fitmodels.datasets import Record, join_records
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.step_forms import unit_response
-from fitmodels.ident.steps import step_response_fit
-from fitmodels.ident.zero_order_hold import sampled
+from fitmodels.ident.machines.step_forms import unit_response
+from fitmodels.ident.machines.step_response import step_response_fit
+from fitmodels.ident.machines.zero_order_hold import sampled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter, step

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from fitmodels.datasets import Record, join_records
 from fitmodels.ident import draw
-from fitmodels.ident.ahead import k_steps, one_step
 from fitmodels.ident.errors import IdentError
-from fitmodels.ident.excitation import chirp, prbs
-from fitmodels.ident.frequency import frequency_response
-from fitmodels.ident.least_squares import arx
+from fitmodels.ident.estimators.least_squares import arx
+from fitmodels.ident.estimators.prediction_error import armax, output_error
+from fitmodels.ident.excite.signals import chirp, prbs
+from fitmodels.ident.judging.ahead import k_steps, one_step
+from fitmodels.ident.judging.frequency import frequency_response
+from fitmodels.ident.judging.plausibility import implausible, settling_time
+from fitmodels.ident.judging.residual_tests import independence, whiteness
+from fitmodels.ident.judging.simulated_fit import simulated
+from fitmodels.ident.judging.validation import validate
 from fitmodels.ident.model import Model
-from fitmodels.ident.plausibility import implausible, settling_time
-from fitmodels.ident.prediction_error import armax, output_error
-from fitmodels.ident.residual_tests import independence, whiteness
-from fitmodels.ident.simulated_fit import simulated
-from fitmodels.ident.validation import validate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from ..filters import is_stable
+from ..estimators.filters import is_stable
 from ..model import Model
 from .gains import PiGains, product, summed
 from .loops import check_pair

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
-from ..bands import with_theta
 from ..errors import IdentError
+from ..judging.bands import with_theta
 from ..model import Model
 from .feasible import FeasibleMap
 from .gains import PiGains
@@ -23,7 +23,8 @@ from .specification import LIMITS, Specification, figure_of
 Array = NDArray[np.float64]
 FEWEST = 0.5  # share of draws that must be stable before the rest can speak for the machine
 SCREENED, PLANTS = 144, 60  # gains looked at first, and the plants they are looked at on
-FINALISTS = 12
+FINALISTS = 9
+ROUNDS, STEPS = 2, 5  # of the way back to the nominal gains: to 1/16 of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +179,8 @@ def robust_gains(
 ) -> PiGains:
     """Among gains that hold with a demanded probability those of the best aim on the model; else the most probable.
 
-    A spread of the feasible gains is screened on some of the plants, the finalists on all of them.
+    A spread of the feasible gains is screened on some of the plants, the finalists on all of them; the chosen one is then
+    led back towards the best gains of the model as far as the probability allows.
     """
     if not 0 < probability < 1:
         raise UsageError(f"probability {probability!r}: between 0 and 1, for instance 0.9.")
@@ -186,22 +188,44 @@ def robust_gains(
         return nominal
     plants = plants if isinstance(plants, Plants) else Plants(tuple(plants))
     kp, ki, aims = spread(found, aim)
-    kp, ki, aims = np.r_[nominal.kp, kp], np.r_[nominal.ki, ki], np.r_[-np.inf, aims]
-    first = shares(plants.models[:PLANTS], kp, ki, found, template)
-    slack = share_error(probability, PLANTS)
-    likely = np.flatnonzero(first >= probability - slack)
-    order = likely[np.argsort(aims[likely])] if likely.size else np.argsort(-first)
-    # a few of the best aim, a few of the highest share, and steps between them
-    order = (
-        order[np.unique(np.linspace(0, len(order) - 1, FINALISTS - 2).astype(int))]
-        if likely.size
-        else order[:FINALISTS]
-    )
-    finalists = np.unique(np.r_[order, np.argsort(-first, kind="stable")[:2]])
+    finalists = screened(shares(plants.models[:PLANTS], kp, ki, found, template), aims, probability)
     share = shares(plants.models, kp[finalists], ki[finalists], found, template)
     good = share >= probability
     pick = finalists[np.argmin(np.where(good, aims[finalists], np.inf)) if good.any() else np.argmax(share)]
-    return replace(template, kp=float(kp[pick]), ki=float(ki[pick]))
+    end = float(kp[pick]), float(ki[pick])
+    if good.any():
+        end = led_back(plants, found, nominal, end, probability, template)
+    return replace(template, kp=end[0], ki=end[1])
+
+
+def screened(first: Array, aims: Array, probability: float) -> NDArray[np.intp]:
+    """Candidates worth all plants: of those that may hold, from the best aim to the worst; and the highest shares."""
+    highest = np.argsort(-first, kind="stable")
+    likely = np.flatnonzero(first >= probability - share_error(probability, PLANTS))
+    if not likely.size:
+        return highest[:FINALISTS]
+    order = likely[np.argsort(aims[likely], kind="stable")]
+    even = np.linspace(0, len(order) - 1, min(FINALISTS // 2, len(order))).astype(int)
+    return np.unique(np.r_[order[even], order[: FINALISTS // 3], highest[:2]])
+
+
+def led_back(
+    plants: Plants,
+    found: FeasibleMap,
+    nominal: PiGains,
+    end: tuple[float, float],
+    probability: float,
+    template: PiGains,
+) -> tuple[float, float]:
+    """The gains nearest to the nominal ones, on the line from them to ``end``, from which on the probability is held."""
+    low, high = 0.0, 1.0
+    for _ in range(ROUNDS):
+        t = np.linspace(low, high, STEPS)
+        kp, ki = (a + (b - a) * t for a, b in ((nominal.kp, end[0]), (nominal.ki, end[1])))
+        held = shares(plants.models, kp[:-1], ki[:-1], found, template) >= probability
+        first = int(np.flatnonzero(~held).max(initial=-1)) + 1  # the end holds
+        low, high = float(t[max(first - 1, 0)]), float(t[first])
+    return float(nominal.kp + (end[0] - nominal.kp) * high), float(nominal.ki + (end[1] - nominal.ki) * high)
 
 
 def spread(found: FeasibleMap, aim: Aim) -> tuple[Array, Array, Array]:

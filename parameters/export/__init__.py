@@ -4,6 +4,7 @@
     loop        the PI loop in the units of the machine
     settings    from the file's sections to the loop, and what is assumed where they leave it open
     quantities  every number under a safe name
+    si          units as powers of SI base units
     names       names and texts that cannot inject into anything
     gate        refuses a file that fails the check
     hal         LinuxCNC HAL: the loop from a load pin to motion.adaptive-feed
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Final, Protocol, cast
 
 from ...datasets.errors import UsageError
 from ..errors import ParameterError
-from ..file import _replace
+from ..file import put_in_place
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
@@ -116,5 +117,5 @@ def export(pf: "ParameterFile", kind: str, path: str | os.PathLike[str], *, forc
     path = Path(path)
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
-    _replace(path, content.encode() if isinstance(content, str) else content)
+    put_in_place(path, content.encode() if isinstance(content, str) else content)
     return path

@@ -36,8 +36,8 @@ class Quantity:
 
 Found = Iterator[tuple[str, float, str, str]]
 _OF_LOOP = {
-    "kp": ("({f})/{l}", "proportional gain, position form"),
-    "ki": ("({f})/{l}/s", "integral gain, position form"),
+    "kp": ("({f})/{l}", "proportional gain of the position form"),
+    "ki": ("({f})/{l}/s", "integral gain of the position form"),
     "sample_time": ("s", "period of the loop"),
     "reference": ("{l}", "load that the loop holds"),
     "feed_low": ("{f}", "lower feed limit"),

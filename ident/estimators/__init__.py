@@ -1,0 +1,1 @@
+"""From a record to coefficients: regressors, least squares, instruments, prediction errors, orders."""

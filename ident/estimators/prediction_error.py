@@ -1,0 +1,191 @@
+"""Output error and ARMAX: the prediction error made least by Levenberg-Marquardt.
+
+    output error    y = b/f u + e            e white: minimised is the error of a free run
+    ARMAX           a y = b u + c e          minimised is the one-step error e
+
+Source: Ljung 1999, System Identification, sections 4.2 and 10.2-10.3.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...datasets.records.record import Record
+from ..model import Model
+from .coloured import inverse_of_squares, whitening
+from .demands import check_tellable, demand
+from .filters import EDGE, ROUNDING, filtered, is_stable, lagged, reflected, squares
+from .free_run import FreeRun, free_run, sensitivities
+from .hand_over import described, output_error_model, told
+from .instrumental import Initial, estimate, runs_away
+from .levenberg_marquardt import Minimum, minimise
+from .refusals import not_centred, short_stretches
+from .regressors import arx_regressors
+
+Array = NDArray[np.float64]
+
+
+def output_error(
+    rec: Record | Sequence[Record],
+    nb: int,
+    nf: int,
+    nk: int = 1,
+    *,
+    initial: Initial = "auto",
+    max_steps: int = 100,
+    tol: float = 1e-12,
+) -> Model:
+    """Transfer function whose free run lies closest to y, in least squares; consistent under any noise on y.
+
+    Parameters
+    ----------
+    rec : Record or sequence of Record
+        Less its operating point (``rec.centred()``). u was not computed from y: in closed loop the estimate is biased.
+    nb, nf, nk : int
+        Number of coefficients of b, order of f (``Model.a``), samples of delay.
+    initial : {"auto", "zero", "estimate", "offset"}
+        State at the head of each stretch: at rest, estimated, estimated where the record says that it matters, or
+        estimated together with a constant, where the operating point is not known.
+    max_steps, tol : int, float
+        Trials at most; converged when the next step promises less than ``tol`` of the loss.
+
+    Returns
+    -------
+    Model
+        Stable. ``notes`` say whether the search converged and what was assumed of the initial state.
+
+    Raises
+    ------
+    IdentError
+        Orders that are no orders or larger than the record allows; too short a record; u or y standing still.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> u = np.sin(0.002 * np.arange(300.0) ** 2)
+    >>> y = Model(b=[0.0, 0.5], a=[1.0, -0.8], nk=1, sample_time=0.02).simulate(u)
+    >>> output_error(datasets.Record(u=u, y=y, sample_time=0.02), nb=1, nf=1).theta.round(9).tolist()
+    [-0.8, 0.5]
+    """
+    rec = demand(rec, {"nb": nb, "nf": nf}, nk)
+    run, start, _, _ = estimate(free_run(rec, nf, nb, nk), initial, max_steps=8, tol=1e-3)
+    end = free_run_minimum(run, start.theta, max_steps, tol)
+    return output_error_model(rec, run, end.theta, "output_error", (how(end), *runs_away(run, squares(end.e))))
+
+
+def free_run_minimum(run: FreeRun, theta: Array, max_steps: int, tol: float) -> Minimum:
+    """Levenberg-Marquardt on the simulation error, kept among stable models."""
+
+    def stable(theta: Array) -> bool:
+        return is_stable(run.polynomials(theta)[1], EDGE)
+
+    return minimise(theta, lambda th: sensitivities(run, th), stable, squares(run.y), tol, max_steps)
+
+
+def how(end: Minimum) -> str:
+    """How the search ended, for ``notes``."""
+    return f"{told(end.steps, end.converged, 'Levenberg-Marquardt')}: {end.reason}"
+
+
+def armax(
+    rec: Record | Sequence[Record], na: int, nb: int, nc: int, nk: int = 1, *, max_steps: int = 100, tol: float = 1e-12
+) -> Model:
+    """Transfer function and noise polynomial whose one-step prediction error is least.
+
+    Parameters
+    ----------
+    rec : Record or sequence of Record
+        Less its operating point (``rec.centred()``).
+    na, nb, nc, nk : int
+        Order of a, number of coefficients of b, order of c, samples of delay.
+    max_steps, tol : int, float
+        Trials at most; converged when the next step promises less than ``tol`` of the loss.
+
+    Returns
+    -------
+    Model
+        ``c`` is invertible; ``cov_params`` is of a and b, with c estimated beside them. ``notes`` say whether the
+        search converged, and whether the free run is unstable.
+
+    Raises
+    ------
+    IdentError
+        Orders that are no orders or larger than the record allows; too short a record; u or y standing still.
+
+    Notes
+    -----
+    The first max(na, nb + nk - 1) samples of each stretch are given, not predicted, and the innovations before them are
+    taken as zero.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> u = np.sin(0.002 * np.arange(300.0) ** 2)
+    >>> e = 0.01 * np.random.default_rng(1).standard_normal(300)
+    >>> whole = [slice(0, 300)]
+    >>> y = filtered([0.0, 0.5], [1.0, -0.8], u, whole) + filtered([1.0, 0.5], [1.0, -0.8], e, whole)
+    >>> armax(datasets.Record(u=u, y=y, sample_time=0.02), na=1, nb=1, nc=1).theta.round(2).tolist()
+    [-0.8, 0.5]
+    """
+    orders = {"na": na, "nb": nb, "nc": nc}
+    rec = demand(rec, orders, nk)
+    y, Phi, stretches = equation_rows(rec, na, nb, nk)
+    residual = y - Phi @ np.linalg.lstsq(Phi, y, rcond=None)[0]
+    noiseless = squares(residual) <= 1e4 * ROUNDING * squares(y)
+    order = 0 if noiseless else nc
+    starts = noise_starts(y, Phi, stretches, order)
+    ends = [innovations_minimum(y, Phi, stretches, order, start, max_steps, tol) for start in starts]
+    end = min(ends, key=lambda end: squares(end.e))
+    check_tellable(end.J, orders)
+    variance = squares(end.e) / max(len(y) - len(end.theta), 1)
+    a, b, c = np.split(end.theta, [na, na + nb])
+    model = Model(
+        b=np.r_[np.zeros(nk), b], a=np.r_[1.0, a], c=np.r_[1.0, c, np.zeros(nc - order)], nk=nk, structure="armax",
+        cov_params=variance * inverse_of_squares(end.J)[: na + nb, : na + nb], noise_variance=variance,
+        **{**described(rec), "n": len(y)},
+        notes=(how(end), *rec.notes, *not_centred(rec), *short_stretches(rec, max(na, nk + nb - 1))),
+    )  # fmt: skip
+    more = ["no noise is left to tell c by: it is 1"] if order < nc else []
+    more += [] if model.stable else [f"the free run is unstable: a pole has modulus {model.radius:.4g}"]
+    return replace(model, notes=(*model.notes, *more))
+
+
+def equation_rows(rec: Record, na: int, nb: int, nk: int) -> tuple[Array, Array, tuple[slice, ...]]:
+    """Y, its regressors -y(t - i), u(t - j), and the stretches of the samples that have all of theirs."""
+    Phi, y, t = arx_regressors(rec, na, nb, nk)
+    ends = np.r_[0, np.searchsorted(t, [s.stop for s in rec.stretches])].tolist()
+    return y, Phi, tuple(slice(a, b) for a, b in pairwise(ends) if b > a)
+
+
+def innovations(theta: Array, y: Array, Phi: Array, stretches: tuple[slice, ...]) -> tuple[Array, Array]:
+    """One-step error e = (y - Phi theta) / c and d yhat / d theta = [Phi, e(t - k)] / c, from rest in each stretch."""
+    p = Phi.shape[1]
+    c = np.r_[1.0, theta[p:]]
+    e = filtered([1.0], c, y - Phi @ theta[:p], stretches)
+    past = lagged(e, range(1, len(c)), stretches)
+    return e, filtered([1.0], c, np.hstack([Phi, past]), stretches)
+
+
+def noise_starts(y: Array, Phi: Array, stretches: tuple[slice, ...], nc: int) -> list[Array]:
+    """White noise (ARX), and the residuals of ARX, whitened, as regressors (Hannan & Rissanen 1982)."""
+    first = np.linalg.lstsq(Phi, y, rcond=None)[0]
+    residual = y - Phi @ first
+    white = filtered(whitening(residual, stretches)[0], [1.0], residual, stretches)
+    both = np.hstack([Phi, lagged(white, range(1, nc + 1), stretches)])
+    second = np.linalg.lstsq(both, y, rcond=None)[0]
+    p = len(first)
+    return [np.r_[first, np.zeros(nc)], np.r_[second[:p], reflected(np.r_[1.0, second[p:]])[1:]]][: 1 + (nc > 0)]
+
+
+def innovations_minimum(
+    y: Array, Phi: Array, stretches: tuple[slice, ...], nc: int, start: Array, max_steps: int, tol: float
+) -> Minimum:
+    """Levenberg-Marquardt on the one-step error, kept where 1 / c is stable."""
+
+    def invertible(theta: Array) -> bool:
+        return is_stable(np.r_[1.0, theta[len(theta) - nc :]], EDGE)
+
+    return minimise(start, lambda th: innovations(th, y, Phi, stretches), invertible, squares(y), tol, max_steps)

@@ -1,0 +1,1 @@
+"""What to play on the machine, and what it would tell."""

@@ -1,0 +1,1 @@
+"""What a model is worth: free runs, residuals, bands, the response as measured, closed loops found out."""

@@ -1,0 +1,53 @@
+"""Frequency response from cross-spectra averaged over half-overlapping windows (Welch 1967).
+
+    G = S_uy / S_uu,    coherence = |S_uy|^2 / (S_uu S_yy),    var |G| / |G|^2 = (1 - coh) / (2 n coh)
+
+n is the number of windows that are worth as much as independent ones. Source: Bendat & Piersol 2010, section 9.1.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import IdentError
+
+if TYPE_CHECKING:
+    from ...datasets import Record
+
+Array = NDArray[np.float64]
+WINDOWS = 8  # per record by default, and
+FEWEST = 4  # below which a coherence says nothing
+OVERLAPPED = 1 / 36  # squared correlation of spectra from Hann windows that overlap by half
+
+
+def averaged(
+    rec: "Record", frequency: Array, resolution: float | None
+) -> tuple[NDArray[np.complex128], Array, Array, Array, float]:
+    """G, its complex standard error, coherence and degrees of freedom at frequencies, and the resolution in Hz."""
+    from scipy.signal import csd
+
+    lengths = [s.stop - s.start for s in rec.stretches]
+    n = max(int(2 * sum(lengths) / (WINDOWS + 1)), 8) if resolution is None else round(2 * rec.rate / resolution)
+    n = min(n, max(lengths)) if resolution is None else n
+    usable = [s for s in rec.stretches if s.stop - s.start >= n > 3]
+    count = sum((s.stop - s.start - n) // (n - n // 2) + 1 for s in usable)
+    if count < FEWEST:
+        raise IdentError(
+            f"{count} windows of {n} samples: averaging needs {FEWEST} or more. Give a coarser resolution, record "
+            'longer, or use method="impulse".'
+        )
+    f = np.fft.rfftfreq(n, rec.sample_time)
+    uu, uy, yy = np.zeros(len(f)), np.zeros(len(f), dtype=np.complex128), np.zeros(len(f))
+    for s in usable:
+        weight = (s.stop - s.start - n) // (n - n // 2) + 1
+        u, y = rec.u[s] - rec.u[s].mean(), rec.y[s] - rec.y[s].mean()
+        uy = uy + weight * csd(u, y, rec.rate, nperseg=n, noverlap=n // 2)[1]
+        uu, yy = (p + weight * csd(x, x, rec.rate, nperseg=n, noverlap=n // 2)[1].real for p, x in ((uu, u), (yy, y)))
+    at = np.clip(np.rint(frequency / f[1]).astype(np.intp), 1, len(f) - 1)
+    s_uu, s_uy, s_yy = uu[at], uy[at], yy[at]
+    g = s_uy / s_uu
+    coherence = np.clip(np.abs(s_uy) ** 2 / (s_uu * s_yy), 0.0, 1.0)
+    worth = count / (1 + 2 * OVERLAPPED * (count - 1) / count)
+    error = np.sqrt(np.maximum(1 - coherence, 0.0) * s_yy / s_uu / max(worth - 1, 1.0))
+    return g, error, coherence, np.full(len(at), worth - 1), 2 * float(f[1])

@@ -1,0 +1,1 @@
+"""Models of machines with a name: steps, continuous forms, drives, the force process."""
