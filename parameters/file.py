@@ -194,6 +194,7 @@ def _content(data: dict[str, Any], name: str) -> bytes:
 
 
 def put_in_place(path: Path, content: bytes) -> None:
+    """Write bytes whole or not at all, over what is there."""
     temporary = path.parent / f".fitmodels-{secrets.token_hex(8)}.tmp"
     try:
         with temporary.open("xb") as file:

@@ -179,8 +179,8 @@ def robust_gains(
 ) -> PiGains:
     """Among gains that hold with a demanded probability those of the best aim on the model; else the most probable.
 
-    A spread of the feasible gains is screened on some of the plants, the finalists on all of them; the chosen one is then
-    led back towards the best gains of the model as far as the probability allows.
+    A spread of the feasible gains is screened on some of the plants, the finalists on all of them; the chosen one is
+    then led back towards the best gains of the model as far as the probability allows.
     """
     if not 0 < probability < 1:
         raise UsageError(f"probability {probability!r}: between 0 and 1, for instance 0.9.")
@@ -217,7 +217,7 @@ def led_back(
     probability: float,
     template: PiGains,
 ) -> tuple[float, float]:
-    """The gains nearest to the nominal ones, on the line from them to ``end``, from which on the probability is held."""
+    """The gains nearest to the nominal ones, on the line from them to ``end``, that hold with the probability."""
     low, high = 0.0, 1.0
     for _ in range(ROUNDS):
         t = np.linspace(low, high, STEPS)
