@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..parameters import Dynamics
-from ..parameters.covariance import ModelCovariance
 from ..parameters.rounding import plain, told
+from ..parameters.sections.covariance import ModelCovariance
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,35 +1,24 @@
 """What is handed over: the parameter file, which predicts without the fitting rooms.
 
     errors           what this room raises, in sentences
-    base             what every section is made of
     strict_json      JSON without anything two readers could read differently
     canonical        the form that the checksum is of
     migrate          versions of the schema
     json_schema      the schema as it is published
     file             the whole file: read and write
+    draws            the draws beside the file
+    sections/        one class a section: identity, laws, posterior, dynamics, gains, settings, limits ...
 
-    identity         tool, work, machine, sensors; where the numbers come from
-    sections         the small parts of a law section
-    covariance       what an estimate is uncertain by
-    law              the law section and its predict, interval, tell, inside
     evaluate         a law's numbers: terms, link, checks
     intervals        what an interval of a law stands on, and its ends
-    rounding         numbers rounded by their uncertainty
     prediction       a law's answer, in numbers and in a sentence
-    posterior        the posterior section
-    draws            the draws beside the file
-    dynamics         an identified model, which simulates
-    pi               gains, and what they were tuned to
-    load_line        settings of milling at constant load
-    limits           what machine, tool and work allow
-    roughness        settings of turning at constant roughness
-    adaptive_force   settings of adaptive force control
+    rounding         numbers rounded by their uncertainty
 
-    collect          results -> a parameter file (gather_*: one kind of result each)
-    check            whether a file may be handed to a controller (check_*: one kind of question each)
-    loop_figures     what gains do on the dynamics, from the file alone
+    collect          results -> a parameter file; gather/ holds one kind of result a file
     setting_rules    a load law and wear tests -> settings of constant load
     feed_limits      feed at a load and a wear, with its interval
+    check            whether a file may be handed to a controller; checks/ holds one kind of question a file
+    export/          the file as a controller loads it
 
 >>> from fitmodels import parameters
 >>> pf = parameters.collect(tool="GC435", work="709M40", laws=[])
@@ -37,27 +26,22 @@
 'fitmodels.parameters/1'
 """
 
-from .adaptive_force import AdaptiveForce, SetPoint
-from .base import Section
 from .canonical import content_sha256
 from .check import CheckReport, Finding, check
 from .collect import collect
-from .covariance import Covariance, ModelCovariance, NoCovariance
 from .draws import Draws, read_draws
-from .dynamics import Dynamics
 from .errors import GateError, ParameterError
 from .file import ParameterFile, read, sealed, write
-from .gather_dynamics import dynamics_section, pi_section
-from .identity import Identity, Provenance, Sensor
-from .law import Law
-from .limits import Bound, Limits, Range
-from .load_line import Engagement, FeedLimit, LimitInterval, LoadLine, NoInterval
-from .pi import Pi, PiFigures, PiSpecification
-from .posterior import Drawn, LawPosterior, Posterior, Prior
-from .posterior_section import draws_of
+from .gather.dynamics import dynamics_section, pi_section
+from .gather.posterior import draws_of
 from .prediction import Given, Prediction
-from .roughness import Roughness
-from .sections import (
+from .sections.adaptive_force import AdaptiveForce, SetPoint
+from .sections.base import Section
+from .sections.covariance import Covariance, ModelCovariance, NoCovariance
+from .sections.dynamics import Dynamics
+from .sections.identity import Identity, Provenance, Sensor
+from .sections.law import Law
+from .sections.law_parts import (
     By,
     Check,
     DroppedRows,
@@ -69,6 +53,11 @@ from .sections import (
     Statistics,
     ToolLifeSection,
 )
+from .sections.limits import Bound, Limits, Range
+from .sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLine, NoInterval
+from .sections.pi import Pi, PiFigures, PiSpecification
+from .sections.posterior import Drawn, LawPosterior, Posterior, Prior
+from .sections.roughness import Roughness
 from .setting_rules import settings
 
 __all__ = [

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from .canonical import content_sha256
-from .check_estimates import estimates
-from .check_loop import loop
-from .check_settings import settings_in_order
-from .check_units import units
+from .checks.estimates import estimates
+from .checks.finding import Finding
+from .checks.loop import loop
+from .checks.settings import settings_in_order
+from .checks.units import units
 from .draws import read_draws
 from .errors import ParameterError
-from .finding import Finding
 
 if TYPE_CHECKING:
     from .file import ParameterFile

@@ -12,20 +12,20 @@ from pydantic import JsonValue, ValidationError
 from .. import __version__
 from .errors import ParameterError, in_words
 from .file import ParameterFile, sealed
-from .gather_dynamics import Gains, as_data, dynamics_section, pi_section
-from .gather_law import laws_by_response, tool_life_section
-from .gather_settings import limits_section
-from .limits import Limits
-from .posterior_section import posterior_section
+from .gather.dynamics import Gains, as_data, dynamics_section, pi_section
+from .gather.law import laws_by_response, tool_life_section
+from .gather.posterior import posterior_section
+from .gather.settings import limits_section
+from .sections.limits import Limits
 
 if TYPE_CHECKING:
     from ..fit import LawFit, NotAvailable, Posterior, ToolLife
     from ..ident.model import Model
-    from .adaptive_force import AdaptiveForce
-    from .dynamics import Dynamics
-    from .identity import Sensor
-    from .load_line import LoadLine
-    from .roughness import Roughness
+    from .sections.adaptive_force import AdaptiveForce
+    from .sections.dynamics import Dynamics
+    from .sections.identity import Sensor
+    from .sections.load_line import LoadLine
+    from .sections.roughness import Roughness
 
 
 def collect(

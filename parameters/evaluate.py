@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import ParameterError, short
 
 if TYPE_CHECKING:
-    from .law import Law
+    from .sections.law import Law
 
 Array = NDArray[np.float64]
 

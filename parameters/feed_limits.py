@@ -11,12 +11,12 @@ Sources: Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587; Fieller 1954, J. 
 import numpy as np
 from numpy.typing import NDArray
 
-from .covariance import Covariance
 from .errors import ParameterError
 from .evaluate import parameter_names, theta
 from .intervals import Asked, band
-from .law import Law
-from .load_line import FeedLimit, LimitInterval, NoInterval
+from .sections.covariance import Covariance
+from .sections.law import Law
+from .sections.load_line import FeedLimit, LimitInterval, NoInterval
 
 Array = NDArray[np.float64]
 

@@ -9,20 +9,20 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-from .adaptive_force import AdaptiveForce
-from .base import Section, Sha256
 from .canonical import content_sha256
-from .dynamics import Dynamics
 from .errors import ParameterError, in_words
-from .identity import Identity, Provenance
-from .law import Law
-from .limits import Limits
-from .load_line import LoadLine
 from .migrate import SCHEMA, migrated
-from .pi import Pi
-from .posterior import Posterior
-from .roughness import Roughness
-from .sections import ToolLifeSection
+from .sections.adaptive_force import AdaptiveForce
+from .sections.base import Section, Sha256
+from .sections.dynamics import Dynamics
+from .sections.identity import Identity, Provenance
+from .sections.law import Law
+from .sections.law_parts import ToolLifeSection
+from .sections.limits import Limits
+from .sections.load_line import LoadLine
+from .sections.pi import Pi
+from .sections.posterior import Posterior
+from .sections.roughness import Roughness
 from .strict_json import CURE, strict_json
 
 LARGEST = 50_000_000  # bytes

@@ -24,13 +24,13 @@ from ..datasets.widths import (
     of_one_part,
     unsure_of_mean,
 )
-from .covariance import Covariance, NoCovariance
 from .errors import ParameterError, short
 from .evaluate import LOGARITHMIC, parameter_names, response, terms, theta
-from .sections import Edges
+from .sections.covariance import Covariance, NoCovariance
+from .sections.law_parts import Edges
 
 if TYPE_CHECKING:
-    from .law import Law
+    from .sections.law import Law
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from .intervals import Asked, band
 from .rounding import plain, told
 
 if TYPE_CHECKING:
-    from .law import Law
+    from .sections.law import Law
 
 SIDES = {-1: "below", 1: "above"}
 

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 from ..datasets.errors import UsageError
 from .errors import ParameterError, short
 from .feed_limits import feed_limit, wear_in_window
-from .load_line import FeedLimit, LoadLine
+from .sections.load_line import FeedLimit, LoadLine
 
 if TYPE_CHECKING:
     from .file import ParameterFile
-    from .law import Law
+    from .sections.law import Law
 
 SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm

@@ -12,8 +12,8 @@ from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
 from fitmodels.parameters import Dynamics, ParameterError, Pi, check, collect, read, sealed, write
+from fitmodels.parameters.checks.loop_figures import closed_loop, figures
 from fitmodels.parameters.file import _parse
-from fitmodels.parameters.loop_figures import closed_loop, figures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import dlsim

@@ -217,7 +217,7 @@ def test_what_cannot_be_told_is_a_sentence(options, words, tmp_path):
 
 def hand_made(**changes):
     """AW = 0.01 V^0.5, of eight rows."""
-    from fitmodels.parameters.law import EXAMPLE
+    from fitmodels.parameters.sections.law import EXAMPLE
 
     return Law.model_validate({**EXAMPLE, **changes})
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from ..base import Section
+from ..sections.base import Section
 from .loop import Loop
 from .names import plain, plain_unit, safe_name
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from ...datasets.units import convert, is_unit, same_dimension
-from ..load_line import Engagement, LoadLine
-from ..pi import Pi
+from ..sections.load_line import Engagement, LoadLine
+from ..sections.pi import Pi
 from .loop import Loop
 from .names import plain_unit
 

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, JsonValue, field_validator
 
+from ..errors import short
 from .base import Count, Name, Number, Positive, Section, Sha256, Text
-from .errors import short
 
 ISO513 = r"^[PMKNSH](0[1-9]|[1-4][0-9]|50)?$"
 ISO13399 = re.compile(r"[A-Z][A-Z0-9_]{0,31}")

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
-from .errors import ParameterError, in_words
-from .evaluate import coefficient_names
-from .law import Law
+from ..errors import ParameterError, in_words
+from ..evaluate import coefficient_names
+from ..sections.law import Law
+from ..sections.law_parts import Composite
 from .law_facts import equation, factor, finite, known, quantity_of
-from .sections import Composite
 
 if TYPE_CHECKING:
-    from ..fit import LawFit, ToolLife
+    from ...fit import LawFit, ToolLife
 
 
 def laws_by_response(laws: Sequence["LawFit"], tool: str, work: str, gauge_sd: float | None) -> dict[str, Law]:
@@ -32,8 +32,8 @@ def laws_by_response(laws: Sequence["LawFit"], tool: str, work: str, gauge_sd: f
 
 
 def _composite(law: "LawFit", wear: "LawFit") -> Composite | None:
-    from ..datasets.errors import UsageError
-    from ..fit import composite
+    from ...datasets.errors import UsageError
+    from ...fit import composite
 
     try:
         found = composite(law, wear)
@@ -120,14 +120,14 @@ def _uncertainty(law: "LawFit") -> dict[str, Any]:
 
 
 def _smearing(law: "LawFit", of: str) -> float | None:
-    from ..fit.about import smearing
+    from ...fit.about import smearing
 
     return known(smearing(law, of)) if law.error == "multiplicative" else None
 
 
 def _edges(law: "LawFit") -> dict[str, Any] | None:
-    from ..fit import NotAvailable
-    from ..fit.about import df_between, df_within, rows_per_edge
+    from ...fit import NotAvailable
+    from ...fit.about import df_between, df_within, rows_per_edge
 
     edges = law.edges
     if isinstance(edges, NotAvailable):
@@ -151,7 +151,7 @@ def _edges(law: "LawFit") -> dict[str, Any] | None:
 
 
 def _region(law: "LawFit") -> dict[str, Any] | None:
-    from ..fit import FitError, domain
+    from ...fit import FitError, domain
 
     try:
         found = domain(law)
@@ -163,7 +163,7 @@ def _region(law: "LawFit") -> dict[str, Any] | None:
 
 def _judged(law: "LawFit", gauge_sd: float | None) -> dict[str, Any]:
     """The findings of a law, and what they say."""
-    from ..fit import NotAvailable, judge
+    from ...fit import NotAvailable, judge
 
     found = judge(law, gauge_sd)
     checks = {
@@ -188,7 +188,7 @@ def _alternative(law: "LawFit") -> dict[str, Any] | None:
 
 
 def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:
-    from ..fit import beside_published
+    from ...fit import beside_published
 
     beside = beside_published(law, tool, work)
     return None if beside is None else asdict(beside)

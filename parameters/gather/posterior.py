@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .draws import Draws, packed
-from .errors import GateError, ParameterError
+from ..draws import Draws, packed
+from ..errors import GateError, ParameterError
 
 if TYPE_CHECKING:
-    from ..fit import NotAvailable, Posterior
+    from ...fit import NotAvailable, Posterior
 
 DRAWS_FILE = "draws.npz"
 
@@ -54,7 +54,7 @@ def draws_of(posteriors: Sequence["Posterior"]) -> bytes:
 
 
 def _one(post: "Posterior") -> dict[str, Any]:
-    from ..fit import NotAvailable
+    from ...fit import NotAvailable
 
     table, moves, left = post.table(), post.sensitivity(), post.leave_out()
     centre, by_edge = post.density.centre[1:], post.jackknife()

@@ -5,8 +5,8 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from ..errors import short
 from .base import Count, NotNegative, Number, Positive, Section, Text
-from .errors import short
 
 
 class Factor(Section):

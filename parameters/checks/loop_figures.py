@@ -13,8 +13,8 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import Dynamics
-from .pi import Pi
+from ..sections.dynamics import Dynamics
+from ..sections.pi import Pi
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from ..datasets import region
-from ..datasets.widths import Centre, Edge, Kind
-from .base import Count, NotNegative, Number, Positive, Section, Text
-from .covariance import Covariance, NoCovariance
-from .errors import ParameterError, short
-from .evaluate import (
+from ...datasets import region
+from ...datasets.widths import Centre, Edge, Kind
+from ..errors import ParameterError, short
+from ..evaluate import (
     LOGARITHMIC,
     as_given,
     checked_values,
@@ -22,9 +20,11 @@ from .evaluate import (
     terms,
     theta,
 )
-from .intervals import Asked, band
-from .prediction import Prediction, tell
-from .sections import By, Check, Composite, DroppedRows, Edges, Factor, LeftOut, Published, Region, Statistics
+from ..intervals import Asked, band
+from ..prediction import Prediction, tell
+from .base import Count, NotNegative, Number, Positive, Section, Text
+from .covariance import Covariance, NoCovariance
+from .law_parts import By, Check, Composite, DroppedRows, Edges, Factor, LeftOut, Published, Region, Statistics
 
 # arguments of predict, interval and tell: no factor can be called so
 KEPT = ("level", "kind", "by", "edge", "coverage", "centre")

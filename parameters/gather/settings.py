@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .errors import ParameterError, short
-from .gather_dynamics import as_data
-from .limits import Limits
+from ..errors import ParameterError, short
+from ..sections.limits import Limits
+from .dynamics import as_data
 
 BOUNDS = {"power": "kW", "force": "N", "wear": "mm"}
 RANGES = {"feed": "mm/rev", "feed_rate": "mm/min", "speed": "m/min", "spindle_speed": "1/min"}

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from .base import Section
-from .errors import GateError
-from .pi import Pi, PiFigures, PiSpecification
+from ..errors import GateError
+from ..sections.base import Section
+from ..sections.pi import Pi, PiFigures, PiSpecification
 
 if TYPE_CHECKING:
-    from ..ident.model import Model
-    from ..ident.pi.gains import PiGains
-    from ..ident.pi.tuned import TunedPi
+    from ...ident.model import Model
+    from ...ident.pi.gains import PiGains
+    from ...ident.pi.tuned import TunedPi
 
 Gains: TypeAlias = "PiGains | TunedPi | Pi | Mapping[str, Any]"
 

@@ -4,8 +4,8 @@ from typing import Self
 
 from pydantic import model_validator
 
+from ..errors import short
 from .base import NotNegative, Positive, Section, Text
-from .errors import short
 
 
 class Bound(Section):

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..datasets.units import is_unit, same_dimension, suggest
-from ..datasets.vocabulary import ROLES, fits
-from .errors import short, short_name
+from ...datasets.units import is_unit, same_dimension, suggest
+from ...datasets.vocabulary import ROLES, fits
+from ..errors import short, short_name
 from .finding import Finding
 
 if TYPE_CHECKING:
-    from .file import ParameterFile
-    from .law import Law
+    from ..file import ParameterFile
+    from ..sections.law import Law
 
 KINDS = {  # of each limit: a unit of its kind
     "power": "kW",

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from ..sections.load_line import LimitInterval
 from .finding import Finding
-from .load_line import LimitInterval
 
 if TYPE_CHECKING:
-    from .adaptive_force import AdaptiveForce
-    from .file import ParameterFile
-    from .load_line import Engagement, FeedLimit, LoadLine
+    from ..file import ParameterFile
+    from ..sections.adaptive_force import AdaptiveForce
+    from ..sections.load_line import Engagement, FeedLimit, LoadLine
 
 EXCEEDS = 1 + 1e-9
 

@@ -3,12 +3,12 @@
 import math
 from typing import TYPE_CHECKING, Any
 
-from .evaluate import LOGARITHMIC, coefficient_names
+from ..evaluate import LOGARITHMIC, coefficient_names
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..fit import LawFit
+    from ...fit import LawFit
 
 
 def equation(law: "LawFit") -> str:
@@ -58,7 +58,7 @@ def known(value: float | None) -> float | None:
 
 def quantity_of(symbol: str) -> str:
     """What a symbol stands for, in words; the symbol itself where nobody knows."""
-    from ..datasets.vocabulary import ROLES
+    from ...datasets.vocabulary import ROLES
 
     role = ROLES.get(symbol)
     return role.quantity if role is not None else symbol

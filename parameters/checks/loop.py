@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..datasets.units import canonical
-from .errors import short_name
+from ...datasets.units import canonical
+from ..errors import short_name
 from .finding import Finding
 from .loop_figures import closed_loop, figures
 
 if TYPE_CHECKING:
-    from .dynamics import Dynamics
-    from .file import ParameterFile
-    from .pi import Pi
+    from ..file import ParameterFile
+    from ..sections.dynamics import Dynamics
+    from ..sections.pi import Pi
 
 SLACK = 2e-3  # of a limit: figures are read off a grid here, off refined extremes by the tuner
 AGREES = 0.01  # of a stated figure

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from ..errors import ParameterError
 from .base import Count, NotNegative, Number, Positive, Section, Sha256, Text
 from .covariance import ModelCovariance, NoCovariance
-from .errors import ParameterError
 
 Array = NDArray[np.float64]
 Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .covariance import Covariance, ModelCovariance, complaint
-from .errors import short_name
+from ..errors import short_name
+from ..sections.covariance import Covariance, ModelCovariance, complaint
 from .finding import Finding
 
 if TYPE_CHECKING:
-    from .dynamics import Dynamics
-    from .file import ParameterFile
-    from .posterior import LawPosterior
+    from ..file import ParameterFile
+    from ..sections.dynamics import Dynamics
+    from ..sections.posterior import LawPosterior
 
 # Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling
 R_HAT, ESS, K_HAT = 1.01, 400.0, 0.7

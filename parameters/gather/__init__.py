@@ -1,0 +1,1 @@
+"""Results become sections: one kind of result a file."""
