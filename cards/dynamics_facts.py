@@ -45,7 +45,8 @@ def model_words(d: Dynamics) -> list[str]:
     unit = f"{d.unit_y or 'output'}/{d.unit_u or 'input'}"
     radius = float(np.abs(d.poles).max(initial=0.0))
     said = [
-        f"{d.structure.replace('_', ' ')}; sampled every {d.sample_time:g} s; delay {d.nk} samples; gain at rest "
+        f"{d.structure.replace('_', ' ')}; sampled every {d.sample_time:g} s; delay {d.nk} "
+        f"sample{'s' if d.nk != 1 else ''}; gain at rest "
         f"{plain(d.dc_gain, 4)} {unit}; largest pole {plain(radius, 4)}"
         + (f"; fitted to {d.n} samples" if d.n is not None else "")
     ]

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ..fit import LawFit, NotAvailable, Posterior
 
+MOST_ROWS = 200_000  # of a law that is drawn unasked
+
 Drawn = tuple[list["Posterior"], dict[str, "NotAvailable"]]
 
 
@@ -46,6 +48,10 @@ def draw(laws: "Sequence[LawFit]", args: argparse.Namespace, step: Callable[[str
     posteriors: list[Posterior] = []
     none: dict[str, NotAvailable] = {}
     for law in laws:
+        if law.nobs > MOST_ROWS:
+            why = f"{law.nobs} rows: of so many, draws say what the intervals say; fit.posterior(law) makes them"
+            none[law.response] = fit.NotAvailable(why)
+            continue
 
         def tell(steps: int, effective: float, response: str = law.response) -> None:
             step(f"chains for {response}: {steps} steps, {effective:.0f} effective draws so far (Ctrl-C keeps them)")

@@ -7,6 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 NAMES = ("c0", "V", "f")
 
 

@@ -13,6 +13,8 @@ from fitmodels.ident.judging.pole_bands import pole_band
 from fitmodels.ident.judging.step_bands import step_and_slope, step_band
 from fitmodels.ident.model import Model
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 F = np.array([0.1, 0.5, 1.0, 2.0, 20.0])
 CERTAIN = predicted_errors(PLANT, chirp(), 0.005).model

@@ -11,6 +11,8 @@ from fitmodels.fit.bayes.diagnostics import diagnose, ess_mean
 from fitmodels.fit.bayes.moves import HalfByHalf, along_differences, towards_others
 from fitmodels.fit.errors import FitError
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 SURE = 4.5  # Monte Carlo errors that a mean may be off: one in 150 000
 CORRELATED = np.array([[4.0, 1.8, 0.0], [1.8, 1.0, 0.02], [0.0, 0.02, 0.01]])
 

@@ -9,6 +9,8 @@ from fitmodels.fit.confirm import confirm
 from fitmodels.fit.joint import quadratic
 from statsmodels.regression.linear_model import OLS
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 EXACT = 1e-8
 FACTORS = ["V", "f", "d", "t"]
 LAWS = [

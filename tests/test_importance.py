@@ -9,6 +9,8 @@ from fitmodels.fit.bayes.importance import importance
 from fitmodels.fit.bayes.mode import find_mode, root_of
 from fitmodels.fit.errors import FitError
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 SURE = 4.5  # Monte Carlo errors that a mean may be off: one in 150 000
 CORRELATED = np.array([[4.0, 1.8, 0.0], [1.8, 1.0, 0.02], [0.0, 0.02, 0.01]])
 

@@ -16,6 +16,8 @@ from scipy.stats import norm
 from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 EXACT = 1e-9
 PRINTED = 0.0051  # of a table with two decimals
 TRUTH = {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}

@@ -12,6 +12,8 @@ from fitmodels.ident.pi.robust import draws_of_models, robustness, share_error
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 # y(t) = 0.9 y(t-1) + b u(t-1) at 0.1 s under an integral alone; b with a standard error of 5 %
 FIRST = Model(b=[0.0, 0.1], a=[1.0, -0.9], nk=1, sample_time=0.1, cov_params=np.diag([0.0, 0.005**2]))
 LOOSE = Model(b=[0.0, 0.1], a=[1.0, -0.9], nk=1, sample_time=0.1, cov_params=np.diag([1e-4, 1e-4]))

@@ -8,6 +8,8 @@ from fitmodels.datasets import UsageError
 from fitmodels.fit.bayes.agreement import agree
 from fitmodels.fit.bayes.priors import Beta, HalfT, Normal, Priors
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 CONDITIONS = ["V", "f", "d", "t"]
 
 

@@ -17,6 +17,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from scipy import stats
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 KINDS = ("marginals", "pairs", "predictive", "curves")
 CONDITIONS = ["V", "f", "d", "t"]
 ORANGE = to_rgb("#c8551b")

@@ -16,6 +16,8 @@ from fitmodels.fit.bayes.rival_posterior import rival_posterior
 from fitmodels.fit.checks.rivals import rival_makers
 from scipy.stats import multivariate_normal
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 FORMS = ["exponential in wear", "additive in wear", "an exponent of t per edge", "second order in logs"]
 
 

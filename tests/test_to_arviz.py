@@ -9,6 +9,8 @@ import pytest
 from fitmodels import __version__, datasets, fit
 from fitmodels.datasets import UsageError
 
+pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+
 SAME = 1e-10
 DRAWS = 2500  # a whole tail, 3 sqrt(2500), so that both lines of ArviZ smooth as many weights
 MODELS = {

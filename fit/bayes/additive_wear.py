@@ -104,5 +104,5 @@ def additive_wear(law: "LawFit", fitted: "FittedForm", edges: bool, errors: Erro
     return AdditiveWear(
         base.law, replace(priors, of=of), errors, base.natural,
         np.column_stack([base.Z[:, others], np.log(per_share * AW)]), base.y, centre,
-        base.starts, base.sizes, base.units, edges, names, np.r_[theta, base.start[base.p :]], spread, per_share,
+        base.starts, base.sizes, base.labels, edges, names, np.r_[theta, base.start[base.p :]], spread, per_share,
     )  # fmt: skip

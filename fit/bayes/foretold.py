@@ -48,7 +48,7 @@ def _without(density: LawDensity, g: int) -> LawDensity:
     starts = np.r_[0, np.cumsum(density.sizes[rest])[:-1]].astype(np.intp)
     out = replace(
         density, Z=density.Z[keep], y=density.y[keep], starts=starts, sizes=density.sizes[rest],
-        units=tuple(density.units[i] for i in rest),
+        labels=density.labels[rest],
     )  # fmt: skip
     return (
         replace(out, time=density.time[keep])

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Errors = Literal["normal", "student"]
+AT_ONCE = 4_000_000  # looks of a point at a row: 32 MB of residuals
 LN_2PI = float(np.log(2 * np.pi))
 NU = (2.0, 0.1)  # gamma prior of nu: shape, rate; nine tenths of it between 3.6 and 47
 
@@ -59,11 +60,16 @@ class LawDensity:
     centre: Array
     starts: NDArray[np.intp]
     sizes: Array
-    units: tuple[str, ...]
+    labels: NDArray[np.object_]
     edges: bool
     theta_names: tuple[str, ...]
     start: Array
     spread: Array
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Names of the edges, or of the rows by their lines."""
+        return tuple(str(label) if self.edges else f"line {label}" for label in self.labels)
 
     @property
     def p(self) -> int:
@@ -125,6 +131,12 @@ class LawDensity:
 
     def by_unit(self, phi: Array) -> Array:
         """Log likelihood of each edge, or row, (m, p) -> (m, G)."""
+        at_once = max(AT_ONCE // len(self.y), 1)
+        if len(phi) > at_once:
+            return np.vstack([self._by_unit(phi[i : i + at_once]) for i in range(0, len(phi), at_once)])
+        return self._by_unit(phi)
+
+    def _by_unit(self, phi: Array) -> Array:
         r = self.residuals(phi)
         ln_sd = phi[:, self.p, None]
         if self.edges:
@@ -172,23 +184,23 @@ def law_density(law: "LawFit", priors: Priors, errors: Errors = "normal") -> Law
     edges = "icc" in priors.of
     Z, natural = law.law.design(law.X, law.shifts), law.error == "additive"
     y = law.observed if natural else np.log(law.observed)
-    order, starts, sizes, units = _units(law, edges)
+    order, starts, sizes, labels = _units(law, edges)
     centre = np.concatenate([[0.0], Z[:, 1:].mean(axis=0)])
     start, spread = _normal_guess(law, centre, edges, errors)
     return LawDensity(
         law.law, priors, errors, natural, (Z - centre)[order], y[order], centre,
-        starts, sizes, units, edges, law.theta_names, start, spread,
+        starts, sizes, labels, edges, law.theta_names, start, spread,
     )  # fmt: skip
 
 
-def _units(law: "LawFit", edges: bool) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, tuple[str, ...]]:
+def _units(law: "LawFit", edges: bool) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, NDArray[np.object_]]:
     if not edges or law.edge is None:
         n = law.nobs
-        return np.arange(n), np.arange(n), np.ones(n), tuple(f"line {line}" for line in law.lines)
+        return np.arange(n), np.arange(n), np.ones(n), law.lines.astype(object)
     names, number = np.unique(law.edge.astype(str), return_inverse=True)
     order = np.argsort(number, kind="stable")
     sizes = np.bincount(number)
-    return order, np.concatenate([[0], np.cumsum(sizes)[:-1]]), sizes.astype(float), tuple(map(str, names))
+    return order, np.concatenate([[0], np.cumsum(sizes)[:-1]]), sizes.astype(float), names.astype(object)
 
 
 def _normal_guess(law: "LawFit", centre: Array, edges: bool, errors: Errors) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ..available import NotAvailable
 from ..lawfit import LawFit, as_table
 from .agreement import Agreement
 from .diagnostics import Diagnostics
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 Kind = Literal["mean", "prediction"]
 Edge = Literal["new", "same"]
 
+MOST_LOOKS, FEWEST_DRAWS = 40_000_000, 1000  # looks of a draw at a row, and draws that smoothed weights need
 FINITE_VARIANCE = 0.5  # k-hat up to which a weighted mean has one
 
 
@@ -229,9 +231,14 @@ class Posterior:
         """
         return jackknife_of_level_model(self.density, self.sample.phi)
 
-    def leave_out(self) -> LeaveOut:
-        """Expected log density of an edge (a row) that was left out."""
-        return leave_one_out(self.density.by_unit(self.sample.phi), self.density.units)
+    def leave_out(self) -> LeaveOut | NotAvailable:
+        """Expected log density of an edge (a row) left out; of very many rows by fewer draws, or not at all."""
+        rows = len(self.density.y)
+        draws = min(len(self.draws), MOST_LOOKS // rows)
+        if draws < FEWEST_DRAWS:
+            return NotAvailable(f"{rows} rows: leaving out one unit after the other says nothing new of so many")
+        phi = self.sample.phi[np.linspace(0, len(self.sample.phi) - 1, draws).astype(int)]
+        return leave_one_out(self.density.by_unit(phi), self.density.units)
 
     def to_arviz(self) -> Any:  # noqa: ANN401
         """The draws, log likelihood by edge and observed data for ArviZ, 0.23 or 1.x, whichever is installed."""

@@ -79,8 +79,8 @@ def _one(post: "Posterior") -> dict[str, Any]:
             name: {"halved": float(row["halved"]), "doubled": float(row["doubled"])} for name, row in moves.iterrows()
         },
         "jackknife": {} if by_edge is None else {str(name): float(se) for name, se in by_edge.items()},
-        "elpd": left.elpd,
-        "elpd_se": None if isinstance(left.se, NotAvailable) else left.se,
+        "elpd": None if isinstance(left, NotAvailable) else left.elpd,
+        "elpd_se": None if isinstance(left, NotAvailable) or isinstance(left.se, NotAvailable) else left.se,
         "notes": post.notes,
     }
 
