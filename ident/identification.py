@@ -7,8 +7,9 @@ fitted by SRIV, and Schwarz's criterion of the free run decides,
 
 V the mean square that the free run misses on all of the record, p the number of coefficients, r the lag-one correlation
 of what the best model misses: samples that follow each other count for less. Each coefficient counts twice, because a
-further pole may sit wherever noise happens to ring: its place is chosen too; and nk = 0 counts 20 more, because a
-machine behind a hold answers one sample later at the earliest.
+further pole may sit wherever noise happens to ring: its place is chosen too. nk = 0 counts 20 more, because a machine
+behind a hold answers one sample later at the earliest; and so does a pole that rings beyond the excited band, where the
+record has nothing to say.
 
 Source: Schwarz 1978, Ann. Stat. 6, 461; Ljung 1999, System Identification, sections 16.4 to 16.6.
 """
@@ -45,7 +46,8 @@ MOST_ORDER, MOST_DELAY = 5, 10
 FITTED = 2 / 3  # of a single run; the rest judges
 FEWEST = 60  # samples of each part: below, the whole record is fitted and judges itself
 FIRST_LOOK = (2, 4)  # orders with which delays are looked for; a low order alone takes a wrong-way start for a delay
-AT_ONCE = 20.0  # of BIC that an answer within the sample must be better by
+DOUBT = 20.0  # of BIC: what an answer within the sample, or a ringing pole beyond the band, must be better by
+RINGS, BEYOND = 0.9, 1.5  # radius from which a pole rings; times the upper end of the band
 EXACT = 1e-18  # of the variance: a loss below it is rounding
 MOST_SAMPLES = 10_000  # in the search: of longer records the middle stretch of this length
 
@@ -239,7 +241,16 @@ def _compared(rec: Record, asked: Sequence[tuple[int, int, int]]) -> pd.DataFram
         if not model.stable:
             continue
         left = rec.y - simulated(model, rec)
-        rows.append({"na": na, "nb": nb, "nk": nk, "p": na + nb, "loss": float(np.mean(left**2))})
+        rows.append(
+            {
+                "na": na,
+                "nb": nb,
+                "nk": nk,
+                "p": na + nb,
+                "loss": float(np.mean(left**2)),
+                "ringing": _ringing(model, rec),
+            }
+        )
         missed.append(left)
     if not rows:
         raise refusal or IdentError(
@@ -250,9 +261,15 @@ def _compared(rec: Record, asked: Sequence[tuple[int, int, int]]) -> pd.DataFram
     fewer = _independent(missed[int(table["loss"].to_numpy().argmin())])
     spread = float(np.var(rec.y))
     table["bic"] = fewer * np.log(np.maximum(table["loss"], EXACT * spread)) + 2 * table["p"] * np.log(fewer)
-    table["bic"] += AT_ONCE * (table["nk"] == 0)
+    table["bic"] += DOUBT * (table["nk"] == 0) + DOUBT * table["ringing"]
     table["fit"] = 100 * (1 - np.sqrt(table["loss"] / spread))
-    return table.drop(columns="p").sort_values(["bic", "na", "nb"], ignore_index=True)
+    return table.drop(columns=["p", "ringing"]).sort_values(["bic", "na", "nb"], ignore_index=True)
+
+
+def _ringing(model: Model, rec: Record) -> int:
+    """Poles that ring beyond the excited band."""
+    beyond = 2 * np.pi * BEYOND * excited_band(rec)[1] * model.sample_time
+    return int(np.sum((np.abs(model.poles) > RINGS) & (np.abs(np.angle(model.poles)) > beyond)))
 
 
 def _independent(left: Array) -> float:

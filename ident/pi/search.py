@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ..errors import IdentError
 from ..model import Model
 from .feasible import FeasibleMap
 from .gains import PiGains
@@ -59,6 +60,11 @@ def refined(model: Model, specification: Specification, template: PiGains, found
     """
     steps = [STEPS / max(len(v) - 1, 1) * float(abs(v[-1] - v[0])) for v in (found.kp, found.ki)]
     starts = starts_of(found, aim)
+    if not starts:
+        raise IdentError(
+            f"no PI settles with this model: its largest pole has radius {model.radius:.4g}, and no gains on the map "
+            "end its ringing. Identify with lower orders, or on a longer record."
+        )
     ends = [closed_in(model, specification, template, found, aim, start, steps) for start in starts]
     return min(ends, key=lambda end: (end.worst, end.aim))
 
