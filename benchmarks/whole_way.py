@@ -3,7 +3,8 @@
     OMP_NUM_THREADS=1 python benchmarks/whole_way.py [draws] [snr ...]
 
 Plant and chirp as in `pi_study.py`. Asked: rise 2 s, settling 4 s. Aim: 2.1 s and 4.2 s are met on the true plant in
-95 % of the draws at 30 dB and 85 % at 20 dB. Printed too: how often which orders were chosen, and the median error of |G|.
+95 % of the draws at 30 dB and 85 % at 20 dB. Printed too: how often which orders were chosen, and the median error of
+|G|.
 """
 
 import sys
