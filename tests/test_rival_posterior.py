@@ -141,7 +141,7 @@ def test_left_out_edges_are_foretold_as_if_never_seen():
             y=rival.density.y[keep],
             starts=np.arange(9) * 6,
             sizes=sizes,
-            units=rival.density.units[:-1],
+            labels=rival.density.labels[:-1],
         )
         phi = exact(without, np.random.default_rng(g), 20000).phi
         seen = rival.density.by_unit(phi)[:, g]
