@@ -1,0 +1,103 @@
+"""``fitmodels tune``: gains into the file that holds the dynamics, or a refusal that says what fails."""
+
+import json
+
+import pytest
+from fitmodels import ident, parameters
+from fitmodels.cli import main
+from fitmodels.ident import Model
+
+# Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18
+G = Model(
+    b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02, unit_u="V", unit_y="A"
+)
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    pf = parameters.collect(tool="end mill", work="S45C", dynamics=G, simulated=True)
+    return parameters.write(pf, tmp_path / "p.json")
+
+
+def tune(capsys, *options):
+    code = main(["tune", "p.json", *options])
+    out, err = capsys.readouterr()
+    return code, " ".join(out.split()), err
+
+
+def test_gains_that_meet_the_specification_are_added(file, capsys, tmp_path):
+    code, out, err = tune(capsys, "--rise", "2", "--settle", "4", "--overshoot", "0.05")
+    assert (code, err) == (0, "")
+    pi = parameters.read(file).pi
+    assert pi.figures.rise_time <= 2.0
+    assert pi.figures.settling_time <= 4.0
+    assert pi.figures.ms <= 1.3
+    assert pi.forced is None
+    assert (pi.unit_u, pi.unit_y) == ("V", "A")
+    assert "meets rise time" in out
+    assert (tmp_path / "figures" / "pi.png").read_bytes().startswith(b"\x89PNG")
+    assert parameters.check(parameters.read(file)).ok
+    again, _, said = tune(capsys, "--rise", "2", "--settle", "4")
+    assert again == 2
+    assert "--force" in said
+
+
+def test_what_no_gains_meet_is_refused_with_5_and_marked_when_forced(file, capsys):
+    before = file.read_bytes()
+    code, _, err = tune(capsys, "--rise", "0.01", "--settle", "0.02")
+    assert code == 5
+    assert "above the 0.01 s asked for" in err
+    assert file.read_bytes() == before
+    code, out, _ = tune(capsys, "--rise", "0.01", "--settle", "0.02", "--force")
+    assert code == 0
+    assert "kept by --force" in parameters.read(file).pi.forced
+    assert "Marked in the file" in out
+
+
+def test_gains_in_the_unit_of_the_machine_close_the_same_loop(file, capsys):
+    assert tune(capsys, "--rise", "2", "--settle", "4")[0] == 0
+    plain = parameters.read(file).pi
+    scaled = ["--scaling", "1459", "--unit", "mm/min", "--low", "-200", "--high", "200"]
+    assert tune(capsys, "--rise", "2", "--settle", "4", "--force", *scaled)[0] == 0
+    pi = parameters.read(file).pi
+    assert pi.unit_u == "mm/min"
+    assert pi.scaling_u == 1459
+    assert pi.kp == pytest.approx(1459 * plain.kp, rel=1e-6)
+    assert (pi.low, pi.high) == (pytest.approx(-200), pytest.approx(200))
+    assert parameters.check(parameters.read(file)).ok
+
+
+def test_the_section_as_json(file, capsys):
+    code = main(["tune", "p.json", "--rise", "2", "--settle", "4", "--json"])
+    report = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert report["schema"] == "fitmodels.tune/1"
+    direct = ident.tune_pi(G, 2.0, 4.0)
+    assert report["pi"]["kp"] == pytest.approx(direct.kp, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "asks for speed"),
+        (["--rise", "2", "--scaling", "1459"], "go together"),
+        (["--rise", "-1"], "rise"),
+        (["--rise", "2", "--probability", "0.9"], "covariance"),
+        (["--rise", "2", "--aim", "nothing"], "aim"),
+    ],
+)
+def test_what_cannot_be_asked_is_said(file, capsys, options, words):
+    code, _, err = tune(capsys, *options)
+    assert code in (2, 4)
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_a_file_without_dynamics_says_what_to_do(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    parameters.write(parameters.collect(tool="a", work="b"), "p.json")
+    code, _, err = tune(capsys, "--rise", "2")
+    assert code == 2
+    assert "fitmodels ident" in err
