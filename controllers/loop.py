@@ -1,15 +1,24 @@
 """One loop for every controller: the plant answers the last command, the controller answers the plant."""
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.errors import UsageError
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 Array = NDArray[np.float64]
 LONGEST = 100_000_000  # samples of a replay
+
+C = TypeVar("C", float, tuple[float, ...])
+Answers = TypeVar("Answers", bound=float | tuple[float, ...], covariant=True)
+Takes = TypeVar("Takes", bound=float | tuple[float, ...], contravariant=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,33 +29,41 @@ class Event:
     what: str
 
 
-class Controller(Protocol):
-    """A machine's controller: one measurement in, one command out, ``dt`` s apart."""
+class Controller(Protocol[Answers]):
+    """A machine's controller: one measurement in, one command out (a number, or several), ``dt`` s apart.
 
-    def step(self, measurement: float, dt: float) -> float:
+    It may have ``reference``, what it aims at; ``news``, what changed in the last step; ``command``, in force before
+    the first; and ``labels``, what its command and its measurement are, with their units.
+    """
+
+    def step(self, measurement: float, dt: float) -> Answers:
         """Answer a measurement with a command."""
 
 
-class Plant(Protocol):
+class Plant(Protocol[Takes]):
     """What is controlled."""
 
-    def step(self, command: float, dt: float, noise: np.random.Generator) -> float:
+    def step(self, command: Takes, dt: float, noise: np.random.Generator) -> float:
         """Answer the command in force during the last ``dt`` s with a measurement."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """What a replay recorded.
+    """What a replay recorded: a simulation, whatever its numbers came from.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
         s; the first sample is at 0.
-    command, measurement : ndarray, shape (n,)
-        What the controller answered, and to what.
-    reference : ndarray, shape (n,)
-        What it aimed at; NaN for a controller without a reference.
+    command : ndarray, shape (n,) or (n, m)
+        What the controller answered.
+    measurement, reference : ndarray, shape (n,)
+        What it answered to, and what it aimed at; NaN for a controller without a reference.
     events : tuple of Event
+    recorded : dict of ndarray, shape (n,)
+        What else was asked for, by name.
+    labels : tuple of str
+        What command and measurement are, with their units.
     """
 
     time: Array
@@ -54,10 +71,30 @@ class Trace:
     measurement: Array
     reference: Array
     events: tuple[Event, ...]
+    recorded: dict[str, Array] = field(default_factory=dict)
+    labels: tuple[str, str] = ("command", "measurement")
+
+    def first(self, what: str) -> float | None:
+        """Time of the first event of this name, s; None where there was none."""
+        return next((event.time for event in self.events if event.what == what), None)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Measurement with its reference and events, and the command on an axis of its own."""
+        from .draw import trace_picture
+
+        return trace_picture(self, ax)
 
 
 def replay(
-    controller: Controller, plant: Plant, *, duration: float, dt: float, seed: int = 1, command: float = 0.0
+    controller: Controller[C],
+    plant: Plant[C],
+    *,
+    duration: float,
+    dt: float,
+    seed: int = 1,
+    command: C | None = None,
+    record: Sequence[str] = (),
+    until: str | None = None,
 ) -> Trace:
     """Run a controller on a plant.
 
@@ -69,18 +106,22 @@ def replay(
         s.
     seed : int
         Of the plant's noise: the same seed gives the same trace.
-    command : float
-        In force before the first sample.
+    command : float or tuple of float, optional
+        In force before the first sample; the controller's own ``command``, or 0, unless given.
+    record : sequence of str
+        Attributes of the controller, or else of the plant, to record at every sample: ``"wear"``.
+    until : str, optional
+        Stop after the sample with an event of this name.
 
     Returns
     -------
     Trace
-        ``round(duration / dt)`` samples.
+        At most ``round(duration / dt)`` samples.
 
     Raises
     ------
     UsageError
-        A duration or step that is not above zero, or too many samples.
+        A duration or step that is not above zero, too many samples, or something to record that neither has.
 
     Examples
     --------
@@ -95,16 +136,44 @@ def replay(
     """
     samples = _samples(duration, dt)
     noise = np.random.default_rng(seed)
-    commands, measurements, references = (np.empty(samples, dtype=np.float64) for _ in range(3))
+    now: Any = getattr(controller, "command", 0.0) if command is None else command
+    readers = [_reader(name, controller, plant) for name in record]
+    rows: list[list[float]] = [[] for _ in record]
+    commands: list[Any] = []
+    measurements, references = [], []
     events: list[Event] = []
     for k in range(samples):
-        measurement = plant.step(command, dt, noise)
-        command = controller.step(measurement, dt)
-        commands[k], measurements[k] = command, measurement
-        references[k] = getattr(controller, "reference", np.nan)
+        measurement = plant.step(now, dt, noise)
+        now = controller.step(measurement, dt)
+        commands.append(now)
+        measurements.append(measurement)
+        references.append(getattr(controller, "reference", np.nan))
+        for row, (of, get) in zip(rows, readers, strict=True):
+            row.append(get(of))
         if news := getattr(controller, "news", ()):
             events += [Event(k * dt, what) for what in news]
-    return Trace(np.arange(samples, dtype=np.float64) * dt, commands, measurements, references, tuple(events))
+            if until in news:
+                break
+    return Trace(
+        time=np.arange(len(commands), dtype=np.float64) * dt,
+        command=_array(commands),
+        measurement=_array(measurements),
+        reference=_array(references),
+        events=tuple(events),
+        recorded={name: _array(row) for name, row in zip(record, rows, strict=True)},
+        labels=getattr(controller, "labels", ("command", "measurement")),
+    )
+
+
+def _array(values: list[Any]) -> Array:
+    return np.array(values, dtype=np.float64)
+
+
+def _reader(name: str, controller: object, plant: object) -> tuple[object, Any]:
+    for of in (controller, plant):
+        if hasattr(of, name):
+            return of, attrgetter(name)
+    raise UsageError(f"record {name!r}: neither {type(controller).__name__} nor {type(plant).__name__} has it.")
 
 
 def _samples(duration: float, dt: float) -> int:

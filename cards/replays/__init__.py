@@ -1,0 +1,61 @@
+"""What a replay of a controller tells: a summary in sentences, and figures; one system of the papers a file."""
+
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.figure import Figure
+
+    from ...parameters import Draws, ParameterFile
+
+# name of the system -> module of this room, with ``lacks(pf)`` and ``replayed(pf, draws, seed)``
+SYSTEMS = {
+    "region": "region",
+    "recursion": "recursion",
+    "constant-load": "constant_load",
+    "roughness": "roughness",
+    "adaptive-force": "adaptive_force",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What one system did.
+
+    Attributes
+    ----------
+    system : str
+        A name of `SYSTEMS`.
+    title : str
+        The system in a line, with its paper.
+    lines : tuple of str
+        Sentences, the first the answer.
+    assumed : tuple of str
+        What the file left open, and what is a reconstruction.
+    facts : dict
+        The same numbers for a program: plain JSON, each name with its unit (``life_min``, ``removed_mm3``).
+    figures : dict of Figure
+        By file name without its ending; each says that it is simulated.
+    """
+
+    system: str
+    title: str
+    lines: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
+    facts: dict[str, object] = field(default_factory=dict)
+    figures: "dict[str, Figure]" = field(default_factory=dict)
+
+
+def lacks(system: str, pf: "ParameterFile") -> str:
+    """Why a file cannot drive a system, in a sentence; empty where it can."""
+    found: str = import_module(f".{SYSTEMS[system]}", __name__).lacks(pf)
+    return found
+
+
+def replayed(system: str, pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
+    """Replay a system from a file that lacks nothing for it."""
+    found: Replayed = import_module(f".{SYSTEMS[system]}", __name__).replayed(pf, draws, seed)
+    return found
