@@ -14,7 +14,10 @@ from pathlib import Path
 from .. import __version__
 
 # Each command is a module of this room with ``parser()`` and ``run(args) -> exit code``.
-COMMANDS = ("check", "confirm", "excite", "export", "ident", "next", "plan", "predict", "settings", "simulate", "tune")
+COMMANDS = (
+    *("check", "confirm", "excite", "export", "ident", "next", "plan", "predict"),
+    *("replay", "settings", "simulate", "tune"),
+)
 DEFECT = 70
 
 

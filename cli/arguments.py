@@ -3,6 +3,7 @@
 import argparse
 import sys
 from argparse import ArgumentTypeError
+from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import NoReturn
 
@@ -29,11 +30,9 @@ class Parser(argparse.ArgumentParser):
         """One sentence, with the option that was probably meant, and exit code 2."""
         options = [option for action in self._actions for option in action.option_strings]
         for word in (word.rstrip(":") for word in message.split()):
-            if word.startswith("-") and word not in options:
-                near = get_close_matches(word.split("=")[0], options, 1, 0.6)
-                if near:
-                    message += f" (did you mean {near[0]}?)"
-                    break
+            if word.startswith("-") and word not in options and (near := nearest(word.split("=")[0], options)):
+                message += near
+                break
         sys.stderr.write(f"{self.prog}: {message}; {self.prog} -h says what there is.\n")
         raise SystemExit(2)
 
@@ -47,6 +46,16 @@ def seed(text: str) -> int:
     if not text.isdecimal():
         raise ArgumentTypeError(f"{text} is no seed; give a whole number, 0 or more")
     return int(text)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """What was probably meant, to stand behind a complaint.
+
+    >>> nearest("recurson", ["region", "recursion"])
+    ' (did you mean recursion?)'
+    """
+    near = get_close_matches(word, list(known), 1, 0.6)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def pairs(words: list[str] | None, option: str, example: str) -> dict[str, str]:

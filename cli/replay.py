@@ -1,0 +1,121 @@
+"""``fitmodels replay``: the papers' controllers, made from a parameter file alone and run on simulated machines."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..cards.replays import SYSTEMS
+from .arguments import Parser, seed
+from .output import Printer
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import RenderableType
+
+    from ..cards.replays import Replayed
+    from ..parameters import Draws, ParameterFile
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels replay``."""
+    p = Parser(
+        "fitmodels replay",
+        "fitmodels replay params.json --system recursion",
+        "Run the controllers of the papers from a parameter file alone, on simulated machines, and draw what they do:\n"
+        "region and optimum, recursion to the end of tool life, constant load, constant roughness, adaptive force.\n"
+        "Instead of a file: AC-2016, AC-2017, CLM-2023, CLM-2023-slot, SURF or LYAP, the numbers as they are printed.",
+    )
+    p.add_argument("file", metavar="PARAMS", help="params.json, or the short name of a paper")
+    p.add_argument("--system", metavar="NAME", help=f"{', '.join(SYSTEMS)}; without it, all that the file can drive")
+    p.add_argument("--seed", type=seed, default=1, help="of what is drawn at random (default: 1)")
+    p.add_argument("--out", metavar="FOLDER", help="where figures go (default: figures/ beside the file)")
+    p.add_argument("--json", action="store_true", help="print the same facts as JSON; draws figures only with --out")
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay, print and draw, and return the exit code."""
+    from ..cards import replays
+    from .output import progress
+
+    pf, draws, home = _given(args.file)
+    systems = _chosen(pf, args.system, args.file)
+    out = Printer()
+    told: list[Replayed] = []
+    with progress() as step:
+        for system in systems:
+            step(f"replaying {system}")
+            told.append(replays.replayed(system, pf, draws, args.seed))
+    written = [] if args.json and not args.out else _drawn(told, Path(args.out) if args.out else home)
+    if args.json:
+        facts = {
+            "schema": "fitmodels.replay/1",
+            "file": Path(args.file).name,
+            "simulated": True,
+            "seed": args.seed,
+            "systems": {one.system: {"lines": one.lines, "assumed": one.assumed, **one.facts} for one in told},
+        }
+        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+        return 0
+    for one in told:
+        out.show(_block(one))
+    for line in written:
+        out.show(line)
+    return 0
+
+
+def _given(file: str) -> "tuple[ParameterFile, Mapping[str, Draws], Path]":
+    """The parameter file, its draws, and where its figures go."""
+    from .. import parameters
+    from ..parameters.published import PAPERS, published
+
+    if file in PAPERS and not Path(file).exists():
+        return published(file), {}, Path(f"{file}-replay")
+    pf = parameters.read(file)
+    return pf, parameters.read_draws(pf, Path(file).parent), Path(file).parent / "figures"
+
+
+def _chosen(pf: "ParameterFile", name: str | None, file: str) -> list[str]:
+    from ..cards import replays
+    from ..datasets.errors import UsageError
+    from ..parameters import ParameterError
+    from .arguments import nearest
+
+    if name is not None and name not in SYSTEMS:
+        raise UsageError(f"--system {name}: there are {', '.join(SYSTEMS)}{nearest(name, SYSTEMS)}.")
+    lacking = {system: replays.lacks(system, pf) for system in SYSTEMS if name in (None, system)}
+    able = [system for system, why in lacking.items() if not why]
+    if not able:
+        reasons = " ".join(f"{system}: {why.rstrip('.')}." for system, why in lacking.items())
+        raise ParameterError(f"{file} drives {'no controller' if name is None else 'not this controller'}. {reasons}")
+    return able
+
+
+def _block(one: "Replayed") -> "RenderableType":
+    from rich.console import Group
+    from rich.padding import Padding
+    from rich.text import Text
+
+    head = Text(one.title, style="bold")
+    head.append("   simulated", style="not bold")
+    lines = [*one.lines, *(f"Assumed: {line}" for line in one.assumed)]
+    return Group(head, Padding(Group(*(Text(line) for line in lines)), (0, 0, 1, 2)))
+
+
+def _drawn(told: "list[Replayed]", folder: Path) -> list[str]:
+    """Figures as files, each written whole over the last of its name."""
+    import io
+
+    from ..parameters.file import put_in_place
+
+    names = []
+    for one in told:
+        for name, figure in one.figures.items():
+            folder.mkdir(parents=True, exist_ok=True)
+            with io.BytesIO() as content:
+                figure.savefig(content, format="png", dpi=110, metadata={"Software": None})
+                put_in_place(folder / f"{name}.png", content.getvalue())
+            names.append(f"{name}.png")
+    return [f"Drawn: {folder}/ ({', '.join(names)})"] if names else []
