@@ -1,0 +1,1 @@
+"""The content of a card, before it has a form: parameter file -> `Card`."""

@@ -1,0 +1,285 @@
+"""What a card holds, once for paper, browser and program: every number with the text it is told by."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Part(BaseModel):
+    """A part of a card: frozen, nothing unknown, no NaN."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Number(Part):
+    """A number and how it is told: ``text`` is ``value`` rounded by its uncertainty, without its unit.
+
+    Markdown and HTML show ``text``, and no number of their own.
+    """
+
+    value: float | None = None  # None: there is none, and the text is empty or says why
+    text: str = ""
+    unit: str = ""
+
+
+class Named(Part):
+    """A number under a name a reader knows."""
+
+    name: str
+    number: Number
+    words: str = ""  # what it is, where the name does not say it
+
+
+class Sensor(Part):
+    """What measured, in words and as numbers."""
+
+    symbol: str
+    unit: str
+    model: str = ""
+    words: str = ""
+
+
+class Identity(Part):
+    """Whose card it is; an empty string is said to be missing."""
+
+    tool: str
+    work: str
+    machine: str = ""
+    iso513: str = ""
+    setup: str = ""
+    tool_properties: tuple[Named, ...] = ()  # ISO 13399 symbols
+    sensors: tuple[Sensor, ...] = ()
+    simulated: bool
+    note: str = ""
+    content_sha256: str
+    parameters_schema: str
+    fitmodels: str
+
+
+class Publication(Part):
+    """Who publishes it, and what one may do with it: from ``card.toml``."""
+
+    license: str = ""  # SPDX
+    authors: tuple[str, ...] = ()
+    contact: str = ""
+    doi: str = ""
+    title: str = ""
+    keywords: tuple[str, ...] = ()
+
+
+class FactorRange(Part):
+    """A factor of the tests: its range, and its levels where there are few."""
+
+    symbol: str
+    quantity: str
+    unit: str
+    low: Number
+    high: Number
+    levels: tuple[Number, ...] = ()
+
+
+class Design(Part):
+    """The tests behind the laws."""
+
+    factors: tuple[FactorRange, ...] = ()
+    facts: tuple[Named, ...] = ()  # rows, edges, rows an edge, replicates, failed runs, wear criterion ...
+    understood: tuple[str, ...] = ()  # what was understood of the file, a sentence each
+
+
+class Coefficient(Part):
+    """A line of a law's table."""
+
+    name: str
+    estimate: Number
+    se: Number
+    t: Number
+    p: Number
+    low: Number
+    high: Number
+    row_se: Number  # rows as independent: the papers' statistics
+    other: Number  # the fit with the other error structure
+    printed: Number  # as the paper prints it
+
+
+class DrawnParameter(Part):
+    """A line of a posterior's table."""
+
+    name: str
+    median: Number
+    sd: Number
+    low: Number
+    high: Number
+    prior: str
+    moved: str  # by priors half and twice as wide, in sd
+
+
+class Posterior(Part):
+    """What the draws say; ``reason`` where there are none."""
+
+    reason: str = ""
+    method: str = ""
+    priors: str = ""
+    gate: tuple[Named, ...] = ()  # R-hat, effective draws, k-hat
+    level: Number = Number()
+    parameters: tuple[DrawnParameter, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+
+class Law(Part):
+    """One fitted equation."""
+
+    response: str
+    quantity: str
+    unit: str
+    equation: str  # to the digits one computes with
+    form: str
+    structure: str  # which fit this is, in words
+    level: Number  # of the intervals
+    statistics: tuple[Named, ...]  # R2, F, SE, n: the papers'
+    by_edge: tuple[Named, ...] = ()  # F by edge, ICC ...
+    edge_words: str = ""
+    coefficients: tuple[Coefficient, ...]
+    other_heading: str = ""
+    has_row_se: bool = False
+    has_printed: bool = False
+    domain: tuple[FactorRange, ...]
+    verdicts: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
+    printed_words: str = ""
+    composite_words: str = ""
+    posterior: Posterior | None = None
+
+
+class ToolLife(Part):
+    """Tool life at a criterion."""
+
+    equation: str
+    words: tuple[str, ...]
+
+
+class Uncertain(Part):
+    """One statement in the manner of the GUM: value, expanded uncertainty U = k u, coverage factor and level.
+
+    ``low`` and ``high`` are the same interval where it is not symmetric (errors that multiply).
+    """
+
+    quantity: str
+    symbol: str
+    at: str  # where: ``V 100 m/min, f 0.19 mm/rev, t 10 min``
+    of: str  # the law itself, or one further row on a new edge
+    value: Number
+    expanded: Number
+    k: Number
+    level: Number
+    low: Number
+    high: Number
+    words: str  # the whole statement
+
+
+class Transfer(Part):
+    """The identified dynamics."""
+
+    title: str
+    equation: str
+    coefficients: tuple[Coefficient, ...]
+    facts: tuple[Named, ...] = ()  # band, sample time, held-out fit, gain at rest, delay ...
+    sentences: tuple[str, ...] = ()
+
+
+class Gains(Part):
+    """The PI as it runs: gains with form and units, and what they reach."""
+
+    facts: tuple[Named, ...]  # Kp, Ki, Ti, sample time, form ...
+    reached: tuple[Named, ...] = ()  # rise, settling, Ms, margins, probability
+    asked: tuple[Named, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+
+class Window(Part):
+    """The operation window and its best point, or the settings of a controller."""
+
+    title: str
+    facts: tuple[Named, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+
+class Figure(Part):
+    """A figure: its name, caption, and a text alternative that says what it shows."""
+
+    name: str
+    caption: str
+    alternative: str
+    file: str = ""  # a picture beside the card; empty: HTML draws it inline
+
+
+class Provenance(Part):
+    """What repeats it."""
+
+    data_file: str = ""
+    data_sha256: str = ""
+    rows: int | None = None
+    command: str = ""
+    created: str = ""
+    seed: int | None = None
+    versions: dict[str, str] = Field(default_factory=dict)
+
+
+class ProfiledLaw(Part):
+    """What the profiler computes a response and its band from, and nothing else.
+
+    eta = sum(theta_i z_i), z = (1, ln factor ...) of a power law, (1, factor) of an exponential one; the response is
+    exp(eta), and its band for one further row on a new edge exp(eta +- t sqrt(z' C z + scatter^2)) where errors
+    multiply; with errors that add, C and scatter are those of the response itself.
+    """
+
+    response: str
+    quantity: str
+    unit: str
+    form: str
+    multiplies: bool
+    factors: tuple[str, ...]
+    theta: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...] = ()  # empty: no band
+    scatter: float | None = None
+    t: float | None = None  # quantile of the level
+    wear: str = ""  # the factor that is another law's response, put in
+
+
+class Profiler(Part):
+    """Sliders and the laws they move."""
+
+    factors: tuple[FactorRange, ...] = ()
+    start: dict[str, float] = Field(default_factory=dict)
+    laws: tuple[ProfiledLaw, ...] = ()
+    level: float = 0.95
+    removal: bool = False  # MRR = 1000 V f d can be told
+
+
+class Card(Part):
+    """A model card of a tool/work pair, schema ``fitmodels.card/1``.
+
+    ``empty`` says of every section that has nothing to say why: name of the field -> a sentence.
+    """
+
+    schema_: str = Field(default="fitmodels.card/1", alias="schema")
+    slug: str
+    title: str
+    summary: str  # the card in one or two sentences
+    identity: Identity
+    publication: Publication = Publication()
+    design: Design | None = None
+    about_intervals: str = ""
+    laws: tuple[Law, ...] = ()
+    tool_life: ToolLife | None = None
+    uncertainty: tuple[Uncertain, ...] = ()
+    dynamics: Transfer | None = None
+    gains: Gains | None = None
+    windows: tuple[Window, ...] = ()
+    figures: tuple[Figure, ...] = ()
+    intended: tuple[str, ...]
+    out_of_scope: tuple[str, ...]
+    safety: tuple[str, ...]
+    provenance: Provenance
+    profiler: Profiler | None = None
+    empty: dict[str, str] = Field(default_factory=dict)
+    end: str  # the end mark
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
