@@ -9,6 +9,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ..parameters import ParameterFile
+from .content.coefficients import lacking
 from .dynamics_facts import model_rows, model_words, transfer_function_words
 from .facts import (
     about_intervals,
@@ -16,7 +17,6 @@ from .facts import (
     coefficient_rows,
     composite_words,
     edge_words,
-    lacking,
     life_equation,
     life_words,
     other_words,

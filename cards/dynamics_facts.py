@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..parameters import Dynamics
-from ..parameters.rounding import plain, told
-from ..parameters.sections.covariance import ModelCovariance
+from ..parameters.rounding import plain
+from .content.coefficients import between, model_coefficients
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,17 +27,7 @@ def transfer_function_words(d: Dynamics) -> str:
 
 def model_rows(d: Dynamics) -> list[CoefficientRow]:
     """A row for each coefficient, with its 95 % interval."""
-    values = dict(zip(d.names, [*d.a[1:], *d.b[d.nk :]], strict=True))
-    errors = {}
-    if isinstance(d.uncertainty, ModelCovariance):
-        errors = dict(zip(d.uncertainty.of, np.sqrt(np.diag(np.array(d.uncertainty.matrix))).tolist(), strict=True))
-    rows = []
-    for name, value in values.items():
-        se = errors.get(name)
-        estimate, shown = told(value, se)
-        ends = f"{told(value - 1.96 * se, se)[0]} … {told(value + 1.96 * se, se)[0]}" if se else ""
-        rows.append(CoefficientRow(name, estimate, shown, ends))
-    return rows
+    return [CoefficientRow(c.name, c.estimate.text, c.se.text, between(c.low, c.high)) for c in model_coefficients(d)]
 
 
 def model_words(d: Dynamics) -> list[str]:

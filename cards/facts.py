@@ -3,14 +3,11 @@
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..parameters import Covariance, DroppedRows, Law, ParameterFile
-from ..parameters.rounding import EXACT, p_value, plain, told
+from ..parameters.rounding import p_value, plain, told
+from .content.coefficients import LEVEL, between, degrees, lacking, law_coefficients
 
-LEVEL = 0.95
 CONDITIONS = ("V", "f", "fz", "d", "ae")  # what is usually set once for an edge
-WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,34 +26,21 @@ class Row:
 
 
 def coefficient_rows(law: Law, level: float = LEVEL) -> list[Row]:
-    """A row for each coefficient, the constant first and the shifts of a category last.
-
-    The constant of a power or exponential law has no t: it is positive by its form, and its value only says
-    which units were used.
-    """
-    published = law.published.coefficients if law.published is not None and not lacking(law) else {}
-    half = _half_widths(law, level)
-    rows = []
-    for name, value in _values(law).items():
-        se = law.standard_errors.get(name)
-        estimate, error = told(value, se)
-        is_scale = law.form in ("power", "exponential") and name == next(iter(law.coefficients))
-        t = value / se if se and not is_scale else None
-        other = _values(law.alternative).get(name) if law.alternative is not None else None
-        rows.append(
-            Row(
-                name,
-                estimate,
-                error,
-                "" if t is None else plain(t, 4),
-                "" if t is None else p_value(_two_sided(t, _df(law))),
-                _interval(value, half.get(name), se, is_scale),
-                told(value, law.row_standard_errors.get(name))[1],
-                "" if other is None else told(other, se)[0],
-                plain(published[name], 6) if name in published else "",
-            )
+    """A row for each coefficient, as `law_coefficients` has them."""
+    return [
+        Row(
+            c.name,
+            c.estimate.text,
+            c.se.text,
+            c.t.text,
+            c.p.text,
+            between(c.low, c.high),
+            c.row_se.text,
+            c.other.text,
+            c.printed.text,
         )
-    return rows
+        for c in law_coefficients(law, level)
+    ]
 
 
 def statistics_line(law: Law) -> str:
@@ -133,8 +117,8 @@ def about_intervals(pf: ParameterFile) -> str:
         others = [law.response for law in pf.laws.values() if law not in by_edge]
         but = f" In {', '.join(others)} they take rows as independent." if others else ""
         return (
-            f"SE, t, p and intervals are by edge: the jackknife over {law.n_edges} edges, t with {_df(law)} degrees of "
-            "freedom. R², F and residual SE, and the row SE beside them, are the papers': they take the "
+            f"SE, t, p and intervals are by edge: the jackknife over {law.n_edges} edges, t with {degrees(law)} "
+            "degrees of freedom. R², F and residual SE, and the row SE beside them, are the papers': they take the "
             f"{law.n} rows as independent.{but}"
         )
     if not named:
@@ -160,12 +144,6 @@ def published_words(law: Law) -> str:
         f"Beside {p.source}: the {law.n} rows lie off the printed law by {p.rms_percent:.2g} % (root mean "
         f"square), at most by {p.worst_percent:+.2g} % (line {p.worst_line} of the file)."
     )
-
-
-def lacking(law: Law) -> list[str]:
-    """Factors of the printed law that the fit does without."""
-    printed = law.published.coefficients if law.published is not None else {}
-    return [name for name in printed if name not in law.coefficients]
 
 
 def edge_words(law: Law) -> str:
@@ -207,40 +185,6 @@ def composite_words(law: Law) -> str:
         f"With {c.wear} put in from its own law: {law.response} = {c.coefficients['c0']:.6g} {' '.join(shown)}. The "
         f"standard errors assume {c.assumption}."
     )
-
-
-def _df(law: Law) -> int:
-    return law.uncertainty.df if isinstance(law.uncertainty, Covariance) else law.df
-
-
-def _values(law: Law) -> dict[str, float]:
-    shifts = {} if law.by is None else {f"{law.by.column}[{k}]": v for k, v in law.by.shifts.items()}
-    return {**law.coefficients, **shifts}
-
-
-def _half_widths(law: Law, level: float) -> dict[str, float]:
-    """Half width of the interval of each parameter, on the scale it was fitted."""
-    cov = law.uncertainty
-    if not isinstance(cov, Covariance):
-        return {}
-    from scipy.special import stdtrit
-
-    q = float(stdtrit(cov.df, (1 + level) / 2))
-    se = np.sqrt(np.diag(np.array(cov.matrix)))
-    return {name.removeprefix("ln "): float(q * s) for name, s in zip(cov.of, se, strict=True)}
-
-
-def _interval(value: float, half: float | None, se: float | None, is_scale: bool) -> str:
-    if half is None or not se or (is_scale and half > WIDEST):
-        return ""
-    low, high = (value * math.exp(-half), value * math.exp(half)) if is_scale else (value - half, value + half)
-    return "" if half <= abs(value) * EXACT else f"{told(low, se)[0]} … {told(high, se)[0]}"
-
-
-def _two_sided(t: float, df: int) -> float:
-    from scipy.special import stdtr
-
-    return float(2 * stdtr(max(df, 1), -abs(t)))
 
 
 def life_equation(pf: ParameterFile) -> str:

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass
 
-from ..parameters import Law, LawPosterior, ParameterFile, Prior
+from ..parameters import Law, LawPosterior, ParameterFile
 from ..parameters.rounding import plain, told
+from .content.coefficients import between
+from .content.drawn import drawn_parameters
 
 APART = 1.5  # standard error by edge over sd of the draws, beyond which it is said
 MOVED = 0.2  # sd: what halving or doubling of priors may move without a word
@@ -28,33 +30,10 @@ def posterior_of(pf: ParameterFile, law: Law) -> LawPosterior | None:
 
 def drawn_rows(of: LawPosterior) -> list[DrawnRow]:
     """A row for each parameter that was drawn."""
-    rows = []
-    for name, p in of.parameters.items():
-        moves = of.sensitivity.get(name)
-        moved = "" if moves is None else f"{moves.halved:+.2f}, {moves.doubled:+.2f}"
-        prior = of.priors.get("level" if name.startswith("ln ") or name == next(iter(of.parameters)) else name)
-        ends = f"{told(p.low, p.sd)[0]} … {told(p.high, p.sd)[0]}"
-        rows.append(DrawnRow(name, told(p.median, p.sd)[0], told(p.median, p.sd)[1], ends, prior_words(prior), moved))
-    return rows
-
-
-def prior_words(prior: Prior | None) -> str:
-    """A prior in a few words."""
-    if prior is None:
-        return ""
-    n = prior.numbers
-    match prior.distribution:
-        case "normal":
-            words = f"normal {n['mean']:.4g}, sd {n['sd']:.3g}"
-        case "half-t":
-            words = f"half-t({n['df']:g}), scale {n['scale']:.3g}"
-        case "beta":
-            words = "uniform" if n["a"] == n["b"] == 1 else f"beta {n['a']:g}, {n['b']:g}"
-        case "gamma":
-            words = f"gamma {n['shape']:g}, rate {n['rate']:g}"
-        case _:
-            words = "flat"
-    return words + (f" {prior.unit}" if prior.unit not in ("", "1") and words != "flat" else "")
+    return [
+        DrawnRow(p.name, p.median.text, p.sd.text, between(p.low, p.high), p.prior, p.moved)
+        for p in drawn_parameters(of)
+    ]
 
 
 def posterior_words(law: Law, of: LawPosterior | None) -> list[str]:

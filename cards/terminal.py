@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
 from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
@@ -11,8 +10,9 @@ from rich.text import Text
 from ..datasets import ColumnUse, Runs
 from ..datasets.vocabulary import ROLES
 from ..fit import Refused
-from ..fit.defaults import CONDITIONS
 from ..parameters import Law, LawPosterior, ParameterFile
+from ..parameters.gather.understood import column_words, idle
+from ..parameters.gather.understood import understood as sayings
 from ..parameters.rounding import plain
 from .facts import (
     about_intervals,
@@ -42,7 +42,7 @@ def understood(runs: Runs) -> RenderableType:
     s = runs.source
     table.add_row("file", Text(f"{s.name}: {s.dialect}; {_rows(s.rows)}"))
     table.add_row("tool, work", Text(f"{runs.tool}, {runs.work}"))
-    columns = [_column_words(runs, use) for use in runs.columns if use.role is not None]
+    columns = [column_words(runs, use) for use in runs.columns if use.role is not None]
     table.add_row("columns", Text("\n".join(columns)))
     unused = [_unused_words(use) for use in runs.columns if use.role is None]
     if unused:
@@ -98,7 +98,7 @@ def pair_blocks(runs: Runs, pf: ParameterFile, refused: Sequence[Refused]) -> li
     if life is not None:
         blocks.append(life)
     blocks.append(Padding(Text(about_intervals(pf)), (0, 0, 1, 0)))
-    beside = [*map(_refusal, refused), *idle(runs, pf)]
+    beside = [*map(_refusal, refused), *idle(runs, pf.laws)]
     if beside:
         blocks.append(Text("\n".join(beside) + "\n"))
     return blocks
@@ -109,37 +109,9 @@ def nothing_fitted(runs: Runs, refused: Sequence[Refused]) -> str:
     return f"{runs.tool} on {runs.work}: " + (" ".join(map(_refusal, refused)) or NOTHING)
 
 
-def idle(runs: Runs, pf: ParameterFile) -> list[str]:
-    """Conditions that change in the file and stand in no law of it, a sentence each."""
-    laws = pf.laws.values()
-    taken = {law.response for law in laws}.union(
-        *({f.symbol for f in law.factors} | {item.factor for item in law.left_out} for law in laws)
-    )
-    out = []
-    for use in runs.columns:
-        role = ROLES.get(use.role or "")
-        if role is None or role.kind != "condition" or role.symbol in taken:
-            continue
-        values = runs.values(role.symbol)
-        if np.nanmin(values, initial=np.inf) < np.nanmax(values, initial=-np.inf):
-            cure = f' If it is to count as the feed f, say --map "f={use.name}" --unit f=mm/rev.'
-            cure = cure if role.symbol == "fz" or (role.symbol == "fm" and not use.unit) else ""
-            out.append(
-                f"{role.symbol}, {role.quantity}, changes but stands in no law: they are fitted on "
-                f"{', '.join(CONDITIONS)}.{cure}"
-            )
-    return out
-
-
 def data_lines(runs: Runs, pf: ParameterFile) -> list[str]:
     """What was understood, as lines for the card."""
-    columns = [_column_words(runs, use) for use in runs.columns if use.role is not None]
-    unused = ", ".join(repr(use.header) for use in runs.columns if use.role is None)
-    lines = [" ".join(line.split()) for line in columns]
-    lines += [f"not used: {unused}"] if unused else []
-    lines += idle(runs, pf)
-    lines += [f"assumed: {sentence}" for sentence in runs.assumed]
-    return [*lines, *runs.warnings, *(f"from the file: {note.lstrip('#% ')}" for note in runs.notes)]
+    return sayings(runs, pf.laws)
 
 
 def _refusal(item: Refused) -> str:
@@ -155,21 +127,6 @@ def _grid() -> Table:
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
     return table
-
-
-def _column_words(runs: Runs, use: ColumnUse) -> str:
-    role = ROLES[str(use.role)]
-    head = f"{role.symbol:<4} {role.quantity}"
-    if role.kind == "label" or role.symbol not in runs.data:
-        names = [str(v) for v in dict.fromkeys(runs.labels(role.symbol)) if v] if runs.has(role.symbol) else []
-        shown = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
-        return f"{head:<28} column {use.number} {use.header!r}: {len(names)} different ({shown})"
-    values = runs.values(role.symbol)
-    known = values[~np.isnan(values)]
-    span = f"{known.min():.4g} to {known.max():.4g} {role.unit}" if known.size else "empty"
-    missing = f", {len(values) - known.size} missing" if known.size < len(values) else ""
-    unit = f", converted from {use.unit}" if use.converted else ""
-    return f"{head:<28} column {use.number} {use.header!r}: {span}{unit}{missing}"
 
 
 def _unused_words(use: ColumnUse) -> str:

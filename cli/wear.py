@@ -260,6 +260,7 @@ def _collected(
     return parameters.collect(
         tool=runs.tool,
         work=runs.work,
+        design=runs,
         laws=laws,
         tool_life=life,
         posteriors=posteriors,

@@ -7,7 +7,7 @@
     json_schema      the schema as it is published
     file             the whole file: read and write
     draws            the draws beside the file
-    sections/        one class a section: identity, laws, posterior, dynamics, gains, settings, limits ...
+    sections/        one class a section: identity, design, laws, posterior, dynamics, gains, settings, limits ...
 
     evaluate         a law's numbers: terms, link, checks
     intervals        what an interval of a law stands on, and its ends
@@ -32,12 +32,14 @@ from .collect import collect
 from .draws import Draws, read_draws
 from .errors import GateError, ParameterError
 from .file import ParameterFile, read, sealed, write
+from .gather.design import design_section
 from .gather.dynamics import dynamics_section, pi_section
 from .gather.posterior import draws_of
 from .prediction import Given, Prediction
 from .sections.adaptive_force import AdaptiveForce, SetPoint
 from .sections.base import Section
 from .sections.covariance import Covariance, ModelCovariance, NoCovariance
+from .sections.design import Criterion, Design, DesignFactor, DesignLevel, EdgeFacts, LeftOutRows
 from .sections.dynamics import Dynamics
 from .sections.identity import Identity, Provenance, Sensor
 from .sections.law import Law
@@ -67,10 +69,15 @@ __all__ = [
     "Check",
     "CheckReport",
     "Covariance",
+    "Criterion",
+    "Design",
+    "DesignFactor",
+    "DesignLevel",
     "Drawn",
     "Draws",
     "DroppedRows",
     "Dynamics",
+    "EdgeFacts",
     "Edges",
     "Engagement",
     "Factor",
@@ -82,6 +89,7 @@ __all__ = [
     "Law",
     "LawPosterior",
     "LeftOut",
+    "LeftOutRows",
     "LimitInterval",
     "Limits",
     "LoadLine",
@@ -109,6 +117,7 @@ __all__ = [
     "check",
     "collect",
     "content_sha256",
+    "design_section",
     "draws_of",
     "dynamics_section",
     "pi_section",

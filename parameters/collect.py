@@ -12,6 +12,7 @@ from pydantic import JsonValue, ValidationError
 from .. import __version__
 from .errors import ParameterError, in_words
 from .file import ParameterFile, sealed
+from .gather.design import criterion_of, design_section
 from .gather.dynamics import Gains, as_data, dynamics_section, pi_section
 from .gather.law import laws_by_response, tool_life_section
 from .gather.posterior import posterior_section
@@ -19,9 +20,11 @@ from .gather.settings import limits_section
 from .sections.limits import Limits
 
 if TYPE_CHECKING:
+    from ..datasets import Runs
     from ..fit import LawFit, NotAvailable, Posterior, ToolLife
     from ..ident.model import Model
     from .sections.adaptive_force import AdaptiveForce
+    from .sections.design import Design
     from .sections.dynamics import Dynamics
     from .sections.identity import Sensor
     from .sections.load_line import LoadLine
@@ -32,6 +35,7 @@ def collect(
     *,
     tool: str,
     work: str,
+    design: "Runs | Design | Mapping[str, Any] | None" = None,
     laws: Sequence["LawFit"] = (),
     tool_life: "ToolLife | None" = None,
     posteriors: Sequence["Posterior"] = (),
@@ -68,6 +72,8 @@ def collect(
     ----------
     tool, work, machine, iso513, iso13399, setup, sensors, note
         Whose parameters these are; see `Identity`.
+    design : Runs, optional
+        The tests behind the laws, or their section.
     laws : sequence of LawFit
         At most one for each response. Where a paper prints the law of this tool and work, it is set beside.
     tool_life : ToolLife, optional
@@ -132,17 +138,22 @@ def collect(
         "options": dict(options or {}),
         "seed": seed,
     }
+    found = laws_by_response(laws, tool, work, gauge_sd)
+    life = None if tool_life is None else tool_life_section(tool_life)
+    bounds = None if limits is None else limits_section(limits)
+    worn = criterion_of(life, bounds, options or {})
     given = {
-        "tool_life": None if tool_life is None else tool_life_section(tool_life),
+        "tool_life": life,
+        "design": None if design is None else design_section(design, found, worn),
         "posterior": posterior_section(posteriors, no_posterior or {}) if posteriors or no_posterior else None,
         "dynamics": None if dynamics is None else dynamics_section(dynamics, held_out_fit),
         "pi": None if pi is None else pi_section(pi, scaling_u=scaling_u, forced=pi_forced),
         "load_line": None if load_line is None else as_data(load_line),
-        "limits": None if limits is None else limits_section(limits),
+        "limits": bounds,
         "roughness": None if roughness is None else as_data(roughness),
         "adaptive_force": None if adaptive_force is None else as_data(adaptive_force),
     }
-    sections = {"identity": identity, "laws": laws_by_response(laws, tool, work, gauge_sd), "provenance": provenance}
+    sections = {"identity": identity, "laws": found, "provenance": provenance}
     sections |= {name: section for name, section in given.items() if section is not None}
     return _validated(sections, more)
 

@@ -14,6 +14,7 @@ from .errors import ParameterError, in_words
 from .migrate import SCHEMA, migrated
 from .sections.adaptive_force import AdaptiveForce
 from .sections.base import Section, Sha256
+from .sections.design import Design
 from .sections.dynamics import Dynamics
 from .sections.identity import Identity, Provenance
 from .sections.law import Law
@@ -36,6 +37,8 @@ class ParameterFile(Section):
     schema_version : str
         ``fitmodels.parameters/1``.
     identity : Identity
+    design : Design or None
+        The tests behind the laws. It came later: a file without it is valid, and so says nothing of its tests.
     laws : dict of Law
         By the symbol of the response.
     tool_life : ToolLifeSection or None
@@ -70,6 +73,7 @@ class ParameterFile(Section):
 
     schema_version: Literal["fitmodels.parameters/1"] = SCHEMA
     identity: Identity
+    design: Design | None = None
     laws: dict[str, Law] = Field(default_factory=dict)
     tool_life: ToolLifeSection | None = None
     posterior: Posterior | None = None

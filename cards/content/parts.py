@@ -12,7 +12,7 @@ class Part(BaseModel):
 class Number(Part):
     """A number and how it is told: ``text`` is ``value`` rounded by its uncertainty, without its unit.
 
-    Markdown and HTML show ``text``, and no number of their own.
+    Markdown and HTML show ``text``, and no number of their own. A share in per cent has its per cent as ``value``.
     """
 
     value: float | None = None  # None: there is none, and the text is empty or says why
@@ -156,7 +156,7 @@ class ToolLife(Part):
 
 
 class Uncertain(Part):
-    """One statement in the manner of the GUM: value, expanded uncertainty U = k u, coverage factor and level.
+    """One statement in the manner of the GUM: value, u, expanded uncertainty U = k u, coverage factor and level.
 
     ``low`` and ``high`` are the same interval where it is not symmetric (errors that multiply).
     """
@@ -166,8 +166,10 @@ class Uncertain(Part):
     at: str  # where: ``V 100 m/min, f 0.19 mm/rev, t 10 min``
     of: str  # the law itself, or one further row on a new edge
     value: Number
+    standard: Number  # u, and U of it: first order where errors multiply
     expanded: Number
     k: Number
+    df: Number  # of the t that k is a quantile of
     level: Number
     low: Number
     high: Number
@@ -222,12 +224,36 @@ class Provenance(Part):
     versions: dict[str, str] = Field(default_factory=dict)
 
 
+class Space(Part):
+    """Columns of z = (1, coded factors) in which leverage z' M z is judged, and the largest of the design."""
+
+    columns: tuple[int, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    largest: float
+
+
+class ProfiledRegion(Part):
+    """Where the tests lie: what the profiler greys outside of.
+
+    coded_i = (x_i - centre_i) / half_range_i, x_i = ln factor where ``logs``. Inside is |coded_i| <= 1 + rounding of
+    every factor, sum coded_i^2 <= radius^2 (1 + slack), and z' M z <= largest (1 + slack) in every space.
+    """
+
+    logs: bool
+    centre: tuple[float, ...]
+    half_range: tuple[float, ...]
+    radius: float
+    spaces: tuple[Space, ...]
+    rounding: float
+    slack: float
+
+
 class ProfiledLaw(Part):
     """What the profiler computes a response and its band from, and nothing else.
 
     eta = sum(theta_i z_i), z = (1, ln factor ...) of a power law, (1, factor) of an exponential one; the response is
-    exp(eta), and its band for one further row on a new edge exp(eta +- t sqrt(z' C z + scatter^2)) where errors
-    multiply; with errors that add, C and scatter are those of the response itself.
+    R = exp(eta). Its band for one further row on a new edge is exp(eta +- t sqrt(z' C z + scatter^2)) where errors
+    multiply, and R +- t sqrt(R^2 z' C z + scatter^2) where they add.
     """
 
     response: str
@@ -236,6 +262,10 @@ class ProfiledLaw(Part):
     form: str
     multiplies: bool
     factors: tuple[str, ...]
+    low: tuple[float, ...]  # tested range of each factor
+    high: tuple[float, ...]
+    region: ProfiledRegion | None = None  # None: the ranges alone
+    by: str = ""  # the level that is shown, where the law has levels: ``material 1``
     theta: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...] = ()  # empty: no band
     scatter: float | None = None

@@ -3,6 +3,10 @@
 Position form, its sum by the rectangle that ends now, e = reference - filtered load:
 
     feed = feed_programmed + kp e + ki * sum(e) * sample_time,    clipped to feed_low ... feed_high
+
+No export writes the other form, ``incremental_sum``, which goes on from the last feed:
+
+    feed = last feed + kp e + ki * sum(e) * sample_time
 """
 
 from dataclasses import dataclass
@@ -35,6 +39,7 @@ class Loop:
     load_high: float  # unit_load
     average: int = 1  # samples of a moving average; 1: none
     average_of: str = "measurement"  # or "command"
+    form: str = "position"  # or "incremental_sum", its kp per sample
 
     @property
     def low(self) -> float:

@@ -1,5 +1,6 @@
 """Every number of the file worth carrying, under a safe name, with its unit and what it is."""
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
@@ -55,9 +56,17 @@ _OF_LOOP = {
     "load_high": ("{l}", "a load at or above is no reading"),
 }
 _SECTIONS = ("limits", "roughness", "adaptive_force")
-_UNIT_OF = {"roughness": "unit_roughness", "force": "unit_force", "threshold": "unit_force", "feed": "unit_feed",
-            "chip_thickness": "unit_feed", "sample_time": "s", "servo_time": "s", "reference_time": "s",
-            "average_time": "s", "lam": "1/s", "low": "unit_u", "high": "unit_u", "depth": "unit_depth"}  # fmt: skip
+_UNIT_OF = {
+    **dict.fromkeys(("sample_time", "servo_time", "reference_time"), "s"),
+    **dict.fromkeys(("average_time", "threshold_time", "process_time"), "s"),
+    **dict.fromkeys(("force", "threshold", "force_low", "force_high"), "unit_force"),
+    **dict.fromkeys(("feed", "chip_thickness"), "unit_feed"),
+    **dict.fromkeys(("low", "high"), "unit_u"),
+    "roughness": "unit_roughness",
+    "force_per_feed": "unit_force/(unit_feed)",
+    "lam": "1/s",
+    "depth": "unit_depth",
+}
 
 
 def quantities(pf: "ParameterFile", loop: Loop | None) -> tuple[Quantity, ...]:
@@ -164,5 +173,5 @@ def _items(key: str, value: object) -> Iterable[tuple[str, object]]:
 
 def _unit(section: Section, name: str) -> str:
     """Unit of a field: its section's own ``unit``, or the one that the field is told in."""
-    told = getattr(section, "unit", None) or _UNIT_OF.get(name, "1")
-    return str(getattr(section, told)) if told.startswith("unit_") and hasattr(section, told) else str(told)
+    told = str(getattr(section, "unit", None) or _UNIT_OF.get(name, "1"))
+    return re.sub(r"unit_\w+", lambda m: str(getattr(section, m[0], m[0])), told)

@@ -36,24 +36,28 @@ class _Lacking(Exception):  # noqa: N818  it ends in a sentence of the view, not
     """Why there is no loop."""
 
 
-def settings(pf: "ParameterFile") -> Settings:
-    """The loop of a parameter file, in the units of its feed limits and reference load."""
+def settings(pf: "ParameterFile", *, own_form: bool = False) -> Settings:
+    """The loop of a parameter file, in the units of its feed limits and reference load.
+
+    ``own_form`` keeps the form ``incremental_sum``, which no export can write.
+    """
     if pf.pi is None:
         return Settings(None, "has no PI gains; find them with `fitmodels tune params.json`.")
     if pf.load_line is None:
         return Settings(None, "has gains but no reference load; set it with `fitmodels settings params.json`.")
     assumed: list[str] = []
     try:
-        return Settings(_loop(pf, pf.pi, pf.load_line, assumed), assumed=tuple(assumed))
+        return Settings(_loop(pf, pf.pi, pf.load_line, assumed, own_form), assumed=tuple(assumed))
     except _Lacking as reason:
         return Settings(None, str(reason))
 
 
-def _loop(pf: "ParameterFile", pi: Pi, line: LoadLine, assumed: list[str]) -> Loop:
+def _loop(pf: "ParameterFile", pi: Pi, line: LoadLine, assumed: list[str], own_form: bool) -> Loop:
+    form = "incremental_sum" if own_form and pi.form == "incremental_sum" and pi.ki else "position"
     given = line.engagement or Engagement()
     programmed = given.feed_programmed or line.upper.value
     per_u = _feed_per_unit(pi, line, programmed)
-    kp, ki = (gain * per_u / _load_per_unit(pi, line) for gain in _position(pi))
+    kp, ki = (gain * per_u / _load_per_unit(pi, line) for gain in _gains(pi, form))
     low, high = _feeds(pf, pi, line, programmed, per_u, assumed)
     rate = None if pi.rate is None else pi.rate * per_u / programmed
     span = (high - low) / programmed
@@ -79,16 +83,17 @@ def _loop(pf: "ParameterFile", pi: Pi, line: LoadLine, assumed: list[str]) -> Lo
         recover=own("recover", rate or span / RECOVER, "per s"),
         load_low=own("load_low", RANGE[0] * reference, load),
         load_high=own("load_high", RANGE[1] * reference, load),
+        form=form,
     )  # fmt: skip
-    if pi.anti_windup != "clamping" or pi.form != "position":
-        assumed.append(f"position form with clamping at the limits; the file has {pi.form} with {pi.anti_windup}")
+    if pi.anti_windup != "clamping" or pi.form != form:
+        assumed.append(f"{form} form with clamping at the limits; the file has {pi.form} with {pi.anti_windup}")
     _check_order(loop)
     return loop
 
 
-def _position(pi: Pi) -> tuple[float, float]:
-    """Gains of the same controller in position form, its sum ending now, ki per second."""
-    if pi.form == "incremental_sum":
+def _gains(pi: Pi, form: str) -> tuple[float, float]:
+    """Gains of the same controller in a form, its sum ending now, ki per second."""
+    if pi.form == "incremental_sum" and form == "position":
         if pi.ki:
             raise _Lacking(
                 f"has gains in the form incremental_sum with ki {pi.ki:g}, an integrator of an integrator, which no "
@@ -161,6 +166,11 @@ def _period(pi: Pi, given: Engagement) -> float:
         raise _Lacking(
             f"has a thread of {thread:g} s but gains for {pi.sample_time:g} s: a slower thread lags more than they "
             f"allow for; tune at {thread:g} s."
+        )
+    if pi.form == "incremental_sum" and pi.ki and thread < pi.sample_time * (1 - 1e-9):
+        raise _Lacking(
+            f"has gains in the form incremental_sum for {pi.sample_time:g} s and a thread of {thread:g} s: per sample, "
+            "they are another controller there; give both one period."
         )
     if pi.average > 1 and thread < pi.sample_time * (1 - 1e-9):
         raise _Lacking(

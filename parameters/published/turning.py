@@ -58,7 +58,7 @@ def ac2017() -> ParameterFile:
     """
     misprint = "Eq. 1 prints V^0.877; eq. 5, every table value and AC-2016 have V^0.577, which stands here."
     more = {"force": _force(FORCE_2017), "wear": {"value": WEAR_2017, "unit": "mm", "of": "AW"}}
-    return _file("AC-2017", SOURCE_2017, ("eq. 1", "eq. 2", "eq. 3"), more, misprint)
+    return _file("AC-2017", SOURCE_2017, ("eq. 1 (its exponent of V as in eq. 5)", "eq. 2", "eq. 3"), more, misprint)
 
 
 def _file(
@@ -105,7 +105,7 @@ def _law(law: SimulatedLaw, source: str) -> dict[str, Any]:
         "n_edges": TESTS,
         "statistics": {"r2": R2[law.response], "F": F[law.response]},
         "notes": [
-            f"As printed in {source}.",
+            f"{source}.",
             f"SE {STANDARD_ERROR[law.response]:g} is printed without its scale; taken as of the natural logarithm.",
             "The number of rows is not printed: n and df are 0 for unknown; 24 edges, sub-tests of 2 min.",
             *_assumptions(law),

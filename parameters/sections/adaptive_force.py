@@ -52,6 +52,10 @@ class AdaptiveForce(Section):
         limited.
     low, high : float or None
         Limits of the command, unit_u.
+    depth : float or None
+        Of the run that the estimates come from, unit_depth.
+    force_low, force_high : float or None
+        A reading at or beyond these is none, unit_force.
     notes : tuple of str
 
     Examples
@@ -81,4 +85,7 @@ class AdaptiveForce(Section):
     average_time: Positive | None = None
     low: Number | None = None
     high: Number | None = None
+    depth: Positive | None = None
+    force_low: Number | None = None
+    force_high: Number | None = None
     notes: tuple[str, ...] = ()

@@ -3,11 +3,29 @@
 The force that gives a roughness is the inverse of the law Ra = a exp(b F), or a regression of force on roughness.
 """
 
+import math
 from typing import Literal, Self
 
 from pydantic import model_validator
 
-from .base import NotNegative, Positive, Section, Text
+from ..errors import short
+from .base import NotNegative, Number, Positive, Section, Text
+
+ROUNDING = 0.01  # of a reference force written by hand beside its regression
+
+
+class ForceRegression(Section):
+    """A regression of force on the roughness asked for, F_ref = constant + slope ln Ra, in ``unit``.
+
+    Examples
+    --------
+    >>> ForceRegression(constant=450.0, slope=260.0).unit
+    'N'
+    """
+
+    constant: Number
+    slope: Positive
+    unit: Text = "N"
 
 
 class Roughness(Section):
@@ -22,14 +40,20 @@ class Roughness(Section):
     force : float
         The reference, unit_force; ``force_from`` says whether it is the law's ``inverse`` or a ``regression`` of force
         on roughness.
+    regression : ForceRegression or None
+        The second of these, for a roughness that is changed along the run.
     threshold : float
         Force below which there is no cut, and the override is left alone.
+    threshold_time : float or None
+        s that the force stays above the threshold before the control acts.
     override_low, override_high : float
         Shares of the programmed feed.
     feed, chip_thickness : float or None
         Programmed feed and largest uncut chip thickness, unit_feed.
     sample_time, servo_time : float or None
         s between force samples, and the time constant of the feed drive.
+    force_per_feed, process_time : float or None
+        Of the cut that a replay simulates: kc a, unit_force per unit_feed, and the time constant of the process, s.
     notes : tuple of str
 
     Examples
@@ -44,7 +68,9 @@ class Roughness(Section):
     force: Positive
     unit_force: Text = "N"
     force_from: Literal["inverse", "regression"] = "inverse"
+    regression: ForceRegression | None = None
     threshold: NotNegative
+    threshold_time: NotNegative | None = None
     override_low: NotNegative = 0.0
     override_high: Positive
     feed: Positive | None = None
@@ -52,6 +78,8 @@ class Roughness(Section):
     unit_feed: Text = "mm/rev"
     sample_time: Positive | None = None
     servo_time: NotNegative | None = None
+    force_per_feed: Positive | None = None
+    process_time: NotNegative | None = None
     notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")
@@ -60,4 +88,12 @@ class Roughness(Section):
             raise ValueError(f"the override {self.override_low:g} to {self.override_high:g} leaves no range")
         if self.threshold >= self.force:
             raise ValueError(f"the threshold {self.threshold:g} is not below the reference force {self.force:g}")
+        if self.regression is not None and self.regression.unit != self.unit_force:
+            raise ValueError(
+                f"the regression is in {short(self.regression.unit)}, the force in {short(self.unit_force)}"
+            )
+        if self.force_from == "regression" and self.regression is not None:
+            told = self.regression.constant + self.regression.slope * math.log(self.roughness)
+            if abs(told - self.force) > ROUNDING * self.force:
+                raise ValueError(f"the reference force {self.force:g} is not that of its regression, {told:g}")
         return self

@@ -1,0 +1,97 @@
+"""The tests behind the laws as a part of a card."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from ...parameters import Design as DesignSection
+from ...parameters import EdgeFacts, LeftOutRows
+from .numbers import NONE, count, fact, figure, quantity
+from .parts import Design, FactorRange, Named, Number
+
+
+class _Ranged(Protocol):
+    @property
+    def symbol(self) -> str: ...
+    @property
+    def quantity(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def low(self) -> float: ...
+    @property
+    def high(self) -> float: ...
+
+
+def design_part(design: DesignSection | None) -> Design | None:
+    """Factors, counts and what was understood; None where the file does not tell its tests."""
+    if design is None:
+        return None
+    return Design(factors=factor_ranges(design.factors, design), facts=facts(design), understood=design.understood)
+
+
+def factor_ranges(factors: Sequence[_Ranged], design: DesignSection | None) -> tuple[FactorRange, ...]:
+    """Range of each factor, with the levels of the tests inside it where they are few."""
+    levels = {} if design is None else {f.symbol: f.levels for f in design.factors}
+    return tuple(
+        FactorRange(
+            symbol=f.symbol,
+            quantity=f.quantity,
+            unit=f.unit,
+            low=figure(f.low, 4, f.unit),
+            high=figure(f.high, 4, f.unit),
+            levels=tuple(figure(x, 6, f.unit) for x in levels.get(f.symbol, ()) if f.low <= x <= f.high),
+        )
+        for f in factors
+    )
+
+
+def facts(design: DesignSection) -> tuple[Named, ...]:
+    """Counts of the tests by name."""
+    criterion = design.criterion
+    where = "" if criterion is None else f"{criterion.wear}{f', {criterion.source}' if criterion.source else ''}"
+    worn = NONE if criterion is None else figure(criterion.value, 6, criterion.unit)
+    return (
+        *fact("plan", NONE, design.plan or ""),
+        *fact("rows", count(design.rows)),
+        *(_edges(design.edges) if design.edges else fact("edges", NONE, "no column names them")),
+        *(item for level in design.levels for item in _level(f"{design.by} {level.level}", level.rows, level.edges)),
+        *(fact("wear criterion", worn, where) if criterion is not None else ()),
+        *(item for rows in design.left_out for item in _left_out(rows)),
+    )
+
+
+def _edges(e: EdgeFacts) -> tuple[Named, ...]:
+    held = ", ".join(e.set_by_edge)
+    names = ", ".join(e.short_edges) + (", ..." if e.short > len(e.short_edges) else "")
+    short = f"fewer than half the median rows: {names}" if e.short else "none has fewer than half the median rows"
+    return (
+        *fact("edges", count(e.edges)),
+        *fact("rows an edge, fewest", count(e.rows_least)),
+        *fact("rows an edge, median", count(e.rows_median)),
+        *fact("rows an edge, most", count(e.rows_most)),
+        *(fact("settings", count(e.settings), f"of {held}, each kept for a whole edge") if held else ()),
+        *(fact("settings cut by several edges", count(e.replicated), _replicates(e)) if held else ()),
+        *fact("edges that ended early", count(e.short), short),
+        *(fact("edges worn to the criterion", count(e.worn)) if e.worn is not None else ()),
+    )
+
+
+def _replicates(e: EdgeFacts) -> str:
+    if not e.replicated:
+        return "no setting was repeated on a further edge"
+    return f"{e.replicated_edges} edges stand there, and tell how far edges differ at one setting"
+
+
+def _level(name: str, rows: int, edges: int | None) -> tuple[Named, ...]:
+    return fact(f"rows of {name}", count(rows), "" if edges is None else f"{edges} edge{'s' if edges != 1 else ''}")
+
+
+def _left_out(rows: LeftOutRows) -> tuple[Named, ...]:
+    lines = ", ".join(map(str, rows.lines)) + (", ..." if rows.count > len(rows.lines) else "")
+    where = f" (line {lines})" if rows.lines else ""
+    return fact(f"rows left out of {', '.join(rows.laws)}", count(rows.count), f"{rows.reason}{where}")
+
+
+def span(low: Number, high: Number) -> str:
+    """``50 to 200 m/min``."""
+    return f"{low.text} to {quantity(high)}"

@@ -1,0 +1,144 @@
+"""Figures of a card: pictures beside it, and those that are drawn from the file alone, each told in words as well."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from ...parameters import Dynamics, Law, ParameterFile, Pi
+from ...parameters.evaluate import LOGARITHMIC
+from .coefficients import law_coefficients
+from .middle import at_words, middle, reference
+from .numbers import figure, percent, quantity
+from .parts import Coefficient, Figure, ProfiledLaw
+from .profiler import profile, profiled
+
+FOLDER = "figures"
+BESIDE = {  # pictures that fitmodels writes beside a card
+    "response_surfaces": "Response surfaces: each law over its first two factors, settings as dots",
+    "observed_predicted": "Observed against predicted, a panel a law",
+    "residuals": "Residuals of the fit",
+    "simulated": "Measured output and a free run of the model",
+    "bode": "Gain and phase with their bands, over the measured response",
+    "orders": "Orders of the model by one-step error",
+}
+
+
+def figures(pf: ParameterFile, folder: Path | None = None) -> tuple[Figure, ...]:
+    """Figures that can be drawn from the file, then the pictures in ``figures`` of ``folder``, by name."""
+    return (*drawn(pf), *beside(pf, folder))
+
+
+def drawn(pf: ParameterFile) -> Iterator[Figure]:
+    """Those that need nothing but the file."""
+    powers = [law for law in pf.laws.values() if law.form == "power"]
+    tables = {law.response: _exponents(law) for law in powers}
+    if any(tables.values()):
+        yield Figure(name="exponents", caption=EXPONENTS, alternative=_of_exponents(tables))
+    moved = [law for law in pf.laws.values() if law.form in LOGARITHMIC and law.factors]
+    if moved:
+        yield Figure(name="responses", caption=RESPONSES, alternative=" ".join(_of_response(pf, law) for law in moved))
+    if pf.dynamics is not None:
+        yield Figure(name="dynamics", caption=DYNAMICS, alternative=_of_dynamics(pf.dynamics))
+    if pf.dynamics is not None and pf.pi is not None and pf.pi.figures is not None and pf.pi.figures.stable:
+        yield Figure(name="loop", caption=LOOP, alternative=_of_loop(pf.pi))
+
+
+def beside(pf: ParameterFile, folder: Path | None) -> Iterator[Figure]:
+    """Pictures in ``figures`` of the folder that the card stands in."""
+    place = None if folder is None else folder / FOLDER
+    names = sorted(path.name for path in place.glob("*.png")) if place is not None and place.is_dir() else []
+    for name in names:
+        stem = name.removesuffix(".png")
+        yield Figure(name=stem, caption=_caption(stem), alternative=_of_picture(pf, stem), file=f"{FOLDER}/{name}")
+
+
+EXPONENTS = "Exponents of the power laws with their 95 % intervals"
+RESPONSES = "Each law over its first factor, with the band of one further row on a new edge (95 %)"
+DYNAMICS = "Gain and phase of the identified model over frequency"
+LOOP = "Step of the reference: the loop of these gains on the identified model"
+
+
+def _exponents(law: Law) -> list[Coefficient]:
+    names = {f.symbol for f in law.factors}
+    return [c for c in law_coefficients(law) if c.name in names and c.low.text]
+
+
+def _of_exponents(tables: dict[str, list[Coefficient]]) -> str:
+    said = [
+        f"{name}: " + ", ".join(f"{c.name} {c.estimate.text} ({c.low.text} to {c.high.text})" for c in lines)
+        for name, lines in tables.items()
+        if lines
+    ]
+    return f"Exponents as points with bars. {'; '.join(said)}."
+
+
+def _of_response(pf: ParameterFile, law: Law) -> str:
+    """A law at both ends of its first factor, in a sentence."""
+    first, rest, of = law.factors[0], middle(law), profiled(law, pf)
+    low, high = ({**rest, first.symbol: end} for end in (first.low, first.high))
+    others = {name: value for name, value in rest.items() if name != first.symbol}
+    at = at_words(law, others, reference(law))
+    ends = [
+        f"{_value(of, here)} at {first.symbol} {quantity(figure(end, 4, first.unit))}"
+        for here, end in ((low, first.low), (high, first.high))
+    ]
+    turn = "rises" if profile(of, high)[0] > profile(of, low)[0] else "falls"
+    return f"{law.response} {turn} from {ends[0]} to {ends[1]}{f', with {at}' if at else ''}."
+
+
+def _value(law: ProfiledLaw, at: dict[str, float]) -> str:
+    value, low, high = profile(law, at)
+    band = "" if low is None else f" ({figure(low, 3).text} to {figure(high, 3).text})"
+    return f"{quantity(figure(value, 3, law.unit))}{band}"
+
+
+def _of_dynamics(d: Dynamics) -> str:
+    unit = f"{d.unit_y or 'output'}/{d.unit_u or 'input'}"
+    rest = f"{figure(d.dc_gain).text} {unit}" if math.isfinite(d.dc_gain) else "without end"
+    ends = d.band or (0.05 / d.sample_time, 0.25 / d.sample_time)
+    at = [
+        f"{figure(abs(g), 3).text} {unit} and a phase of {math.degrees(math.atan2(g.imag, g.real)):.0f}° at {f:.3g} Hz"
+        for f, g in ((f, complex(d.response(f))) for f in ends if f > 0)
+    ]
+    excited = "; the input had power between these two" if d.band else ""
+    return f"Bode diagram: gain at rest {rest}, {', '.join(at)}{excited}."
+
+
+def _of_loop(pi: Pi) -> str:
+    f = pi.figures
+    parts = ["The output follows a unit step"]
+    if f is not None and f.rise_time is not None:
+        parts.append(f"rises from 10 to 90 % in {figure(f.rise_time, 3).text} s")
+    if f is not None and f.overshoot is not None:
+        parts.append(f"overshoots by {percent(f.overshoot).text} %")
+    if f is not None and f.settling_time is not None:
+        parts.append(f"stays within 2 % after {figure(f.settling_time, 3).text} s")
+    return ", ".join(parts) + "."
+
+
+def _caption(stem: str) -> str:
+    if stem in BESIDE:
+        return BESIDE[stem]
+    if stem.startswith("posterior_"):
+        response, _, what = stem.removeprefix("posterior_").rpartition("_")
+        return f"Posterior of {response}: {what}"
+    return stem.replace("_", " ")
+
+
+def _of_picture(pf: ParameterFile, stem: str) -> str:
+    """What a picture shows, with the numbers of the file that it is about."""
+    laws = pf.laws.values()
+    if stem == "observed_predicted" and pf.laws:
+        fits = [f"{law.response} R² {law.statistics.r2:.4f}" for law in laws if law.statistics.r2 is not None]
+        return f"Points about the diagonal, {', '.join(fits) or 'a panel a law'}."
+    if stem == "residuals" and pf.laws:
+        spread = [f"{law.response} {figure(law.residual_se, 3).text} {law.residual_scale}" for law in laws
+                  if law.residual_se is not None]  # fmt: skip
+        return f"Residuals scatter about zero, their standard error {', '.join(spread) or 'not known'}."
+    if stem == "response_surfaces" and pf.laws:
+        return " ".join(_of_response(pf, law) for law in laws if law.form in LOGARITHMIC and law.factors)
+    if stem == "bode" and pf.dynamics is not None:
+        return _of_dynamics(pf.dynamics)
+    if stem == "simulated" and pf.dynamics is not None and pf.dynamics.held_out_fit is not None:
+        return f"The free run explains {pf.dynamics.held_out_fit:.1f} % of samples that it was not fitted to."
+    return f"{_caption(stem)}; a picture only, its numbers are not in the file."

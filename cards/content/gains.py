@@ -1,0 +1,127 @@
+"""Gains as a part of a card: as they run, what was asked, what they reach."""
+
+from collections.abc import Mapping
+
+from ...parameters import Dynamics, Pi, PiFigures
+from .dynamics import sentence
+from .numbers import ENDLESS, NONE, count, fact, figure, percent
+from .parts import Gains, Named, Number
+
+FORMS = {
+    "position": "position: u_k = kp e_k + ki S_k",
+    "incremental": "incremental: u_k = u_(k-1) + kp (e_k - e_(k-1)) + ki (S_k - S_(k-1))",
+    "incremental_sum": "incremental with the sum: u_k = u_(k-1) + kp e_k + ki S_k",
+}
+RULES = {
+    "backward": "S_k = S_(k-1) + T e_k (backward)",
+    "forward": "S_k = S_(k-1) + T e_(k-1) (forward)",
+    "trapezoidal": "S_k = S_(k-1) + T (e_k + e_(k-1)) / 2 (trapezoidal)",
+}
+WINDUP = {"clamping": "clamping", "back_calculation": "back calculation", "none": "none"}
+# name of a figure -> words, unit ("%": a share; "u": of the command), whether a specification is a lower limit
+FIGURES: Mapping[str, tuple[str, str, bool]] = {
+    "rise_time": ("rise time, 10 to 90 %", "s", False),
+    "settling_time": ("settling time, within 2 %", "s", False),
+    "overshoot": ("overshoot", "%", False),
+    "undershoot": ("undershoot", "%", False),
+    "steady_error": ("steady error", "%", False),
+    "ms": ("Ms, peak of |1/(1 + L)|", "", False),
+    "mt": ("Mt, peak of |L/(1 + L)|", "", False),
+    "phase_margin": ("phase margin", "°", True),
+    "gain_margin": ("gain margin, as a factor", "", True),
+    "delay_margin": ("delay margin", "s", True),
+    "disturbance_peak": ("peak after a unit disturbance of the load", "", False),
+    "disturbance": ("peak after a unit disturbance of the load", "", False),
+    "travel": ("travel of the command", "", False),
+    "peak_u": ("peak of the command", "", False),
+    "noise_gain": ("gain from noise to the command", "", False),
+    "integral_time": ("integral time", "s", False),
+}
+UNBOUNDED = ("rise_time", "settling_time", "gain_margin", "delay_margin")
+
+
+def gains_part(pi: Pi | None, dynamics: Dynamics | None) -> Gains | None:
+    """Gains with all that a controller needs to run them."""
+    if pi is None:
+        return None
+    return Gains(
+        facts=as_they_run(pi),
+        reached=(*reached(pi.figures), *_held(pi)),
+        asked=asked(pi),
+        sentences=tuple(sentence(text) for text in _sentences(pi, dynamics)),
+    )
+
+
+def as_they_run(pi: Pi) -> tuple[Named, ...]:
+    """Kp, Ki and Ti with their units, form and limits."""
+    per = f"{pi.unit_u or 'command'}/{pi.unit_y or 'measurement'}"
+    return (
+        *fact("Kp", figure(pi.kp, 6, per)),
+        *fact("Ki", figure(pi.ki, 6, f"{per}/s"), "parallel: Kp does not multiply it"),
+        *(fact("Ti", figure(pi.ti, 6, "s"), "Kp / Ki") if pi.ti is not None else ()),
+        *fact("sample time", figure(pi.sample_time, 6, "s")),
+        *fact("form", NONE, FORMS[pi.form]),
+        *fact("integral", NONE, RULES[pi.integration]),
+        *fact("delay", count(pi.delay, "samples")),
+        *(fact("low-pass of the measurement", figure(pi.filter_time, 6, "s")) if pi.filter_time else ()),
+        *(fact(f"average of the {pi.average_of}", count(pi.average, "samples")) if pi.average > 1 else ()),
+        *fact("lowest command", figure(pi.low, 6, pi.unit_u)),
+        *fact("highest command", figure(pi.high, 6, pi.unit_u)),
+        *fact("fastest change of the command", figure(pi.rate, 6, f"{pi.unit_u}/s".lstrip("/"))),
+        *fact("anti-windup", NONE, WINDUP[pi.anti_windup]),
+        *fact("tracking time", figure(pi.tracking_time, 6, "s")),
+        *(
+            fact("units of the command in one of the model's input", figure(pi.scaling_u, 6))
+            if pi.scaling_u != 1
+            else ()
+        ),
+        *(fact("units of the measurement in one of the model's", figure(pi.scaling_y, 6)) if pi.scaling_y != 1 else ()),
+    )
+
+
+def reached(figures: PiFigures | None) -> tuple[Named, ...]:
+    """What the loop does on the dynamics of the file."""
+    if figures is None:
+        return ()
+    out: list[Named] = []
+    for name, (words, unit, _) in FIGURES.items():
+        value = getattr(figures, name, None)
+        endless = value is None and name in UNBOUNDED and name in figures.model_fields_set
+        out += fact(words, ENDLESS if endless else _number(value, unit))
+    return tuple(out)
+
+
+def asked(pi: Pi) -> tuple[Named, ...]:
+    """The specification: a limit for each figure that was asked for."""
+    limits = {} if pi.specification is None else pi.specification.asked
+    out: list[Named] = []
+    for name, value in limits.items():
+        words, unit, least = FIGURES[name]
+        out += fact(words, _number(value, unit), "at least" if least else "at most")
+    return tuple(out)
+
+
+def _number(value: float | None, unit: str) -> Number:
+    return percent(value) if unit == "%" else figure(value, 3, unit)
+
+
+def _held(pi: Pi) -> tuple[Named, ...]:
+    words = "" if pi.draws is None else f"share of {pi.draws} models that the uncertainty of the dynamics allows"
+    return fact("probability that the whole specification holds", percent(pi.probability), words) if (
+        pi.probability is not None
+    ) else ()  # fmt: skip
+
+
+def _sentences(pi: Pi, dynamics: Dynamics | None) -> list[str]:
+    said = [f"chosen by {pi.method}"] if pi.method else []
+    if pi.forced:
+        said.append(f"FORCED: these gains miss their specification and are kept all the same ({pi.forced})")
+    if pi.figures is None:
+        said.append("the file does not say what these gains reach: tune them, or simulate the loop before it is closed")
+    elif not pi.figures.stable:
+        said.append("the loop is NOT stable on the dynamics of the file: do not close it")
+    else:
+        said.append("all figures are computed on the dynamics of the file, not measured on a machine")
+    if dynamics is None:
+        said.append("the file holds no dynamics, so nobody can check the gains on it")
+    return [*said, *pi.notes]

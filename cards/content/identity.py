@@ -1,0 +1,91 @@
+"""Whose card it is, where it comes from, and the names it goes by."""
+
+import hashlib
+import re
+import unicodedata
+
+from ...parameters import ParameterFile, content_sha256
+from .numbers import figure, quantity
+from .parts import Identity, Named, Number, Provenance, Sensor
+
+LONGEST = 40  # characters of tool and of work in a slug
+
+
+def identity_part(pf: ParameterFile) -> Identity:
+    """Identity with checksum and versions; what the file does not tell is empty."""
+    i = pf.identity
+    return Identity(
+        tool=i.tool,
+        work=i.work,
+        machine=i.machine or "",
+        iso513=i.iso513 or "",
+        setup=i.setup or "",
+        tool_properties=tuple(_property(name, value) for name, value in i.iso13399.items()),
+        sensors=tuple(
+            Sensor(symbol=s.symbol, unit=s.unit, model=s.model or "", words=_sensor(s.sample_rate, s.sd, s.unit))
+            for s in i.sensors
+        ),
+        simulated=i.simulated,
+        note=i.note or "",
+        content_sha256=checksum(pf),
+        parameters_schema=pf.schema_version,
+        fitmodels=pf.provenance.fitmodels,
+    )
+
+
+def provenance_part(pf: ParameterFile) -> Provenance:
+    """What repeats it."""
+    p = pf.provenance
+    return Provenance(
+        data_file=p.data_file or "",
+        data_sha256=p.data_sha256 or "",
+        rows=p.n_rows,
+        command=p.command or "",
+        created=p.created or "",
+        seed=p.seed,
+        versions={"fitmodels": p.fitmodels, **dict(sorted(p.versions.items()))},
+    )
+
+
+def checksum(pf: ParameterFile) -> str:
+    """The file's own checksum, or the one it would have."""
+    return pf.content_sha256 or content_sha256(pf.model_dump(exclude_unset=True))
+
+
+def slug(pf: ParameterFile) -> str:
+    """Name of a card in files and links: small letters, digits and hyphens of tool and work.
+
+    >>> from fitmodels import parameters
+    >>> slug(parameters.collect(tool="GC435", work="709M40 (En 19)"))
+    'gc435-709m40-en-19'
+    """
+    return "-".join(_slug(name) for name in (pf.identity.tool, pf.identity.work))
+
+
+def missing(identity: Identity) -> list[str]:
+    """What a reader would want to know of the set-up and the file does not tell."""
+    told = {
+        "machine": identity.machine,
+        "ISO 513 group of the work": identity.iso513,
+        "set-up": identity.setup,
+        "properties of the tool (ISO 13399)": identity.tool_properties,
+        "sensors": identity.sensors,
+    }
+    return [name for name, value in told.items() if not value]
+
+
+def _slug(name: str) -> str:
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
+    kept = re.sub(r"[^a-z0-9]+", "-", plain).strip("-")[:LONGEST].strip("-")
+    return kept or "x" + hashlib.sha256(name.encode()).hexdigest()[:8]  # a name in letters that no link takes
+
+
+def _property(name: str, value: float | str) -> Named:
+    if isinstance(value, str):
+        return Named(name=name, number=Number(), words=value)
+    return Named(name=name, number=figure(value, 6))
+
+
+def _sensor(rate: float | None, sd: float | None, unit: str) -> str:
+    parts = [f"{quantity(figure(rate, 6, 'Hz'))}" if rate else "", f"SD of a reading {quantity(figure(sd, 3, unit))}"]
+    return ", ".join(part for part in (parts if sd else parts[:1]) if part)

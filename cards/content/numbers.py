@@ -1,0 +1,90 @@
+"""Numbers beside the texts that tell them."""
+
+import math
+
+from ...parameters.rounding import p_value, plain, told
+from .parts import Named, Number
+
+NONE = Number()
+LARGE = 1e7  # from here on a number is told with its power of ten
+ENDLESS = Number(text="without end")
+
+
+def number(value: float | None, uncertainty: float | None, unit: str = "") -> Number:
+    """A number to the decimals that its uncertainty deserves.
+
+    >>> number(0.577123, 0.0213, "mm").text
+    '0.577'
+    """
+    if value is None or not math.isfinite(value):
+        return NONE
+    return Number(value=value, text=told(value, uncertainty)[0], unit=unit)
+
+
+def spread(value: float, uncertainty: float | None, unit: str = "") -> Number:
+    """The uncertainty of a value, to its own two digits.
+
+    >>> spread(0.577123, 0.0213).text
+    '0.021'
+    """
+    if uncertainty is None or not math.isfinite(uncertainty):
+        return NONE
+    return Number(value=uncertainty, text=told(value, uncertainty)[1], unit=unit)
+
+
+def figure(value: float | None, digits: int = 4, unit: str = "") -> Number:
+    """A number without an uncertainty, to so many significant digits."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    text = plain(value, digits)
+    if "e+" in text and abs(value) < LARGE:
+        text = f"{float(text):.0f}"  # 1170, not 1.17e+03
+    return Number(value=value, text=text, unit=unit)
+
+
+def places(value: float | None, decimals: int, unit: str = "") -> Number:
+    """A number to so many decimals.
+
+    >>> places(0.98765, 3).text
+    '0.988'
+    """
+    if value is None or not math.isfinite(value):
+        return NONE
+    return Number(value=value, text=f"{round(value, decimals) + 0.0:.{decimals}f}", unit=unit)
+
+
+def count(value: float | None, unit: str = "") -> Number:
+    """A number of things."""
+    return NONE if value is None else Number(value=value, text=f"{value:.15g}", unit=unit)
+
+
+def percent(share: float | None, digits: int = 3) -> Number:
+    """A share, in per cent.
+
+    >>> percent(0.95).text
+    '95'
+    """
+    return NONE if share is None else figure(100 * share, digits, "%")
+
+
+def probability(p: float | None) -> Number:
+    """A p value: three decimals, or below the last of them."""
+    return NONE if p is None or not math.isfinite(p) else Number(value=p, text=p_value(p))
+
+
+def fact(name: str, told_as: Number, words: str = "") -> tuple[Named, ...]:
+    """A number under its name; nothing where there is neither number nor text nor words.
+
+    >>> fact("edges", NONE)
+    ()
+    """
+    return (Named(name=name, number=told_as, words=words),) if told_as.text or words else ()
+
+
+def quantity(told_as: Number) -> str:
+    """Text and unit, as they stand in a sentence.
+
+    >>> quantity(figure(0.15, unit="mm"))
+    '0.15 mm'
+    """
+    return f"{told_as.text} {told_as.unit}".rstrip()

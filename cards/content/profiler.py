@@ -1,0 +1,192 @@
+"""What the profiler of a card computes from, and the same arithmetic in Python: the reference for its script."""
+
+import math
+from collections.abc import Mapping
+
+from ...datasets.region import ROUNDING, SLACK
+from ...parameters import Covariance, ParameterFile
+from ...parameters import Law as LawSection
+from ...parameters.evaluate import LOGARITHMIC, parameter_names, theta
+from .coefficients import LEVEL
+from .design import factor_ranges
+from .middle import middle_of
+from .parts import FactorRange, ProfiledLaw, ProfiledRegion, Profiler, Space
+
+WEARS = ("AW", "VB")
+TURNING = {"V": "m/min", "f": "mm/rev", "d": "mm"}
+MILLING = ("fz", "fm", "ae", "n")  # with one of these, V f d is no removal rate
+
+Value = tuple[float, float | None, float | None]
+
+
+def profiler_part(pf: ParameterFile) -> Profiler | None:
+    """Sliders and laws; None where no law can be moved by a slider."""
+    laws = tuple(profiled(law, pf) for law in pf.laws.values() if law.form in LOGARITHMIC)
+    if not laws:
+        return None
+    sliders = _sliders(pf, laws)
+    return Profiler(
+        factors=sliders,
+        start={f.symbol: _start(f) for f in sliders},
+        laws=laws,
+        level=LEVEL,
+        removal=_removes(pf, sliders),
+    )
+
+
+def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLaw:
+    """A law as the profiler takes it; of levels the reference."""
+    covariance, scatter, t = _band(law)
+    wear = next((f.symbol for f in law.factors if f.symbol in WEARS and _driven(pf, f.symbol)), "")
+    return ProfiledLaw(
+        response=law.response,
+        quantity=law.quantity,
+        unit=law.unit,
+        form=law.form,
+        multiplies=law.error == "multiplicative",
+        factors=tuple(f.symbol for f in law.factors),
+        low=tuple(f.low for f in law.factors),
+        high=tuple(f.high for f in law.factors),
+        region=_region(law),
+        by="" if law.by is None else f"{law.by.column} {law.by.reference}",
+        theta=tuple(theta(law).tolist()[: 1 + len(law.factors)]),
+        covariance=covariance,
+        scatter=scatter,
+        t=t,
+        wear=wear,
+    )
+
+
+def profile(law: ProfiledLaw, at: Mapping[str, float]) -> Value:
+    """A law's answer for one further row on a new edge: value, low and high, the ends None without a band.
+
+    Parameters
+    ----------
+    law : ProfiledLaw
+    at : mapping
+        A number above zero for each of its factors, the wear among them.
+
+    Examples
+    --------
+    >>> law = ProfiledLaw(response="AW", quantity="wear", unit="mm", form="power", multiplies=True, factors=("V",),
+    ...                   low=(50.0,), high=(200.0,), theta=(-4.6, 0.5))
+    >>> value, low, high = profile(law, {"V": 100.0})
+    >>> round(value, 4), low
+    (0.1005, None)
+    """
+    z = [1.0, *(math.log(at[name]) if law.form == "power" else at[name] for name in law.factors)]
+    value = math.exp(sum(b * x for b, x in zip(law.theta, z, strict=True)))
+    if not law.covariance or law.scatter is None or law.t is None:
+        return value, None, None
+    variance = sum(a * c * b for a, row in zip(z, law.covariance, strict=True) for b, c in zip(z, row, strict=True))
+    if law.multiplies:
+        half = law.t * math.sqrt(max(variance, 0.0) + law.scatter**2)
+        return value, value * math.exp(-half), value * math.exp(half)
+    half = law.t * math.sqrt(max(variance, 0.0) * value**2 + law.scatter**2)
+    return value, value - half, value + half
+
+
+def inside(law: ProfiledLaw, at: Mapping[str, float]) -> bool:
+    """Whether a point lies where the law was tested, as the profiler greys it."""
+    points = [at[name] for name in law.factors]
+    region = law.region
+    if region is None:
+        return all(low <= x <= high for x, low, high in zip(points, law.low, law.high, strict=True))
+    terms = [math.log(x) if region.logs else x for x in points]
+    coded = [(x - c) / h for x, c, h in zip(terms, region.centre, region.half_range, strict=True)]
+    if any(abs(u) > 1 + region.rounding for u in coded):
+        return False
+    if sum(u * u for u in coded) > region.radius**2 * (1 + region.slack):
+        return False
+    return all(_leverage(space, [1.0, *coded]) <= space.largest * (1 + region.slack) for space in region.spaces)
+
+
+def profile_all(profiler: Profiler, at: Mapping[str, float]) -> dict[str, Value]:
+    """Every law at the sliders; a law on wear takes it from the wear's own law, as the script does."""
+    laws = {law.response: law for law in profiler.laws}
+    out: dict[str, Value] = {}
+    for law in sorted(profiler.laws, key=lambda each: bool(each.wear)):
+        here = dict(at)
+        if law.wear:
+            here[law.wear] = profile(laws[law.wear], at)[0]
+        out[law.response] = profile(law, here)
+    return {law.response: out[law.response] for law in profiler.laws}
+
+
+def _driven(pf: ParameterFile, wear: str) -> bool:
+    """Whether a wear can be put in from its own law, which itself asks for no wear."""
+    law = pf.laws.get(wear)
+    return law is not None and law.form in LOGARITHMIC and not any(f.symbol in pf.laws for f in law.factors)
+
+
+def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None, float | None]:
+    held, e = law.uncertainty, law.edges
+    split = e is not None and e.sd_between is not None and e.sd_within is not None
+    scatter = math.hypot(e.sd_between, e.sd_within) if split else law.residual_se  # type: ignore[union-attr, arg-type]
+    if not isinstance(held, Covariance) or scatter is None:
+        return (), None, None
+    from scipy.special import stdtrit
+
+    order = [held.of.index(name) for name in parameter_names(law)[: 1 + len(law.factors)]]
+    matrix = tuple(tuple(held.matrix[i][j] for j in order) for i in order)
+    return matrix, scatter, float(stdtrit(held.df, (1 + LEVEL) / 2))
+
+
+def _region(law: LawSection) -> ProfiledRegion | None:
+    r = law.region
+    if r is None:
+        return None
+    known = 1 + len(law.factors)  # beyond them stand the indicators of levels, 0 at the reference
+    spaces = []
+    for space in r.spaces:
+        kept = [i for i, column in enumerate(space.columns) if column < known]
+        matrix = tuple(tuple(space.matrix[i][j] for j in kept) for i in kept)
+        columns = tuple(space.columns[i] for i in kept)
+        spaces.append(Space(columns=columns, matrix=matrix, largest=space.largest[0]))
+    return ProfiledRegion(
+        logs=r.logs,
+        centre=r.centre,
+        half_range=r.half_range,
+        radius=r.largest_radius,
+        spaces=tuple(spaces),
+        rounding=ROUNDING,
+        slack=SLACK,
+    )
+
+
+def _leverage(space: Space, z: list[float]) -> float:
+    part = [z[column] for column in space.columns]
+    return sum(a * c * b for a, row in zip(part, space.matrix, strict=True) for b, c in zip(part, row, strict=True))
+
+
+def _sliders(pf: ParameterFile, laws: tuple[ProfiledLaw, ...]) -> tuple[FactorRange, ...]:
+    """A slider for each factor that no law of the profiler answers for, over all that any law was tested at."""
+    put_in = {law.wear for law in laws}
+    found: dict[str, FactorRange] = {}
+    for law in pf.laws.values():
+        if law.form not in LOGARITHMIC:
+            continue
+        for new in factor_ranges(law.factors, pf.design):
+            old = found.get(new.symbol)
+            if new.symbol not in put_in:
+                found[new.symbol] = new if old is None else _widest(old, new)
+    return tuple(found.values())
+
+
+def _widest(a: FactorRange, b: FactorRange) -> FactorRange:
+    low = min(a.low, b.low, key=lambda n: n.value or 0.0)
+    high = max(a.high, b.high, key=lambda n: n.value or 0.0)
+    return a.model_copy(update={"low": low, "high": high, "levels": max(a.levels, b.levels, key=len)})
+
+
+def _start(f: FactorRange) -> float:
+    low, high = f.low.value or 0.0, f.high.value or 0.0
+    return middle_of(low, high, logs=low > 0)
+
+
+def _removes(pf: ParameterFile, sliders: tuple[FactorRange, ...]) -> bool:
+    """Whether 1000 V f d is a removal rate here: turning, in these units."""
+    units = {f.symbol: f.unit for f in sliders}
+    known = {f.symbol for f in pf.design.factors} if pf.design else set()
+    milling = known.intersection(MILLING) or pf.load_line or pf.adaptive_force
+    return not milling and all(units.get(symbol) == unit for symbol, unit in TURNING.items())

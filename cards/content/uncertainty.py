@@ -1,0 +1,162 @@
+"""Statements of uncertainty: value, expanded uncertainty U = k u, coverage factor and level of confidence.
+
+Source: JCGM 100:2008 (GUM), 5.1.2 (first order), 6.2 and 6.3.3 (U = k u, k of t), 7.2.3 and 7.2.4 (how it is told),
+7.2.6 (two digits of u), G.3 (k from Student's t).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...parameters import Covariance, Law, ParameterError, ParameterFile, ToolLifeSection
+from ...parameters.evaluate import parameter_names
+from ...parameters.rounding import told
+from .coefficients import LEVEL
+from .middle import at_words, middle, reference
+from .numbers import count, percent
+from .parts import Number, Uncertain
+
+OF = {
+    "mean": "the law itself",
+    "new": "one further row on a new edge",
+    "independent rows": "one further row",
+    "life": "the law itself",
+    "edge": "one further edge",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """An estimate with its interval: ``u`` in its unit, first order where ``multiplies``."""
+
+    value: float
+    u: float
+    k: float
+    df: int
+    low: float
+    high: float
+    multiplies: bool
+
+
+def statements(pf: ParameterFile) -> tuple[Uncertain, ...]:
+    """Two statements a law, and two of the tool life; none of what has no covariance."""
+    found = [item for law in pf.laws.values() for item in of_law(law)]
+    return (*found, *(of_life(pf.tool_life, pf.laws.get(pf.tool_life.wear)) if pf.tool_life else ()))
+
+
+def of_law(law: Law) -> tuple[Uncertain, ...]:
+    """What the law itself, and one further row, are at the middle of the tests."""
+    at: dict[str, Any] = dict(middle(law))
+    by = reference(law)
+    where = at_words(law, at, by)
+    try:
+        kinds = [law.tell("mean", LEVEL, by, **at), law.tell("prediction", LEVEL, by, **at)]
+    except ParameterError:
+        return ()
+    df, outside = _df(law), "" if kinds[0].inside else " The middle of the ranges lies outside the tested region."
+    out = []
+    for p in kinds:
+        found = _from_ends(float(p.value), float(p.low), float(p.high), df, multiplies=law.error == "multiplicative")
+        of = OF["mean"] if p.kind == "mean" else OF.get(p.edge, p.edge)
+        out.append(_statement(law.quantity, law.response, law.unit, where, of, found, outside))
+    return tuple(out)
+
+
+def of_life(life: ToolLifeSection, law: Law | None) -> tuple[Uncertain, ...]:
+    """Tool life at the middle of the tests: ln T = (ln W - z'theta) / h, by the delta method (GUM 5.1.2).
+
+    With a new edge, whose own level is b off the law, ln T moves by b / h more.
+    """
+    if law is None or law.form != "power" or law.by is not None or not isinstance(law.uncertainty, Covariance):
+        return ()
+    h = law.coefficients.get("t", 0.0)
+    names = parameter_names(law)
+    held = all(f.symbol in life.typical_at for f in law.factors if f.symbol != "t")
+    if h <= 0 or not held or not life.typical > 0:
+        return ()
+    at = {f.symbol: life.typical_at.get(f.symbol, life.typical) for f in law.factors}
+    z = np.array([1.0, *(math.log(at[f.symbol]) for f in law.factors)])
+    order = [law.uncertainty.of.index(name) for name in names]
+    variance = float(z @ np.array(law.uncertainty.matrix)[np.ix_(order, order)] @ z)
+    edge, scatter = _of_an_edge(law, life)
+    where = at_words(law, life.typical_at, digits=4)
+    beyond = "" if life.typical <= life.t_observed else (
+        f" No test ran longer than {life.t_observed:.3g} {life.unit}: this is an extrapolation, and no interval of "
+        "the law counts its error."
+    )  # fmt: skip
+    name = f"tool life to {life.wear} {life.criterion:g} {life.unit_of_wear}"
+    out = []
+    for of, more in ((OF["life"], 0.0), (edge, scatter)):
+        if more is not None:
+            found = _from_ln(life.typical, math.sqrt(max(variance, 0.0) + more**2) / h, law.uncertainty.df)
+            out.append(_statement(name, "T", life.unit, where, of, found, beyond))
+    return tuple(out)
+
+
+def _of_an_edge(law: Law, life: ToolLifeSection) -> tuple[str, float | None]:
+    """What scatters from edge to edge, in ln of the wear: the level of an edge, or a row where none is known."""
+    e = law.edges
+    of, sd = (OF["edge"], e.sd_between) if e is not None and e.sd_between is not None else (
+        OF["independent rows"], law.residual_se
+    )  # fmt: skip
+    if sd is None:
+        return of, None
+    return of, sd if law.error == "multiplicative" else sd / life.criterion
+
+
+def _df(law: Law) -> int:
+    return law.uncertainty.df if isinstance(law.uncertainty, Covariance) else law.df
+
+
+def _quantile(df: int) -> float:
+    from scipy.special import stdtrit
+
+    return float(stdtrit(df, (1 + LEVEL) / 2))
+
+
+def _from_ends(value: float, low: float, high: float, df: int, *, multiplies: bool) -> _Found:
+    k = _quantile(df)
+    half = value * math.log(high / low) / 2 if multiplies else (high - low) / 2
+    return _Found(value, half / k, k, df, low, high, multiplies)
+
+
+def _from_ln(value: float, u_ln: float, df: int) -> _Found:
+    k = _quantile(df)
+    return _Found(value, value * u_ln, k, df, value * math.exp(-k * u_ln), value * math.exp(k * u_ln), multiplies=True)
+
+
+def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _Found, more: str) -> Uncertain:
+    U = f.k * f.u
+    value, expanded = told(f.value, U)
+    standard = told(f.value, f.u)[1]
+    half = min(U, f.low) if f.low > 0 else U
+    low, high = (told(end, half)[0] for end in (f.low, f.high))
+    k, level, in_unit = f"{f.k:.2f}", percent(LEVEL), f" {unit}".rstrip()
+    at = f" at {where}" if where else ""
+    words = (
+        f"{symbol} = ({value} ± {expanded}){in_unit}{at}, for {of}. The number after ± is the expanded uncertainty "
+        f"U = k u, with the standard uncertainty u = {standard}{in_unit} and the coverage factor k = {k} from "
+        f"Student's t with {f.df} degrees of freedom, for a level of confidence of {level.text} %."
+    )
+    if f.multiplies:
+        words += (
+            f" U is of first order; as errors multiply, the interval itself is not symmetric: {low} to "
+            f"{high}{in_unit}, and that is the one to use."
+        )
+    return Uncertain(
+        quantity=quantity,
+        symbol=symbol,
+        at=where,
+        of=of,
+        value=Number(value=f.value, text=value, unit=unit),
+        standard=Number(value=f.u, text=standard, unit=unit),
+        expanded=Number(value=U, text=expanded, unit=unit),
+        k=Number(value=f.k, text=k),
+        df=count(f.df),
+        level=level,
+        low=Number(value=f.low, text=low, unit=unit),
+        high=Number(value=f.high, text=high, unit=unit),
+        words=words + more,
+    )

@@ -1,0 +1,80 @@
+"""What was understood of a data file, a sentence each: kept in the parameter file, printed by the command."""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ...datasets import ColumnUse, Runs
+    from ..sections.law import Law
+
+NAMED = 4  # labels of a column that are named
+Labels = Callable[[str], list[str]]
+
+
+def understood(runs: "Runs", laws: Mapping[str, "Law"], labels: Labels | None = None) -> list[str]:
+    """Columns, units, what was assumed, mended and noted, and conditions that stand in no law.
+
+    Parameters
+    ----------
+    runs : Runs
+    laws : mapping of Law
+        By response.
+    labels : callable, optional
+        Different names of a column of labels, in their order, where somebody has them already.
+    """
+    columns = [column_words(runs, use, labels) for use in runs.columns if use.role is not None]
+    unused = ", ".join(repr(use.header) for use in runs.columns if use.role is None)
+    lines = [" ".join(line.split()) for line in columns]
+    lines += [f"not used: {unused}"] if unused else []
+    lines += idle(runs, laws)
+    lines += [f"assumed: {sentence}" for sentence in runs.assumed]
+    return [*lines, *runs.warnings, *(f"from the file: {note.lstrip('#% ')}" for note in runs.notes)]
+
+
+def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -> str:
+    """What became of a column that has a role: its range, or how many different names it holds."""
+    from ...datasets.vocabulary import ROLES
+
+    role = ROLES[str(use.role)]
+    head = f"{role.symbol:<4} {role.quantity}"
+    if role.kind == "label" or role.symbol not in runs.data:
+        names = (labels or _different(runs))(role.symbol) if runs.has(role.symbol) else []
+        shown = ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
+        return f"{head:<28} column {use.number} {use.header!r}: {len(names)} different ({shown})"
+    values = runs.values(role.symbol)
+    lacking = int(np.count_nonzero(np.isnan(values)))
+    known = lacking < len(values)
+    span = f"{np.fmin.reduce(values):.4g} to {np.fmax.reduce(values):.4g} {role.unit}" if known else "empty"
+    missing = f", {lacking} missing" if lacking and known else ""
+    unit = f", converted from {use.unit}" if use.converted else ""
+    return f"{head:<28} column {use.number} {use.header!r}: {span}{unit}{missing}"
+
+
+def idle(runs: "Runs", laws: Mapping[str, "Law"]) -> list[str]:
+    """Conditions that change in the file and stand in no law of it, a sentence each."""
+    from ...datasets.vocabulary import ROLES
+    from ...fit.defaults import CONDITIONS
+
+    taken = {law.response for law in laws.values()}.union(
+        *({f.symbol for f in law.factors} | {item.factor for item in law.left_out} for law in laws.values())
+    )
+    out = []
+    for use in runs.columns:
+        role = ROLES.get(use.role or "")
+        if role is None or role.kind != "condition" or role.symbol in taken:
+            continue
+        values = runs.values(role.symbol)
+        if len(values) and np.fmin.reduce(values) < np.fmax.reduce(values):
+            cure = f' If it is to count as the feed f, say --map "f={use.name}" --unit f=mm/rev.'
+            cure = cure if role.symbol == "fz" or (role.symbol == "fm" and not use.unit) else ""
+            out.append(
+                f"{role.symbol}, {role.quantity}, changes but stands in no law: they are fitted on "
+                f"{', '.join(CONDITIONS)}.{cure}"
+            )
+    return out
+
+
+def _different(runs: "Runs") -> Labels:
+    return lambda symbol: [str(v) for v in dict.fromkeys(runs.labels(symbol)) if v]

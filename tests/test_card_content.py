@@ -1,0 +1,473 @@
+"""The content of a card: composed from the parameter file alone, every number with the text that tells it."""
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.cards.card import markdown
+from fitmodels.cards.content.compose import compose
+from fitmodels.cards.content.identity import slug
+from fitmodels.cards.content.numbers import count, figure, number, percent, places, probability, spread
+from fitmodels.cards.content.parts import Card, Number, Publication
+from fitmodels.cards.content.profiler import inside, profile, profile_all, profiled, profiler_part
+from fitmodels.cards.content.uncertainty import of_law, statements
+from fitmodels.ident.model import Model
+from fitmodels.parameters import collect, read, sealed, write
+from fitmodels.parameters.rounding import decimals
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+EXACT = 1e-9  # the profiler and the law do the same arithmetic in another order
+FINITE = st.floats(-1e12, 1e12, allow_nan=False).filter(lambda x: x == 0 or abs(x) > 1e-12)
+
+
+def bundled_file(**more):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    laws, _ = fit.default_laws(runs)
+    posteriors = [fit.posterior(laws[0], draws=1000, seed=1)]
+    return collect(
+        tool=runs.tool, work=runs.work, design=runs, laws=laws, tool_life=fit.tool_life(laws[0]),
+        posteriors=posteriors, simulated=True, note=runs.disclaimers[0], n_rows=len(runs), seed=1,
+        data_file=runs.source.name, data_sha256=runs.source.sha256, command="fitmodels data.csv", **more,
+    )  # fmt: skip
+
+
+def drive_file(**changes):
+    """An identified drive with gains that were tuned to more than they reach."""
+    model = Model(
+        b=[0, 0.1, 0.08], a=[1, -0.8], nk=1, sample_time=0.02, cov_params=np.diag([1e-4] * 3), n=500,
+        band=(0.1, 2.0), unit_u="V", unit_y="A",
+    )  # fmt: skip
+    pi = {
+        "kp": 0.4, "ki": 0.5, "sample_time": 0.02, "unit_u": "V", "unit_y": "A", "low": 0.0, "high": 5.0,
+        "specification": {"rise_time": 2.0, "phase_margin": 45.0},
+        "figures": {"stable": True, "rise_time": 1.5, "settling_time": None, "overshoot": 0.043, "gain_margin": None},
+        "probability": 0.93, "draws": 500, **changes,
+    }  # fmt: skip
+    return collect(tool="drive", work="air", dynamics=model, held_out_fit=87.25, pi=pi)
+
+
+def load_file():
+    runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    pf = collect(tool="end mill", work="S45C", design=runs, laws=[fit.load_law(runs)], limits={"power": 7})
+    return sealed(pf, load_line=parameters.settings(pf, 0.28))
+
+
+def two_materials():
+    """A law with levels: the bundled set as one material, and 20 % more wear as another."""
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    other = runs.data.assign(AW=1.2 * runs.data["AW"], edge=runs.data["edge"] + "x", point="other")
+    both = runs.join(replace(runs, data=other, source=replace(runs.source, sha256="f" * 64)))
+    return collect(tool="a", work="b", laws=[fit.power_law(both, "AW", ["V", "f", "d", "t"], by="point")])
+
+
+FILES = {
+    "bundled": lambda: bundled_file(limits={"power": {"value": 7.0, "unit": "kW", "of": "P"}}),
+    "additive": lambda: collect(
+        tool="a", work="b",
+        laws=fit.default_laws(datasets.read_runs(datasets.bundled("gc435_709m40")), error="additive")[0],
+    ),
+    "drive": drive_file,
+    "load line": load_file,
+    "levels": two_materials,
+    "almost empty": lambda: collect(tool="a", work="b"),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def files():
+    return {name: make() for name, make in FILES.items()}
+
+
+@pytest.fixture(scope="module")
+def pf(files):
+    return files["bundled"]
+
+
+@pytest.fixture(scope="module")
+def card(pf):
+    return compose(pf)
+
+
+def parts(value):
+    """Every `Number` in a card."""
+    if isinstance(value, Number):
+        yield value
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from parts(item)
+    elif hasattr(type(value), "model_fields"):
+        for name in type(value).model_fields:
+            yield from parts(getattr(value, name))
+
+
+def half_a_digit(text):
+    """Half of the last place that a text shows; trailing zeros of a whole number may be rounding."""
+    mantissa, _, power = text.partition("e")
+    whole, _, decimals = mantissa.lstrip("-").partition(".")
+    zeros = len(whole) - len(whole.rstrip("0")) if not decimals and whole.strip("0") else 0
+    return 0.5 * 10.0 ** (zeros - len(decimals) + int(power or 0)) * (1 + 1e-9)
+
+
+def tells(n):
+    """Whether a text is its value, rounded."""
+    if n.value is None:
+        return not re.search(r"\d", n.text)
+    if n.text.startswith("<"):
+        return n.value < float(n.text[1:])
+    return abs(float(n.text) - n.value) <= max(half_a_digit(n.text), 1e-12 * abs(n.value))
+
+
+# --- numbers and texts --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_text_is_its_value_rounded(files, name):
+    numbers = list(parts(compose(files[name])))
+    assert [n for n in numbers if not tells(n)] == []
+
+
+@given(FINITE, st.floats(1e-9, 1e9))
+def test_a_number_told_by_any_uncertainty_is_its_value_rounded(value, uncertainty):
+    last = 0.5 * 10.0 ** -decimals(uncertainty) * (1 + 1e-9)  # half of the second digit of the uncertainty
+    for n in (number(value, uncertainty), spread(value, uncertainty)):
+        assert abs(float(n.text) - n.value) <= max(last, half_a_digit(n.text)), n
+    for n in (figure(value), places(value, 3), count(value)):
+        assert tells(n), n
+
+
+@given(st.floats(0, 1))
+def test_shares_are_told_in_per_cent(share):
+    assert tells(percent(share))
+    assert percent(share).value == 100 * share
+    assert tells(probability(share))
+
+
+def test_what_cannot_be_had_has_neither_number_nor_text():
+    nan = float("nan")
+    assert [number(None, 1.0), spread(1.0, None), figure(nan), places(nan, 2), probability(nan)] == [Number()] * 5
+
+
+def test_the_card_tells_the_law_as_the_file_has_it(pf, card):
+    for part, law in zip(card.laws, pf.laws.values(), strict=True):
+        estimates = {c.name: c.estimate.value for c in part.coefficients}
+        assert estimates == dict(law.coefficients)
+        assert {c.name: c.se.value for c in part.coefficients} == dict(law.standard_errors)
+        assert {c.name: c.row_se.value for c in part.coefficients} == dict(law.row_standard_errors)
+        told = {n.name: n.number.value for n in part.statistics}
+        assert (told["R²"], told["F"], told["n"]) == (law.statistics.r2, law.statistics.F, law.n)
+        by_edge = {n.name: n.number.value for n in part.by_edge}
+        assert by_edge["F of V, f, d by edge"] == law.edges.F
+
+
+def test_intervals_of_the_table_are_those_of_the_fit(pf, card):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    laws, _ = fit.default_laws(runs)
+    for law, part in zip(laws, card.laws, strict=True):
+        expected = law.conf_int(0.95)
+        for c in part.coefficients[1:]:
+            np.testing.assert_allclose([c.low.value, c.high.value], expected.loc[c.name], rtol=1e-9)
+
+
+def test_the_markdown_card_tells_the_same_texts(pf, card):
+    text = markdown(pf)
+    for part in card.laws:
+        for c in part.coefficients:
+            assert f"| {c.name} | {c.estimate.text} | {c.se.text} |" in text
+
+
+# --- the whole card -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_card_survives_json(files, name):
+    card = compose(files[name])
+    assert Card.model_validate_json(card.model_dump_json()) == card
+    assert Card.model_validate(json.loads(card.model_dump_json(by_alias=True))) == card
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_composing_twice_and_from_the_written_file_gives_the_same(files, name, tmp_path):
+    card = compose(files[name])
+    again = compose(read(write(files[name], tmp_path / "params.json")))
+    assert card.model_dump_json() == compose(files[name]).model_dump_json() == again.model_dump_json()
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_section_is_either_there_or_says_why_not(files, name):
+    card = compose(files[name])
+    for field in ("design", "laws", "tool_life", "uncertainty", "dynamics", "gains", "windows", "figures", "profiler"):
+        assert bool(getattr(card, field)) != (field in card.empty), field
+    for field, words in card.empty.items():
+        assert field == "posterior" or field in Card.model_fields
+        assert words.endswith(".")
+        assert "\n" not in words
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_card_says_what_it_is_for_what_not_and_what_to_check(files, name):
+    card = compose(files[name])
+    assert card.intended
+    assert card.out_of_scope
+    assert any("Before a machine moves" in words for words in card.safety)
+    assert card.end == f"End of card {card.slug}, {card.identity.content_sha256[:12]}"
+    assert all(sentence[:1].isupper() or sentence[:1].isdigit() for sentence in (*card.intended, *card.safety))
+
+
+def test_the_card_of_the_bundled_set(card):
+    assert card.slug == "gc435-709m40-en-19"
+    assert card.summary.startswith("Not measured, simulated: laws of average wear AW")
+    assert "from 239 rows of 24 edges. At V 100 m/min, f 0.19 mm/rev" in card.summary
+    assert card.safety[0].startswith("NOT MEASURED")
+    plan = {n.name: (n.number.text, n.words) for n in card.design.facts}
+    assert (plan["plan"][1], plan["edges"][0]) == ("central composite", "24")
+    assert card.tool_life.equation.startswith("T = ")
+    posterior = card.laws[0].posterior
+    assert [n.name for n in posterior.gate][:3] == ["draws", "R-hat", "effective draws"]
+    assert posterior.parameters[0].prior
+    assert card.provenance.command == "fitmodels data.csv"
+
+
+def test_the_card_of_the_nasa_set(measurements):
+    """Agogino & Goebel 2007: 16 cases; of the 146 rows with VB 9 are zero and no power law takes them."""
+    runs = datasets.read_runs(measurements / "nasa_milling" / "nasa_mill_runs.csv")
+    laws, _ = fit.default_laws(runs, by="material")
+    card = compose(collect(tool="KC710", work="two", design=runs, laws=laws))
+    facts = {n.name: n.number.text for n in card.design.facts}
+    assert (facts["rows"], facts["edges"], facts["rows of material 1"]) == ("167", "16", "109")
+    assert facts["rows left out of VB"] == "9"
+    assert "levels" in card.empty["tool_life"]
+    assert card.profiler.laws[0].by == "material 1"
+    assert not card.profiler.removal
+    assert all(tells(n) for n in parts(card))
+
+
+def test_the_card_of_a_drive_with_gains(files):
+    card = compose(files["drive"])
+    gains = card.gains
+    facts = {n.name: (n.number.value, n.number.unit) for n in gains.facts}
+    assert facts["Kp"] == (0.4, "V/A")
+    assert facts["Ki"] == (0.5, "V/A/s")
+    assert facts["Ti"] == (0.8, "s")
+    reached = {n.name: n.number for n in gains.reached}
+    assert reached["overshoot"] == Number(value=4.3, text="4.3", unit="%")
+    assert reached["gain margin, as a factor"] == Number(text="without end")
+    assert reached["probability that the whole specification holds"].text == "93"
+    assert [(n.number.text, n.words) for n in gains.asked] == [("2", "at most"), ("45", "at least")]
+    told = {n.name: n.number.text for n in card.dynamics.facts}
+    assert (told["gain at rest"], told["held-out fit"], told["excited up to"]) == ("0.9", "87.2", "2")
+    assert [f.name for f in card.figures] == ["dynamics", "loop"]
+    assert "gain at rest 0.9 A/V" in card.figures[0].alternative
+    assert "overshoots by 4.3 %" in card.figures[1].alternative
+
+
+def test_forced_gains_are_marked_everywhere():
+    card = compose(drive_file(forced="trial on the bench: rise_time 1.5 above 1"))
+    assert any(text.startswith("FORCED") for text in card.gains.sentences)
+    assert any(text.startswith("FORCED GAINS") for text in card.safety)
+
+
+def test_the_settings_of_constant_load(files):
+    card = compose(files["load line"])
+    limits, load = card.windows
+    assert limits.title == "Limits"
+    facts = {n.name: n.number for n in load.facts}
+    line = files["load line"].load_line
+    assert facts["reference load I"].text == "0.24"
+    assert facts["lower feed limit"].value == line.lower.value
+    assert facts["lower feed limit, low end"].value == line.lower.interval.low
+    assert "feed line" in card.empty["profiler"]
+
+
+def test_the_window_of_operation_is_the_controllers(pf, card):
+    from fitmodels.controllers.region import best_point
+
+    window = next(w for w in card.windows if w.title == "Window of operation")
+    told = {n.name: n.number.value for n in window.facts}
+    best = best_point(pf, d=2.12, t=6.32)
+    assert told["V of the optimum"] == pytest.approx(best.V, rel=1e-9)
+    assert told["metal removal rate of the optimum"] == pytest.approx(best.MRR, rel=1e-9)
+    assert "At d 2.12 mm and t 6.32 min" in window.sentences[0]
+
+
+def test_a_limit_without_its_law_is_said_and_not_raised():
+    pf = bundled_file(limits={"force": {"value": 900.0, "unit": "N", "of": "Fc"}})
+    window = next(w for w in compose(pf).windows if w.title == "Window of operation")
+    assert window.sentences[0].startswith("No window of operation: ")
+
+
+HOSTILE = ["<img src=x onerror=alert(1)>", "](javascript:alert(1))", "</script>", "a\nb", "`x`", "{{x}}", "工具"]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_names_stay_as_they_are(name):
+    """Escaping is for the forms; only the slug, which becomes a file name, is made of plain letters."""
+    law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    file = name.replace("/", "")  # no name of a file
+    pf = collect(tool=name, work=name, machine=name, setup=name, note=name, laws=[law], data_file=file)
+    card = compose(pf, publication=Publication(authors=(name,), license=name))
+    assert (card.identity.tool, card.identity.machine, card.provenance.data_file) == (name, name, file)
+    assert card.title == f"{name} on {name}"
+    assert card.publication.authors == (name,)
+    assert re.fullmatch(r"[a-z0-9-]+", card.slug)
+
+
+@given(st.text(min_size=1, max_size=100), st.text(min_size=1, max_size=100))
+@settings(max_examples=50)
+def test_a_slug_is_a_name_that_every_file_system_takes(tool, work):
+    made = slug(collect(tool=tool, work=work))
+    assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", made)
+    assert len(made) <= 81
+
+
+def test_pictures_beside_the_card_are_listed_with_what_they_show(pf, tmp_path):
+    (tmp_path / "figures").mkdir()
+    for name in ("residuals.png", "observed_predicted.png", "posterior_AW_pairs.png", "notes.txt"):
+        (tmp_path / "figures" / name).write_bytes(b"")
+    found = {f.name: f for f in compose(pf, folder=tmp_path).figures if f.file}
+    assert list(found) == ["observed_predicted", "posterior_AW_pairs", "residuals"]
+    assert found["residuals"].file == "figures/residuals.png"
+    assert f"AW R² {pf.laws['AW'].statistics.r2:.4f}" in found["observed_predicted"].alternative
+    assert str(tmp_path) not in compose(pf, folder=tmp_path).model_dump_json()
+
+
+def test_a_publication_is_told_and_what_it_lacks_is_said(pf):
+    card = compose(pf, publication=Publication(title="My wear tests", license="CC-BY-4.0"))
+    assert card.title == "My wear tests"
+    assert card.empty["publication"] == "Not told: authors, contact; say it in card.toml."
+
+
+# --- uncertainty --------------------------------------------------------------------------------------
+
+# JCGM 100:2008 (GUM), table G.2: degrees of freedom -> t for 95 %
+GUM_G2 = {1: 12.71, 2: 4.30, 3: 3.18, 5: 2.57, 10: 2.23, 14: 2.14, 20: 2.09, 50: 2.01}
+
+
+def line_law(df, se=0.3):
+    """A line of feed on wear whose uncertainty is known by its making."""
+    return parameters.Law.model_validate({
+        "form": "feed_line", "response": "fm", "quantity": "feed rate", "unit": "mm/min", "equation": "fm = 2 + 1 VB",
+        "error": "additive", "coefficients": {"fm0": 2.0, "slope": 1.0},
+        "factors": [{"symbol": "VB", "quantity": "wear", "unit": "mm", "low": 0.0, "high": 2.0}],
+        "uncertainty": {"kind": "covariance", "of": ["fm0", "slope"], "matrix": [[se**2, 0], [0, 0]], "df": df},
+        "residual_se": 0.4, "residual_scale": "mm/min", "n": df + 2, "df": df,
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(("df", "k"), GUM_G2.items())
+def test_coverage_factors_are_those_of_the_gums_table(df, k):
+    of_mean, of_row = of_law(line_law(df))
+    assert round(of_mean.k.value, 2) == k
+    assert of_mean.k.text == f"{k:.2f}"
+    assert of_mean.standard.value == pytest.approx(0.3)
+    assert of_row.standard.value == pytest.approx(0.5)  # 0.3 of the law and 0.4 of a row
+    assert of_mean.expanded.value == pytest.approx(of_mean.k.value * 0.3)
+
+
+def test_a_statement_reads_as_the_gum_asks():
+    """JCGM 100:2008, 7.2.3: value, U, its unit, k and the level; to two digits of the uncertainty (7.2.6)."""
+    words = of_law(line_law(10))[0].words
+    assert words.startswith("fm = (3.00 ± 0.67) mm/min at VB 1 mm, for the law itself.")
+    assert "U = k u, with the standard uncertainty u = 0.30 mm/min" in words
+    assert "k = 2.23 from Student's t with 10 degrees of freedom, for a level of confidence of 95 %" in words
+    assert "multiply" not in words
+
+
+@pytest.mark.parametrize("name", ["bundled", "additive", "load line", "levels"])
+def test_statements_are_the_laws_own_intervals(files, name):
+    pf = files[name]
+    told = {}
+    for s in statements(pf):
+        told.setdefault(s.symbol, []).append(s)
+    for response, law in pf.laws.items():
+        logs, by = law.form == "power", law.by.reference if law.by else None
+        at = {
+            f.symbol: float(f"{math.sqrt(f.low * f.high) if logs else (f.low + f.high) / 2:.3g}") for f in law.factors
+        }
+        for s, kind in zip(told[response], ("mean", "prediction"), strict=True):
+            low, high = law.interval(0.95, kind, by, **at)
+            assert (s.value.value, s.low.value, s.high.value) == pytest.approx((law.predict(by, **at), low, high))
+            assert s.expanded.value == pytest.approx(s.k.value * s.standard.value)
+            if law.error == "multiplicative":  # to first order the two intervals are one
+                assert math.log(high / low) / 2 == pytest.approx(s.expanded.value / s.value.value)
+                assert "not symmetric" in s.words
+
+
+def test_the_uncertainty_of_tool_life_is_the_delta_methods(pf):
+    """By finite differences of ln T = (ln W - ln c0 - a ln V ...) / h in the parameters of the wear law."""
+    law, life = pf.laws["AW"], pf.tool_life
+    names, C = law.uncertainty.of, np.array(law.uncertainty.matrix)
+    theta = np.array([math.log(law.coefficients["c0"]), *(law.coefficients[n] for n in names[1:])])
+
+    def ln_T(p):
+        known = dict(zip(names, p, strict=True))
+        rest = sum(known[x] * math.log(life.typical_at[x]) for x in life.typical_at)
+        return (math.log(life.criterion) - known["ln c0"] - rest) / known["t"]
+
+    h = 1e-6
+    g = np.array([(ln_T(theta + h * e) - ln_T(theta - h * e)) / (2 * h) for e in np.eye(len(theta))])
+    of_law_, of_edge = [s for s in statements(pf) if s.symbol == "T"]
+    assert of_law_.value.value == pytest.approx(math.exp(ln_T(theta)))
+    assert of_law_.standard.value / life.typical == pytest.approx(math.sqrt(g @ C @ g), rel=1e-5)
+    more = law.edges.sd_between / law.coefficients["t"]
+    assert of_edge.standard.value / life.typical == pytest.approx(math.hypot(math.sqrt(g @ C @ g), more), rel=1e-5)
+    assert "extrapolation" in of_law_.words
+
+
+# --- the profiler -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["bundled", "additive", "levels"])
+@given(data=st.data())
+@settings(max_examples=40)
+def test_the_profiler_computes_what_the_law_predicts(files, name, data):
+    pf = files[name]
+    for law in pf.laws.values():
+        by = law.by.reference if law.by else None
+        at = {f.symbol: data.draw(st.floats(f.low / 2, 2 * f.high)) for f in law.factors}
+        value, low, high = profile(profiled(law, pf), at)
+        assert value == pytest.approx(law.predict(by, **at), rel=EXACT)
+        assert (low, high) == pytest.approx(law.interval(0.95, "prediction", by, **at), rel=EXACT, abs=1e-12)
+        assert inside(profiled(law, pf), at) == law.inside(by, **at)
+
+
+def test_an_exponential_law_is_profiled_too():
+    law = parameters.Law.model_validate({
+        "form": "exponential", "response": "Ra", "quantity": "roughness", "unit": "um", "equation": "", "n": 9, "df": 7,
+        "error": "multiplicative", "coefficients": {"a": 0.24, "b": 0.0034}, "residual_se": 0.1, "residual_scale": "ln",
+        "factors": [{"symbol": "F", "quantity": "force", "unit": "N", "low": 100.0, "high": 700.0}],
+        "uncertainty": {"kind": "covariance", "of": ["ln a", "b"], "matrix": [[4e-3, -8e-6], [-8e-6, 2e-8]], "df": 7},
+    })  # fmt: skip
+    pf = parameters.ParameterFile(
+        identity={"tool": "a", "work": "b", "simulated": False}, provenance={"fitmodels": "1"}, laws={"Ra": law}
+    )
+    for force in (100.0, 420.0, 900.0):
+        value, low, high = profile(profiled(law, pf), {"F": force})
+        assert value == pytest.approx(0.24 * math.exp(0.0034 * force), rel=EXACT)  # Ra = a exp(b F)
+        assert (low, high) == pytest.approx(law.interval(0.95, "prediction", F=force), rel=EXACT)
+
+
+def test_wear_is_put_in_from_its_own_law(pf):
+    profiler = profiler_part(pf)
+    assert [f.symbol for f in profiler.factors] == ["V", "f", "d", "t"]
+    assert [law.wear for law in profiler.laws] == ["", "AW", "AW"]
+    assert profiler.removal
+    found = profile_all(profiler, profiler.start)
+    wear = pf.laws["AW"].predict(**profiler.start)
+    assert found["AW"][0] == pytest.approx(wear, rel=EXACT)
+    assert found["P"][0] == pytest.approx(pf.laws["P"].predict(**profiler.start, AW=wear), rel=EXACT)
+
+
+def test_a_law_without_covariance_has_a_value_and_no_band(pf):
+    none = {"kind": "none", "reason": "4 observations, 4 parameters"}
+    law = parameters.Law.model_validate({**pf.laws["AW"].model_dump(), "uncertainty": none})
+    bare = pf.model_copy(update={"laws": {"AW": law}})
+    value, low, high = profile(profiled(law, bare), {"V": 100.0, "f": 0.2, "d": 2.0, "t": 8.0})
+    assert value == pytest.approx(law.predict(V=100.0, f=0.2, d=2.0, t=8.0))
+    assert (low, high) == (None, None)
+    card = compose(bare)
+    assert card.empty["uncertainty"] == "No uncertainty can be told: 4 observations, 4 parameters."
