@@ -1,0 +1,221 @@
+"""Region and optimum, AC-2016: what the limits allow, which pair removes most, what less metal buys, and the risk."""
+
+from collections.abc import Mapping
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from ...controllers.region import Chance, Point, VisibleRegion, WearFront, wear_front
+from ...controllers.region.points import four, three
+from ...controllers.region.usual import Held, usual_setting
+from ...datasets.errors import DataError, UsageError
+from . import Replayed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ...parameters import Draws, ParameterFile
+
+TITLE = "Visible region and best V, f (Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006)"
+DEMANDED, LOSS = 0.95, 0.05
+PRINTED = {"B": (154.7, 0.53), "H": (144.0, 0.54), "(147, 0.54)": (147.0, 0.54)}  # AC-2016, read off its charts
+WORDS = {"B": "most metal", "H": "least wear rate", "(147, 0.54)": "least wear"}
+
+
+def lacks(pf: "ParameterFile") -> str:
+    """Why a file cannot drive the system, in a sentence; empty where it can."""
+    limits = pf.limits
+    if limits is None or (limits.power, limits.force, limits.wear) == (None, None, None):
+        return "The file limits neither power, force nor wear: put one into its section limits, such as power 7 kW."
+    try:
+        usual_setting(pf).region(pf)
+    except UsageError as error:
+        return str(error)
+    return ""
+
+
+def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
+    """Work out the region of a file, its best pair, and what it risks."""
+    held = usual_setting(pf)
+    region = held.region(pf)
+    assumed = [*held.assumed, *region.notes]
+    setting = {"d_mm": held.d, "t_min": held.t, "by": held.by, "at": held.at}
+    if region.empty:
+        facts: dict[str, object] = {**setting, "empty": True, "conflict": region.conflict}
+        return Replayed(
+            "region", TITLE, (region.conflict,), tuple(assumed), facts, _figures(region, {}, None, None, {})
+        )
+    front = wear_front(region) if region.wear is not None else None
+    marks = {f"AC-2016's {name}": region.at(*pair) for name, pair in PRINTED.items()} if _is_ac2016(pf, held) else {}
+    lines = [*_optimum(region), *_less(region)]
+    facts = {**setting, "empty": False, "optimum": region.best.facts(), "corners": _corners(region)}
+    if front is not None:
+        facts["least_wear"] = {"loss": LOSS, **region.least_wear(LOSS).facts()}
+    chances, more = _chances(pf, held, draws, seed)
+    risks, facts["probability"], safe = _risk(region, chances)
+    facts["printed"] = {name: point.facts() for name, point in marks.items()}
+    lines += [*risks, *_printed(region, marks, chances.get("new_edge"))]
+    assumed += more
+    figures = _figures(region, marks, front, chances.get("new_edge"), safe)
+    return Replayed("region", TITLE, tuple(lines), tuple(assumed), facts, figures)
+
+
+def _optimum(region: VisibleRegion) -> list[str]:
+    best = region.best
+    worth = ", ".join(f"of {name} {value:.2f} %" for name, value in region.worth.items())
+    held = f"It is held by {' and '.join(best.held_by)}"
+    lines = [
+        f"Most metal within the limits at {_at(region)}: {best.words} (calculated).",
+        f"{held}; 1 % more of a limit is worth, in metal, {worth}." if worth else f"{held}.",
+    ]
+    if not best.tested:
+        lines.append("This pair lies outside what the laws were tested over: cut there before relying on it.")
+    corners = "; ".join(f"{c.letter} ({four(c.V)}, {four(c.f)}) {' and '.join(c.limits)}" for c in region.corners)
+    lines.append(f"Corners of the region, (V m/min, f mm/rev) and the limits that meet there: {corners}.")
+    return lines
+
+
+def _less(region: VisibleRegion) -> list[str]:
+    if region.wear is None:
+        return ["The file has no power law of wear, so what a slower cut saves is not known."]
+    best, less = region.best, region.least_wear(LOSS)
+    before, after, unit = best.values[region.wear], less.values[region.wear], best.units[region.wear]
+    rate = ""
+    if best.wear_rate is not None and less.wear_rate is not None:
+        rate = f", and the wear rate, least there too, from {three(best.wear_rate)} to {three(less.wear_rate)} um/min"
+    return [
+        f"{100 * LOSS:g} % less metal ({less.where}: MRR {less.MRR:.0f} mm3/min) lowers {region.wear} after "
+        f"{region.setting.t:g} min by {100 * (1 - after / before):.1f} %, from {three(before)} to {three(after)} {unit}"
+        f"{rate}."
+    ]
+
+
+def _risk(
+    region: VisibleRegion, chances: Mapping[str, Chance]
+) -> tuple[list[str], dict[str, object], dict[str, Point]]:
+    """Sentences, facts and the best pairs for a demanded probability: of a new edge, of the laws where unsure."""
+    best, lines, found = region.best, [], {}
+    facts: dict[str, dict[str, object]] = {}
+    for kind, chance in chances.items():
+        kept = chance.at(*best.xy)
+        facts[kind] = {"of": chance.of, "draws": chance.count, "at_optimum": kept, "level": DEMANDED, "best": None}
+        head = f"For {chance.of} ({chance.count} draws)"
+        try:
+            safe = chance.best(DEMANDED)
+        except DataError as error:
+            lines.append(f"{head}: {error}")
+            continue
+        facts[kind]["best"] = safe.facts()
+        if kind == "new_edge":
+            found[f"best for {100 * DEMANDED:g} %"] = safe
+        lines.append(
+            f"{head} the best pair keeps all limits with probability {_percent(kept, chance.count)}; for "
+            f"{100 * DEMANDED:g} % the best is {safe.where}: MRR {safe.MRR:.0f} mm3/min, "
+            f"{100 * (1 - safe.MRR / best.MRR):.0f} % less metal{'' if safe.tested else ', outside what was tested'}."
+        )
+    return lines, dict(facts), found
+
+
+def _printed(region: VisibleRegion, marks: Mapping[str, Point], chance: Chance | None) -> list[str]:
+    """AC-2016's points, read off its charts, with the loads they draw and what they risk."""
+    out = []
+    for (name, point), words in zip(marks.items(), WORDS.values(), strict=False):
+        limits = [each for each in region.limits if each.symbol in point.values]
+        risks = {} if chance is None else chance.risks(*point.xy)
+        loads = [
+            f"{each.symbol} {three(point.values[each.symbol])} {point.units[each.symbol]} for {each.value:g}"
+            + (f" (over it in {100 * risks[each.symbol]:.0f} % of new edges)" if risks else "")
+            for each in limits
+        ]
+        over = f"over {' and '.join(point.exceeds)}" if point.exceeds else "within the limits"
+        kept = (
+            "" if chance is None else f"; it keeps all with probability {_percent(chance.at(*point.xy), chance.count)}"
+        )
+        out.append(
+            f"{name} ({words}, read off a chart), {point.where}: MRR {point.MRR:.0f} mm3/min, {', '.join(loads)}: "
+            f"{over}{kept}."
+        )
+    return out
+
+
+def _chances(
+    pf: "ParameterFile", held: Held, draws: "Mapping[str, Draws]", seed: int
+) -> tuple[dict[str, Chance], list[str]]:
+    """Chances of a new edge, and of the laws themselves where their parameters are uncertain; and what is assumed."""
+    try:
+        chances = {"new_edge": held.chance(pf, draws, seed, "prediction")}
+    except UsageError as error:
+        return {}, [f"How likely a pair keeps its limits is not known: {error}"]
+    sources = chances["new_edge"].sources
+    if draws or not all("exactly known" in words for words in sources):
+        chances["laws"] = held.chance(pf, draws, seed, "mean")
+    return chances, [
+        f"Probabilities take {_grouped(sources)}.",
+        "Given the data the laws are taken as independent; so is how far the wear, power and force of a row lie off "
+        "them.",
+    ]
+
+
+def _grouped(sources: tuple[str, ...]) -> str:
+    """Laws with the same source together."""
+    by_source: dict[str, list[str]] = {}
+    for words in sources:
+        name, _, source = words.partition(" ")
+        by_source.setdefault(source, []).append(name)
+    return "; ".join(f"{', '.join(names)} {source}" for source, names in by_source.items())
+
+
+def _is_ac2016(pf: "ParameterFile", held: Held) -> bool:
+    """Whether this is the paper's case: its file, or its tool, work and limits; at its depth and time."""
+    if (held.d, held.t) != (2.5, 10.0):
+        return False
+    if pf.provenance.options.get("paper") == "AC-2016":
+        return True
+    who, limits = pf.identity, pf.limits
+    pair = any(name in who.tool.upper() for name in ("GC435", "GC345")) and who.work.upper().startswith("709M40")
+    if not pair or limits is None or limits.power is None or limits.force is None:
+        return False
+    asked = (limits.power.value, limits.power.unit, limits.force.value, limits.force.unit)
+    return asked == (7.0, "kW", 1300.0, "N")
+
+
+def _figures(
+    region: VisibleRegion,
+    marks: Mapping[str, Point],
+    front: WearFront | None,
+    chance: Chance | None,
+    safe: Mapping[str, Point],
+) -> "dict[str, Figure]":
+    from ...controllers.region.draw import (
+        chance_picture,
+        close_picture,
+        front_picture,
+        region_picture,
+        surfaces_picture,
+        wear_picture,
+    )
+
+    axes = {"region": region_picture(region, marks=marks)}
+    if front is not None:
+        axes["region_wear"] = wear_picture(region, front=front)
+        axes["region_less_metal"] = front_picture(front)
+        if front.wear_rate is not None:
+            axes["region_wear_rate"] = wear_picture(region, front=front, rate=True)
+    if marks:
+        axes["region_close"] = close_picture(region, marks)
+    if chance is not None:
+        axes["region_probability"] = chance_picture(chance, marks={**marks, **safe})
+    figures: dict[str, Figure] = {name: ax.get_figure(root=True) for name, ax in axes.items()}  # type: ignore[misc]
+    return {**figures, "region_surfaces": surfaces_picture(region)}
+
+
+def _corners(region: VisibleRegion) -> list[dict[str, object]]:
+    return [{"letter": c.letter, "V_m_min": c.V, "f_mm_rev": c.f, "limits": list(c.limits)} for c in region.corners]
+
+
+def _at(region: VisibleRegion) -> str:
+    return f"d {region.setting.d:g} mm and t {region.setting.t:g} min"
+
+
+def _percent(p: float, draws: int) -> str:
+    """A share of draws with its Monte Carlo error, two standard errors."""
+    return f"{100 * p:.0f} +- {200 * sqrt(p * (1 - p) / draws):.1f} %"

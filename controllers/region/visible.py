@@ -1,0 +1,244 @@
+"""The visible region: every pair of V and f that power, force, wear and the machine allow, with its exact corners.
+
+Power laws are linear in ln V and ln f, so the region is a polygon there, and the pair with the greatest metal removal
+rate, ``ln MRR = ln(1000 d) + ln V + ln f``, is one of its corners: a linear programme in two unknowns.
+
+Source: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006, section III, whose corners are read off contour charts.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...datasets.errors import DataError, UsageError
+from .allowed import Box, box, half_planes, limited, merged, of_spindle
+from .clipping import TOUCH, Array, HalfPlane, clip, left_by, rectangle
+from .corners import Corner, best_corner, from_best, lettered, worth
+from .excluded import exclusion
+from .needed import also_told, check_held, wear_needed
+from .points import SAME, Point, ln, plain
+from .surfaces import Plane, Setting, planes, ratio
+from .tested import tested, untested
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ...parameters import Law, Limits, ParameterFile
+
+
+@dataclass(frozen=True, slots=True)
+class VisibleRegion:
+    """What may be set at one depth and time.
+
+    Attributes
+    ----------
+    corners : tuple of Corner
+        Clockwise on a chart of f over V; the corner of the greatest MRR is B, as in AC-2016. Empty where nothing is
+        allowed.
+    limits : tuple of HalfPlane
+        Those of the responses and of the spindle, then the four sides of the machine's ranges.
+    planes : dict of Plane
+        Limited responses, and the wear, over ln V and ln f.
+    polygon : ndarray, shape (n, 2)
+        Corners as (ln V, ln f).
+    box : Box
+        The machine's ranges.
+    setting : Setting
+        Depth, time, level, further factors.
+    laws : dict of Law
+    wear : str or None
+        Symbol of the wear, where the file has a law of it.
+    notes : tuple of str
+        Where ranges come from, what was left aside, what lies outside the tests.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> region = visible_region(published("AC-2016"), d=2.5, t=10.0)
+    >>> [(corner.letter, round(corner.V, 1), round(corner.f, 3)) for corner in region.corners][:2]
+    [('A', 104.7, 0.6), ('B', 147.9, 0.53)]
+    """
+
+    corners: tuple[Corner, ...]
+    limits: tuple[HalfPlane, ...]
+    planes: Mapping[str, Plane]
+    polygon: Array
+    box: Box
+    setting: Setting
+    laws: Mapping[str, "Law"]
+    wear: str | None
+    notes: tuple[str, ...]
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is allowed: the limits exclude each other, and `conflict` says which."""
+        return not self.corners
+
+    @property
+    def conflict(self) -> str:
+        """Which limits exclude each other, and how far they are from letting anything through; else nothing."""
+        return exclusion(self.limits[:-4], self.limits[-4:], self.planes) if self.empty else ""
+
+    @property
+    def best(self) -> Point:
+        """The pair with the greatest metal removal rate: corner B.
+
+        Of corners that remove alike, the one that wears least.
+
+        Raises
+        ------
+        DataError
+            The region is empty.
+        """
+        return self._at(self.polygon[self._best()])
+
+    @property
+    def worth(self) -> dict[str, float]:
+        """What 1 % more of each limit that holds the best pair is worth, in % of MRR: ``{"P 7 kW": 0.83}``."""
+        return worth(self.polygon[self._best()], self.limits)
+
+    @property
+    def rate_of_wear(self) -> float | None:
+        """What the wear is multiplied by to be its rate in um/min: ``h/t``, and the unit; None without a law over t.
+
+        The derivative of eq. 6 of AC-2016, whose eq. 7 and 13 leave out h = 0.245.
+        """
+        law = None if self.wear is None else self.laws[self.wear]
+        if law is None or "t" not in law.coefficients:
+            return None
+        return law.coefficients["t"] / self.setting.t * ratio(law.unit, "um")
+
+    def contains(self, V: Any, f: Any) -> Any:  # noqa: ANN401
+        """Whether pairs keep every limit, to a part in 10^9: arrays broadcast, bool or ndarray of bool."""
+        x = np.stack(np.broadcast_arrays(np.log(V), np.log(f)), axis=-1)
+        within = np.logical_and.reduce([each.beyond(x) <= SAME for each in self.limits])
+        return within if np.ndim(within) else bool(within)
+
+    def at(self, V: float, f: float) -> Point:
+        """What the laws say of a pair, inside or outside the region."""
+        for name, value in (("V", V), ("f", f)):
+            if not (np.isfinite(value) and value > 0):
+                raise UsageError(f"{name} = {value:g}: a power law needs a positive value.")
+        return self._at(ln(V, f))
+
+    def least_wear(self, loss: float = 0.05) -> Point:
+        """The pair that wears least among those that give up at most this share of the greatest MRR.
+
+        The least wear after t and the least wear rate at t are one pair: at a given t the rate is h/t of the wear.
+
+        Raises
+        ------
+        UsageError
+            The file has no law of wear, or the share is not between 0 and 1.
+        DataError
+            The region is empty.
+        """
+        if self.wear is None:
+            raise UsageError("the file has no power law of wear (AW or VB); fit one to tell what a slower cut saves.")
+        if not 0 <= loss < 1:
+            raise UsageError(f"loss = {loss:g} of the greatest MRR: it is a share from 0 to below 1, as 0.05.")
+        most = self.polygon[self._best()].sum() + np.log1p(-loss)
+        left = clip(self.polygon, HalfPlane("MRR", "mm3/min", "least", 0.0, (-1.0, -1.0), -float(most)))
+        worn = left @ self.planes[self.wear].slopes
+        least = np.flatnonzero(worn <= worn.min() + TOUCH)
+        return self._at(left[least[np.argmax(left[least].sum(axis=1))]])
+
+    def plot(self, ax: "Axes | None" = None, *, marks: Mapping[str, Point] | None = None) -> "Axes":
+        """Draw the region with its limits, contours of MRR, corners and optimum; ``marks`` are further points."""
+        from .draw import region_picture
+
+        return region_picture(self, ax, marks)
+
+    def _best(self) -> int:
+        if self.empty:
+            raise DataError(self.conflict)
+        return best_corner(self.polygon, self.planes.get(self.wear or ""))
+
+    def _at(self, x: Array) -> Point:
+        V, f = plain(x[0]), plain(x[1])
+        values = {name: float(each.value(x)) for name, each in self.planes.items()}
+        over = {each.name: float(each.beyond(x)) for each in self.limits}
+        return Point(
+            V=V,
+            f=f,
+            MRR=1000 * V * f * self.setting.d,
+            values=values,
+            units={name: each.unit for name, each in self.planes.items()},
+            wear_rate=None if self.rate_of_wear is None else values[self.wear or ""] * self.rate_of_wear,
+            held_by=tuple(name for name, by in over.items() if abs(by) <= SAME),
+            exceeds=tuple(name for name, by in over.items() if by > SAME),
+            tested=tested(self.laws, self.setting, self.wear, {**values, "V": V, "f": f}),
+        )
+
+
+def visible_region(
+    pf: "ParameterFile",
+    *,
+    limits: "Limits | Mapping[str, Any] | None" = None,
+    d: float = 2.5,
+    t: float = 10.0,
+    by: str | None = None,
+    at: Mapping[str, float] | None = None,
+) -> VisibleRegion:
+    """Find every pair of V and f that the limits allow at a depth and a time.
+
+    A law with wear among its factors takes it from the file's law of wear: after ``t`` min at that V, f and d.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+        With power laws of what is limited.
+    limits : Limits or mapping, optional
+        In place of the file's limits of the same name; a bare number is in kW, N or mm, a pair in m/min or mm/rev;
+        None drops one. Without ranges of speed and feed what was tested is taken, and a note says so.
+    d, t : float
+        Depth of cut, mm, and cutting time, min; the defaults are AC-2016's.
+    by : str, optional
+        Level of laws that have levels.
+    at : mapping, optional
+        Further factors of the laws in their units; the wear, to use a measured one; the diameter ``D`` in mm, for
+        limits of spindle speed and feed rate.
+
+    Returns
+    -------
+    VisibleRegion
+        Empty where the limits exclude each other: its ``conflict`` says which.
+
+    Raises
+    ------
+    UsageError
+        A limited response without a power law, a factor that nothing is known of, a limit that is none.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> region = visible_region(published("AC-2016"), limits={"power": 0.01})
+    >>> print(region.conflict)
+    V at least 50 m/min, f at least 0.06 mm/rev and P at most 0.01 kW exclude each other: P is 0.5227 kW there at best.
+    """
+    setting = Setting(float(d), float(t), by, dict(at or {}))
+    check_held(pf, setting)
+    asked = merged(pf, limits)
+    bounds, machine = limited(pf, asked), box(pf, asked)
+    worn = None if asked.wear is None else asked.wear.of
+    wear = wear_needed(pf, setting, worn)
+    over = planes(pf, (*bounds, *also_told(pf, setting, wear)), setting, wear)
+    spindle, notes = of_spindle(asked, setting)
+    held = (*half_planes(bounds, over), *spindle)
+    polygon = left_by(held, rectangle(machine.low, machine.high))
+    symbol = None if wear is None else wear.response
+    polygon = from_best(polygon, over.get(symbol or ""))
+    laws = {name: pf.laws[name] for name in over}
+    return VisibleRegion(
+        corners=lettered(polygon, (*held, *machine.sides)),
+        limits=(*held, *machine.sides),
+        planes={name: over[name] for name in sorted(over, key=lambda name: name == symbol)},
+        polygon=polygon,
+        box=machine,
+        setting=setting,
+        laws=laws,
+        wear=symbol,
+        notes=(*machine.notes, *notes, *untested(laws, setting)),
+    )
