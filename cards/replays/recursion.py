@@ -1,0 +1,240 @@
+"""What the recursion of AC-2017 tells from a parameter file: life, metal removed, limits, what each reading costs."""
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from ...controllers.recursion import (
+    Life,
+    LifeLaws,
+    Rules,
+    TurningRecursion,
+    WearingEdge,
+    best_fixed,
+    carried_out,
+    compared,
+    depth,
+    life_laws,
+    not_convex,
+    shortfall,
+    whole_life,
+)
+from . import Replayed
+from .recursion_draws import LEVEL, Three, draw_lines, drawn, rounded
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ...parameters import Draws, ParameterFile
+
+TITLE = "Recursive turning to the end of an edge (AC-2017: Alaskari and Oraby 2017)"
+CALCULATED = "Everything here is calculated from the laws of the file; nothing was cut."
+CAUTION = (
+    "Each interval takes the pair that is best for itself; a sequence that spares the edge early may remove more in "
+    "its whole life."
+)
+COUNTED = {
+    "full": "with every time of the laws counted",
+    "published": "without the times in power and force (as in the paper)",
+}
+STATE = "Wear from the state reached is a reconstruction: the paper adds wear by the clock (eq. 4)."
+
+
+def lacks(pf: "ParameterFile") -> str:
+    """Why a file cannot drive the recursion, in a sentence; empty where it can."""
+    return shortfall(pf)
+
+
+def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
+    """Replay the recursion, its other readings, the exact optimum, a fixed pair, and the draws."""
+    laws = life_laws(pf)
+    rules = Rules(laws.times)
+    life = whole_life(laws)
+    exact = None if not_convex(laws) else whole_life(laws, rules, how="exact")
+    found = drawn(laws, draws, rules, seed)
+    lines = [*_life_lines(life), *_reading_lines(life), *_exact_lines(life, exact), *_fixed_lines(life)]
+    return Replayed(
+        system="recursion",
+        title=TITLE,
+        lines=(*lines, *draw_lines(found, draws)),
+        assumed=(*_assumed(pf, laws), *laws.notes, CALCULATED, STATE, CAUTION),
+        facts={**_facts(life, exact, found), "replay_agrees": _agrees(pf, life)},
+        figures=_figures(life, exact, found),
+    )
+
+
+def _agrees(pf: "ParameterFile", life: Life) -> bool:
+    """Whether the controller, step by step on an edge of the same laws, chooses the same pairs and ends as the life."""
+    from ...controllers import replay
+
+    step, n = 60 * life.rules.interval, len(life.time)
+    edge = WearingEdge(life.laws)
+    trace = replay(TurningRecursion.from_parameters(pf), edge, duration=(n + 1) * step, dt=step, until="worn out")
+    pairs = [[V, f] for V, f in zip(life.V.tolist(), life.f.tolist(), strict=True)]
+    return trace.command[:n].tolist() == pairs and trace.first("worn out") == (n * step if life.ended else None)
+
+
+def _life_lines(life: Life) -> list[str]:
+    laws = life.laws
+    if not len(life.time):
+        broken = " and ".join(name for name, by in life.surfaces(0).breaks.items() if by.any())
+        return [f"No pair of the grid keeps within the limits of a new edge ({broken}): there is nothing to cut."]
+    end = "is worn out" if life.ended else "is not yet worn out (no further was computed)"
+    first = (
+        f"The edge {end} after {life.minutes:g} min and {_metal(life.removed)}, {_metal(life.per_minute)} a minute, "
+        f"from {life.V[0]:g} m/min and {life.f[0]:g} mm/rev at first to {life.V[-1]:g} and {life.f[-1]:g} at last, "
+        f"d {laws.d:g} mm."
+    )
+    return [first, _binding(life), *([_end(life)] if life.ended else [])]
+
+
+def _binding(life: Life) -> str:
+    """Which limits forbid more, and when."""
+    parts, k = [], 0
+    for stops, group in groupby(life.stops):
+        n = len(list(group))
+        parts.append(f"{_and(stops) or 'nothing'} in {_span(life, k, k + n)}")
+        k += n
+    return f"A step more of speed or feed is forbidden by {'; '.join(parts)}."
+
+
+def _end(life: Life) -> str:
+    k = len(life.time)
+    breaks = life.surfaces(k).breaks
+    wear, criterion = life.laws.wear, f"{life.laws.wear.most:g} {life.laws.wear.unit}"
+    reached = f"{wear.response} stands at {life.AW[-1]:.3g} {wear.unit}"
+    if breaks["wear"].all():
+        return f"Then {reached}, and every pair of the grid would take it over {criterion} in the next interval."
+    others = _and([name for name, broken in breaks.items() if name != "wear" and broken.any()])
+    return f"Then {reached}, and what would keep it under {criterion} is forbidden by {others}."
+
+
+def _reading_lines(life: Life) -> list[str]:
+    """What the times that count and the way wear adds up cost in metal."""
+    if not len(life.time):
+        return []
+    laws, rules = life.laws, life.rules
+    other = Rules("full" if rules.times == "published" else "published", rules.wear, rules.interval)
+    beside, state = whole_life(laws, other, life.grid), Rules(rules.times, "wear_state", rules.interval)
+    own, held = whole_life(laws, state, life.grid), carried_out(life, laws, state)
+    return [
+        f"This plan is made {COUNTED[rules.times]}; {COUNTED[other.times]} it would be {_lasts(beside)}, "
+        f"{_more(beside, life)}.{_wrong_times(life, beside)}",
+        f"Wear here adds up by the clock; planned from the wear reached it would be {_lasts(own)}, {_more(own, life)}.",
+        f"If edges do wear from the state reached and this plan is cut all the same, they last {_lasts(held)}, "
+        f"{_more(held, life)}.",
+    ]
+
+
+def _wrong_times(life: Life, beside: Life) -> str:
+    """What the plan that counts every time takes if the times do not count after all."""
+    full = beside if beside.rules.times == "full" else life
+    taken = carried_out(full, life.laws, Rules("published", life.rules.wear, life.rules.interval))
+    values = {"power": taken.P, "force": taken.Fxz}
+    peaks = [
+        f"{rounded(float(values[name].max()))} {terms.unit}" for name, terms in life.laws.limited if len(taken.time)
+    ]
+    return f" Should the times not count, the plan that counts them takes up to {_and(peaks)}." if peaks else ""
+
+
+def _exact_lines(life: Life, exact: Life | None) -> list[str]:
+    if exact is None:
+        return [f"No exact optimum beside the grid: {not_convex(life.laws)}"]
+    if not len(life.time) or not len(exact.time):
+        return []
+    return [
+        f"With the exact optimum of each interval in place of the grid's best pair: {_lasts(exact)}, "
+        f"{_more(exact, life)}, from {exact.V[0]:.1f} m/min and {exact.f[0]:.3f} mm/rev at first."
+    ]
+
+
+def _fixed_lines(life: Life) -> list[str]:
+    fixed = best_fixed(life.laws, life.rules, life.grid) if len(life.time) else None
+    if fixed is None:
+        return []
+    ratio = compared(life, fixed)
+    return [
+        f"The best fixed pair that keeps its limits to the end, {fixed.V:g} m/min and {fixed.f:g} mm/rev, lasts "
+        f"{fixed.minutes:.1f} min at {_metal(fixed.per_minute)} a minute: the recursion removes {ratio.per_minute:.2f} "
+        f"times as much a minute and {ratio.removed:.2f} times as much an edge."
+    ]
+
+
+def _assumed(pf: "ParameterFile", laws: LifeLaws) -> tuple[str, ...]:
+    times = (
+        "The times of power and force do not count, as in the paper's eq. 6 and 7 and its tables."
+        if laws.times == "published"
+        else "All times of the laws count; the paper's own tables leave those of power and force out."
+    )
+    tested = any(factor.symbol == "d" for law in pf.laws.values() for factor in law.factors)
+    why = "the papers'" if depth(pf) == 2.5 else "the middle of the tested depths" if tested else "no law has a depth"
+    return (f"Depth of cut {laws.d:g} mm ({why}), intervals of 1 min, steps of 10 m/min and 0.005 mm/rev.", times)
+
+
+def _facts(life: Life, exact: Life | None, found: Three | None) -> dict[str, object]:
+    facts: dict[str, object] = {
+        "depth_mm": life.laws.d,
+        "times": life.rules.times,
+        "wear": life.rules.wear,
+        "life_min": life.minutes,
+        "removed_mm3": life.removed,
+        "removed_mm3_per_min": life.per_minute,
+        "intervals": [
+            {"end_min": float(t), "V_m_per_min": float(V), "f_mm_per_rev": float(f), "MRR_mm3_per_min": float(rate),
+             "stops": list(stops)}
+            for t, V, f, rate, stops in zip(life.time, life.V, life.f, life.MRR, life.stops, strict=True)
+        ],
+        "exact_life_min": None if exact is None else exact.minutes,
+        "exact_removed_mm3": None if exact is None else exact.removed,
+    }  # fmt: skip
+    for times in ("published", "full"):
+        for wear in ("clock", "wear_state"):
+            other = whole_life(life.laws, Rules(times, wear, life.rules.interval), life.grid)
+            facts[f"{times}_{wear}"] = {"life_min": other.minutes, "removed_mm3": other.removed}
+    for name, of in zip(("plan", "plan_new_edges", "own"), found or (), strict=False):
+        ends = {key: of.band(what, LEVEL) for what, key in (("minutes", "life_min"), ("removed", "removed_mm3"))}
+        facts[f"draws_{name}"] = {
+            "draws": len(of.minutes), "level": LEVEL, "ends_early": of.ends_early,
+            **{key: {"low": low, "median": middle, "high": high} for key, (low, middle, high) in ends.items()},
+        }  # fmt: skip
+    return facts
+
+
+def _figures(life: Life, exact: Life | None, found: Three | None) -> "dict[str, Figure]":
+    from ...controllers.recursion.draw import draws_figure, life_figure, pairs_figure, plane_figure, speeds_figure
+
+    if not len(life.time):
+        return {"recursion_first_plane": plane_figure(life, 0)}
+    figures = {
+        "recursion_life": life_figure(life, exact),
+        "recursion_pairs": pairs_figure(life, exact),
+        "recursion_first_speeds": speeds_figure(life, 0),
+        "recursion_first_plane": plane_figure(life, 0),
+        "recursion_last_plane": plane_figure(life, len(life.time) - 1),
+    }
+    return figures if found is None else {**figures, "recursion_draws": draws_figure(found[0], found[2])}
+
+
+def _lasts(life: Life) -> str:
+    return f"{life.minutes:g} min and {_metal(life.removed)}"
+
+
+def _more(life: Life, than: Life) -> str:
+    share = life.removed / than.removed - 1
+    return f"{100 * abs(share):.1f} % {'more' if share >= 0 else 'less'} metal"
+
+
+def _metal(volume: float) -> str:
+    """Metal in cm3; the facts have mm3 in full."""
+    return f"{volume / 1000:.4g} cm3"
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 2 else names)
+
+
+def _span(life: Life, first: int, end: int) -> str:
+    step = life.rules.interval
+    if step != 1:
+        return f"{first * step:g} to {end * step:g} min"
+    return f"minute {end}" if end == first + 1 else f"minutes {first + 1} to {end}"

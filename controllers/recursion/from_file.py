@@ -1,0 +1,211 @@
+"""The laws of an edge's life from a parameter file, in the units of the recursion, or what is missing."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...datasets.errors import UsageError
+from ...datasets.units import convert, same_dimension
+from .laws import LifeLaws, Terms
+
+if TYPE_CHECKING:
+    from ...parameters import Bound, Law, Limits, ParameterFile, Range
+
+DEPTH = 2.5  # mm, of both papers
+PAPER = "AC-2017"  # provenance.options["paper"] of its own file
+UNITS: Mapping[str, str] = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
+MOVING = ("V", "f", "t")
+USUAL: Mapping[str, tuple[str, ...]] = {"wear": ("AW", "VB"), "power": ("P",), "force": ("Fxz",)}
+
+
+def life_laws(
+    pf: "ParameterFile", *, d: float | None = None, by: str | None = None, at: Mapping[str, float] | None = None
+) -> LifeLaws:
+    """Take from a parameter file what the recursion needs.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+        With a power law of wear in V, f and t, a wear criterion, and ranges of speed and feed (``limits``, or else
+        the tested ones); limits of power and force count where there is a law of them too.
+    d : float, optional
+        Depth of cut, mm; unless given 2.5, the papers', or the middle of the tested depths where 2.5 is none of them.
+    by : str, optional
+        Level of laws that have levels; their reference unless given.
+    at : mapping, optional
+        Any other factor's value, by its symbol.
+
+    Raises
+    ------
+    UsageError
+        Something is missing, stands in another unit than the recursion's, or cannot be: the sentence names it.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> laws = life_laws(published("AC-2017"))
+    >>> round(float(laws.wear(150.0, 0.58)), 6), laws.power.most
+    (0.157219, 7.0)
+    """
+    limits, criterion = _limits(pf)
+    name = _response(pf, "wear", criterion)
+    wear = pf.laws[name]
+    _need_wear(wear)
+    d = depth(pf) if d is None else d
+    if not (math.isfinite(d) and d > 0):
+        raise UsageError(f"d {d!r} mm: a depth of cut lies above zero.")
+    fixed, notes = {**(at or {}), "d": d}, list[str]()
+    return LifeLaws(
+        wear=_terms(wear, name, criterion, fixed, by, notes),
+        power=_limited(pf, "power", name, fixed, by, notes),
+        force=_limited(pf, "force", name, fixed, by, notes),
+        d=float(d),
+        V=_range(limits.speed, wear, "V"),
+        f=_range(limits.feed, wear, "f"),
+        times="published" if pf.provenance.options.get("paper") == PAPER else "full",
+        notes=tuple(notes),
+    )
+
+
+def shortfall(pf: "ParameterFile") -> str:
+    """Why a file cannot drive the recursion, in a sentence; empty where it can.
+
+    >>> from fitmodels.parameters.published import published
+    >>> shortfall(published("AC-2017")), "criterion" in shortfall(published("AC-2016"))
+    ('', True)
+    """
+    try:
+        life_laws(pf)
+    except UsageError as error:
+        return str(error)
+    return ""
+
+
+def depth(pf: "ParameterFile") -> float:
+    """Depth of cut unless given, mm: the papers' 2.5, or the geometric middle of the tested ones if it is outside."""
+    tested = [(f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol == "d" and f.low > 0]
+    if not tested:
+        return DEPTH
+    low, high = max(low for low, _ in tested), min(high for _, high in tested)
+    return DEPTH if low <= DEPTH <= high or low > high else round(math.sqrt(low * high), 3)
+
+
+def _limits(pf: "ParameterFile") -> "tuple[Limits, Bound]":
+    """The limits, and the wear criterion among them."""
+    if pf.limits is None or pf.limits.wear is None:
+        raise UsageError(
+            "the file sets no wear criterion (limits.wear), at which an edge is worn out; collect it with "
+            "limits={'wear': 0.3, ...}."
+        )
+    return pf.limits, pf.limits.wear
+
+
+def _response(pf: "ParameterFile", what: str, bound: "Bound") -> str:
+    """Symbol of the law that a limit is of."""
+    names = (bound.of,) if bound.of else USUAL[what]
+    found = next((name for name in names if name in pf.laws and pf.laws[name].form == "power"), "")
+    if not found and what == "wear":
+        held = ", ".join(pf.laws) or "none"
+        raise UsageError(f"the file holds no power law of the wear {' or '.join(names)} (its laws: {held}); fit one.")
+    return found
+
+
+def _need_wear(law: "Law") -> None:
+    symbols = {factor.symbol for factor in law.factors}
+    missing = [name for name in MOVING if name not in symbols]
+    if missing:
+        raise UsageError(
+            f"the law of {law.response} is without {', '.join(missing)}; a life is computed from wear over V, f and t: "
+            "fit it on those."
+        )
+    if law.coefficients["t"] <= 0:
+        grows = f"the law of {law.response} has t^{law.coefficients['t']:g}: wear that does not grow with time"
+        raise UsageError(f"{grows} has no end of life. Check the tests.")
+
+
+def _limited(
+    pf: "ParameterFile", what: str, wear: str, fixed: Mapping[str, float], by: str | None, notes: list[str]
+) -> Terms | None:
+    """The law of power or force with its limit, or None and a note."""
+    bound = getattr(pf.limits, what)
+    if bound is None:
+        notes.append(f"The file sets no limit of {what}: none was kept.")
+        return None
+    name = _response(pf, what, bound)
+    if not name:
+        notes.append(f"The file limits {what} to {bound.value:g} {bound.unit} but holds no power law of it: not kept.")
+        return None
+    return _terms(pf.laws[name], wear, bound, fixed, by, notes)
+
+
+def _terms(
+    law: "Law", wear: str, bound: "Bound", fixed: Mapping[str, float], by: str | None, notes: list[str]
+) -> Terms:
+    put_in = [*_constants(law, wear, fixed), *_shift(law, by, notes)]
+    levels = law.by.shifts if law.by else {}
+    known = {**law.coefficients, **{f"{law.by.column if law.by else ''}[{name}]": levels[name] for name in levels}}
+    exponent = {name: law.coefficients.get(name, 0.0) for name in (*MOVING, wear)}
+    return Terms(
+        response=law.response,
+        unit=law.unit,
+        ln_c=math.log(law.coefficients["c0"]) + sum(known[name] * times for name, times in put_in),
+        V=exponent["V"],
+        f=exponent["f"],
+        t=exponent["t"],
+        AW=exponent[wear],
+        most=_in_unit(law, bound),
+        put_in=tuple(put_in),
+    )
+
+
+def _constants(law: "Law", wear: str, fixed: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Factors that do not move, each with the logarithm of its value; refuse a unit that is another."""
+    out = []
+    for factor in law.factors:
+        name = factor.symbol
+        if name in UNITS and factor.unit != UNITS[name]:
+            raise UsageError(
+                f"the law of {law.response} has {name} in {factor.unit!r}; the recursion computes in {UNITS[name]}: "
+                "fit it in that."
+            )
+        if name in MOVING or name == wear:
+            continue
+        if not fixed.get(name, 0.0) > 0:
+            raise UsageError(f"the law of {law.response} needs {name} ({factor.unit}) too; give at={{{name!r}: ...}}.")
+        out.append((name, math.log(fixed[name])))
+    return out
+
+
+def _shift(law: "Law", by: str | None, notes: list[str]) -> list[tuple[str, float]]:
+    if law.by is None:
+        return []
+    level = law.by.reference if by is None else by
+    if level != law.by.reference and level not in law.by.shifts:
+        known = ", ".join([law.by.reference, *law.by.shifts])
+        raise UsageError(f"the law of {law.response} has no {law.by.column} {level!r}; it has {known}.")
+    if by is None:
+        notes.append(f"{law.response} is that of {law.by.column} {level}, the reference level.")
+    return [] if level == law.by.reference else [(f"{law.by.column}[{level}]", 1.0)]
+
+
+def _in_unit(law: "Law", bound: "Bound") -> float:
+    if not same_dimension(bound.unit, law.unit):
+        raise UsageError(f"the limit of {law.response} is in {bound.unit!r}, its law in {law.unit!r}; give it in that.")
+    return bound.value if bound.unit == law.unit else float(convert(np.array([bound.value]), bound.unit, law.unit)[0])
+
+
+def _range(given: "Range | None", wear: "Law", name: str) -> tuple[float, float]:
+    """What the machine can be set to, or else what was tested."""
+    if given is None:
+        factor = next(factor for factor in wear.factors if factor.symbol == name)
+        low, high, unit = factor.low, factor.high, factor.unit
+    else:
+        low, high, unit = given.low, given.high, given.unit
+    if not same_dimension(unit, UNITS[name]):
+        raise UsageError(f"the range of {name} is in {unit!r}; it must be a unit of the kind of {UNITS[name]}.")
+    ends = convert(np.array([low, high]), unit, UNITS[name])
+    if not ends[0] > 0:
+        raise UsageError(f"the range of {name} begins at {low:g} {unit}; a power law needs it above zero.")
+    return float(ends[0]), float(ends[1])

@@ -1,0 +1,424 @@
+"""Recursive turning: tables and sequence of AC-2017, the exact optimum, the one replay loop, and what goes wrong.
+
+Printed numbers: A. M. Alaskari and S. E. Oraby, "Adaptive control simulation to optimize metal removal for rough
+turning", Kuwait J. Sci. (accepted June 2017), Tables 1 and 2, as bundled with every printed digit.
+"""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fitmodels import datasets
+from fitmodels.controllers import replay
+from fitmodels.controllers.faults import FAULTS, Faulty
+from fitmodels.controllers.recursion import (
+    Rules,
+    TurningRecursion,
+    WearingEdge,
+    best_exact,
+    best_fixed,
+    by_speed,
+    carried_out,
+    compared,
+    fixed_life,
+    grid_of,
+    life_laws,
+    not_convex,
+    shortfall,
+    surfaces,
+    whole_life,
+)
+from fitmodels.controllers.recursion.draw import life_figure, pairs_figure, plane_figure, speeds_figure
+from fitmodels.controllers.recursion.rules import told, wear_after
+from fitmodels.datasets.errors import UsageError
+from fitmodels.parameters import ParameterFile
+from fitmodels.parameters.published import published
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+PUBLISHED = Rules(times="published")
+ALL_RULES = [Rules(times, wear) for times in ("published", "full") for wear in ("clock", "wear_state")]
+# minutes 1, 2 and 14 are in the paper's text; the others follow from eq. 4-8
+SEQUENCE = [
+    (150, 0.58), (140, 0.58), (140, 0.55), (150, 0.485), (160, 0.435), (170, 0.39), (180, 0.355), (190, 0.325),
+    (200, 0.295), (200, 0.295), (200, 0.27), (200, 0.245), (200, 0.22), (200, 0.205),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def laws():
+    return life_laws(published("AC-2017"))
+
+
+@pytest.fixture(scope="module")
+def life(laws):
+    return whole_life(laws, PUBLISHED)
+
+
+def printed(name: str) -> list[dict[str, str]]:
+    lines = [line for line in datasets.bundled(name).read_text("utf-8").splitlines() if not line.startswith("#")]
+    return [{key.split(" [")[0]: cell for key, cell in row.items()} for row in csv.DictReader(lines)]
+
+
+def units_of_the_last_digit(cell: str, ours: float) -> float:
+    return abs(float(cell) - ours) * 10 ** len(cell.partition(".")[2])
+
+
+def to_the_digits(cell: str, ours: float) -> float:
+    """Ours, rounded to the digits of the cell."""
+    return round(ours, len(cell.partition(".")[2]))
+
+
+def changed(pf: ParameterFile, **sections) -> ParameterFile:
+    data = pf.model_dump()
+    return ParameterFile.model_validate({**data, **sections, "content_sha256": None})
+
+
+def pairs(life) -> list[tuple[float, float]]:
+    return list(zip(life.V.tolist(), life.f.tolist(), strict=True))
+
+
+# Table 1, Table 2 and the sequence
+
+
+def test_every_printed_digit_of_table_1_is_reproduced(life):
+    table, rows = by_speed(life, 0), printed("ac2017_table1")
+    assert table.V.tolist() == [float(row["V"]) for row in rows]
+    for k, row in enumerate(rows):
+        for name in ("f", "AW", "P", "Fxz", "MRR"):
+            assert to_the_digits(row[name], float(getattr(table, name)[k])) == float(row[name]), (k, name)
+
+
+def test_table_2_is_reproduced_within_a_unit_of_its_last_digit_but_for_its_misprint(life):
+    table, rows = by_speed(life, 1), printed("ac2017_table2")
+    dAW = table.fresh_end - table.fresh_start
+    ours = {"V": table.V, "f": table.f, "Wo_i": table.fresh_end, "Wo_i-1": table.fresh_start, "dAW": dAW,
+            "AW": table.AW, "P": table.P, "Fxz": table.Fxz, "MRR": table.MRR}  # fmt: skip
+    off = []
+    for k, row in enumerate(rows):
+        assert to_the_digits(row["AW_past"], table.before) == float(row["AW_past"])
+        off += [(k, name) for name in ours if units_of_the_last_digit(row[name], float(ours[name][k])) > 1.0]
+    assert off == [(0, "dAW")]
+    assert round(dAW[0], 5) == 0.0125
+    assert rows[0]["dAW"] == "0.01255"
+
+
+def test_with_the_times_counted_table_2_is_not_the_printed_one(laws):
+    table = by_speed(whole_life(laws, Rules("full")), 1)
+    assert pairs(table)[9] != (140.0, 0.58)
+
+
+def test_the_published_sequence_is_exact_and_ends_at_minute_15_as_every_pair_wears_too_much(life):
+    assert pairs(life) == [(float(V), f) for V, f in SEQUENCE]
+    assert life.ended
+    last = life.surfaces(14)
+    assert last.breaks["wear"].all()
+    assert last.best() is None
+    assert (life.V.min(), life.V.max(), life.f.min(), life.f.max()) == (140.0, 200.0, 0.205, 0.58)
+
+
+def test_the_grid_has_the_papers_1744_pairs(life):
+    assert life.surfaces(0).AW.shape == (16, 109)
+
+
+def test_with_full_times_the_edge_lasts_one_minute_more_and_gives_37_per_cent_more_metal(laws, life):
+    full = whole_life(laws, Rules("full"))
+    assert full.minutes - life.minutes == 1
+    assert round(100 * (full.removed / life.removed - 1)) == 37
+
+
+# The one replay loop
+
+
+@pytest.mark.parametrize("how", ["grid", "exact"])
+@pytest.mark.parametrize("rules", ALL_RULES, ids=str)
+def test_the_controller_on_an_edge_of_the_same_laws_gives_the_same_numbers_as_the_life(laws, rules, how):
+    life = whole_life(laws, rules, how=how)
+    controller = TurningRecursion(laws, rules, grid_of(laws), how)
+    trace = replay(
+        controller, WearingEdge(laws, rules), duration=7200, dt=60, until="worn out", record=("power", "force")
+    )
+    n = len(life.time)
+    np.testing.assert_allclose(trace.command[:n], np.column_stack([life.V, life.f]), rtol=1e-8)
+    np.testing.assert_allclose(trace.measurement[1:], life.AW, rtol=1e-9)
+    np.testing.assert_allclose(trace.recorded["power"][1:], life.P, rtol=1e-9)
+    np.testing.assert_allclose(trace.recorded["force"][1:], life.Fxz, rtol=1e-9)
+    assert trace.first("worn out") == 60.0 * n
+    assert trace.command[n].tolist() == [0.0, 0.0]
+
+
+def test_the_file_alone_gives_the_published_sequence_through_the_replay_loop():
+    controller = TurningRecursion.from_parameters(published("AC-2017"))
+    edge = WearingEdge(controller.laws)
+    trace = replay(controller, edge, duration=7200, dt=60, until="worn out")
+    assert [tuple(pair) for pair in trace.command[:-1].tolist()] == SEQUENCE
+    assert edge.removed == pytest.approx(2_213_750.0)
+
+
+def test_a_file_that_is_not_the_papers_counts_every_time():
+    pf = published("AC-2017")
+    other = changed(pf, provenance={"fitmodels": "0.1.0"})
+    assert TurningRecursion.from_parameters(pf).rules.times == "published"
+    assert TurningRecursion.from_parameters(other).rules.times == "full"
+
+
+def test_an_edge_that_wears_faster_than_the_laws_is_changed_earlier_and_kept_under_the_criterion(laws):
+    faster = replace(laws, wear=replace(laws.wear, ln_c=laws.wear.ln_c + 0.1))
+    controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
+    trace = replay(controller, WearingEdge(faster, PUBLISHED), duration=7200, dt=60, until="worn out")
+    assert trace.first("worn out") < 14 * 60
+    assert trace.measurement.max() < 0.3 * 1.02  # one interval may pass it: the increment is the faster edge's
+
+
+@pytest.mark.parametrize("fault", sorted(set(FAULTS) - {"ten times stiffer"}))
+def test_a_gauge_that_fails_leaves_the_laws_in_charge(laws, life, fault):
+    controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
+    plant = Faulty(WearingEdge(laws, PUBLISHED), FAULTS[fault], start=300, end=600)
+    trace = replay(controller, plant, duration=7200, dt=60, until="worn out")
+    assert trace.first("wear unknown") is not None
+    assert trace.first("wear known") is not None
+    assert [tuple(pair) for pair in trace.command[:-1].tolist()] == pairs(life)
+
+
+def test_a_gauge_that_reads_ten_times_the_wear_stops_the_cut(laws):
+    controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
+    plant = Faulty(WearingEdge(laws, PUBLISHED), FAULTS["ten times stiffer"], start=300)
+    trace = replay(controller, plant, duration=7200, dt=60, until="worn out")
+    assert trace.first("worn out") == 300.0
+    assert (trace.command[:-1] > 0).all()
+
+
+def test_a_worn_edge_stays_out_of_the_cut(laws):
+    controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
+    assert controller.step(0.31, 60.0) == (0.0, 0.0)
+    assert controller.news == ("worn out",)
+    assert controller.step(0.0, 60.0) == (0.0, 0.0)
+    assert controller.news == ()
+
+
+# The exact optimum
+
+
+@pytest.mark.parametrize("rules", ALL_RULES, ids=str)
+def test_the_exact_optimum_is_no_worse_than_a_very_fine_grid_and_hardly_better(laws, rules):
+    """400 x 400 pairs about the optimum: none allowed is better, and the best of them is within their spacing."""
+    life = whole_life(laws, rules)
+    for k in (0, 1, 4, 9, 13):
+        before, start = life.before(k), float(k)
+        best = best_exact(laws, rules, before, start)
+        V = np.clip(best.V * np.exp(np.linspace(-0.05, 0.05, 400)), *laws.V)
+        f = np.clip(best.f * np.exp(np.linspace(-0.05, 0.05, 400)), *laws.f)
+        AW = wear_after(laws, rules, V[:, None], f, before, start, start + 1)
+        allowed = laws.wear.most >= AW
+        for _, terms in laws.limited:
+            allowed &= told(terms, rules, V[:, None], f, start + 1, AW) <= terms.most
+        fine = laws.mrr(V[:, None], f)[allowed].max()
+        assert fine <= best.MRR * (1 + 1e-9)
+        assert fine >= best.MRR * 0.999
+
+
+@pytest.mark.parametrize("rules", ALL_RULES, ids=str)
+def test_the_exact_optimum_is_that_of_slsqp(laws, rules):
+    """Reference: D. Kraft's SLSQP in scipy, on the logarithms, from the best pair of the grid."""
+    life = whole_life(laws, rules)
+    for k in range(len(life.time)):
+        before, start = life.before(k), float(k)
+
+        def room(z, before=before, start=start):
+            V, f = np.exp(z)
+            AW = wear_after(laws, rules, V, f, before, start, start + 1)
+            rest = [np.log(terms.most / told(terms, rules, V, f, start + 1, AW)) for _, terms in laws.limited]
+            return np.array([np.log(laws.wear.most / AW), *rest])
+
+        found = minimize(
+            lambda z: -z.sum(), np.log([life.V[k], life.f[k]]), jac=lambda z: -np.ones(2), method="SLSQP",
+            bounds=[np.log(laws.V), np.log(laws.f)], constraints={"type": "ineq", "fun": room}, options={"ftol": 1e-13},
+        )  # fmt: skip
+        ours = best_exact(laws, rules, before, start).MRR
+        assert ours == pytest.approx(float(laws.mrr(*np.exp(found.x))), rel=1e-6)
+
+
+@given(
+    st.floats(-1.5, 1.5), st.floats(-0.5, 1.5), st.floats(0.0, 2.0), st.floats(-1.0, 1.0), st.floats(0.05, 1.5),
+    st.floats(0.0, 2.0), st.floats(0.0, 0.29), st.integers(0, 20), st.sampled_from(ALL_RULES),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_whatever_the_exponents_no_allowed_pair_of_the_grid_beats_the_exact_optimum(a, b, c, e, g, h, before, k, rules):
+    laws = life_laws(published("AC-2017"))
+    laws = replace(
+        laws,
+        power=replace(
+            laws.power, V=a, f=b, AW=c, ln_c=np.log(6.0) - a * np.log(110) - b * np.log(0.25) - c * np.log(0.2)
+        ),
+        force=replace(
+            laws.force, V=e, f=g, AW=h, ln_c=np.log(1300) - e * np.log(110) - g * np.log(0.25) - h * np.log(0.2)
+        ),
+    )
+    before = before if k else 0.0
+    tried = surfaces(laws, rules, grid_of(laws), before, float(k))
+    best = best_exact(laws, rules, before, float(k))
+    rate = np.where(tried.allowed, tried.MRR, 0.0).max()
+    if best is None:
+        assert rate == 0.0
+    else:
+        assert rate <= best.MRR * (1 + 1e-9)
+        assert laws.wear.most * (1 + 1e-9) >= best.AW
+        assert best.P <= 7.0 * (1 + 1e-9)
+        assert best.Fxz <= 1500.0 * (1 + 1e-9)
+
+
+def test_an_optimum_on_the_round_of_a_limit_is_found(laws):
+    """Power's slope in V turns as new wear takes over: its limit touches the largest MRR, no corner of two limits."""
+    power = replace(laws.power, V=0.3, f=1.0, AW=1.0, ln_c=np.log(5.0) - 0.3 * np.log(110) - np.log(0.2) - np.log(0.2))
+    round_one = replace(laws, power=power, force=None, wear=replace(laws.wear, V=2.0, f=0.0, ln_c=-12.5, t=0.9))
+    best = best_exact(round_one, PUBLISHED, 0.1, 1.0)
+    assert best.stops == ("power",)
+    V = np.linspace(best.V * 0.8, best.V * 1.2, 20001)
+    AW = wear_after(round_one, PUBLISHED, V, 0.2, 0.1, 1.0, 2.0)  # of speed alone
+    f = 7.0 / (power(V, 1.0) * AW / power.AW)
+    ours = best.MRR
+    assert ours == pytest.approx(float(laws.mrr(V, f).max()), rel=1e-8)
+
+
+def test_the_exact_optimum_of_each_interval_removes_more_than_the_grid(laws):
+    for rules in ALL_RULES:
+        assert whole_life(laws, rules, how="exact").removed > whole_life(laws, rules).removed
+
+
+def test_power_that_falls_with_wear_is_no_convex_problem_and_says_so(laws):
+    odd = replace(laws, power=replace(laws.power, AW=-0.3))
+    assert "falls with wear" in not_convex(odd)
+    with pytest.raises(UsageError, match="the grid has the answer"):
+        best_exact(odd, PUBLISHED, 0.1, 1.0)
+    assert whole_life(odd, PUBLISHED).ended  # the grid needs no sign
+
+
+# Fixed parameters, other readings
+
+
+def test_a_fixed_pair_wears_to_the_criterion_at_the_time_its_law_says(laws):
+    fixed = fixed_life(laws, 145.0, 0.3, PUBLISHED)
+    pf = published("AC-2017")
+    assert pf.laws["AW"].predict(V=145.0, f=0.3, d=2.5, t=fixed.minutes) == pytest.approx(0.3)
+    assert fixed.removed == pytest.approx(1000 * 145 * 0.3 * 2.5 * fixed.minutes)
+
+
+def test_the_recursion_beats_the_best_fixed_pair_within_the_same_limits(laws, life):
+    fixed = best_fixed(laws, PUBLISHED)
+    assert fixed.passes == ()
+    ratio = compared(life, fixed)
+    assert ratio.per_minute > 1.5
+    assert ratio.removed > 1.4
+
+
+@pytest.mark.parametrize("rules", ALL_RULES, ids=str)
+def test_the_best_fixed_pair_is_the_best_that_a_loop_over_all_pairs_finds(laws, rules):
+    tried = [fixed_life(laws, V, f, rules) for V in grid_of(laws).V for f in grid_of(laws).f[::9]]
+    best = max(one.per_minute for one in tried if not one.passes)
+    assert best_fixed(laws, rules).per_minute >= best
+
+
+def test_a_plan_carried_out_under_its_own_rules_is_the_plan(laws):
+    for rules in ALL_RULES:
+        plan = whole_life(laws, rules)
+        again = carried_out(plan, laws, rules)
+        n = len(plan.time)
+        assert pairs(again)[:n] == pairs(plan)
+        np.testing.assert_allclose(again.AW[:n], plan.AW, rtol=1e-12)
+
+
+def test_at_one_pair_throughout_both_ways_to_add_wear_are_the_law(laws):
+    pf = published("AC-2017")
+    for wear in ("clock", "wear_state"):
+        AW = 0.0
+        for k in range(10):
+            AW = float(wear_after(laws, Rules(wear=wear), 120.0, 0.3, AW, k, k + 1))
+        assert pf.laws["AW"].predict(V=120.0, f=0.3, d=2.5, t=10.0) == pytest.approx(AW, rel=1e-12)
+
+
+# What a file may lack
+
+
+def test_a_file_without_force_or_power_is_run_without_that_limit(laws, life):
+    pf = published("AC-2017")
+    bare = changed(pf, laws={name: law for name, law in pf.model_dump()["laws"].items() if name != "Fxz"})
+    found = life_laws(bare)
+    assert found.force is None
+    assert "holds no power law of it" in found.notes[0]
+    without = whole_life(found, PUBLISHED)
+    assert without.removed > life.removed
+    assert np.isnan(without.Fxz).all()
+    assert not_convex(found) == ""
+    for figure in (life_figure(without), pairs_figure(without), plane_figure(without), speeds_figure(without)):
+        assert figure.axes
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda data: data["limits"].pop("wear"), "no wear criterion"),
+        (lambda data: data["laws"].pop("AW"), "holds no power law of the wear AW"),
+        (lambda data: _without_time(data["laws"]["AW"]), "without t"),
+        (lambda data: data["laws"]["AW"]["coefficients"].update(t=-0.1), "does not grow with time"),
+        (lambda data: data["laws"]["P"]["factors"][0].update(unit="m/s"), "computes in m/min"),
+        (lambda data: data["limits"]["force"].update(unit="kW"), "give it in that"),
+        (lambda data: data["limits"]["feed"].update(low=0.0), "above zero"),
+        (lambda data: _with_factor(data["laws"]["P"], "HB"), "needs HB"),
+    ],
+)
+def test_a_file_that_cannot_drive_the_recursion_says_why(change, words):
+    data = published("AC-2017").model_dump()
+    change(data)
+    assert words in shortfall(ParameterFile.model_validate({**data, "content_sha256": None}))
+
+
+def _without_time(law):
+    law["coefficients"].pop("t")
+    law["factors"] = [factor for factor in law["factors"] if factor["symbol"] != "t"]
+
+
+def _with_factor(law, name):
+    law["coefficients"][name] = 0.5
+    law["factors"] = [*law["factors"], {"symbol": name, "quantity": "hardness", "unit": "HB", "low": 200, "high": 300}]
+
+
+def test_a_factor_beside_those_that_move_and_a_level_are_put_in():
+    data = published("AC-2017").model_dump()
+    _with_factor(data["laws"]["P"], "HB")
+    data["laws"]["AW"]["by"] = {"column": "material", "reference": "1", "shifts": {"2": 0.1}}
+    pf = ParameterFile.model_validate({**data, "content_sha256": None})
+    laws = life_laws(pf, at={"HB": 250.0}, by="2")
+    assert laws.power(150.0, 0.3, 5.0, 0.2) == pytest.approx(
+        pf.laws["P"].predict(V=150.0, f=0.3, d=2.5, t=5.0, AW=0.2, HB=250.0)
+    )
+    assert laws.wear(150.0, 0.3, 5.0) == pytest.approx(pf.laws["AW"].predict(by="2", V=150.0, f=0.3, d=2.5, t=5.0))
+
+
+def test_limits_in_other_units_are_the_same_limits(laws):
+    pf = published("AC-2017")
+    limits = pf.model_dump()["limits"]
+    limits["power"] |= {"value": 7000.0, "unit": "W"}
+    limits["wear"] |= {"value": 300.0, "unit": "um"}
+    found = life_laws(changed(pf, limits=limits))
+    assert (found.power.most, found.wear.most) == (pytest.approx(7.0), pytest.approx(0.3))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda pf: life_laws(pf, d=-1.0), "a depth of cut lies above zero"),
+        (lambda pf: Rules(times="half"), "it is 'published' or 'full'"),
+        (lambda pf: Rules(interval=0.0), "lies above zero"),
+        (lambda pf: grid_of(life_laws(pf), feed_step=1e-9), "take larger steps"),
+        (lambda pf: TurningRecursion.from_parameters(pf).step(0.1, 30.0), "intervals of 1 min"),
+        (lambda pf: TurningRecursion.from_parameters(pf, how="best").step(0.0, 60.0), "'grid' or 'exact'"),
+        (lambda pf: fixed_life(life_laws(pf), 0.0, 0.1), "both lie above zero"),
+        (lambda pf: WearingEdge(life_laws(pf)).step((1.0,), 60.0, np.random.default_rng(1)), "two, V and f"),
+        (lambda pf: whole_life(life_laws(pf)).surfaces(20), "has the intervals 0 to 14"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence(call, words):
+    with pytest.raises(UsageError, match=words):
+        call(published("AC-2017"))
