@@ -1,6 +1,7 @@
 """The constant-load controller by itself: what it promises of its command, whatever it is told.
 
-Its arithmetic is LinuxCNC's; test_export_hal.py proves that against LinuxCNC.
+Its arithmetic in position form is LinuxCNC's; test_export_hal.py proves that against LinuxCNC. In the form of eq. 16 of
+Tai, Tsai & Li 2023 (doi 10.1109/ACCESS.2023.3330587) it is held against that equation and against the tuner's loop.
 """
 
 import math
@@ -9,8 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels import controllers, parameters
+from fitmodels.controllers.constant_load_milling import MillingCut
+from fitmodels.controllers.faults import FAULTS, Faulty, saturated
 from fitmodels.datasets.errors import UsageError
 from fitmodels.parameters import GateError
+from fitmodels.parameters.export.view import view
+from fitmodels.parameters.published import published
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -148,7 +153,6 @@ def test_the_incremental_sum_of_eq_16_without_its_ki_is_an_integral(constant_loa
     ("more", "words"),
     [({"pi": None}, "no PI gains"),
      ({"load_line": None}, "no reference load"),
-     ({"pi": {"form": "incremental_sum", "ki": 0.006, "kp": 160.0}}, "integrator of an integrator"),
      ({"pi": {"ki": 8.0e6}}, "not stable"),
      ({"pi": {"ki": -8000.0}}, "not stable"),
      ({"pi": {"specification": {"rise_time": 0.001}}}, "miss rise time"),
@@ -196,3 +200,178 @@ def test_the_plant_is_the_difference_equation_of_the_file(constant_load_file):
     cut = controllers.Cut(b=model.b, a=model.a)
     ours = [cut.step(0.0, 0.02, rng), *(cut.step(value, 0.02, rng) for value in u[:-1])]  # each answers the one before
     assert ours == pytest.approx(model.simulate(u), abs=1e-12)
+
+
+# ---- eq. 16 as it is worded
+
+
+@pytest.fixture(scope="module", params=["CLM-2023", "CLM-2023-slot"])
+def paper(request):
+    return published(request.param)
+
+
+def in_cut(pf, average=1, **more):
+    """Its loop with the threshold met, so that every further step is eq. 16."""
+    loop = replace(controllers.ConstantLoad.from_parameters(pf).loop, average=average, **more)
+    c = controllers.ConstantLoad(loop, command=loop.high)
+    for _ in range(loop.engage_samples):
+        c.step(loop.reference, loop.sample_time)
+    assert c.cutting
+    return c
+
+
+def test_the_paper_s_gains_run_here_and_are_refused_for_export(paper):
+    loop = controllers.ConstantLoad.from_parameters(paper).loop
+    assert (loop.form, loop.kp, loop.ki * loop.sample_time) == ("incremental_sum", 160.0, pytest.approx(0.006))
+    with pytest.raises(GateError, match="integrator of an integrator"):
+        view(paper).needed_loop()
+
+
+def test_it_is_equation_16_term_by_term(paper):
+    """U = U0 + Kp e + Ki sum e, U0 the last control signal; mm/min, per sample."""
+    c = in_cut(paper, back_off=1e9, recover=1e9)
+    loads = 0.24 + 0.004 * np.sin(np.arange(200) / 7) + 0.001
+    u, total, feeds = c.loop.feed_high, 0.0, []
+    for load in loads:
+        total += 0.24 - load
+        u += 160.0 * (0.24 - load) + 0.006 * total
+        feeds.append(u)
+    assert max(feeds) < c.loop.feed_high
+    assert min(feeds) > c.loop.feed_low
+    ours = [c.step(load, 0.02) * c.loop.feed_programmed for load in loads]
+    assert ours == pytest.approx(feeds, rel=1e-12)
+
+
+def test_its_average_is_the_mean_of_the_last_ten_feeds(paper):
+    loads = 0.24 + 0.01 * np.random.default_rng(2).random(150)
+    plain, mean = ([c.step(load, 0.02) for load in loads] for c in (in_cut(paper), in_cut(paper, average=10)))
+    filled = np.r_[np.full(9, controllers.ConstantLoad.from_parameters(paper).loop.high), plain]
+    assert mean == pytest.approx(np.convolve(filled, np.full(10, 0.1), "valid"), abs=1e-12)
+
+
+def test_it_is_the_tuner_s_own_controller_limits_and_average_included(paper):
+    """ident simulates the same gains in code of its own; loads so far off that both limits hold at times."""
+    from fitmodels.ident.pi.controller import Controller
+    from fitmodels.ident.pi.gains import PiGains
+
+    c = in_cut(paper, average=10, back_off=1e9, recover=1e9)
+    loop = c.loop
+    theirs = Controller(
+        PiGains(160.0, 0.3, 0.02, "incremental_sum", average=10, average_of="command", low=loop.feed_low,
+                high=loop.feed_high), last=loop.feed_high,
+    )  # fmt: skip
+    noise = 0.005 * np.random.default_rng(3).standard_normal(3000)
+    loads = (0.24 + 0.03 * np.sin(np.arange(3000) / 60) + noise).tolist()
+    ours = [c.step(load, 0.02) * loop.feed_programmed for load in loads]
+    assert ours == pytest.approx([theirs.step(0.24, load) for load in loads], rel=1e-9)
+    assert min(ours) == pytest.approx(loop.feed_low)
+    assert max(ours) == pytest.approx(loop.feed_high)
+
+
+@settings(deadline=None, max_examples=20)
+@given(readings)
+def test_whatever_it_reads_in_its_own_form_the_feed_stays_within_its_limits(readings):
+    c = controllers.ConstantLoad.from_parameters(OWN)
+    for reading in readings:
+        assert c.loop.low <= c.step(reading, 0.02) <= c.loop.high
+
+
+OWN = published("CLM-2023-slot")
+
+
+def test_out_of_the_cut_it_keeps_its_last_feed(paper):
+    c = in_cut(paper)
+    for _ in range(50):
+        c.step(0.25, 0.02)
+    last = c.command
+    assert {c.step(0.1158, 0.02) for _ in range(500)} == {last}
+    assert not c.cutting
+
+
+@pytest.mark.parametrize("reading", [math.nan, math.inf, -0.24, 2.4])
+def test_with_a_load_that_is_unknown_it_goes_to_the_lower_limit_and_says_so(paper, reading):
+    c = in_cut(paper)
+    c.step(reading, 0.02)
+    assert "load unknown" in c.news
+    for _ in range(50):  # half a second for the range
+        c.step(reading, 0.02)
+    assert c.command == pytest.approx(c.loop.low, abs=1e-12)
+    c.step(0.2, 0.02)
+    assert "load known" in c.news
+
+
+def test_a_reading_that_stands_still_is_told_and_not_followed(paper):
+    c, news = in_cut(paper), []
+    for _ in range(50):
+        c.step(0.25, 0.02)
+    c.news = ()
+    for _ in range(300):
+        c.step(0.23, 0.02)  # too low for ever: it would rise to its upper limit
+        news += c.news
+    assert "load stuck" in news
+    assert c.command == pytest.approx(c.loop.low, abs=1e-12)
+
+
+def test_in_position_form_a_stuck_reading_is_told_and_answered_as_linuxcnc_does(loaded):
+    c, news = controllers.ConstantLoad(loaded, command=1.0), []
+    for _ in range(300):
+        c.step(0.3, loaded.sample_time)
+        news += c.news
+    assert "load stuck" in news
+    assert c.command == pytest.approx(loaded.low)
+
+
+def test_a_command_that_rests_on_its_limit_for_the_dwell_asks_for_another_tool(paper):
+    rng, news = np.random.default_rng(4), []
+    c = in_cut(paper, average=10)
+    for _ in range(700):
+        c.step(0.27 + 0.002 * rng.standard_normal(), 0.02)
+        news.append(c.news)
+    told = [k for k, what in enumerate(news) if "change tool" in what]
+    low = next(k for k, what in enumerate(news) if "at low" in what)
+    assert len(told) == 1
+    assert told[0] - low == pytest.approx(paper.load_line.dwell / 0.02, abs=12)  # the average comes ten samples later
+    assert c.worn
+
+
+@pytest.mark.parametrize(("rests", "asks"), [(190, False), (230, True)])
+def test_a_rest_shorter_than_the_dwell_is_no_worn_tool_and_air_does_not_count(paper, rests, asks):
+    c, rng = in_cut(paper), np.random.default_rng(5)
+
+    def cut(load, samples):
+        for _ in range(samples):
+            c.step(load + 1e-4 * rng.standard_normal(), 0.02)
+
+    cut(0.40, 25)  # to the lower limit
+    cut(0.27, rests // 2)
+    cut(0.1158, 500)
+    cut(0.27, rests // 2)
+    cut(0.20, 10)
+    cut(0.27, 20)
+    assert c.worn is asks
+
+
+@pytest.mark.parametrize("fault", [*FAULTS, "saturated"])
+def test_a_fault_in_the_loop_is_told_and_leaves_the_feed_within_its_limits(paper, fault):
+    off = {
+        "stuck": lambda reading, told: 0.235
+    }  # at the reference itself the command stands still, and nobody can tell
+    fails = {**FAULTS, **off, "saturated": saturated(0.21)}[fault]
+    mill = Faulty(MillingCut.from_parameters(paper, noise=0.003), fails, start=25.0, end=40.0)
+    c = controllers.ConstantLoad.from_parameters(paper)
+    trace = controllers.replay(c, mill, duration=60, dt=0.02)
+    assert c.loop.low <= trace.command.min() <= trace.command.max() <= c.loop.high
+    known = {"dropout": "air"}.get(fault, "load stuck" if fault in ("stuck", "saturated") else "load unknown")
+    assert next(e.time for e in trace.events if e.what == known and e.time >= 25) < 30
+    after = trace.measurement[(trace.time > 50) & (trace.measurement > 0.2)]
+    assert after.mean() == pytest.approx(0.24, rel=0.01)  # and the loop takes over again
+
+
+@pytest.mark.parametrize("fault", list(FAULTS))
+def test_a_fault_in_a_loop_in_position_form_leaves_its_feed_between_its_limits_and_the_programme_s(controller, fault):
+    c = controller()
+    mill = Faulty(plant(noise=0.002), FAULTS[fault], start=8.0)
+    trace = controllers.replay(c, mill, duration=20, dt=0.02, command=1.0)
+    late = trace.time > 2
+    assert c.loop.low <= trace.command[late].min() <= trace.command.max() <= 1.0
+    assert any(e.time >= 8 for e in trace.events)

@@ -1,0 +1,197 @@
+"""Milling at constant load, told: how well the load is held, when the tool is changed, what it gains over one feed."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...controllers.constant_load_milling import ConstantLoad, CutModel, ToolRun, constant_feed_run, constant_load_run
+from ...controllers.constant_load_milling.run import criterion
+from ...controllers.constant_load_milling.settings import line_of, loop_of
+from ...controllers.constant_load_milling.steady import drawn_life
+from ...parameters.errors import ParameterError
+from . import Replayed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ...parameters import Draws, LoadLine, ParameterFile
+    from ...parameters.export.loop import Loop
+
+TITLE = "Milling at constant load (Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587)"
+LEVEL = 0.90
+
+
+def lacks(pf: "ParameterFile") -> str:
+    """Why this file cannot drive the system, in a sentence; empty where it can."""
+    if pf.load_line is None:
+        return "The file has no settings of milling at constant load; set them with `fitmodels settings params.json`."
+    if pf.pi is None:
+        return "The file has no PI gains; find them with `fitmodels tune params.json`."
+    if pf.dynamics is None:
+        return "The file has no dynamics of the drive; identify them with `fitmodels ident record.csv`."
+    try:
+        loop, cut = ConstantLoad.from_parameters(pf).loop, CutModel.from_parameters(pf)
+    except ParameterError as error:
+        words = str(error).removeprefix("not exported, ")
+        return words[:1].upper() + words[1:]
+    if abs(cut.sample_time - loop.sample_time) > 1e-9 * loop.sample_time:
+        return (
+            f"The drive was identified at {cut.sample_time:g} s and the loop runs at {loop.sample_time:g} s; tune at "
+            f"{cut.sample_time:g} s to replay it."
+        )
+    return ""
+
+
+def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
+    """Replay a tool to its change and one at constant feed beside it; tell and draw both."""
+    line = line_of(pf)
+    run, fixed, cut = constant_load_run(pf, seed=seed), constant_feed_run(pf), CutModel.from_parameters(pf)
+    loop = loop_of(pf)
+    lines = (
+        _change(run, line), _settings(line), _held(run, line), *_gain(run, fixed, pf, line), _limit(pf, run, line),
+        _overload(loop, cut, line), _scaling(pf, cut), *_spread(pf, draws),
+    )  # fmt: skip
+    return Replayed("constant-load", TITLE, lines, _assumed(pf, cut), _facts(run, fixed, cut), _figures(run, fixed, pf))
+
+
+def _change(run: ToolRun, line: "LoadLine") -> str:
+    at = f"VB {run.wear:.0f} {line.unit_wear} after {run.length:.0f} mm and {run.time / 60:.2f} min in the cut"
+    low, high = line.window
+    if not run.worn:
+        return f"The loop never asks for a tool change: the replay stopped at {at}, and the feed was not on its limit."
+    where = "inside" if low <= run.wear <= high else "outside"
+    return f"Change the tool at {at}: {where} the window of {low:g} to {high:g} {line.unit_wear}."
+
+
+def _settings(line: "LoadLine") -> str:
+    return (
+        f"The loop holds {line.reference:g} {line.unit_load}, {line.safety_factor:g} times the {line.worn:g} that a "
+        f"worn tool stands, with feeds from {line.lower.value:.4g} to {line.upper.value:.4g} {line.unit_feed}."
+    )
+
+
+def _held(run: ToolRun, line: "LoadLine") -> str:
+    if run.worst_mean is None:
+        return "No whole pass was long enough to judge how well the load is held: 4 s of each do not count."
+    shares = [abs(p.mean_load / run.reference - 1) for p in run.regulated if p.mean_load is not None]
+    within = "within" if max(shares) <= 0.01 else "not within"
+    spread = max(p.spread for p in run.regulated if p.spread is not None) / line.reference
+    return (
+        f"After 4 s the mean load of each of {len(shares)} passes lies within {100 * max(shares):.2f} % of the "
+        f"reference ({within} the 1 % of the paper) until the lower limit is reached; readings in a pass spread over "
+        f"{100 * spread:.1f} % of it."
+    )
+
+
+def _gain(run: ToolRun, fixed: ToolRun, pf: "ParameterFile", line: "LoadLine") -> tuple[str, ...]:
+    if not (run.worn and fixed.worn):
+        return ("A gain over constant feed cannot be told: a tool did not reach its end.",)
+    beside = f"{fixed.mean_feed:.0f} {line.unit_feed}, stopped at {criterion(pf):.4g} {line.unit_wear}"
+    if run.rate is not None and fixed.rate is not None:
+        rate = (
+            f"metal removal {run.rate:.2f} against {fixed.rate:.2f} mm3/s ({100 * (run.rate / fixed.rate - 1):+.0f} %)"
+        )
+    else:
+        gain = run.mean_feed / fixed.mean_feed - 1
+        feeds = f"mean feed {run.mean_feed:.0f} against {fixed.mean_feed:.0f} mm/min"
+        rate = f"{feeds} and metal removal as it ({100 * gain:+.0f} %)"
+    life = f"life {run.length:.0f} against {fixed.length:.0f} mm ({100 * (run.length / fixed.length - 1):+.0f} %)"
+    return (f"Against a constant feed of {beside}: {life}, {rate}.",)
+
+
+def _limit(pf: "ParameterFile", run: ToolRun, line: "LoadLine") -> str:
+    dwell = ConstantLoad.from_parameters(pf).dwell
+    reached = next((p.number for p in run.passes if p.limited), None)
+    if reached is None:
+        return "The command never came to its lower limit."
+    return (
+        f"The averaged command came to its lower limit, {line.lower.value:.4g} {line.unit_feed}, in pass {reached} and "
+        f"rested there for {run.rested:.1f} s in the cut; {dwell:g} s of it ask for the change."
+    )
+
+
+def _overload(loop: "Loop", cut: CutModel, line: "LoadLine") -> str:
+    """What the programmed feed draws at the end: a loop that gives it back out of the cut begins a pass with it."""
+    worst = cut.A + cut.B * loop.feed_programmed + cut.k1 * line.lower.wear
+    tool = f"a tool worn by {line.lower.wear:.0f} {line.unit_wear}"
+    head = f"At the programmed {loop.feed_programmed:.4g} {line.unit_feed} {tool}"
+    if worst <= line.worn:
+        return f"{head} draws {worst:.3f} {line.unit_load}, below the {line.worn:g} that a worn tool stands."
+    does = (
+        "this loop begins a pass with the last feed, and so must any other"
+        if loop.form == "incremental_sum"
+        else "this loop begins each pass with that feed; lower it, or begin with the last one"
+    )
+    return f"{head} would draw {worst:.3f} {line.unit_load}, above the {line.worn:g} that it stands: {does}."
+
+
+def _scaling(pf: "ParameterFile", cut: CutModel) -> str:
+    pi = pf.pi
+    unit = f"{cut.unit_feed} per {cut.unit_u or 'unit of the input'}"
+    told = f"The load line and the drive's gain imply a scaling of {cut.scaling:.4g} {unit} (derived, not measured)"
+    if pi is not None and pi.scaling_u != 1 and abs(pi.scaling_u / cut.scaling - 1) > 0.02:
+        off = f"{pi.scaling_u / cut.scaling:.2f} times as strong"
+        return f"{told}; the gains were tuned for {pi.scaling_u:.4g}, and the loop is {off} as it was meant to be."
+    return f"{told}."
+
+
+def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...]:
+    life, used = drawn_life(pf, draws)
+    if not used:
+        return ("The file has no draws of its load and wear laws, so no band of the life can be told.",)
+    good = np.isfinite(life.length)
+    ends = [np.quantile(of[good], [(1 - LEVEL) / 2, (1 + LEVEL) / 2]) for of in (life.length, life.wear)]
+    (a, b), (c, d) = ends
+    unit = CutModel.from_parameters(pf).unit_wear
+    lost = "" if good.all() else f" ({100 * np.mean(~good):.0f} % of them never reach the limit)"
+    return (
+        f"Over {good.size} posterior draws of the laws of {' and '.join(used)}{lost} the life is {a:.0f} to {b:.0f} mm "
+        f"and VB at the lower limit {c:.0f} to {d:.0f} {unit} ({100 * LEVEL:.0f} % bands of the laws, calculated "
+        "without the dwell; tools scatter beyond them).",
+    )
+
+
+def _assumed(pf: "ParameterFile", cut: CutModel) -> tuple[str, ...]:
+    from ...parameters.export.settings import settings
+
+    dwell = () if pf.load_line is None or pf.load_line.dwell is not None else ("dwell 4 s on the lower limit",)
+    notes = [note for section in (*pf.laws.values(), pf.pi, pf.load_line) if section for note in section.notes]
+    marked = [n for n in notes if any(word in n.lower() for word in ("assum", "reconstruct", "derived"))]
+    return (
+        "simulated: a plant of load line and wear law, its load seen through the drive's shape with a gain of 1",
+        "passes of 150 mm, 2 s out of the cut between them",
+        *dwell,
+        *settings(pf, own_form=True).assumed,
+        *marked,
+        *(() if cut.area else ("no width and depth of cut in the wear law, so no metal removal rate",)),
+    )
+
+
+def _facts(run: ToolRun, fixed: ToolRun, cut: CutModel) -> dict[str, object]:
+    found = {}
+    for name, of in (("constant_load", run), ("constant_feed", fixed)):
+        found[name] = {
+            "tool_changed": of.worn, "wear": of.wear, "unit_wear": cut.unit_wear, "length_mm": of.length,
+            "time_in_cut_s": of.time, "mean_feed_mm_per_min": of.mean_feed, "removal_rate_mm3_per_s": of.rate,
+        }  # fmt: skip
+    return {
+        **found,
+        "passes": len(run.passes),
+        "worst_mean_load_share": run.worst_mean,
+        "rested_on_lower_limit_s": run.rested,
+        "scaling": cut.scaling,
+        "unit_scaling": f"{cut.unit_feed} per {cut.unit_u}",
+        "simulated": True,
+    }
+
+
+def _figures(run: ToolRun, fixed: ToolRun, pf: "ParameterFile") -> "dict[str, Figure]":
+    from ...controllers.constant_load_milling.draw import pass_figure, run_figure
+
+    line = line_of(pf)
+    number = 2 if len(run.passes) > 1 else 1
+    return {
+        "constant_load": run_figure(run, line, fixed, pf.identity.work),
+        "constant_load_pass": pass_figure(run, line, number),
+    }

@@ -1,0 +1,199 @@
+"""What a cut draws and how it wears a tool, from the sections of a parameter file.
+
+    I = A + B G(q)/G(1) fm + k1 VB    eq. 14 of Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, the feed through
+                                      the shape of the identified drive with a gain of 1
+    VB = c0 t^n fm^m                  time in the cut; where the feed changes, from the wear that was reached
+
+The paper's G and load line do not agree in gain, so the line gives the gain and G its shape. The scaling that follows,
+``G(1)/B`` in feed per unit of the drive's input, is derived and no one's measurement.
+"""
+
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from ...datasets.errors import UsageError
+from ...parameters.errors import ParameterError
+from .settings import line_of
+
+if TYPE_CHECKING:
+    from ...parameters import Law, LoadLine, ParameterFile
+
+FACTORS = ("t", "fm")  # of a wear law: what changes in a cut at constant load
+
+
+@dataclass(frozen=True, slots=True)
+class CutModel:
+    """One kind of cut: end milling, slot milling.
+
+    Attributes
+    ----------
+    A, B, k1 : float
+        Load; load per unit of feed; load per unit of wear.
+    b, a : tuple of float
+        Drive of gain 1, polynomials in z^-1.
+    c0, n, m : float
+        Wear after 1 s in the cut at a feed of 1, and the exponents of time and feed.
+    sample_time : float
+        s, of the drive.
+    scaling : float
+        G(1)/B, unit_feed per unit_u: derived.
+    area : float or None
+        Cross-section that the wear tests cut, width times depth, mm2.
+    tested_feed : float or None
+        The one feed of the wear tests, or the middle of their range.
+    unit_load, unit_feed, unit_wear, unit_u : str
+    """
+
+    A: float
+    B: float
+    k1: float
+    b: tuple[float, ...]
+    a: tuple[float, ...]
+    c0: float
+    n: float
+    m: float
+    sample_time: float
+    scaling: float
+    area: float | None
+    tested_feed: float | None
+    unit_load: str
+    unit_feed: str
+    unit_wear: str
+    unit_u: str
+
+    @classmethod
+    def from_parameters(cls, pf: "ParameterFile") -> Self:
+        """Make it from load law, wear law, dynamics and settings of a file.
+
+        Raises
+        ------
+        ParameterError
+            The file lacks one of them, or they do not fit together; the sentence says which and what to do.
+
+        Examples
+        --------
+        >>> from fitmodels.parameters.published import published
+        >>> cut = CutModel.from_parameters(published("CLM-2023"))
+        >>> round(cut.scaling), round(cut.k1 / cut.B, 2)
+        (1459, 1.99)
+        """
+        line, model = line_of(pf), pf.dynamics
+        if model is None:
+            raise ParameterError("the file has no dynamics of the drive; identify them with `fitmodels ident`.")
+        gain = model.dc_gain
+        if not (model.stable and isfinite(gain) and gain > 0):
+            raise ParameterError(
+                f"the dynamics have a gain of {gain:.4g} at rest and poles within {abs(model.poles).max():.4g}: a cut "
+                "needs a stable drive whose load rises with feed; identify it again."
+            )
+        law = _load_law(pf, line)
+        A, B, k1 = _line(law, line, pf)
+        c0, n, m, at = _wear(pf, law.factors[-1].symbol, line)
+        return cls(
+            A=A, B=B, k1=k1, b=tuple(float(value) / gain for value in model.b), a=model.a, c0=c0, n=n, m=m,
+            sample_time=model.sample_time, scaling=gain / B, area=at.get("area"), tested_feed=at.get("fm"),
+            unit_load=line.unit_load, unit_feed=line.unit_feed, unit_wear=line.unit_wear, unit_u=model.unit_u,
+        )  # fmt: skip
+
+    def changed(self, **by: float) -> Self:
+        """The same cut with coefficients multiplied: ``changed(k1=1.2)`` draws a fifth more by wear.
+
+        Errors: UsageError for a name that is no coefficient, or a factor that is not above zero.
+        """
+        for name, factor in by.items():
+            if name not in ("A", "B", "k1", "c0") or not (factor > 0 and isfinite(factor)):
+                raise UsageError(f"{name} times {factor!r}: A, B, k1 and c0 are multiplied by a number above zero.")
+        return replace(self, **{name: getattr(self, name) * factor for name, factor in by.items()})
+
+
+def _load_law(pf: "ParameterFile", line: "LoadLine") -> "Law":
+    law = pf.laws.get(line.law)
+    if law is None or law.form not in ("load_line", "feed_line"):
+        raise ParameterError(
+            f"the file has no load law of {line.law[:40]!r} that its settings name, so there is no cut to act on; fit "
+            "runs that have the columns fm, VB and I."
+        )
+    found = (law.unit, *(factor.unit for factor in law.factors))
+    own = (line.unit_load, line.unit_feed) if law.form == "load_line" else (line.unit_feed,)
+    if found != (*own, line.unit_wear):
+        raise ParameterError(
+            f"the load law is in {', '.join(found)} and the settings in {', '.join((*own, line.unit_wear))}; give both "
+            "in the same units."
+        )
+    return law
+
+
+def _line(law: "Law", line: "LoadLine", pf: "ParameterFile") -> tuple[float, float, float]:
+    shift = law.by.shifts.get(line.by or "", 0.0) if law.by else 0.0
+    c = law.coefficients
+    if law.form == "load_line":
+        A, B, k1 = c["A"] + shift, c["B"], c["k1"]
+    else:  # feed on wear at the reference: the dynamics alone say what load a feed draws
+        B = _gain_of_dynamics(pf, line)
+        A, k1 = line.reference - B * (c["fm0"] + shift), -c["slope"] * B
+    if not (B > 0 and k1 > 0):
+        raise ParameterError(f"the load law has B {B:.4g} and k1 {k1:.4g}: load rises with feed and with wear.")
+    return A, B, k1
+
+
+def _gain_of_dynamics(pf: "ParameterFile", line: "LoadLine") -> float:
+    """Load per unit of feed by the drive's gain and the scaling of the gains."""
+    pi, model = pf.pi, pf.dynamics
+    if model is not None and model.unit_u == line.unit_feed and model.unit_y == line.unit_load:
+        return model.dc_gain
+    if pi is None or model is None or (pi.unit_u, pi.unit_y) != (line.unit_feed, line.unit_load):
+        raise ParameterError(
+            f"the file has feed on wear at {line.reference:g} {line.unit_load} alone and no scaling of its dynamics to "
+            f"{line.unit_feed}: what load another feed draws is not known; fit runs at several loads."
+        )
+    return model.dc_gain * pi.scaling_y / pi.scaling_u
+
+
+def _wear(pf: "ParameterFile", symbol: str, line: "LoadLine") -> tuple[float, float, float, dict[str, float]]:
+    """c0 for time in s, exponents of time and feed, and what was held in the tests: ``area``, ``fm``."""
+    law = pf.laws.get(symbol)
+    cure = f"fit wear tests that have the columns t and {symbol}."
+    if law is None or law.form != "power" or "t" not in law.coefficients:
+        raise ParameterError(f"the file has no power law of {symbol} in the time t, so no tool wears; {cure}")
+    factors = {factor.symbol: factor for factor in law.factors}
+    free = [name for name, factor in factors.items() if name not in FACTORS and factor.low != factor.high]
+    if free or law.by:
+        raise ParameterError(
+            f"the law of {symbol} leaves {', '.join(free) or 'its level'} open; at constant load t and fm alone may "
+            f"change: {cure}"
+        )
+    _same_units(law, factors, line)
+    held: dict[str, Any] = {name: factor.low for name, factor in factors.items() if name not in FACTORS}
+    held |= {name: 1.0 for name in FACTORS if name in factors}
+    c0 = float(law.predict(**held))
+    c0, n = c0 * _in_unit("s", factors["t"].unit) ** law.coefficients["t"], law.coefficients["t"]
+    if not n > 0:
+        raise ParameterError(f"the law of {symbol} has t^{n:g}: wear grows with time; {cure}")
+    return c0, n, law.coefficients.get("fm", 0.0), _tested(factors)
+
+
+def _same_units(law: "Law", factors: dict[str, Any], line: "LoadLine") -> None:
+    if law.unit != line.unit_wear or ("fm" in factors and factors["fm"].unit != line.unit_feed):
+        raise ParameterError(
+            f"the law of {law.response} is in {law.unit}, the settings in {line.unit_wear} and {line.unit_feed}; give "
+            "both in the same units."
+        )
+
+
+def _tested(factors: dict[str, Any]) -> dict[str, float]:
+    found = {}
+    if "fm" in factors:
+        found["fm"] = (factors["fm"].low + factors["fm"].high) / 2
+    if {"d", "ae"} <= factors.keys():
+        d, ae = (factors[name].low * _in_unit(factors[name].unit, "mm") for name in ("d", "ae"))
+        found["area"] = d * ae
+    return found
+
+
+def _in_unit(unit: str, to: str) -> float:
+    from ...datasets.units import convert
+
+    return float(convert(np.array(1.0), unit, to))

@@ -1,0 +1,209 @@
+"""A tool from its first pass to its change: at constant load, and at constant feed beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...datasets.errors import UsageError
+from ..loop import Trace, replay
+from .controller import ConstantLoad
+from .cut_model import CutModel
+from .passes import RECORDED, SETTLE, Pass, passes_of
+from .plant import GAP, PASS, MillingCut
+from .settings import line_of
+
+if TYPE_CHECKING:
+    from ...parameters import ParameterFile
+
+CHANGE = "change tool"
+LONGEST = 4 * 3600.0  # s of machine time
+BEYOND = 2.0  # times the end of the tool-change window: a loop that has not asked by then never asks
+
+
+@dataclass(frozen=True, slots=True)
+class ToolRun:
+    """A tool's whole run: a simulation.
+
+    Attributes
+    ----------
+    trace : Trace
+        With feed, wear, length, in_cut, number and kind recorded.
+    passes : tuple of Pass
+    reference : float
+    worn : bool
+        Whether the run ended with a tool change.
+    wear, length, time : float
+        At its end: wear, mm of cutting length, s in the cut.
+    removed : float or None
+        mm3.
+    rested : float
+        s in the cut on the lower limit.
+    """
+
+    trace: Trace
+    passes: tuple[Pass, ...]
+    reference: float
+    worn: bool
+    wear: float
+    length: float
+    time: float
+    removed: float | None
+    rested: float
+
+    @property
+    def mean_feed(self) -> float:
+        """Cutting length over time in the cut, mm/min."""
+        return 60.0 * self.length / self.time
+
+    @property
+    def rate(self) -> float | None:
+        """Material removal rate over the time in the cut, mm3/s."""
+        return None if self.removed is None else self.removed / self.time
+
+    @property
+    def regulated(self) -> tuple[Pass, ...]:
+        """Whole passes, long enough to judge, before the one in which the command first rested on the lower limit."""
+        first = next((p.number for p in self.passes if p.limited), np.inf)
+        return tuple(p for p in self.passes if p.whole and p.number < first and p.mean_load is not None)
+
+    @property
+    def worst_mean(self) -> float | None:
+        """Largest share by which the mean load of a regulated pass lies off the reference; None without one."""
+        off = [p.mean_load / self.reference - 1 for p in self.regulated if p.mean_load is not None]
+        return max(off, key=abs) if off else None
+
+
+def constant_load_run(
+    pf: "ParameterFile",
+    *,
+    plant: MillingCut | None = None,
+    pass_length: float = PASS,
+    gap: float = GAP,
+    seed: int = 1,
+    settle: float = SETTLE,
+) -> ToolRun:
+    """Replay a sharp tool at constant load, pass after pass, until the command has rested on the lower limit.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+        Controller and plant are made from it alone.
+    plant : MillingCut, optional
+        Another than the file's: a mismatch.
+    pass_length, gap : float
+        mm of a pass, s out of the cut between two.
+    seed : int
+        Of the sensor's noise, where there is any.
+    settle : float
+        s of each pass that do not count for its means.
+
+    Raises
+    ------
+    GateError, ParameterError
+        The file cannot drive it; see `ConstantLoad.from_parameters` and `CutModel.from_parameters`.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> run = constant_load_run(published("CLM-2023"))
+    >>> run.worn, len(run.passes), f"{run.wear:.0f} um, {run.length:.0f} mm"
+    (True, 15, '205 um, 2103 mm')
+    """
+    controller = ConstantLoad.from_parameters(pf, command=1.0)  # the machine runs at its programme's feed
+    mill = MillingCut.from_parameters(pf, pass_length=pass_length, gap=gap) if plant is None else plant
+    cut, loop = mill.cuts[0], controller.loop
+    duration = longest(cut, BEYOND * line_of(pf).window[1], loop.feed_low, gap, pass_length)
+    trace = replay(
+        controller, mill, duration=duration, dt=loop.sample_time, seed=seed, record=RECORDED, until=CHANGE
+    )  # fmt: skip
+    return run_of(trace, loop.reference, (controller.rest,), (cut.area,), settle)
+
+
+def constant_feed_run(
+    pf: "ParameterFile", feed: float | None = None, wear: float | None = None, *, plant: MillingCut | None = None
+) -> ToolRun:
+    """Replay a sharp tool at one feed until its wear reaches the criterion.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    feed : float, optional
+        In the unit of the feed limits; that of the wear tests unless given, or else the lower feed limit.
+    wear : float, optional
+        The file's criterion unless given, or else the wear that the lower limit stands for.
+    plant : MillingCut, optional
+
+    Raises
+    ------
+    UsageError
+        A feed or wear that is not above zero.
+    ParameterError
+        The file holds no cut to act on.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> run = constant_feed_run(published("CLM-2023"))
+    >>> f"{run.mean_feed:.0f} mm/min, {run.length:.0f} mm, {run.rate:.2f} mm3/s"
+    '700 mm/min, 1800 mm, 3.27 mm3/s'
+    """
+    mill = MillingCut.from_parameters(pf) if plant is None else plant
+    cut, line = mill.cuts[0], line_of(pf)
+    at = feed if feed is not None else cut.tested_feed or line.lower.value
+    until = wear if wear is not None else criterion(pf)
+    if not (at > 0 and until > 0):
+        raise UsageError(f"a feed of {at:g} to a wear of {until:g}: both lie above zero.")
+    fixed = FixedFeed(at / mill.programmed, mill, until, line.reference)
+    trace = replay(
+        fixed, mill, duration=longest(cut, 1.1 * until, at, mill.gap, mill.passes[0][1]), dt=cut.sample_time,
+        record=RECORDED, until=CHANGE,
+    )  # fmt: skip
+    return run_of(trace, line.reference, (-1.0,), (cut.area,), SETTLE)
+
+
+def criterion(pf: "ParameterFile") -> float:
+    """Wear at which a tool is worn out at constant feed: the file's criterion, or what the lower limit stands for."""
+    line, life = line_of(pf), pf.tool_life
+    return life.criterion if life is not None and life.unit_of_wear == line.unit_wear else line.lower.wear
+
+
+@dataclass(slots=True)
+class FixedFeed:
+    """One override, until the tool is measured to be worn: what a programme without a loop does."""
+
+    command: float
+    mill: MillingCut
+    wear: float
+    reference: float
+    news: tuple[str, ...] = field(default=(), init=False)
+
+    def step(self, measurement: float, dt: float) -> float:
+        """The same override, whatever the load."""
+        if self.mill.wear >= self.wear * (1 - 1e-12):
+            self.news = (CHANGE,)
+        return self.command
+
+
+def run_of(
+    trace: Trace, reference: float, rest: Sequence[float], areas: Sequence[float | None], settle: float
+) -> ToolRun:
+    """The run that a trace tells; for each kind of cut the override of its lower limit and its cross-section, mm2."""
+    found = passes_of(trace, rest, settle)
+    dt = float(trace.time[1]) if len(trace.time) > 1 else 0.0
+    removed = [p.length * area for p in found if (area := areas[p.kind]) is not None]
+    on_limit = trace.command <= np.asarray(rest)[trace.recorded["kind"].astype(int)]
+    return ToolRun(
+        trace=trace, passes=found, reference=reference, worn=trace.first(CHANGE) is not None,
+        wear=float(trace.recorded["wear"][-1]), length=float(trace.recorded["length"][-1]),
+        time=sum(p.time for p in found), removed=sum(removed) if len(removed) == len(found) else None,
+        rested=float((on_limit & (trace.recorded["in_cut"] > 0)).sum() * dt),
+    )  # fmt: skip
+
+
+def longest(cut: CutModel, wear: float, feed: float, gap: float, length: float) -> float:
+    """Time in s until a wear is reached at a feed, with the time out of the cut."""
+    in_cut = (wear / (cut.c0 * feed**cut.m)) ** (1 / cut.n)
+    speed = feed * 4 / 60  # passes are shorter where the feed is higher: no loop's limits span more
+    return float(min(in_cut * (1 + gap * speed / length) + 60.0, LONGEST))

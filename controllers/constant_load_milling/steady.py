@@ -1,0 +1,120 @@
+"""Life at constant load by calculation: the loop held perfectly, the tool changed on reaching the lower limit.
+
+    fm(VB) = fm0 - s VB between the limits, fm0 = (I - A)/B, s = k1/B    eq. 15 of Tai, Tsai & Li 2023
+    life = integral of dVB / (dVB/dt at fm(VB)),    length = integral of fm dt
+
+A replay adds to it the dwell on the limit and the transients of the loop. It takes one tool or a thousand draws.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...parameters import Draws
+from ...parameters.evaluate import parameter_names
+from ..loop import Array
+from .cut_model import CutModel
+from .settings import line_of
+
+if TYPE_CHECKING:
+    from ...parameters import Law, LoadLine, ParameterFile
+
+STEPS = 400  # of the wear, for the integrals
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyLife:
+    """Wear at the lower limit, s in the cut and mm to there; shape (n,), one for each tool; NaN never reaches it."""
+
+    wear: Array
+    time: Array
+    length: Array
+
+
+def steady_life(cut: CutModel, line: "LoadLine", **changed: Array) -> SteadyLife:
+    """Life of tools at constant load.
+
+    Parameters
+    ----------
+    cut : CutModel
+    line : LoadLine
+        Reference and feed limits.
+    **changed : ndarray, shape (n,)
+        Coefficients that differ from tool to tool: A, B, k1, c0, n, m.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> pf = published("CLM-2023")
+    >>> life = steady_life(CutModel.from_parameters(pf), pf.load_line)
+    >>> print(f"{life.wear[0]:.0f} um, {life.time[0] / 60:.2f} min, {life.length[0]:.0f} mm")
+    201 um, 2.58 min, 2067 mm
+    """
+    names = ("A", "B", "k1", "c0", "n", "m")
+    A, B, k1, c0, n, m = np.broadcast_arrays(*(np.atleast_1d(changed.get(k, np.array(getattr(cut, k)))) for k in names))
+    low, high = line.lower.value, line.upper.value
+    wear = (line.reference - A - B * low) / k1
+    wear = np.where((wear > 0) & (B > 0) & (k1 > 0) & (n > 0), wear, np.nan)
+    grid = np.linspace(0.0, 1.0, STEPS + 1)[:, None] * wear ** (1 / n)  # of wear^(1/n), which grows evenly at one feed
+    feed = np.clip((line.reference - A - k1 * grid**n) / B, low, high)
+    pace = (c0 * feed**m) ** (-1 / n)
+    return SteadyLife(wear, _integral(pace, grid), _integral(pace * feed * _mm_per_s(cut), grid))
+
+
+def drawn_life(pf: "ParameterFile", draws: Mapping[str, Draws]) -> tuple[SteadyLife, tuple[str, ...]]:
+    """Life over the draws of load law and wear law, and the responses whose draws were used.
+
+    Draws of two laws are taken pair by pair, as many as the fewer; a law without draws stands as it is in the file.
+    """
+    cut, line = CutModel.from_parameters(pf), line_of(pf)
+    law = pf.laws[line.law]
+    wear = pf.laws[law.factors[-1].symbol]
+    found = {of.response: _columns(of, draws[of.response]) for of in (law, wear) if of.response in draws}
+    n = min((len(next(iter(columns.values()))) for columns in found.values()), default=0)
+    changed: dict[str, Array] = {}
+    for response, columns in found.items():
+        kept = {name: values[:n] for name, values in columns.items()}
+        changed |= _load(kept, cut, line) if response == law.response else _wear(kept, cut, wear)
+    return steady_life(cut, line, **changed), tuple(found)
+
+
+def _columns(law: "Law", of: Draws) -> dict[str, Array]:
+    return {name: of.values[:, of.names.index(name)] for name in parameter_names(law) if name in of.names}
+
+
+def _load(columns: dict[str, Array], cut: CutModel, line: "LoadLine") -> dict[str, Array]:
+    if "fm0" in columns:
+        return {"A": line.reference - cut.B * columns["fm0"], "k1": -cut.B * columns["slope"]}
+    return columns
+
+
+def _wear(columns: dict[str, Array], cut: CutModel, law: "Law") -> dict[str, Array]:
+    """c0 for time in s: what the file's constant became, times what each draw moves it by."""
+    per_min = {"n": columns.get("t"), "m": columns.get("fm")}
+    out = {name: values for name, values in per_min.items() if values is not None}
+    ln = columns["ln c0"] - np.log(law.coefficients["c0"])
+    for factor in law.factors:
+        moved = columns.get(factor.symbol, law.coefficients[factor.symbol]) - law.coefficients[factor.symbol]
+        if factor.symbol == "t":
+            ln = ln - moved * np.log(_per(factor.unit))
+        elif factor.symbol != "fm":
+            ln = ln + moved * np.log(factor.low)
+    return {**out, "c0": cut.c0 * np.exp(ln)}
+
+
+def _per(unit: str) -> float:
+    from ...datasets.units import convert
+
+    return float(convert(np.array(1.0), unit, "s"))
+
+
+def _mm_per_s(cut: CutModel) -> float:
+    from ...datasets.units import convert
+
+    return float(convert(np.array(1.0), cut.unit_feed, "mm/s"))
+
+
+def _integral(y: Array, x: Array) -> Array:
+    return np.asarray(((y[1:] + y[:-1]) / 2 * np.diff(x, axis=0)).sum(axis=0), dtype=np.float64)
