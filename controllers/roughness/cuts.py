@@ -1,0 +1,167 @@
+"""One simulated cut with or without control, and its figures in steady cut."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...datasets.errors import UsageError
+from ..loop import Trace, replay
+from .control import ConstantRoughness
+from .plant import DISTURBANCE, TurningForce
+from .reference import law_of, settings_of
+
+if TYPE_CHECKING:
+    from ...parameters import ParameterFile
+
+Array = NDArray[np.float64]
+
+DURATION = 15.0  # s, SURF
+SETTLED = 3.0  # s after the start or a change: the law acts after 0.3 s, and its loop settles in 8 tc = 0.8 s
+
+
+@dataclass(slots=True)
+class _Constant:
+    """A feed without control, and the reference that the control would hold."""
+
+    control: ConstantRoughness
+    command: float
+    labels: tuple[str, str]
+
+    @property
+    def reference(self) -> float:
+        return self.control.reference
+
+    def step(self, measurement: float, dt: float) -> float:
+        self.control.step(measurement, dt)
+        return self.command
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """A simulated cut.
+
+    Attributes
+    ----------
+    trace : Trace
+        Command the feed command; recorded ``feed``, the servo's output, and ``force``.
+    Ra, asked : ndarray, shape (n,)
+        Roughness by the file's law at each sample's force, and the roughness asked for, um.
+    low, high : float
+        Limits of the feed command.
+    """
+
+    trace: Trace
+    Ra: Array
+    asked: Array
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Steady:
+    """A stretch of a cut: roughness in um, force in N, feed in mm/rev.
+
+    Attributes
+    ----------
+    Ra, Ra_sd : float
+        Mean and standard deviation over samples.
+    error : float
+        Mean of |Ra - asked| over samples.
+    F, f : float
+        Mean force, and mean feed at the servo's output.
+    ripple, command_ripple : float
+        Peak-to-peak feed at the servo's output, and of the command.
+    at_low, at_high : float
+        Shares of the samples in which the command rests on a limit.
+    """
+
+    Ra: float
+    Ra_sd: float
+    error: float
+    F: float
+    f: float
+    ripple: float
+    command_ripple: float
+    at_low: float
+    at_high: float
+
+
+def turn(
+    pf: "ParameterFile",
+    *,
+    control: bool = True,
+    feed: Literal["servo", "command"] = "servo",
+    constant_feed: float | None = None,
+    schedule: Sequence[tuple[float, float]] = (),
+    duration: float = DURATION,
+    seed: int = 1,
+    disturbance: float = DISTURBANCE,
+    hold: float | None = None,
+    engaged: Callable[[float], float] = lambda t: 1.0,
+) -> Turned:
+    """Simulate a cut of the file: the plant is a reconstruction, see `TurningForce`.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    control : bool
+        False: the feed stays what it is.
+    feed : {"servo", "command"}
+        What f(t-1) of the law is.
+    constant_feed : float, optional
+        mm/rev without control; the programmed one unless given.
+    schedule : sequence of (float, float)
+        s, and the roughness asked for from then on.
+    duration, seed
+        s, and of the disturbance.
+    disturbance, hold, engaged
+        Of the plant; ``hold`` is one revolution unless given, 0 draws anew every 10 ms.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> cut = turn(published("SURF"), duration=6.0, disturbance=0.0)
+    >>> round(steady(cut).Ra, 3), round(steady(cut).f, 3)
+    (1.6, 0.201)
+    """
+    section, law = settings_of(pf), law_of(pf)
+    made = ConstantRoughness.from_parameters(pf, schedule=schedule, feed=feed)
+    start = made.command if constant_feed is None or control else constant_feed
+    more: dict[str, Any] = {} if hold is None else {"hold": hold}
+    plant = TurningForce.from_parameters(pf, disturbance=disturbance, engaged=engaged, feed=start, **more)
+    controller = made if control else _Constant(made, start, made.labels)
+    trace = replay(controller, plant, duration=duration, dt=made.sample_time, seed=seed, record=("feed", "force"))
+    asked = np.full(len(trace.time), section.roughness)
+    for time, Ra in schedule:
+        asked[trace.time > time - 1e-9] = Ra
+    given: dict[str, Any] = {law.factors[0].symbol: trace.recorded["force"]}
+    return Turned(trace, np.asarray(law.predict(**given)), asked, made.low, made.high)
+
+
+def steady(cut: Turned, start: float = SETTLED, end: float = np.inf) -> Steady:
+    """Figures of the stretch from ``start`` to ``end``, s.
+
+    Raises
+    ------
+    UsageError
+        No sample lies in it.
+    """
+    time, command = cut.trace.time, cut.trace.command
+    part = (time >= start - 1e-9) & (time < end - 1e-9)
+    if not part.any():
+        raise UsageError(f"a steady cut from {start:g} to {end:g} s: the run of {time[-1]:g} s has no sample in it.")
+    Ra, feed, u = cut.Ra[part], cut.trace.recorded["feed"][part], command[part]
+    return Steady(
+        Ra=float(Ra.mean()),
+        Ra_sd=float(Ra.std()),
+        error=float(np.abs(Ra - cut.asked[part]).mean()),
+        F=float(cut.trace.recorded["force"][part].mean()),
+        f=float(feed.mean()),
+        ripple=float(np.ptp(feed)),
+        command_ripple=float(np.ptp(u)),
+        at_low=float((u <= cut.low).mean()),
+        at_high=float((u >= cut.high).mean()),
+    )

@@ -1,0 +1,127 @@
+"""The cut of SURF: feed command -> servo -> force, and a force that is disturbed at random.
+
+F(s)/fc(s) = kc a / ((tc s + 1)(ts s + 1))        reconstructed: the equation is lost in the copy used
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from ...parameters.errors import ParameterError
+from .reference import settings_of
+
+if TYPE_CHECKING:
+    from ...parameters import ParameterFile
+
+DISTURBANCE = 0.1  # SURF: the force undergoes random changes up to 10 %
+
+
+@dataclass(slots=True)
+class TurningForce:
+    """Servo and cutting process, two lags in a row, exact for a command held over each step (zero-order hold).
+
+    The force is multiplied by 1 + e, with e uniform from -``disturbance`` to +``disturbance`` and held for ``hold``.
+    The paper says that the force changes at random by up to 10 %, without distribution or time; a reconstruction. Held
+    for a revolution, as where each revolution meets new stock, it lies in the band of the loop and is harder on it than
+    a draw at every sample. It is a change of the force itself, so the surface bears it.
+
+    Attributes
+    ----------
+    gain : float
+        kc a, N per mm/rev.
+    tc, ts : float
+        Time constants of process and servo, s.
+    disturbance, hold : float
+        Share of the force, and s between two draws; 0 draws at every sample.
+    engaged : callable
+        Time in s -> share of the depth in the work: 0 tool out of it, 1 in it, 10 ten times as stiff.
+    feed : float
+        The servo's output, mm/rev.
+    force : float
+        With its disturbance, N.
+
+    Examples
+    --------
+    >>> plant = TurningForce(gain=2781.0, tc=0.1, ts=0.13, disturbance=0.0)
+    >>> noise = np.random.default_rng(1)
+    >>> [round(plant.step(0.2, 0.1, noise)) for _ in range(3)]
+    [121, 290, 409]
+    """
+
+    gain: float
+    tc: float
+    ts: float
+    disturbance: float = DISTURBANCE
+    hold: float = 0.0
+    engaged: Callable[[float], float] = field(default=lambda t: 1.0)
+    feed: float = 0.0
+    force: float = field(default=0.0, init=False)
+    _clean: float = field(default=0.0, init=False)
+    _drawn: int = field(default=-1, init=False)
+    _factor: float = field(default=1.0, init=False)
+    _samples: int = field(default=0, init=False)
+    _dt: float = field(default=0.0, init=False)
+    _decays: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), init=False)
+
+    @classmethod
+    def from_parameters(cls, pf: "ParameterFile", **more: Any) -> Self:  # noqa: ANN401
+        """The cut of a file, entered at the programmed feed; the disturbance is held for one revolution unless given.
+
+        Parameters
+        ----------
+        pf : ParameterFile
+            Its roughness section with force_per_feed, process_time, servo_time and feed.
+        **more
+            Any other attribute.
+
+        Raises
+        ------
+        ParameterError
+            The file lacks one of them.
+        """
+        section = settings_of(pf)
+        needed = section.force_per_feed, section.process_time, section.servo_time, section.feed
+        if None in needed:
+            names = ("force_per_feed", "process_time", "servo_time", "feed")
+            lacking = [name for name, value in zip(names, needed, strict=True) if value is None]
+            raise ParameterError(f"The roughness section lacks {', '.join(lacking)}: a simulated cut needs it; add it.")
+        own: dict[str, Any] = dict(zip(("gain", "tc", "ts", "feed"), needed, strict=True))
+        return cls(**{**own, "hold": own["tc"], **more})
+
+    def step(self, command: float, dt: float, noise: np.random.Generator) -> float:
+        """Answer the feed that was commanded during the last ``dt`` s with the force, N."""
+        if dt != self._dt:
+            self._dt, self._decays = dt, decays(self.tc, self.ts, dt)
+        of_process, of_servo, between = self._decays
+        t = self._samples * dt
+        self._samples += 1
+        stiff = self.gain * self.engaged(t)
+        lag = self.feed - command
+        self._clean = of_process * self._clean + stiff * (command * (1 - of_process) + lag * between)
+        self.feed = command + lag * of_servo
+        if self.disturbance:
+            self._draw(t, noise)
+        self.force = self._clean * self._factor
+        return self.force
+
+    def _draw(self, t: float, noise: np.random.Generator) -> None:
+        turn = int(t / self.hold + 1e-9) if self.hold else self._samples
+        if turn != self._drawn:
+            self._drawn, self._factor = turn, 1 + noise.uniform(-self.disturbance, self.disturbance)
+
+
+def decays(tc: float, ts: float, dt: float) -> tuple[float, float, float]:
+    """What is left over a step: of the process, of the servo, and of a servo's lag in the force (a share of kc a).
+
+    Examples
+    --------
+    >>> [round(share, 4) for share in decays(0.1, 0.13, 0.01)]
+    [0.9048, 0.926, 0.0915]
+    """
+    of_process, of_servo = (math.exp(-dt / lag) if lag else 0.0 for lag in (tc, ts))
+    if abs(ts - tc) > 1e-7 * (ts + tc):
+        return of_process, of_servo, ts * (of_servo - of_process) / (ts - tc)
+    return of_process, of_servo, dt / ts * of_servo if ts else 0.0
