@@ -1,0 +1,67 @@
+"""A sensor that fails, a sign that is wrong, a cut ten times stiffer: whatever the controller, the feed stays in bounds.
+
+Every controller that reads a sensor meets every fault of `controllers.FAULTS`, for good and for a while.
+"""
+
+import numpy as np
+import pytest
+from fitmodels import controllers
+from fitmodels.parameters.published import published
+
+START = 8.0  # s: every loop has settled
+
+
+def constant_load():
+    pf = published("CLM-2023")
+    c = controllers.ConstantLoad.from_parameters(pf)
+    low, high = c.loop.low, max(c.loop.high, 1.0)
+    return c, controllers.MillingCut.from_parameters(pf), c.loop.sample_time, (low, high)
+
+
+def roughness():
+    pf = published("SURF")
+    c = controllers.ConstantRoughness.from_parameters(pf)
+    return c, controllers.TurningForce.from_parameters(pf), pf.roughness.sample_time, (0.0, 0.3)
+
+
+def adaptive_force():
+    pf = published("LYAP")
+    c = controllers.AdaptiveForceControl.from_parameters(pf, depth=1.0)
+    return c, controllers.DriveAndCut.from_parameters(pf, depth=1.0), 0.001, (pf.adaptive_force.low, pf.adaptive_force.high)
+
+
+LOOPS = {"constant load": constant_load, "roughness": roughness, "adaptive force": adaptive_force}
+
+
+@pytest.fixture(params=LOOPS)
+def loop(request):
+    return LOOPS[request.param]()
+
+
+@pytest.mark.parametrize("lasts", [float("inf"), 0.5])
+@pytest.mark.parametrize("name", controllers.FAULTS)
+def test_the_feed_stays_inside_its_limits_and_above_zero(loop, name, lasts):
+    controller, plant, dt, (low, high) = loop
+    faulty = controllers.Faulty(plant, controllers.FAULTS[name], START, START + lasts)
+    trace = controllers.replay(controller, faulty, duration=START + 4, dt=dt)
+    feed = trace.command[trace.time > 2]  # a limiter may ramp from 0 first
+    assert np.isfinite(trace.command).all()
+    assert (feed > 0).all() and feed.min() >= low - 1e-12 and feed.max() <= high + 1e-12
+
+
+@pytest.mark.parametrize("name", ["not a number", "infinite", "wrong sign"])
+def test_a_reading_that_cannot_be_is_told_when_it_comes(loop, name):
+    controller, plant, dt, _ = loop
+    faulty = controllers.Faulty(plant, controllers.FAULTS[name], START)
+    trace = controllers.replay(controller, faulty, duration=START + 4, dt=dt)
+    told = [event for event in trace.events if event.time >= START - 2 * dt]
+    assert any("unknown" in event.what or event.what in ("air", "out of cut") for event in told), trace.events
+
+
+def test_a_loop_comes_back_after_a_second_without_a_reading(loop):
+    controller, plant, dt, _ = loop
+    faulty = controllers.Faulty(plant, controllers.FAULTS["not a number"], START, START + 1)
+    trace = controllers.replay(controller, faulty, duration=START + 10, dt=dt)
+    assert any(event.what.endswith("known") and event.time > START + 0.9 for event in trace.events)
+    before = trace.measurement[(trace.time > START - 1) & (trace.time < START)].mean()
+    assert trace.measurement[-int(1 / dt) :].mean() == pytest.approx(before, rel=0.1)
