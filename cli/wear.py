@@ -51,8 +51,8 @@ def parser() -> Parser:
         "fitmodels data.csv",
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
-        "Other commands, each with -h: predict, plan, next, confirm, simulate; ident, excite, tune, replay; check,\n"
-        "settings, export",
+        "Other commands, each with -h: predict, plan, next, confirm, simulate; ident, excite, tune; limits,\n"
+        "settings, replay, check, export",
     )
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")

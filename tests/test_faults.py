@@ -1,4 +1,4 @@
-"""A sensor that fails, a sign that is wrong, a cut ten times stiffer: whatever the controller, the feed stays in bounds.
+"""A failed sensor, a wrong sign, a cut ten times stiffer: whatever the controller, the feed stays in bounds.
 
 Every controller that reads a sensor meets every fault of `controllers.FAULTS`, for good and for a while.
 """
@@ -27,7 +27,12 @@ def roughness():
 def adaptive_force():
     pf = published("LYAP")
     c = controllers.AdaptiveForceControl.from_parameters(pf, depth=1.0)
-    return c, controllers.DriveAndCut.from_parameters(pf, depth=1.0), 0.001, (pf.adaptive_force.low, pf.adaptive_force.high)
+    return (
+        c,
+        controllers.DriveAndCut.from_parameters(pf, depth=1.0),
+        0.001,
+        (pf.adaptive_force.low, pf.adaptive_force.high),
+    )
 
 
 LOOPS = {"constant load": constant_load, "roughness": roughness, "adaptive force": adaptive_force}
@@ -46,7 +51,9 @@ def test_the_feed_stays_inside_its_limits_and_above_zero(loop, name, lasts):
     trace = controllers.replay(controller, faulty, duration=START + 4, dt=dt)
     feed = trace.command[trace.time > 2]  # a limiter may ramp from 0 first
     assert np.isfinite(trace.command).all()
-    assert (feed > 0).all() and feed.min() >= low - 1e-12 and feed.max() <= high + 1e-12
+    assert (feed > 0).all()
+    assert feed.min() >= low - 1e-12
+    assert feed.max() <= high + 1e-12
 
 
 @pytest.mark.parametrize("name", ["not a number", "infinite", "wrong sign"])

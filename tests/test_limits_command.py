@@ -1,0 +1,70 @@
+"""``fitmodels limits``: what the machine allows goes into the file, or one sentence says why not."""
+
+import json
+
+import pytest
+from fitmodels import parameters
+from fitmodels.cli import main
+from fitmodels.parameters.published import published
+
+
+@pytest.fixture
+def file(tmp_path):
+    bare = parameters.sealed(published("AC-2017"), limits=None)
+    return str(parameters.write(bare, tmp_path / "params.json"))
+
+
+def test_limits_are_written_with_their_units_and_what_they_are_of(file):
+    assert main(["limits", file, "P=7kW", "Fxz=1500", "AW=300um", "V=50:200m/min", "f=0.06:0.6"]) == 0
+    pf = parameters.read(file)
+    assert (pf.limits.power.value, pf.limits.power.unit) == (7.0, "kW")
+    assert (pf.limits.force.value, pf.limits.force.unit, pf.limits.force.of) == (1500.0, "N", "Fxz")
+    assert (pf.limits.wear.value, pf.limits.wear.unit) == (300.0, "um")
+    assert (pf.limits.feed.low, pf.limits.feed.high, pf.limits.feed.unit) == (0.06, 0.6, "mm/rev")
+    assert parameters.check(pf).ok
+
+
+def test_what_is_not_named_stays_and_what_stands_needs_force(file, capsys):
+    assert main(["limits", file, "P=7kW"]) == 0
+    assert main(["limits", file, "AW=0.3mm"]) == 0
+    assert main(["limits", file, "P=8kW"]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert main(["limits", file, "P=8kW", "--force"]) == 0
+    limits = parameters.read(file).limits
+    assert (limits.power.value, limits.wear.value) == (8.0, 0.3)
+
+
+def test_the_json_is_what_was_written(file, capsys):
+    assert main(["limits", file, "P=7kW", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["schema"] == "fitmodels.limits/1"
+    assert facts["limits"]["power"] == {"value": 7.0, "unit": "kW", "of": "P"}
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("Q=3", "there are limits of"),
+        ("P=7mm", "no unit of it"),
+        ("P=5:7kW", "one number"),
+        ("V=200m/min", "low:high"),
+        ("V=200:50m/min", "below high"),
+        ("P=0kW", "above zero"),
+        ("P=-7kW", "above zero"),
+        ("Fc=900N", "holds laws of AW"),
+        ("P", "written as"),
+        ("P=seven", "one number"),
+    ],
+)
+def test_a_limit_that_cannot_be_is_one_sentence_and_the_file_stays(file, word, says, capsys):
+    before = parameters.read(file)
+    assert main(["limits", file, word]) == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert said.count("\n") == 1
+    assert parameters.read(file) == before
+
+
+def test_two_limits_of_one_kind_are_refused(file, capsys):
+    assert main(["limits", file, "V=50:200m/min", "P=7kW", "P=8kW"]) == 2
+    assert "twice" in capsys.readouterr().err

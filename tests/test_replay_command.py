@@ -1,0 +1,70 @@
+"""``fitmodels replay``: what a file can drive is run, told and drawn; what it cannot is said."""
+
+import json
+
+import pytest
+from fitmodels import parameters
+from fitmodels.cli import main
+from fitmodels.parameters.published import PAPERS, published
+
+DRIVES = {
+    "AC-2016": "region",
+    "AC-2017": "recursion",
+    "CLM-2023": "constant-load",
+    "CLM-2023-slot": "constant-load",
+    "SURF": "roughness",
+    "LYAP": "adaptive-force",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("paper", PAPERS)
+def test_every_paper_is_replayed_from_its_file_alone(paper, tmp_path, capsys):
+    file = parameters.write(published(paper), tmp_path / "params.json")
+    assert main(["replay", str(file), "--system", DRIVES[paper]]) == 0
+    said = capsys.readouterr().out
+    assert "simulated" in said
+    assert "Drawn: " in said
+    pictures = sorted(path.name for path in (tmp_path / "figures").iterdir())
+    assert pictures
+    assert all(name.endswith(".png") and name in said.replace("\n", " ") for name in pictures)
+
+
+def test_the_name_of_a_paper_stands_for_its_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["replay", "AC-2017", "--system", "recursion", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["schema"] == "fitmodels.replay/1"
+    assert facts["simulated"] is True
+    assert list(facts["systems"]) == ["recursion"]
+    assert not list(tmp_path.iterdir())  # nothing is drawn without --out
+
+
+def test_the_same_seed_tells_the_same(capsys):
+    said = []
+    for seed in ("1", "1", "2"):
+        assert main(["replay", "SURF", "--json", "--seed", seed]) == 0
+        said.append(capsys.readouterr().out.replace(f'"seed": {seed}', ""))
+    assert said[0] == said[1] != said[2]
+
+
+def test_a_file_without_what_a_controller_needs_says_what_is_missing(tmp_path, capsys):
+    file = parameters.write(parameters.collect(tool="GC435", work="709M40"), tmp_path / "params.json")
+    assert main(["replay", str(file)]) == 3
+    said = capsys.readouterr().err
+    assert all(system in said for system in DRIVES.values())
+    assert "fitmodels settings" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (["AC-2017", "--system", "recurson"], 2, "did you mean recursion?"),
+        (["AC-2017", "--system", "roughness"], 3, "not this controller"),
+        (["nowhere.json"], 3, "no such file"),
+        (["AC-2017", "--seed", "-1"], 2, "seed"),
+    ],
+)
+def test_a_wrong_word_is_one_sentence(words, code, says, capsys):
+    assert main(["replay", *words]) == code
+    assert says in capsys.readouterr().err
