@@ -1,0 +1,263 @@
+"""Adaptive force control (LYAP) told: the three depths, steps of depth, the proof, the step of the law, and a PI."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import Replayed
+
+if TYPE_CHECKING:
+    from ...controllers.adaptive_force import ForceRun, Held, StepSize
+    from ...controllers.adaptive_force.runs import By
+    from ...parameters import AdaptiveForce, Draws, ParameterFile
+
+TITLE = "Adaptive force control in end milling (LYAP, eq. 2.1-10), held against a fixed PI"
+RIPPLE, NOISE = 0.3, 2.0  # share of the force, and N
+ROUNDING = 1e-12  # of V
+
+
+def lacks(pf: "ParameterFile") -> str:
+    """Why a file cannot drive the system, with the cure; empty where it can.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> lacks(parameters.collect(tool="GC435", work="709M40"))[:45]
+    'the file has no adaptive_force section: give '
+    """
+    from ...controllers.adaptive_force.settings import lacking, machine, settings_for
+    from ...parameters import GateError
+
+    why = lacking(pf)
+    if why or pf.adaptive_force is None:
+        return why
+    try:
+        machine(pf)
+        settings_for(pf, pf.adaptive_force.set_points[0].depth)
+    except GateError as error:
+        return str(error)
+    return ""
+
+
+def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
+    """Replay each depth of the file and a cut whose depth steps, with ripple and noise; V without them.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> replayed(published("LYAP"), {}, 1).lines[0][:46]
+    'Simulated with 30 % ripple of the teeth and 2 '
+    """
+    from ...controllers.adaptive_force import depth_step_run, draw, steady_run, step_study
+
+    section = pf.adaptive_force
+    assert section is not None  # noqa: S101 - lacks(pf) is asked first
+    depths = [point.depth for point in section.set_points]
+    plan = _plan(depths)
+
+    def at_depths(by: "By") -> "list[ForceRun]":
+        return [steady_run(pf, depth, by, ripple=RIPPLE, noise=NOISE, seed=seed) for depth in depths]
+
+    def in_steps(by: "By") -> "ForceRun":
+        return depth_step_run(pf, by, depths=plan, ripple=RIPPLE, noise=NOISE, seed=seed)
+
+    single, stepped = at_depths("adaptive"), in_steps("adaptive")
+    rivals, rival = ([], None) if pf.pi is None else (at_depths("pi"), in_steps("pi"))
+    proof, rows = depth_step_run(pf, depths=plan), step_study(pf)
+    lines = [
+        _at_depths(single, section), _at_steps(stepped), *([_beside(single, stepped, rivals, rival)] if rival else []),
+        _proof(proof, stepped), _estimates(stepped), *_steps(rows),
+    ]  # fmt: skip
+    figures = {
+        "adaptive_force_depths": draw.three_depths(single, rivals),
+        "adaptive_force_steps": draw.depth_steps(stepped, rival),
+        "adaptive_force_energy": draw.energy_and_estimates(proof),
+        "adaptive_force_step_size": draw.step_sizes(rows),
+    }
+    facts = _facts(single, stepped, rivals, rival, proof, rows)
+    return Replayed("adaptive-force", TITLE, tuple(lines), _assumed(pf, section, draws), facts, figures)
+
+
+def _plan(depths: Sequence[float]) -> tuple[float, ...]:
+    """From the middle depth to the shallowest, back, to the deepest, and back."""
+    middle = depths[len(depths) // 2]
+    return (middle, depths[0], middle, depths[-1], middle)
+
+
+def _s(value: float | None) -> str:
+    return "never" if value is None else f"{value:.2g} s"
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.2g} %"
+
+
+def _at_depths(runs: "Sequence[ForceRun]", section: "AdaptiveForce") -> str:
+    told = [
+        f"{run.settings.set_point:g} {section.unit_force} at {run.settings.depth:g} {section.unit_depth}: settled "
+        f"after {_s(held.settling)}, then within {_percent(held.steady)}, at {_late(run):.0f} {section.unit_u}"
+        for run, held in ((run, run.stretches()[0]) for run in runs)
+    ]
+    return (
+        f"Simulated with {100 * RIPPLE:g} % ripple of the teeth and {NOISE:g} {section.unit_force} of noise, force "
+        f"averaged over a revolution: {'; '.join(told)}."
+    )
+
+
+def _late(run: "ForceRun") -> float:
+    command = run.trace.command
+    return float(command[-len(command) // 4 :].mean())
+
+
+def _stepped(run: "ForceRun") -> list[tuple[float, float, "Held"]]:
+    """Depth before, depth after, and how the force is held after, for each step."""
+    held, depths = run.stretches(), [depth for _, depth in run.depths]
+    return [(before, after, one) for before, after, one in zip(depths, depths[1:], held[1:], strict=False)]
+
+
+def _at_steps(run: "ForceRun") -> str:
+    told = [
+        f"{before:g} to {after:g} mm: {_percent(max(one.overshoot, one.undershoot))} "
+        f"{'above' if one.overshoot > one.undershoot else 'below'}, back after {_s(one.settling)}"
+        for before, after, one in _stepped(run)
+    ]
+    return f"Steps of depth at a set point of {run.settings.set_point:g} N: {'; '.join(told)}."
+
+
+def _beside(single: "Sequence[ForceRun]", stepped: "ForceRun", rivals: "Sequence[ForceRun]", rival: "ForceRun") -> str:
+    ours, theirs = ([one for _, _, one in _stepped(run)] for run in (stepped, rival))
+    first = " and ".join(_s(run.stretches()[0].settling) for run in (single[0], rivals[0]))
+    swing = [float(run.trace.command[-len(run.trace.command) // 4 :].std()) for run in (single[-1], rivals[-1])]
+    return (
+        f"The fixed PI of the file on the same plant: after a step of depth the force is off by up to "
+        f"{_percent(_worst(theirs))} (adaptive law {_percent(_worst(ours))}) and back after {_s(_slowest(theirs))} at "
+        f"the latest (law {_s(_slowest(ours))}); at {single[0].settings.depth:g} mm law and PI settle after {first}; "
+        f"the feed command shakes by {swing[1]:.2g} mm/min, one standard deviation, and by {swing[0]:.2g} under the "
+        "law, which feeds back the rate of the force too."
+    )
+
+
+def _worst(held: "Sequence[Held]") -> float:
+    return max(max(one.overshoot, one.undershoot) for one in held)
+
+
+def _slowest(held: "Sequence[Held]") -> float | None:
+    times = [one.settling for one in held]
+    return None if None in times else max(time for time in times if time is not None)
+
+
+def _proof(run: "ForceRun", rippled: "ForceRun") -> str:
+    found, shaken = run.energy(), rippled.energy()
+    share = shaken.largest / float(shaken.V[list(shaken.starts)].max(initial=1e-300))
+    rise = "does not rise" if found.rise < ROUNDING else f"rises by up to {_percent(found.rise)}"
+    return (
+        f"Without ripple and noise the energy V of the proof {rise} in the {_percent(float(found.free.mean()))} of the "
+        "run in which neither depth nor a limit has changed for a revolution. With them it does, by up to "
+        f"{_percent(share)} of what the largest step of depth put into it."
+    )
+
+
+def _estimates(run: "ForceRun") -> str:
+    recorded = run.trace.recorded
+    told = [
+        f"{name} {recorded[name].min():.3g} to {recorded[name].max():.3g}" for name in ("m", "alpha", "beta")
+    ]  # fmt: skip
+    return (
+        f"The estimates (over k) stay bounded: {', '.join(told)}. A constant set point teaches beta alone; m and alpha "
+        "move only while F_d does, so they are no measurement of the machine."
+    )
+
+
+def _steps(rows: "Sequence[StepSize]") -> list[str]:
+    built, printed, stiff = ([r for r in rows if (r.way, r.times == 1) == way] for way in (
+        ("as built", True), ("as printed", True), ("as printed", False)))  # fmt: skip
+    calm = [r.step for r in built if r.rise < ROUNDING and r.settled]
+    risen = [r for r in printed if not r.diverged]
+    lines = []
+    if calm:
+        lines.append(
+            f"Step of the law, deepest cut: as built V does not rise at any step tried up to {1e3 * max(calm):g} ms."
+        )
+    if risen:
+        ends = " and ".join(f"{_percent(r.rise)} at {1e3 * r.step:g} ms" for r in (risen[-1], risen[0]))
+        lines.append(
+            f"As printed, one Euler step at a time, V rises at every step: by {ends}{_lost(printed)}."
+        )  # fmt: skip
+    if lost := _lost(stiff):
+        lines.append(f"With {stiff[0].times:g} times the gain Kd the printed law settles at short steps{lost}.")
+    return lines
+
+
+def _lost(rows: "Sequence[StepSize]") -> str:
+    steps = [r.step for r in rows if r.diverged]
+    return f", and the force runs away from {1e3 * min(steps):g} ms on" if steps else ""
+
+
+def _facts(
+    single: "Sequence[ForceRun]", stepped: "ForceRun", rivals: "Sequence[ForceRun]", rival: "ForceRun | None",
+    proof: "ForceRun", rows: "Sequence[StepSize]",
+) -> dict[str, object]:  # fmt: skip
+    def at_depths(runs: "Sequence[ForceRun]") -> list[dict[str, object]]:
+        return [
+            {"depth_mm": r.settings.depth, "set_point_N": r.settings.set_point, "feed_mm_min": _late(r),
+             "settling_s": r.stretches()[0].settling, "overshoot_share": r.stretches()[0].overshoot,
+             "steady_error_share": r.stretches()[0].steady} for r in runs
+        ]  # fmt: skip
+
+    def at_steps(run: "ForceRun") -> list[dict[str, object]]:
+        return [{"from_mm": before, "to_mm": after, **_held(one)} for before, after, one in _stepped(run)]
+
+    energy = proof.energy()
+    return {
+        "simulated": True,
+        "depths": at_depths(single),
+        "steps": at_steps(stepped),
+        "pi_depths": at_depths(rivals),
+        "pi_steps": [] if rival is None else at_steps(rival),
+        "largest_rise_of_V_share": energy.rise,
+        "free_share": float(energy.free.mean()),
+        "events": [[event.time, event.what] for event in stepped.trace.events[:100]],
+        "step_sizes": [
+            {"way": r.way, "times_Kd": r.times, "step_s": r.step, "rise_share": _finite(r.rise),
+             "error_share": _finite(r.error), "diverged": r.diverged, "settled": r.settled} for r in rows
+        ],
+    }  # fmt: skip
+
+
+def _held(one: "Held") -> dict[str, object]:
+    return {
+        "settling_s": one.settling, "overshoot_share": one.overshoot, "undershoot_share": one.undershoot,
+        "steady_error_share": one.steady,
+    }  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _assumed(pf: "ParameterFile", section: "AdaptiveForce", draws: "Mapping[str, Draws]") -> tuple[str, ...]:
+    from ...controllers.adaptive_force.settings import tooth_frequency
+    from ...parameters import ModelCovariance
+
+    said = [
+        "Reconstruction: reference model, average over a revolution, limits, trapezoidal steps and what happens when a "
+        "reading is lost; the paper prints the continuous law alone.",
+        f"The plant is that of the file's estimates at {section.depth:g} {section.unit_depth}, with the drive as the "
+        "slower pole, d = 1, and k in proportion to the depth: assumed.",
+        f"Ripple ({100 * RIPPLE:g} % at {tooth_frequency(pf):g} Hz, two flutes) and noise ({NOISE:g} N) are assumed, "
+        "and lie in the reading alone.",
+        *section.notes,
+    ]
+    if isinstance(section.uncertainty, ModelCovariance):
+        se = np.sqrt(np.diag(np.array(section.uncertainty.matrix)))
+        shares = se / np.array([section.m, section.alpha, section.beta])
+        said.append(
+            f"No bands: the estimates' standard errors, {_percent(shares.min())} to {_percent(shares.max())}, are far "
+            "below the change of depth that the law has to learn."
+        )
+    if pf.pi is None:
+        said.append("The file has no PI gains, so nothing stands beside the law: tune them with `fitmodels tune`.")
+    if draws:
+        said.append("Draws of wear, power or force laws take no part in this system.")
+    return tuple(said)

@@ -1,0 +1,116 @@
+"""What the adaptive controller is held against: the PI of the file, with gains that stay as they are."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+from ...datasets.errors import UsageError
+from ...parameters.errors import GateError
+from ..sensing import Sensing
+from .control import MOVES
+from .reference_model import ReferenceModel
+from .settings import Settings, settings_for
+
+if TYPE_CHECKING:
+    from ...ident.pi.controller import Controller
+    from ...parameters import ParameterFile
+
+
+@dataclass(slots=True)
+class FixedForcePi:
+    """PI on the averaged force, behind the same reference model and between the same limits.
+
+    A reading that is not believed puts the command to the lower limit.
+
+    Attributes
+    ----------
+    settings : Settings
+    pi : Controller
+        Of `fitmodels.ident.pi.controller`, with the file's gains.
+    command : float
+    news : tuple of str
+        ``force unknown``, ``force stuck``, ``force known``, ``at low``, ``at high``, ``free``.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> control = FixedForcePi.from_parameters(published("LYAP"), depth=2.0)
+    >>> from fitmodels.controllers import replay
+    >>> from fitmodels.controllers.adaptive_force import DriveAndCut
+    >>> trace = replay(control, DriveAndCut(depth=2.0), duration=2.0, dt=0.004)
+    >>> round(float(trace.measurement[-1]), 1), round(trace.command[-1])
+    (200.0, 250)
+    """
+
+    settings: Settings
+    pi: "Controller"
+    command: float = field(init=False)
+    news: tuple[str, ...] = field(default=(), init=False)
+    _model: ReferenceModel = field(init=False)
+    _sensing: Sensing = field(init=False)
+
+    def __post_init__(self) -> None:
+        s = self.settings
+        self.command = s.low
+        self._model = ReferenceModel(s.reference_time, s.reference_damping, self.pi.gains.sample_time)
+        self._sensing = Sensing(s.force_low, s.force_high, least_move=MOVES * s.high)
+
+    @classmethod
+    def from_parameters(cls, pf: "ParameterFile", depth: float) -> Self:
+        """Make it from the file and nothing else.
+
+        Raises
+        ------
+        GateError
+            As for the adaptive controller; and a file without gains, or with gains in another unit.
+        """
+        from ...ident.pi.controller import Controller
+        from ...ident.pi.gains import PiGains
+
+        settings, pi, section = settings_for(pf, depth), pf.pi, pf.adaptive_force
+        if pi is None or section is None:
+            raise GateError("the file has no pi section: tune gains with `fitmodels tune` and collect them.")
+        if (pi.unit_u, pi.unit_y) != (section.unit_u, section.unit_force):
+            raise GateError(
+                f"pi: gains in {pi.unit_u} per {pi.unit_y}, the adaptive controller's in {section.unit_u} and "
+                f"{section.unit_force}: state them in the same units."
+            )
+        given = {name: getattr(pi, name) for name in PiGains.__dataclass_fields__}
+        gains = PiGains(**{**given, "low": settings.low, "high": settings.high})
+        return cls(settings, Controller(gains, idle=settings.low, last=settings.low))
+
+    @property
+    def reference(self) -> float:
+        """F_d, on its way to the set point."""
+        return self._model.value
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Command and measurement, with their units."""
+        return self.settings.labels
+
+    @property
+    def limited(self) -> int:
+        """1 while the upper limit holds the command down, -1 while the lower holds it up."""
+        return self.pi.limited
+
+    def step(self, measurement: float, dt: float) -> float:
+        """Answer a force with a feed command.
+
+        Raises
+        ------
+        UsageError
+            ``dt`` is not the period that the gains were tuned for.
+        """
+        tuned = self.pi.gains.sample_time
+        if abs(dt - tuned) > 1e-9 * dt:
+            raise UsageError(f"a step of {dt:g} s: the gains were tuned for {tuned:g} s; replay them at that.")
+        before = self._sensing.state, self.limited
+        believed = self._sensing.believes(measurement, self.command)
+        self._model.advance(self.settings.set_point)
+        self.command = self.pi.step(self._model.value, measurement if believed else 0.0, engaged=believed)
+        state, limited = self._sensing.state, self.limited
+        self.news = (
+            *((f"force {state}",) if state != before[0] else ()),
+            *((("free", "at high", "at low")[limited],) if limited != before[1] else ()),
+        )
+        return self.command
