@@ -149,6 +149,16 @@ def test_the_range_of_gains_ends_at_the_ultimate_gain():
     assert gain_range(PUBLISHED, PiGains(0.0, 0.0, 0.02)).kp == pytest.approx(7.868, rel=0.02)
 
 
+LAGS = Model(b=np.array([0.0, 0.0003, 0.0003]), a=np.array([1.0, -1.88, 0.8826]), nk=1, sample_time=0.002)
+
+
+@pytest.mark.parametrize("average", [2, 10, 20])
+def test_an_average_over_an_even_number_of_samples_does_not_hide_the_proportional_gain(average):
+    """Its notch at half the sample rate asks for an infinite gain there, beside which all others look like rounding."""
+    even, odd = (gain_range(LAGS, PiGains(0.0, 0.0, 0.002, average=n)) for n in (average, average + 1))
+    assert even.kp > odd.kp > 0.5 * even.kp
+
+
 @pytest.mark.parametrize(
     "controller",
     [

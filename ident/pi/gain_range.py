@@ -80,7 +80,6 @@ def no_stable_gain(model: Model) -> str:
 def boxes(model: Model, template: PiGains, sign: float) -> list[tuple[float, float]]:
     """Extents of the arcs of the boundary within the quadrant of ``sign``, from the lowest frequency on."""
     kp, ki = (sign * x for x in boundary(model, template))
-    kp[np.abs(kp) <= ROUNDING * np.nanmax(np.abs(kp[np.isfinite(kp)]))] = 0.0  # an integrator's boundary is kp = 0
     inside = np.flatnonzero((kp >= 0) & (ki >= 0) & np.isfinite(kp) & np.isfinite(ki))
     arcs = np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1)
     found = [(float(kp[arc].max()), float(ki[arc].max())) for arc in arcs if len(arc)]
@@ -102,7 +101,9 @@ def boundary(model: Model, template: PiGains) -> tuple[Array, Array]:
         plant = at(model.b) * at(path) * at(above) / (at(model.a) * at(below) * at(den))
         x, p, q = -1 / plant, at(over_kp), at(over_ki)
         det = p.real * q.imag - p.imag * q.real
-        kp = (x.real * q.imag - x.imag * q.real) / det
+        cross = x.real * q.imag - x.imag * q.real
+        # what is left of a difference that cancels: an integrator's boundary is kp = 0
+        kp = np.where(np.abs(cross) <= ROUNDING * np.abs(x) * np.abs(q), 0.0, cross / det)
         ki = (p.real * x.imag - p.imag * x.real) / det
         ends_kp, ends_ki = (x[-1] / p[-1]).real, (x[-1] / q[-1]).real
     return np.r_[kp[:-1], ends_kp, 0.0], np.r_[ki[:-1], 0.0, ends_ki]
