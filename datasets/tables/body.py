@@ -8,7 +8,7 @@ from .layout import Layout, footer_label, is_text_line
 from .numerals import Cell, Decimal, Evidence, parse_number
 
 BLOCK = 2_000  # rows converted at once: more leave the processor's cache and take twice the time
-_TAIL = 200  # rows held back, among which footer and remarks are looked for
+TAIL = 200  # rows held back, among which footer and remarks are looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Body:
             if line > above and row:
                 lines.append(line)
                 rows.append(row)
-                if len(rows) == BLOCK + _TAIL:
+                if len(rows) == BLOCK + TAIL:
                     yield from self._block(lines[:BLOCK], rows[:BLOCK], findings)
                     del lines[:BLOCK], rows[:BLOCK]
         self._cut_tail(lines, rows, findings)

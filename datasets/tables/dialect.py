@@ -3,9 +3,9 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 
 from ..errors import DataError, UsageError
 from .decode import encoding_name, text_lines
@@ -77,20 +77,42 @@ class TextSource:
 
     def __iter__(self) -> Iterator[tuple[int, list[str]]]:
         """Iterate over (line number, cells); comment lines come as blank lines."""
+        return self.rows_of(self.lines(), 0)
+
+    def lines(self) -> Iterator[str]:
+        r"""Iterate over the lines as they stand, comment lines as blank lines.
+
+        >>> list(TextSource("a.csv", b"# steel\nV;f\n", "utf-8", ";", False).lines())
+        ['\n', 'V;f\n']
+        """
+        lines = text_lines(self.data, self.encoding)
+        if self.has_sep_line:
+            next(lines)
+            yield "\n"
+        if self._may_hold_comments():
+            lines = ("\n" if is_comment(line, self.delimiter) else line for line in lines)
+        yield from lines
+
+    def rows_of(self, lines: Iterable[str], above: int) -> Iterator[tuple[int, list[str]]]:
+        r"""Iterate over (line number, cells) of the lines that follow line ``above``.
+
+        >>> list(TextSource("a.csv", b"V;f\n1;2\n", "utf-8", ";", False).rows_of(["1;2\n"], 1))
+        [(2, ['1', '2'])]
+        """
         if self.delimiter in ("", " "):
-            yield from enumerate((split_line(line, self.delimiter) for line in self._uncommented()), start=1)
+            yield from enumerate((split_line(line, self.delimiter) for line in lines), start=above + 1)
             return
-        lines = self._uncommented(_END)
-        reader = csv.reader(lines, delimiter=self.delimiter, skipinitialspace=True)
-        start = 1
+        reader = csv.reader(chain(lines, [_END]), delimiter=self.delimiter, skipinitialspace=True)
+        start = above + 1
         try:
             for row in reader:
-                if reader.line_num - start > _LONGEST_CELL or (row and row[-1].endswith(_END)):
+                end = above + reader.line_num
+                if end - start > _LONGEST_CELL or (row and row[-1].endswith(_END)):
                     if row != [_END]:
                         raise self._unclosed(start)
                     return
                 yield start, row
-                start = reader.line_num + 1
+                start = end + 1
         except csv.Error as error:
             raise self._unclosed(start) if self._is_short(start) else self._too_long(start) from error
 
@@ -118,16 +140,6 @@ class TextSource:
 
     def _may_hold_comments(self) -> bool:
         return b"#" in self.data or b"%" in self.data
-
-    def _uncommented(self, *end: str) -> Iterator[str]:
-        lines = text_lines(self.data, self.encoding)
-        if self.has_sep_line:
-            next(lines)
-            yield "\n"
-        if self._may_hold_comments():
-            lines = ("\n" if is_comment(line, self.delimiter) else line for line in lines)
-        yield from lines
-        yield from end
 
     def _is_short(self, line: int) -> bool:
         return len(self.as_written({line}).get(line, "")) <= csv.field_size_limit()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..errors import DataError
 from .body import Body, Findings
 from .numerals import Cell, Decimal, is_missing, to_floats
+from .plain import Numbers, stretches
 
 _LISTED = 5  # bad cells kept per column
 
@@ -80,6 +81,11 @@ class _Gathering:
         self.floats.append(values)
         self.texts.append(_texts(cells) if 2 * len(bad) >= len(cells) else None)
 
+    def add_numbers(self, values: NDArray[np.float64]) -> None:
+        self.filled += len(values)
+        self.floats.append(values.copy())  # a view would keep the whole block
+        self.texts.append(None)
+
 
 def gather_columns(body: Body, decimal: Decimal) -> tuple[tuple[Column, ...], NDArray[np.int64], Findings]:
     """Convert the data rows of a table.
@@ -106,8 +112,12 @@ def gather_columns(body: Body, decimal: Decimal) -> tuple[tuple[Column, ...], ND
     gatherings = [_Gathering() for _ in body.layout.names]
     lines: list[NDArray[np.int64]] = []
     findings = Findings()
-    for block in body.blocks(findings):
+    for block in stretches(body, findings, decimal):
         lines.append(np.array(block.lines, dtype=np.int64))
+        if isinstance(block, Numbers):
+            for gathering, values in zip(gatherings, block.values.T, strict=True):
+                gathering.add_numbers(values)
+            continue
         for gathering, cells in zip(gatherings, block.columns, strict=True):
             gathering.add(cells, block.lines, decimal)
     if not any(gathering.is_numeric and gathering.filled for gathering in gatherings):
