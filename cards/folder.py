@@ -11,28 +11,25 @@ from ..datasets.errors import UsageError
 from ..fit import LawFit, Posterior
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
-from .card import write_card
 from .dynamics_figures import DYNAMICS_FIGURES, draw_dynamics
 
 if TYPE_CHECKING:
     from ..ident.identification import Identification
+    from .content.parts import Card, Publication
 
+PARAMETERS = "params.json"
 DRAWS = "draws.npz"
-FILES = (
-    "params.json",
-    "README.md",
-    "figures/response_surfaces.png",
-    "figures/observed_predicted.png",
-    "figures/residuals.png",
-)
+FORMS = ("README.md", "card.json", "card.html")
+FIGURES = ("figures/response_surfaces.png", "figures/observed_predicted.png", "figures/residuals.png")
+FILES = (PARAMETERS, *FORMS, *FIGURES)
 
 
 def files(pf: ParameterFile) -> tuple[str, ...]:
     """Names of the files of a folder: draws only where there are any, and the figures of laws or of dynamics."""
     if not pf.laws and pf.dynamics is not None:
-        return (*FILES[:2], *DYNAMICS_FIGURES)
+        return (PARAMETERS, *FORMS, *DYNAMICS_FIGURES)
     drawn = pf.posterior is not None and pf.posterior.draws_file is not None
-    return (FILES[0], DRAWS, *FILES[1:]) if drawn else FILES
+    return (PARAMETERS, DRAWS, *FORMS, *FIGURES) if drawn else FILES
 
 
 def write(
@@ -44,9 +41,12 @@ def write(
     posterior_figures: bool = False,
     identification: "Identification | None" = None,
     data_lines: Sequence[str] = (),
+    publication: "Publication | None" = None,
     force: bool = False,
 ) -> Path:
-    """Write ``params.json``, the card ``README.md``, figures of ``laws`` and draws of ``posteriors``.
+    """Write ``params.json``, its card in three forms, figures of ``laws`` and draws of ``posteriors``.
+
+    The card is ``README.md`` to read, ``card.html`` to browse and ``card.json`` for programs.
 
     Everything is made in a hidden folder beside the target first, so that a failure or an interrupt on the
     way leaves the target as it was. Files of other names in the folder stay.
@@ -62,7 +62,9 @@ def write(
     identification : Identification, optional
         Behind the dynamics of ``pf``, for its figures.
     data_lines : sequence of str
-        What was understood of the data, for the card.
+        What was understood of the data, for the card of a file that does not tell it.
+    publication : Publication, optional
+        Licence, authors and so on, for the card.
     force : bool
         Replace files that are there.
 
@@ -78,16 +80,20 @@ def write(
     >>> pf = parameters.collect(tool="GC435", work="709M40", laws=[])
     >>> with TemporaryDirectory() as place:
     ...     sorted(path.name for path in cards.write(pf, Path(place) / "card").iterdir())
-    ['README.md', 'params.json']
+    ['README.md', 'card.html', 'card.json', 'params.json']
     """
     folder = Path(folder)
     if not force and any((folder / name).exists() for name in (*FILES, DRAWS, *DYNAMICS_FIGURES)):
         raise UsageError(f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out.")
     try:
-        with _stage(folder.parent) as stage:
+        with staged(folder.parent) as stage:
             made = stage / "made"  # the stage itself is private to its user
             made.mkdir()
-            _fill(made, pf, laws, posteriors, identification, data_lines, posterior_figures)
+            write_parameters(pf, made / PARAMETERS)
+            if posteriors:
+                (made / DRAWS).write_bytes(draws_of(posteriors))
+            _draw(made / "figures", pf, laws, posteriors if posterior_figures else (), identification)
+            write_forms(pf, made, publication=publication, data_lines=data_lines)
             _move(made, folder)
     except OSError as error:
         raise UsageError(
@@ -97,7 +103,7 @@ def write(
 
 
 @contextmanager
-def _stage(parent: Path) -> Iterator[Path]:
+def staged(parent: Path) -> Iterator[Path]:
     """A hidden folder in ``parent``; it goes afterwards, and so do parents made for it that stayed empty."""
     missing = [place for place in (parent, *parent.parents) if not place.exists()]
     parent.mkdir(parents=True, exist_ok=True)
@@ -110,28 +116,48 @@ def _stage(parent: Path) -> Iterator[Path]:
                 place.rmdir()
 
 
-def _fill(
-    stage: Path,
+def write_forms(
+    pf: ParameterFile,
+    folder: Path,
+    *,
+    publication: "Publication | None" = None,
+    data_lines: Sequence[str] = (),
+) -> "Card":
+    """Write the card in its three forms into a folder that holds its figures, over what is there."""
+    from .content.compose import compose
+    from .forms.together import forms
+
+    card = _with_lines(compose(pf, publication=publication, folder=folder), data_lines)
+    for name, content in forms(card, pf).items():
+        (folder / name).write_bytes(content)
+    return card
+
+
+def _with_lines(card: "Card", data_lines: Sequence[str]) -> "Card":
+    """What was understood of the data, in a card whose file does not tell its tests."""
+    if card.design is not None or not data_lines:
+        return card
+    from .content.parts import Design
+
+    empty = {name: why for name, why in card.empty.items() if name != "design"}
+    return card.model_copy(update={"design": Design(understood=tuple(data_lines)), "empty": empty})
+
+
+def _draw(
+    folder: Path,
     pf: ParameterFile,
     laws: Sequence[LawFit],
     posteriors: Sequence[Posterior],
     identification: "Identification | None",
-    data_lines: Sequence[str],
-    posterior_figures: bool,
 ) -> None:
-    write_parameters(pf, stage / "params.json")
-    if posteriors:
-        (stage / DRAWS).write_bytes(draws_of(posteriors))
-    write_card(pf, stage, figures=bool(laws), dynamics_figures=identification is not None, data_lines=data_lines)
+    banner = "not measured" if pf.identity.simulated else ""
     if identification is not None:
-        draw_dynamics(identification, stage / "figures", "not measured" if pf.identity.simulated else "")
+        draw_dynamics(identification, folder, banner)
     if laws:
         from .figures import draw_figures, draw_posteriors
 
-        banner = "not measured" if pf.identity.simulated else ""
-        draw_figures(laws, stage / "figures", banner)
-        if posterior_figures:
-            draw_posteriors(posteriors, stage / "figures", banner)
+        draw_figures(laws, folder, banner)
+        draw_posteriors(posteriors, folder, banner)
 
 
 def _move(made: Path, folder: Path) -> None:

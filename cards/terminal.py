@@ -43,7 +43,7 @@ def understood(runs: Runs) -> RenderableType:
     table.add_row("file", Text(f"{s.name}: {s.dialect}; {_rows(s.rows)}"))
     table.add_row("tool, work", Text(f"{runs.tool}, {runs.work}"))
     columns = [column_words(runs, use) for use in runs.columns if use.role is not None]
-    table.add_row("columns", Text("\n".join(columns)))
+    table.add_row("columns", Text("\n".join(f"{f'{s:<4} {quantity}':<28} {rest}" for s, quantity, rest in columns)))
     unused = [_unused_words(use) for use in runs.columns if use.role is None]
     if unused:
         table.add_row("not used", Text(", ".join(unused)))

@@ -15,8 +15,8 @@ from .. import __version__
 
 # Each command is a module of this room with ``parser()`` and ``run(args) -> exit code``.
 COMMANDS = (
-    *("check", "confirm", "excite", "export", "ident", "limits", "next", "plan"),
-    *("predict", "replay", "settings", "simulate", "tune"),
+    *("card", "check", "confirm", "excite", "export", "ident", "limits", "next", "plan", "predict", "publish"),
+    *("replay", "settings", "simulate", "tune"),
 )
 DEFECT = 70
 

@@ -52,7 +52,7 @@ def parser() -> Parser:
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
         "Other commands, each with -h: predict, plan, next, confirm, simulate; ident, excite, tune; limits,\n"
-        "settings, replay, check, export",
+        "settings, replay, check, export; card, publish",
     )
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
@@ -101,6 +101,7 @@ def run(args: argparse.Namespace) -> int:
         step(f"reading {Path(args.file).name}")
         table, look = recognise(args.file, args)
         runs = None if look else _tests(table, look, args)
+        del table  # as large as the runs
     if runs is None:
         return _identify(args)
     options = {name: value for name in OPTIONS_OF_A_FIT if (value := getattr(args, name)) is not None}
@@ -221,14 +222,12 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
     if pf is not None and folder is not None and not job.unchanged:
         with progress() as step:
             step(f"writing {folder}")
-            lines = terminal.data_lines(runs, pf)
             cards.write(
                 pf,
                 folder,
                 laws=laws,
                 posteriors=posteriors,
                 posterior_figures=bool(args.posterior_figures),
-                data_lines=lines,
                 force=args.force,
             )
     if not args.json and pf is not None:

@@ -1,17 +1,21 @@
-"""The picture of a replay."""
+"""Pictures of replays and of lives at constant load."""
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+
+from ..datasets.picture import BLUE, one_panel
 
 if TYPE_CHECKING:
+    from .constant_load_milling.steady import SteadyLife
     from .loop import Trace
+    from .roughness.cuts import Turned
 
 
 def trace_picture(trace: "Trace", ax: Axes | None = None) -> Axes:
     """Measurement with its reference and events; the command on an axis of its own."""
-    ax = Figure(figsize=(8.0, 4.0), layout="constrained").subplots() if ax is None else ax
+    ax = one_panel(ax, 8.0, 4.0)
     ax.plot(trace.time, trace.measurement, color="#1f5fa8", lw=1.0, label=trace.labels[1])
     ax.plot(trace.time, trace.reference, color="0.4", lw=0.9, ls="--", label="reference")
     for event in trace.events[:100]:
@@ -20,4 +24,22 @@ def trace_picture(trace: "Trace", ax: Axes | None = None) -> Axes:
     other = ax.twinx()
     other.plot(trace.time, trace.command, color="#b5541c", lw=1.0)
     other.set_ylabel(trace.labels[0])
+    return ax
+
+
+def roughness_picture(cut: "Turned", ax: Axes | None = None) -> Axes:
+    """Roughness over time, with what was asked for."""
+    ax = one_panel(ax, 6.4, 3.6)
+    ax.plot(cut.trace.time, cut.Ra, color=BLUE, lw=0.9)
+    ax.plot(cut.trace.time, cut.asked, color="0.4", lw=0.9, ls="--")
+    ax.set(xlabel="time, s", ylabel="Ra, um; dashed: asked for", title="Simulated")
+    return ax
+
+
+def steady_picture(life: "SteadyLife", ax: Axes | None = None) -> Axes:
+    """Time to the lower limit over the tools."""
+    ax = one_panel(ax, 4.8, 3.6)
+    minutes = life.time[np.isfinite(life.time)] / 60
+    ax.hist(minutes, bins=min(30, max(1, len(minutes))), color=BLUE)
+    ax.set(xlabel="in the cut until the lower limit, min", ylabel="tools", title="Calculated")
     return ax

@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.errors import UsageError
+from ..datasets.telling import Telling, Told
+from .telling import of_trace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 LONGEST = 100_000_000  # samples of a replay
@@ -21,8 +24,8 @@ Answers = TypeVar("Answers", bound=float | tuple[float, ...], covariant=True)
 Takes = TypeVar("Takes", bound=float | tuple[float, ...], contravariant=True)
 
 
-@dataclass(frozen=True, slots=True)
-class Event:
+@dataclass(frozen=True, slots=True, repr=False)
+class Event(Told):
     """What happened, and when: ``cut``, ``air``, ``at low``, ``load unknown`` ... at ``time`` s."""
 
     time: float
@@ -47,8 +50,8 @@ class Plant(Protocol[Takes]):
         """Answer the command in force during the last ``dt`` s with a measurement."""
 
 
-@dataclass(frozen=True, slots=True)
-class Trace:
+@dataclass(frozen=True, slots=True, repr=False)
+class Trace(Told):
     """What a replay recorded: a simulation, whatever its numbers came from.
 
     Attributes
@@ -74,6 +77,9 @@ class Trace:
     recorded: dict[str, Array] = field(default_factory=dict)
     labels: tuple[str, str] = ("command", "measurement")
 
+    def _telling(self) -> Telling:
+        return of_trace(self)
+
     def first(self, what: str) -> float | None:
         """Time of the first event of this name, s; None where there was none."""
         return next((event.time for event in self.events if event.what == what), None)
@@ -83,6 +89,12 @@ class Trace:
         from .draw import trace_picture
 
         return trace_picture(self, ax)
+
+    def to_frame(self) -> "DataFrame":
+        """A row a sample, time in s; what was recorded beside it under its name."""
+        from .frames import trace_frame
+
+        return trace_frame(self)
 
 
 def replay(

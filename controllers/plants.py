@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..datasets.errors import UsageError
+from ..datasets.telling import Told
 
 
-@dataclass(slots=True)
-class Cut:
+@dataclass(slots=True, repr=False)
+class Cut(Told):
     """A cut under a feed override: the identified drive, a standing load, and what wear adds.
 
         load(k) = offset + b(q)/a(q) command + wear(t) in the cut,    idle outside it

@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass, field
 
+from ..datasets.telling import Told
+
 KNOWN, UNKNOWN, STUCK = "known", "unknown", "stuck"
 
 
-@dataclass(slots=True)
-class Sensing:
+@dataclass(slots=True, repr=False)
+class Sensing(Told):
     """A reading is believed when it is a finite number inside its range and does not stand still while the feed moves.
 
     A sensor is stuck where ``samples`` readings in a row are equal to the last bit while the command moved by more than

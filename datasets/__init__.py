@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .columns import ColumnUse
     from .design import central_composite
     from .errors import DataError, FitmodelsError, UsageError
+    from .fetching import fetch
     from .reading import read_runs, runs_from_frame
     from .records.look import looks_like_record
     from .records.reading import read_record
@@ -33,6 +34,7 @@ _HOME = {
     "bundled": "bundles",
     "bundled_names": "bundles",
     "central_composite": "design",
+    "fetch": "fetching",
     "join_records": "records.record",
     "looks_like_record": "records.look",
     "read_record": "records.reading",
@@ -58,6 +60,7 @@ __all__ = [
     "bundled",
     "bundled_names",
     "central_composite",
+    "fetch",
     "join_records",
     "looks_like_record",
     "read_record",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .errors import DataError, UsageError
 from .headers import parse_header
 from .tables import Column, is_number
+from .telling import Told
 from .units import canonical, convert, same_dimension, suggest
 from .vocabulary import ROLES, Role, role_of, suggest_role, understood_unit
 
@@ -22,8 +23,8 @@ NONE = "none"  # --map P=none: no column of this file is the power
 Values = NDArray[np.float64] | NDArray[np.object_]
 
 
-@dataclass(frozen=True, slots=True)
-class ColumnUse:
+@dataclass(frozen=True, slots=True, repr=False)
+class ColumnUse(Told):
     """What became of one column of the file.
 
     Attributes

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -10,14 +11,19 @@ from numpy.typing import NDArray
 
 from .columns import ColumnUse
 from .errors import UsageError
+from .rounding import plain
+from .telling import Grid, Telling, Told
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 NOT_MEASURED = ("simulated", "simulation", "simuliert", "simulé", "simulad", "no measurement")
 UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+@dataclass(frozen=True, slots=True, repr=False)
+class Source(Told):
     """Where the numbers came from: file name, SHA-256 of its bytes, rows, and how it was written."""
 
     name: str
@@ -26,8 +32,8 @@ class Source:
     dialect: str
 
 
-@dataclass(frozen=True, slots=True)
-class Runs:
+@dataclass(frozen=True, slots=True, repr=False)
+class Runs(Told):
     """Measurements of cutting tests, in the units of the field.
 
     Attributes
@@ -68,6 +74,18 @@ class Runs:
 
     def __len__(self) -> int:
         return len(self.data)
+
+    def _telling(self) -> Telling:
+        numbers = [name for name in self.units if name in self.data]
+        known = {name: self.data[name].dropna().astype(float) for name in numbers}
+        told = [(name, f"{plain(v.min())} to {plain(v.max())}", self.units[name], str(len(v)))
+                for name, v in known.items() if len(v)]  # fmt: skip
+        edges = f" of {len(set(self.labels('edge')) - {''})} edges" if self.has("edge") else ""
+        ranges = ", ".join(f"{name} {ends} {unit}".rstrip() for name, ends, unit, _ in told)
+        head = f"{self.tool} on {self.work}{', simulated' if self.simulated else ''}: {len(self)} rows{edges}; {ranges}"
+        facts = (("from", self.source.name), ("SHA-256", f"{self.source.sha256[:12]}..."))
+        grid = Grid(("", "range", "unit", "rows"), tuple(told))
+        return Telling(head, facts, grid, (*self.warnings, *self.assumed, *self.notes))
 
     @property
     def disclaimers(self) -> tuple[str, ...]:
@@ -130,6 +148,18 @@ class Runs:
             assumed=tuple(dict.fromkeys((*self.assumed, *other.assumed))),
             warnings=(*self.warnings, *other.warnings),
         )
+
+    def to_frame(self) -> pd.DataFrame:
+        """A copy of the rows, a column a role; ``attrs["units"]`` tell the units."""
+        frame = self.data.copy()
+        frame.attrs["units"] = dict(self.units)
+        return frame
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """A response over time, edge by edge."""
+        from .draw import runs_picture
+
+        return runs_picture(self, ax)
 
     def _column(self, name: str) -> str | None:
         if name in self.data:

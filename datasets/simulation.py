@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .design import round_significant
 from .errors import DataError, UsageError
+from .telling import Told
 
 MOST_ROWS = 10_000_000
 USUAL_UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
@@ -18,8 +19,8 @@ USUAL_UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedLaw:
+@dataclass(frozen=True, slots=True, repr=False)
+class SimulatedLaw(Told):
     """A power law with two lognormal deviations: R = c0 * prod X_j^b_j * exp(edge) * exp(row).
 
     Parameters

@@ -1,5 +1,11 @@
-"""Static laws: power, exponential and load laws, fitted in two stages and judged row by row."""
+"""Static laws: power, exponential and load laws, fitted in two stages and judged row by row.
 
+``PowerLawRegressor`` needs scikit-learn and is imported on first use; it is not in ``__all__``.
+"""
+
+from typing import TYPE_CHECKING
+
+from ..datasets.errors import UsageError
 from .available import NotAvailable
 from .bayes.choose import posterior
 from .bayes.joint_posterior import JointPosterior
@@ -7,6 +13,7 @@ from .bayes.latent_wear import latent_wear
 from .bayes.posterior import Posterior
 from .bayes.priors import Priors
 from .bayes.rival_posterior import RivalPosterior, rival_posterior
+from .bayes.watch import watch
 from .beside import Beside, beside_published
 from .bootstrap import EdgeBootstrap, edge_bootstrap
 from .checks.adequacy import Adequacy, adequacy
@@ -34,6 +41,9 @@ from .load_line import load_law
 from .next_runs import next_runs
 from .regression import exponential_law, power_law
 from .rows import By, Dropped
+
+if TYPE_CHECKING:
+    from .estimator import PowerLawRegressor as PowerLawRegressor
 
 __all__ = [
     "Adequacy",
@@ -86,4 +96,17 @@ __all__ = [
     "robust",
     "sensitivity",
     "tool_life",
+    "watch",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name != "PowerLawRegressor":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        from .estimator import PowerLawRegressor
+    except ModuleNotFoundError as error:
+        if error.name is None or not error.name.startswith("sklearn"):
+            raise
+        raise UsageError("scikit-learn is not installed: pip install 'fitmodels[sklearn]'.") from None
+    return PowerLawRegressor

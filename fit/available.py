@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from ..datasets.telling import Told
 
-@dataclass(frozen=True, slots=True)
-class NotAvailable:
+
+@dataclass(frozen=True, slots=True, repr=False)
+class NotAvailable(Told):
     """A diagnostic that these data do not allow; false in a condition.
 
     Examples

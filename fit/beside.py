@@ -2,15 +2,21 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..datasets.published import published
+from ..datasets.telling import Telling, Told
 from .lawfit import LawFit
+from .telling import of_beside
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, slots=True)
-class Beside:
+@dataclass(frozen=True, slots=True, repr=False)
+class Beside(Told):
     """The printed law, and how far the measured rows lie from it.
 
     Attributes
@@ -33,6 +39,15 @@ class Beside:
     rms_percent: float | None
     worst_percent: float | None
     worst_line: int | None
+
+    def _telling(self) -> Telling:
+        return of_beside(self)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The exponents as printed."""
+        from .draw_results import beside_picture
+
+        return beside_picture(self, ax)
 
 
 def beside_published(law: LawFit, tool: str, work: str) -> Beside | None:

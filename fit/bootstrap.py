@@ -6,21 +6,28 @@ Source: Davison & Hinkley 1997, Bootstrap Methods and their Application, section
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..datasets.telling import Telling, Told
+from ..datasets.threads import one_thread
 from .available import NotAvailable
 from .edges import EdgeInference
 from .jackknife import gradient
 from .lawfit import LawFit
+from .telling import of_bootstrap
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeBootstrap:
+@dataclass(frozen=True, slots=True, repr=False)
+class EdgeBootstrap(Told):
     """Refits of a law to edges drawn with replacement.
 
     Attributes
@@ -37,6 +44,9 @@ class EdgeBootstrap:
     draws: Array
     impossible: int
 
+    def _telling(self) -> Telling:
+        return of_bootstrap(self)
+
     @property
     def bse(self) -> "pd.Series[float]":
         """Standard deviation of the draws."""
@@ -47,7 +57,18 @@ class EdgeBootstrap:
         tails = np.quantile(self.draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
         return pd.DataFrame({"low": tails[0], "high": tails[1]}, index=list(self.names))
 
+    def to_frame(self) -> pd.DataFrame:
+        """The draws, a column a parameter."""
+        return pd.DataFrame(self.draws, columns=list(self.names))
 
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each parameter in its 95 % interval."""
+        from .draw_results import table_picture
+
+        return table_picture(self.interval().assign(mean=self.draws.mean(axis=0)), "mean", ax)
+
+
+@one_thread
 def edge_bootstrap(law: LawFit, repetitions: int = 2000, seed: int = 1) -> EdgeBootstrap | NotAvailable:
     """Refit a law to its edges drawn with replacement.
 

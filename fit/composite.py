@@ -10,25 +10,31 @@ Source: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006, eq. 4-11.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ..datasets.errors import UsageError
+from ..datasets.telling import Telling, Told
 from .available import NotAvailable
 from .jackknife import edge_inference
 from .lawfit import LawFit
 from .laws import power
 from .linear import linear
+from .telling import of_composite
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 HIGH = 5.0  # variance inflation above which a factor's exponent is told mostly by what the others leave
 
 
-@dataclass(frozen=True, slots=True)
-class Composite:
+@dataclass(frozen=True, slots=True, repr=False)
+class Composite(Told):
     """A law with its wear substituted, beside the law fitted without it.
 
     Attributes
@@ -42,8 +48,6 @@ class Composite:
         else with the errors of the two laws taken as independent.
     together : bool
         Which of the two.
-    vif : float
-        Variance inflation of the wear: 1 / (1 - R2) of its logarithm on the other columns of the law.
     """
 
     law: LawFit
@@ -52,7 +56,9 @@ class Composite:
     theta: Array
     cov_theta: Array
     together: bool
-    vif: float
+
+    def _telling(self) -> Telling:
+        return of_composite(self)
 
     @property
     def reduced(self) -> LawFit | NotAvailable:
@@ -81,6 +87,11 @@ class Composite:
         return table
 
     @property
+    def vif(self) -> float:
+        """Variance inflation of the wear, when it is asked for: 1 / (1 - R2) of its logarithm on the other columns."""
+        return _vif(self.law, 1 + self.law.factors.index(self.wear_law.response))
+
+    @property
     def concern(self) -> int:
         """0 fine, 1 the wear is told by the other factors. Cure: the composite or the reduced law."""
         return int(self.vif > HIGH)
@@ -105,6 +116,12 @@ class Composite:
             f"the errors of the laws of {self.law.response} and {self.wear_law.response} are taken as independent; "
             "rows of the same edges may share some"
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each parameter within two standard errors."""
+        from .draw_results import estimates_picture
+
+        return estimates_picture(self.names, self.theta, self.bse, ax)
 
 
 def substituted(law: Mapping[str, float], wear_law: Mapping[str, float], wear: str) -> dict[str, float]:
@@ -175,9 +192,7 @@ def composite(law: LawFit, wear_law: LawFit) -> Composite:
     else:
         moved = together[0] @ J.T + k * together[1] @ drawn.T
         cov = (len(moved) - 1) / len(moved) * moved.T @ moved
-    return Composite(
-        law, wear_law, tuple(names), theta, cov, together is not None, _vif(law, at)
-    )  # fmt: skip
+    return Composite(law, wear_law, tuple(names), theta, cov, together is not None)
 
 
 def without(law: LawFit, factor: str) -> LawFit | NotAvailable:

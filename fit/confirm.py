@@ -5,13 +5,14 @@ the levels of the edges, each once, and one of the rows about them (``joint``), 
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ..datasets import Runs, UsageError
+from ..datasets.telling import Telling, Told
 from .about import gradient_at, new_edge
 from .available import NotAvailable
 from .domain import domain
@@ -20,20 +21,24 @@ from .errors import FitError
 from .joint import JointTest, by_edge, no_edges, of_rows, over
 from .lawfit import LawFit
 from .rows import Dropped, select
+from .telling import of_confirmation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Unjudged:
+@dataclass(frozen=True, slots=True, repr=False)
+class Unjudged(Told):
     """A new row outside the region of the design: its line in the file, and by what it is outside."""
 
     line: int
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Confirmation:
+@dataclass(frozen=True, slots=True, repr=False)
+class Confirmation(Told):
     """New runs beside what a law foretold.
 
     Attributes
@@ -61,6 +66,9 @@ class Confirmation:
     tests: tuple[JointTest, ...] | NotAvailable
     unjudged: tuple[Unjudged, ...]
     dropped: tuple[Dropped, ...]
+
+    def _telling(self) -> Telling:
+        return of_confirmation(self)
 
     @property
     def outside(self) -> int:
@@ -124,6 +132,12 @@ class Confirmation:
             f"; {n} row{'s' if n > 1 else ''} outside the region of the design {'are' if n > 1 else 'is'} not judged "
             f"(line{'s' if n > 1 else ''} {lines}; line {first.line} is {first.reason.split('; ')[0]})"
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """New rows in the intervals that the law foretold."""
+        from .draw_results import confirmation_picture
+
+        return confirmation_picture(self, ax)
 
 
 def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from ..datasets import Runs
+from ..datasets.telling import Told
 from .errors import FitError
 from .lawfit import LawFit
 from .laws import Error
@@ -16,8 +17,8 @@ WEAR = ("AW", "VB")
 LOADS = ("Fxz", "Fx", "Fy", "Fz", "Fc", "Ff", "Fp", "F", "P")
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
+@dataclass(frozen=True, slots=True, repr=False)
+class Refused(Told):
     """A law that the file suggests but does not allow, and why."""
 
     response: str

@@ -10,15 +10,21 @@ variance); Belsley, Kuh & Welsch 1980, Regression Diagnostics, section 2.1 (leve
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from ..datasets import region
+from ..datasets.telling import Telling, Told
 from .errors import FitError
 from .lawfit import LawFit, as_table
 from .linear import linear
+from .telling import of_domain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -26,8 +32,8 @@ MOST_ROWS = 20_000  # of more rows than this a choice draws the region
 Points = Mapping[str, object] | pd.DataFrame
 
 
-@dataclass(frozen=True, slots=True)
-class Space:
+@dataclass(frozen=True, slots=True, repr=False)
+class Space(Told):
     """Columns in which leverage is told, and the largest of the design there.
 
     Attributes
@@ -48,8 +54,8 @@ class Space:
     largest: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Domain:
+@dataclass(frozen=True, slots=True, repr=False)
+class Domain(Told):
     """The region of a design.
 
     Attributes
@@ -81,6 +87,9 @@ class Domain:
     by: str | None
     levels: tuple[str, ...]
     spaces: tuple[Space, ...]
+
+    def _telling(self) -> Telling:
+        return of_domain(self)
 
     @property
     def largest_leverage(self) -> float:
@@ -162,6 +171,12 @@ class Domain:
         if strange:
             raise FitError(f"{self.by} {strange[0]!r} is not among the fitted: {', '.join(self.levels)}.")
         return X, np.array(level, dtype=object)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """What was tested of each factor."""
+        from .draw_results import domain_picture
+
+        return domain_picture(self, ax)
 
 
 def domain(law: LawFit) -> Domain:

@@ -5,18 +5,24 @@ stands beside it as a cross-check and splits the variance.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..datasets.telling import Telling, Told
 from .mixed import Mixed
+from .telling import of_edges
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeInference:
+@dataclass(frozen=True, slots=True, repr=False)
+class EdgeInference(Told):
     """Standard errors of a law that hold for repeated measures on an edge.
 
     Attributes
@@ -52,6 +58,9 @@ class EdgeInference:
     fvalue: float | None
     row_fvalue: float | None
 
+    def _telling(self) -> Telling:
+        return of_edges(self)
+
     @property
     def f_df(self) -> int:
         """Number of factors told between edges."""
@@ -85,3 +94,9 @@ class EdgeInference:
     def icc(self) -> float:
         """Share of the residual variance that lies between edges."""
         return self.mixed.icc
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """How far each parameter moves without one edge."""
+        from .draw_results import moved_picture
+
+        return moved_picture(self, ax)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.telling import Told
 from .errors import FitError
 from .linear import linear
 
@@ -20,8 +21,8 @@ SOME = 10_000
 CONSTANT = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class LeftOut:
+@dataclass(frozen=True, slots=True, repr=False)
+class LeftOut(Told):
     """A factor that the law does without, and why."""
 
     factor: str

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..datasets.telling import Told
 from .about import df_between, df_within
 from .edges import EdgeInference
 from .lawfit import LawFit
@@ -23,8 +24,8 @@ from .lawfit import LawFit
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class JointTest:
+@dataclass(frozen=True, slots=True, repr=False)
+class JointTest(Told):
     """F of one part of the new residuals.
 
     Attributes

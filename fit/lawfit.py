@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..datasets.errors import UsageError
+from ..datasets.telling import Telling, Told
 from ..datasets.widths import Centre, Edge, Kind
 from .available import NotAvailable
 from .edges import EdgeInference
@@ -16,6 +17,7 @@ from .errors import FitError
 from .identifiable import LeftOut
 from .laws import Error, Form, Law
 from .rows import By, Dropped
+from .telling import of_law
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +37,8 @@ def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.Data
     return pd.DataFrame({name: np.broadcast_to(values, n) for name, values in columns.items()})
 
 
-@dataclass(frozen=True, slots=True)
-class LawFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class LawFit(Told):
     """A fitted law. Names of results follow statsmodels, letters the papers.
 
     Attributes
@@ -89,6 +91,9 @@ class LawFit:
     notes: tuple[str, ...]
     repeats: int
     edges: EdgeInference | NotAvailable = field(default=NotAvailable("not asked for"))
+
+    def _telling(self) -> Telling:
+        return of_law(self)
 
     @property
     def form(self) -> Form:
@@ -248,6 +253,11 @@ class LawFit:
         high = self.law.coefficients(self.theta + half)
         return pd.DataFrame({"low": low, "high": high}, index=list(self.names))
 
+    def table(self, level: float = 0.95) -> pd.DataFrame:
+        """Coefficients as a frame: estimate, se, t, p, and the ends of their intervals, ``low`` and ``high``."""
+        held = {"estimate": self.params, "se": self.bse, "t": self.tvalues, "p": self.pvalues}
+        return pd.DataFrame(held).join(self.conf_int(level))
+
     @overload
     def predict(self, new: Mapping[str, object] | pd.DataFrame, interval: None = None) -> Array: ...
     @overload
@@ -303,8 +313,7 @@ class LawFit:
 
     def summary(self) -> str:
         """The fit as plain text: coefficients with their row statistics, then R2, F and residual error."""
-        table = pd.DataFrame({"estimate": self.params, "se": self.bse, "t": self.tvalues, "p": self.pvalues})
-        se = self.scale_se
+        table, se = self.table()[["estimate", "se", "t", "p"]], self.scale_se
         tail = [
             f"R2 {self.rsquared:.4f}",
             f"F {self.fvalue:.4g}" if self.fvalue is not None else "no F",

@@ -21,6 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.telling import Told
 from .linear import linear
 
 Array = NDArray[np.float64]
@@ -31,8 +32,8 @@ Error = Literal["multiplicative", "additive"]
 LARGEST_LOG = 300.0
 
 
-@dataclass(frozen=True, slots=True)
-class Law:
+@dataclass(frozen=True, slots=True, repr=False)
+class Law(Told):
     """One law: what it is of, in what, and how its parameters are called.
 
     Attributes

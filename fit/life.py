@@ -6,20 +6,26 @@ Taylor's ``V T^n = C`` with ``n = k/a``. Source: ISO 3685:1993, annex on tool-li
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..datasets.telling import Telling, Told
 from .errors import FitError
 from .lawfit import LawFit
 from .laws import LARGEST_LOG
+from .telling import of_life
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class ToolLife:
+@dataclass(frozen=True, slots=True, repr=False)
+class ToolLife(Told):
     """Tool life T, in the unit of t, at a wear criterion.
 
     Attributes
@@ -47,6 +53,9 @@ class ToolLife:
     typical: float
     typical_at: dict[str, float]
 
+    def _telling(self) -> Telling:
+        return of_life(self)
+
     def predict(self, **factors: float) -> float:
         """Life at one set of conditions, in ``unit``."""
         names = [str(name) for name in self.coefficients.index[1:]]
@@ -57,6 +66,12 @@ class ToolLife:
             if not factors[name] > 0:
                 raise FitError(f"{name} {factors[name]:g}: a power law needs values above zero.")
         return _life(self.coefficients, factors)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Life over each factor in turn, the others at the middle of the tests."""
+        from .draw_results import life_picture
+
+        return life_picture(self, ax)
 
 
 def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:

@@ -8,11 +8,17 @@ Source: Golub & Van Loan, Matrix Computations, section 5.3 (QR of the augmented 
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..datasets.telling import Telling, Told
 from .errors import FitError
+from .telling import of_linear
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -21,8 +27,8 @@ Array = NDArray[np.float64]
 DEPENDENT = 1e-13
 
 
-@dataclass(frozen=True, slots=True)
-class LinearFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class LinearFit(Told):
     """A linear least-squares fit ``y = X params + e`` and its row statistics.
 
     Attributes
@@ -46,6 +52,9 @@ class LinearFit:
     nobs: int
     df_model: int
     df_resid: int
+
+    def _telling(self) -> Telling:
+        return of_linear(self)
 
     @property
     def scale(self) -> float:
@@ -75,6 +84,12 @@ class LinearFit:
         if self.rss == 0:
             return float("inf")
         return (self.tss - self.rss) / self.df_model / self.scale
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each coefficient within two standard errors."""
+        from .draw_results import estimates_picture
+
+        return estimates_picture([f"x{j}" for j in range(len(self.params))], self.params, self.bse, ax)
 
 
 def linear(X: ArrayLike, y: ArrayLike) -> LinearFit:

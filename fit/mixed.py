@@ -13,13 +13,15 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.telling import Told
+
 Array = NDArray[np.float64]
 
 BLOCK = 16_384  # rows at a time
 
 
-@dataclass(frozen=True, slots=True)
-class Mixed:
+@dataclass(frozen=True, slots=True, repr=False)
+class Mixed(Told):
     """Fit with a random level of each edge.
 
     Attributes

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets import Runs, UsageError
+from ..datasets.threads import one_thread
 from .condense import Condensed
 from .errors import FitError
 from .identifiable import LeftOut, identifiable
@@ -113,6 +114,7 @@ def _positive(error: Error) -> Literal["all", "factors"]:
     return "all" if error == "multiplicative" else "factors"
 
 
+@one_thread
 def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], error: Error) -> LawFit:
     """The stages that ``error`` asks for: the logarithms alone, or they and natural units after them."""
     _enough(law, rows, left_out)

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..datasets import Runs, UsageError
+from ..datasets.telling import Told
 from .errors import FitError
 
 Array = NDArray[np.float64]
@@ -17,8 +18,8 @@ Array = NDArray[np.float64]
 FEWEST = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Dropped:
+@dataclass(frozen=True, slots=True, repr=False)
+class Dropped(Told):
     """Rows that a fit leaves out: why, how many, and the first lines of the file they stand in."""
 
     reason: str
@@ -26,8 +27,8 @@ class Dropped:
     lines: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class By:
+@dataclass(frozen=True, slots=True, repr=False)
+class By(Told):
     """A category whose level shifts a law: its column, the level of reference and the others."""
 
     column: str

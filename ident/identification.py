@@ -23,6 +23,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..datasets.records.record import Record, join
+from ..datasets.telling import Telling, Told
+from ..datasets.threads import one_thread
 from .errors import IdentError
 from .estimators.bias import warn_of_bias
 from .estimators.causality import causality
@@ -36,6 +38,7 @@ from .judging.feedback import feedback_detected
 from .judging.simulated_fit import simulated
 from .judging.validation import Validation, validate
 from .model import Model
+from .telling import of_identification
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,8 +55,8 @@ EXACT = 1e-18  # of the variance: a loss below it is rounding
 MOST_SAMPLES = 10_000  # in the search: of longer records the middle stretch of this length
 
 
-@dataclass(frozen=True, slots=True)
-class Identification:
+@dataclass(frozen=True, slots=True, repr=False)
+class Identification(Told):
     """What a record tells of a machine.
 
     Attributes
@@ -88,6 +91,9 @@ class Identification:
     feedback: str | None
     causality: str | None
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_identification(self)
 
     @property
     def argument(self) -> str:
@@ -128,6 +134,7 @@ class Identification:
         return self.validation.plot(ax)
 
 
+@one_thread
 def identify(
     rec: Record | Sequence[Record],
     *,

@@ -13,17 +13,20 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..datasets.telling import Telling, Told
 from .errors import IdentError
+from .telling import of_model
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Structure = Literal["arx", "sriv", "output_error", "armax", "given"]
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
+@dataclass(frozen=True, slots=True, repr=False)
+class Model(Told):
     """One identified (or given) model.
 
     Attributes
@@ -77,6 +80,9 @@ class Model:
     operating_point: tuple[float, float] | None = None
     band: tuple[float, float] | None = None
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_model(self)
 
     def __post_init__(self) -> None:
         b, a, c = (np.atleast_1d(np.asarray(p, dtype=np.float64)) for p in (self.b, self.a, self.c))
@@ -182,3 +188,9 @@ class Model:
             raise IdentError("python-control is not installed: pip install 'fitmodels[control]'.") from None
         num, den, dt = self.transfer_function
         return control.TransferFunction(num, den, dt, inputs=self.input, outputs=self.output)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Response to a unit step of the input, in its band where the covariance is known."""
+        from .draw_responses import step_picture
+
+        return step_picture(self, ax)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..datasets.telling import Telling, Told
 from .canonical import content_sha256
 from .checks.estimates import estimates
 from .checks.finding import Finding
@@ -13,15 +14,18 @@ from .checks.settings import settings_in_order
 from .checks.units import units
 from .draws import read_draws
 from .errors import ParameterError
+from .telling import of_report
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from .file import ParameterFile
 
 __all__ = ["CheckReport", "Finding", "check"]
 
 
-@dataclass(frozen=True, slots=True)
-class CheckReport:
+@dataclass(frozen=True, slots=True, repr=False)
+class CheckReport(Told):
     """All findings on a file.
 
     Attributes
@@ -31,6 +35,9 @@ class CheckReport:
     """
 
     findings: tuple[Finding, ...]
+
+    def _telling(self) -> Telling:
+        return of_report(self)
 
     @property
     def failed(self) -> tuple[Finding, ...]:
@@ -48,6 +55,12 @@ class CheckReport:
             "ok": self.ok,
             "findings": [{"name": f.name, "passed": f.passed, "words": f.words} for f in self.findings],
         }
+
+    def to_frame(self) -> "DataFrame":
+        """A row a finding."""
+        from pandas import DataFrame
+
+        return DataFrame([(f.name, f.passed, f.words) for f in self.findings], columns=["name", "passed", "words"])
 
 
 def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> CheckReport:

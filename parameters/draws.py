@@ -12,9 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.telling import Telling, Told, as_columns
 from .errors import ParameterError, short
+from .telling import of_draws
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..datasets.telling import Frame
     from .file import ParameterFile
 
 Array = NDArray[np.float64]
@@ -23,8 +28,8 @@ LARGEST = 1_000_000_000  # bytes, unpacked
 CURE = "Fit again, or restore the file."
 
 
-@dataclass(frozen=True, slots=True)
-class Draws:
+@dataclass(frozen=True, slots=True, repr=False)
+class Draws(Told):
     """Draws of one law's parameters.
 
     Attributes
@@ -36,6 +41,19 @@ class Draws:
 
     names: tuple[str, ...]
     values: Array
+
+    def _telling(self) -> Telling:
+        return of_draws(self)
+
+    def to_frame(self) -> "Frame":
+        """The draws, a column a parameter."""
+        return as_columns(self, **dict(zip(self.names, self.values.T, strict=True)))
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The middle 95 % of each parameter."""
+        from .draw import draws_picture
+
+        return draws_picture(self, ax)
 
 
 def packed(draws: Mapping[str, Draws]) -> bytes:

@@ -5,10 +5,11 @@ import os
 import secrets
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from ..datasets.telling import Telling
 from .canonical import content_sha256
 from .errors import ParameterError, in_words
 from .migrate import SCHEMA, migrated
@@ -25,6 +26,10 @@ from .sections.pi import Pi
 from .sections.posterior import Posterior
 from .sections.roughness import Roughness
 from .strict_json import CURE, strict_json
+from .telling import of_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LARGEST = 50_000_000  # bytes
 
@@ -88,11 +93,20 @@ class ParameterFile(Section):
 
     __hash__ = None  # type: ignore[assignment]  # it holds dictionaries
 
+    def _telling(self) -> Telling:
+        return of_file(self)
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, ParameterFile):
             return NotImplemented
         bare = ({**vars(pf), "content_sha256": None} for pf in (self, other))
         return next(bare) == next(bare) and self.model_extra == other.model_extra
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """What each factor does in each law."""
+        from .draw import file_picture
+
+        return file_picture(self, ax)
 
 
 def read(path: str | os.PathLike[str]) -> ParameterFile:

@@ -8,18 +8,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..datasets import region
+from ..datasets.telling import Told
 from .evaluate import as_given, checked_values
 from .intervals import Asked, band
 from .rounding import plain, told
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
     from .sections.law import Law
 
 SIDES = {-1: "below", 1: "above"}
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+@dataclass(frozen=True, slots=True, repr=False)
+class Given(Told):
     """A factor at which a law was asked.
 
     Attributes
@@ -44,8 +48,8 @@ class Given:
     source: "Prediction | None" = None
 
 
-@dataclass(frozen=True, slots=True)
-class Prediction:
+@dataclass(frozen=True, slots=True, repr=False)
+class Prediction(Told):
     """A law's answer at one point or at arrays of points.
 
     Attributes
@@ -167,6 +171,18 @@ class Prediction:
         ]
         cause = ", and ".join(why) or "the combination lies further out than any test"
         return f"outside the tested region: {cause}; do not rely on it"
+
+    def to_frame(self) -> "DataFrame":
+        """A row a point."""
+        from pandas import DataFrame
+
+        return DataFrame({k: np.atleast_1d(getattr(self, k)) for k in ("value", "low", "high", "inside")})
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each point in its interval."""
+        from .draw import prediction_picture
+
+        return prediction_picture(self, ax)
 
 
 def tell(

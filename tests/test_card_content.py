@@ -371,9 +371,8 @@ def test_coverage_factors_are_those_of_the_gums_table(df, k):
 def test_a_statement_reads_as_the_gum_asks():
     """JCGM 100:2008, 7.2.3: value, U, its unit, k and the level; to two digits of the uncertainty (7.2.6)."""
     words = of_law(line_law(10))[0].words
-    assert words.startswith("fm = (3.00 ± 0.67) mm/min at VB 1 mm, for the law itself.")
-    assert "U = k u, with the standard uncertainty u = 0.30 mm/min" in words
-    assert "k = 2.23 from Student's t with 10 degrees of freedom, for a level of confidence of 95 %" in words
+    assert words.startswith("fm = (3.00 ± 0.67) mm/min at VB 1 mm, for the law itself: U = k u with u = 0.30 mm/min")
+    assert "k = 2.23 (Student's t, 10 degrees of freedom), level 95 %" in words
     assert "multiply" not in words
 
 

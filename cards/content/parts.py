@@ -2,8 +2,10 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ...datasets.telling import Displayed, Telling, facts_of
 
-class Part(BaseModel):
+
+class Part(Displayed, BaseModel):
     """A part of a card: frozen, nothing unknown, no NaN."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -313,3 +315,6 @@ class Card(Part):
     end: str  # the end mark
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+    def _telling(self) -> Telling:
+        return Telling(self.summary, tuple(facts_of(self)))

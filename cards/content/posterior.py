@@ -32,5 +32,5 @@ def gate(of: LawPosterior) -> tuple[Named, ...]:
         *fact("draws", count(of.draws)),
         *fact("R-hat", places(of.r_hat, 3), "the largest of any parameter"),
         *fact("effective draws", places(of.ess, 0), "the fewest of any parameter"),
-        *fact("k-hat", places(of.k_hat, 2), "of the weights of the draws"),
+        *(() if of.k_hat is None else fact("k-hat", places(of.k_hat, 2), "of the weights of the draws")),
     )

@@ -136,15 +136,11 @@ def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _F
     k, level, in_unit = f"{f.k:.2f}", percent(LEVEL), f" {unit}".rstrip()
     at = f" at {where}" if where else ""
     words = (
-        f"{symbol} = ({value} ± {expanded}){in_unit}{at}, for {of}. The number after ± is the expanded uncertainty "
-        f"U = k u, with the standard uncertainty u = {standard}{in_unit} and the coverage factor k = {k} from "
-        f"Student's t with {f.df} degrees of freedom, for a level of confidence of {level.text} %."
+        f"{symbol} = ({value} ± {expanded}){in_unit}{at}, for {of}: U = k u with u = {standard}{in_unit} and k = {k} "
+        f"(Student's t, {f.df} degrees of freedom), level {level.text} %."
     )
     if f.multiplies:
-        words += (
-            f" U is of first order; as errors multiply, the interval itself is not symmetric: {low} to "
-            f"{high}{in_unit}, and that is the one to use."
-        )
+        words += f" Errors multiply, so take the interval, which is not symmetric: {low} to {high}{in_unit}."
     return Uncertain(
         quantity=quantity,
         symbol=symbol,

@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
+from ...datasets.telling import Told
 from ..sensing import KNOWN, STUCK, UNKNOWN, Sensing
 from .reference_model import ReferenceModel
 from .revolution import Revolution
@@ -29,8 +30,8 @@ DOUBT = 10.0  # revolutions of good readings before one is believed again that w
 HIGH, NORMAL = 1.5, 1.2  # of the set point: what is told as a high force, and when it is over
 
 
-@dataclass(slots=True)
-class AdaptiveForceControl:
+@dataclass(slots=True, repr=False)
+class AdaptiveForceControl(Told):
     """The controller; its command is a feed between the file's limits, its measurement a force.
 
     It begins at the lower limit for a revolution, and leads F_d from the force found there to the set point. The law

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ...parameters.errors import GateError
 from ..sensing import Sensing
 from .control import MOVES
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
 
-@dataclass(slots=True)
-class FixedForcePi:
+@dataclass(slots=True, repr=False)
+class FixedForcePi(Told):
     """PI on the averaged force, behind the same reference model and between the same limits.
 
     A reading that is not believed puts the command to the lower limit.

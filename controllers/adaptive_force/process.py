@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -22,8 +23,8 @@ Depth = float | Sequence[tuple[float, float]]
 APART = 1e-6  # of the faster pole: nearer to each other, the two are taken as one
 
 
-@dataclass(slots=True)
-class DriveAndCut:
+@dataclass(slots=True, repr=False)
+class DriveAndCut(Told):
     """The drive and process of LYAP, integrated exactly under a command that is held.
 
     The paper prints no value of m, d, k, c. These are **assumed**: a drive that follows its command within 0.08 s; a

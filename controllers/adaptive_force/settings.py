@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ...parameters.errors import GateError
 
 if TYPE_CHECKING:
@@ -18,8 +19,8 @@ NEEDED = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
+@dataclass(frozen=True, slots=True, repr=False)
+class Settings(Told):
     """The section's numbers, without a None among them; units as in `fitmodels.parameters.AdaptiveForce`.
 
     Attributes

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from .control import AdaptiveForceControl
 from .judged import STEADY
 from .lyapunov import RECORDED, energy, values_of_V
@@ -33,8 +34,8 @@ LEAST = 200  # steps: a loop that runs away takes its time at a long step
 SETTLED = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class StepSize:
+@dataclass(frozen=True, slots=True, repr=False)
+class StepSize(Told):
     """One step size, one way to take it.
 
     Attributes

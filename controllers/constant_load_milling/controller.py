@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ..sensing import KNOWN, UNKNOWN, Sensing
 from .incremental_law import IncrementalLaw
 from .position_law import PositionLaw
@@ -26,8 +27,8 @@ STANDS_STILL = 0.02  # of that range: a command that moved by more changes any l
 STILL_FOR = 25  # samples
 
 
-@dataclass(slots=True)
-class ConstantLoad:
+@dataclass(slots=True, repr=False)
+class ConstantLoad(Told):
     """The controller of CLM-2023; its command is the feed override, feed over programmed feed.
 
     In position form it does nothing outside the cut, switched off, or with a load that is unknown: the override is 1.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ...parameters.errors import ParameterError
 from .settings import line_of
 
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 FACTORS = ("t", "fm")  # of a wear law: what changes in a cut at constant load
 
 
-@dataclass(frozen=True, slots=True)
-class CutModel:
+@dataclass(frozen=True, slots=True, repr=False)
+class CutModel(Told):
     """One kind of cut: end milling, slot milling.
 
     Attributes

@@ -6,6 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ...datasets.picture import ShownFigure
+
 if TYPE_CHECKING:
     from ...parameters import LoadLine
     from .run import ToolRun
@@ -17,7 +19,7 @@ LABEL = {"I": "spindle current"}
 
 def run_figure(run: "ToolRun", line: "LoadLine", beside: "ToolRun | None" = None, work: str = "") -> Figure:
     """Load and feed over cutting length, with the mean of each pass, the limits, and a run at constant feed beside."""
-    figure = Figure(figsize=(8.0, 6.2), layout="constrained")
+    figure = ShownFigure(figsize=(8.0, 6.2), layout="constrained")
     load, feed = figure.subplots(2, 1, sharex=True)
     name = LABEL.get(line.load, "load")
     load.axhline(
@@ -50,7 +52,7 @@ def run_figure(run: "ToolRun", line: "LoadLine", beside: "ToolRun | None" = None
 
 def pass_figure(run: "ToolRun", line: "LoadLine", number: int = 2, settle: float = 4.0) -> Figure:
     """One pass in time: load with the band of 1 % about the reference, and feed; the settling time shaded."""
-    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    figure = ShownFigure(figsize=(8.0, 5.2), layout="constrained")
     load, feed = figure.subplots(2, 1, sharex=True)
     r = run.trace.recorded
     rows = np.flatnonzero((r["number"] == number) & (r["in_cut"] > 0))

@@ -5,14 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...datasets.telling import Told
 from ..loop import Array, Trace
 
 SETTLE = 4.0  # s, the settling time that the paper asks for
 RECORDED = ("feed", "wear", "length", "in_cut", "number", "kind")  # what a replay records for this
 
 
-@dataclass(frozen=True, slots=True)
-class Pass:
+@dataclass(frozen=True, slots=True, repr=False)
+class Pass(Told):
     """One pass; loads and feeds are those after the loop has settled, None where it was too short for that.
 
     Attributes

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from .cut_model import CutModel
 
 if TYPE_CHECKING:
@@ -17,8 +18,8 @@ GAP = 2.0  # s out of the cut between two passes: assumed, the paper does not sa
 DRAWN = 256  # samples of noise at a time: one by one takes longer than all the rest
 
 
-@dataclass(slots=True)
-class MillingCut:
+@dataclass(slots=True, repr=False)
+class MillingCut(Told):
     """A plant: feed override in, spindle load out.
 
     The feed in force drives the length at once; the load sees it through the drive's shape, which runs on out of the

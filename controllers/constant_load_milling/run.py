@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
 from ..loop import Trace, replay
+from ..telling import of_tool_run
 from .controller import ConstantLoad
 from .cut_model import CutModel
 from .passes import RECORDED, SETTLE, Pass, passes_of
@@ -15,6 +17,8 @@ from .plant import GAP, PASS, MillingCut
 from .settings import line_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ...parameters import ParameterFile
 
 CHANGE = "change tool"
@@ -22,8 +26,8 @@ LONGEST = 4 * 3600.0  # s of machine time
 BEYOND = 2.0  # times the end of the tool-change window: a loop that has not asked by then never asks
 
 
-@dataclass(frozen=True, slots=True)
-class ToolRun:
+@dataclass(frozen=True, slots=True, repr=False)
+class ToolRun(Told):
     """A tool's whole run: a simulation.
 
     Attributes
@@ -52,6 +56,9 @@ class ToolRun:
     removed: float | None
     rested: float
 
+    def _telling(self) -> Telling:
+        return of_tool_run(self)
+
     @property
     def mean_feed(self) -> float:
         """Cutting length over time in the cut, mm/min."""
@@ -73,6 +80,10 @@ class ToolRun:
         """Largest share by which the mean load of a regulated pass lies off the reference; None without one."""
         off = [p.mean_load / self.reference - 1 for p in self.regulated if p.mean_load is not None]
         return max(off, key=abs) if off else None
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Load with its reference, and the feed."""
+        return self.trace.plot(ax)
 
 
 def constant_load_run(

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
+from ..telling import of_choice
 from .grid import Grid, surfaces
 from .laws import LifeLaws
 from .rules import Rules, told
@@ -11,8 +13,8 @@ from .rules import Rules, told
 How = Literal["grid", "exact"]
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+@dataclass(frozen=True, slots=True, repr=False)
+class Choice(Told):
     """A pair of speed and feed and what it does in its interval.
 
     Attributes
@@ -34,6 +36,9 @@ class Choice:
     Fxz: float
     MRR: float
     stops: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_choice(self)
 
 
 def choose(laws: LifeLaws, rules: Rules, grid: Grid, how: How, before: float, start: float) -> Choice | None:

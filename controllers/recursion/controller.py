@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ..sensing import Sensing
 from .choice import How, choose
 from .from_file import life_laws
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 HEALED = 0.5  # wear does not heal: a reading below this share of the last wear is none
 
 
-@dataclass(slots=True)
-class TurningRecursion:
+@dataclass(slots=True, repr=False)
+class TurningRecursion(Told):
     """The controller of AC-2017; its command is (V, f) of the next interval, m/min and mm/rev.
 
     It answers the wear at the end of an interval. Before the first the tool is out of the cut, (0, 0), and when no pair

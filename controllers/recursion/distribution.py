@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told, as_columns
+from ..telling import of_life_draws
 from .grid import Grid, grid_of
 from .laws import Array, LifeLaws, Terms
 from .life import MOST, Life, whole_life
@@ -20,14 +22,17 @@ from .many import DrawnTerms, ManyLaws, plan_on, recursions
 from .rules import Rules
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ...datasets.telling import Frame
     from ...parameters import Draws
 
 Of = Literal["plan", "own"]
 Edge = Literal["law", "new"]
 
 
-@dataclass(frozen=True, slots=True)
-class LifeDraws:
+@dataclass(frozen=True, slots=True, repr=False)
+class LifeDraws(Told):
     """Life and metal removed, draw by draw: calculated from draws of the laws.
 
     Attributes
@@ -61,6 +66,9 @@ class LifeDraws:
     left_out: int = 0
     unended: int = 0
 
+    def _telling(self) -> Telling:
+        return of_life_draws(self)
+
     @property
     def ends_early(self) -> float:
         """Share of draws that are worn out before the plan's last interval has been cut."""
@@ -81,6 +89,16 @@ class LifeDraws:
             raise UsageError(f"level={level!r}: it lies between 0 and 1.")
         low, middle, high = np.quantile(values, [(1 - level) / 2, 0.5, (1 + level) / 2])
         return float(low), float(middle), float(high)
+
+    def to_frame(self) -> "Frame":
+        """A row a draw: minutes, and mm3 removed."""
+        return as_columns(self, "minutes", "removed")
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Life over the draws."""
+        from .draw import draws_picture
+
+        return draws_picture(self, ax)
 
 
 def life_draws(

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from .laws import LifeLaws
 from .rules import Rules, told, wear_after
 
 
-@dataclass(slots=True)
-class WearingEdge:
+@dataclass(slots=True, repr=False)
+class WearingEdge(Told):
     """An edge in the cut: it answers a pair of speed and feed with its wear.
 
     Its laws may be other ones than the controller's: those of a draw, see `drawn_laws`.

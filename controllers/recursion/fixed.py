@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
+from ..telling import of_fixed
 from .grid import Grid, grid_of, rates
 from .laws import Array, LifeLaws, Terms
 from .life import Life
@@ -14,8 +16,8 @@ from .rules import Rules, told
 EQUAL = 1e-9  # of a limit: a pair on it is within it
 
 
-@dataclass(frozen=True, slots=True)
-class FixedLife:
+@dataclass(frozen=True, slots=True, repr=False)
+class FixedLife(Told):
     """A fixed pair until the wear criterion: calculated from the laws.
 
     Attributes
@@ -40,6 +42,9 @@ class FixedLife:
     peak_power: float
     peak_force: float
     passes: tuple[str, ...]
+
+    def _telling(self) -> Telling:
+        return of_fixed(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from .laws import Array, LifeLaws
 from .rules import Rules, told, wear_after
 
@@ -14,16 +15,16 @@ MOST_PAIRS = 1_000_000
 EVEN = 1e-9  # of a step: 0.06 + 108 x 0.005 is 0.6 but for rounding
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
+@dataclass(frozen=True, slots=True, repr=False)
+class Grid(Told):
     """Speeds V, shape (m,), m/min, and feeds f, shape (n,), mm/rev, both rising."""
 
     V: Array
     f: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Surfaces:
+@dataclass(frozen=True, slots=True, repr=False)
+class Surfaces(Told):
     """What every pair of a grid would do in one interval.
 
     Attributes

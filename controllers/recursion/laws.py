@@ -9,12 +9,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...datasets.telling import Telling, Told
+from ..telling import of_laws
+
 Array = NDArray[np.float64]
 Times = Literal["published", "full"]
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
+@dataclass(frozen=True, slots=True, repr=False)
+class Terms(Told):
     """One law with depth put in, R = exp(ln_c) V^V f^f t^t AW^AW, and the most that is allowed of R.
 
     Attributes
@@ -48,8 +51,8 @@ class Terms:
         return np.asarray(np.exp(logs), dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
-class LifeLaws:
+@dataclass(frozen=True, slots=True, repr=False)
+class LifeLaws(Told):
     """The laws and limits of an edge's life.
 
     Attributes
@@ -76,6 +79,9 @@ class LifeLaws:
     f: tuple[float, float]
     times: Times = "full"
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_laws(self)
 
     def mrr(self, V: ArrayLike, f: ArrayLike) -> Array:
         """MRR = 1000 V f d, mm3/min (eq. 8)."""

@@ -2,20 +2,27 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told, as_columns
+from ..telling import of_life
 from .choice import Choice, How, choose, outcome
 from .grid import Grid, Surfaces, grid_of, surfaces
 from .laws import Array, LifeLaws
 from .rules import Rules, wear_after
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
 MOST = 1000  # intervals of a life
 
 
-@dataclass(frozen=True, slots=True)
-class Life:
+@dataclass(frozen=True, slots=True, repr=False)
+class Life(Told):
     """An edge from new to worn out: a calculation from laws, not a measurement.
 
     Attributes
@@ -49,6 +56,9 @@ class Life:
     stops: tuple[tuple[str, ...], ...]
     ended: bool = True
 
+    def _telling(self) -> Telling:
+        return of_life(self)
+
     @property
     def minutes(self) -> float:
         """Life, min."""
@@ -73,6 +83,16 @@ class Life:
         if not 0 <= k <= len(self.time):
             raise UsageError(f"interval {k}: this life has the intervals 0 to {len(self.time)}.")
         return surfaces(self.laws, self.rules, self.grid, self.before(k), k * self.rules.interval)
+
+    def to_frame(self) -> "DataFrame":
+        """A row an interval, by its end in min."""
+        return as_columns(self, "time", "V", "f", "AW", "P", "Fxz", "MRR").set_index("time")
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Wear and metal removal rate over the life."""
+        from .draw import life_picture
+
+        return life_picture(self, ax)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from .laws import Array, LifeLaws, Terms, Times
 
 WearRule = Literal["clock", "wear_state"]
 
 
-@dataclass(frozen=True, slots=True)
-class Rules:
+@dataclass(frozen=True, slots=True, repr=False)
+class Rules(Told):
     """How a life is computed.
 
     Attributes

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ...parameters.errors import in_words
 from ...parameters.gather.settings import limits_section
 from ...parameters.sections.limits import Bound, Limits, Range
@@ -23,8 +24,8 @@ FORCES = ("Fxz", "F", "Fc", "Ff", "Fp", "Fx", "Fy", "Fz")
 RANGES = (("V", "speed", "m/min"), ("f", "feed", "mm/rev"))
 
 
-@dataclass(frozen=True, slots=True)
-class Box:
+@dataclass(frozen=True, slots=True, repr=False)
+class Box(Told):
     """The ranges of V and f: ``low`` and ``high`` are (ln V, ln f), shape (2,); ``notes`` say where they come from."""
 
     low: Array

@@ -10,14 +10,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
+
 Array = NDArray[np.float64]
 
 TOUCH = 1e-11  # of a logarithm: a relative 1e-11 of the response, some hundred times what clipping rounds
 FAR = 200.0  # half width of the plane where sides are looked at without the machine's ranges
 
 
-@dataclass(frozen=True, slots=True)
-class HalfPlane:
+@dataclass(frozen=True, slots=True, repr=False)
+class HalfPlane(Told):
     """``a . (ln V, ln f) <= b``: one limit.
 
     Attributes

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...datasets.telling import Telling, Told, as_columns
+from ..telling import of_front
 from .clipping import Array
 from .points import Point
 from .visible import VisibleRegion
@@ -13,11 +15,13 @@ from .visible import VisibleRegion
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ...datasets.telling import Frame
+
 LOSSES = tuple(np.linspace(0.0, 0.5, 101).tolist())
 
 
-@dataclass(frozen=True, slots=True)
-class WearFront:
+@dataclass(frozen=True, slots=True, repr=False)
+class WearFront(Told):
     """The pairs that wear least for the metal they remove.
 
     At a given time wear and wear rate are least at the same pair, so this front is of both.
@@ -45,11 +49,18 @@ class WearFront:
     symbol: str
     unit: str
 
+    def _telling(self) -> Telling:
+        return of_front(self)
+
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Wear over metal removal rate."""
         from .draw import front_picture
 
         return front_picture(self, ax)
+
+    def to_frame(self) -> "Frame":
+        """A row a share of the metal given up."""
+        return as_columns(self, "loss", "V", "f", "MRR", "wear")
 
 
 def wear_front(region: VisibleRegion, losses: Sequence[float] = LOSSES) -> WearFront:

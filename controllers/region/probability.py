@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
+from ..telling import of_chance
 from .clipping import Array
 from .demanded import demanded
 from .points import Point, ln
@@ -21,8 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["Chance", "Kind", "feasibility"]
 
 
-@dataclass(frozen=True, slots=True)
-class Chance:
+@dataclass(frozen=True, slots=True, repr=False)
+class Chance(Told):
     """Probability that every limit of power, force and wear is kept, over V and f.
 
     Attributes
@@ -48,6 +50,9 @@ class Chance:
     region: VisibleRegion
     sampling: Sampling
     sources: tuple[str, ...]
+
+    def _telling(self) -> Telling:
+        return of_chance(self)
 
     @property
     def count(self) -> int:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ...parameters.evaluate import parameter_names, theta
 from ...parameters.sections.covariance import Covariance
 from .clipping import Array
@@ -28,8 +29,8 @@ TINY = 1e-300  # in place of a response that an error which adds makes negative:
 AT_ONCE = 1_000_000  # looks of a draw at a point: 8 MB
 
 
-@dataclass(frozen=True, slots=True)
-class Sampled:
+@dataclass(frozen=True, slots=True, repr=False)
+class Sampled(Told):
     """A law by S draws.
 
     Attributes
@@ -60,8 +61,8 @@ class Sampled:
         return np.log(np.maximum(np.exp(eta) + self.luck[rows, None], TINY)) if self.adds else eta
 
 
-@dataclass(frozen=True, slots=True)
-class Sampling:
+@dataclass(frozen=True, slots=True, repr=False)
+class Sampling(Told):
     """What a region is judged by: laws by draws, and the logarithm of each limit in the unit of its law.
 
     ``wear`` is set where the wear must be worked out at every point, because its errors add.

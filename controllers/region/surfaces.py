@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ...datasets.units import canonical, convert
 from ...parameters.evaluate import parameter_names, theta
 
@@ -26,8 +27,8 @@ WEARS = ("AW", "VB")
 USUAL = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
+@dataclass(frozen=True, slots=True, repr=False)
+class Setting(Told):
     """What is held while V and f are chosen.
 
     Attributes
@@ -62,8 +63,8 @@ class Setting:
         return {**usual, **{name: (value, None) for name, value in self.at.items()}}
 
 
-@dataclass(frozen=True, slots=True)
-class Plane:
+@dataclass(frozen=True, slots=True, repr=False)
+class Plane(Told):
     """A response over the plane: ``ln R = intercept + slopes . (ln V, ln f) + wear_power ln(wear)``.
 
     Attributes

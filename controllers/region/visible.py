@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...datasets.errors import DataError, UsageError
+from ...datasets.telling import Telling, Told
+from ..telling import of_region
 from .allowed import Box, box, half_planes, limited, merged, of_spindle
 from .clipping import TOUCH, Array, HalfPlane, clip, left_by, rectangle
 from .corners import Corner, best_corner, from_best, lettered, worth
@@ -24,12 +26,13 @@ from .tested import tested, untested
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
     from ...parameters import Law, Limits, ParameterFile
 
 
-@dataclass(frozen=True, slots=True)
-class VisibleRegion:
+@dataclass(frozen=True, slots=True, repr=False)
+class VisibleRegion(Told):
     """What may be set at one depth and time.
 
     Attributes
@@ -70,6 +73,9 @@ class VisibleRegion:
     laws: Mapping[str, "Law"]
     wear: str | None
     notes: tuple[str, ...]
+
+    def _telling(self) -> Telling:
+        return of_region(self)
 
     @property
     def empty(self) -> bool:
@@ -171,6 +177,12 @@ class VisibleRegion:
             exceeds=tuple(name for name, by in over.items() if by > SAME),
             tested=tested(self.laws, self.setting, self.wear, {**values, "V": V, "f": f}),
         )
+
+    def to_frame(self) -> "DataFrame":
+        """A row a corner."""
+        from pandas import DataFrame
+
+        return DataFrame([(c.letter, c.V, c.f, c.limits) for c in self.corners], columns=["corner", "V", "f", "limits"])
 
 
 def visible_region(

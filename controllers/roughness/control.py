@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Self
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ...parameters.errors import ParameterError
 from ..sensing import KNOWN, Sensing
 from .reference import reference_force, settings_of
@@ -25,8 +26,8 @@ WAIT = 0.3  # s above the threshold, for a file that says nothing
 LEAST_MOVE = 0.0025
 
 
-@dataclass(slots=True)
-class ConstantRoughness:
+@dataclass(slots=True, repr=False)
+class ConstantRoughness(Told):
     """The controller of SURF; its command is the feed, in mm/rev.
 
     The law acts while the force is believed and has stayed above ``threshold`` for ``wait``. Below the threshold and

@@ -8,12 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
 from ..loop import Trace, replay
+from ..telling import of_turned
 from .control import ConstantRoughness
 from .plant import DISTURBANCE, TurningForce
 from .reference import law_of, settings_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ...parameters import ParameterFile
 
 Array = NDArray[np.float64]
@@ -39,8 +43,8 @@ class _Constant:
         return self.command
 
 
-@dataclass(frozen=True, slots=True)
-class Turned:
+@dataclass(frozen=True, slots=True, repr=False)
+class Turned(Told):
     """A simulated cut.
 
     Attributes
@@ -58,6 +62,15 @@ class Turned:
     asked: Array
     low: float
     high: float
+
+    def _telling(self) -> Telling:
+        return of_turned(self)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Roughness over time, with what was asked for."""
+        from ..draw import roughness_picture
+
+        return roughness_picture(self, ax)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from ...datasets.telling import Told
 from ...parameters.errors import ParameterError
 from .reference import settings_of
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 DISTURBANCE = 0.1  # SURF: the force undergoes random changes up to 10 %
 
 
-@dataclass(slots=True)
-class TurningForce:
+@dataclass(slots=True, repr=False)
+class TurningForce(Told):
     """Servo and cutting process, two lags in a row, exact for a command held over each step (zero-order hold).
 
     The force is multiplied by 1 + e, with e uniform from -``disturbance`` to +``disturbance`` and held for ``hold``.

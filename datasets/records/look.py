@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..errors import DataError, UsageError
 from ..tables import Table, read_table
 from ..tables.decode import load_bytes
+from ..telling import Told
 from ..units import is_unit
 from ..vocabulary import ROLES
 from .columns import heads, is_label, rises_evenly, seconds_in, signals, time_column, times
@@ -20,8 +21,8 @@ FEW = 50  # rows; a shorter table of even times may as well be a wear test
 TESTED = ("edge", "V", "f")  # roles of a cutting test
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
+@dataclass(frozen=True, slots=True, repr=False)
+class Look(Told):
     """What a file looks like, and why; true when it is a record.
 
     Attributes

@@ -3,19 +3,27 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
+from ..rounding import plain
+from ..telling import Telling, Told, as_columns
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..telling import Frame
 
 Array = NDArray[np.float64]
 
 CLOCKS = 1e-3  # two clocks differ by parts in 1e5; a model's poles would feel no less than this
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
+@dataclass(frozen=True, slots=True, repr=False)
+class Record(Told):
     """Input u and output y at a fixed rate.
 
     Attributes
@@ -83,6 +91,30 @@ class Record:
 
     def __len__(self) -> int:
         return len(self.u)
+
+    def _telling(self) -> Telling:
+        ends = [
+            f"{name} {plain(float(v.min()))} to {plain(float(v.max()))} {unit}".rstrip()
+            for name, v, unit in ((self.input, self.u, self.unit_u), (self.output, self.y, self.unit_y))
+        ]
+        several = f" in {len(self.starts)} stretches" if len(self.starts) > 1 else ""
+        span = f"{plain(len(self) * self.sample_time)} s at {plain(self.rate)} Hz"
+        facts = (("from", self.source),) if self.source else ()
+        return Telling(f"{len(self)} samples{several}, {span}; {', '.join(ends)}", facts, None, self.notes)
+
+    def to_frame(self) -> "Frame":
+        """A row a sample: time in s, input and output under their names, and the number of the stretch."""
+        from pandas import Index
+
+        stretch = np.repeat(np.arange(len(self.starts)), np.diff([*self.starts, len(self)]))
+        held = {self.input: self.u, self.output: self.y, "stretch": stretch}
+        return as_columns(self, **held).set_index(Index(self.sample_time * np.arange(len(self)), name="time"))
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Output over time, the input on an axis of its own."""
+        from ..draw import record_picture
+
+        return record_picture(self, ax)
 
     @property
     def rate(self) -> float:

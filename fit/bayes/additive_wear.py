@@ -29,7 +29,7 @@ LEAST_SHARE = 1e-3  # to start from
 SPREAD = 0.25  # of ln share, to start from
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class AdditiveWear(LawDensity):
     """A law with wear added, its last column ln of what share 1 adds, in the unit of the response.
 

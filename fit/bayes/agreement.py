@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from .diagnostics import PIECES, ess_mean
 
 Array = NDArray[np.float64]
@@ -24,8 +25,8 @@ QUANTILES = (0.05, 0.5, 0.95)
 FIGURES = ("mean", "standard deviation", *(f"{100 * share:g} % quantile" for share in QUANTILES))
 
 
-@dataclass(frozen=True, slots=True)
-class Agreement:
+@dataclass(frozen=True, slots=True, repr=False)
+class Agreement(Told):
     """What a comparison of two routes came to.
 
     Attributes

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.threads import one_thread
 from ..edges import EdgeInference
 from ..errors import FitError
 from ..jackknife import meets_exactly
@@ -27,6 +28,7 @@ MOST_ROWS = 100_000  # of a law that is not linear: every draw looks at every ro
 APART = 7919  # between the seed of the draws and that of the chains that verify them
 
 
+@one_thread
 def posterior(
     law: "LawFit",
     *,

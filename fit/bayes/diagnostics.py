@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from .autocorrelation import ROUNDING, autocorrelation_time, effective_draws
 from .density import Array
 from .sample import Sample
@@ -23,8 +24,8 @@ FEWEST = 4  # draws of a chain: its halves need two each
 TAILS = (0.05, 0.95)  # quantiles whose effective draws are those of the tails: sec. 4.3 there
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnostics:
+@dataclass(frozen=True, slots=True, repr=False)
+class Diagnostics(Told):
     """What is known of how well draws stand for their posterior.
 
     Attributes

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 DIFFER = HalfT(DF, 0.3)  # sd of the exponents of edges: half of all sets of edges differ less than about this
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class EdgeSlopes(LawDensity):
     """A law with edge levels and edge time exponents; ``phi`` ends in ln sd of u and atanh of the correlation.
 

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Telling, Told
 from .diagnostics import Diagnostics
 from .psis import K_HAT
 
@@ -27,8 +28,8 @@ class Verdict(Protocol):
         """One sentence: where they differ, by how much, how much is allowed, what to do."""
 
 
-@dataclass(frozen=True, slots=True)
-class Gate:
+@dataclass(frozen=True, slots=True, repr=False)
+class Gate(Told):
     """Whether draws may be used.
 
     Attributes
@@ -41,6 +42,9 @@ class Gate:
 
     open: bool
     reasons: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return Telling("open" if self.open else "SHUT", words=self.reasons)
 
 
 def gate(diagnostics: Diagnostics, agreement: Verdict | None = None, interrupted: bool = False) -> Gate:
@@ -63,7 +67,7 @@ def gate(diagnostics: Diagnostics, agreement: Verdict | None = None, interrupted
     >>> from fitmodels.fit.bayes.sample import Sample
     >>> draws = np.random.default_rng(1).normal(size=(4000, 2))
     >>> gate(diagnose(("V", "f"), draws, Sample(draws, 1, "exact", "drawn independently")))
-    Gate(open=True, reasons=())
+    Gate: open
     >>> gate(diagnose(("V", "f"), draws, Sample(draws, 1, "importance", "reweighted", k_hat=0.83))).reasons[0][:46]
     'k-hat 0.83 of the importance weights is above '
     """

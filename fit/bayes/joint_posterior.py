@@ -8,8 +8,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
 from ..available import NotAvailable
 from ..checks.gauge import GaugeFit
+from ..telling import of_draws
 from .diagnostics import Diagnostics
 from .gate import Gate, gate
 from .latent_density import LatentDensity
@@ -17,13 +19,15 @@ from .priors import Priors
 from .sample import Sample
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ..lawfit import LawFit
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class JointPosterior:
+@dataclass(frozen=True, slots=True, repr=False)
+class JointPosterior(Told):
     """Draws of the parameters of a law of wear and of laws of loads that act on the true wear.
 
     Attributes
@@ -56,6 +60,9 @@ class JointPosterior:
     coarse: int
     seed: int
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_draws(self.words, self.table(), (*self.gate.reasons, *self.notes))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -120,3 +127,13 @@ class JointPosterior:
         return "\n".join(
             [self.words, self.sample.words, table.to_string(float_format="{:.5g}".format), state, *self.notes]
         )
+
+    def to_frame(self) -> pd.DataFrame:
+        """The draws, a column a parameter."""
+        return pd.DataFrame(self.draws, columns=list(self.names))
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each parameter in its 95 % interval."""
+        from ..draw_results import table_picture
+
+        return table_picture(self.table(), "mean", ax)

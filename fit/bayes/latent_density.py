@@ -24,14 +24,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from .latent_rows import by_edge, rows_alone, with_levels
 from .law_density import LN_2PI, NU, Errors, LawDensity, student
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class LatentDensity:
+@dataclass(frozen=True, slots=True, repr=False)
+class LatentDensity(Told):
     """A joint posterior density of a law of wear and laws of loads, but for a constant.
 
     ``phi`` holds that of each law as a plain fit would have it, wear first, then the logit of the reliability where the

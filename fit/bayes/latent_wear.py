@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.threads import one_thread
 from ..available import NotAvailable
 from ..checks.evidence import no_scatter
 from ..checks.gauge import COARSE, GaugeFit, gauge_corrected
@@ -31,6 +32,7 @@ FEWEST, MOST = 400, 1_000_000  # draws
 SAME = 1e-9  # relative difference of two readings that are one
 
 
+@one_thread
 def latent_wear(
     wear_law: "LawFit",
     load_laws: "Sequence[LawFit]",

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from ..laws import Law
 from .priors import Priors
 
@@ -31,8 +32,8 @@ LN_2PI = float(np.log(2 * np.pi))
 NU = (2.0, 0.1)  # gamma prior of nu: shape, rate; nine tenths of it between 3.6 and 47
 
 
-@dataclass(frozen=True, slots=True)
-class LawDensity:
+@dataclass(frozen=True, slots=True, repr=False)
+class LawDensity(Told):
     """A posterior density of a law, but for a constant.
 
     ``phi`` is level, slopes, ln sd, then logit icc where there are edges and ln nu where errors are Student's;

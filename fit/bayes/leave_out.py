@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ..available import NotAvailable
 from ..errors import FitError
 from .density import Array
@@ -18,8 +19,8 @@ from .psis import K_HAT, smoothed_columns
 NAMED = 5  # edges, in words
 
 
-@dataclass(frozen=True, slots=True)
-class LeaveOut:
+@dataclass(frozen=True, slots=True, repr=False)
+class LeaveOut(Told):
     """Expected log density of left-out edges; larger is better, and only differences between laws mean something.
 
     Attributes

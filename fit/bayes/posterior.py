@@ -9,8 +9,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
 from ..available import NotAvailable
 from ..lawfit import LawFit, as_table
+from ..telling import of_posterior
 from .agreement import Agreement
 from .diagnostics import Diagnostics
 from .edge_check import jackknife_of_level_model
@@ -32,8 +34,8 @@ MOST_LOOKS, FEWEST_DRAWS = 40_000_000, 1000  # looks of a draw at a row, and dra
 FINITE_VARIANCE = 0.5  # k-hat up to which a weighted mean has one
 
 
-@dataclass(frozen=True, slots=True)
-class Posterior:
+@dataclass(frozen=True, slots=True, repr=False)
+class Posterior(Told):
     """Draws of the parameters of one law.
 
     Attributes
@@ -69,6 +71,9 @@ class Posterior:
     seed: int
     agreement: Agreement | None = None
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_posterior(self)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -265,6 +270,10 @@ class Posterior:
         table = self.table()[["mean", "sd", "low", "high", "r_hat", "ess_bulk"]]
         state = "gate open" if self.gate.open else "gate SHUT: " + " ".join(self.gate.reasons)
         return "\n".join([head, table.to_string(float_format="{:.5g}".format), state, *self.notes])
+
+    def to_frame(self) -> pd.DataFrame:
+        """The draws, a column a parameter."""
+        return pd.DataFrame(self.draws, columns=list(self.names))
 
 
 def _between(name: str, share: float) -> None:

@@ -25,8 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
+from ..telling import of_priors
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ..lawfit import LawFit
 
 Array = NDArray[np.float64]
@@ -52,8 +56,8 @@ USUAL: Mapping[str, tuple[float, float, str]] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Normal:
+@dataclass(frozen=True, slots=True, repr=False)
+class Normal(Told):
     """Normal about ``mean`` with standard deviation ``sd``."""
 
     mean: float
@@ -73,8 +77,8 @@ class Normal:
         return rng.normal(self.mean, self.sd, n)
 
 
-@dataclass(frozen=True, slots=True)
-class HalfT:
+@dataclass(frozen=True, slots=True, repr=False)
+class HalfT(Told):
     """Half Student-t above zero."""
 
     df: float
@@ -96,8 +100,8 @@ class HalfT:
         return np.abs(rng.standard_t(self.df, n)) * self.scale
 
 
-@dataclass(frozen=True, slots=True)
-class Beta:
+@dataclass(frozen=True, slots=True, repr=False)
+class Beta(Told):
     """Beta from 0 to 1; ``Beta(1, 1)`` is uniform. It has no width: scaling leaves it as it is."""
 
     a: float
@@ -118,8 +122,8 @@ class Beta:
         return rng.beta(self.a, self.b, n)
 
 
-@dataclass(frozen=True, slots=True)
-class Flat:
+@dataclass(frozen=True, slots=True, repr=False)
+class Flat(Told):
     """Flat, improper: no density, only a constant."""
 
     name: ClassVar[str] = "flat"
@@ -140,8 +144,8 @@ class Flat:
 Prior = Normal | HalfT | Beta | Flat
 
 
-@dataclass(frozen=True, slots=True)
-class Priors:
+@dataclass(frozen=True, slots=True, repr=False)
+class Priors(Told):
     """Priors of a law's parameters.
 
     Attributes
@@ -160,6 +164,9 @@ class Priors:
     units: Mapping[str, str] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
 
+    def _telling(self) -> Telling:
+        return of_priors(self)
+
     @property
     def proper(self) -> bool:
         """Whether every one of them integrates to one."""
@@ -173,6 +180,12 @@ class Priors:
         """The same with some of them replaced, under a new name."""
         return replace(self, of={**self.of, **changed}, name=name)
 
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The middle 95 % of each proper prior."""
+        from ..draw_results import densities_picture
+
+        return densities_picture(self.of, ax)
+
 
 def weak(law: "LawFit", edges: bool) -> Priors:
     """The default: proper and weak.
@@ -182,7 +195,7 @@ def weak(law: "LawFit", edges: bool) -> Priors:
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
     >>> weak(law, edges=True).of["V"]
-    Normal(mean=0.0, sd=2.0)
+    Normal: mean 0, sd 2
     """
     of: dict[str, Prior] = {}
     units = units_of_priors(law)

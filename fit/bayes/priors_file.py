@@ -67,7 +67,7 @@ def replaced(priors: Priors, law: "LawFit", tables: Mapping[str, object], name: 
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("ac2017_table1")), "AW", ["V", "f"])
     >>> given = {"AW": {"V": {"distribution": "normal", "mean": 2.0, "sd": 0.5}}}
     >>> replaced(weak(law, edges=False), law, given, "mine").of["V"]
-    Normal(mean=2.0, sd=0.5)
+    Normal: mean 2, sd 0.5
     """
     table = tables.get(law.response)
     if table is None:

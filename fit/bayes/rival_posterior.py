@@ -17,10 +17,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
+from ...datasets.threads import one_thread
 from ..available import NotAvailable
 from ..checks.evidence import no_scatter
 from ..checks.rivals import FittedForm, rival_makers
 from ..checks.slopes import TIME
+from ..telling import of_draws
 from .additive_wear import additive_wear
 from .diagnostics import Diagnostics
 from .edge_slopes import edge_slopes
@@ -33,6 +36,8 @@ from .route import Progress
 from .sample import Sample
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ..lawfit import LawFit
 
 Array = NDArray[np.float64]
@@ -44,8 +49,8 @@ SMALL = 4.0  # nats: differences below are small, and their standard error is th
 CURVATURE = Normal(0.0, 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class RivalPosterior:
+@dataclass(frozen=True, slots=True, repr=False)
+class RivalPosterior(Told):
     """Draws of a rival form, and how it foretells edges beside the power law.
 
     Attributes
@@ -77,6 +82,9 @@ class RivalPosterior:
     difference: float
     standard_error: float
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_draws(self.words, self.table(), (*self.gate.reasons, *self.notes))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,7 +118,18 @@ class RivalPosterior:
         columns |= {"r_hat": told.r_hat, "ess_bulk": told.ess_bulk, "ess_tail": told.ess_tail}
         return pd.DataFrame(columns, index=list(self.names))
 
+    def to_frame(self) -> pd.DataFrame:
+        """The draws, a column a parameter."""
+        return pd.DataFrame(self.draws, columns=list(self.names))
 
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each parameter in its 95 % interval."""
+        from ..draw_results import table_picture
+
+        return table_picture(self.table(), "mean", ax)
+
+
+@one_thread
 def rival_posterior(
     law: "LawFit",
     form: RivalName = "additive in wear",

@@ -4,9 +4,13 @@ Whatever leaves out, resamples or compares does it by edge where edges gave seve
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from ...datasets.telling import Telling, Told
+from ...datasets.threads import one_thread
 from ..available import NotAvailable
 from ..lawfit import LawFit
+from ..telling import of_checks
 from .boxcox import BoxCox, box_cox
 from .check import Check, worst_first
 from .choice import MOST_ROWS, even_choice
@@ -23,9 +27,13 @@ from .serial import SerialCorrelation, serial_correlation
 from .spread import Spread, spread
 from .strata import Strata, split
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
-@dataclass(frozen=True, slots=True)
-class Adequacy:
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Adequacy(Told):
     """All checks of one law; each is there, or is the reason why it cannot be had.
 
     Attributes
@@ -68,6 +76,9 @@ class Adequacy:
     rows_are_independent: bool
     nobs: int
 
+    def _telling(self) -> Telling:
+        return of_checks(self.checks, self.verdicts(), self.nobs)
+
     @property
     def checks(self) -> dict[str, Check | NotAvailable]:
         """Every check by what it is of, most telling first."""
@@ -95,7 +106,20 @@ class Adequacy:
         """
         return worst_first(self.checks, self.rows_are_independent, most)
 
+    def to_frame(self) -> "DataFrame":
+        """A row a check: concern, statistic, p, and its verdict."""
+        from ..telling import frame_of_checks
 
+        return frame_of_checks(self.checks)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each check at its concern."""
+        from ..draw_results import checks_picture
+
+        return checks_picture(self.checks, ax)
+
+
+@one_thread
 def adequacy(law: LawFit) -> Adequacy:
     """Check a law.
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...datasets.telling import Told
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import concern_of, p_in_words
@@ -28,8 +29,8 @@ STEPS = 12  # parts of one zoom: the top lies in two of them, an end in one
 ZOOMS = 6
 
 
-@dataclass(frozen=True, slots=True)
-class BoxCox:
+@dataclass(frozen=True, slots=True, repr=False)
+class BoxCox(Told):
     """Power of the response that the rows ask for.
 
     Attributes

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from ..lawfit import LawFit
 from .check import ByRule
 
@@ -21,8 +22,8 @@ CONDITION_ACT = 30.0
 INVOLVED = 0.5  # share of a coefficient's variance that the weakest direction holds
 
 
-@dataclass(frozen=True, slots=True)
-class Collinearity(ByRule):
+@dataclass(frozen=True, slots=True, repr=False)
+class Collinearity(Told, ByRule):
     """Variance inflation of each term of a law and condition number of all.
 
     Attributes

@@ -10,21 +10,27 @@ error); Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.2
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...datasets.telling import Telling, Told
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..linear import linear
+from ..telling import of_forms
 from .columns import Array, Codes
 from .deletion import ALONE
 from .evidence import no_scatter, units_of
 from .rivals import FittedForm, power_form, rival_makers
 from .slopes import CommonExponent, common_exponent
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-@dataclass(frozen=True, slots=True)
-class RivalForm:
+
+@dataclass(frozen=True, slots=True, repr=False)
+class RivalForm(Told):
     """One form, fitted.
 
     Attributes
@@ -51,8 +57,8 @@ class RivalForm:
         return self.difference < -self.standard_error
 
 
-@dataclass(frozen=True, slots=True)
-class Forms:
+@dataclass(frozen=True, slots=True, repr=False)
+class Forms(Told):
     """Rival forms of one law.
 
     Attributes
@@ -77,6 +83,9 @@ class Forms:
     common_exponent: CommonExponent | NotAvailable
     unit: str
     units: int
+
+    def _telling(self) -> Telling:
+        return of_forms(self)
 
     @property
     def chosen(self) -> RivalForm:
@@ -103,6 +112,12 @@ class Forms:
         if best.difference < 0:
             return f"{first} That is better by {gap}, not more than one standard error, so the power law is kept."
         return f"{first} The best rival is worse by {gap}, so the power law is kept."
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """How much worse than the power law each rival foretells."""
+        from ..draw_results import forms_picture
+
+        return forms_picture(self, ax)
 
 
 def rival_forms(law: LawFit) -> Forms | NotAvailable:

@@ -16,17 +16,23 @@ Nonlinear Models, section 3.4.
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..linear import linear
+from ..telling import of_refit
 from .columns import Array, Codes
 from .evidence import no_scatter, units_of
 from .refit import Refit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LITTLE = 0.5  # reliability below which the correction more than doubles the exponent of wear
 ALONE = 1e-8  # relative eigenvalue of the corrected cross-products without a unit, below which it holds the fit
@@ -34,8 +40,8 @@ COARSE = 0.3  # gauge error relative to the wear, beyond which d ln AW = dAW / A
 BLOCK = 4096  # units at a time
 
 
-@dataclass(frozen=True, slots=True)
-class GaugeFit(Refit):
+@dataclass(frozen=True, slots=True, repr=False)
+class GaugeFit(Told, Refit):
     """A law corrected for the gauge error of its wear; its standard errors take that error as known.
 
     Attributes
@@ -59,6 +65,9 @@ class GaugeFit(Refit):
     reliability: float
     coarse: int
 
+    def _telling(self) -> Telling:
+        return of_refit(self, self.verdict)
+
     @property
     def concern(self) -> int:
         """0 fine, 1 more than half of what tells the exponent of wear is gauge error. Cure: a better gauge."""
@@ -76,6 +85,12 @@ class GaugeFit(Refit):
         if self.concern:
             return f"{told}; only {100 * self.reliability:.0f} % of what tells it is wear, so lean on it little."
         return f"{told}."
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each parameter within two standard errors."""
+        from ..draw_results import estimates_picture
+
+        return estimates_picture(self.law.theta_names, self.theta, self.bse, ax)
 
 
 def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = "ln") -> GaugeFit | NotAvailable:

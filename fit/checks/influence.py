@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...datasets.telling import Told
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import ByRule
@@ -18,8 +19,8 @@ from .strata import Strata, covariance
 LOOK, ACT = 0.2, 0.5  # quantiles of F beside which Cook's distance is set (Kutner et al. 2005, section 10.4)
 
 
-@dataclass(frozen=True, slots=True)
-class Influence(ByRule):
+@dataclass(frozen=True, slots=True, repr=False)
+class Influence(Told, ByRule):
     """How much the law rests on single edges or rows.
 
     Attributes

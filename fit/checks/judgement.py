@@ -5,9 +5,13 @@ are told worst first, in at most six plain sentences.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from ...datasets.telling import Telling, Told
+from ...datasets.threads import one_thread
 from ..available import NotAvailable
 from ..lawfit import LawFit
+from ..telling import of_checks
 from .adequacy import adequacy
 from .check import Check, worst_first
 from .choice import even_choice
@@ -17,6 +21,10 @@ from .gauge import gauge_corrected
 from .robust import robust
 from .slopes import common_exponent
 from .structure import error_structure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +40,8 @@ class Finding:
     pvalue: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+@dataclass(frozen=True, slots=True, repr=False)
+class Judgement(Told):
     """What is judged of a law.
 
     Attributes
@@ -49,11 +57,27 @@ class Judgement:
     rows_are_independent: bool
     nobs: int
 
+    def _telling(self) -> Telling:
+        return of_checks(self.checks, self.verdicts(), self.nobs)
+
     def verdicts(self, most: int = 6) -> tuple[str, ...]:
         """Plain sentences, worst first, at most ``most``."""
         return worst_first(self.checks, self.rows_are_independent, most)
 
+    def to_frame(self) -> "DataFrame":
+        """A row a check: concern, statistic, p, and its verdict."""
+        from ..telling import frame_of_checks
 
+        return frame_of_checks(self.checks)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each check at its concern."""
+        from ..draw_results import checks_picture
+
+        return checks_picture(self.checks, ax)
+
+
+@one_thread
 def judge(law: LawFit, gauge_sd: float | None = None) -> Judgement:
     """Judge a law.
 

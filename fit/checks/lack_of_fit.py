@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...datasets.telling import Told
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, p_in_words
@@ -21,8 +22,8 @@ from .strata import Strata
 COPIES = 1e-11
 
 
-@dataclass(frozen=True, slots=True)
-class LackOfFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class LackOfFit(Told):
     """Test of the law's form against the scatter of what was cut twice at the same conditions.
 
     Attributes

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...datasets.telling import Told
 from ..available import NotAvailable
 from .check import concern_of, p_in_words
 from .columns import Array
@@ -20,8 +21,8 @@ STEPHENS = ((0.2, -13.436, 101.14, -223.73), (0.34, -8.318, 42.796, -59.938), (0
 STEPHENS_TAIL, STEPHENS_END = (1.2937, -5.709, 0.0186), 13.0
 
 
-@dataclass(frozen=True, slots=True)
-class Normality:
+@dataclass(frozen=True, slots=True, repr=False)
+class Normality(Told):
     """Anderson-Darling test of residuals, mean and variance estimated.
 
     Attributes

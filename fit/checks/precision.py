@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...datasets.telling import Told
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import ByRule
@@ -17,8 +18,8 @@ from .strata import Strata, covariance
 LEAST_PRECISION = 4.0  # signal to noise below which a law cannot steer
 
 
-@dataclass(frozen=True, slots=True)
-class Precision(ByRule):
+@dataclass(frozen=True, slots=True, repr=False)
+class Precision(Told, ByRule):
     """Adequate precision: range of the predictions over their mean standard error.
 
     Attributes

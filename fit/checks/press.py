@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...datasets.telling import Told
 from ..lawfit import LawFit
 from .check import ByRule
 from .deletion import Deletion
@@ -15,8 +16,8 @@ from .deletion import Deletion
 GAP = 0.2  # between R2 and predicted R2
 
 
-@dataclass(frozen=True, slots=True)
-class Press(ByRule):
+@dataclass(frozen=True, slots=True, repr=False)
+class Press(Told, ByRule):
     """How well the law predicts what it has not seen.
 
     Attributes

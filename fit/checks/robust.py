@@ -9,18 +9,24 @@ of regression M-estimates).
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from ...datasets.telling import Telling, Told
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..linear import linear
+from ..telling import of_refit
 from .columns import Array
 from .dominant import DominantEdge, dominant_edge
 from .evidence import no_scatter, units_of
 from .refit import Refit, tangent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 K = 1.345  # 95 % efficiency with normal errors
 NORMAL = 0.6744897501960817  # of a normal distribution's standard deviation: its median absolute deviation
@@ -30,8 +36,8 @@ HALF = 0.5  # weight below which a row is named
 MOVED = 1.0  # standard errors
 
 
-@dataclass(frozen=True, slots=True)
-class RobustFit(Refit):
+@dataclass(frozen=True, slots=True, repr=False)
+class RobustFit(Told, Refit):
     """Huber's refit of a law.
 
     Its covariance is the jackknife by edge where the law has one, else Huber's for independent rows.
@@ -50,6 +56,9 @@ class RobustFit(Refit):
     weights: Array
     scale: float
     dominant: DominantEdge | NotAvailable
+
+    def _telling(self) -> Telling:
+        return of_refit(self, self.verdict)
 
     @property
     def in_bse(self) -> "pd.Series[float]":
@@ -83,6 +92,12 @@ class RobustFit(Refit):
         if self.concern:
             return f"Outliers move the law: refitted robustly, {gap}{rows}."
         return f"A robust refit agrees: at most, {gap}{rows}."
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each parameter within two standard errors."""
+        from ..draw_results import estimates_picture
+
+        return estimates_picture(self.law.theta_names, self.theta, self.bse, ax)
 
 
 def robust(law: LawFit) -> RobustFit | NotAvailable:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...datasets.telling import Told
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import concern_of, p_in_words
@@ -14,8 +15,8 @@ from .columns import Array, orthonormal, sums_by
 from .residuals import HELD, Residuals
 
 
-@dataclass(frozen=True, slots=True)
-class Spread:
+@dataclass(frozen=True, slots=True, repr=False)
+class Spread(Told):
     """Breusch-Pagan test, studentised by Koenker, of scatter that changes with the conditions.
 
     Attributes

@@ -9,14 +9,19 @@ laws); Vuong 1989, Econometrica 57, 307 (standard error of the difference, here 
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..laws import Error
 from .evidence import no_scatter, units_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -24,8 +29,8 @@ TELLS = 1.0  # units of log-likelihood (2 of AIC) below which two fits are as go
 SURE = 2.0  # standard errors
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorStructure:
+@dataclass(frozen=True, slots=True, repr=False)
+class ErrorStructure(Told):
     """Multiplicative against additive errors of one law on the same rows.
 
     Attributes
@@ -89,6 +94,12 @@ class ErrorStructure:
             told = f"Errors seem to {word}: {found}, with a standard error of {self.standard_error:.2g}"
             told += f" over {self.units} {self.unit}s"
         return f"{told}; fit with error='{self.preferred}'." if self.concern else f"{told}."
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """How much better one structure foretells than the other."""
+        from ..draw_results import structure_picture
+
+        return structure_picture(self, ax)
 
 
 def error_structure(law: LawFit) -> ErrorStructure | NotAvailable:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.records.record import Record
+from ...datasets.threads import one_thread
 from ..model import Model
 from .demands import demand
 from .filters import ROUNDING, filtered, is_stable, lagged, reflected, squares
@@ -153,6 +154,7 @@ def search(run: FreeRun) -> Point:
     return min(found, key=lambda p: p.loss)
 
 
+@one_thread
 def sriv(
     rec: Record | Sequence[Record],
     na: int,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.records.record import Record, join
+from ...datasets.telling import Told
 from ..errors import IdentError
 from .causality import causality_of
 from .criteria import CRITERIA
@@ -29,8 +30,8 @@ PARTS = 10
 DECISIVE = 10
 
 
-@dataclass(frozen=True, slots=True)
-class OrderSearch:
+@dataclass(frozen=True, slots=True, repr=False)
+class OrderSearch(Told):
     """Losses and criteria of every order, and the order chosen.
 
     Attributes

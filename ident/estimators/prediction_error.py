@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.records.record import Record
+from ...datasets.threads import one_thread
 from ..model import Model
 from .coloured import inverse_of_squares, whitening
 from .demands import check_tellable, demand
@@ -28,6 +29,7 @@ from .regressors import arx_regressors
 Array = NDArray[np.float64]
 
 
+@one_thread
 def output_error(
     rec: Record | Sequence[Record],
     nb: int,
@@ -90,6 +92,7 @@ def how(end: Minimum) -> str:
     return f"{told(end.steps, end.converged, 'Levenberg-Marquardt')}: {end.reason}"
 
 
+@one_thread
 def armax(
     rec: Record | Sequence[Record], na: int, nb: int, nc: int, nk: int = 1, *, max_steps: int = 100, tol: float = 1e-12
 ) -> Model:

@@ -12,21 +12,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...datasets.telling import Telling, Told
 from ..errors import IdentError
 from ..estimators.coloured import inverse_of_squares
 from ..estimators.demands import check_tellable
 from ..estimators.free_run import FreeRun, sensitivities
 from ..judging.bands import response_slope
 from ..model import Model
+from ..telling import of_predicted
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class PredictedErrors:
+@dataclass(frozen=True, slots=True, repr=False)
+class PredictedErrors(Told):
     """Standard errors that a fit to this excitation would have.
 
     Attributes
@@ -45,6 +48,15 @@ class PredictedErrors:
     response: "pd.DataFrame"
     model: Model
     snr: float
+
+    def _telling(self) -> Telling:
+        return of_predicted(self)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Standard error of the gain over frequency."""
+        from ..draw_responses import errors_picture
+
+        return errors_picture(self, ax)
 
 
 def predicted_errors(

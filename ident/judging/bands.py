@@ -5,13 +5,19 @@ The gain is carried as its logarithm, so that no band reaches below zero.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...datasets.telling import Telling, Told, as_columns
 from ..errors import IdentError
 from ..model import Model
+from ..telling import of_band
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 Method = Literal["auto", "delta", "draws"]
@@ -19,8 +25,8 @@ LARGE = 0.25  # standard error of ln G above which the line through the estimate
 DRAWS = 2000
 
 
-@dataclass(frozen=True, slots=True)
-class ResponseBand:
+@dataclass(frozen=True, slots=True, repr=False)
+class ResponseBand(Told):
     """Gain and phase over frequency, each pointwise within its band at ``level``.
 
     Attributes
@@ -53,6 +59,21 @@ class ResponseBand:
     level: float
     method: str
     concern: str | None = None
+
+    def _telling(self) -> Telling:
+        return of_band(self)
+
+    def to_frame(self) -> "DataFrame":
+        """A row a frequency, in Hz."""
+        return as_columns(
+            self, "frequency", "gain", "gain_low", "gain_high", "phase", "phase_low", "phase_high", "outside"
+        ).set_index("frequency")
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Gain over frequency in its band."""
+        from ..draw_responses import gain_picture
+
+        return gain_picture(self, ax)
 
 
 def response_band(

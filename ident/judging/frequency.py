@@ -6,13 +6,18 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...datasets.telling import Telling, Told, as_columns
 from ..errors import IdentError
 from ..estimators.refusals import check_moves
+from ..telling import of_frequency
 from .averaged_spectra import averaged
 from .excited import excited_band, input_power
 from .smooth_impulse import Impulse, block_means, smooth_impulse
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
     from ...datasets import Record
 
 Array = NDArray[np.float64]
@@ -24,8 +29,8 @@ SHORTEST = 30  # samples of the longest stretch
 DIED_OUT = 1e-3  # variance of the last coefficient over that of the first
 
 
-@dataclass(frozen=True, slots=True)
-class FrequencyResponse:
+@dataclass(frozen=True, slots=True, repr=False)
+class FrequencyResponse(Told):
     """G at frequencies, as measured.
 
     Attributes
@@ -69,6 +74,9 @@ class FrequencyResponse:
     method: str
     notes: tuple[str, ...] = ()
 
+    def _telling(self) -> Telling:
+        return of_frequency(self)
+
     @property
     def gain(self) -> Array:
         """|G|, shape (F,)."""
@@ -78,6 +86,27 @@ class FrequencyResponse:
     def phase(self) -> Array:
         """Degrees, unwrapped from the lowest frequency on, shape (F,)."""
         return np.asarray(np.degrees(np.unwrap(np.angle(self.response))))
+
+    def to_frame(self) -> "DataFrame":
+        """A row a frequency, in Hz."""
+        return as_columns(
+            self,
+            "frequency",
+            "gain",
+            "gain_low",
+            "gain_high",
+            "phase",
+            "phase_low",
+            "phase_high",
+            "coherence",
+            "outside",
+        ).set_index("frequency")
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Gain over frequency, each in its interval."""
+        from ..draw_responses import gain_picture
+
+        return gain_picture(self, ax)
 
 
 def frequency_response(

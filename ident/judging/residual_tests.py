@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from ..estimators.coloured import autocovariance, whitening
 from ..estimators.filters import filtered, lagged
 from .ahead import OneStep, projected
@@ -20,8 +21,8 @@ Array = NDArray[np.float64]
 LAGS = 25
 
 
-@dataclass(frozen=True, slots=True)
-class ResidualTest:
+@dataclass(frozen=True, slots=True, repr=False)
+class ResidualTest(Told):
     """Correlations by lag with the band they keep under the null.
 
     Attributes

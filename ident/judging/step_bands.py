@@ -1,22 +1,29 @@
 """The covariance of a model carried to its step response."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Telling, Told, as_columns
 from ..errors import IdentError
 from ..estimators.filters import filtered, is_stable
 from ..estimators.free_run import FreeRun, by_a_and_b
 from ..model import Model
+from ..telling import of_step_band
 from .bands import DRAWS, LARGE, Method, covariance_of, draws_of, normal, with_theta
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 FEWEST = 0.9  # share of draws that must be stable before a band is told by them
 
 
-@dataclass(frozen=True, slots=True)
-class StepBand:
+@dataclass(frozen=True, slots=True, repr=False)
+class StepBand(Told):
     """Response to a unit step of the input within its pointwise band.
 
     Attributes
@@ -34,6 +41,19 @@ class StepBand:
     error: Array
     level: float
     method: str
+
+    def _telling(self) -> Telling:
+        return of_step_band(self)
+
+    def to_frame(self) -> "DataFrame":
+        """A row a sample, time in s."""
+        return as_columns(self, "time", "step", "low", "high", "error").set_index("time")
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The step in its band."""
+        from ..draw_responses import step_band_picture
+
+        return step_band_picture(self, ax)
 
 
 def step_band(

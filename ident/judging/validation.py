@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from ..errors import IdentError
 from ..model import Model
 from .ahead import k_steps, lagged_inputs, one_step
@@ -29,8 +30,8 @@ CERTAIN = 0.001  # p below which residuals tell of something that the model lack
 LOSES = 15.0  # % of fit between one step ahead and the free run: then the one-step figure flatters
 
 
-@dataclass(frozen=True, slots=True)
-class Validation:
+@dataclass(frozen=True, slots=True, repr=False)
+class Validation(Told):
     """What a record says of a model.
 
     Attributes

@@ -7,13 +7,18 @@ is the way back.
 
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...datasets.telling import Telling, Told
 from ..errors import IdentError
 from ..model import Model
+from ..telling import of_continuous
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -22,8 +27,8 @@ GONE = 1e-7
 ROUNDING = 1e-11  # of the largest coefficient, time counted in samples: a leading coefficient below it is rounding
 
 
-@dataclass(frozen=True, slots=True)
-class NoContinuousForm:
+@dataclass(frozen=True, slots=True, repr=False)
+class NoContinuousForm(Told):
     """Why a discrete model has no continuous form; false in a condition.
 
     >>> NoContinuousForm("a pole at z = -0.5") or "none"
@@ -39,8 +44,8 @@ class NoContinuousForm:
         return self.reason
 
 
-@dataclass(frozen=True, slots=True)
-class ContinuousModel:
+@dataclass(frozen=True, slots=True, repr=False)
+class ContinuousModel(Told):
     """G(s) = num(s) / den(s) exp(-delay s).
 
     Attributes
@@ -65,6 +70,9 @@ class ContinuousModel:
     output: str = "y"
     unit_u: str = ""
     unit_y: str = ""
+
+    def _telling(self) -> Telling:
+        return of_continuous(self)
 
     def __post_init__(self) -> None:
         num, den = (np.trim_zeros(np.atleast_1d(np.asarray(p, dtype=np.float64)), "f") for p in (self.num, self.den))
@@ -121,6 +129,12 @@ class ContinuousModel:
         except ImportError:
             raise IdentError("python-control is not installed: pip install 'fitmodels[control]'.") from None
         return control.TransferFunction(self.num, self.den, inputs=self.input, outputs=self.output)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Gain over frequency."""
+        from ..draw_responses import continuous_picture
+
+        return continuous_picture(self, ax)
 
 
 def to_continuous(model: Model) -> ContinuousModel | NoContinuousForm:

@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from ...datasets.picture import one_panel
 
 if TYPE_CHECKING:
     from .drive import DriveFit
@@ -14,10 +15,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 BLUE, ORANGE = "#1f5fa8", "#c8551b"
-
-
-def _axes(ax: Axes | None) -> Axes:
-    return Figure(figsize=(6.4, 3.6), layout="constrained").subplots() if ax is None else ax
 
 
 def _with_unit(name: str, unit: str) -> str:
@@ -31,7 +28,7 @@ def _both(ax: Axes, time: Array, measured: Array, model: Array, label: str) -> N
 
 def step_picture(fit: "StepFit", ax: Axes | None = None) -> Axes:
     """Every stretch from its own start."""
-    ax = _axes(ax)
+    ax = one_panel(ax, 6.4, 3.6)
     for k, (run, fitted) in enumerate(zip(fit.runs, fit.fitted, strict=True)):
         _both(ax, run.time, run.y, fitted, f"order {fit.order} with delay" if k == 0 else "")
     ax.set(xlabel="time (s)", ylabel=_with_unit(fit.output, fit.unit_y))
@@ -42,7 +39,7 @@ def step_picture(fit: "StepFit", ax: Axes | None = None) -> Axes:
 
 def drive_picture(fit: "DriveFit", ax: Axes | None = None) -> Axes:
     """Velocity measured, and simulated from the force alone."""
-    ax = _axes(ax)
+    ax = one_panel(ax, 6.4, 3.6)
     simulated, percent = fit.own_run
     time = fit.motion.sample_time * np.arange(len(simulated), dtype=np.float64)
     _both(ax, time, fit.motion.v, simulated, "from the force alone")
@@ -56,7 +53,7 @@ def drive_picture(fit: "DriveFit", ax: Axes | None = None) -> Axes:
 
 def force_picture(fit: "ForceProcess", ax: Axes | None = None) -> Axes:
     """Force measured, and simulated from the command alone."""
-    ax = _axes(ax)
+    ax = one_panel(ax, 6.4, 3.6)
     _both(ax, fit.time, fit.measured, fit.simulated, "from the command alone")
     ax.set(xlabel="time (s)", ylabel=_with_unit(fit.output, fit.unit_y))
     poles = " and ".join(f"{p.real:.4g}" if p.imag == 0 else f"{p:.4g}" for p in fit.poles)

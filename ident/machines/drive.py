@@ -17,7 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...datasets import Record
 from ...datasets.records.record import join
+from ...datasets.telling import Telling, Told
 from ..errors import IdentError
+from ..telling import of_fit
 from .block_jackknife import COUNTS, widest
 from .dry_friction import velocity_and_travel
 from .motion import Motion, Rows, motion_of, rows_of
@@ -31,8 +33,8 @@ NAMES = ("M", "Fv", "Fc", "offset")
 ALONE = 0.02  # share of a column that the others cannot make: below it nothing tells it apart from them
 
 
-@dataclass(frozen=True, slots=True)
-class DriveFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class DriveFit(Told):
     """Inertia and friction of a drive.
 
     Attributes
@@ -65,6 +67,9 @@ class DriveFit:
     cutoff: float
     predicted: Array
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_fit(self)
 
     @property
     def M(self) -> float:

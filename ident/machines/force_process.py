@@ -18,9 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...datasets import Record
 from ...datasets.records.record import join
+from ...datasets.telling import Telling, Told
 from ..errors import IdentError
 from ..estimators.prediction_error import output_error
 from ..model import Model
+from ..telling import of_fit
 from .continuous import ContinuousModel, to_continuous
 
 if TYPE_CHECKING:
@@ -33,8 +35,8 @@ RATIOS = ("m/k", "(mc+d)/k", "dc/k")
 PARAMETERS = ("m", "d", "c", "k")
 
 
-@dataclass(frozen=True, slots=True)
-class ForceProcess:
+@dataclass(frozen=True, slots=True, repr=False)
+class ForceProcess(Told):
     """What a run of command and force tells of drive and process.
 
     Attributes
@@ -75,6 +77,9 @@ class ForceProcess:
     unit_u: str
     unit_y: str
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_fit(self)
 
     @property
     def params(self) -> "pd.Series[float]":

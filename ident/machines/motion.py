@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...datasets import Record
 from ...datasets.records.record import join
+from ...datasets.telling import Told
 from ..errors import IdentError
 
 Array = NDArray[np.float64]
@@ -23,8 +24,8 @@ PART = 0.04  # of the sample rate: the textbook's decimation by 10, which keeps 
 FEWEST = 200  # samples of a stretch: the filter's ends would be most of a shorter one
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+@dataclass(frozen=True, slots=True, repr=False)
+class Motion(Told):
     """Force and motion at samples.
 
     Attributes

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets import Record
+from ...datasets.telling import Told
 from ..errors import IdentError
 
 Array = NDArray[np.float64]
@@ -13,8 +14,8 @@ PLATEAU = 8  # samples between edges, on average: below it the input is a signal
 LEFTOVER = 0.05  # of the input's range may stay beside its plateaus: noise of a measured input
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
+@dataclass(frozen=True, slots=True, repr=False)
+class Stretch(Told):
     """One run of steps: time (n,) s, output y (n,), edges at times ``at`` (k,) s by ``size`` (k,)."""
 
     time: Array

@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...datasets import Record
+from ...datasets.telling import Telling, Told
 from ..errors import IdentError
 from ..estimators.coloured import covariance, inverse_of_squares
 from ..estimators.filters import ROUNDING
 from ..model import Model
+from ..telling import of_fit
 from .continuous import ContinuousModel
 from .rate_limit import ramp_rate
 from .step_edges import Stretch, one_step, stretches_of
@@ -30,8 +32,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class StepFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class StepFit(Told):
     """A step response as a formula.
 
     Attributes
@@ -74,6 +76,9 @@ class StepFit:
     unit_u: str = ""
     unit_y: str = ""
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_fit(self)
 
     @property
     def params(self) -> "pd.Series[float]":

@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
+from ...datasets.threads import one_thread
 from ..errors import IdentError
 from ..model import Model
+from ..telling import of_check
 from .feasible import horizon
 from .gains import Form, PiGains
 from .judged import judged_figures
@@ -22,6 +25,7 @@ from .specification import Specification
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Good = NDArray[np.bool_]
@@ -33,8 +37,8 @@ DECADES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+@dataclass(frozen=True, slots=True, repr=False)
+class Reading(Told):
     """One way to read two numbers.
 
     Attributes
@@ -57,8 +61,8 @@ class Reading:
     meets: tuple[Interval, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class PiCheck:
+@dataclass(frozen=True, slots=True, repr=False)
+class PiCheck(Told):
     """What two numbers come to, reading by reading.
 
     Attributes
@@ -82,6 +86,9 @@ class PiCheck:
     input_unit: str
     duration: float
 
+    def _telling(self) -> Telling:
+        return of_check(self)
+
     @property
     def table(self) -> "pd.DataFrame":
         """Reading, where it is stable, where it meets the specification, in words."""
@@ -102,6 +109,12 @@ class PiCheck:
         ways = "; ".join(f"{r.words}" + (f" at {told(r.meets, True)}{scaling}" if r.scaled else "") for r in good)
         return f"{head}: {len(good)} can meet {self.specification}: {ways}."
 
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """In which scalings each reading is stable, and meets the specification."""
+        from ..draw_responses import check_picture
+
+        return check_picture(self, ax)
+
 
 def told(intervals: Sequence[Interval], scaled: bool) -> str:
     """Intervals of a scaling in words."""
@@ -114,6 +127,7 @@ def told(intervals: Sequence[Interval], scaled: bool) -> str:
     )
 
 
+@one_thread
 def check_pi(
     model: Model,
     kp: float,

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...datasets.telling import Told
 from ..errors import IdentError
 from ..model import Model
 
@@ -21,8 +22,8 @@ LEAST_LAG = 0.0175
 RULE = {"forward": (0.0, 1.0), "backward": (1.0, 0.0), "trapezoidal": (0.5, 0.5)}
 
 
-@dataclass(frozen=True, slots=True)
-class Design:
+@dataclass(frozen=True, slots=True, repr=False)
+class Design(Told):
     """Gains of one closed-form rule, Kp + Ki / s in parallel form.
 
     Attributes

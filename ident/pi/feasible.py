@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Telling, Told
 from ..model import Model
+from ..telling import of_map
 from .gain_range import DECADES_KI, GainRange, decades, gain_range, grid
 from .gains import PiGains
 from .judged import MARGINS, judged_figures
@@ -22,8 +24,8 @@ NEAR = 0.15  # of a limit: settling jumps, so the nearest point of a coarse grid
 MOST = 6e7  # samples simulated for one map, weighed by the order of the loop: above it the map is coarser
 
 
-@dataclass(frozen=True, slots=True)
-class FeasibleMap:
+@dataclass(frozen=True, slots=True, repr=False)
+class FeasibleMap(Told):
     """Figures of loops over a grid of gains.
 
     Attributes
@@ -51,6 +53,9 @@ class FeasibleMap:
     specification: Specification
     range: GainRange
     duration: float
+
+    def _telling(self) -> Telling:
+        return of_map(self)
 
     @property
     def any(self) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Told
 from ..errors import IdentError
 from ..model import Model
 from .designs import sign_at_rest
@@ -25,8 +26,8 @@ NO_GAIN = 1e-9  # of the sizes of b: below it a gain at rest is rounding
 ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class GainRange:
+@dataclass(frozen=True, slots=True, repr=False)
+class GainRange(Told):
     """Largest gains that the stable region reaches, both of one sign.
 
     Attributes

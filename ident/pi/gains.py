@@ -16,13 +16,18 @@ Its kp and ki are per sample: at another sample time it is another controller.
 import math
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told
+from ..telling import of_gains
 from .runnable import AntiWindup, Averaged, Form, Integration, above_zero, check_gains
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["AntiWindup", "Averaged", "Form", "Integration", "PiGains", "basis", "product", "summed"]
 
@@ -38,8 +43,8 @@ _DIFFERENCE = np.array([1.0, -1.0])
 _SECONDS = {"s": 1.0, "min": 60.0}
 
 
-@dataclass(frozen=True, slots=True)
-class PiGains:
+@dataclass(frozen=True, slots=True, repr=False)
+class PiGains(Told):
     """A digital PI as it will run: gains in parallel form, and everything around them.
 
     Attributes
@@ -101,6 +106,9 @@ class PiGains:
     tracking_time: float | None = None
     unit_u: str = ""
     unit_y: str = ""
+
+    def _telling(self) -> Telling:
+        return of_gains(self)
 
     def __post_init__(self) -> None:
         check_gains(self)
@@ -208,6 +216,12 @@ class PiGains:
         """
         (num, den), (above, below) = self.forward, self.feedback
         return product(num, above), product(den, below)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Gain of the controller over frequency."""
+        from ..draw_responses import gains_picture
+
+        return gains_picture(self, ax)
 
 
 def basis(gains: PiGains) -> tuple[Array, Array, Array]:

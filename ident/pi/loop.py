@@ -7,15 +7,21 @@ L = G C H. All figures are those of the unit step of the reference, from rest, u
 """
 
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.telling import Telling, Told
 from ..estimators.filters import is_stable
 from ..model import Model
+from ..telling import of_loop
 from .gains import PiGains, product, summed
 from .loops import check_pair
 from .maps import figures_on_grid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Figures", "Loop", "figures_on_grid", "loop_of"]
 
@@ -26,8 +32,8 @@ STILL = 1e-6  # of a transient that counts as gone
 SHORTEST, LONGEST = 50, 50_000  # samples of a step whose duration is not given
 
 
-@dataclass(frozen=True, slots=True)
-class Figures:
+@dataclass(frozen=True, slots=True, repr=False)
+class Figures(Told):
     """What a loop does, as numbers.
 
     Times are in seconds and interpolated between samples along straight lines. Fractions are of the final value of the
@@ -95,12 +101,15 @@ class Figures:
         return self.crossover / (2 * np.pi)
 
 
-@dataclass(frozen=True, slots=True)
-class Loop:
+@dataclass(frozen=True, slots=True, repr=False)
+class Loop(Told):
     """A closed loop: its transfer functions in z^-1, from which all else follows."""
 
     model: Model
     gains: PiGains
+
+    def _telling(self) -> Telling:
+        return of_loop(self)
 
     @property
     def open(self) -> Fraction:
@@ -174,6 +183,12 @@ class Loop:
         length = _until_still(self) if duration is None else duration
         table = figures_on_grid(self.model, [self.gains.kp], [self.gains.ki], self.gains, length)
         return Figures(**{f.name: table[f.name][0].item() for f in fields(Figures)})
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Output in a unit step of the reference."""
+        from ..draw_responses import loop_picture
+
+        return loop_picture(self, ax)
 
 
 def loop_of(model: Model, gains: PiGains) -> Loop:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Told
 from ..errors import IdentError
 from ..judging.bands import with_theta
 from ..model import Model
@@ -42,8 +43,8 @@ class Plants:
     left_out: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Robustness:
+@dataclass(frozen=True, slots=True, repr=False)
+class Robustness(Told):
     """One controller on many plants.
 
     Attributes

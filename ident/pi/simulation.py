@@ -9,20 +9,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...datasets.errors import UsageError
+from ...datasets.telling import Telling, Told, as_columns
 from ..model import Model
+from ..telling import of_loop_trace
 from .controller import Controller
 from .gains import PiGains
 from .loops import check_pair
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True)
-class LoopTrace:
+@dataclass(frozen=True, slots=True, repr=False)
+class LoopTrace(Told):
     """One run of a loop; every array has shape (n,).
 
     Attributes
@@ -49,6 +52,9 @@ class LoopTrace:
     unit_u: str = ""
     unit_y: str = ""
 
+    def _telling(self) -> Telling:
+        return of_loop_trace(self)
+
     @property
     def saturated(self) -> Mask:
         """Where a limit or the rate held the command."""
@@ -59,6 +65,12 @@ class LoopTrace:
         from .draw import loop_trace
 
         return loop_trace(self, ax)
+
+    def to_frame(self) -> "DataFrame":
+        """A row a sample, time in s."""
+        return as_columns(
+            self, "time", "reference", "output", "measurement", "command", "limited", "engaged"
+        ).set_index("time")
 
 
 def simulate_loop(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...datasets.telling import Telling, Told, facts_of
 from ..errors import IdentError
 
 Array = NDArray[np.float64]
@@ -14,8 +15,8 @@ STEADY = 1e-6  # of the step: what an integral leaves is rounding
 ROUNDING = 1e-9  # of a limit: a figure that meets it but for rounding meets it
 
 
-@dataclass(frozen=True, slots=True)
-class Limit:
+@dataclass(frozen=True, slots=True, repr=False)
+class Limit(Told):
     """How one limit reads a figure: ``figure`` stays below it, or above it where ``above``."""
 
     figure: str
@@ -44,8 +45,8 @@ LIMITS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Specification:
+@dataclass(frozen=True, slots=True, repr=False)
+class Specification(Told):
     """Limits on the unit step of the reference and on the loop; ``None`` leaves a figure free.
 
     Attributes
@@ -140,6 +141,9 @@ class Specification:
         side = "below" if limit.above else "above"
         told = f"{value:.4g}{limit.unit}" if np.isfinite(value) else "without end"
         return f"{limit.words} {told}, {side} the {asked:g}{limit.unit} asked for"
+
+    def _telling(self) -> Telling:
+        return Telling(str(self), tuple(facts_of(self)))
 
     def __str__(self) -> str:
         return ", ".join(told(limit, value) for _, limit, value in self.asked())

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ...datasets.telling import Telling, Told
 from ..model import Model
+from ..telling import of_tuned
 from .feasible import FeasibleMap
 from .gains import PiGains
 from .loop import Figures
@@ -14,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, slots=True)
-class TunedPi:
+@dataclass(frozen=True, slots=True, repr=False)
+class TunedPi(Told):
     """Gains, the loop they close on the model, and what was asked.
 
     Attributes
@@ -45,6 +47,9 @@ class TunedPi:
     assumed: tuple[str, ...] = ()
     robustness: Robustness | None = None
     probability: float | None = None
+
+    def _telling(self) -> Telling:
+        return of_tuned(self)
 
     @property
     def kp(self) -> float:

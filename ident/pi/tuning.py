@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from typing import Any, TypedDict, Unpack
 
 from ...datasets.errors import UsageError
+from ...datasets.threads import one_thread
 from ..errors import IdentError
 from ..model import Model
 from .feasible import FeasibleMap, feasible_map, horizon
@@ -50,6 +51,7 @@ class Options(TypedDict, total=False):
     unit_y: str
 
 
+@one_thread
 def tune_pi(
     model: Model,
     rise_time: float | None = None,

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from ...datasets.telling import Told
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Finding(Told):
     """One answer.
 
     Attributes

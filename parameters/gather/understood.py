@@ -25,31 +25,31 @@ def understood(runs: "Runs", laws: Mapping[str, "Law"], labels: Labels | None = 
         Different names of a column of labels, in their order, where somebody has them already.
     """
     columns = [column_words(runs, use, labels) for use in runs.columns if use.role is not None]
+    lines = [f"{symbol} {quantity}, {rest}" for symbol, quantity, rest in columns]
     unused = ", ".join(repr(use.header) for use in runs.columns if use.role is None)
-    lines = [" ".join(line.split()) for line in columns]
     lines += [f"not used: {unused}"] if unused else []
     lines += idle(runs, laws)
     lines += [f"assumed: {sentence}" for sentence in runs.assumed]
     return [*lines, *runs.warnings, *(f"from the file: {note.lstrip('#% ')}" for note in runs.notes)]
 
 
-def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -> str:
-    """What became of a column that has a role: its range, or how many different names it holds."""
+def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -> tuple[str, str, str]:
+    """Symbol and quantity of a column that has a role, and what became of it: range, or how many different names."""
     from ...datasets.vocabulary import ROLES
 
     role = ROLES[str(use.role)]
-    head = f"{role.symbol:<4} {role.quantity}"
+    head = f"column {use.number} {use.header!r}"
     if role.kind == "label" or role.symbol not in runs.data:
         names = (labels or _different(runs))(role.symbol) if runs.has(role.symbol) else []
         shown = ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
-        return f"{head:<28} column {use.number} {use.header!r}: {len(names)} different ({shown})"
+        return role.symbol, role.quantity, f"{head}: {len(names)} different ({shown})"
     values = runs.values(role.symbol)
     lacking = int(np.count_nonzero(np.isnan(values)))
     known = lacking < len(values)
     span = f"{np.fmin.reduce(values):.4g} to {np.fmax.reduce(values):.4g} {role.unit}" if known else "empty"
     missing = f", {lacking} missing" if lacking and known else ""
     unit = f", converted from {use.unit}" if use.converted else ""
-    return f"{head:<28} column {use.number} {use.header!r}: {span}{unit}{missing}"
+    return role.symbol, role.quantity, f"{head}: {span}{unit}{missing}"
 
 
 def idle(runs: "Runs", laws: Mapping[str, "Law"]) -> list[str]:

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ...datasets.telling import Told
+
 # strict: a number in quotes, or true for 1, is a mistake of whoever wrote the file
 Number = Annotated[float, Field(strict=True)]
 NotNegative = Annotated[float, Field(strict=True, ge=0)]
@@ -15,7 +17,7 @@ Name = Annotated[str, Field(min_length=1, max_length=500)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
-class Section(BaseModel):
+class Section(Told, BaseModel):
     """A part of the file: frozen, without NaN or infinity, and keeping the fields it does not know.
 
     Examples

@@ -5,15 +5,20 @@
 Source: Ljung 1999, System Identification, section 4.2. ``nk`` counts as MATLAB does; Octave's arx counts one less.
 """
 
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from ...datasets.telling import Telling
 from ..errors import ParameterError
+from ..telling import of_dynamics
 from .base import Count, NotNegative, Number, Positive, Section, Sha256, Text
 from .covariance import ModelCovariance, NoCovariance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
@@ -75,6 +80,9 @@ class Dynamics(Section):
     held_out_fit: Number | None = None
     held_out_sha256: Sha256 | None = None
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_dynamics(self)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -144,3 +152,9 @@ class Dynamics(Section):
                 "the simulation leaves all bounds: the model is not stable, or the input far too large."
             )
         return out
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Response to a unit step of the input."""
+        from ..draw import dynamics_picture
+
+        return dynamics_picture(self, ax)

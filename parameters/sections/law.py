@@ -1,13 +1,14 @@
 """The law section: one fitted equation with its domain, its uncertainty and its statistics."""
 
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from ...datasets import region
+from ...datasets.telling import Telling
 from ...datasets.widths import Centre, Edge, Kind
 from ..errors import ParameterError, short
 from ..evaluate import (
@@ -22,9 +23,13 @@ from ..evaluate import (
 )
 from ..intervals import Asked, band
 from ..prediction import Prediction, tell
+from ..telling import of_law
 from .base import Count, NotNegative, Number, Positive, Section, Text
 from .covariance import Covariance, NoCovariance
 from .law_parts import By, Check, Composite, DroppedRows, Edges, Factor, LeftOut, Published, Region, Statistics
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # arguments of predict, interval and tell: no factor can be called so
 KEPT = ("level", "kind", "by", "edge", "coverage", "centre")
@@ -135,6 +140,9 @@ class Law(Section):
     published: Published | None = None
     composite: Composite | None = None
     notes: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        return of_law(self)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -308,6 +316,12 @@ class Law(Section):
         if by is not None and by not in known:
             raise ParameterError(f"the law of {self.response} has no level {short(by)}; it has {_listed(known)}.")
         return by
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each coefficient but the constant, within two standard errors."""
+        from ..draw import law_picture
+
+        return law_picture(self, ax)
 
 
 def _check_coefficients(law: Law) -> None:

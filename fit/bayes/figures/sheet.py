@@ -7,8 +7,10 @@ from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from ....datasets.picture import ShownAxes, ShownFigure
+from ....datasets.picture import sheet as together
 
 Panel = Callable[[Axes], None]
 
@@ -33,19 +35,19 @@ def laid_out(sheet: Sheet, banner: str) -> NDArray[np.object_]:
     width, height = max(sheet.across * sheet.size[0] + 0.9, 4.8), down * sheet.size[1] + 1.7
     title, banner = fill(sheet.title, int(width / 0.082)), fill(banner, int(width / 0.066))
     top = 0.1 + 0.13 * (banner.count("\n") + 1)
-    figure = Figure(figsize=(width, height))
+    figure = ShownFigure(figsize=(width, height))
     figure.suptitle(title, fontsize=10, y=1 - top / height, va="top")
     figure.text(0.995, 0.995, banner, ha="right", va="top", fontsize=8, color="#a33")
     grid = figure.add_gridspec(down, sheet.across)
     axes = np.array([None] * len(sheet.panels), dtype=object)
     for i, panel in enumerate(sheet.panels):
         if panel is not None:
-            axes[i] = figure.add_subplot(grid[divmod(i, sheet.across)])
+            axes[i] = figure.add_subplot(grid[divmod(i, sheet.across)], axes_class=ShownAxes)
             axes[i].tick_params(labelsize=8)
             panel(axes[i])
             if sheet.shared:
                 _border_only(axes[i], i % sheet.across > 0, any(sheet.panels[i + sheet.across :: sheet.across]))
-    drawn = np.asarray(axes[axes != np.array(None)])
+    drawn = together([ax for ax in axes if ax is not None])
     shown = {text: handle for ax in drawn for handle, text in zip(*ax.get_legend_handles_labels(), strict=True)}
     across = 6 if width > 8 else 3
     figure.legend(shown.values(), shown.keys(), loc="lower center", ncols=across, frameon=False, fontsize=8)

@@ -1,0 +1,1 @@
+"""The forms of a card: page, Markdown and data, all from one `Card`."""

@@ -1,0 +1,97 @@
+"""How to cite a card: CITATION.cff (version 1.2.0) and .zenodo.json, made when they are asked for."""
+
+import html
+import json
+import re
+from typing import Any
+
+from ...datasets.errors import UsageError
+from ..content.parts import Card
+from .people import Author, author
+from .yaml_text import yaml_text
+
+MESSAGE = "If you use this card, please cite it, and the papers whose laws it refits."
+DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
+
+
+def citation_cff(card: Card) -> str:
+    """CITATION.cff: required keys ``cff-version``, ``message``, ``title`` and ``authors``, and what the card knows.
+
+    Raises
+    ------
+    UsageError
+        No author is told.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> from fitmodels.cards.content.compose import compose
+    >>> from fitmodels.cards.content.parts import Publication
+    >>> pf = parameters.collect(tool="GC435", work="709M40")
+    >>> print(citation_cff(compose(pf, publication=Publication(authors=("Doe, Jane",)))).splitlines()[2])
+    title: "GC435 on 709M40"
+    """
+    p = card.publication
+    day = DAY.match(card.provenance.created)
+    said = {
+        "cff-version": "1.2.0",
+        "message": MESSAGE,
+        "title": card.title,
+        "type": "dataset",
+        "abstract": card.summary,
+        "authors": [_cff(each) for each in _authors(card)],
+        "version": card.identity.content_sha256[:12],
+        "doi": p.doi,
+        "license": p.license,
+        "keywords": _keywords(card),
+        "date-released": day[0] if day else "",
+        "identifiers": [{"type": "other", "value": f"sha256:{card.identity.content_sha256}",
+                         "description": "checksum of the parameter file's content"}],
+    }  # fmt: skip
+    return yaml_text({name: value for name, value in said.items() if value})
+
+
+def zenodo_json(card: Card) -> str:
+    """.zenodo.json; its description is HTML, so what stands in it is escaped.
+
+    Raises
+    ------
+    UsageError
+        No author is told.
+    """
+    p = card.publication
+    paragraphs = (card.summary, *card.safety, f"{card.end}.")
+    said: dict[str, Any] = {
+        "title": card.title,
+        "upload_type": "dataset",
+        "description": "".join(f"<p>{html.escape(each)}</p>" for each in paragraphs),
+        "creators": [_zenodo(each) for each in _authors(card)],
+        "keywords": _keywords(card),
+        "license": p.license,
+        "access_right": "open" if p.license else "closed",
+        "version": card.identity.content_sha256[:12],
+        "language": "eng",
+        "doi": p.doi,
+    }
+    told = {name: value for name, value in said.items() if value}
+    return json.dumps(told, ensure_ascii=False, indent=1) + "\n"
+
+
+def _authors(card: Card) -> list[Author]:
+    if not card.publication.authors:
+        raise UsageError(f"{card.title}: no author is told, and a citation needs one; say authors in card.toml.")
+    return [author(each) for each in card.publication.authors]
+
+
+def _keywords(card: Card) -> list[str]:
+    known = ["machining", "simulated" if card.identity.simulated else "measured", *(law.quantity for law in card.laws)]
+    return list(dict.fromkeys([*known, *card.publication.keywords]))
+
+
+def _cff(a: Author) -> dict[str, str]:
+    said = {"family-names": a.family, "given-names": a.given} if a.family else {"name": a.name}
+    return {**said, **({"orcid": f"https://orcid.org/{a.orcid}"} if a.orcid else {})}
+
+
+def _zenodo(a: Author) -> dict[str, str]:
+    return {"name": a.name, **({"orcid": a.orcid} if a.orcid else {})}

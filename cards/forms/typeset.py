@@ -1,0 +1,93 @@
+"""Texts of a card typeset for a page: numbers with units, equations, sentences; everything in them escaped."""
+
+import re
+from urllib.parse import quote
+
+from markupsafe import Markup, escape
+
+from ..content.parts import Coefficient, FactorRange, Number
+
+UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"
+WORTH = re.compile(
+    rf"(?P<doi>\b10\.\d{{4,9}}/[\w.;()/:-]*\w)|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
+)
+TOKEN = re.compile(r"(?P<number>\d+\.?\d*(?:e[+-]?\d+)?)|(?P<function>exp|ln)(?=\()|(?P<name>[^\W\d]\w*)")
+POWER = re.compile(r"\^(-?[\d.]+(?:e[+-]?\d+)?)")
+DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/)?(10\.\d{4,9}/\S+)")
+LONGEST = 24  # characters
+
+
+def number(n: Number) -> Markup:
+    """A number with its unit, which no line break parts."""
+    unit = Markup('\u00a0<span class="unit">{}</span>').format(n.unit) if n.unit and n.text else Markup()
+    return Markup('<span class="number{}">{}{}</span>').format(_kept(n.text + n.unit), n.text, unit)
+
+
+def interval(c: Coefficient) -> str:
+    """Both ends, or nothing."""
+    return f"{c.low.text} … {c.high.text}" if c.low.text else ""
+
+
+def spread(f: FactorRange) -> Markup:
+    """A factor's range: symbol, both ends, unit."""
+    return Markup('<span class="number{}"><var>{}</var> {} to {}\u00a0<span class="unit">{}</span></span>').format(
+        _kept(f.symbol + f.unit), f.symbol, f.low.text, f.high.text, f.unit
+    )
+
+
+def _kept(text: str) -> str:
+    """Class of what no line break parts: not of a name longer than a line of a phone."""
+    return " kept" if len(text) <= LONGEST else ""
+
+
+def equation(text: str) -> Markup:
+    """An equation typeset: names as variables, powers raised; what is read and copied is the text as it was.
+
+    >>> print(equation("AW = 0.5 V^0.3"))
+    <var>AW</var> = 0.5 <var>V</var><span class="hat">^</span><sup>0.3</sup>
+    """
+    out, at = [], 0
+    for power in POWER.finditer(text):
+        out += [_names(text[at : power.start()]), Markup('<span class="hat">^</span><sup>{}</sup>').format(power[1])]
+        at = power.end()
+    return Markup().join([*out, _names(text[at:])])
+
+
+def prose(text: str) -> Markup:
+    """A sentence: numbers stay with their units, and a DOI is a link."""
+    out, at = [], 0
+    for found in WORTH.finditer(text):
+        out.append(escape(text[at : found.start()]))
+        out.append(doi(found[0]) if found["doi"] else Markup('<span class="kept">{}</span>').format(found[0]))
+        at = found.end()
+    return Markup().join([*out, escape(text[at:])])
+
+
+def doi(text: str) -> Markup:
+    """A DOI as a link to its resolver; anything else as it is."""
+    found = DOI.fullmatch(text.strip())
+    if found is None:
+        return escape(text)
+    address = f"https://doi.org/{quote(found[1], safe='/.:;()-_')}"
+    return Markup('<a href="{}" rel="noopener noreferrer">{}</a>').format(address, text)
+
+
+def anchor(index: int, prefix: str) -> str:
+    """An id that holds no name from the file."""
+    return f"{prefix}-{index}"
+
+
+def data_block(text: str) -> Markup:
+    """JSON that stands in a script element: nothing in it can end the element or begin a comment."""
+    for letter in "<>&\u2028\u2029":
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
+    return Markup(text)  # noqa: S704
+
+
+def _names(text: str) -> Markup:
+    out, at = [], 0
+    for token in TOKEN.finditer(text):
+        if token["name"]:
+            out += [escape(text[at : token.start()]), Markup("<var>{}</var>").format(token[0])]
+            at = token.end()
+    return Markup().join([*out, escape(text[at:])])

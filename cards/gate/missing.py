@@ -1,0 +1,31 @@
+"""What a card lacks before it may be published."""
+
+from ..content.parts import Card
+from .ask import DATA, QUESTIONS, Missing
+
+
+def missing(card: Card) -> list[Missing]:
+    """Everything that is required and not told, in the order of card.toml.
+
+    Required are licence, an author, contact, machine, ISO 513 group, set-up, a sensor or why there was none, and the
+    checksum of the data.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> from fitmodels.cards.content.compose import compose
+    >>> [item.field for item in missing(compose(parameters.collect(tool="GC435", work="709M40")))]
+    ['license', 'authors', 'contact', 'machine', 'iso513', 'setup', 'sensors', 'data_sha256']
+    """
+    p, i = card.publication, card.identity
+    told = {
+        "license": p.license,
+        "authors": "".join(p.authors),
+        "contact": p.contact,
+        "machine": i.machine,
+        "iso513": i.iso513,
+        "setup": i.setup,
+    }
+    lacking = [name for name, value in told.items() if not value.strip()] + ([] if i.sensors else ["sensors"])
+    asked = [Missing(name, QUESTIONS[name].why, QUESTIONS[name].ask) for name in lacking]
+    return [*asked, *([] if card.provenance.data_sha256 else [DATA])]

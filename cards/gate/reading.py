@@ -1,0 +1,135 @@
+"""card.toml read at the door: keys that are known, values of the right kind, one sentence for anything else."""
+
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ...datasets.errors import DataError
+from ...parameters import Identity
+from ...parameters.errors import in_words, short
+from ..content.parts import Publication
+from .told import NO_SENSORS, SENSOR_KEYS, Told
+
+LARGEST = 1_000_000  # bytes
+TEXTS = ("license", "contact", "doi", "title", "machine", "iso513", "setup", "no_sensors")
+LISTS = ("authors", "keywords")
+KEYS = (*TEXTS, *LISTS, "sensors", "tool_properties")
+SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-Za-z0-9.+-]*)*")
+DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/|doi:)?\s*(10\.\d{4,9}/\S+)")
+
+
+def read_toml(path: str | os.PathLike[str]) -> Told:
+    """Read a card.toml.
+
+    Raises
+    ------
+    DataError
+        It is no TOML, has a key that is not known, or a value of the wrong kind: the sentence says which.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "card.toml"
+    ...     _ = path.write_text('license = "CC-BY-4.0"')
+    ...     read_toml(path).publication.license
+    'CC-BY-4.0'
+    """
+    name = str(path)
+    data = _parsed(Path(path), name)
+    _known(data, KEYS, name)
+    texts = {key: _text(data, key, name) for key in TEXTS}
+    return Told(
+        publication=Publication(
+            license=_matched(texts["license"], SPDX, "license", "an SPDX identifier such as CC-BY-4.0", name),
+            authors=_texts(data, "authors", name),
+            contact=texts["contact"],
+            doi=_matched(texts["doi"], DOI, "doi", "a DOI such as 10.5281/zenodo.1234567", name),
+            title=texts["title"],
+            keywords=_texts(data, "keywords", name),
+        ),
+        machine=texts["machine"],
+        iso513=texts["iso513"],
+        setup=texts["setup"],
+        name=name,
+        **_of_identity(data, texts, name),
+    )
+
+
+def _parsed(path: Path, name: str) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > LARGEST:
+            raise DataError(f"{name}: {path.stat().st_size} bytes; a card.toml has at most {LARGEST}.")
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise DataError(f"{name}: is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        why = str(error)[:1].lower() + str(error)[1:]
+        raise DataError(f"{name}: is not TOML: {why}; texts stand in double quotes, lists in brackets.") from None
+    except (OSError, ValueError) as error:
+        why = (getattr(error, "strerror", None) or str(error)).lower()
+        raise DataError(f"{name}: cannot be read: {why}; fitmodels publish FOLDER --check writes a template.") from None
+
+
+def _known(data: Mapping[str, Any], keys: Iterable[str], name: str, where: str = "") -> None:
+    for key in data:
+        if key not in keys:
+            near = get_close_matches(key, list(keys), 1, 0.5)
+            meant = f"did you mean {near[0]}?" if near else f"it knows {', '.join(keys)}."
+            raise DataError(f"{name}: {short(key)} is no key{where}; {meant}")
+
+
+def _text(data: Mapping[str, Any], key: str, name: str) -> str:
+    value = data.get(key, "")
+    if not isinstance(value, str):
+        raise DataError(f"{name}: {key} should be text in double quotes, not {short(value)}.")
+    return " ".join(value.split())
+
+
+def _texts(data: Mapping[str, Any], key: str, name: str) -> tuple[str, ...]:
+    value = data.get(key, [])
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        seen = short(value) if not isinstance(value, list) else short(next(x for x in value if not isinstance(x, str)))
+        raise DataError(f'{name}: {key} should be a list of texts, {key} = ["..."], not {seen}.')
+    return tuple(said for item in value if (said := " ".join(item.split())))
+
+
+def _matched(value: str, form: re.Pattern[str], key: str, what: str, name: str) -> str:
+    found = form.fullmatch(value)
+    if value and found is None:
+        raise DataError(f"{name}: {key} {short(value)} is not {what}.")
+    return "" if found is None else found[found.lastindex or 0]
+
+
+def _of_identity(data: Mapping[str, Any], texts: Mapping[str, str], name: str) -> dict[str, Any]:
+    """Sensors and properties by the parameter file's own rules."""
+    sensors = data.get("sensors", [])
+    if not isinstance(sensors, list) or not all(isinstance(item, dict) for item in sensors):
+        raise DataError(f"{name}: sensors should be blocks that begin with [[sensors]].")
+    for number, item in enumerate(sensors, 1):
+        _known(item, SENSOR_KEYS, name, f" of sensor {number}")
+    if sensors and texts["no_sensors"]:
+        raise DataError(f"{name}: no_sensors is told beside {len(sensors)} sensors; leave one of them out.")
+    if texts["no_sensors"]:
+        sensors = [{"symbol": NO_SENSORS, "unit": "", "model": texts["no_sensors"]}]
+    properties = data.get("tool_properties", {})
+    told = {"sensors": _floats(sensors), "tool_properties": properties, "iso513": texts["iso513"] or None}
+    try:
+        made = Identity.model_validate({
+            "tool": "x", "work": "x", "simulated": False, "iso513": told["iso513"], "iso13399": properties,
+            "sensors": told["sensors"],
+        })  # fmt: skip
+    except ValidationError as error:
+        words = in_words(error, {"iso513": told["iso513"], "iso13399": properties, "sensors": told["sensors"]})
+        raise DataError(f"{name}: {words.replace('iso13399', 'tool_properties')}.") from None
+    return {"sensors": made.sensors, "tool_properties": dict(made.iso13399)}
+
+
+def _floats(sensors: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{k: float(v) if type(v) is int else v for k, v in item.items()} for item in sensors]

@@ -1,0 +1,184 @@
+"""A site of many cards: all judged first, then written whole or not at all."""
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from ...datasets.errors import UsageError
+from ...parameters.file import put_in_place
+from ..folder import staged as stage
+from .entry import Entry, with_slugs
+from .feed import feed
+from .find import pair_folders
+from .listing import listing
+from .pages import compare_page, index_page
+from .pair import TOML, Looked, Task, look
+from .place import NAMES, put, refuse, same
+from .pool import each
+from .report import Problem, Report
+
+TITLE = "Model cards of tools and work materials"
+Told = Callable[[str], None]
+
+
+def publish(
+    folder: str | os.PathLike[str],
+    site: str | os.PathLike[str],
+    *,
+    title: str = TITLE,
+    jobs: int = 1,
+    force: bool = False,
+    told: Told = lambda words: None,
+) -> Report:
+    """Write the static site of all pairs in a folder: index, comparison, a folder a card, feed and list.
+
+    Everything is made in a hidden folder beside the site first: a failure or an interrupt leaves the old site as it
+    was. Of what stands in ``site`` only the names of a site are replaced, its folder ``cards`` as a whole.
+
+    Parameters
+    ----------
+    folder : path
+        Holds folders with ``params.json``, at any depth; ``card.toml`` beside it adds to the card.
+    site : path
+        Where the site goes.
+    title : str
+        Of the site; its feed is known by it.
+    jobs : int
+        Processes; the bytes do not depend on it.
+    force : bool
+        Replace another site of ours.
+    told : callable
+        Hears how far it is.
+
+    Returns
+    -------
+    Report
+        With ``problems`` where something stands against publishing: nothing is written then but a ``card.toml`` to be
+        filled in beside each file that lacks one and needs it.
+
+    Raises
+    ------
+    UsageError
+        The folder is missing, the site stands already and ``force`` is not given, or it cannot be written.
+    DataError
+        The folder holds no ``params.json``.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from fitmodels import parameters
+    >>> with TemporaryDirectory() as place:
+    ...     pair = Path(place) / "pairs" / "one"
+    ...     pair.mkdir(parents=True)
+    ...     pf = parameters.collect(tool="GC435", work="709M40", limits={"power": 7})
+    ...     _ = parameters.write(pf, pair / "params.json")
+    ...     report = publish(Path(place) / "pairs", Path(place) / "site")
+    ...     report.ok, [path.name for path in report.templates]
+    (False, ['card.toml'])
+    """
+    folder, site = Path(folder), Path(site)
+    pairs = pair_folders(folder, site)
+    refuse(site, folder)
+    try:
+        with stage(site.absolute().parent) as hidden:
+            made = hidden / "made"
+            made.mkdir()
+            looked = _look(folder, pairs, jobs, told, made / "cards")
+            problems = _against(looked)
+            if problems:
+                return Report(problems=problems, templates=_templates(looked), found=len(pairs))
+            entries = _fill(made, looked, title)
+            unchanged = _put(made, site, hidden, force)
+    except OSError as error:
+        raise UsageError(
+            f"{site}: the site cannot be written: {error.strerror or error}; choose another place with --site."
+        ) from None
+    return Report(cards=tuple(entries), site=site, unchanged=unchanged, found=len(pairs))
+
+
+def check(
+    folder: str | os.PathLike[str],
+    site: str | os.PathLike[str] | None = None,
+    *,
+    jobs: int = 1,
+    told: Told = lambda words: None,
+) -> Report:
+    """Judge all pairs in a folder as ``publish`` does, and write no site."""
+    folder, site = Path(folder), None if site is None else Path(site)
+    pairs = pair_folders(folder, site)
+    looked = _look(folder, pairs, jobs, told)
+    problems = _against(looked)
+    entries = () if problems else tuple(_ordered(looked))
+    return Report(entries, problems, _templates(looked), found=len(pairs))
+
+
+def _look(folder: Path, pairs: Sequence[Path], jobs: int, told: Told, to: Path | None = None) -> list[Looked]:
+    tasks = [
+        Task(pair, pair.relative_to(folder).as_posix(), None if to is None else to / f".{number}")
+        for number, pair in enumerate(pairs)
+    ]
+    return each(look, tasks, jobs, lambda done: told(f"{done} of {len(tasks)} cards"))
+
+
+def _against(looked: Sequence[Looked]) -> tuple[Problem, ...]:
+    """Everything that stands against them, pair by pair."""
+    found: list[Problem] = []
+    first: dict[str, str] = {}
+    for one in looked:
+        found += one.problems
+        if one.entry is None:
+            continue
+        other = first.setdefault(one.entry.content_sha256, one.task.name)
+        if other != one.task.name:
+            words = f"Its content is that of {other}: publish one of the two."
+            found.append(Problem(one.task.name, "twice", words))
+    return tuple(found)
+
+
+def _templates(looked: Sequence[Looked]) -> tuple[Path, ...]:
+    """Write what is to be filled in, where nothing stands yet; a folder that cannot be written to goes without."""
+    written = []
+    for one in looked:
+        path = one.task.folder / TOML
+        if one.template and not os.path.lexists(path):
+            with suppress(OSError):
+                put_in_place(path, one.template.encode())
+                written.append(path)
+    return tuple(written)
+
+
+def _ordered(looked: Sequence[Looked]) -> list[Entry]:
+    named = with_slugs([one.entry for one in looked if one.entry is not None])
+    return sorted(named, key=lambda e: (e.title.casefold(), e.slug))
+
+
+def _fill(made: Path, looked: Sequence[Looked], title: str) -> list[Entry]:
+    """Give every card the folder of its slug, and write what stands around them."""
+    entries = _ordered(looked)
+    slugs = {e.content_sha256: e.slug for e in entries}
+    for one in looked:
+        if one.entry is not None and one.task.to is not None:
+            one.task.to.rename(made / "cards" / slugs[one.entry.content_sha256])
+    pages = {
+        "index.html": index_page(entries, title).encode(),
+        "compare.html": compare_page(entries, title).encode(),
+        "atom.xml": feed(entries, title),
+        "cards.json": listing(entries, title),
+    }
+    for name, content in pages.items():
+        (made / name).write_bytes(content)
+    return entries
+
+
+def _put(made: Path, site: Path, hidden: Path, force: bool) -> bool:
+    """Put the site in its place; whether the very same was there already."""
+    held = [name for name in NAMES if (site / name).exists()]
+    if held and same(made, site):
+        return True
+    if held and not force:
+        raise UsageError(f"{site}: holds another site; replace it with --force, or choose another --site.")
+    aside = hidden / "aside"
+    aside.mkdir()
+    put(made, site, aside)
+    return False

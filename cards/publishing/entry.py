@@ -1,0 +1,157 @@
+"""A card as the pages of a site know it: names, laws with their exponents, hashes."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from pydantic import Field
+
+from ...parameters import ParameterFile
+from ...parameters.evaluate import LOGARITHMIC
+from ..content.coefficients import degrees
+from ..content.parts import Card, Law, Number, Part
+
+
+class Exponent(Part):
+    """An exponent of a law, or the rate of an exponential one, with what compares it to another.
+
+    ``se`` and ``df`` are None where the law has no interval; ``unit`` is empty of an exponent.
+    """
+
+    factor: str
+    unit: str = ""
+    estimate: Number
+    low: Number
+    high: Number
+    se: float | None = None
+    df: int | None = None
+
+
+class LawEntry(Part):
+    """A law of a card."""
+
+    response: str
+    quantity: str
+    unit: str
+    form: str
+    equation: str
+    exponents: tuple[Exponent, ...] = ()
+
+
+class Entry(Part):
+    """A card in the list of a site, as ``cards.json`` (schema ``fitmodels.site/1``) has it.
+
+    ``slug`` names the folder of the card; ``files`` are paths in it -> SHA-256.
+    """
+
+    slug: str
+    title: str
+    summary: str
+    tool: str
+    work: str
+    iso513: str = ""
+    machine: str = ""
+    simulated: bool
+    created: str = ""
+    rows: int | None = None
+    license: str = ""
+    laws: tuple[LawEntry, ...] = ()
+    dynamics: bool = False
+    content_sha256: str
+    data_sha256: str = ""
+    files: dict[str, str] = Field(default_factory=dict)
+
+    @property
+    def href(self) -> str:
+        """Link to the card from the top of the site."""
+        return f"cards/{self.slug}/index.html"
+
+    @property
+    def group(self) -> str:
+        """Letter of the ISO 513 group, or nothing."""
+        return self.iso513[:1]
+
+
+def entry(card: Card, pf: ParameterFile, files: dict[str, str]) -> Entry:
+    """The entry of a card.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> from fitmodels.cards.content.compose import compose
+    >>> pf = parameters.collect(tool="GC435", work="709M40", limits={"power": 7})
+    >>> entry(compose(pf), pf, {}).href
+    'cards/gc435-709m40/index.html'
+    """
+    i = card.identity
+    return Entry(
+        slug=card.slug,
+        title=card.title,
+        summary=card.summary,
+        tool=i.tool,
+        work=i.work,
+        iso513=i.iso513,
+        machine=i.machine,
+        simulated=i.simulated,
+        created=card.provenance.created,
+        rows=card.provenance.rows or max((law.n for law in pf.laws.values()), default=None),
+        license=card.publication.license,
+        laws=tuple(_law(law, pf) for law in card.laws),
+        dynamics=card.dynamics is not None,
+        content_sha256=i.content_sha256,
+        data_sha256=card.provenance.data_sha256,
+        files=files,
+    )
+
+
+def with_slugs(entries: Sequence[Entry]) -> list[Entry]:
+    """Entries whose slugs are all different: those of one tool and work get eight digits of their content.
+
+    Examples
+    --------
+    >>> one = Entry(slug="a-b", title="a", summary="", tool="a", work="b", simulated=True, content_sha256="0" * 64)
+    >>> two = one.model_copy(update={"content_sha256": "1" * 64})
+    >>> [e.slug for e in with_slugs([one, two])]
+    ['a-b-00000000', 'a-b-11111111']
+    """
+    named = list(entries)
+    for digits in (8, 64):  # a tool may be called as another's slug ends
+        taken = Counter(e.slug for e in named)
+        named = [
+            e.model_copy(update={"slug": f"{one.slug}-{e.content_sha256[:digits]}"}) if taken[e.slug] > 1 else e
+            for e, one in zip(named, entries, strict=True)
+        ]
+    return named
+
+
+def _law(law: Law, pf: ParameterFile) -> LawEntry:
+    return LawEntry(
+        response=law.response,
+        quantity=law.quantity,
+        unit=law.unit,
+        form=law.form,
+        equation=law.equation,
+        exponents=tuple(_exponents(law, pf)),
+    )
+
+
+def _exponents(law: Law, pf: ParameterFile) -> Iterator[Exponent]:
+    """Of a power law one a factor; of an exponential law its rate; a line has none."""
+    section = pf.laws[law.response]
+    if section.form not in LOGARITHMIC:
+        return
+    symbols = {f.symbol: f for f in law.domain}
+    rate = next(iter(symbols), "") if section.form == "exponential" else ""
+    for c in law.coefficients:
+        factor = rate if rate and c.name == "b" else c.name
+        if factor not in symbols or c.estimate.value is None:
+            continue
+        known = c.low.value is not None and c.high.value is not None and bool(c.se.value)
+        yield Exponent(
+            factor=factor,
+            unit=f"1/({symbols[factor].unit})" if rate and symbols[factor].unit else "",
+            estimate=c.estimate,
+            low=c.low,
+            high=c.high,
+            se=c.se.value if known else None,
+            df=degrees(section) if known else None,
+        )

@@ -1,0 +1,99 @@
+"""The two pages of a site, each one file: its style and script stand in it, allowed by their checksums."""
+
+import base64
+import hashlib
+import json
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib.resources import files
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from ..forms.typeset import data_block
+from .compare import comparison, tables
+from .entry import Entry
+
+GROUPS = {
+    "P": "P, steel",
+    "M": "M, stainless steel",
+    "K": "K, cast iron",
+    "N": "N, non-ferrous",
+    "S": "S, heat-resistant alloys and titanium",
+    "H": "H, hardened",
+}
+
+
+def index_page(entries: Sequence[Entry], title: str) -> str:
+    """``index.html``: a table of links, which a script lets one search, filter and sort.
+
+    Examples
+    --------
+    >>> "<h1>Cards</h1>" in index_page([], "Cards")
+    True
+    """
+    return _page("site_index", title, entries, choices=_choices(entries))
+
+
+def compare_page(entries: Sequence[Entry], title: str) -> str:
+    """``compare.html``: exponents with their intervals in tables, which a script draws on one axis.
+
+    Examples
+    --------
+    >>> "Compare exponents" in compare_page([], "Cards")
+    True
+    """
+    data = json.dumps(comparison(entries), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return _page(
+        "site_compare", title, entries, choices=_choices(entries), tables=tables(entries), data=data_block(data)
+    )
+
+
+def _page(name: str, title: str, entries: Sequence[Entry], **more: object) -> str:
+    style = _asset("page.css") + _asset("site.css")
+    script = _asset(f"{name}.js")
+    return (
+        _environment()
+        .get_template(f"{name}.html")
+        .render(
+            title=title,
+            entries=entries,
+            simulated=sum(e.simulated for e in entries),
+            style=Markup(style),  # noqa: S704  our own
+            script=Markup(script),  # noqa: S704  our own
+            style_hash=_checksum(style),
+            script_hash=_checksum(script),
+            **more,
+        )
+    )
+
+
+def _choices(entries: Sequence[Entry]) -> dict[str, list[tuple[str, str]]]:
+    """Value and words of each filter, in order; one that would leave nothing to choose is empty."""
+    found = {
+        "tool": [(name, name) for name in {e.tool for e in entries}],
+        "work": [(name, name) for name in {e.work for e in entries}],
+        "group": [(letter, GROUPS[letter]) for letter in {e.group for e in entries} if letter],
+        "law": list({(law.response, f"{law.response}, {law.quantity}") for e in entries for law in e.laws}),
+    }
+    return {name: sorted(options, key=lambda o: (o[1].casefold(), o)) for name, options in found.items()}
+
+
+def _checksum(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _asset(name: str) -> str:
+    return files("fitmodels.cards").joinpath("templates", name).read_text("utf-8")
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("fitmodels.cards"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )

@@ -1,0 +1,76 @@
+"""A site in its place: all of it or nothing, and what others keep there stays."""
+
+import filecmp
+import json
+from pathlib import Path
+
+from ...datasets.errors import UsageError
+
+SCHEMA = "fitmodels.site/1"
+LIST = "cards.json"
+NAMES = ("index.html", "compare.html", "atom.xml", LIST, "cards")
+
+
+def refuse(site: Path, folder: Path) -> None:
+    """UsageError where no site of ours may be put.
+
+    A folder that holds one of our names and no list of ours was written by somebody else: not even ``--force``
+    replaces it.
+    """
+    if site.exists() and not site.is_dir():
+        raise UsageError(f"{site}: is a file; choose a folder with --site.")
+    here, real = site.resolve(), folder.resolve()
+    if real == here or here / "cards" in (real, *real.parents):
+        raise UsageError(f"{site}: the site would stand among the pairs it is made of; choose another --site.")
+    held = [name for name in NAMES if (site / name).exists()]
+    if held and not is_site(site):
+        raise UsageError(
+            f"{site}: holds {held[0]} that fitmodels publish did not write; choose another folder with --site."
+        )
+
+
+def is_site(site: Path) -> bool:
+    """Whether the folder holds a site that ``publish`` wrote."""
+    try:
+        listed = json.loads((site / LIST).read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(listed, dict) and listed.get("schema") == SCHEMA
+
+
+def same(made: Path, site: Path) -> bool:
+    """Whether the site is there already, byte by byte."""
+    new, old = _files(made), _files(site)
+    return new == old and all(filecmp.cmp(made / name, site / name, shallow=False) for name in new)
+
+
+def put(made: Path, site: Path, aside: Path) -> None:
+    """Put the site in its place: at one stroke where nothing is, else name by name, and back again on a failure.
+
+    ``aside`` is an empty folder on the same file system, for what was there.
+    """
+    if not site.exists():
+        made.rename(site)
+        return
+    moves = []
+    for name in NAMES:
+        moves += [(site / name, aside / name)] if (site / name).exists() else []
+        moves += [(made / name, site / name)]
+    try:
+        for source, target in moves:
+            source.rename(target)
+    except BaseException:
+        for source, target in reversed(moves):
+            if target.exists() and not source.exists():
+                target.rename(source)
+        raise
+
+
+def _files(top: Path) -> list[str]:
+    """Files of a site, as paths within it."""
+    found = []
+    for name in NAMES:
+        place = top / name
+        inside = sorted(place.rglob("*")) if place.is_dir() else [place]
+        found += [path.relative_to(top).as_posix() for path in inside if path.is_file()]
+    return found

@@ -1,0 +1,102 @@
+"""Many pieces of work on several cores, their results in the order of the work."""
+
+import gc
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import get_context
+from threading import current_thread, main_thread
+from typing import TypeVar
+
+from ...datasets.errors import FitmodelsError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+FEW = 50  # pieces that are done here before another process has begun
+NOW_AND_THEN = 200
+AT_ONCE = 4  # pieces handed to a process: enough that the way costs nothing, few enough that none waits at the end
+
+
+def cores() -> int:
+    """Cores that this process may use.
+
+    >>> cores() >= 1
+    True
+    """
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, told: Callable[[int], None]) -> list[R]:
+    """Results of ``work`` for each piece; ``told`` hears how many are done.
+
+    Parameters
+    ----------
+    work : callable
+        Of a module, so that another process finds it.
+    pieces : sequence
+    jobs : int
+        Processes; with one, or few pieces, all is done here.
+    told : callable
+
+    Raises
+    ------
+    FitmodelsError
+        A process was ended from outside, as it is where memory runs out.
+
+    Examples
+    --------
+    >>> each(abs, [-2, 1], 1, lambda done: None)
+    [2, 1]
+    """
+    if jobs == 1 or len(pieces) < FEW:
+        return _here(work, pieces, told)
+    # begun afresh: a copy of a process with threads may hang
+    pool = ProcessPoolExecutor(min(jobs, len(pieces)), get_context("spawn"), _begin)
+    results: list[R] = []
+    try:
+        with _deaf():
+            begun = pool.map(work, pieces, chunksize=AT_ONCE)
+        for result in begun:
+            results.append(result)
+            told(len(results))
+    except BrokenProcessPool:
+        raise FitmodelsError(
+            "a process that writes cards was ended from outside, perhaps for want of memory; "
+            f"nothing was written. Run it again with --jobs 1 instead of {jobs}."
+        ) from None
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    return results
+
+
+def _here(work: Callable[[T], R], pieces: Sequence[T], told: Callable[[int], None]) -> list[R]:
+    results: list[R] = []
+    for piece in pieces:
+        results.append(work(piece))
+        told(len(results))
+        if len(results) % NOW_AND_THEN == 0:
+            gc.collect()  # the command runs without the collector
+    return results
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes begun in here do not hear an interrupt from the keyboard: who waits for them does, and ends them."""
+    if current_thread() is not main_thread():
+        yield
+        return
+    heard = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, heard)
+
+
+def _begin() -> None:
+    gc.set_threshold(50_000, 20, 50)  # as often as by default, the collector takes a sixth of the time

@@ -1,0 +1,81 @@
+"""``fitmodels card``: the card of a parameter file, to read, to browse and to load."""
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..datasets.errors import UsageError
+from .arguments import Parser
+from .output import Printer
+
+if TYPE_CHECKING:
+    from ..cards.content.parts import Card
+
+CITATION, ZENODO = "CITATION.cff", ".zenodo.json"
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels card``."""
+    p = Parser(
+        "fitmodels card",
+        "fitmodels card data-fit/GC435_709M40/params.json",
+        "Write the card of a parameter file beside it: README.md to read on paper, card.html to browse, card.json for\n"
+        "programs. Licence, authors, machine and set-up come from card.toml.",
+    )
+    p.add_argument("file", metavar="PARAMS", help="params.json; figures and draws are looked for beside it")
+    p.add_argument("--toml", metavar="FILE", help="card.toml (default: the one beside PARAMS, where there is one)")
+    p.add_argument("--citation", action="store_true", help="write CITATION.cff too")
+    p.add_argument("--zenodo", action="store_true", help="write .zenodo.json too")
+    p.add_argument("--force", action="store_true", help="replace files that are there and tell something else")
+    p.add_argument("--json", action="store_true", help="print card.json (fitmodels.card/1), and write nothing")
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the forms of the card, say what it does not tell, and return the exit code."""
+    from rich.text import Text
+
+    from ..cards.gate import missing
+    from ..cards.publishing.pair import read_pair
+
+    file = Path(args.file)
+    _, pf, card = read_pair(file.parent, file.name, None if args.toml is None else Path(args.toml))
+    if args.json:
+        from ..cards.forms.program import as_json
+
+        print(as_json(card), end="")  # noqa: T201
+        return 0
+    from ..cards.forms.together import forms
+
+    made = {**forms(card, pf), **_cited(card, args)}
+    new = {name: content for name, content in made.items() if _differs(file.parent / name, content)}
+    _write(file.parent, new, force=args.force)
+    lines = [f"wrote {file.parent / name}" for name in new] or [f"unchanged: {', '.join(made)}"]
+    lacking = ", ".join(item.field for item in missing(card))
+    lines += [f"not told: {lacking}; fitmodels publish asks for it in card.toml"] if lacking else []
+    Printer().show(Text("\n".join(lines)))
+    return 0
+
+
+def _cited(card: "Card", args: argparse.Namespace) -> dict[str, bytes]:
+    from ..cards.forms.citation import citation_cff, zenodo_json
+
+    asked = {CITATION: args.citation and citation_cff, ZENODO: args.zenodo and zenodo_json}
+    return {name: made(card).encode() for name, made in asked.items() if made}
+
+
+def _differs(path: Path, content: bytes) -> bool:
+    return not path.is_file() or path.read_bytes() != content
+
+
+def _write(folder: Path, new: dict[str, bytes], *, force: bool) -> None:
+    """Write all files, or none where one is there and may not be replaced."""
+    from ..parameters.file import put_in_place
+
+    held = [name for name in new if os.path.lexists(folder / name)]
+    if held and not force:
+        are = "are" if len(held) > 1 else "is"
+        raise UsageError(f"{folder}: {', '.join(held)} {are} there and would change; replace with --force.")
+    for name, content in new.items():
+        put_in_place(folder / name, content)

@@ -1,0 +1,57 @@
+"""Pictures of what was measured: rows of a cutting test, and a record."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from .picture import BLUE, GREY, ORANGE, one_panel
+from .telling import with_unit
+
+if TYPE_CHECKING:
+    from .records.record import Record
+    from .runs import Runs
+
+RESPONSES = ("AW", "VB", "P", "Fxz", "Fc", "F", "Fx", "I", "Ra")  # drawn where there are several: the first of these
+MOST_EDGES = 60  # lines; more are points
+
+
+def runs_picture(runs: "Runs", ax: Axes | None = None) -> Axes:
+    """A response over time, edge by edge; without a time over the first factor."""
+    ax = one_panel(ax)
+    numbers = [name for name in runs.units if name in runs.data]
+    y = next((name for name in RESPONSES if name in numbers), numbers[-1])
+    x = "t" if "t" in numbers and y != "t" else numbers[0]
+    edges = runs.labels("edge") if runs.has("edge") and x == "t" else np.array([""] * len(runs), dtype=object)
+    names = list(dict.fromkeys(edges))
+    joined = 1 < len(names) <= MOST_EDGES
+    for name in names if joined else [None]:
+        rows = edges == name if joined else np.ones(len(runs), dtype=bool)
+        order = np.argsort(runs.values(x)[rows], kind="stable")
+        ax.plot(runs.values(x)[rows][order], runs.values(y)[rows][order], "o-" if joined else "o", ms=3, lw=0.7,
+                color=BLUE, alpha=0.7)  # fmt: skip
+    ax.set_xlabel(with_unit(x, runs.units.get(x, "")))
+    ax.set_ylabel(with_unit(y, runs.units.get(y, "")))
+    lines = f", {len(names)} edges" if joined else ""
+    ax.set_title(f"{runs.tool} on {runs.work}: {len(runs)} rows{lines}" + (", simulated" if runs.simulated else ""),
+                 fontsize=9)  # fmt: skip
+    return ax
+
+
+def record_picture(rec: "Record", ax: Axes | None = None) -> Axes:
+    """Output over time, the input on an axis of its own; stretches are set apart."""
+    ax = one_panel(ax, 7.2, 3.6)
+    time = rec.sample_time * np.arange(len(rec))
+    ax.plot(time, rec.y, color=BLUE, lw=1.0)
+    for start in rec.starts[1:]:
+        ax.axvline(time[start], color="black", lw=0.6, ls=":")
+    ax.set(xlabel="time [s]")
+    ax.set_ylabel(with_unit(rec.output, rec.unit_y), color=BLUE)
+    ax.margins(x=0)
+    other = ax.twinx()
+    other.plot(time, rec.u, color=ORANGE, lw=0.7, alpha=0.7)
+    other.set_ylabel(with_unit(rec.input, rec.unit_u), color=ORANGE)
+    ax.set_zorder(other.get_zorder() + 1)
+    ax.patch.set_visible(False)
+    ax.grid(color=GREY, alpha=0.2)
+    return ax

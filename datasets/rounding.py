@@ -1,0 +1,64 @@
+"""Numbers as they are told: rounded by their uncertainty, never more digits than they deserve."""
+
+import math
+
+EXACT = 1e-5  # relative uncertainty below which seven digits are enough for anybody
+
+
+def decimals(uncertainty: float, digits: int = 2) -> int:
+    """Decimals that show an uncertainty to so many significant digits.
+
+    >>> decimals(0.0213), decimals(213.0)
+    (3, -1)
+    """
+    if not (math.isfinite(uncertainty) and uncertainty > 0):
+        return 6
+    place = math.floor(math.log10(uncertainty))
+    shown = round(uncertainty, digits - 1 - place)  # 0.0999 becomes 0.10, one place up
+    return digits - 1 - math.floor(math.log10(shown))
+
+
+def plain(value: float, digits: int = 4) -> str:
+    """A number without an uncertainty, to ``digits`` significant digits.
+
+    >>> plain(0.00076234), plain(1234567.0), plain(0.0)
+    ('0.0007623', '1.235e+06', '0')
+    """
+    return f"{value:.{digits}g}"
+
+
+def told(value: float, uncertainty: float | None) -> tuple[str, str]:
+    """Value and uncertainty, both to the decimals that the uncertainty deserves.
+
+    >>> told(0.577123, 0.0213)
+    ('0.577', '0.021')
+    >>> told(55354.2, 8123.0)
+    ('55400', '8100')
+    >>> told(1.5, None)
+    ('1.5', '')
+    """
+    if uncertainty is None or not math.isfinite(uncertainty):
+        return plain(value, 6), ""
+    if uncertainty <= abs(value) * EXACT:
+        return plain(value, 7), plain(uncertainty, 1)
+    places = decimals(uncertainty)
+    if places > 6 or abs(value) >= 1e7:
+        return _scientific(value, uncertainty, places)
+    if places < 0:
+        return f"{round(value, places) + 0.0:.0f}", f"{round(uncertainty, places):.0f}"
+    return f"{round(value, places) + 0.0:.{places}f}", f"{uncertainty:.{places}f}"  # + 0.0: there is no -0
+
+
+def _scientific(value: float, uncertainty: float, places: int) -> tuple[str, str]:
+    power = math.floor(math.log10(max(abs(value), uncertainty)))
+    digits = max(places + power, 0)
+    return f"{value / 10**power:.{digits}f}e{power}", f"{uncertainty / 10**power:.{digits}f}e{power}"
+
+
+def p_value(p: float) -> str:
+    """A p value as it is read: three decimals, or below the last of them.
+
+    >>> p_value(0.0412), p_value(1e-9)
+    ('0.041', '<0.001')
+    """
+    return "" if not math.isfinite(p) else "<0.001" if p < 0.001 else f"{p:.3f}"

@@ -1,0 +1,40 @@
+"""Small matrices want one thread: linear algebra on several costs ten times what it saves when the machine is busy."""
+
+import sys
+from collections.abc import Callable
+from functools import lru_cache, wraps
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def one_thread(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function run with one thread of BLAS; its caller's threads are as before afterwards.
+
+    >>> @one_thread
+    ... def doubled(x):
+    ...     return 2 * x
+    >>> doubled(2)
+    4
+    """
+
+    @wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        import numpy.linalg  # noqa: F401  the libraries that are limited must be there
+        import scipy.linalg  # noqa: F401
+
+        with _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
+
+
+@lru_cache(maxsize=1)
+def _controller(loaded: bool) -> "ThreadpoolController":  # another key, another look
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

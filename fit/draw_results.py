@@ -1,0 +1,161 @@
+"""Pictures of what is found beside a law: estimates with their intervals, checks, draws of a bootstrap, tool life."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..datasets.picture import BLUE, GREY, ORANGE, one_panel, whiskers
+from .available import NotAvailable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .beside import Beside
+    from .checks.check import Check
+    from .checks.dominant import DominantEdge
+    from .checks.forms import Forms
+    from .checks.slopes import CommonExponent
+    from .checks.structure import ErrorStructure
+    from .confirm import Confirmation
+    from .domain import Domain
+    from .edges import EdgeInference
+    from .life import ToolLife
+
+TWO = 2.0  # standard errors to each side, where there is no better interval
+
+
+def estimates_picture(
+    names: Sequence[str], values: Iterable[float], errors: Iterable[float], ax: Axes | None = None, title: str = ""
+) -> Axes:
+    """Coefficients within two standard errors."""
+    rows = {n: (v, v - TWO * s, v + TWO * s) for n, v, s in zip(names, values, errors, strict=True)}
+    return whiskers(_slopes(rows), ax, label="estimate ± 2 standard errors", title=title)
+
+
+def table_picture(table: "pd.DataFrame", value: str, ax: Axes | None = None, title: str = "") -> Axes:
+    """Rows of a table with ``low`` and ``high``, about one of its columns."""
+    rows = {str(name): (row[value], row["low"], row["high"]) for name, row in table.iterrows()}
+    return whiskers(_slopes(rows), ax, label="95 % interval", title=title)
+
+
+def _slopes(rows: dict[str, tuple[float, float, float]]) -> dict[str, tuple[float, float, float]]:
+    """Without the logarithm of the constant, beside which exponents would be dots."""
+    return {name: row for name, row in rows.items() if "ln " not in name} or rows
+
+
+def checks_picture(checks: Mapping[str, "Check | NotAvailable"], ax: Axes | None = None) -> Axes:
+    """Each check at its concern; what cannot be had is hollow."""
+    ax = one_panel(ax, 4.8, 1.1 + 0.3 * len(checks))
+    for at, check in enumerate(checks.values()):
+        known = not isinstance(check, NotAvailable)
+        level = check.concern if not isinstance(check, NotAvailable) else 0
+        ax.plot([level], [at], "o", ms=7, color=(BLUE, ORANGE, "#a33")[min(level, 2)] if known else GREY,
+                mfc=None if known else "none")  # fmt: skip
+    ax.set_yticks(range(len(checks)), list(checks))
+    ax.set_xticks([0, 1, 2], ["fine", "mind", "serious"])
+    ax.set(xlim=(-0.4, 2.4), ylim=(len(checks) - 0.5, -0.5))
+    ax.grid(axis="y", color="0.9", lw=0.6)
+    ax.set_title("hollow: cannot be known from these data", fontsize=8)
+    return ax
+
+
+def confirmation_picture(found: "Confirmation", ax: Axes | None = None) -> Axes:
+    """New rows over what the law foretold, each with its prediction interval."""
+    ax, rows = one_panel(ax), found.rows
+    order = np.argsort(rows["predicted"].to_numpy())
+    value, low, high, seen = (rows[name].to_numpy()[order] for name in ("predicted", "low", "high", "observed"))
+    inside = rows["inside"].to_numpy()[order]
+    x = np.arange(len(rows))
+    ax.vlines(x, low, high, color=BLUE, lw=1.2, alpha=0.6, label=f"{100 * found.level:g} % prediction")
+    ax.plot(x, value, "_", color=BLUE, ms=5)
+    ax.plot(x[inside], seen[inside], "o", ms=4, color=BLUE, label="measured")
+    ax.plot(x[~inside], seen[~inside], "o", ms=4, color=ORANGE, label="outside")
+    ax.set(xlabel="new row, by what was foretold", ylabel=found.response)
+    ax.legend(frameon=False, fontsize=8)
+    return ax
+
+
+def moved_picture(edges: "EdgeInference", ax: Axes | None = None) -> Axes:
+    """How far each parameter moves without one edge, in its standard errors."""
+    ax = one_panel(ax, 4.8, 3.6)
+    share = edges.moved / edges.bse.to_numpy()
+    for j in range(share.shape[1]):
+        ax.plot(np.full(len(share), j), share[:, j], "o", ms=4, mfc="none", color=BLUE)
+    ax.axhline(0, color=GREY, lw=0.8)
+    ax.set_xticks(range(len(edges.names)), list(edges.names))
+    ax.set(ylabel="moved without one edge [standard errors]", title=f"{edges.n_edges} edges")
+    return ax
+
+
+def dominant_picture(found: "DominantEdge", ax: Axes | None = None) -> Axes:
+    """How far each parameter moves without the edge that the law leans on most."""
+    rows = {str(name): (float(v), 0.0, float(v)) for name, v in found.in_bse.items()}
+    return whiskers(rows, ax, label=f"moved without edge {found.edge} [standard errors]")
+
+
+def slopes_picture(found: "CommonExponent", ax: Axes | None = None) -> Axes:
+    """The time exponent of each edge, and the common one."""
+    ax = whiskers({str(edge): (float(v), np.nan, np.nan) for edge, v in found.exponents.items()}, ax)
+    ax.axvline(found.common, color=ORANGE, lw=1.2)
+    ax.set(xlabel=f"exponent of t in {found.response}; line: common to all", ylabel="edge")
+    return ax
+
+
+def structure_picture(found: "ErrorStructure", ax: Axes | None = None) -> Axes:
+    """How much better errors that multiply foretell than errors that add."""
+    half = TWO * (found.standard_error or np.nan)
+    rows = {"multiply - add": (found.difference, found.difference - half, found.difference + half)}
+    return whiskers(rows, ax, label="log-likelihood, ± 2 standard errors", title=f"{found.response}: {found.preferred}")
+
+
+def forms_picture(found: "Forms", ax: Axes | None = None) -> Axes:
+    """Error of each rival form on left-out units, less that of the power law."""
+    rows = {form.name: (form.difference, form.difference - form.standard_error, form.difference + form.standard_error)
+            for form in found.rivals}  # fmt: skip
+    ax = whiskers(rows, ax, label="error less that of the power law, ± 1 standard error", title=found.response)
+    ax.axvline(0, color=GREY, lw=0.8)
+    return ax
+
+
+def domain_picture(domain: "Domain", ax: Axes | None = None) -> Axes:
+    """What was tested of each factor, as multiples of its middle (of a law in logs), or as it is."""
+    rows = {}
+    for name, unit, centre, half in zip(domain.factors, domain.units, domain.centre, domain.half_range, strict=True):
+        ends = np.exp([0.0, -half, half]) if domain.logs else np.array([centre, centre - half, centre + half])
+        middle = np.exp(centre) if domain.logs else centre
+        rows[f"{name}, {middle:.3g} {unit}"] = (float(ends[0]), float(ends[1]), float(ends[2]))
+    label = "times the middle of the tests" if domain.logs else "tested range"
+    return whiskers(rows, ax, label=label, title=domain.response)
+
+
+def life_picture(life: "ToolLife", ax: Axes | None = None) -> Axes:
+    """Life over each factor in turn from half to twice its middle, the others held there."""
+    ax = one_panel(ax)
+    for name, middle in life.typical_at.items():
+        x = np.geomspace(0.5, 2.0, 60)
+        ax.plot(x, [life.predict(**{**life.typical_at, name: middle * k}) for k in x], label=f"{name}, {middle:.3g}")
+    ax.axhline(life.t_observed, color=GREY, ls="--", lw=0.8, label="longest test")
+    ax.set(xscale="log", yscale="log", xlabel="times the middle of the tests")
+    ax.set_ylabel(f"life to {life.wear} {life.criterion:g} {life.unit_of_wear} [{life.unit}]")
+    ax.set_xticks([0.5, 1, 2], ["0.5", "1", "2"])
+    ax.set_xticks([], minor=True)
+    ax.legend(frameon=False, fontsize=8)
+    return ax
+
+
+def beside_picture(found: "Beside", ax: Axes | None = None) -> Axes:
+    """The printed exponents."""
+    exponents = {name: (v, np.nan, np.nan) for name, v in list(found.coefficients.items())[1:]}
+    return whiskers(exponents, ax, label="exponent as printed", title=found.source)
+
+
+def densities_picture(of: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+    """Each prior's middle 95 %, flat ones left out; drawn, as that serves every kind."""
+    rows = {}
+    for name, prior in of.items():
+        if hasattr(prior, "draw") and prior.name != "flat":
+            low, middle, high = np.quantile(prior.draw(np.random.default_rng(1), 20_000), [0.025, 0.5, 0.975])
+            rows[name] = (float(middle), float(low), float(high))
+    return whiskers(rows, ax, label="middle 95 % of the prior")

@@ -1,0 +1,258 @@
+"""The page of a card in Chromium: sliders by keyboard, no request, no script, no serious fault that axe-core knows.
+
+axe-core is Deque's (https://github.com/dequelabs/axe-core, rules of WCAG 2); it comes with axe-playwright-python.
+"""
+
+import os
+import re
+import shutil
+import warnings
+
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.cards.content.compose import compose
+from fitmodels.cards.content.profiler import profile_all
+from fitmodels.cards.forms.page import page, tell
+from fitmodels.parameters.rounding import plain
+
+pytestmark = pytest.mark.browser
+
+INSTALL = "pip install playwright axe-playwright-python; apt-get install chromium"
+PHONE, DESKTOP, NARROW = {"width": 390, "height": 844}, {"width": 1280, "height": 900}, {"width": 360, "height": 740}
+HOSTILE = "</script><img src=http://192.0.2.1/x onerror=alert(1)>"
+
+
+def missing(what):
+    words = f"{what} is not installed: {INSTALL}"
+    pytest.fail(words) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(words)
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        missing("playwright")
+    path = shutil.which("chromium")
+    if path is None:
+        missing("chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])  # root has no sandbox
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def wear():
+    """Laws of wear, force and power of the bundled set."""
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    laws, _ = fit.default_laws(runs)
+    return parameters.collect(
+        tool="GC435", work="709M40 (En 19)", design=runs, laws=laws, tool_life=fit.tool_life(laws[0], 0.3),
+        simulated=True, note="drawn from published laws", command="fitmodels data.csv", data_sha256="5" * 64,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """Dynamics of Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18, under a name that is markup."""
+    model = {
+        "b": [0.0, 0.0611, -0.1338, 0.0752], "a": [1.0, -2.0311, 1.2104, -0.1655], "nk": 1, "sample_time": 0.02,
+        "unit_u": "V", "unit_y": "A", "band": [0.1, 5.0], "uncertainty": {"kind": "none", "reason": "given"},
+    }  # fmt: skip
+    return parameters.collect(tool=HOSTILE, work="S45C", dynamics=model, command=HOSTILE)
+
+
+@pytest.fixture
+def opened(chromium, tmp_path):
+    """Open the page of a parameter file; what it asked for, and what its console said, end up in two lists."""
+    contexts, heard = [], {"requests": [], "console": []}
+
+    def open_page(pf, **options):
+        file = tmp_path / f"{len(contexts)}.html"
+        file.write_text(page(compose(pf), pf), encoding="utf-8")
+        context = chromium.new_context(**options)
+        contexts.append(context)
+        tab = context.new_page()
+        tab.on("request", lambda request: heard["requests"].append(request.url))
+        tab.on("console", lambda message: heard["console"].append(message.text))
+        tab.on("pageerror", lambda error: heard["console"].append(str(error)))
+        tab.on("dialog", lambda dialog: heard["console"].append(f"dialog {dialog.message}"))
+        tab.goto(file.as_uri())
+        return tab
+
+    yield open_page, heard
+    for context in contexts:
+        context.close()
+
+
+def shown(tab, pf, at):
+    """Whether the page shows what ``profile`` says at a point, for each law."""
+    card = compose(pf)
+    for i, (response, answer) in enumerate(profile_all(card.profiler, at).items()):
+        value, low, high = tell(answer)
+        row = tab.locator(f"#answer-{i}")
+        assert row.locator("th var").first.inner_text() == response
+        assert row.locator(".value").inner_text() == value
+        assert row.locator(".band").inner_text() == f"{low} to {high}"
+
+
+def slider_value(tab, i):
+    return float(tab.locator(f"#told-{i}").inner_text().split()[0])
+
+
+def test_a_slider_moved_by_keyboard_changes_the_predictions_to_what_profile_says(opened, wear):
+    tab = opened[0](wear)
+    profiler = compose(wear).profiler
+    at = dict(profiler.start)
+    shown(tab, wear, at)
+    for i, presses in enumerate(
+        ([("ArrowRight", 30)], [("ArrowLeft", 7)], [("PageDown", 1)], [("End", 1), ("ArrowLeft", 60)])
+    ):
+        tab.locator(f"#slider-{i}").focus()
+        for key, times in presses:
+            for _ in range(times):
+                tab.keyboard.press(key)
+        symbol = profiler.factors[i].symbol
+        before, at[symbol] = at[symbol], slider_value(tab, i)
+        assert at[symbol] != before
+        assert tab.locator(f"#slider-{i}").get_attribute("aria-valuetext") == tab.locator(f"#told-{i}").inner_text()
+        shown(tab, wear, at)
+    removal = float(tab.locator("#answer-removal .value").inner_text())
+    assert removal == pytest.approx(1000 * at["V"] * at["f"] * at["d"], rel=5e-4)
+    tab.get_by_role("button", name="Reset to the middle").press("Enter")
+    shown(tab, wear, profiler.start)
+
+
+def test_every_step_of_every_slider_says_what_profile_says(opened, wear):
+    """All 241 positions of each, set by the page's own script in one go; ends of the tests are among them."""
+    tab = opened[0](wear)
+    profiler = compose(wear).profiler
+    found = tab.evaluate(
+        """() => [...document.querySelectorAll('input[type=range]')].map((slider, i) => {
+          const seen = [];
+          const cells = [...document.querySelectorAll('.answers tr[id] .value, .answers tr[id] .band')];
+          for (let k = 0; k <= 240; k++) {
+            slider.value = k;
+            slider.dispatchEvent(new Event('input'));
+            seen.push([document.getElementById('told-' + i), ...cells].map((e) => e.textContent));
+          }
+          document.getElementById('profiler-reset').click();
+          return seen;
+        })"""
+    )
+    for factor, seen in zip(profiler.factors, found, strict=True):
+        values = [float(line[0].split()[0]) for line in seen]
+        assert values == sorted(values)
+        assert {factor.low.value, factor.high.value} <= set(values)
+        assert values[0] == pytest.approx(factor.low.value / 1.2, rel=0.01)
+        assert values[-1] == pytest.approx(factor.high.value * 1.2, rel=0.01)
+        for value, line in zip(values, seen, strict=True):
+            answers = profile_all(profiler, {**profiler.start, factor.symbol: value}).values()
+            told = [text for answer in answers for v, low, high in [tell(answer)] for text in (v, f"{low} to {high}")]
+            assert line[1:-1] == told, (factor.symbol, value)
+
+
+def test_outside_the_tested_region_numbers_are_marked_and_a_sentence_says_so(opened, wear):
+    tab = opened[0](wear)
+    assert tab.locator("#profiler-where").inner_text() == "Inside the tested region."
+    tab.locator("#slider-0").press("End")
+    words = tab.locator("#profiler-where").inner_text().replace("\u00a0", " ")
+    assert words.startswith("Outside the tested region of AW, ")
+    assert "V 240 m/min is above 200 m/min, the highest tested" in words
+    row = tab.locator("#answer-0")
+    assert "out" in row.get_attribute("class")
+    assert row.locator(".tested").inner_text() == "no"
+    tab.locator("#profiler-status", has_text="Outside").wait_for(state="attached")
+    assert tab.locator("#profiler-status").get_attribute("aria-live") == "polite"
+
+
+def test_a_corner_that_nobody_cut_is_outside_although_every_range_holds_it(opened, wear):
+    """A central composite design has no runs at the corners of its outer ranges."""
+    tab = opened[0](wear)
+    profiler = compose(wear).profiler
+    for i, factor in enumerate(profiler.factors[:3]):
+        tab.locator(f"#slider-{i}").press("End")
+        while slider_value(tab, i) > factor.high.value:
+            tab.locator(f"#slider-{i}").press("ArrowLeft")
+        assert slider_value(tab, i) == factor.high.value
+    words = tab.locator("#profiler-where").inner_text()
+    assert "Outside the tested region of AW" in words
+    assert "further out than any test" in words
+
+
+def test_no_request_leaves_the_page_and_its_console_stays_empty(opened, wear, drive):
+    open_page, heard = opened
+    for pf in (wear, drive):
+        tab = open_page(pf)
+        tab.wait_for_load_state("networkidle")
+    assert len(heard["requests"]) == 2
+    assert all(url.startswith(("file:", "data:")) for url in heard["requests"])
+    assert heard["console"] == []
+
+
+def test_without_scripts_the_predictions_stand_in_a_table(opened, wear):
+    tab = opened[0](wear, java_script_enabled=False)
+    assert tab.locator("#profiler-table").is_visible()
+    assert not tab.locator("#profiler-live").is_visible()
+    assert tab.locator("button:visible").count() == 0
+    profiler = compose(wear).profiler
+    first = tab.locator("#profiler-table tbody tr").first.inner_text()
+    for answer in profile_all(profiler, profiler.start).values():
+        value, low, high = tell(answer)
+        assert re.search(rf"{re.escape(value)}\s*{re.escape(low)} to {re.escape(high)}", first)
+    assert all(plain(profiler.start[f.symbol], 4) in first for f in profiler.factors)
+
+
+def test_print_shows_the_table_instead_of_the_sliders_and_is_light(opened, wear):
+    tab = opened[0](wear, color_scheme="dark")
+    tab.emulate_media(media="print")
+    assert tab.locator("#profiler-table").is_visible()
+    assert not tab.locator("#profiler-live").is_visible()
+    assert not tab.locator("nav").is_visible()
+    assert tab.evaluate("getComputedStyle(document.documentElement).backgroundColor") == "rgb(255, 255, 255)"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
+@pytest.mark.parametrize("which", ["wear", "drive"])
+def test_axe_finds_no_serious_fault(opened, request, which, viewport, scheme):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of the import of its own resources
+        try:
+            from axe_playwright_python.sync_playwright import Axe
+        except ImportError:
+            missing("axe-playwright-python")
+    tab = opened[0](request.getfixturevalue(which), viewport=viewport, color_scheme=scheme)
+    if which == "wear":
+        tab.locator("#slider-0").press("End")  # grey numbers and the warning are judged too
+    found = Axe().run(tab).response["violations"]
+    assert [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")] == []
+
+
+@pytest.mark.parametrize("viewport", [NARROW, PHONE, DESKTOP], ids=["360 px", "phone", "desktop"])
+def test_the_page_does_not_scroll_sideways(opened, wear, drive, viewport):
+    for pf in (wear, drive):
+        tab = opened[0](pf, viewport=viewport)
+        assert tab.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+
+
+def test_text_of_figures_is_no_smaller_than_10_px_on_a_phone(opened, wear):
+    tab = opened[0](wear, viewport=NARROW)
+    sizes = tab.evaluate(
+        "[...document.querySelectorAll('svg.panel')]"
+        ".map((s) => 11 * s.getBoundingClientRect().width / s.viewBox.baseVal.width)"
+    )
+    assert len(sizes) == 4
+    assert min(sizes) >= 10
+
+
+def test_a_name_that_is_markup_runs_nothing_and_is_copied_as_it_is(opened, drive):
+    open_page, heard = opened
+    tab = open_page(drive)
+    assert tab.locator("img").count() == 0
+    assert tab.locator("h1").inner_text() == f"{HOSTILE} on S45C"
+    assert tab.locator("#copy-command").inner_text() == HOSTILE
+    tab.get_by_role("button", name="Copy the command").click()
+    tab.locator("#copy-status", has_text=re.compile(r"\w")).wait_for(state="attached")
+    assert heard["console"] == []

@@ -1,0 +1,470 @@
+"""The forms of a card: what programs read back, names that mean no good, and the same numbers in all of them.
+
+What reads here was written elsewhere: huggingface_hub, PyYAML, markdown-it-py, lxml, jsonschema.
+"""
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+import yaml
+from fitmodels import cards, datasets, fit, parameters
+from fitmodels.cards.content.compose import compose
+from fitmodels.cards.content.parts import Card, Figure, Number, Part, Publication, Sensor
+from fitmodels.cards.forms import program
+from fitmodels.cards.forms.citation import citation_cff, zenodo_json
+from fitmodels.cards.forms.hub_metadata import hub_metadata
+from fitmodels.cards.forms.linked_data import json_ld
+from fitmodels.cards.forms.markdown import markdown
+from fitmodels.cards.forms.page import page
+from fitmodels.cards.forms.people import author
+from fitmodels.cards.forms.plain_text import text
+from fitmodels.cards.forms.yaml_text import yaml_text
+from fitmodels.datasets.errors import UsageError
+from fitmodels.ident.model import Model
+from fitmodels.parameters import ParameterError, collect, sealed
+from hypothesis import given
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+from lxml import html
+from markdown_it import MarkdownIt
+
+HOSTILE = (
+    "<img src=x onerror=alert(1)>",
+    "](javascript:alert(1))",
+    "![a](javascript:alert(1))",
+    "</script><script>alert(1)</script>",
+    "<!-- ",
+    "new\n\n# line",
+    "\n---\nname: x",
+    "a`b``c",
+    "{{x}} {% raw %}",
+    "a|b\\|c\\",
+    "*b* _i_ ~~s~~",
+    "&lt;b&gt; &amp;",
+    "\u2028\u2029\x85\x00\x1b",
+    '"; x = 1 # ',
+    "''' \"\"\"",
+    "1. ",
+    "- ",
+    "> ",
+    "=",
+    "\u202eabc",
+)
+PUBLISHED = Publication(
+    license="CC-BY-4.0", authors=("Doe, Jane (0000-0002-1825-0097)", "Institute of Machining"), contact="j@example.org",
+    doi="10.5281/zenodo.1", keywords=("turning",),
+)  # fmt: skip
+ELEMENTS = {
+    "html", "body", "h1", "h2", "p", "ul", "li", "table", "thead", "tbody", "tr", "th", "td", "strong", "code", "pre",
+    "blockquote", "img", "hr",
+}  # fmt: skip
+
+
+def bundled_file(**more):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    laws, _ = fit.default_laws(runs)
+    return collect(
+        tool=runs.tool, work=runs.work, design=runs, laws=laws, tool_life=fit.tool_life(laws[0]), simulated=True,
+        posteriors=[fit.posterior(laws[0], draws=1000, seed=1)], note=runs.disclaimers[0], n_rows=len(runs), seed=1,
+        data_file=runs.source.name, data_sha256=runs.source.sha256, command="fitmodels data.csv", **more,
+    )  # fmt: skip
+
+
+def drive_file():
+    model = Model(b=[0, 0.1, 0.08], a=[1, -0.8], nk=1, sample_time=0.02, n=500, band=(0.1, 2.0), unit_u="V", unit_y="A")
+    pi = {"kp": 0.4, "ki": 0.5, "sample_time": 0.02, "unit_u": "V", "unit_y": "A", "low": 0.0, "high": 5.0,
+          "specification": {"rise_time": 2.0}, "figures": {"stable": True, "rise_time": 1.5}}  # fmt: skip
+    return collect(tool="drive", work="air", dynamics=model, held_out_fit=87.25, pi=pi, data_sha256="a" * 64)
+
+
+def load_file():
+    runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    pf = collect(tool="end mill", work="S45C", design=runs, laws=[fit.load_law(runs)], limits={"power": 7})
+    return sealed(pf, load_line=parameters.settings(pf, 0.28))
+
+
+def two_materials():
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    other = runs.data.assign(AW=1.2 * runs.data["AW"], edge=runs.data["edge"] + "x", point="other")
+    both = runs.join(replace(runs, data=other, source=replace(runs.source, sha256="f" * 64)))
+    return collect(tool="a", work="b", laws=[fit.power_law(both, "AW", ["V", "f", "d", "t"], by="point")])
+
+
+FILES = {
+    "bundled": lambda: bundled_file(limits={"power": {"value": 7.0, "unit": "kW", "of": "P"}}),
+    "drive": drive_file,
+    "load line": load_file,
+    "levels": two_materials,
+    "almost empty": lambda: collect(tool="a", work="b"),
+}
+
+
+@pytest.fixture(scope="module")
+def files():
+    return {name: make() for name, make in FILES.items()}
+
+
+@pytest.fixture(scope="module")
+def pf(files):
+    return files["bundled"]
+
+
+@pytest.fixture(scope="module")
+def card(pf):
+    """A card with every part in it."""
+    made = compose(pf, publication=PUBLISHED)
+    sensor = Sensor(symbol="AW", unit="mm", model="microscope", words="SD of a reading 0.005 mm")
+    identity = made.identity.model_copy(
+        update={"machine": "lathe", "setup": "dry", "iso513": "P20", "sensors": (sensor,)}
+    )
+    picture = Figure(name="residuals", caption="Residuals", alternative="they scatter", file="figures/residuals.png")
+    return made.model_copy(update={"identity": identity, "figures": (*made.figures, picture)})
+
+
+@pytest.fixture(scope="module")
+def small(card):
+    """The same with one law, for what is done with every name."""
+    return card.model_copy(update={"laws": card.laws[:1], "uncertainty": card.uncertainty[:2]})
+
+
+def numbers(value):
+    """Every `Number` in a card."""
+    if isinstance(value, Number):
+        yield value
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from numbers(item)
+    elif isinstance(value, Part):
+        for name in type(value).model_fields:
+            yield from numbers(getattr(value, name))
+
+
+def renamed(value, name):
+    """A card with a name before and after every text in it; numbers stay."""
+    if isinstance(value, str):
+        return f"{name}{value}{name}"
+    if isinstance(value, tuple):
+        return tuple(renamed(item, name) for item in value)
+    if isinstance(value, Number):
+        return value.model_copy(update={"unit": renamed(value.unit, name)})
+    if isinstance(value, Part):
+        kept = ("schema_", "profiler") if isinstance(value, Card) else ("file",)
+        fields = [f for f in type(value).model_fields if f not in kept]
+        return value.model_copy(update={f: renamed(getattr(value, f), name) for f in fields})
+    if isinstance(value, dict):
+        return {key: renamed(item, name) for key, item in value.items()}
+    return value
+
+
+def rendered(source):
+    """A Markdown text as HTML, with tables and raw HTML as on a forge."""
+    return html.document_fromstring(MarkdownIt("commonmark", {"html": True}).enable("table").render(source))
+
+
+def body(readme):
+    return readme.split("\n---\n", 1)[1]
+
+
+def shown(tree):
+    """Text that a reader sees, in one line."""
+    return " ".join(tree.text_content().split())
+
+
+# --- Markdown -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_name_of_any_letters_changes_no_element_of_the_readme(small, name):
+    tame, wild = (rendered(body(markdown(renamed(small, n)))) for n in ("x", name))
+    assert [e.tag for e in wild.iter()] == [e.tag for e in tame.iter()]
+    assert {e.tag for e in wild.iter()} <= ELEMENTS
+    for element in wild.iter():
+        assert set(element.attrib) <= {"img": {"src", "alt"}, "code": {"class"}}.get(element.tag, {"style"})
+    assert [e.get("src") for e in wild.iter("img")] == ["figures/residuals.png"]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_name_of_any_letters_is_read_as_it_is(small, name):
+    seen = shown(rendered(body(markdown(small.model_copy(update={"title": f"a{name}b"})))))
+    unseen = {ord(c): "\N{REPLACEMENT CHARACTER}" for c in "\x00\x1b\u202e"}
+    assert " ".join(f"a{name}b".split()).translate(unseen) in seen
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_the_head_is_no_html_for_a_reader_that_does_not_know_it(small, name):
+    tree = rendered(markdown(renamed(small, name)))
+    assert not {e.tag for e in tree.iter()} & {"a", "script", "iframe", "svg", "form", "input"}
+    assert len(list(tree.iter("img"))) == 1
+
+
+@given(st.text())
+def test_text_of_any_kind_stays_one_paragraph_of_text(words):
+    (paragraph,) = rendered(f"a\n\n- x{text(words)}x\n").iter("li")
+    assert not list(paragraph)
+    assert "".join(paragraph.text.split()).startswith("x")
+
+
+def test_pictures_beside_the_card_have_a_text_alternative(card):
+    assert "![Residuals. they scatter](figures/residuals.png)" in markdown(card)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_what_a_card_does_not_say_it_gives_a_reason_for(files, name):
+    card = compose(files[name])
+    seen = shown(rendered(body(markdown(card))))
+    assert all(" ".join(why.split()) in seen for why in card.empty.values())
+    assert card.end in seen
+
+
+@pytest.mark.parametrize("name", ["bundled", "load line", "levels"])
+def test_the_python_of_a_readme_runs(files, name, tmp_path, monkeypatch):
+    cards.write(files[name], tmp_path / "card")
+    (code,) = re.findall(r"```python\n(.*?)```", (tmp_path / "card" / "README.md").read_text("utf-8"), flags=re.S)
+    monkeypatch.chdir(tmp_path / "card")
+    exec(compile(code, "README.md", "exec"), {})  # noqa: S102
+
+
+def test_simulated_stands_before_everything_else(card):
+    lines = body(markdown(card)).splitlines()
+    assert lines[1].startswith("# ")
+    assert lines[3].startswith("> **Not measured.**")
+    measured = card.model_copy(update={"identity": card.identity.model_copy(update={"simulated": False})})
+    assert "> **Not measured.**" not in markdown(measured)
+
+
+# --- the head -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_hub_reads_the_head_and_gives_it_back(files, name, tmp_path):
+    hub = pytest.importorskip("huggingface_hub")
+    card = compose(files[name], publication=PUBLISHED)
+    path = tmp_path / "README.md"
+    path.write_text(markdown(card), encoding="utf-8")
+    loaded = hub.ModelCard.load(path)
+    assert loaded.data.to_dict() == hub_metadata(card)
+    assert loaded.data.license == "cc-by-4.0"
+    told = {(r.dataset_config, r.metric_type): r.metric_value for r in loaded.data.eval_results or ()}
+    for law in card.laws:
+        s = {item.name: item.number.text for item in law.statistics}
+        assert told[law.response, "r_squared"] == float(s["R²"])
+        assert told[law.response, "residual_standard_error"] == float(s["residual SE"])
+    if name == "drive":
+        assert [r.metric_value for r in loaded.data.eval_results] == [87.2]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_of_any_letters_come_back_from_the_head(small, name):
+    wild = renamed(small, name)
+    head = markdown(wild).split("---\n")[1]
+    assert yaml.safe_load(head) == json.loads(json.dumps(hub_metadata(wild)))
+    assert yaml.safe_load(head)["tool"] == f"{name}GC435{name}"
+
+
+@pytest.mark.parametrize(
+    ("spdx", "said"),
+    [
+        ("", {"license": "unknown"}),
+        ("BSD-3-Clause", {"license": "bsd-3-clause"}),
+        ("GPL-3.0-or-later", {"license": "gpl-3.0"}),
+        ("LicenseRef-House", {"license": "other", "license_name": "LicenseRef-House"}),
+    ],
+)
+def test_a_licence_is_told_in_the_words_of_the_hub(card, spdx, said):
+    head = hub_metadata(card.model_copy(update={"publication": Publication(license=spdx)}))
+    assert {name: value for name, value in head.items() if name.startswith("license")} == said
+
+
+SCALARS = st.one_of(st.booleans(), st.integers(), st.floats(allow_nan=False, allow_infinity=False),
+                    st.text(st.characters(exclude_categories=["Cs"])), st.none())  # fmt: skip
+
+
+@given(st.dictionaries(st.from_regex(r"[a-z]{2,8}_", fullmatch=True), st.recursive(
+    SCALARS, lambda inner: st.lists(SCALARS, max_size=3) | st.dictionaries(
+        st.from_regex(r"[a-z]{2,8}_", fullmatch=True), inner, max_size=3), max_leaves=8), max_size=4))  # fmt: skip
+def test_yaml_of_anything_reads_back(data):
+    assert (yaml.safe_load(yaml_text(data)) or {}) == data
+
+
+# --- JSON ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_card_json_obeys_its_schema_and_reads_back(files, name, tmp_path):
+    card = compose(files[name], publication=PUBLISHED)
+    path = tmp_path / "card.json"
+    path.write_text(program.as_json(card), encoding="utf-8")
+    Draft202012Validator(program.published()).validate(json.loads(path.read_text("utf-8")))
+    assert program.read_card(path) == card
+    assert path.read_bytes().endswith(b"}\n")
+
+
+def test_the_published_schema_is_that_of_the_code():
+    Draft202012Validator.check_schema(program.published())
+    assert program.published() == json.loads(program.schema_text())
+    assert program.published()["$id"] == "fitmodels.card/1"
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda d: d.update(schema="fitmodels.card/2"), "its schema is 'fitmodels.card/2'"),
+        (lambda d: d.pop("title"), "title is missing"),
+        (lambda d: d.update(more=1), "more"),
+        (lambda d: d["identity"].update(simulated="x"), "identity.simulated"),
+        (lambda d: d["laws"][0]["level"].update(value="x"), "laws[0].level.value should be a"),
+    ],
+)
+def test_what_is_no_card_is_refused_in_a_sentence(card, change, word, tmp_path):
+    data = json.loads(program.as_json(card))
+    change(data)
+    path = tmp_path / "card.json"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(ParameterError, match=re.escape(word)) as caught:
+        program.read_card(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"{", b'{"schema": NaN}', b'{"a":1,"a":2}', b"\xff", b"[" * 99])
+def test_what_is_no_json_is_refused_in_a_sentence(content, tmp_path):
+    path = tmp_path / "card.json"
+    path.write_bytes(content)
+    with pytest.raises(ParameterError, match=r"card\.json: ") as caught:
+        program.read_card(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_of_any_letters_come_back_from_json(small, name, tmp_path):
+    wild = renamed(small, name)
+    path = tmp_path / "card.json"
+    path.write_text(program.as_json(wild), encoding="utf-8", newline="\n")
+    assert program.read_card(path) == wild
+
+
+# --- linked data, citation ----------------------------------------------------------------------------
+
+
+def test_linked_data_tell_the_measurements_and_the_model(card):
+    said = json.loads(json_ld(card))
+    data, model = said["@graph"]
+    assert said["@context"] == "https://schema.org"
+    assert (data["@type"], model["@type"]) == ("Dataset", "CreativeWork")
+    assert model["isBasedOn"]["@id"] == data["@id"]
+    assert data["identifier"]["value"] == card.provenance.data_sha256
+    assert model["license"] == "https://spdx.org/licenses/CC-BY-4.0.html"
+    assert [v["alternateName"] for v in data["variableMeasured"]] == ["V", "f", "d", "t", "AW", "Fxz", "P"]
+    speed = data["variableMeasured"][0]
+    assert (speed["unitText"], speed["minValue"], speed["maxValue"]) == ("m/min", 50.0, 200.0)
+    assert [who["@type"] for who in model["creator"]] == ["Person", "Organization"]
+    assert "dateCreated" not in model
+
+
+def test_without_a_licence_nothing_is_free(pf):
+    assert json.loads(json_ld(compose(pf)))["@graph"][0]["isAccessibleForFree"] is False
+
+
+def test_without_data_there_is_only_a_model(files):
+    (model,) = json.loads(json_ld(compose(files["almost empty"])))["@graph"]
+    assert "isBasedOn" not in model
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_of_any_letters_stay_inside_a_script_element(small, name):
+    wild = renamed(small, name)
+    source = json_ld(wild)
+    assert not set(source) & set("<>&\u2028\u2029")
+    assert json.loads(source)["@graph"][1]["name"] == wild.title
+    (script,) = html.document_fromstring(f"<p></p><script type='x'>{source}</script>").iter("script")
+    assert json.loads(script.text) == json.loads(source)
+
+
+def test_the_citation_has_what_version_1_2_0_asks_for(card):
+    """Required keys and the shapes of authors: Citation File Format 1.2.0, schema guide, doi 10.5281/zenodo.5171937."""
+    said = yaml.safe_load(citation_cff(card))
+    assert {"cff-version", "message", "title", "authors"} <= set(said)
+    assert said["cff-version"] == "1.2.0"
+    person, institute = said["authors"]
+    assert person == {"family-names": "Doe", "given-names": "Jane", "orcid": "https://orcid.org/0000-0002-1825-0097"}
+    assert institute == {"name": "Institute of Machining"}
+    assert (said["type"], said["license"], said["doi"]) == ("dataset", "CC-BY-4.0", "10.5281/zenodo.1")
+
+
+def test_zenodo_gets_what_it_asks_for(card):
+    said = json.loads(zenodo_json(card))
+    assert {"title", "upload_type", "description", "creators", "keywords", "license", "version"} <= set(said)
+    assert said["creators"][0] == {"name": "Doe, Jane", "orcid": "0000-0002-1825-0097"}
+
+
+@pytest.mark.parametrize("form", [citation_cff, zenodo_json])
+def test_a_citation_without_an_author_is_refused(pf, form):
+    with pytest.raises(UsageError, match="no author is told"):
+        form(compose(pf))
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_of_any_letters_come_back_from_a_citation(small, name):
+    wild = renamed(small, name)
+    assert yaml.safe_load(citation_cff(wild))["title"] == wild.title
+    said = json.loads(zenodo_json(wild))
+    assert said["title"] == wild.title
+    paragraphs = html.fragments_fromstring(said["description"])
+    assert [p.tag for p in paragraphs] == ["p"] * len(paragraphs)
+    assert not [e for p in paragraphs for e in p]
+
+
+@pytest.mark.parametrize(
+    ("written", "family", "orcid"),
+    [
+        ("Doe, Jane", "Doe", ""),
+        ("Doe", "", ""),
+        (",", "", ""),
+        ("Doe, J. 0000-0002-1825-009X", "Doe", "0000-0002-1825-009X"),
+    ],
+)
+def test_authors_are_persons_where_both_names_are_told(written, family, orcid):
+    assert (author(written).family, author(written).orcid) == (family, orcid)
+
+
+# --- all forms ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_number_is_told_by_the_same_text_in_all_forms(files, name):
+    card = compose(files[name])
+    readme, browsed = shown(rendered(body(markdown(card)))), shown(html.document_fromstring(page(card, files[name])))
+    told = {" ".join(n.text.split()) for n in numbers(card) if n.text}
+    assert {words for words in told if words not in readme} == set()
+    assert {words for words in told if words not in browsed} == set()
+    found = []
+    json.loads(program.as_json(card), object_pairs_hook=lambda pairs: found.append(dict(pairs)) or dict(pairs))
+    in_json = [(d["value"], d["text"]) for d in found if set(d) == {"value", "text", "unit"}]
+    assert in_json == [(n.value, n.text) for n in numbers(card)]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_two_runs_give_identical_bytes(files, name, tmp_path):
+    for place in ("a", "b"):
+        cards.write(files[name], tmp_path / place, publication=PUBLISHED)
+    for path in (tmp_path / "a").rglob("*"):
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+    assert {path.name for path in (tmp_path / "a").iterdir()} == {"params.json", "README.md", "card.json", "card.html"}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_no_form_tells_where_it_was_written(files, name, tmp_path):
+    cards.write(files[name], tmp_path / "a")
+    assert not [p for p in (tmp_path / "a").iterdir() if str(tmp_path) in p.read_text("utf-8")]
+
+
+def test_lines_of_a_caller_stand_where_the_file_does_not_tell_its_tests(files, tmp_path):
+    cards.write(files["drive"], tmp_path / "a", data_lines=["a record"])
+    card = program.read_card(tmp_path / "a" / "card.json")
+    assert card.design.understood == ("a record",)
+    assert "design" not in card.empty
+
+
+def test_the_public_name_tells_a_file_in_markdown(pf):
+    assert cards.markdown(pf) == markdown(compose(pf))

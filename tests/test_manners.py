@@ -1,0 +1,561 @@
+"""Every public result says what it is on a line, in a notebook and as text, and draws itself on axes that are given.
+
+Results are found by looking: a public class without manners, or one that no builder below makes, fails.
+"""
+
+import ast
+import dataclasses
+import inspect
+import re
+import typing
+from collections.abc import Callable
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+
+import fitmodels
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import controllers, datasets, fit, ident, parameters
+from fitmodels.controllers.constant_load_milling.steady import steady_life
+from fitmodels.datasets.telling import Displayed, Grid, Telling, Told, estimates, measured, worded
+from fitmodels.parameters.published import published
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+ROOMS = (datasets, fit, ident, parameters, controllers)
+FACTORS = ["V", "f", "d", "t"]
+
+# --- results, one of each kind; each is made once, when a test asks for it
+
+
+@cache
+def runs():
+    return datasets.read_runs(datasets.bundled("gc435_709m40"))
+
+
+@cache
+def halves():
+    """Runs of all edges but three, and of these three."""
+    of = runs()
+    edge = of.labels("edge")
+    new = np.isin(edge, list(dict.fromkeys(edge))[-3:])
+    return [
+        dataclasses.replace(of, data=of.data[rows].reset_index(drop=True), lines=of.lines[rows]) for rows in (~new, new)
+    ]
+
+
+@cache
+def law():
+    return fit.power_law(runs(), "AW", FACTORS)
+
+
+@cache
+def load():
+    return fit.power_law(runs(), "P", ["V", "f", "d", "AW"])
+
+
+@cache
+def post():
+    return fit.posterior(law(), seed=1, draws=1000)
+
+
+@cache
+def plant():
+    return ident.Model(b=[0, 0.1, 0.05], a=[1, -1.5, 0.6], nk=1, sample_time=0.02, unit_u="V", unit_y="A")
+
+
+@cache
+def record():
+    u = ident.chirp(amplitude=2.5, f0=0.1, f1=5.0, duration=12, rate=50)
+    y = plant().simulate(u) + 0.05 * np.random.default_rng(1).normal(size=len(u))
+    return datasets.Record(u=u, y=y, sample_time=0.02, unit_u="V", unit_y="A")
+
+
+@cache
+def found():
+    return ident.identify(record(), orders=(2, 2, 1))
+
+
+@cache
+def tuned():
+    return ident.tune_pi(found().model, rise_time=1.0, settling_time=2.0)
+
+
+@cache
+def pf():
+    limits = {"power": 7.0}
+    return parameters.collect(
+        tool="GC435", work="709M40", laws=[law(), load()], posteriors=[post()], dynamics=found().model, pi=tuned(),
+        limits=limits,
+    )  # fmt: skip
+
+
+@cache
+def region():
+    return controllers.visible_region(published("AC-2016"), d=2.5, t=10.0)
+
+
+@cache
+def life_laws():
+    return controllers.life_laws(published("AC-2017"))
+
+
+@cache
+def tool_run():
+    return controllers.constant_load_run(published("CLM-2023"), pass_length=300.0)
+
+
+@cache
+def turned():
+    return controllers.turn(published("SURF"), duration=2.0)
+
+
+def drive():
+    """A mass of 50 kg with friction, in still air: force N, velocity m/s."""
+    t = np.arange(4000) * 1e-3
+    F = 60 * np.sin(2 * np.pi * 0.7 * t) + 30 * np.sin(2 * np.pi * 2.3 * t)
+    v = np.zeros_like(t)
+    for k in range(len(t) - 1):
+        v[k + 1] = v[k] + 1e-3 * (F[k] - 100 * v[k] - 10 * np.tanh(v[k] / 1e-3)) / 50
+    v += 1e-4 * np.random.default_rng(1).normal(size=len(v))
+    return ident.drive_fit(datasets.Record(u=F, y=v, sample_time=1e-3, unit_u="N", unit_y="m/s"))
+
+
+def force():
+    u = 1 + np.sin(0.0003 * np.arange(900.0) ** 2)
+    y = ident.sampled([400.0], [2.0, 76.0, 480.0], 0.01).simulate(u)
+    rec = datasets.Record(u=u, y=y + 0.01 * np.random.default_rng(1).normal(size=len(u)), sample_time=0.01, unit_y="N")
+    return ident.force_process_fit(rec, m=2.0, drive="faster")
+
+
+def step():
+    t = np.arange(-0.1, 2, 0.01)
+    y = np.where(t > 0.1, 2 * (1 - np.exp(-(t - 0.1) / 0.3)), 0.0)
+    return ident.step_response_fit((t, y + 0.01 * np.random.default_rng(1).normal(size=len(t))))
+
+
+def chance():
+    draws = {"AW": parameters.Draws(post().names, post().draws), "P": parameters.Draws(*load_draws())}
+    file = parameters.sealed(pf(), limits={"power": {"value": 4.0, "unit": "kW"}})
+    return controllers.feasibility(file, draws=draws, most=200, grid=(5, 5))
+
+
+@cache
+def load_draws():
+    of = fit.posterior(load(), seed=1, draws=1000)
+    return of.names, of.draws
+
+
+def life_draws():
+    exact = published("AC-2017").laws["AW"]
+    names = ("ln c0", *list(exact.coefficients)[1:])
+    middle = np.array([np.log(exact.coefficients["c0"]), *list(exact.coefficients.values())[1:]])
+    values = middle + 0.01 * np.random.default_rng(1).normal(size=(60, len(middle)))
+    return controllers.life_draws(life_laws(), {"AW": parameters.Draws(names, values)})
+
+
+def latent():
+    return fit.latent_wear(law(), [load()], 0.05, draws=400, method="importance")
+
+
+RESULTS: dict[str, Callable[[], object]] = {
+    "Runs": runs,
+    "Record": record,
+    "SimulatedLaw": lambda: datasets.SimulatedLaw("AW", "mm", 0.01, {"V": 0.5, "t": 0.25}, 0.07, 0.07),
+    "ColumnUse": lambda: runs().columns[0],
+    "Source": lambda: runs().source,
+    "Look": lambda: datasets.looks_like_record(datasets.bundled("gc435_709m40")),
+    "LawFit": law,
+    "LinearFit": lambda: fit.linear(np.random.default_rng(1).normal(size=(20, 2)), np.arange(20.0)),
+    "Adequacy": lambda: fit.adequacy(law()),
+    "Judgement": lambda: fit.judge(law()),
+    "Posterior": post,
+    "JointPosterior": latent,
+    "RivalPosterior": lambda: fit.rival_posterior(law(), "second order in logs", draws=400),
+    "Priors": lambda: post().priors,
+    "Beside": lambda: fit.beside_published(
+        fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1"))), "", "Ck 45"
+    ),
+    "By": lambda: fit.By("material", "steel", ("iron",)),
+    "Composite": lambda: fit.composite(load(), law()),
+    "Confirmation": lambda: fit.confirm(fit.power_law(halves()[0], "AW", FACTORS), halves()[1]),
+    "Domain": lambda: fit.domain(law()),
+    "Dropped": lambda: fit.Dropped("no wear", 3, (4, 5, 9)),
+    "EdgeBootstrap": lambda: fit.edge_bootstrap(law()),
+    "EdgeInference": lambda: law().edges,
+    "Forms": lambda: fit.rival_forms(law()),
+    "GaugeFit": lambda: fit.gauge_corrected(load(), 0.01),
+    "LeftOut": lambda: fit.LeftOut("d", "it never changes"),
+    "NotAvailable": lambda: fit.NotAvailable("no replicated edges"),
+    "Refused": lambda: fit.Refused("Fxz", "no force in the file"),
+    "RobustFit": lambda: fit.robust(law()),
+    "ToolLife": lambda: fit.tool_life(law(), 0.3),
+    "CommonExponent": lambda: fit.common_exponent(law()),
+    "DominantEdge": lambda: fit.dominant_edge(law()),
+    "ErrorStructure": lambda: fit.error_structure(law()),
+    "Model": plant,
+    "ContinuousModel": lambda: ident.to_continuous(plant()),
+    "NoContinuousForm": lambda: ident.to_continuous(ident.Model(b=[0, 1], a=[1, 0.5], nk=1, sample_time=0.1)),
+    "Identification": found,
+    "Validation": lambda: found().validation,
+    "OrderSearch": lambda: found().one_step,
+    "FrequencyResponse": lambda: ident.frequency_response(record()),
+    "ResponseBand": lambda: ident.response_band(found().model, [0.5, 1.0, 2.0]),
+    "StepBand": lambda: ident.step_band(found().model, 2.0),
+    "PredictedErrors": lambda: ident.predicted_errors(plant(), record().u, 0.05),
+    "StepFit": step,
+    "DriveFit": drive,
+    "ForceProcess": force,
+    "TunedPi": tuned,
+    "PiGains": lambda: tuned().gains,
+    "FeasibleMap": lambda: tuned().map,
+    "Specification": lambda: tuned().specification,
+    "Loop": lambda: ident.loop_of(plant(), tuned().gains),
+    "LoopTrace": lambda: ident.simulate_loop(plant(), tuned().gains, np.ones(100)),
+    "PiCheck": lambda: ident.check_pi(plant(), 100.0, 1800.0, rise_time=1.0),
+    "Design": lambda: ident.pi_by_margin(plant(), 2.0),
+    "ParameterFile": pf,
+    "Law": lambda: pf().laws["AW"],
+    "Dynamics": lambda: pf().dynamics,
+    "CheckReport": lambda: parameters.check(pf()),
+    "Finding": lambda: parameters.check(pf()).findings[0],
+    "Draws": lambda: parameters.Draws(post().names, post().draws),
+    "Prediction": lambda: pf().laws["AW"].tell(V=150.0, f=0.4, d=2.0, t=10.0),
+    "Given": lambda: pf().laws["AW"].tell(V=150.0, f=0.4, d=2.0, t=10.0).given[0],
+    "VisibleRegion": region,
+    "Chance": chance,
+    "WearFront": lambda: controllers.wear_front(region(), [0.0, 0.05, 0.1]),
+    "Corner": lambda: region().corners[0],
+    "Point": lambda: region().best,
+    "Life": lambda: controllers.whole_life(life_laws()),
+    "LifeLaws": life_laws,
+    "LifeDraws": life_draws,
+    "Rules": controllers.Rules,
+    "FixedLife": lambda: controllers.best_fixed(life_laws()),
+    "Choice": lambda: controllers.best_exact(life_laws(), controllers.Rules(), 0.0, 0.0),
+    "ToolRun": tool_run,
+    "Trace": lambda: tool_run().trace,
+    "Event": lambda: tool_run().trace.events[0],
+    "CutModel": lambda: controllers.CutModel.from_parameters(published("CLM-2023")),
+    "SteadyLife": lambda: steady_life(
+        controllers.CutModel.from_parameters(published("CLM-2023")), published("CLM-2023").load_line
+    ),
+    "Turned": turned,
+    "StepSize": lambda: controllers.step_study(published("LYAP"), steps=(0.01,), duration=0.2)[0],
+}
+
+# What has no picture, and why
+SENTENCE = "a sentence"
+POINT = "one point: the region, life or map that it is taken from draws it"
+GIVEN = "what is asked for, not what is found"
+PICTURELESS = {
+    **dict.fromkeys(("ColumnUse", "Source", "Look", "By", "Dropped", "LeftOut", "Refused", "Event"), SENTENCE),
+    **dict.fromkeys(("NotAvailable", "NoContinuousForm", "CheckReport", "Finding", "Given"), SENTENCE),
+    **dict.fromkeys(("Corner", "Point", "Choice", "FixedLife", "Design", "StepSize"), POINT),
+    **dict.fromkeys(("SimulatedLaw", "Specification", "LifeLaws", "Rules", "CutModel"), GIVEN),
+}
+# What read_table gives: Runs and Record, which are made of it, have the manners
+BEFORE = {"Table"}
+
+
+@cache
+def made(name):
+    return RESULTS[name]()
+
+
+def test_the_lists_name_what_there_is():
+    assert set(PICTURELESS) <= set(RESULTS)
+    for name in RESULTS:
+        assert type(made(name)).__name__ == name
+
+
+# --- what is public
+
+
+def named_in(hint):
+    """Classes of the package in a type: in unions, tuples and options too."""
+    if inspect.isclass(hint) and hint.__module__.startswith("fitmodels"):
+        yield hint
+    for part in typing.get_args(hint):
+        yield from named_in(part)
+
+
+def public():
+    """Classes that rooms export, and those that their public functions return."""
+    for room in ROOMS:
+        for name in room.__all__:
+            thing = getattr(room, name)
+            if inspect.isclass(thing):
+                yield thing
+            elif callable(thing):
+                yield from named_in(inspect.signature(thing, eval_str=False).return_annotation)
+
+
+CLASSES = sorted(
+    {
+        of for of in public()
+        if not issubclass(of, Exception) and not getattr(of, "_is_protocol", False) and of.__name__ not in BEFORE
+    },
+    key=lambda of: (of.__module__, of.__name__),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("of", CLASSES, ids=lambda of: of.__name__)
+def test_every_public_class_says_what_it_is(of):
+    assert issubclass(of, Told), f"{of.__name__} inherits Told, and its decorator says repr=False"
+    assert of.__repr__ is Displayed.__repr__, f"@dataclass(..., repr=False) on {of.__name__}, or repr dumps every field"
+
+
+@pytest.mark.parametrize("of", CLASSES, ids=lambda of: of.__name__)
+def test_every_public_result_is_tried_below_and_draws_itself(of):
+    section = of.__module__.startswith("fitmodels.parameters.sections")
+    machine = dataclasses.is_dataclass(of) and not of.__dataclass_params__.frozen  # controllers and plants
+    if machine or (section and not hasattr(of, "plot")):
+        return  # a trace draws the one, the file the other
+    assert of.__name__ in RESULTS, f"make one in RESULTS of {Path(__file__).name}"
+    assert hasattr(of, "plot") != (of.__name__ in PICTURELESS), f"{of.__name__}.plot(ax=None), or why it has none"
+
+
+# --- manners
+
+
+class Checked(HTMLParser):
+    """Closed tags of a few kinds, with a style at most, and no colour."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.text = [], ""
+
+    def handle_starttag(self, tag, attrs):
+        assert tag in {"div", "p", "strong", "table", "tr", "th", "td"}
+        assert {name for name, _ in attrs} <= {"style"}
+        assert not re.search(r"color|background: (?!none)|#[0-9a-f]", dict(attrs).get("style", ""))
+        self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture(params=RESULTS)
+def result(request):
+    return made(request.param)
+
+
+def test_a_line_tells_it_and_no_array_is_dumped(result):
+    said = repr(result)
+    assert said.startswith(f"{type(result).__name__}: ")
+    assert len(said.splitlines()) <= 4
+    assert max(map(len, said.splitlines())) <= 110
+    assert not re.search(r"array\(|dtype|\bnan\b|object at 0x|[0-9a-f]{40}|nothing to tell", said)
+    assert said == repr(result)
+
+
+def test_a_notebook_gets_a_plain_table(result):
+    page = Checked()
+    page.feed(result._repr_html_())
+    assert page.open == []
+    assert 10 < len(page.text) < 12_000
+    assert not re.search(r"array\(|\bnan\b|[0-9a-f]{40}", page.text)
+
+
+def test_the_summary_is_text_and_begins_with_what_it_is(result):
+    said = result.summary()
+    assert isinstance(said, str)
+    assert len(said.splitlines()) < 120
+    assert "<" not in said.replace("<0.001", "").replace("p < .001", "")
+    assert "array(" not in said
+
+
+@pytest.mark.parametrize("name", [name for name in RESULTS if name not in PICTURELESS])
+def test_a_picture_is_axes_that_a_notebook_shows_and_nothing_else(name):
+    result = made(name)
+    own = result.plot()
+    assert isinstance(np.ravel(own)[0], Axes)
+    assert hasattr(own, "_repr_png_")
+    parameter = inspect.signature(result.plot).parameters["ax"]
+    assert parameter.default is None
+    if name != "Posterior":  # several panels: what and banner come before
+        given = Figure().subplots()
+        assert result.plot(given) is given
+        assert given.has_data()
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_frame_has_rows_and_named_columns(name):
+    result = made(name)
+    if hasattr(result, "to_frame"):
+        frame = result.to_frame()
+        assert isinstance(frame, pd.DataFrame)
+        assert len(frame) > 0
+        assert all(isinstance(column, str) and column for column in frame.columns)
+
+
+def test_frames_hold_the_numbers_of_their_results():
+    np.testing.assert_array_equal(runs().to_frame()["AW"], runs().values("AW"))
+    assert runs().to_frame().attrs["units"]["V"] == "m/min"
+    frame = record().to_frame()
+    np.testing.assert_array_equal(frame["u"], record().u)
+    np.testing.assert_allclose(frame.index, 0.02 * np.arange(len(record())), rtol=1e-12)
+    table = law().table(0.9)
+    np.testing.assert_array_equal(table[["low", "high"]], law().conf_int(0.9))
+    np.testing.assert_array_equal(table["estimate"], law().params)
+    trace = tool_run().trace.to_frame()
+    np.testing.assert_array_equal(trace["wear"], tool_run().trace.recorded["wear"])
+    stretches = dataclasses.replace(record(), starts=(0, 100), offsets=None).to_frame()["stretch"]
+    assert stretches.tolist() == [0] * 100 + [1] * (len(record()) - 100)
+
+
+# --- what everything stands on
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        (
+            "LawFit",
+            "AW [mm] = 0.0086 V^0.533 f^0.167 d^0.316 t^0.2465, R2 0.893, residual SE 0.0958 ln, 239 rows of 24",
+        ),
+        ("Runs", "GC435 on 709M40 (En 19), simulated: 239 rows of 24 edges; V 50 to 200 m/min, f 0.06 to 0.6 mm/rev"),
+        ("Model", "given of u to y, na 2, nb 2, nk 1 at 0.02 s, gain 1.5 A/V, poles 0.75 ± 0.1936j"),
+        ("Record", "600 samples, 12 s at 50 Hz; u -2.5 to 2.5 V"),
+        ("ParameterFile", "GC435 on 709M40: laws AW, P; posterior; dynamics; pi; limits"),
+        ("VisibleRegion", "6 corners at d 2.5 mm, t 10 min; best V 147.9 m/min, f 0.5302 mm/rev: MRR 196028 mm3/min"),
+    ],
+)
+def test_main_numbers_come_with_their_units(name, said):
+    assert said in repr(made(name)).replace("\n", " ")
+
+
+def test_text_of_files_is_escaped():
+    nasty = dataclasses.replace(record(), output='<script>alert("y")</script>', notes=("a < b & c",))
+    page = nasty._repr_html_()
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+    assert "a &lt; b &amp; c" in page
+
+
+@dataclasses.dataclass(frozen=True, slots=True, repr=False)
+class Odd(Told):
+    many: np.ndarray
+    text: str = "x" * 64
+    nothing: None = None
+    _hidden: int = 3
+    of: tuple = (1.0, "two", {"V": 0.57712})
+
+
+@pytest.mark.parametrize(
+    ("many", "said"),
+    [
+        (np.arange(100.0), "many 100 values, 0 to 99"),
+        (np.zeros((3, 4)), "many 3 by 4 values"),
+        (np.array([]), "Odd: text xxx"),
+        (np.array(2.5), "many 2.5"),
+        (np.array([1 + 2j] * 20), "many 20 values"),
+        (np.array(["a"] * 20, dtype=object), "many 20 of them"),
+    ],
+    ids=["long", "a matrix", "empty", "one number", "complex", "texts"],
+)
+def test_fields_of_any_kind_are_told_in_a_few_words(many, said):
+    assert said in repr(Odd(many))
+    assert "hidden" not in repr(Odd(many))
+    assert "nothing" not in repr(Odd(many))
+    assert "of 1; two; V 0.5771" in repr(Odd(many)).replace("\n", " ")
+
+
+def test_a_long_hash_is_shortened_and_a_long_sentence_broken():
+    assert worded("ab12" * 16) == "ab12ab12ab12..."
+    assert len(repr(Odd(np.zeros(2), text="word " * 300)).splitlines()) <= 4
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "said"),
+    [(0.577123, 0.0213, "0.577 ± 0.021 mm"), (2.0, None, "2 mm"), (1.0, np.nan, "1 mm"), (0.0, 0.5, "0.00 ± 0.50 mm")],
+    ids=["rounded by its error", "without one", "of an unknown one", "zero"],
+)
+def test_a_value_is_told_as_its_uncertainty_deserves(value, error, said):
+    assert measured(value, error, "mm") == said
+
+
+def test_a_grid_is_the_same_in_text_and_on_a_page():
+    grid = estimates(["V", "f"], [0.577123, 0.33], [0.0213, None], [0.53, np.nan], [0.62, np.inf], units=["", "1/mm"])
+    assert grid.rows == (("V", "0.577", "0.021", "0.530", "0.620", ""), ("f", "0.33", "", "", "", "1/mm"))
+    page = Checked()
+    page.feed(grid.html())
+    assert page.text == "".join((*grid.header, *(cell for row in grid.rows for cell in row)))
+    assert grid.text().splitlines()[1].split() == ["V", "0.577", "0.021", "0.530", "0.620"]
+    assert Grid(("", ""), (("a", "b"),)).text() == "a  b"  # no empty head
+
+
+def test_a_telling_may_be_a_head_alone():
+    class Bare(Told):
+        def _telling(self):
+            return Telling("nothing more")
+
+    assert repr(Bare()) == "Bare: nothing more"
+    assert Bare().summary() == "Bare: nothing more"
+    assert Bare()._repr_html_() == "<div><p><strong>Bare</strong>: nothing more</p></div>"
+
+
+def test_nothing_in_the_package_uses_pyplot():
+    """Figures of pyplot stay open, are shown twice by notebooks, and ask for a screen."""
+    home = Path(fitmodels.__file__).parent
+    for path in home.rglob("*.py"):
+        if {"tests", "docs", "notebooks", "benchmarks"} & set(path.relative_to(home).parts):
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+            module = getattr(node, "module", None) or ""
+            assert not any("pyplot" in name for name in (*names, module)), path
+            assert not (isinstance(node, ast.Attribute) and node.attr == "pyplot"), path
+
+
+def test_a_notebook_shows_results_and_pictures():
+    """As IPython asks: results as HTML, axes, sheets of axes and figures made without pyplot as PNG."""
+    formatters = pytest.importorskip("IPython.core.formatters")
+    shown = formatters.DisplayFormatter()
+    assert {"text/plain", "text/html"} <= set(shown.format(law())[0])
+    for picture in (law().plot(), law().plot().figure, post().plot("pairs"), record().plot()):
+        data, about = shown.format(picture)
+        assert data["image/png"][:8] == b"\x89PNG\r\n\x1a\n"
+        inches = np.ravel(picture)[0].get_figure().get_size_inches() if not isinstance(picture, Figure) else None
+        width = about["image/png"]["width"]
+        assert width == (round(100 * inches[0]) if inches is not None else 480)
+
+
+@pytest.mark.parametrize(
+    ("patience", "lines"), [(0.0, ["drawing: 10 steps, 5 effective", "drawing: 20 steps, 9 effective"]), (60.0, [])],
+    ids=["at once", "only of long runs"],
+)  # fmt: skip
+def test_a_long_run_renews_one_line_in_a_notebook(monkeypatch, patience, lines):
+    ipython = pytest.importorskip("IPython")
+    display = pytest.importorskip("IPython.display")
+    shown = []
+
+    class Handle:
+        def update(self, line):
+            shown.append(repr(line))
+
+    def first(line, display_id):
+        shown.append(repr(line))
+        return Handle()
+
+    monkeypatch.setattr(ipython, "get_ipython", lambda: type("Shell", (), {"kernel": None})())
+    monkeypatch.setattr(display, "display", first)
+    progress = fit.watch(patience=patience)
+    progress(10, 5.2)
+    progress(20, 9.4)
+    assert [line.split(" draws")[0] for line in shown] == lines
+
+
+@pytest.mark.parametrize("terminal", [True, False], ids=["at a terminal", "into a pipe"])
+def test_a_long_run_renews_one_line(monkeypatch, capsys, terminal):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
+    fit.watch("sampling", patience=0.0)(10, 5.2)
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert ("sampling: 10 steps, 5 effective draws, 0 s" in written.err) == terminal
