@@ -1,0 +1,34 @@
+"""The notebooks of ``notebooks/`` as pages: copied beside the pages before a build, with a page that lists them."""
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+NONE = "There are none in this checkout.\n"
+
+
+def gather(source: Path, target: Path) -> None:
+    """Copy what has changed, drop what is gone, and list what is there."""
+    target.mkdir(exist_ok=True)
+    found = sorted(source.glob("*.ipynb"))
+    for old in target.glob("*.ipynb"):
+        if old.name not in {path.name for path in found}:
+            old.unlink()
+    for path in found:
+        if not (copy := target / path.name).is_file() or copy.read_bytes() != path.read_bytes():
+            shutil.copyfile(path, copy)
+    listed = "\n".join(["```{toctree}", ":maxdepth: 1", "", *(path.stem for path in found), "```"]) if found else NONE
+    intro = "Each was executed when these pages were built; outputs are not kept in the checkout.\n"
+    page = f"# Notebooks\n\n{intro}\n{listed}\n"
+    if not (index := target / "index.md").is_file() or index.read_text("utf-8") != page:
+        index.write_text(page, encoding="utf-8")
+
+
+def setup(app: "Sphinx") -> dict[str, bool]:
+    """Gather the notebooks before anything is read."""
+    here = Path(app.srcdir)
+    app.connect("builder-inited", lambda _: gather(here.parent / "notebooks", here / "_notebooks"))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,111 @@
+"""Make the example files of the documentation again: ``python docs/examples/make.py``.
+
+Every file is simulated and says so in its first line. The tests make them again and compare.
+"""
+
+import csv
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+from fitmodels import datasets, ident
+from fitmodels.parameters.published import published
+
+HERE = Path(__file__).parent
+HEADERS = (
+    *("Schneide", "Schnittgeschwindigkeit vc", "Vorschub f", "Schnitttiefe ap"),
+    *("Zeit", "VB", "Leistung", "Bemerkung"),
+)
+TIMES = (4, 8, 12, 16, 20)  # min, the sub-tests that the workshop file keeps
+SENSOR_SD = 0.002  # A, of the current clamp
+
+
+def workshop() -> list[list[str]]:
+    """The bundled simulated tests as a German workshop would keep them."""
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40")).data
+    rows = [
+        ["# simuliert (simulated): keine Messung; aus den Gesetzen von Alaskari & Oraby 2016"],
+        ["# Werkzeug: GC435"],
+        ["# Werkstoff: 709M40"],
+        list(HEADERS),
+        ["", "m/min", "mm/U", "mm", "min", "µm", "kW", ""],
+    ]  # fmt: skip
+    for row in runs[runs["t"].isin(TIMES)].itertuples():
+        numbers = (row.V, row.f, row.d, row.t, 1000 * row.AW, row.P)
+        digits = (f"{value:.4g}".replace(".", ",") for value in numbers)
+        rows.append([row.edge, *digits, "Span lang" if row.f < 0.1 and row.t == TIMES[0] else ""])
+    return rows
+
+
+def further() -> list[list[str]]:
+    """Six more rows on two edges, drawn from the published law of wear with its scatter of 10 %."""
+    rows = [
+        ["# simuliert (simulated): keine Messung"],
+        ["Schneide", "vc [m/min]", "f [mm/U]", "ap [mm]", "t [min]", "VB [µm]"],
+    ]
+    noise = np.random.default_rng(24)
+    for edge, V, f, d in (("N01", 80, 0.25, 2.0), ("N02", 160, 0.15, 2.5)):
+        for t in (5, 10, 15):
+            wear = 7.62 * V**0.577 * f**0.168 * d**0.248 * t**0.245 * np.exp(0.1 * noise.standard_normal())
+            rows.append([edge, str(V), f"{f}".replace(".", ","), f"{d}".replace(".", ","), str(t), f"{wear:.0f}"])
+    return rows
+
+
+def inches() -> list[list[str]]:
+    """Half as many tests in sfm, ipr and thousandths, without an edge column."""
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40")).data
+    rows = [["# simulated: no measurement"], ["SFM", "feed (ipr)", "DOC (in)", "time (min)", "VB (in)", "power (hp)"]]
+    for row in runs[runs["t"].isin((10, 20))].itertuples():
+        values = (row.V / 0.3048, row.f / 25.4, row.d / 25.4, row.t, row.AW / 25.4, row.P / 0.745700)
+        rows.append([f"{value:.4g}" for value in values])
+    return rows
+
+
+def drive(seed: int) -> list[list[str]]:
+    """Fifteen seconds of a chirp on the published drive (Tai, Tsai & Li 2023, eq. 17 and 18), seen by a noisy clamp."""
+    plant = published("CLM-2023").dynamics
+    u = np.round(ident.chirp(amplitude=2.5, f0=0.1, f1=2.0, duration=15, rate=50), 4)
+    y = np.asarray(plant.simulate(u)) + SENSOR_SD * np.random.default_rng(seed).standard_normal(u.size)
+    rows = [["# simulated: no measurement; Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 17 and 18"]]
+    rows.append(["time [s]", "command [V]", "current [A]"])
+    rows += [[f"{0.02 * k:.2f}", f"{a:.4f}", f"{b:.4f}"] for k, (a, b) in enumerate(zip(u, y, strict=True))]
+    return rows
+
+
+def milling() -> list[list[str]]:
+    """Spindle current over feed and wear as in end milling at constant load (the same paper, eq. 14)."""
+    law = published("CLM-2023").laws["I"]
+    noise = np.random.default_rng(14)
+    rows = [["# simulated: no measurement; Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 14"]]
+    rows += [["# tool: AA238M-0200-D4-ML-10"], ["# work: S45C"], ["feed rate [mm/min]", "VB [um]", "I [A]"]]
+    for wear in (20, 80, 140, 200):
+        for feed in (500, 700, 900, 1100):
+            told = float(law.predict(fm=feed, VB=wear)) + 0.003 * noise.standard_normal()
+            rows.append([str(feed), str(wear), f"{told:.3f}"])
+    return rows
+
+
+FILES = {
+    "verschleiss.csv": (workshop, ";"),
+    "neu.csv": (further, ";"),
+    "inch.csv": (inches, ","),
+    "drive.csv": (lambda: drive(18), ","),
+    "drive-again.csv": (lambda: drive(19), ","),
+    "milling.csv": (milling, ","),
+}
+
+
+def text(name: str) -> str:
+    """An example file, whole."""
+    made, mark = FILES[name]
+    out = StringIO()
+    for row in made():
+        out.write(row[0] + "\n") if len(row) == 1 else csv.writer(out, delimiter=mark, lineterminator="\n").writerow(
+            row
+        )
+    return out.getvalue()
+
+
+if __name__ == "__main__":
+    for name in FILES:
+        (HERE / name).write_text(text(name), encoding="utf-8")

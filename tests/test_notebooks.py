@@ -1,0 +1,162 @@
+"""The notebooks: what every reader may count on, and (``-m notebooks``) that each runs, with real data and without.
+
+The documentation executes each of them when it is built; the marked tests are for whoever works on them.
+"""
+
+import os
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+nbformat = pytest.importorskip("nbformat", reason="pip install nbformat")
+
+FOLDER = Path(__file__).parents[1] / "notebooks"
+PATHS = sorted(FOLDER.glob("*.ipynb"))
+SECONDS = 60  # of one notebook on one core, with room for a busy machine
+LINES = 18  # of code in a cell: more is a program, not a step of a story
+WORDS = re.compile(r"[a-z]+(-[a-z0-9]+)*")  # an id that a person gave; tools that lose it put eight random digits there
+SENTENCE = 40  # words
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:jupyter_client")
+
+
+@pytest.fixture(params=PATHS, ids=lambda path: path.stem)
+def notebook(request):
+    return nbformat.read(request.param, as_version=4)
+
+
+def code(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def prose(notebook):
+    return [cell.source for cell in notebook.cells if cell.cell_type == "markdown"]
+
+
+def test_there_are_six_in_their_order():
+    assert [path.name[0] for path in PATHS] == list("123456")
+
+
+def test_it_is_a_valid_notebook(notebook):
+    nbformat.validate(notebook)
+    assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
+
+
+def test_nothing_that_was_run_is_kept(notebook):
+    for cell in code(notebook):
+        assert (cell.outputs, cell.execution_count) == ([], None), cell.id
+
+
+def test_metadata_says_which_kernel_and_no_more(notebook):
+    assert notebook.metadata == {
+        "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+        "language_info": {"name": "python"},
+    }
+    assert all(cell.metadata == {} for cell in notebook.cells)
+
+
+def test_ids_are_words_that_stay(notebook):
+    ids = [cell.id for cell in notebook.cells]
+    assert len(set(ids)) == len(ids)
+    for one in ids:
+        assert WORDS.fullmatch(one), one
+
+
+def test_it_opens_with_what_one_learns_and_ends_with_what_it_does_not_show(notebook):
+    first, last = prose(notebook)[0], prose(notebook)[-1]
+    assert notebook.cells[0].source == first
+    assert notebook.cells[-1].source == last
+    assert re.match(r"# \d\. ", first)
+    assert "**What you learn:**" in first
+    assert "## What to do next" in last
+    assert "## What this does not show" in last
+
+
+def test_it_says_at_once_whether_the_data_are_simulated(notebook):
+    assert re.search(r"\bsimulated\b", prose(notebook)[0])
+
+
+def test_it_has_one_title(notebook):
+    assert sum(len(re.findall(r"(?m)^# ", text)) for text in prose(notebook)) == 1
+
+
+def test_cells_are_short(notebook):
+    for cell in code(notebook):
+        assert len([line for line in cell.source.splitlines() if line.strip()]) <= LINES, cell.id
+
+
+def test_sentences_are_short(notebook):
+    for text in prose(notebook):
+        for sentence in re.split(r"[.:?!]\s|\n\n|\n- ", re.sub(r"`[^`]*`", "code", text)):
+            assert len(sentence.split()) <= SENTENCE, sentence
+
+
+def test_it_runs_anywhere(notebook):
+    for cell in notebook.cells:
+        assert not re.search(r"(?<![\w.:/])(/[a-z]\w*/|~/|[A-Z]:\\)", cell.source), f"{cell.id}: a path of one machine"
+    for cell in code(notebook):
+        assert ".show(" not in cell.source, f"{cell.id}: a plot shows itself"
+        assert not re.search(r"(?m)^[!]", cell.source), f"{cell.id}: a command of one shell"
+
+
+def test_it_uses_public_names_alone(notebook):
+    for cell in code(notebook):
+        assert not re.search(r"fitmodels\.[\w.]*\._|\b\w+\._[a-z]", cell.source), cell.id
+
+
+def executed(path, folder, data):
+    """The notebook as it came out, and its seconds; one thread, with ``data`` or without real data."""
+    nbclient = pytest.importorskip("nbclient", reason="pip install nbclient ipykernel")
+    pytest.importorskip("ipykernel", reason="pip install nbclient ipykernel")
+    env = {name: value for name, value in os.environ.items() if name != "FITMODELS_DATA"}
+    env |= {"OMP_NUM_THREADS": "1"} | ({"FITMODELS_DATA": data} if data else no_network(folder))
+    notebook = nbformat.read(path, as_version=4)
+    where = {"metadata": {"path": str(folder)}}
+    client = nbclient.NotebookClient(
+        notebook, timeout=4 * SECONDS, kernel_name="python3", resources=where, allow_errors=True
+    )
+    began = time.perf_counter()
+    client.execute(env=env)
+    seconds = time.perf_counter() - began
+    for cell, out in outputs(notebook):
+        assert out.output_type != "error", f"{cell.id}: {out.ename}: {out.evalue}"
+        assert not data or out.get("name") != "stderr", f"{cell.id}: {out.text}"  # a download may tell of itself there
+    return notebook, seconds
+
+
+def no_network(folder):
+    """Nothing was downloaded before, and nothing can be: a proxy where nobody listens."""
+    nobody = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
+    return nobody | {"XDG_CACHE_HOME": str(folder), "no_proxy": "", "NO_PROXY": ""}
+
+
+def outputs(notebook):
+    return [(cell, out) for cell in code(notebook) for out in cell.outputs]
+
+
+def printed(notebook):
+    return "".join(out.text for _, out in outputs(notebook) if out.output_type == "stream")
+
+
+def pictures(notebook):
+    return [out for _, out in outputs(notebook) if "image/png" in out.get("data", {})]
+
+
+@pytest.mark.notebooks
+@pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
+def test_it_runs_and_shows_its_figures_within_a_minute(path, tmp_path):
+    notebook, seconds = executed(path, tmp_path, os.environ.get("FITMODELS_DATA"))
+    assert seconds < SECONDS
+    if path.stem != "6_real_data" or "FITMODELS_DATA" in os.environ:
+        assert len(pictures(notebook)) >= 2
+
+
+@pytest.mark.notebooks
+def test_real_data_that_are_not_there_are_skipped_with_a_reason(tmp_path):
+    notebook, _ = executed(FOLDER / "6_real_data.ipynb", tmp_path, None)
+    said = printed(notebook)
+    assert said.count("skipped: ") == 3
+    assert "here: none" in said
+    assert not pictures(notebook)
