@@ -264,6 +264,7 @@ def test_units_of_command_and_load_do_not_matter(u, y):
         assert other[name] == pytest.approx(one[name], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_long_average_does_not_take_long():
     """Of 1000 samples: the characteristic polynomial is too long for its roots, and stable or not all the same."""
     model = Dynamics(**PLANT, uncertainty=NONE)
@@ -301,6 +302,7 @@ def judged(content):
         return str(error)
 
 
+@pytest.mark.slow
 def test_ten_thousand_damaged_files_are_named_errors_or_valid_files(pf):
     """A file is read and checked, or refused in one sentence; what is read can be written again."""
     rng = random.Random(20240501)  # noqa: S311

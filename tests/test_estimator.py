@@ -28,6 +28,7 @@ def rows(runs):
     return runs.to_frame()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", ["multiplicative", "additive"])
 def test_all_checks_of_scikit_learn_pass(error):
     results = check_estimator(fit.PowerLawRegressor(error=error, floor=1e-3), on_fail=None, on_skip=None)

@@ -115,6 +115,7 @@ def moments_by_sum(density, phi):
     return mean, np.sqrt(weight @ (told - mean) ** 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [False, True], ids=["independent rows", "edges have levels"])
 @pytest.mark.parametrize("strength", ["weak", "strong", "flat"])
 def test_moments_equal_a_sum_over_all_parameters(edges, strength):

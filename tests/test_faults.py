@@ -6,6 +6,7 @@ Every controller that reads a sensor meets every fault of `controllers.FAULTS`, 
 import numpy as np
 import pytest
 from fitmodels import controllers
+from fitmodels.controllers.faults import saturated
 from fitmodels.parameters.published import published
 
 START = 8.0  # s: every loop has settled
@@ -43,6 +44,16 @@ def loop(request):
     return LOOPS[request.param]()
 
 
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_reading_may_be_a_number_of_numpys(name):
+    commands = []
+    for kind in (float, np.float64):
+        controller, plant, dt, _ = LOOPS[name]()
+        told = controllers.Faulty(plant, lambda reading, _, kind=kind: kind(reading))
+        commands.append(controllers.replay(controller, told, duration=0.5, dt=dt).command.tolist())
+    assert commands[0] == commands[1]
+
+
 @pytest.mark.parametrize("lasts", [float("inf"), 0.5])
 @pytest.mark.parametrize("name", controllers.FAULTS)
 def test_the_feed_stays_inside_its_limits_and_above_zero(loop, name, lasts):
@@ -54,6 +65,20 @@ def test_the_feed_stays_inside_its_limits_and_above_zero(loop, name, lasts):
     assert (feed > 0).all()
     assert feed.min() >= low - 1e-12
     assert feed.max() <= high + 1e-12
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_sensor_that_saturates_below_the_set_point_is_told_and_leaves_the_feed_inside_its_limits(name, share):
+    controller, plant, dt, (low, high) = LOOPS[name]()
+    settled = controllers.replay(controller, plant, duration=START, dt=dt).measurement[-1]
+    controller, plant, *_ = LOOPS[name]()
+    faulty = controllers.Faulty(plant, saturated(share * settled), START)
+    trace = controllers.replay(controller, faulty, duration=START + 4, dt=dt)
+    feed = trace.command[trace.time > 2]
+    assert low - 1e-12 <= feed.min() <= feed.max() <= high + 1e-12
+    assert feed.min() > 0
+    assert any(event.time >= START - 2 * dt for event in trace.events), "nothing is told"
 
 
 @pytest.mark.parametrize("name", ["not a number", "infinite", "wrong sign"])

@@ -8,6 +8,8 @@ from fitmodels import ident, parameters
 from fitmodels.cli import main
 from fitmodels.ident import Model
 
+pytestmark = pytest.mark.slow  # of its kind: left out where other versions of Python are tried
+
 G = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 
 

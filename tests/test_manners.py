@@ -265,6 +265,7 @@ def made(name):
     return RESULTS[name]()
 
 
+@pytest.mark.slow
 def test_the_lists_name_what_there_is():
     assert set(PICTURELESS) <= set(RESULTS)
     for name in RESULTS:
@@ -501,6 +502,7 @@ def test_a_telling_may_be_a_head_alone():
     assert Bare()._repr_html_() == "<div><p><strong>Bare</strong>: nothing more</p></div>"
 
 
+@pytest.mark.slow
 def test_nothing_in_the_package_uses_pyplot():
     """Figures of pyplot stay open, are shown twice by notebooks, and ask for a screen."""
     home = Path(fitmodels.__file__).parent
@@ -514,6 +516,7 @@ def test_nothing_in_the_package_uses_pyplot():
             assert not (isinstance(node, ast.Attribute) and node.attr == "pyplot"), path
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_results_and_pictures():
     """As IPython asks: results as HTML, axes, sheets of axes and figures made without pyplot as PNG."""
     formatters = pytest.importorskip("IPython.core.formatters")

@@ -292,6 +292,7 @@ def test_the_summary_tells_change_regulation_gain_and_scaling(pf):
     for words in ("Change the tool at VB", "inside the window of 180 to 220 um", "within the 1 % of the paper",
                   "Against a constant feed of", "rested there for", "derived, not measured", "no draws"):  # fmt: skip
         assert words in text
+    assert "slot milling asks for the change" in text
     assert any("simulated" in words for words in told.assumed)
     assert any("assumption: that life ends at" in words for words in told.assumed)
     assert json.loads(json.dumps(told.facts))["simulated"] is True

@@ -439,6 +439,7 @@ def hexed(value):
     return value.hex() if isinstance(value, float) else value
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(files())
 def test_what_is_written_is_read(pf):

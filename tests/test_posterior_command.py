@@ -48,6 +48,7 @@ def test_draws_in_the_folder_are_those_of_the_laws(run, tmp_path):
     assert hashlib.sha256((folder / "draws.npz").read_bytes()).hexdigest() == pf.posterior.draws_sha256
 
 
+@pytest.mark.slow
 def test_the_seed_decides_and_is_told(run, tmp_path):
     for out, seed in (("a", 5), ("b", 5), ("c", 6)):
         assert run(GC435, "--out", out, "--seed", seed)[0] == 0
@@ -116,6 +117,7 @@ def test_a_law_that_rows_meet_exactly_has_a_reason_and_no_draws(run, tmp_path):
     assert not (folder / "draws.npz").exists()
 
 
+@pytest.mark.slow
 def test_verified_draws_say_so(run, tmp_path):
     code, out, _ = run(SHORT, "--out", "a", "--verify")
     assert code == 0, out

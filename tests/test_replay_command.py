@@ -40,6 +40,7 @@ def test_the_name_of_a_paper_stands_for_its_file(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())  # nothing is drawn without --out
 
 
+@pytest.mark.slow
 def test_the_same_seed_tells_the_same(capsys):
     said = []
     for seed in ("1", "1", "2"):

@@ -118,6 +118,7 @@ def test_a_slope_that_is_not_told_from_zero_leaves_no_interval():
     assert "B is not told from zero" in line.upper.interval.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_interval_of_the_lower_limit_holds_the_truth_as_often_as_it_says(seed):
     """90 % of 200 studies within 4 standard errors of Monte Carlo; true limit (0.24 - A - 0.2 k1)/B."""

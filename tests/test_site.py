@@ -300,6 +300,7 @@ def test_slugs_are_always_different(named):
 # --- the same again, whole or not at all
 
 
+@pytest.mark.slow
 def test_one_job_and_two_write_the_same_bytes(pairs, made, tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "FEW", 2)
     heard = []

@@ -62,6 +62,12 @@ rows = st.lists(
 )
 
 
+def test_a_blank_within_one_number_does_not_outvote_the_commas_of_every_row(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join([*PREAMBLE, "edge,V,AW", "E0,0.5,0.5", "E1,n/a,0.0", "E1,n/a,1 000.0"]), "utf-8")
+    assert [column.name for column in read_table(path).columns] == ["edge", "V", "AW"]
+
+
 @settings(max_examples=300, deadline=None)
 @given(
     dialect=dialects(), body=rows, units=st.booleans(), preamble=st.booleans(),

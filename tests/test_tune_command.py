@@ -6,6 +6,9 @@ import pytest
 from fitmodels import ident, parameters
 from fitmodels.cli import main
 from fitmodels.ident import Model
+from fitmodels.parameters.published import published
+
+pytestmark = pytest.mark.slow  # of its kind: left out where other versions of Python are tried
 
 # Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18
 G = Model(
@@ -101,3 +104,23 @@ def test_a_file_without_dynamics_says_what_to_do(tmp_path, monkeypatch, capsys):
     code, _, err = tune(capsys, "--rise", "2")
     assert code == 2
     assert "fitmodels ident" in err
+
+
+@pytest.mark.parametrize(
+    ("scaling", "words"),
+    [
+        ((), "For gains in feed: --scaling 1459 --unit mm/min."),
+        (("--scaling", "1459", "--unit", "mm/min"), None),  # the paper's, G(1)/B
+        (("--scaling", "1700", "--unit", "mm/min"), None),  # two experiments do not agree to the digit
+        (("--scaling", "200", "--unit", "mm/min"), "Said was 200, 0.14 times that"),
+        (("--scaling", "2", "--unit", "rpm"), None),  # not the unit of the law
+    ],
+    ids=["none is said", "the right one", "nearly the right one", "a wrong one", "another unit"],
+)
+def test_a_scaling_is_held_against_the_load_law_of_the_file(tmp_path, monkeypatch, capsys, scaling, words):
+    monkeypatch.chdir(tmp_path)
+    parameters.write(parameters.sealed(published("CLM-2023"), pi=None), tmp_path / "p.json")
+    code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", *scaling)
+    assert code == 0
+    assert ("By the load law 1 V is 1459 mm/min" in out) == (words is not None)
+    assert words is None or words in out

@@ -237,7 +237,7 @@ def _sample(data: bytes, encoding: str) -> list[str]:
 
 
 def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None:
-    """Split the lines and tell (does a text row fit the numbers' width, share of numbers, delimiter)."""
+    """Split the lines and tell (does a text row fit the numbers' width, share of numbers in all lines, delimiter)."""
     rows = [split_line(line, delimiter) for line in lines]
     numbers = [sum(map(is_number, row)) for row in rows]
     first = next((i for i, row in enumerate(rows) if len(row) > 1 and numbers[i]), None)
@@ -249,4 +249,4 @@ def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None
     width = Counter(len(row) for row, count in block if count).most_common(1)[0][0]
     has_header = any(len(row) == width and not count for row, count in zip(rows[:first], numbers, strict=False))
     filled = sum(1 for row, _ in block for cell in row if cell.strip())
-    return has_header, sum(count for _, count in block) / filled, delimiter
+    return has_header, sum(count for _, count in block) / filled * len(block) / len(rows), delimiter
