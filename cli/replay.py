@@ -100,8 +100,13 @@ def _block(one: "Replayed") -> "RenderableType":
 
     head = Text(one.title, style="bold")
     head.append("   simulated", style="not bold")
-    lines = [*one.lines, *(f"Assumed: {line}" for line in one.assumed)]
+    lines = [*one.lines, *(_marked(line) for line in one.assumed)]
     return Group(head, Padding(Group(*(Text(line) for line in lines)), (0, 0, 1, 2)))
+
+
+def _marked(line: str) -> str:
+    """What was assumed, with its mark; a reconstruction has its own."""
+    return line if line.startswith("Reconstruction: ") else f"Assumed: {line.removeprefix('Assumption: ')}"
 
 
 def _drawn(told: "list[Replayed]", folder: Path) -> list[str]:

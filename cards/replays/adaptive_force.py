@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import Replayed
+from .adaptive_force_proof import of_estimates, of_proof, of_steps, percent
 
 if TYPE_CHECKING:
     from ...controllers.adaptive_force import ForceRun, Held, StepSize
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
 
 TITLE = "Adaptive force control in end milling (LYAP, eq. 2.1-10), held against a fixed PI"
 RIPPLE, NOISE = 0.3, 2.0  # share of the force, and N
-ROUNDING = 1e-12  # of V
 
 
 def lacks(pf: "ParameterFile") -> str:
@@ -67,7 +67,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     proof, rows = depth_step_run(pf, depths=plan), step_study(pf)
     lines = [
         _at_depths(single, section), _at_steps(stepped), *([_beside(single, stepped, rivals, rival)] if rival else []),
-        _proof(proof, stepped), _estimates(stepped), *_steps(rows),
+        of_proof(proof, stepped), of_estimates(stepped), *of_steps(rows),
     ]  # fmt: skip
     figures = {
         "adaptive_force_depths": draw.three_depths(single, rivals),
@@ -89,14 +89,10 @@ def _s(value: float | None) -> str:
     return "never" if value is None else f"{value:.2g} s"
 
 
-def _percent(value: float) -> str:
-    return f"{100 * value:.2g} %"
-
-
 def _at_depths(runs: "Sequence[ForceRun]", section: "AdaptiveForce") -> str:
     told = [
         f"{run.settings.set_point:g} {section.unit_force} at {run.settings.depth:g} {section.unit_depth}: settled "
-        f"after {_s(held.settling)}, then within {_percent(held.steady)}, at {_late(run):.0f} {section.unit_u}"
+        f"after {_s(held.settling)}, then within {percent(held.steady)}, at {_late(run):.0f} {section.unit_u}"
         for run, held in ((run, run.stretches()[0]) for run in runs)
     ]
     return (
@@ -118,7 +114,7 @@ def _stepped(run: "ForceRun") -> list[tuple[float, float, "Held"]]:
 
 def _at_steps(run: "ForceRun") -> str:
     told = [
-        f"{before:g} to {after:g} mm: {_percent(max(one.overshoot, one.undershoot))} "
+        f"{before:g} to {after:g} mm: {percent(max(one.overshoot, one.undershoot))} "
         f"{'above' if one.overshoot > one.undershoot else 'below'}, back after {_s(one.settling)}"
         for before, after, one in _stepped(run)
     ]
@@ -131,7 +127,7 @@ def _beside(single: "Sequence[ForceRun]", stepped: "ForceRun", rivals: "Sequence
     swing = [float(run.trace.command[-len(run.trace.command) // 4 :].std()) for run in (single[-1], rivals[-1])]
     return (
         f"The fixed PI of the file on the same plant: after a step of depth the force is off by up to "
-        f"{_percent(_worst(theirs))} (adaptive law {_percent(_worst(ours))}) and back after {_s(_slowest(theirs))} at "
+        f"{percent(_worst(theirs))} (adaptive law {percent(_worst(ours))}) and back after {_s(_slowest(theirs))} at "
         f"the latest (law {_s(_slowest(ours))}); at {single[0].settings.depth:g} mm law and PI settle after {first}; "
         f"the feed command shakes by {swing[1]:.2g} mm/min, one standard deviation, and by {swing[0]:.2g} under the "
         "law, which feeds back the rate of the force too."
@@ -145,53 +141,6 @@ def _worst(held: "Sequence[Held]") -> float:
 def _slowest(held: "Sequence[Held]") -> float | None:
     times = [one.settling for one in held]
     return None if None in times else max(time for time in times if time is not None)
-
-
-def _proof(run: "ForceRun", rippled: "ForceRun") -> str:
-    found, shaken = run.energy(), rippled.energy()
-    share = shaken.largest / float(shaken.V[list(shaken.starts)].max(initial=1e-300))
-    rise = "does not rise" if found.rise < ROUNDING else f"rises by up to {_percent(found.rise)}"
-    return (
-        f"Without ripple and noise the energy V of the proof {rise} in the {_percent(float(found.free.mean()))} of the "
-        "run in which neither depth nor a limit has changed for a revolution. With them it does, by up to "
-        f"{_percent(share)} of what the largest step of depth put into it."
-    )
-
-
-def _estimates(run: "ForceRun") -> str:
-    recorded = run.trace.recorded
-    told = [
-        f"{name} {recorded[name].min():.3g} to {recorded[name].max():.3g}" for name in ("m", "alpha", "beta")
-    ]  # fmt: skip
-    return (
-        f"The estimates (over k) stay bounded: {', '.join(told)}. A constant set point teaches beta alone; m and alpha "
-        "move only while F_d does, so they are no measurement of the machine."
-    )
-
-
-def _steps(rows: "Sequence[StepSize]") -> list[str]:
-    built, printed, stiff = ([r for r in rows if (r.way, r.times == 1) == way] for way in (
-        ("as built", True), ("as printed", True), ("as printed", False)))  # fmt: skip
-    calm = [r.step for r in built if r.rise < ROUNDING and r.settled]
-    risen = [r for r in printed if not r.diverged]
-    lines = []
-    if calm:
-        lines.append(
-            f"Step of the law, deepest cut: as built V does not rise at any step tried up to {1e3 * max(calm):g} ms."
-        )
-    if risen:
-        ends = " and ".join(f"{_percent(r.rise)} at {1e3 * r.step:g} ms" for r in (risen[-1], risen[0]))
-        lines.append(
-            f"As printed, one Euler step at a time, V rises at every step: by {ends}{_lost(printed)}."
-        )  # fmt: skip
-    if lost := _lost(stiff):
-        lines.append(f"With {stiff[0].times:g} times the gain Kd the printed law settles at short steps{lost}.")
-    return lines
-
-
-def _lost(rows: "Sequence[StepSize]") -> str:
-    steps = [r.step for r in rows if r.diverged]
-    return f", and the force runs away from {1e3 * min(steps):g} ms on" if steps else ""
 
 
 def _facts(
@@ -244,7 +193,7 @@ def _assumed(pf: "ParameterFile", section: "AdaptiveForce", draws: "Mapping[str,
         "Reconstruction: reference model, average over a revolution, limits, trapezoidal steps and what happens when a "
         "reading is lost; the paper prints the continuous law alone.",
         f"The plant is that of the file's estimates at {section.depth:g} {section.unit_depth}, with the drive as the "
-        "slower pole, d = 1, and k in proportion to the depth: assumed.",
+        "slower pole, d = 1, and k in proportion to the depth.",
         f"Ripple ({100 * RIPPLE:g} % at {tooth_frequency(pf):g} Hz, two flutes) and noise ({NOISE:g} N) are assumed, "
         "and lie in the reading alone.",
         *section.notes,
@@ -253,7 +202,7 @@ def _assumed(pf: "ParameterFile", section: "AdaptiveForce", draws: "Mapping[str,
         se = np.sqrt(np.diag(np.array(section.uncertainty.matrix)))
         shares = se / np.array([section.m, section.alpha, section.beta])
         said.append(
-            f"No bands: the estimates' standard errors, {_percent(shares.min())} to {_percent(shares.max())}, are far "
+            f"No bands: the estimates' standard errors, {percent(shares.min())} to {percent(shares.max())}, are far "
             "below the change of depth that the law has to learn."
         )
     if pf.pi is None:

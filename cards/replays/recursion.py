@@ -1,6 +1,6 @@
 """What the recursion of AC-2017 tells from a parameter file: life, metal removed, limits, what each reading costs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -10,9 +10,7 @@ from ...controllers.recursion import (
     Rules,
     TurningRecursion,
     WearingEdge,
-    best_fixed,
     carried_out,
-    compared,
     depth,
     life_laws,
     not_convex,
@@ -21,6 +19,7 @@ from ...controllers.recursion import (
 )
 from . import Replayed
 from .recursion_draws import LEVEL, Three, draw_lines, drawn, rounded
+from .recursion_fixed import fixed_facts, fixed_lines, listed, metal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,6 +36,7 @@ COUNTED = {
     "full": "with every time of the laws counted",
     "published": "without the times in power and force (as in the paper)",
 }
+ENDS = {"most speed": "the greatest speed allowed", "most feed": "the greatest feed allowed"}
 STATE = "Wear from the state reached is a reconstruction: the paper adds wear by the clock (eq. 4)."
 
 
@@ -52,13 +52,13 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     life = whole_life(laws)
     exact = None if not_convex(laws) else whole_life(laws, rules, how="exact")
     found = drawn(laws, draws, rules, seed)
-    lines = [*_life_lines(life), *_reading_lines(life), *_exact_lines(life, exact), *_fixed_lines(life)]
+    lines = [*_life_lines(life), *_reading_lines(life), *_exact_lines(life, exact), *fixed_lines(life)]
     return Replayed(
         system="recursion",
         title=TITLE,
         lines=(*lines, *draw_lines(found, draws)),
         assumed=(*_assumed(pf, laws), *laws.notes, CALCULATED, STATE, CAUTION),
-        facts={**_facts(life, exact, found), "replay_agrees": _agrees(pf, life)},
+        facts={**_facts(life, exact, found), "best_fixed": fixed_facts(life), "replay_agrees": _agrees(pf, life)},
         figures=_figures(life, exact, found),
     )
 
@@ -81,7 +81,7 @@ def _life_lines(life: Life) -> list[str]:
         return [f"No pair of the grid keeps within the limits of a new edge ({broken}): there is nothing to cut."]
     end = "is worn out" if life.ended else "is not yet worn out (no further was computed)"
     first = (
-        f"The edge {end} after {life.minutes:g} min and {_metal(life.removed)}, {_metal(life.per_minute)} a minute, "
+        f"The edge {end} after {life.minutes:g} min and {metal(life.removed)}, {metal(life.per_minute)} a minute, "
         f"from {life.V[0]:g} m/min and {life.f[0]:g} mm/rev at first to {life.V[-1]:g} and {life.f[-1]:g} at last, "
         f"d {laws.d:g} mm."
     )
@@ -93,7 +93,7 @@ def _binding(life: Life) -> str:
     parts, k = [], 0
     for stops, group in groupby(life.stops):
         n = len(list(group))
-        parts.append(f"{_and(stops) or 'nothing'} in {_span(life, k, k + n)}")
+        parts.append(f"{listed([ENDS.get(stop, stop) for stop in stops]) or 'nothing'} in {_span(life, k, k + n)}")
         k += n
     return f"A step more of speed or feed is forbidden by {'; '.join(parts)}."
 
@@ -105,7 +105,7 @@ def _end(life: Life) -> str:
     reached = f"{wear.response} stands at {life.AW[-1]:.3g} {wear.unit}"
     if breaks["wear"].all():
         return f"Then {reached}, and every pair of the grid would take it over {criterion} in the next interval."
-    others = _and([name for name, broken in breaks.items() if name != "wear" and broken.any()])
+    others = listed([name for name, broken in breaks.items() if name != "wear" and broken.any()])
     return f"Then {reached}, and what would keep it under {criterion} is forbidden by {others}."
 
 
@@ -134,7 +134,7 @@ def _wrong_times(life: Life, beside: Life) -> str:
     peaks = [
         f"{rounded(float(values[name].max()))} {terms.unit}" for name, terms in life.laws.limited if len(taken.time)
     ]
-    return f" Should the times not count, the plan that counts them takes up to {_and(peaks)}." if peaks else ""
+    return f" Should the times not count, the plan that counts them takes up to {listed(peaks)}." if peaks else ""
 
 
 def _exact_lines(life: Life, exact: Life | None) -> list[str]:
@@ -145,18 +145,6 @@ def _exact_lines(life: Life, exact: Life | None) -> list[str]:
     return [
         f"With the exact optimum of each interval in place of the grid's best pair: {_lasts(exact)}, "
         f"{_more(exact, life)}, from {exact.V[0]:.1f} m/min and {exact.f[0]:.3f} mm/rev at first."
-    ]
-
-
-def _fixed_lines(life: Life) -> list[str]:
-    fixed = best_fixed(life.laws, life.rules, life.grid) if len(life.time) else None
-    if fixed is None:
-        return []
-    ratio = compared(life, fixed)
-    return [
-        f"The best fixed pair that keeps its limits to the end, {fixed.V:g} m/min and {fixed.f:g} mm/rev, lasts "
-        f"{fixed.minutes:.1f} min at {_metal(fixed.per_minute)} a minute: the recursion removes {ratio.per_minute:.2f} "
-        f"times as much a minute and {ratio.removed:.2f} times as much an edge."
     ]
 
 
@@ -216,21 +204,12 @@ def _figures(life: Life, exact: Life | None, found: Three | None) -> "dict[str, 
 
 
 def _lasts(life: Life) -> str:
-    return f"{life.minutes:g} min and {_metal(life.removed)}"
+    return f"{life.minutes:g} min and {metal(life.removed)}"
 
 
 def _more(life: Life, than: Life) -> str:
     share = life.removed / than.removed - 1
     return f"{100 * abs(share):.1f} % {'more' if share >= 0 else 'less'} metal"
-
-
-def _metal(volume: float) -> str:
-    """Metal in cm3; the facts have mm3 in full."""
-    return f"{volume / 1000:.4g} cm3"
-
-
-def _and(names: Sequence[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 2 else names)
 
 
 def _span(life: Life, first: int, end: int) -> str:

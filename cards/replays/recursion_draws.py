@@ -29,7 +29,8 @@ def draw_lines(found: Three | None, draws: "Mapping[str, Draws]") -> list[str]:
     """What the draws say of the life, or why they say nothing."""
     if found is None:
         had = f"of {', '.join(draws)} only" if draws else "none"
-        return [f"Draws: {had}, so there is no band of life or metal removed; fit with draws to have one."]
+        told = f"Draws: {had}, so no band of life or metal removed can be told"
+        return [f"{told}; `fitmodels data.csv` makes them as it fits a table of tests."]
     plan, new, own = found
     band = f"{100 * LEVEL:g} % band"
     lines = [

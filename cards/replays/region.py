@@ -25,7 +25,7 @@ def lacks(pf: "ParameterFile") -> str:
     """Why a file cannot drive the system, in a sentence; empty where it can."""
     limits = pf.limits
     if limits is None or (limits.power, limits.force, limits.wear) == (None, None, None):
-        return "The file limits neither power, force nor wear: put one into its section limits, such as power 7 kW."
+        return "The file limits neither power, force nor wear: put one in, `fitmodels limits params.json P=7kW`, say."
     try:
         usual_setting(pf).region(pf)
     except UsageError as error:
@@ -61,11 +61,11 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
 
 def _optimum(region: VisibleRegion) -> list[str]:
     best = region.best
-    worth = ", ".join(f"of {name} {value:.2f} %" for name, value in region.worth.items())
+    worth = ", ".join(f"{name} {value:.2f} %" for name, value in region.worth.items())
     held = f"It is held by {' and '.join(best.held_by)}"
     lines = [
         f"Most metal within the limits at {_at(region)}: {best.words} (calculated).",
-        f"{held}; 1 % more of a limit is worth, in metal, {worth}." if worth else f"{held}.",
+        f"{held}; raising one of them by 1 % gains metal: {worth}." if worth else f"{held}.",
     ]
     if not best.tested:
         lines.append("This pair lies outside what the laws were tested over: cut there before relying on it.")
@@ -149,7 +149,7 @@ def _chances(
     if draws or not all("exactly known" in words for words in sources):
         chances["laws"] = held.chance(pf, draws, seed, "mean")
     return chances, [
-        f"Probabilities take {_grouped(sources)}.",
+        f"Probabilities take the laws of {_grouped(sources)}.",
         "Given the data the laws are taken as independent; so is how far the wear, power and force of a row lie off "
         "them.",
     ]

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...controllers.roughness import ConstantRoughness, Steady, Turned, loop_figures, simulated_table, steady, turn
+from ...controllers.roughness import ConstantRoughness, Steady, Turned, loop_figures, steady, turn
 from ...controllers.roughness.plant import TurningForce
 from ...controllers.roughness.reference import law_of, reference_force
 from ...datasets.errors import UsageError
 from ...parameters.errors import ParameterError
 from . import Replayed
+from .roughness_table import table_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...controllers.roughness import Simulated
     from ...parameters import Draws, Law, ParameterFile, Roughness
 
 TITLE = "Turning at constant roughness through constant force (SURF)"
@@ -54,7 +54,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     figures: dict[str, Figure] = {}
     lines += [*_changed(pf, seed, facts, figures), _out_of_work(pf, facts), _other_reading(pf, seed, facts, figures)]
     if pf.provenance.options.get("paper") == "SURF":
-        lines += _table(section, seed, facts, figures)
+        lines += table_lines(section, seed, facts, figures)
     return Replayed("roughness", TITLE, tuple(lines), _assumed(pf), facts, figures)
 
 
@@ -75,7 +75,8 @@ def _held(pf: "ParameterFile", on: Steady, off: Steady, facts: dict[str, object]
     how = "the inverse of its law" if section.force_from == "inverse" else "a regression of force on roughness"
     beyond = "" if _inside(law, section.force) else "; that force lies outside the law's tests"
     return [
-        f"Ra {section.roughness:g} um is held through {section.force:.0f} N, {how} ({law.equation}){beyond}.",
+        f"Ra {section.roughness:g} um is kept by holding the force at {section.force:.0f} N, by {how} ({law.equation})"
+        f"{beyond}.",
         f"Simulated, in steady cut from 3 to 15 s: mean Ra {on.Ra:.3g} um, {_percent(on.Ra / section.roughness - 1)} "
         f"from the one asked for, standard deviation {on.Ra_sd:.2f} um; at a constant feed of {off.f:.3g} mm/rev "
         f"{off.Ra:.3g} um, {_percent(off.Ra / section.roughness - 1)}, standard deviation {off.Ra_sd:.2f} um.",
@@ -208,39 +209,6 @@ def _other_reading(pf: "ParameterFile", seed: int, facts: dict[str, object], fig
         f"With the last command in place of the servo's feed the law is {against}, {verdict}: its command goes "
         f"from {command.min():.3f} to {command.max():.3f} mm/rev."
     )
-
-
-def _table(section: "Roughness", seed: int, facts: dict[str, object], figures: "dict[str, Figure]") -> list[str]:
-    from ...controllers.roughness.draw import table_picture
-
-    found = simulated_table(section.force_from, feed=section.feed, seed=seed)
-    white = simulated_table(section.force_from, feed=section.feed, seed=seed, hold=0.0)
-    figures["roughness_table"] = table_picture(found, f"; reference force by {section.force_from}")
-    facts["table"] = [_fact(run) for run in found]
-    worst = max(found, key=lambda run: abs(run.error))
-    mean, without = (float(np.mean([abs(e) for e in errors])) for errors in
-                     ([run.error for run in found], [run.error_without for run in found]))  # fmt: skip
-    rests = [f"{run.row.number} ({100 * run.controlled.at_high:.0f} % of the time)" for run in found
-             if run.controlled.at_high > 0.05]  # fmt: skip
-    limited = f" Simulations {' and '.join(rests)} rest on the upper limit of the feed." if rests else ""
-    ripple, of_white = (max(run.controlled.ripple for run in runs) for runs in (found, white))
-    facts |= {"table_mean_error": mean, "table_mean_error_without": without, "table_ripple_mm_per_rev": ripple,
-              "table_ripple_drawn_each_sample_mm_per_rev": of_white}  # fmt: skip
-    return [
-        f"The eight simulations of Table 1: mean Ra within {100 * abs(worst.error):.1f} % of each reference with "
-        f"control, {100 * mean:.1f} % off on average, {100 * without:.1f} % at the table's constant feeds.{limited}",
-        f"Largest ripple of the feed among them {ripple:.3f} mm/rev peak-to-peak with the force drawn anew each "
-        f"revolution, {of_white:.3f} drawn every 10 ms.",
-    ]
-
-
-def _fact(run: "Simulated") -> dict[str, float]:
-    on, off = run.controlled, run.without
-    return {
-        "simulation": run.row.number, "Ra_ref_um": run.row.Ra_ref, "F_ref_N": run.force, "Ra_um": on.Ra, "F_N": on.F,
-        "f_mm_per_rev": on.f, "f_peak_to_peak_mm_per_rev": on.ripple, "share_at_high": on.at_high,
-        "Ra_without_um": off.Ra, "F_without_N": off.F,
-    }  # fmt: skip
 
 
 def _assumed(pf: "ParameterFile") -> tuple[str, ...]:

@@ -152,7 +152,7 @@ class AdaptiveForceControl(Told):
         UsageError
             ``dt`` is no whole number of the file's ``sample_time``.
         """
-        steps = self.settings.steps_in(dt)
+        steps, measurement = self.settings.steps_in(dt), float(measurement)  # numpy's truths have no difference
         before = self._sensor, self.limited, self._high
         believed = self._sensing.believes(measurement, self.command)
         if believed:

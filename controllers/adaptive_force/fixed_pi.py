@@ -105,6 +105,7 @@ class FixedForcePi(Told):
         tuned = self.pi.gains.sample_time
         if abs(dt - tuned) > 1e-9 * dt:
             raise UsageError(f"a step of {dt:g} s: the gains were tuned for {tuned:g} s; replay them at that.")
+        measurement = float(measurement)
         before = self._sensing.state, self.limited
         believed = self._sensing.believes(measurement, self.command)
         self._model.advance(self.settings.set_point)

@@ -37,8 +37,8 @@ class ConstantLoad(Told):
     In the form ``incremental_sum`` it keeps its last command as soon as the load falls below the threshold; with a load
     that is unknown or stuck it goes to the lower limit, switched off to 1.
 
-    A reading that stands still is called stuck where the command moved by 2 % of the range of its limits in 25 samples:
-    one that stands still at the reference itself, or while the command stands on a limit, is not found out.
+    A reading that stands still is called stuck where the command moved by 2 % of the range of its limits in 25 samples,
+    or by 20 % in any time: one that stands still at the reference itself, or on a limit, is not found out.
 
     Attributes
     ----------

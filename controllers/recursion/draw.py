@@ -91,6 +91,7 @@ def pairs_figure(life: Life, exact: Life | None = None) -> Figure:
             ax.stairs(getattr(one, name), np.arange(len(one.time) + 1) * one.rules.interval, baseline=None,
                       color=colour, ls=style, lw=1.8, label=label)  # fmt: skip
         ax.set(ylabel=f"{name}, {unit}")
+        ax.set_axisbelow(True)  # stairs are patches, which lie below a grid
         ax.grid(color="0.92")
     top.legend(fontsize=8, frameon=False)
     bottom.set_xlabel("time of cut, min")

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from ...datasets.picture import ShownFigure, one_panel
@@ -214,9 +215,10 @@ def _limits(region: "VisibleRegion", ax: Axes, V: Array, f: Array, x: Array) -> 
     shown: tuple[HalfPlane, ...] = region.limits[:-4]
     for each, colour in zip(shown, COLOURS * len(shown), strict=False):
         over = each.beyond(x)
-        if over.min() < 0 < over.max():
+        aside = " (not reached here)" if over.max() <= 0 else " (passed everywhere)" if over.min() >= 0 else ""
+        if not aside:
             ax.contour(V, f, over, [0.0], colors=colour, linewidths=1.8)
-        ax.plot([], [], color=colour, lw=1.8, label=each.words)
+        ax.plot([], [], color=colour, lw=1.8, label=each.words + aside)
 
 
 def _letters(region: "VisibleRegion", ax: Axes) -> None:
@@ -231,6 +233,8 @@ def _letters(region: "VisibleRegion", ax: Axes) -> None:
             textcoords="offset points",
             weight="bold",
             annotation_clip=True,
+            path_effects=[withStroke(linewidth=2.5, foreground="w")],  # over the numbers of the contours
+            zorder=6,
         )
 
 

@@ -139,7 +139,7 @@ def _sampled(
 ) -> Sampled:
     if draws is not None:
         of, sd, heavy = _from_draws(law, draws, rng.permutation(len(draws.values))[:count])
-        words = f"{law.response} by {count} of its {len(draws.values)} draws"
+        words = f"{law.response} by {count} of {len(draws.values)} draws"
     else:
         of, words = _from_covariance(law, count, rng)
         sd, heavy = (_scatter(law) if kind == "prediction" else np.zeros(1)), None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FLOOR = 0.1  # of the programmed feed: from feed 0 a law that multiplies never comes back, and the edge would rub
 WAIT = 0.3  # s above the threshold, for a file that says nothing
 # of the programmed feed, in 25 equal readings: then the sensor is stuck. Stuck within 0.1 % of the reference it moves
-# the feed by less, below 1 % a second, and is seen when a limit is reached.
+# the feed by less, below 1 % a second, and is seen when that has come to ten times as much.
 LEAST_MOVE = 0.0025
 
 
