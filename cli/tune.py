@@ -24,6 +24,7 @@ LIMITS = {
     "travel": "travel",
     "noise_gain": "noise_gain",
 }
+AGREE = 1.25  # a gain at rest and the slope of a load law come from two experiments
 CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup")
 
 
@@ -61,7 +62,11 @@ def parser() -> Parser:
     runs.add_argument("--high", type=float, help="highest command")
     runs.add_argument("--rate", type=float, metavar="PER_S", help="largest change of the command a second")
     runs.add_argument("--anti-windup", choices=["clamping", "back_calculation", "none"])
-    runs.add_argument("--scaling", type=float, help="units of the command in one unit of the model's input, 1459 say")
+    runs.add_argument(
+        "--scaling",
+        type=float,
+        help="units of the command in one of the model's input: its gain at rest over the load law's slope",
+    )
     runs.add_argument("--unit", metavar="UNIT", help="unit of the command, with --scaling: mm/min")
     p.add_argument("--seed", type=int, default=1, help="of the draws (default: 1)")
     p.add_argument("--force", action="store_true", help="replace gains that are there; keep gains that miss, marked")
@@ -100,7 +105,12 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
         return 0
     out = Printer()
-    for line in (*_words(tuned, changed), _drawn(tuned, Path(args.file)), f"Written: pi in {args.file}"):
+    for line in (
+        *_words(tuned, changed),
+        *_beside_the_load_law(changed, args),
+        _drawn(tuned, Path(args.file)),
+        f"Written: pi in {args.file}",
+    ):
         out.show(Text(line))
     return 0
 
@@ -139,6 +149,29 @@ def _words(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
     if pi.forced:
         said.append(f"Marked in the file: {pi.forced}.")
     return said
+
+
+def _beside_the_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
+    """What one unit of the model's input is in feed by the load law, where the scaling is another or was not said."""
+    d, laws = pf.dynamics, [law for law in pf.laws.values() if law.form == "load_line"]
+    assert d is not None  # noqa: S101  tuned on it
+    if len(laws) != 1 or laws[0].unit != d.unit_y or args.unit not in (None, laws[0].factors[0].unit):
+        return []
+    feed, B = laws[0].factors[0].unit, laws[0].coefficients["B"]
+    scaling = d.dc_gain / B if B else 0.0
+    said = args.scaling or (1.0 if d.unit_u == feed else None)
+    if scaling <= 0 or (said and max(said / scaling, scaling / said) <= AGREE):
+        return []
+    told = (
+        f"By the load law 1 {d.unit_u} is {scaling:.4g} {feed}: the model's {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} at "
+        f"rest over the law's {B:.4g} {d.unit_y} per {feed}. "
+    )
+    if said is None:
+        return [f"{told}For gains in feed say --scaling {scaling:.4g} --unit {feed} --force too."]
+    return [
+        f"{told}Said was {said:g}, {said / scaling:.2g} times that: correct it, or ask why; a run that "
+        "was not cut as the tests were has another gain."
+    ]
 
 
 def _unit(pi: Any) -> str:  # noqa: ANN401

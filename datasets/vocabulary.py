@@ -16,9 +16,10 @@ from typing import Literal
 
 from .units import canonical, is_unit, same_dimension
 
-__all__ = ["ROLES", "Role", "fits", "role_of", "roles_named", "suggest_role", "understood_unit"]
+__all__ = ["ROLES", "UNNAMED", "Role", "fits", "role_of", "roles_named", "suggest_role", "understood_unit"]
 
 Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
+UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}  # what a file that names none is called
 
 
 @dataclass(frozen=True, slots=True)

@@ -276,4 +276,5 @@ def _judge(
 
 
 def _off(ratio: float) -> str:
-    return f"{100 * abs(ratio - 1):.2g} % {'above' if ratio > 1 else 'below'}"
+    percent = 100 * abs(ratio - 1)
+    return f"{percent:.{0 if percent >= 10 else 1}f} % {'above' if ratio > 1 else 'below'}"

@@ -4,14 +4,17 @@ The pages themselves are built by Sphinx in ``.ci/run``, where links are checked
 """
 
 import re
+import shlex
 import sys
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+from fitmodels.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
+README = ROOT / "README.md"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if path.parent.name != "_notebooks")
 RUN = re.compile(r"^```(console|python)$", re.M)
 
@@ -62,9 +65,28 @@ def test_every_example_file_says_that_it_was_not_measured():
 
 
 def test_every_benchmark_a_page_names_is_there():
-    for page in PAGES:
+    for page in (*PAGES, README):
         for name in re.findall(r"(?:benchmarks|tests)/\w+\.py", page.read_text("utf-8")):
             assert (ROOT / name).is_file(), f"{page.name} names {name}"
+
+
+def test_every_claim_of_the_comparison_names_what_prints_it():
+    (table,) = re.findall(r"^\| instead .*\n\|[-|]+\n((?:\|.*\n)+)", README.read_text("utf-8"), flags=re.M)
+    for row in table.splitlines():
+        assert re.search(r"`(?:benchmarks|tests)/\w+\.py`", row.split("|")[-2]), row
+
+
+def test_every_file_the_readme_links_to_is_there():
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)", README.read_text("utf-8")):
+        assert (ROOT / target).exists(), target
+
+
+@pytest.mark.parametrize("line", re.findall(r"^ {4}(fitmodels .*)$", README.read_text("utf-8"), flags=re.M))
+def test_every_command_of_the_readme_is_one_that_the_program_takes(line):
+    """Its words, not its files: `fitmodels` knows each option. What the main job prints is held in test_package.py."""
+    name, *rest = shlex.split(line, comments=True)[1:]
+    command = import_module(f"fitmodels.cli.{name if name in COMMANDS else 'wear'}")
+    command.parser().parse_args(rest if name in COMMANDS else [name, *rest])
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ def test_a_file_without_dynamics_says_what_to_do(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("scaling", "words"),
     [
-        ((), "For gains in feed: --scaling 1459 --unit mm/min."),
+        ((), "For gains in feed say --scaling 1459 --unit mm/min --force too."),
         (("--scaling", "1459", "--unit", "mm/min"), None),  # the paper's, G(1)/B
         (("--scaling", "1700", "--unit", "mm/min"), None),  # two experiments do not agree to the digit
         (("--scaling", "200", "--unit", "mm/min"), "Said was 200, 0.14 times that"),

@@ -56,7 +56,7 @@ def _words(text: str) -> Iterator[nodes.Node]:
 def _paragraph(text: str) -> nodes.paragraph:
     """Options in it are set as what is typed, so that two hyphens do not become a dash."""
     out = nodes.paragraph()
-    for part in re.split(r"((?<!\w)--?[A-Za-z][\w-]*)", text):
+    for part in re.split(r"((?<![\w>])--?[A-Za-z][\w-]*)", text):
         out += nodes.literal(part, part) if part.startswith("-") else nodes.Text(part)
     return out
 

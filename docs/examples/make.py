@@ -85,6 +85,18 @@ def milling() -> list[list[str]]:
     return rows
 
 
+def workshop_milling() -> list[list[str]]:
+    """The same milling tests as a German workshop would keep them: a tool column, an empty one, a row of units."""
+    rows = [
+        ["# simuliert (simulated): keine Messung; Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 14"],
+        ["Werkzeug", "Werkstoff", "Vorschubgeschwindigkeit", "Verschleißmarkenbreite VB", "Spindelstrom", ""],
+        ["", "", "mm/min", "µm", "A", ""],
+    ]
+    for feed, wear, told in milling()[4:]:
+        rows.append(["AA238M", "S45C", feed, wear, told.replace(".", ","), ""])
+    return rows
+
+
 FILES = {
     "verschleiss.csv": (workshop, ";"),
     "neu.csv": (further, ";"),
@@ -92,6 +104,7 @@ FILES = {
     "drive.csv": (lambda: drive(18), ","),
     "drive-again.csv": (lambda: drive(19), ","),
     "milling.csv": (milling, ","),
+    "fraesen.csv": (workshop_milling, ";"),
 }
 
 

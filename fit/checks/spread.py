@@ -65,9 +65,8 @@ class Spread(Told):
         if not self.concern:
             return f"Scatter of {self.of} is even over the conditions ({found})."
         how = "rises" if self.rises else "falls"
-        cure = (
-            "fit it with multiplicative errors" if self.additive else "one interval for all conditions misleads there"
-        )
+        rescaled = self.additive and self.rises  # in logs, scatter that grows with the response is even
+        cure = "fit it with multiplicative errors" if rescaled else "one interval for all conditions misleads there"
         return f"Scatter of {self.of} {how} with {self.term} ({found}): {cure}."
 
 
