@@ -1,4 +1,4 @@
-"""Pictures of one law on given axes; of the room, only this file and ``bayes/figures`` import matplotlib."""
+"""Pictures of one law on given axes; ``draw_results`` and ``bayes/figures`` draw what stands beside it."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Pictures of identification on given axes; the only file of the room that imports matplotlib."""
+"""Pictures of identification on given axes; ``draw_responses`` draws steps and gains."""
 
 from typing import TYPE_CHECKING, Any
 
