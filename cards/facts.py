@@ -1,46 +1,12 @@
 """What is told of a law, once for screen and paper: every number rounded by its uncertainty."""
 
 import math
-from dataclasses import dataclass
 
 from ..parameters import Covariance, DroppedRows, Law, ParameterFile
 from ..parameters.rounding import p_value, plain, told
-from .content.coefficients import LEVEL, between, degrees, lacking, law_coefficients
+from .content.coefficients import degrees, lacking
 
 CONDITIONS = ("V", "f", "fz", "d", "ae")  # what is usually set once for an edge
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One coefficient as text: estimate, standard error, t, p, interval, row SE, the other fit, the print."""
-
-    name: str
-    estimate: str
-    se: str
-    t: str
-    p: str
-    interval: str
-    row_se: str
-    other: str
-    published: str
-
-
-def coefficient_rows(law: Law, level: float = LEVEL) -> list[Row]:
-    """A row for each coefficient, as `law_coefficients` has them."""
-    return [
-        Row(
-            c.name,
-            c.estimate.text,
-            c.se.text,
-            c.t.text,
-            c.p.text,
-            between(c.low, c.high),
-            c.row_se.text,
-            c.other.text,
-            c.printed.text,
-        )
-        for c in law_coefficients(law, level)
-    ]
 
 
 def statistics_line(law: Law) -> str:

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..datasets.errors import UsageError
-from ..fit import LawFit, Posterior
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
 from .dynamics_figures import DYNAMICS_FIGURES, draw_dynamics
 
 if TYPE_CHECKING:
+    from ..fit import LawFit, Posterior
     from ..ident.identification import Identification
     from .content.parts import Card, Publication
 
@@ -36,8 +36,8 @@ def write(
     pf: ParameterFile,
     folder: str | os.PathLike[str],
     *,
-    laws: Sequence[LawFit] = (),
-    posteriors: Sequence[Posterior] = (),
+    laws: "Sequence[LawFit]" = (),
+    posteriors: "Sequence[Posterior]" = (),
     posterior_figures: bool = False,
     identification: "Identification | None" = None,
     data_lines: Sequence[str] = (),
@@ -146,8 +146,8 @@ def _with_lines(card: "Card", data_lines: Sequence[str]) -> "Card":
 def _draw(
     folder: Path,
     pf: ParameterFile,
-    laws: Sequence[LawFit],
-    posteriors: Sequence[Posterior],
+    laws: "Sequence[LawFit]",
+    posteriors: "Sequence[Posterior]",
     identification: "Identification | None",
 ) -> None:
     banner = "not measured" if pf.identity.simulated else ""

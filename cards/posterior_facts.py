@@ -1,39 +1,15 @@
 """What is told of a posterior, once for screen and paper."""
 
-from dataclasses import dataclass
-
 from ..parameters import Law, LawPosterior, ParameterFile
 from ..parameters.rounding import plain, told
-from .content.coefficients import between
-from .content.drawn import drawn_parameters
 
 APART = 1.5  # standard error by edge over sd of the draws, beyond which it is said
 MOVED = 0.2  # sd: what halving or doubling of priors may move without a word
 
 
-@dataclass(frozen=True, slots=True)
-class DrawnRow:
-    """One parameter as text: median, sd, interval, prior, and how far other widths of the priors move it."""
-
-    name: str
-    median: str
-    sd: str
-    interval: str
-    prior: str
-    moved: str
-
-
 def posterior_of(pf: ParameterFile, law: Law) -> LawPosterior | None:
     """The posterior of a law, where the file has one."""
     return None if pf.posterior is None else pf.posterior.laws.get(law.response)
-
-
-def drawn_rows(of: LawPosterior) -> list[DrawnRow]:
-    """A row for each parameter that was drawn."""
-    return [
-        DrawnRow(p.name, p.median.text, p.sd.text, between(p.low, p.high), p.prior, p.moved)
-        for p in drawn_parameters(of)
-    ]
 
 
 def posterior_words(law: Law, of: LawPosterior | None) -> list[str]:

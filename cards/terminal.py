@@ -14,10 +14,10 @@ from ..parameters import Law, LawPosterior, ParameterFile
 from ..parameters.gather.understood import column_words, idle
 from ..parameters.gather.understood import understood as sayings
 from ..parameters.rounding import plain
+from .content.coefficients import between, law_coefficients
 from .facts import (
     about_intervals,
     cautions,
-    coefficient_rows,
     composite_words,
     edge_words,
     life_equation,
@@ -142,17 +142,17 @@ def _short(sentences: Iterable[str], most: int = 8) -> list[str]:
 
 
 def _coefficients(law: Law) -> Table:
-    rows = coefficient_rows(law)
+    lines = law_coefficients(law)
     columns = {
-        "": [r.name for r in rows],
-        "estimate": [r.estimate for r in rows],
-        "SE": [r.se for r in rows],
-        "t": [r.t for r in rows],
-        "p": [r.p for r in rows],
-        "95 % interval": [r.interval for r in rows],
-        "row SE": [r.row_se for r in rows],
-        other_words(law) or "other": [r.other for r in rows],
-        "as printed": [r.published for r in rows],
+        "": [c.name for c in lines],
+        "estimate": [c.estimate.text for c in lines],
+        "SE": [c.se.text for c in lines],
+        "t": [c.t.text for c in lines],
+        "p": [c.p.text for c in lines],
+        "95 % interval": [between(c.low, c.high) for c in lines],
+        "row SE": [c.row_se.text for c in lines],
+        other_words(law) or "other": [c.other.text for c in lines],
+        "as printed": [c.printed.text for c in lines],
     }
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     shown = {name: cells for name, cells in columns.items() if any(cells)}

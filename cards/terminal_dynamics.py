@@ -8,7 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from ..parameters import ParameterFile
-from .dynamics_facts import model_rows, model_words, transfer_function_words
+from .content.coefficients import between, model_coefficients
+from .dynamics_facts import model_words, transfer_function_words
 
 if TYPE_CHECKING:
     from ..ident.identification import Identification
@@ -25,8 +26,8 @@ def block(found: "Identification", pf: ParameterFile) -> RenderableType:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for name in ("", "estimate", "SE", "95 % interval"):
         table.add_column(name, justify="right" if name else "left", no_wrap=True)
-    for row in model_rows(d):
-        table.add_row(row.name, row.estimate, row.se, row.interval)
+    for c in model_coefficients(d):
+        table.add_row(c.name, c.estimate.text, c.se.text, between(c.low, c.high))
     lines = [*model_words(d), found.argument, *found.verdicts]
     words = [Text(line if line.endswith(".") else f"{line}.") for line in lines]
     return Group(head, Padding(Group(Text(transfer_function_words(d)), table, *words), (0, 0, 1, 2)))

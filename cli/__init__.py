@@ -49,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         args = command.parser().parse_args(rest)
     except SystemExit as stop:
         return int(stop.code or 0)
+    args.words = argv
     return _guarded(command.run, args)
 
 

@@ -1,13 +1,18 @@
 """Parsing shared by the commands: help that leads with an example, and a did-you-mean on options."""
 
 import argparse
+import shlex
 import sys
 from argparse import ArgumentTypeError
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import NoReturn
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..datasets.errors import UsageError
+
+if TYPE_CHECKING:
+    from ..parameters import ParameterFile
 
 
 class Parser(argparse.ArgumentParser):
@@ -46,6 +51,13 @@ def seed(text: str) -> int:
     if not text.isdecimal():
         raise ArgumentTypeError(f"{text} is no seed; give a whole number, 0 or more")
     return int(text)
+
+
+def traced(pf: "ParameterFile", args: argparse.Namespace) -> dict[str, Any]:
+    """The provenance of a file with this command after those that made it, without folders and ``--force``."""
+    words = [Path(word).name if "/" in word else word for word in getattr(args, "words", ()) if word != "--force"]
+    then = (shlex.join(["fitmodels", *words]),) if words else ()
+    return {**pf.provenance.model_dump(), "then": (*pf.provenance.then, *then)}
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

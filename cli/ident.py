@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import Parser, pairs
+from .arguments import Parser, pairs, traced
 from .output import Printer
 
 if TYPE_CHECKING:
@@ -132,7 +132,9 @@ def _collected(found: "Identification", records: "list[Record]", args: argparse.
         if pf.dynamics is not None and not args.force:
             raise UsageError(f"{args.params} holds dynamics already; replace them with --force.")
         section = parameters.dynamics_section(found.model, fit)
-        return parameters.sealed(pf, dynamics=section, pi=None)  # gains were tuned on other dynamics
+        return parameters.sealed(
+            pf, dynamics=section, pi=None, provenance=traced(pf, args)
+        )  # gains were tuned on other dynamics
     source = records[0].source
     return parameters.collect(
         tool=args.tool,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..datasets.errors import UsageError
-from .arguments import Parser, nearest, pairs
+from .arguments import Parser, nearest, pairs, traced
 from .output import Printer
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     twice = [name for name in asked if name in held and held[name] != asked[name]]
     if twice and not args.force:
         raise UsageError(f"{args.file} holds a limit of {', '.join(twice)} already; replace it with --force.")
-    changed = parameters.sealed(pf, limits={**held, **asked})
+    changed = parameters.sealed(pf, limits={**held, **asked}, provenance=traced(pf, args))
     parameters.write(changed, args.file, force=True)
     section = changed.limits
     assert section is not None  # noqa: S101  just written

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..datasets.errors import UsageError
-from .arguments import Parser
+from .arguments import Parser, traced
 from .output import Printer
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     if pf.load_line is not None and not args.force:
         raise UsageError(f"{args.file} holds settings of constant load already; replace them with --force.")
     line = _worked_out(pf, args)
-    parameters.write(parameters.sealed(pf, load_line=line), args.file, force=True)
+    parameters.write(parameters.sealed(pf, load_line=line, provenance=traced(pf, args)), args.file, force=True)
     if args.json:
         facts = {"schema": "fitmodels.settings/1", "file": Path(args.file).name, "load_line": line.model_dump()}
         print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201

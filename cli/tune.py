@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import Parser
+from .arguments import Parser, traced
 from .dynamics import model_of
 from .output import Printer
 
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
         raise parameters.GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, and marks them.")
     forced = "kept by --force" if tuned.misses else None
     section = parameters.pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
-    changed = parameters.sealed(pf, pi=section)
+    changed = parameters.sealed(pf, pi=section, provenance=traced(pf, args))
     parameters.write(changed, args.file, force=True)
     if args.json:
         facts = {"schema": "fitmodels.tune/1", "file": Path(args.file).name, "pi": section, "verdict": tuned.verdict}

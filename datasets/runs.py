@@ -13,13 +13,13 @@ from .columns import ColumnUse
 from .errors import UsageError
 from .rounding import plain
 from .telling import Grid, Telling, Told
+from .vocabulary import UNNAMED as UNNAMED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 NOT_MEASURED = ("simulated", "simulation", "simuliert", "simulé", "simulad", "no measurement")
-UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -3,6 +3,7 @@
 ``PowerLawRegressor`` needs scikit-learn and is imported on first use; it is not in ``__all__``.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from ..datasets.errors import UsageError
@@ -44,6 +45,11 @@ from .rows import By, Dropped
 
 if TYPE_CHECKING:
     from .estimator import PowerLawRegressor as PowerLawRegressor
+    from .many.families import PooledExponents, pooled_exponents
+    from .many.in_stacks import many_power_laws
+    from .many.laws_of_pairs import ManyLaws
+    from .streamed.one_pass import streamed_power_law
+    from .streamed.streamed_law import StreamedLaw
 
 __all__ = [
     "Adequacy",
@@ -63,12 +69,15 @@ __all__ = [
     "LawFit",
     "LeftOut",
     "LinearFit",
+    "ManyLaws",
     "NotAvailable",
+    "PooledExponents",
     "Posterior",
     "Priors",
     "Refused",
     "RivalPosterior",
     "RobustFit",
+    "StreamedLaw",
     "ToolLife",
     "adequacy",
     "beside_published",
@@ -88,19 +97,35 @@ __all__ = [
     "latent_wear",
     "linear",
     "load_law",
+    "many_power_laws",
     "next_runs",
+    "pooled_exponents",
     "posterior",
     "power_law",
     "rival_forms",
     "rival_posterior",
     "robust",
     "sensitivity",
+    "streamed_power_law",
     "tool_life",
     "watch",
 ]
 
 
+_HOME = {  # imported on first use
+    "ManyLaws": "many.laws_of_pairs",
+    "PooledExponents": "many.families",
+    "StreamedLaw": "streamed.streamed_law",
+    "many_power_laws": "many.in_stacks",
+    "pooled_exponents": "many.families",
+    "streamed_power_law": "streamed.one_pass",
+}
+
+
 def __getattr__(name: str) -> object:
+    if name in _HOME:
+        globals()[name] = getattr(import_module(f".{_HOME[name]}", __name__), name)
+        return globals()[name]
     if name != "PowerLawRegressor":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

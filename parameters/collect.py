@@ -21,7 +21,7 @@ from .sections.limits import Limits
 
 if TYPE_CHECKING:
     from ..datasets import Runs
-    from ..fit import LawFit, NotAvailable, Posterior, ToolLife
+    from ..fit import LawFit, NotAvailable, Posterior, StreamedLaw, ToolLife
     from ..ident.model import Model
     from .sections.adaptive_force import AdaptiveForce
     from .sections.design import Design
@@ -36,7 +36,7 @@ def collect(
     tool: str,
     work: str,
     design: "Runs | Design | Mapping[str, Any] | None" = None,
-    laws: Sequence["LawFit"] = (),
+    laws: "Sequence[LawFit | StreamedLaw]" = (),
     tool_life: "ToolLife | None" = None,
     posteriors: Sequence["Posterior"] = (),
     no_posterior: "Mapping[str, NotAvailable] | None" = None,
@@ -74,7 +74,7 @@ def collect(
         Whose parameters these are; see `Identity`.
     design : Runs, optional
         The tests behind the laws, or their section.
-    laws : sequence of LawFit
+    laws : sequence of LawFit or StreamedLaw
         At most one for each response. Where a paper prints the law of this tool and work, it is set beside.
     tool_life : ToolLife, optional
         Solved from one of the laws.

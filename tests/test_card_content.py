@@ -335,6 +335,34 @@ def test_pictures_beside_the_card_are_listed_with_what_they_show(pf, tmp_path):
     assert str(tmp_path) not in compose(pf, folder=tmp_path).model_dump_json()
 
 
+def test_every_picture_has_words_whatever_the_form_of_the_law(files, tmp_path):
+    (tmp_path / "figures").mkdir()
+    for name in ("response_surfaces", "residuals", "pi"):
+        (tmp_path / "figures" / f"{name}.png").write_bytes(b"")
+    told = {f.name: f for name in ("load line", "drive") for f in compose(files[name], folder=tmp_path).figures}
+    load = compose(files["load line"], folder=tmp_path)
+    assert next(f for f in load.figures if f.name == "response_surfaces").alternative == load.laws[0].equation
+    assert "overshoots by 4.3 %" in told["pi"].alternative
+
+
+def test_a_band_is_of_a_new_edge_only_where_edges_are_known(card):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    alone = replace(runs, data=runs.data.drop(columns="edge"))
+    without = compose(collect(tool="a", work="b", laws=[fit.power_law(alone, "AW", ["V", "f", "d", "t"])]))
+    for of, each in (("one further row on a new edge", card), ("one further row", without)):
+        assert each.profiler.of == of
+        assert next(f for f in each.figures if f.name == "responses").caption.endswith(f"the band of {of} (95 %)")
+
+
+def test_the_summary_tells_the_rows_of_the_laws_and_not_those_of_the_file():
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    few = runs.data.assign(P=runs.data["P"].where(runs.data["t"] > 5))
+    laws = [fit.power_law(replace(runs, data=few), name, ["V", "f", "d"]) for name in ("AW", "P")]
+    pf = collect(tool="a", work="b", laws=laws)
+    assert laws[1].nobs < laws[0].nobs == 239
+    assert f"from {laws[1].nobs} to 239 rows of 24 edges" in compose(pf).summary
+
+
 def test_a_publication_is_told_and_what_it_lacks_is_said(pf):
     card = compose(pf, publication=Publication(title="My wear tests", license="CC-BY-4.0"))
     assert card.title == "My wear tests"

@@ -236,3 +236,9 @@ def test_a_doi_is_read_in_its_usual_spellings(toml, written):
             read_toml(path)
     else:
         assert read_toml(path).publication.doi == "10.5281/zenodo.1"
+
+
+def test_a_pair_without_names_is_not_published():
+    lacking = missing(compose(collect(tool="unnamed-tool", work="S45C")))
+    assert [item.field for item in lacking if item.field in ("tool", "work")] == ["tool"]
+    assert "--tool NAME" in lacking[-2].ask

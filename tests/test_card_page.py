@@ -15,6 +15,7 @@ from fitmodels.cards.content.parts import Publication
 from fitmodels.cards.content.profiler import profile_all
 from fitmodels.cards.forms import page as module
 from fitmodels.cards.forms.page import page, points, tell
+from fitmodels.cards.forms.typeset import equation, prose
 from fitmodels.parameters import ParameterFile
 from hypothesis import given
 from hypothesis import strategies as st
@@ -331,6 +332,26 @@ def test_a_doi_is_a_link_and_anything_else_is_not(bare):
     ):
         text = page(compose(bare, publication=Publication(doi=given_doi)))
         assert ('href="https://doi.org/10.5281/zenodo.1"' in text) is link
+
+
+@pytest.mark.parametrize(
+    ("said", "kept"),
+    [
+        ("no lack of fit p .29, so", "p .29"),
+        ("by edge (df 3, 23; p <0.001)", "p &lt;0.001"),
+        ("rejected, p < .001: edges", "p &lt; .001"),
+        ("B 1.085e-4 to", "1.085e-4"),
+        ("at f 0.19 mm/rev, so", "f 0.19 mm/rev"),
+        ("with u = 0.0038 A and", "u = 0.0038 A"),
+    ],
+)
+def test_no_line_break_parts_a_number_from_what_it_is_of(said, kept):
+    assert f'<span class="kept">{kept}</span>' in prose(said)
+
+
+def test_the_level_of_a_category_is_no_variable():
+    told = equation("VB = 0.026 f^0.3 for material 1; times 3.1 for 2")
+    assert told.endswith("<sup>0.3</sup> for material 1; times 3.1 for 2")
 
 
 def schemes():

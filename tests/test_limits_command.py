@@ -68,3 +68,12 @@ def test_a_limit_that_cannot_be_is_one_sentence_and_the_file_stays(file, word, s
 def test_two_limits_of_one_kind_are_refused(file, capsys):
     assert main(["limits", file, "V=50:200m/min", "P=7kW", "P=8kW"]) == 2
     assert "twice" in capsys.readouterr().err
+
+
+def test_the_file_remembers_which_commands_made_it(file):
+    assert main(["limits", file, "P=7kW"]) == 0
+    assert main(["limits", file, "AW=0.3mm", "P=8kW", "--force"]) == 0
+    assert parameters.read(file).provenance.then == (
+        "fitmodels limits params.json P=7kW",
+        "fitmodels limits params.json AW=0.3mm P=8kW",
+    )

@@ -160,6 +160,12 @@ def latent():
     return fit.latent_wear(law(), [load()], 0.05, draws=400, method="importance")
 
 
+@cache
+def many() -> fit.ManyLaws:
+    data = runs().data.assign(pair=[f"p{i % 3}" for i in range(len(runs().data))])
+    return fit.many_power_laws(data, "AW", ["V", "f", "d", "t"], pair="pair", edge="edge")
+
+
 RESULTS: dict[str, Callable[[], object]] = {
     "Runs": runs,
     "Record": record,
@@ -168,6 +174,9 @@ RESULTS: dict[str, Callable[[], object]] = {
     "Source": lambda: runs().source,
     "Look": lambda: datasets.looks_like_record(datasets.bundled("gc435_709m40")),
     "LawFit": law,
+    "StreamedLaw": lambda: fit.streamed_power_law([runs().data], "AW", ["V", "f", "d", "t"]),
+    "ManyLaws": many,
+    "PooledExponents": lambda: fit.pooled_exponents(many(), "V"),
     "LinearFit": lambda: fit.linear(np.random.default_rng(1).normal(size=(20, 2)), np.arange(20.0)),
     "Adequacy": lambda: fit.adequacy(law()),
     "Judgement": lambda: fit.judge(law()),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ...parameters import Dynamics
-from ..dynamics_facts import model_words, transfer_function_words
+from ..dynamics_facts import transfer_function_words, wrong_way
 from .coefficients import model_coefficients
 from .numbers import ENDLESS, NONE, count, fact, figure, places
 from .parts import Named, Transfer
@@ -17,7 +17,7 @@ def transfer_part(d: Dynamics | None) -> Transfer | None:
     """Transfer function, its coefficients and how far it may be trusted."""
     if d is None:
         return None
-    sentences = [*model_words(d), *_trust(d), *d.notes]
+    sentences = [*wrong_way(d), *_trust(d), *d.notes]
     return Transfer(
         title=f"{d.output} from {d.input}",
         equation=transfer_function_words(d),
@@ -47,6 +47,8 @@ def facts(d: Dynamics) -> tuple[Named, ...]:
         *fact("operating point, input", figure(u, 4, d.unit_u)),
         *fact("operating point, output", figure(y, 4, d.unit_y)),
         *fact("samples", count(d.n)),
+        *fact("SHA-256 of the record", NONE, d.record_sha256 or ""),
+        *fact("SHA-256 of the held-out record", NONE, d.held_out_sha256 or ""),
     )
 
 

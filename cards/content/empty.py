@@ -66,8 +66,8 @@ def _gains(pf: ParameterFile) -> str:
 def _windows(pf: ParameterFile) -> str:
     laws = "" if pf.laws else " and no laws"
     return (
-        f"The file names no limits of power, force or wear{laws}, so there is no window of operation; collect it with "
-        "limits."
+        f"The file names no limits of power, force or wear{laws}, so there is no window of operation; put them in with "
+        "fitmodels limits params.json."
     )
 
 

@@ -10,7 +10,7 @@ from .coefficients import law_coefficients
 from .middle import at_words, middle, reference
 from .numbers import figure, percent, quantity
 from .parts import Coefficient, Figure, ProfiledLaw
-from .profiler import profile, profiled
+from .profiler import band_of, profile, profiled
 
 FOLDER = "figures"
 BESIDE = {  # pictures that fitmodels writes beside a card
@@ -20,6 +20,7 @@ BESIDE = {  # pictures that fitmodels writes beside a card
     "simulated": "Measured output and a free run of the model",
     "bode": "Gain and phase with their bands, over the measured response",
     "orders": "Orders of the model by one-step error",
+    "pi": "Map of the PI gains, and a step of the reference with those chosen",
 }
 
 
@@ -36,7 +37,11 @@ def drawn(pf: ParameterFile) -> Iterator[Figure]:
         yield Figure(name="exponents", caption=EXPONENTS, alternative=_of_exponents(tables))
     moved = [law for law in pf.laws.values() if law.form in LOGARITHMIC and law.factors]
     if moved:
-        yield Figure(name="responses", caption=RESPONSES, alternative=" ".join(_of_response(pf, law) for law in moved))
+        yield Figure(
+            name="responses",
+            caption=RESPONSES.format(band_of(pf)),
+            alternative=" ".join(_of_response(pf, law) for law in moved),
+        )
     if pf.dynamics is not None:
         yield Figure(name="dynamics", caption=DYNAMICS, alternative=_of_dynamics(pf.dynamics))
     if pf.dynamics is not None and pf.pi is not None and pf.pi.figures is not None and pf.pi.figures.stable:
@@ -53,7 +58,7 @@ def beside(pf: ParameterFile, folder: Path | None) -> Iterator[Figure]:
 
 
 EXPONENTS = "Exponents of the power laws with their 95 % intervals"
-RESPONSES = "Each law over its first factor, with the band of one further row on a new edge (95 %)"
+RESPONSES = "Each law over its first factor, with the band of {} (95 %)"
 DYNAMICS = "Gain and phase of the identified model over frequency"
 LOOP = "Step of the reference: the loop of these gains on the identified model"
 
@@ -116,6 +121,10 @@ def _of_loop(pi: Pi) -> str:
     return ", ".join(parts) + "."
 
 
+def _scale(law: Law) -> str:
+    return "in ln" if law.residual_scale == "ln" else law.residual_scale
+
+
 def _caption(stem: str) -> str:
     if stem in BESIDE:
         return BESIDE[stem]
@@ -132,11 +141,13 @@ def _of_picture(pf: ParameterFile, stem: str) -> str:
         fits = [f"{law.response} R² {law.statistics.r2:.4f}" for law in laws if law.statistics.r2 is not None]
         return f"Points about the diagonal, {', '.join(fits) or 'a panel a law'}."
     if stem == "residuals" and pf.laws:
-        spread = [f"{law.response} {figure(law.residual_se, 3).text} {law.residual_scale}" for law in laws
+        spread = [f"{law.response} {figure(law.residual_se, 3).text} {_scale(law)}" for law in laws
                   if law.residual_se is not None]  # fmt: skip
-        return f"Residuals scatter about zero, their standard error {', '.join(spread) or 'not known'}."
+        return f"Residuals scatter about zero; their standard error: {', '.join(spread) or 'not known'}."
     if stem == "response_surfaces" and pf.laws:
-        return " ".join(_of_response(pf, law) for law in laws if law.form in LOGARITHMIC and law.factors)
+        return " ".join(_of_response(pf, law) if law.form in LOGARITHMIC else law.equation for law in laws)
+    if stem == "pi" and pf.pi is not None and pf.pi.figures is not None:
+        return _of_loop(pf.pi)
     if stem == "bode" and pf.dynamics is not None:
         return _of_dynamics(pf.dynamics)
     if stem == "simulated" and pf.dynamics is not None and pf.dynamics.held_out_fit is not None:

@@ -37,6 +37,10 @@ FIGURES: Mapping[str, tuple[str, str, bool]] = {
     "noise_gain": ("gain from noise to the command", "", False),
     "integral_time": ("integral time", "s", False),
 }
+CHOSEN = {  # ways of choosing that need more than their name
+    "smallest ms": "of the gains that meet what was asked, these have the smallest peak of sensitivity, Ms",
+    "smallest iae": "of the gains that meet what was asked, these have the smallest integral of the absolute error",
+}
 UNBOUNDED = ("rise_time", "settling_time", "gain_margin", "delay_margin")
 
 
@@ -113,7 +117,7 @@ def _held(pi: Pi) -> tuple[Named, ...]:
 
 
 def _sentences(pi: Pi, dynamics: Dynamics | None) -> list[str]:
-    said = [f"chosen by {pi.method}"] if pi.method else []
+    said = [CHOSEN.get(pi.method, f"chosen by {pi.method}")] if pi.method else []
     if pi.forced:
         said.append(f"FORCED: these gains miss their specification and are kept all the same ({pi.forced})")
     if pi.figures is None:

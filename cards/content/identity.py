@@ -40,7 +40,7 @@ def provenance_part(pf: ParameterFile) -> Provenance:
         data_file=p.data_file or "",
         data_sha256=p.data_sha256 or "",
         rows=p.n_rows,
-        command=p.command or "",
+        command=" && ".join((*([p.command] if p.command else []), *p.then)),
         created=p.created or "",
         seed=p.seed,
         versions={"fitmodels": p.fitmodels, **dict(sorted(p.versions.items()))},

@@ -281,6 +281,7 @@ class Profiler(Part):
     factors: tuple[FactorRange, ...] = ()
     start: dict[str, float] = Field(default_factory=dict)
     laws: tuple[ProfiledLaw, ...] = ()
+    of: str = "one further row"  # what the bands are of
     level: float = 0.95
     removal: bool = False  # MRR = 1000 V f d can be told
 

@@ -12,6 +12,7 @@ from .design import factor_ranges
 from .middle import middle_of
 from .parts import FactorRange, ProfiledLaw, ProfiledRegion, Profiler, Space
 
+ROW, ON_NEW_EDGE = "one further row", "one further row on a new edge"
 WEARS = ("AW", "VB")
 TURNING = {"V": "m/min", "f": "mm/rev", "d": "mm"}
 MILLING = ("fz", "fm", "ae", "n")  # with one of these, V f d is no removal rate
@@ -29,9 +30,18 @@ def profiler_part(pf: ParameterFile) -> Profiler | None:
         factors=sliders,
         start={f.symbol: _start(f) for f in sliders},
         laws=laws,
+        of=band_of(pf),
         level=LEVEL,
         removal=_removes(pf, sliders),
     )
+
+
+def band_of(pf: ParameterFile) -> str:
+    """What the bands of the profiled laws are of."""
+    split = [_split(law) for law in pf.laws.values() if law.form in LOGARITHMIC]
+    if all(split):
+        return ON_NEW_EDGE
+    return f"{ROW}, on a new edge where edges are known" if any(split) else ROW
 
 
 def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLaw:
@@ -121,8 +131,7 @@ def _driven(pf: ParameterFile, wear: str) -> bool:
 
 def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None, float | None]:
     held, e = law.uncertainty, law.edges
-    split = e is not None and e.sd_between is not None and e.sd_within is not None
-    scatter = math.hypot(e.sd_between, e.sd_within) if split else law.residual_se  # type: ignore[union-attr, arg-type]
+    scatter = math.hypot(e.sd_between, e.sd_within) if _split(law) else law.residual_se  # type: ignore[union-attr, arg-type]
     if not isinstance(held, Covariance) or scatter is None:
         return (), None, None
     from scipy.special import stdtrit
@@ -130,6 +139,12 @@ def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None,
     order = [held.of.index(name) for name in parameter_names(law)[: 1 + len(law.factors)]]
     matrix = tuple(tuple(held.matrix[i][j] for j in order) for i in order)
     return matrix, scatter, float(stdtrit(held.df, (1 + LEVEL) / 2))
+
+
+def _split(law: LawSection) -> bool:
+    """Whether the scatter between edges is told apart from that within."""
+    e = law.edges
+    return e is not None and e.sd_between is not None and e.sd_within is not None
 
 
 def _region(law: LawSection) -> ProfiledRegion | None:

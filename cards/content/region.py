@@ -65,7 +65,7 @@ def _window(found: "VisibleRegion") -> Window:
     held = ", held there by " + " and ".join(best.held_by) if best.held_by else ""
     tested = "" if best.tested else "; the laws were not tested there, so try it with care before it is relied on"
     said = [
-        f"{at}, the greatest metal removal rate within the limits is {_whole(best.MRR).text} mm3/min{held}{tested}",
+        f"{at}, the greatest metal removal rate within the limits is {quantity(_removal(best.MRR))}{held}{tested}",
         "the laws are taken as they stand: on a limit, about every second tool exceeds it, so stay inside by as much "
         "as the intervals say",
         *found.notes,
@@ -82,11 +82,11 @@ def _best(best: "Point") -> tuple[Named, ...]:
     return (
         *fact("V of the optimum", figure(best.V, 4, "m/min")),
         *fact("f of the optimum", figure(best.f, 4, "mm/rev")),
-        *fact("metal removal rate of the optimum", _whole(best.MRR), "MRR = 1000 V f d"),
+        *fact("metal removal rate of the optimum", _removal(best.MRR), "MRR = 1000 V f d"),
         *responses,
         *fact("wear rate at the optimum", figure(best.wear_rate, 4, "um/min")),
     )
 
 
-def _whole(value: float) -> Number:
-    return Number(value=value, text=f"{value:.0f}", unit="mm3/min")
+def _removal(value: float) -> Number:
+    return figure(value, 4, "mm3/min")

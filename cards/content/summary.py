@@ -15,14 +15,14 @@ def title(pf: ParameterFile) -> str:
 def summary(pf: ParameterFile) -> str:
     """What the file holds and from how much, then the first number of it; that it is simulated before all."""
     simulated = "Not measured, simulated: " if pf.identity.simulated else ""
-    what = ", ".join(_holds(pf)) or "no law, no dynamics and no settings yet"
+    what = join_words(_holds(pf)) or "no law, no dynamics and no settings yet"
     first = f"{simulated}{what}, for {title(pf)}{_from(pf)}."
     return " ".join([first[:1].upper() + first[1:], *_said(pf)])
 
 
 def _holds(pf: ParameterFile) -> list[str]:
     laws = [f"{law.quantity} {law.response}" for law in pf.laws.values()]
-    said = [("law of " if len(laws) == 1 else "laws of ") + _and(laws)] if laws else []
+    said = [("law of " if len(laws) == 1 else "laws of ") + join_words(laws)] if laws else []
     said += [f"a dynamic model of {pf.dynamics.output} from {pf.dynamics.input}"] if pf.dynamics else []
     said += ["PI gains"] if pf.pi else []
     said += [name for name, section in (
@@ -34,12 +34,12 @@ def _holds(pf: ParameterFile) -> list[str]:
 
 
 def _from(pf: ParameterFile) -> str:
-    rows, edges = (max((n or 0 for n in each), default=0) for each in (
-        [law.n for law in pf.laws.values()], [law.n_edges for law in pf.laws.values()]
-    ))  # fmt: skip
+    rows = [law.n for law in pf.laws.values()]
+    edges = max((law.n_edges or 0 for law in pf.laws.values()), default=0)
     if not rows:
         return ""
-    return f", from {rows} rows" + (f" of {edges} edges" if edges else "")
+    count = f"{max(rows)}" if min(rows) == max(rows) else f"{min(rows)} to {max(rows)}"
+    return f", from {count} rows" + (f" of {edges} edges" if edges else "")
 
 
 def _said(pf: ParameterFile) -> list[str]:
@@ -65,16 +65,21 @@ def _of_law(law: Law) -> str:
     try:
         p = law.tell("prediction", by=by, **at)
     except ParameterError:
-        return f"{where} {law.response} is {quantity(figure(float(law.predict(by, **at)), 4, law.unit))}."
+        return f"{where}, {law.response} is {quantity(figure(float(law.predict(by, **at)), 4, law.unit))}."
     half = (float(p.high) - float(p.low)) / 2
     width = min(half, float(p.low)) if p.low > 0 else half
     value, low, high = (number(float(x), width, law.unit) for x in (p.value, p.low, p.high))
-    new = "on a further edge" if p.edge == "new" else "of a further row"
+    new = "on a further edge" if p.edge == "new" else "in one further row"
     return (
-        f"{where} {law.response} is {quantity(value)}; {new} expect {low.text} to {quantity(high)} "
+        f"{where}, {law.response} is {quantity(value)}; {new} expect {low.text} to {quantity(high)} "
         f"({percent(p.level).text} %)."
     )
 
 
-def _and(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+def join_words(names: list[str]) -> str:
+    """``a, b and c``.
+
+    >>> join_words(["a", "b", "c"]), join_words(["a"]), join_words([])
+    ('a, b and c', 'a', '')
+    """
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)

@@ -17,11 +17,12 @@ from .coefficients import LEVEL
 from .middle import at_words, middle, reference
 from .numbers import count, percent
 from .parts import Number, Uncertain
+from .profiler import ON_NEW_EDGE, ROW
 
 OF = {
     "mean": "the law itself",
-    "new": "one further row on a new edge",
-    "independent rows": "one further row",
+    "new": ON_NEW_EDGE,
+    "independent rows": ROW,
     "life": "the law itself",
     "edge": "one further edge",
 }
@@ -81,7 +82,7 @@ def of_life(life: ToolLifeSection, law: Law | None) -> tuple[Uncertain, ...]:
     order = [law.uncertainty.of.index(name) for name in names]
     variance = float(z @ np.array(law.uncertainty.matrix)[np.ix_(order, order)] @ z)
     edge, scatter = _of_an_edge(law, life)
-    where = at_words(law, life.typical_at, digits=4)
+    where = at_words(law, life.typical_at, digits=3)  # as the tool life itself is told
     beyond = "" if life.typical <= life.t_observed else (
         f" No test ran longer than {life.t_observed:.3g} {life.unit}: this is an extrapolation, and no interval of "
         "the law counts its error."

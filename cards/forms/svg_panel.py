@@ -86,6 +86,21 @@ class Panel:
         said = escape(" ".join(words.split()))
         self.words.append(f'<text class="{style}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{said}</text>')
 
+    def above(self, x: float, words: str) -> None:
+        """Put words over the panel, about x."""
+        self.text(self.at(x, 0.0)[0], self.room.top - 3, words, "middle", "f-soft")
+
+
+class Drawing(NamedTuple):
+    """A panel to be drawn: title, text alternative, axes, what to put on them, and room."""
+
+    title: str
+    alternative: str
+    x: Axis
+    y: Axis
+    draw: Callable[[Panel], None]
+    room: Room = ROOM
+
 
 @contextmanager
 def settings() -> Iterator[None]:
@@ -96,11 +111,12 @@ def settings() -> Iterator[None]:
         yield
 
 
-def svg(number: int, title: str, alternative: str, x: Axis, y: Axis, draw: Callable[[Panel], None], room: Room) -> str:
-    """Draw a panel and return it as an ``svg`` element whose text alternative is ``title`` and ``alternative``.
+def svg(number: int, drawing: Drawing) -> str:
+    """Draw a panel and return it as an ``svg`` element with its text alternative.
 
     ``number`` sets its ids apart from those of other figures in the page. Called within `settings`.
     """
+    title, alternative, x, y, draw, room = drawing
     figure, ax = _paper(get_ident())
     for artist in (*ax.lines, *ax.collections, *ax.patches):
         artist.remove()

@@ -9,8 +9,13 @@ from ..content.parts import Coefficient, FactorRange, Number
 
 UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"
 WORTH = re.compile(
-    rf"(?P<doi>\b10\.\d{{4,9}}/[\w.;()/:-]*\w)|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
+    r"(?P<doi>\b10\.\d{4,9}/[\w.;()/:-]*\w)"
+    rf"|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
+    r"|(?P<probability>\bp (?:[<=] ?)?\d?\.\d+(?:e-\d+)?)"
+    r"|(?P<power_of_ten>[-−]?\d[\d.]*e-?\d+)"
+    rf"|(?P<letters>\bU = k u\b|\b[uk] = \d[\d.e-]*(?: (?:{UNITS})(?![\w/]))?)"
 )
+LEVELS = " for "  # from here on an equation tells which level of a category it is of
 TOKEN = re.compile(r"(?P<number>\d+\.?\d*(?:e[+-]?\d+)?)|(?P<function>exp|ln)(?=\()|(?P<name>[^\W\d]\w*)")
 POWER = re.compile(r"\^(-?[\d.]+(?:e[+-]?\d+)?)")
 DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/)?(10\.\d{4,9}/\S+)")
@@ -46,15 +51,16 @@ def equation(text: str) -> Markup:
     >>> print(equation("AW = 0.5 V^0.3"))
     <var>AW</var> = 0.5 <var>V</var><span class="hat">^</span><sup>0.3</sup>
     """
+    text, told, level = text.partition(LEVELS)
     out, at = [], 0
     for power in POWER.finditer(text):
         out += [_names(text[at : power.start()]), Markup('<span class="hat">^</span><sup>{}</sup>').format(power[1])]
         at = power.end()
-    return Markup().join([*out, _names(text[at:])])
+    return Markup().join([*out, _names(text[at:]), escape(told + level)])
 
 
 def prose(text: str) -> Markup:
-    """A sentence: numbers stay with their units, and a DOI is a link."""
+    """A sentence: numbers stay with their units, a p with its value, and a DOI is a link."""
     out, at = [], 0
     for found in WORTH.finditer(text):
         out.append(escape(text[at : found.start()]))

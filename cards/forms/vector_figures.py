@@ -1,32 +1,31 @@
-"""The figures of a page, inline: each law with its band, exponents with intervals, the drive and its loop."""
+"""The figures of a page, inline: each law with its band, and exponents with intervals; the drive has its own file."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import count
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...parameters import Dynamics, ParameterError, ParameterFile
 from ...parameters import Law as LawSection
-from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
+from ...parameters import ParameterError, ParameterFile
+from ...parameters.checks.loop_figures import closed_loop
 from ...parameters.evaluate import LOGARITHMIC
 from ..content.middle import middle, reference
 from ..content.parts import Card, Coefficient, Figure, Law
+from .drive_figures import bode, step
 from .svg_panel import (
     BAND,
     INK,
     LINE,
-    ROOM,
     SIZE,
     SOFT,
     TESTED,
     Axis,
+    Drawing,
     Panel,
     Room,
     at_levels,
-    decades,
     even,
     settings,
     svg,
@@ -37,25 +36,7 @@ Array = NDArray[np.float64]
 ROW = 18.0  # px
 BEYOND = 0.2  # drawn beyond the tested range, as a share of its ends
 POINTS = 41
-FREQUENCIES = 80
 HIGHEST = 3.0  # times the largest predicted value, at which a band is cut off
-BELOW = 10.0  # times below the excited band, or 200 below Nyquist, where a frequency axis begins
-STILL = 1e-3  # what the slowest pole has died down to where a step ends
-LONGEST = 5000  # samples of a step
-DRAWN = 300  # of which are drawn
-SETTLED = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class _Drawing:
-    """A panel to be drawn: axes, what to put on them, and room."""
-
-    title: str
-    alternative: str
-    x: Axis
-    y: Axis
-    draw: Callable[[Panel], None]
-    room: Room = ROOM
 
 
 def vector_figures(card: Card, pf: ParameterFile | None = None) -> dict[str, tuple[str, ...]]:
@@ -87,14 +68,11 @@ def vector_figures(card: Card, pf: ParameterFile | None = None) -> dict[str, tup
         return {}
     number = count(1)
     with settings():
-        drawn = {
-            name: tuple(svg(next(number), d.title, d.alternative, d.x, d.y, d.draw, d.room) for d in drawings)
-            for name, drawings in wanted.items()
-        }
+        drawn = {name: tuple(svg(next(number), drawing) for drawing in drawings) for name, drawings in wanted.items()}
     return {name: panels for name, panels in drawn.items() if panels}
 
 
-def _drawings(figure: Figure, card: Card, pf: ParameterFile | None) -> Iterator[_Drawing]:
+def _drawings(figure: Figure, card: Card, pf: ParameterFile | None) -> Iterator[Drawing]:
     if figure.name == "exponents":
         yield from exponents(figure, card.laws)
     elif pf is None:
@@ -107,7 +85,7 @@ def _drawings(figure: Figure, card: Card, pf: ParameterFile | None) -> Iterator[
         yield from step(figure, closed_loop(pf.dynamics, pf.pi))
 
 
-def exponents(figure: Figure, laws: Sequence[Law]) -> Iterator[_Drawing]:
+def exponents(figure: Figure, laws: Sequence[Law]) -> Iterator[Drawing]:
     """Exponents of all power laws on one axis, with their intervals: point and bar a line, a law under its name."""
     groups = [(law.response, lines) for law in laws if law.form == "power" and (lines := _exponents(law))]
     ends = [n.value for _, lines in groups for c in lines for n in (c.estimate, c.low, c.high) if n.value is not None]
@@ -118,7 +96,7 @@ def exponents(figure: Figure, laws: Sequence[Law]) -> Iterator[_Drawing]:
     axis = even(min(*ends, 0.0) - margin, max(*ends, 0.0) + margin, "exponent")
     down = Axis(rows - 0.5, -0.7)
     room = Room(height=ROW * rows + 46, left=64.0, right=56.0, top=6.0)
-    yield _Drawing(figure.caption, figure.alternative, axis, down, lambda panel: _forest(panel, groups), room)
+    yield Drawing(figure.caption, figure.alternative, axis, down, lambda panel: _forest(panel, groups), room)
 
 
 def _exponents(law: Law) -> list[Coefficient]:
@@ -151,12 +129,7 @@ def _line(panel: Panel, row: float) -> float:
     return panel.at(0.0, row)[1] + 0.35 * SIZE
 
 
-def _above(panel: Panel, x: float, words: str) -> None:
-    """Words over the panel, about x."""
-    panel.text(panel.at(x, 0.0)[0], panel.room.top - 3, words, "middle", "f-soft")
-
-
-def responses(figure: Figure, card: Card, pf: ParameterFile) -> Iterator[_Drawing]:
+def responses(figure: Figure, card: Card, pf: ParameterFile) -> Iterator[Drawing]:
     """Each law over its first factor, the others at the middle of their ranges, with the tested range marked."""
     laws = [law for law in pf.laws.values() if law.form in LOGARITHMIC and law.factors]
     levels = {law.response: law.domain[0].levels for law in card.laws if law.domain}
@@ -181,7 +154,7 @@ def _sentences(text: str, responses: Sequence[str]) -> list[str]:
     return [text[a:b].strip() for a, b in zip(starts, [*starts[1:], len(text)], strict=True)]
 
 
-def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tuple[float, str]]) -> _Drawing:
+def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tuple[float, str]]) -> Drawing:
     first = law.factors[0]
     low, high = first.low, first.high
     margin = BEYOND * (high - low) if high > low else BEYOND * abs(high)
@@ -202,9 +175,9 @@ def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tup
                 ax.plot(x, end, color=SOFT, lw=0.8, ls=(0, (3, 3)))
         ax.plot(x, value, color=LINE, lw=1, ls=(0, (4, 3)))
         ax.plot(x[inside], value[inside], color=LINE, lw=2)
-        _above(panel, (low + high) / 2, "tested")
+        panel.above((low + high) / 2, "tested")
 
-    return _Drawing(title, alternative, across, up, draw)
+    return Drawing(title, alternative, across, up, draw)
 
 
 def _over(law: LawSection, symbol: str, x: Array) -> tuple[Array, tuple[Array, Array] | None]:
@@ -216,56 +189,3 @@ def _over(law: LawSection, symbol: str, x: Array) -> tuple[Array, tuple[Array, A
     except ParameterError:
         return np.asarray(law.predict(by=level, **at)), None
     return np.asarray(told.value), (np.asarray(told.low), np.asarray(told.high))
-
-
-def bode(figure: Figure, model: Dynamics) -> Iterator[_Drawing]:
-    """Gain and phase of the model up to half the sampling rate, the excited band marked."""
-    nyquist = 0.5 / model.sample_time
-    least = model.band[0] / BELOW if model.band and model.band[0] > 0 else nyquist / (20 * BELOW)
-    f = np.geomspace(min(least, nyquist / BELOW), 0.999 * nyquist, FREQUENCIES)
-    with np.errstate(all="ignore"):
-        G = model.response(f)
-        f, G = f[np.isfinite(G) & (G != 0)], G[np.isfinite(G) & (G != 0)]
-    if not len(f):
-        return
-    gain, phase = np.log10(np.abs(G)), np.degrees(np.unwrap(np.angle(G)))
-    across = decades(float(np.log10(f[0])), float(np.log10(nyquist)), "frequency, Hz")
-    unit = f"{model.unit_y or 'output'}/{model.unit_u or 'input'}"
-    room = 0.08 * float(np.ptp(gain)) + 0.05
-    for name, values, up in (
-        ("gain", gain, decades(float(gain.min()) - room, float(gain.max()) + room, f"gain, {unit}")),
-        ("phase", phase, even(float(phase.min()) - 10, float(phase.max()) + 10, "phase, degrees")),
-    ):
-        title = f"{name.capitalize()} over frequency"
-        yield _Drawing(title, figure.alternative, across, up, _over_frequency(np.log10(f), values, model.band))
-
-
-def _over_frequency(f: Array, values: Array, band: tuple[float, float] | None) -> Callable[[Panel], None]:
-    def draw(panel: Panel) -> None:
-        if band is not None and band[0] > 0:
-            low, high = np.log10(band)
-            panel.ax.axvspan(low, high, color=TESTED, lw=0)
-            _above(panel, (low + high) / 2, "excited")
-        panel.ax.plot(f, values, color=LINE, lw=2)
-
-    return draw
-
-
-def step(figure: Figure, loop: ClosedLoop) -> Iterator[_Drawing]:
-    """Output of the loop after a unit step of the reference, from rest, with the lines it settles between."""
-    radius = loop.radius
-    if not radius < 1:
-        return
-    n = int(np.clip(np.log(STILL) / np.log(max(radius, 1e-3)), 30, LONGEST))
-    y = loop.run(np.convolve(np.convolve(loop.b, loop.pn), loop.hd), np.ones(n))
-    time = np.arange(n) * loop.sample_time
-    every = slice(None, None, -(-n // DRAWN))
-    across = even(0.0, float(time[-1]), "time, s")
-    up = even(min(0.0, float(y.min())), 1.06 * max(1.0, float(y.max())), "output per unit of reference")
-
-    def draw(panel: Panel) -> None:
-        panel.ax.axhspan(1 - SETTLED, 1 + SETTLED, color=TESTED, lw=0)
-        panel.ax.axhline(1.0, color=SOFT, lw=0.8, ls=(0, (3, 3)))
-        panel.ax.plot(time[every], y[every], color=LINE, lw=2)
-
-    yield _Drawing("Step of the reference", figure.alternative, across, up, draw)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from ...datasets.vocabulary import UNNAMED
+
 
 @dataclass(frozen=True, slots=True)
 class Missing:
@@ -85,6 +87,14 @@ SENSOR_EXAMPLE = (
     'model = "toolmaker\'s microscope, 30 x"',
     "sd = 0.005",
 )
+NAMES = {
+    name: Missing(
+        name,
+        "a card is looked for by tool and work",
+        f"Fit the data again with --{name} NAME, or name it in the file; card.toml cannot tell it.",
+    )
+    for name in UNNAMED
+}
 DATA = Missing(
     "data_sha256",
     "without its checksum nobody can tell which data were fitted",

@@ -1,14 +1,15 @@
 """What a card lacks before it may be published."""
 
+from ...datasets.vocabulary import UNNAMED
 from ..content.parts import Card
-from .ask import DATA, QUESTIONS, Missing
+from .ask import DATA, NAMES, QUESTIONS, Missing
 
 
 def missing(card: Card) -> list[Missing]:
     """Everything that is required and not told, in the order of card.toml.
 
-    Required are licence, an author, contact, machine, ISO 513 group, set-up, a sensor or why there was none, and the
-    checksum of the data.
+    Required are licence, an author, contact, machine, ISO 513 group, set-up, a sensor or why there was none, names of
+    tool and work, and the checksum of the data.
 
     Examples
     --------
@@ -28,4 +29,5 @@ def missing(card: Card) -> list[Missing]:
     }
     lacking = [name for name, value in told.items() if not value.strip()] + ([] if i.sensors else ["sensors"])
     asked = [Missing(name, QUESTIONS[name].why, QUESTIONS[name].ask) for name in lacking]
-    return [*asked, *([] if card.provenance.data_sha256 else [DATA])]
+    unnamed = [NAMES[name] for name, nothing in UNNAMED.items() if getattr(i, name) == nothing]
+    return [*asked, *unnamed, *([] if card.provenance.data_sha256 else [DATA])]

@@ -14,17 +14,27 @@ from ..sections.law_parts import Composite
 from .law_facts import equation, factor, finite, known, quantity_of
 
 if TYPE_CHECKING:
-    from ...fit import LawFit, ToolLife
+    from ...fit import LawFit, StreamedLaw, ToolLife
 
 
-def laws_by_response(laws: Sequence["LawFit"], tool: str, work: str, gauge_sd: float | None) -> dict[str, Law]:
-    """Sections of laws by response; one of wear is put into the others."""
+def laws_by_response(
+    laws: "Sequence[LawFit | StreamedLaw]", tool: str, work: str, gauge_sd: float | None
+) -> dict[str, Law]:
+    """Sections of laws by response; one of wear is put into the others, where both were fitted to rows in memory."""
+    from ...fit import LawFit
+
     found: dict[str, Law] = {}
+    whole = [law for law in laws if isinstance(law, LawFit)]
     for law in laws:
         if law.response in found:
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
+        if not isinstance(law, LawFit):
+            from .streamed import streamed_section
+
+            found[law.response] = streamed_section(law)
+            continue
         section = law_section(law, tool, work, gauge_sd)
-        wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
+        wear = next((w for w in whole if w.response in ("AW", "VB") and w.response in law.factors), None)
         found[law.response] = (
             section if wear is None else section.model_copy(update={"composite": _composite(law, wear)})
         )

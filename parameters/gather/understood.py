@@ -25,7 +25,7 @@ def understood(runs: "Runs", laws: Mapping[str, "Law"], labels: Labels | None = 
         Different names of a column of labels, in their order, where somebody has them already.
     """
     columns = [column_words(runs, use, labels) for use in runs.columns if use.role is not None]
-    lines = [f"{symbol} {quantity}, {rest}" for symbol, quantity, rest in columns]
+    lines = [f"{symbol}: {quantity}, {rest}" for symbol, quantity, rest in columns]
     unused = ", ".join(repr(use.header) for use in runs.columns if use.role is None)
     lines += [f"not used: {unused}"] if unused else []
     lines += idle(runs, laws)

@@ -89,6 +89,8 @@ class Provenance(Section):
         ISO date, as it was given.
     command, options, seed
         How it was called.
+    then : tuple of str
+        Commands that put further sections in since, in their order.
 
     Examples
     --------
@@ -104,6 +106,7 @@ class Provenance(Section):
     versions: dict[str, str] = Field(default_factory=dict)
     command: str | None = None
     options: dict[str, JsonValue] = Field(default_factory=dict)
+    then: tuple[str, ...] = ()
     seed: Count | None = None
 
     @field_validator("created")

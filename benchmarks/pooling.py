@@ -1,0 +1,93 @@
+"""Separate against pooled exponents of simulated families, and whether the intervals of both hold their level.
+
+    OMP_NUM_THREADS=1 python benchmarks/pooling.py [FAMILIES]
+
+Each family has 24 pairs with 4, 6, 8, 12, 16 or 24 edges of 6 rows. A pair's exponents of V and t are normal about
+those of its family with standard deviation tau; ln AW scatters between edges and within, by 0.07 each in every pair or,
+where pairs scatter unlike, by 0.07 times lognormal factors of their own (standard deviation 0.4 in logs). Every pair is
+fitted from its rows by ``fit.many_power_laws`` with standard errors by edge, every family pooled by
+``fit.pooled_exponents`` with its own prior. Printed by tau and by edges of a pair: root of the mean squared error of
+both, their ratio squared, coverage of 95 % intervals, and the median length of the pooled ones over the others; then
+coverage for the families. At tau 0 the two ends of its interval lie above it, as those of any central interval do.
+"""
+
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+from fitmodels.fit.many.families import pooled_exponents
+from fitmodels.fit.many.in_stacks import many_power_laws
+
+EDGES, SUBTESTS, EACH = (4, 6, 8, 12, 16, 24), 6, 4  # pairs of a family with each number of edges
+MEANS, SD = {"V": 0.577, "t": 0.245}, 0.07
+CASES = ((0.0, 0.0), (0.03, 0.0), (0.1, 0.0), (0.3, 0.0), (0.03, 0.4), (0.1, 0.4), (0.3, 0.4))  # tau, unlikeness
+
+
+def simulated(families, tau, unlike, rng):
+    """Rows of all pairs, and the pairs with their true exponents."""
+    counts = np.tile(np.repeat(EDGES, EACH), families)
+    pairs = pd.DataFrame({"pair": np.arange(len(counts)), "group": np.repeat(np.arange(families), len(EDGES) * EACH)})
+    for name, mean in MEANS.items():
+        pairs[name] = mean + tau * rng.standard_normal(len(pairs))
+    of_edge = np.repeat(pairs["pair"], counts).to_numpy()
+    of_row = np.repeat(of_edge, SUBTESTS)
+    V = np.repeat(rng.uniform(*np.log((50, 200)), len(of_edge)), SUBTESTS)
+    t = np.tile(np.log(2.0 * np.arange(1, SUBTESTS + 1)), len(of_edge))
+    between, within = SD * np.exp(unlike * rng.standard_normal((2, len(pairs))))
+    level = np.repeat(between[of_edge] * rng.standard_normal(len(of_edge)), SUBTESTS)
+    level += within[of_row] * rng.standard_normal(len(of_row))
+    y = pairs["V"].to_numpy()[of_row] * V + pairs["t"].to_numpy()[of_row] * t - 4.9 + level
+    edge = np.repeat(np.arange(len(of_edge)), SUBTESTS)
+    rows = pd.DataFrame({"pair": of_row, "edge": edge, "V": np.exp(V), "t": np.exp(t), "AW": np.exp(y)})
+    return rows, pairs.assign(edges=counts)
+
+
+def share(inside):
+    return f"{100 * np.mean(inside):6.1f} %"
+
+
+def tell_pairs(rows, truth, edges):
+    print(
+        f"    {'edges':>6} {'rmse alone':>11} {'pooled':>8} {'mse ratio':>10} {'cover alone':>12} {'pooled':>9}  length"
+    )
+    for count in (*EDGES, None):
+        pick = np.ones(len(rows), dtype=bool) if count is None else edges == count
+        some, beta = rows[pick], truth[pick]
+        alone, pooled = (np.mean(np.square(some[name] - beta)) for name in ("estimate", "pooled"))
+        inside = share((some["low"] <= beta) & (beta <= some["high"]))
+        within = share((some["pooled_low"] <= beta) & (beta <= some["pooled_high"]))
+        length = ((some["pooled_high"] - some["pooled_low"]) / (some["high"] - some["low"])).median()
+        print(f"    {count or 'all':>6} {alone**0.5:11.4f} {pooled**0.5:8.4f} {pooled / alone:10.2f} {inside:>12}"
+              f" {within:>9} {length:7.2f}")  # fmt: skip
+
+
+def tell_families(told, mean, tau, rng):
+    new = mean + tau * rng.standard_normal(len(told))
+    cover = [share((told[f"{name}_low"] <= value) & (value <= told[f"{name}_high"]))
+             for name, value in (("mean", mean), ("tau", tau), ("new", new))]  # fmt: skip
+    middle = told["tau"].median()
+    print(f"    families: mean {cover[0]}, tau {cover[1]} (median estimate {middle:.3f}), new pair {cover[2]}")
+
+
+def main(families):
+    began = time.perf_counter()
+    error = 100 * np.sqrt(0.95 * 0.05 / (families * len(EDGES) * EACH))
+    print(
+        f"{families} families of {len(EDGES) * EACH} pairs; Monte Carlo error of coverage over all {error:.2f} points"
+    )
+    for tau, unlike in CASES:
+        rng = np.random.default_rng([7, int(1000 * tau), int(10 * unlike)])
+        rows, pairs = simulated(families, tau, unlike, rng)
+        laws = many_power_laws(rows, "AW", list(MEANS), pair="pair", edge="edge")
+        table = laws.table.assign(group=pairs["group"])
+        for name, mean in MEANS.items():
+            found = pooled_exponents(table, name, by="group")
+            print(f"exponent of {name}, tau {tau:g}, pairs scatter {'unlike' if unlike else 'alike'}; {found.prior}")
+            tell_pairs(found.table, pairs[name], pairs["edges"].to_numpy())
+            tell_families(found.families, mean, tau, rng)
+    print(f"{laws.one_by_one} of {len(laws)} pairs fitted one by one; {time.perf_counter() - began:.0f} s in all")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)

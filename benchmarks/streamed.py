@@ -1,0 +1,77 @@
+"""A power law of a stream: seconds and peak memory against rows, and how near the truth it comes.
+
+    python benchmarks/streamed.py              1e6 and 1e7 rows
+    python benchmarks/streamed.py 100000000    these as well
+
+Run it with the Python that fitmodels is installed in. Rows are made chunk by chunk, each size in a process of its
+own, so that peak memory is of that size alone. Wall seconds hold the making of the rows as well; seconds of the
+processor are told apart, and it is these that a busy machine does not lengthen much.
+"""
+
+import multiprocessing
+import resource
+import sys
+import time
+
+import numpy as np
+from fitmodels.fit.streamed.one_pass import streamed_power_law
+
+CHUNK = 500_000
+EDGES = 240
+TRUTH = {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}
+CONSTANT, BETWEEN, WITHIN = -4.9, 0.05, 0.1  # ln c0, scatter of the edges, scatter of rows
+
+
+def chunks(n, seconds, seed=1):
+    """Rows of 240 edges, each edge at one setting and in every chunk."""
+    rng = np.random.default_rng(seed)
+    low, high = np.log([50, 0.06, 1.5]), np.log([200, 0.6, 3])
+    setting, level = rng.uniform(low, high, (EDGES, 3)), CONSTANT + BETWEEN * rng.standard_normal(EDGES)
+    level += setting @ list(TRUTH.values())[:3]
+    columns = np.exp(setting).T
+    for start in range(0, n, CHUNK):
+        began = time.process_time()
+        m = min(CHUNK, n - start)
+        edge = rng.integers(0, EDGES, m)
+        lnt = rng.uniform(0, 3, m)
+        y = level[edge] + TRUTH["t"] * lnt + WITHIN * rng.standard_normal(m)
+        chunk = {"edge": edge, "t": np.exp(lnt), "AW": np.exp(y)} | {
+            name: column[edge] for name, column in zip("Vfd", columns, strict=True)
+        }
+        seconds.append(time.process_time() - began)
+        yield chunk
+
+
+def fitted(n, queue):
+    streamed_power_law(chunks(2000, []), "AW", list(TRUTH))  # loads what is loaded once
+    making, before, wall, began = [], peak(), time.perf_counter(), time.process_time()
+    law = streamed_power_law(chunks(n, making), "AW", list(TRUTH))
+    took, wall = time.process_time() - began, time.perf_counter() - wall
+    theta, se = law.theta, np.sqrt(np.diag(law.covariance()))
+    off = float(np.max(np.abs(theta - [CONSTANT, *TRUTH.values()]) / se))
+    queue.put((law.nobs, wall, took, sum(making), before, peak(), off))
+
+
+def peak():
+    """Most memory that this process has held, MB."""
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most / (1024**2 if sys.platform == "darwin" else 1024)
+
+
+def main(sizes):
+    process = multiprocessing.get_context("spawn")
+    print(
+        "      rows   wall s  CPU s fitting  making  us a row  peak MB  (at start)  furthest from the truth, SE by edge"
+    )
+    for n in sizes:
+        queue = process.Queue()
+        run = process.Process(target=fitted, args=(n, queue))
+        run.start()
+        n, wall, took, making, before, most, off = queue.get()
+        run.join()
+        print(f"{n:10.0e}  {wall:7.2f}  {took - making:13.2f}  {making:6.2f}  {1e6 * (took - making) / n:8.3f}"
+              f"  {most:7.0f}  {before:10.0f}  {off:.2f} (aim < 3)")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main([10**6, 10**7, *(int(float(size)) for size in sys.argv[1:])])

@@ -1,0 +1,75 @@
+"""Pictures of many pairs: an exponent over all of them, and how far a family draws each towards its mean."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ...datasets.errors import UsageError
+from ...datasets.picture import BLUE, GREY, ORANGE, one_panel
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .families import PooledExponents
+    from .laws_of_pairs import ManyLaws
+
+Array = NDArray[np.float64]
+
+MOST = 60  # pairs drawn one by one; of more, evenly chosen ones in their order
+
+
+def exponents_picture(laws: "ManyLaws", ax: Axes | None = None, factor: str | None = None) -> Axes:
+    """One exponent of the pairs in rising order, within 95 % intervals."""
+    name = laws.factors[0] if factor is None else factor
+    if name not in laws.factors:
+        raise UsageError(f"factor={name!r}: the laws are on {', '.join(laws.factors)}.")
+    ends, ax = laws.conf_int(), one_panel(ax)
+    value, low, high = laws.params[name].to_numpy(), ends[f"low_{name}"].to_numpy(), ends[f"high_{name}"].to_numpy()
+    order = _some(value)
+    x = np.arange(len(order))
+    ax.vlines(x, low[order], high[order], color=BLUE, lw=1.2, alpha=0.6, label="95 % interval")
+    ax.plot(x, value[order], "o", ms=3, color=BLUE)
+    ax.set(xlabel=_axis(len(order), int(np.isfinite(value).sum())), ylabel=f"exponent of {name} in {laws.response}")
+    ax.legend(fontsize=7, frameon=False)
+    return ax
+
+
+def shrinkage_picture(found: "PooledExponents", ax: Axes | None = None) -> Axes:
+    """Each pair alone and with its family, by families, and their means; wide intervals alone run out of the panel."""
+    ax, table = one_panel(ax), found.table[found.table["pooled"].notna()]
+    table = table.sort_values(["family", "estimate"])
+    chosen = np.unique(np.linspace(0, max(len(table) - 1, 0), min(len(table), MOST)).astype(int))
+    some, x = table.iloc[chosen], np.arange(len(chosen))
+    ax.vlines(x - 0.15, some["low"], some["high"], color=GREY, lw=1)
+    ax.plot(x - 0.15, some["estimate"], "o", ms=3, color=GREY, label="alone")
+    ax.vlines(x + 0.15, some["pooled_low"], some["pooled_high"], color=BLUE, lw=1.4)
+    ax.plot(x + 0.15, some["pooled"], "o", ms=3, color=BLUE, label="with its family")
+    for name, mean in found.families["mean"].items() if len(found.families) else ():
+        at = np.flatnonzero(some["family"].to_numpy() == name)
+        if at.size:
+            ax.hlines(mean, at[0] - 0.5, at[-1] + 0.5, color=ORANGE, lw=1)
+            ax.annotate(str(name), (at[0] - 0.4, mean), fontsize=7, color=ORANGE, va="bottom")
+    ax.set(xlabel=_axis(len(chosen), len(table)), ylabel=f"exponent of {found.factor}", **_reach(some))
+    ax.legend(fontsize=7, frameon=False)
+    return ax
+
+
+def _reach(some: "pd.DataFrame") -> dict[str, tuple[float, float]]:
+    """Limits that hold all estimates and pooled intervals: one pair of three edges would flatten all the rest."""
+    if some.empty:
+        return {}
+    held = some[["estimate", "pooled_low", "pooled_high"]].to_numpy()
+    room = 0.15 * float(np.ptp(held))
+    return {"ylim": (float(held.min()) - room, float(held.max()) + room)}
+
+
+def _some(value: Array) -> NDArray[np.intp]:
+    """Positions of the known values in rising order, evenly thinned where there are many."""
+    order = np.argsort(value)[: int(np.isfinite(value).sum())]
+    return np.asarray(order[np.unique(np.linspace(0, max(len(order) - 1, 0), min(len(order), MOST)).astype(int))])
+
+
+def _axis(drawn: int, of: int) -> str:
+    return f"{drawn} of {of} pairs, in rising order" if drawn < of else "pair, in rising order"

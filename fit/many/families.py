@@ -1,0 +1,222 @@
+"""Partial pooling: what a family of pairs (an ISO group, a grade, a coolant) says of the exponent of each of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...datasets.errors import UsageError
+from ...datasets.telling import Grid, Telling, Told, measured
+from .errors_of_family import moderated
+from .laws_of_pairs import ManyLaws
+from .random_effects import Family, family, half_t, moments, of_pairs, quantiles, reml, tau_quantile
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+FEWEST = 3  # pairs of a family
+POOLED = ("pooled", "pooled_se", "pooled_low", "pooled_high")
+WHOLE = "all pairs"  # the family where none is asked for
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PooledExponents(Told):
+    """One exponent over families of pairs.
+
+    Attributes
+    ----------
+    factor : str
+    level : float
+        Of every interval.
+    prior : str
+        What tau was taken to be.
+    table : DataFrame
+        A row a pair, in the order and with the index of the table that was given: ``family``; ``estimate, se, df,
+        low, high`` of the pair alone; ``se_used, df_used``, its error with the family's say of it; ``pooled,
+        pooled_se, pooled_low, pooled_high`` with its family; ``shrinkage``, the share of the way from its own
+        estimate to the family's mean; ``reason`` why it is not pooled.
+    families : DataFrame
+        A row a family: ``pairs``; ``mean, mean_se, mean_low, mean_high``; ``tau`` (posterior median), ``tau_low,
+        tau_high, tau_reml``; ``new_low, new_high``, the exponent of a new pair of the family.
+    """
+
+    factor: str
+    level: float
+    prior: str
+    table: pd.DataFrame
+    families: pd.DataFrame
+
+    def to_frame(self) -> pd.DataFrame:
+        """A copy of ``table``."""
+        return self.table.copy()
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Each pair alone and with its family."""
+        from .draw_pairs import shrinkage_picture
+
+        return shrinkage_picture(self, ax)
+
+    def _telling(self) -> Telling:
+        pooled = self.table["pooled"].notna()
+        shrunk = f", drawn {self.table['shrinkage'].median():.0%} towards its mean (median)" if pooled.any() else ""
+        head = f"exponent of {self.factor}: {pooled.sum()} pairs in {len(self.families)} families{shrunk}"
+        ends = f"{100 * self.level:g} %"
+        rows = tuple(
+            (str(name), f"{row['pairs']:.0f}", measured(row["mean"], row["mean_se"]),
+             f"{row['tau']:.3g} ({row['tau_low']:.2g} to {row['tau_high']:.2g})",
+             f"{row['new_low']:.3g} to {row['new_high']:.3g}")
+            for name, row in self.families.head(8).iterrows()
+        )  # fmt: skip
+        grid = Grid(("family", "pairs", "mean", f"tau ({ends})", f"new pair ({ends})"), rows) if rows else None
+        alone = self.table.loc[self.table["reason"] != "", "reason"].value_counts()
+        return Telling(head, (("prior", self.prior),), grid, tuple(f"{n} pairs: {why}" for why, n in alone.items()))
+
+
+def pooled_exponents(
+    table: pd.DataFrame | ManyLaws | Mapping[str, object],
+    factor: str,
+    *,
+    by: str | None = None,
+    level: float = 0.95,
+    tau_scale: float = 0.3,
+    tau_df: float = 3.0,
+) -> PooledExponents:
+    """Pool the exponent of a factor over families of pairs.
+
+    Parameters
+    ----------
+    table : DataFrame or ManyLaws
+        A row a pair, with the columns ``params_V`` and ``bse_V`` for the factor V, and ``df``; without ``df`` the
+        standard errors are taken as exact. Where ``row_bse_V`` and ``scale_se`` are there too, standard errors are
+        moderated by those of the family (``errors_of_family``): four edges tell little of how much they scatter.
+    factor : str
+    by : str, optional
+        Column that names the family of each pair, for instance its ISO group; None: all pairs are one.
+    level : float
+    tau_scale, tau_df : float
+        Half-t prior of tau, the standard deviation of exponents in a family. As it is, half of it lies below 0.23 and
+        95 % below 0.95: exponents of tools and materials differ by tenths. An infinite ``tau_scale`` is uniform.
+
+    Raises
+    ------
+    UsageError
+        A column or a number that cannot be.
+
+    Notes
+    -----
+    ``b_i ~ N(beta_i, v_i), beta_i ~ N(mu, tau^2)``, mu flat; integrated over tau, so that intervals hold what is not
+    known of tau too (Gelman et al. 2013, Bayesian Data Analysis, section 5.4). The error of an estimate with few
+    edges is t-distributed; the normal that stands for it has the same 95 % interval,
+    ``v_i = (se_i t(.975, df_i) / 1.96)^2`` with ``se_used`` and ``df_used``. From three degrees of freedom on this
+    is nearly the variance of that t, and it is finite for any. A family of fewer than three pairs is not pooled.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from fitmodels import fit
+    >>> table = pd.DataFrame({"params_V": [0.45, 0.55, 0.60, 0.9], "bse_V": [0.05, 0.05, 0.05, 0.3], "df": 23})
+    >>> fit.pooled_exponents(table, "V").table["pooled"].round(2).tolist()
+    [0.48, 0.55, 0.58, 0.6]
+    """
+    rows = _separate(table, factor, by, level)
+    if not (tau_scale > 0 and tau_df > 0):
+        raise UsageError(f"tau_scale={tau_scale}, tau_df={tau_df}: both are above zero, for instance 0.3 and 3.")
+    prior = half_t(tau_df, tau_scale)
+    told: dict[str, dict[str, float]] = {}
+    for name, group in rows[rows["reason"] == ""].groupby("family", sort=True):
+        if len(group) < FEWEST:
+            rows.loc[group.index, "reason"] = f"a family of fewer than {FEWEST} pairs does not tell how they differ"
+            continue
+        se, df = _errors(group)
+        rows.loc[group.index, ["se_used", "df_used"]] = np.column_stack([se, df])
+        of = family(group["estimate"].to_numpy(), _variances(se, df), prior)
+        told[str(name)] = _of_family(of, level)
+        for column, values in _of_pairs(of, level).items():
+            rows.loc[group.index, column] = values
+    if not isinstance(table, ManyLaws) and isinstance(table, pd.DataFrame):
+        rows.index = table.index
+    rows = rows.drop(columns="design")
+    words = "uniform" if np.isinf(tau_scale) else f"tau half-t with {tau_df:g} df and scale {tau_scale:g}"
+    return PooledExponents(factor, level, words, rows, pd.DataFrame.from_dict(told, orient="index"))
+
+
+def _separate(
+    table: pd.DataFrame | ManyLaws | Mapping[str, object], factor: str, by: str | None, level: float
+) -> pd.DataFrame:
+    """The pairs by themselves: estimate, se, df and t intervals, and why some cannot be pooled."""
+    from scipy.special import stdtrit
+
+    if not 0 < level < 1:
+        raise UsageError(f"level={level}: it lies between 0 and 1, for instance 0.95.")
+    frame = table.table if isinstance(table, ManyLaws) else pd.DataFrame(table)
+    needed = [f"params_{factor}", f"bse_{factor}", *([] if by is None else [by])]
+    missing = [name for name in needed if name not in frame]
+    if missing:
+        raise UsageError(f"no column {missing[0]!r}; there are {', '.join(map(str, frame.columns))}.")
+    b, se = (frame[name].to_numpy(dtype=float) for name in needed[:2])
+    df = frame["df"].to_numpy(dtype=float) if "df" in frame else np.full(len(frame), np.inf)
+    half = se * stdtrit(np.maximum(df, 1), (1 + level) / 2)
+    named = pd.Series(WHOLE, index=range(len(frame))) if by is None else frame[by].reset_index(drop=True)
+    reason = np.where(named.isna(), "no family is named", "").astype(object)
+    reason[~(np.isfinite(se) & (se > 0) & (df > 0))] = f"no standard error of the exponent of {factor}"
+    reason[~np.isfinite(b)] = f"no exponent of {factor}"
+    empty = {name: np.full(len(frame), np.nan) for name in ("se_used", "df_used", *POOLED)}
+    return pd.DataFrame({
+        "family": named.astype(object).where(named.notna(), "").astype(str), "estimate": b, "se": se, "df": df,
+        "low": b - half, "high": b + half, **empty, "shrinkage": np.nan, "reason": reason,
+        "design": _design(frame, factor),
+    })  # fmt: skip
+
+
+def _errors(group: pd.DataFrame) -> tuple[Array, Array]:
+    """Standard errors and degrees of freedom of the pairs of a family, moderated where their designs are known."""
+    se, df, design = (group[name].to_numpy(dtype=float, copy=True) for name in ("se", "df", "design"))
+    known = np.isfinite(design) & (design > 0) & np.isfinite(df)
+    if known.sum() >= FEWEST:
+        se[known], df[known] = moderated(se[known], df[known], design[known])
+    return se, df
+
+
+def _variances(se: Array, df: Array) -> Array:
+    """Variance of the normal whose 95 % interval is that of the estimate's t, shape (J,)."""
+    from scipy.special import ndtri, stdtrit
+
+    return np.asarray(np.square(se * stdtrit(df, 0.975) / ndtri(0.975)))
+
+
+def _design(frame: pd.DataFrame, factor: str) -> Array:
+    """Squared standard error of each pair for a variance of one; NaN where it or an error by edge is not known."""
+    row, scale = f"row_bse_{factor}", "scale_se"
+    if row not in frame or scale not in frame:
+        return np.full(len(frame), np.nan)
+    design = np.square(frame[row].to_numpy(dtype=float) / frame[scale].to_numpy(dtype=float))
+    by_edge = frame["by_edge"].to_numpy(dtype=bool) if "by_edge" in frame else np.ones(len(frame), dtype=bool)
+    return np.where(by_edge if by_edge.any() else True, design, np.nan)
+
+
+def _of_pairs(of: Family, level: float) -> dict[str, Array]:
+    mean, variance, pull = of_pairs(of)
+    pooled, se = moments(of, mean, variance)
+    low, high = (quantiles(of, mean, variance, p) for p in ((1 - level) / 2, (1 + level) / 2))
+    return {"pooled": pooled, "pooled_se": se, "pooled_low": low, "pooled_high": high, "shrinkage": of.weight @ pull}
+
+
+def _of_family(of: Family, level: float) -> dict[str, float]:
+    tails = (1 - level) / 2, (1 + level) / 2
+    mean, variance = of.mean[:, None], of.variance[:, None]
+    middle, se = moments(of, mean, variance)
+    about, new = (
+        [float(quantiles(of, mean, spread, p)[0]) for p in tails]
+        for spread in (variance, variance + np.square(of.tau)[:, None])
+    )
+    return {
+        "pairs": len(of.b), "mean": float(middle[0]), "mean_se": float(se[0]),
+        "mean_low": about[0], "mean_high": about[1], "tau": tau_quantile(of, 0.5),
+        "tau_low": tau_quantile(of, tails[0]), "tau_high": tau_quantile(of, tails[1]), "tau_reml": reml(of.b, of.v),
+        "new_low": new[0], "new_high": new[1],
+    }  # fmt: skip

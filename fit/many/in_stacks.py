@@ -1,0 +1,198 @@
+"""Power laws of many small pairs as stacked linear algebra, with the numbers of a loop of ``power_law``.
+
+What decides a case rather than computes it (a factor that does not vary, copies of rows, an edge that alone holds a
+parameter) is looked at for all pairs at once; a pair near any of these borders goes the careful way, one by one.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...datasets.threads import one_thread
+from ..identifiable import EXACT
+from ..laws import LARGEST_LOG
+from .edge_moves import edge_errors
+from .estimates import Estimates, enter, nothing_yet
+from .laws_of_pairs import ManyLaws
+from .looking import MARGIN, Look, look_at
+from .one_by_one import one_law
+from .pair_rows import PairRows, sorted_rows
+from .stacks import Stack, solved, stacks
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+# Residuals of a stack come from its QR, those of power_law from y - Z theta: below this share of |ln y| they part.
+NEARLY_EXACT = 1e-5
+
+
+def many_power_laws(
+    frame: pd.DataFrame | Mapping[str, object],
+    response: str,
+    factors: Sequence[str],
+    *,
+    pair: str | Sequence[str],
+    edge: str | None = None,
+) -> ManyLaws:
+    """Fit ``R = c0 prod X_j^b_j`` to each pair in a table of many, as ``power_law`` would one after the other.
+
+    Parameters
+    ----------
+    frame : DataFrame or mapping of str to array
+        Rows of all pairs: columns under the symbols of the laws, in the same units for all pairs.
+    response : str
+    factors : sequence of str
+        Symbols, most important first; a pair whose rows cannot tell one does without it.
+    pair : str or sequence of str
+        Column or columns that name the pair, for instance ``["tool", "work"]``.
+    edge : str, optional
+        Column that says which cutting edge of its pair a row is from; standard errors, t and p are then by edge.
+        None: rows are taken as independent.
+
+    Returns
+    -------
+    ManyLaws
+        A row a pair, in the order in which the rows name them; a pair without a law has its reason.
+
+    Raises
+    ------
+    UsageError
+        A column is not there or holds text. No pair raises: it has a reason instead.
+
+    Notes
+    -----
+    Errors multiply (least squares of ln R). Standard errors by edge are those of ``edge_inference`` (CR3); its model
+    with a random level of each edge is not fitted here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fitmodels import fit
+    >>> V = np.array([50.0, 80, 125, 200, 50, 80, 125, 200])
+    >>> rows = {"tool": ["A"] * 4 + ["B"] * 4, "V": V, "AW": V**0.5 * [1, 1.1, 1, 1.1, 1.2, 1, 1, 1.2]}
+    >>> fit.many_power_laws(rows, "AW", ["V"], pair="tool").params["V"].round(3).to_dict()
+    {'A': 0.542, 'B': 0.5}
+    """
+    rows = sorted_rows(frame, response, factors, pair, edge)
+    laws = ManyLaws(response, tuple(factors), rows.names, nothing_yet(len(rows.names), 1 + len(factors)))
+    _fill(laws, rows)
+    return laws
+
+
+@one_thread
+def _fill(laws: ManyLaws, rows: PairRows) -> None:
+    into = laws.estimates
+    if len(laws):
+        look = look_at(rows)
+        for pattern, pairs in _by_pattern(look):
+            for block in stacks(rows.counts[pairs]):
+                _fit_stack(into, rows, look, pairs[block], pattern)
+        into.dropped[:] = np.bincount(rows.number, minlength=len(laws)) - rows.counts
+    order = np.argsort(rows.number, kind="stable")
+    bounds = np.searchsorted(rows.number[order], np.arange(len(laws) + 1))
+    for i in np.flatnonzero(~into.stacked):
+        found = one_law(rows, order[bounds[i] : bounds[i + 1]], laws.response, laws.factors)
+        if isinstance(found, str):
+            into.reason[i] = found
+        else:
+            enter(into, int(i), found, laws.names)
+
+
+def _by_pattern(look: Look) -> Iterator[tuple[Flags, Ints]]:
+    """Pairs that a stack may take, by the factors that vary in them."""
+    pairs = np.flatnonzero(look.plain)
+    patterns, which = np.unique(~look.constant[pairs], axis=0, return_inverse=True)
+    for i, pattern in enumerate(patterns):
+        yield pattern, pairs[which.ravel() == i]
+
+
+def _fit_stack(into: Estimates, rows: PairRows, look: Look, pairs: Ints, pattern: Flags) -> None:
+    """Fit pairs of one pattern and write down those that are beyond doubt; the others stay for the careful way."""
+    counts = rows.counts[pairs]
+    logs = rows.logs if pattern.all() else rows.logs[np.append(pattern, True)]
+    stack = solved(logs, rows.bounds[pairs], counts)
+    p = stack.theta.shape[1]
+    row_se = np.sqrt((stack.rss / (counts - p))[:, None] * np.einsum("mij,mij->mi", stack.root, stack.root))
+    sure = (stack.apart > EXACT * MARGIN) & (stack.rss > counts * (NEARLY_EXACT * look.largest[pairs]) ** 2)
+    sure &= np.abs(stack.theta[:, 0]) < LARGEST_LOG / MARGIN
+    se = row_se.copy()
+    n_edges, reason = _edge_reasons(rows, look, pairs, pattern)
+    can = sure & (reason == "")
+    if can.any() and rows.edge_starts is not None:
+        safe = _by_edge(se, stack, rows, rows.edge_starts, pairs, can)
+        sure[np.flatnonzero(can)[~safe]] = False
+    done, at = pairs[sure], np.append(True, pattern)
+    for array, values in ((into.theta, stack.theta), (into.se, se), (into.row_se, row_se)):
+        array[np.ix_(done, at)] = values[sure]
+    into.rss[done], into.tss[done] = stack.rss[sure], stack.tss[sure]
+    into.nobs[done], into.n_edges[done], into.stacked[done] = counts[sure], n_edges[sure], True
+    into.by_edge[done], into.edge_reason[done] = can[sure], reason[sure]
+    _name_left_out(into, look, done, pattern, list(rows.raw))
+
+
+def _by_edge(se: Array, stack: Stack, rows: PairRows, edge_starts: Ints, pairs: Ints, can: Flags) -> Flags:
+    """Put standard errors by edge in ``se`` for the pairs that ``can`` have them; whether each is safe."""
+    counts = rows.counts[pairs]
+    part = stack if can.all() else _part(stack, can, np.repeat(can, counts))
+    bounds = rows.edge_bounds
+    begin, n_edges = bounds[pairs[can]], np.diff(bounds)[pairs[can]]
+    number = _ranges(begin, n_edges)
+    shift = np.cumsum(counts[can]) - counts[can] - rows.bounds[pairs[can]]  # from all rows to those of the stack
+    errors, safe = edge_errors(
+        part, edge_starts[number] + np.repeat(shift, n_edges), np.cumsum(n_edges) - n_edges, n_edges
+    )
+    se[can] = errors
+    return safe
+
+
+def _part(stack: Stack, pairs: Flags, rows: Flags) -> Stack:
+    """Some pairs of a stack."""
+    return Stack(
+        stack.theta[pairs], stack.root[pairs], stack.basis[:, rows], stack.residuals[rows],
+        stack.rss[pairs], stack.tss[pairs], stack.apart[pairs],
+    )  # fmt: skip
+
+
+def _ranges(begin: Ints, lengths: Ints) -> Ints:
+    """``begin[i], begin[i] + 1 ...`` for each i, ``lengths[i]`` of them.
+
+    >>> _ranges(np.array([5, 0]), np.array([2, 3])).tolist()
+    [5, 6, 0, 1, 2]
+    """
+    before = np.cumsum(lengths) - lengths
+    return np.asarray(np.arange(lengths.sum()) + np.repeat(begin - before, lengths))
+
+
+def _edge_reasons(rows: PairRows, look: Look, pairs: Ints, pattern: Flags) -> tuple[Ints, NDArray[np.object_]]:
+    """Edges of each pair, and why they give no standard errors, in the words and the order of ``edge_inference``."""
+    reason = np.full(len(pairs), "", dtype=object)
+    if rows.edge_starts is None:
+        reason[:] = (
+            "no edge column: rows are taken as independent; if several come from one edge, intervals are too narrow"
+        )
+        return np.zeros(len(pairs), dtype=np.intp), reason
+    G = np.diff(rows.edge_bounds)[pairs]
+    between = 1 + (~look.within[pairs][:, pattern]).sum(axis=1)
+    for i in np.flatnonzero(between + 1 > G):
+        g, b = G[i], between[i]
+        reason[i] = (
+            f"{g} edge{'s' if g > 1 else ''} for {b} parameter{'s' if b > 1 else ''} that only edges can tell: cut at "
+            f"least {b + 1 - g} more, at other conditions"
+        )
+    for i in np.flatnonzero(rows.counts[pairs] == G):
+        reason[i] = f"each of the {G[i]} rows is an edge of its own: rows are independent"
+    return G, reason
+
+
+def _name_left_out(into: Estimates, look: Look, pairs: Ints, pattern: Flags, names: list[str]) -> None:
+    """Say which constant factors the laws of these pairs do without, as ``identifiable`` does."""
+    if pattern.all():
+        return
+    out = np.flatnonzero(~pattern)
+    for i in pairs:
+        values = np.exp(look.level[i, out])
+        said = (f"{names[j]} constant ({v:.6g} in all {into.nobs[i]} rows)" for j, v in zip(out, values, strict=True))
+        into.left_out[i] = "; ".join(said)

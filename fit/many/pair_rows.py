@@ -1,0 +1,148 @@
+"""The rows of all pairs, sorted by pair and by edge, in logarithms: checked once, for stacks to be cut from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...datasets.errors import UsageError
+from ...datasets.runs import UNNAMED
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class PairRows:
+    """Rows of K pairs that a power law can use, and the columns they came from.
+
+    Attributes
+    ----------
+    names : DataFrame, K rows
+        The columns that name the pairs, pairs in the order in which the rows name them.
+    raw : mapping of str to ndarray, shape (M,)
+        Response and factors, all M rows.
+    edge : ndarray of str, shape (M,), or None
+    number : ndarray of int, shape (M,)
+        Pair of each row.
+    source : ndarray of int, shape (N,)
+        Usable rows, sorted by pair and edge, otherwise in their order.
+    logs : ndarray, shape (k + 1, N)
+        Logarithms of the factors and, last, of the response.
+    bounds : ndarray of int, shape (K + 1,)
+        Where each pair begins among the N.
+    edge_starts : ndarray of int, shape (E,), or None
+        Where each edge of each pair begins.
+    """
+
+    names: pd.DataFrame
+    raw: Mapping[str, Array]
+    edge: NDArray[np.object_] | None
+    number: Ints
+    source: Ints
+    logs: Array
+    bounds: Ints
+    edge_starts: Ints | None
+
+    @property
+    def counts(self) -> Ints:
+        """Usable rows of each pair, shape (K,)."""
+        return np.diff(self.bounds)
+
+    @property
+    def edge_bounds(self) -> Ints:
+        """Where each pair's edges begin among ``edge_starts``, shape (K + 1,)."""
+        starts = self.bounds[:-1] if self.edge_starts is None else self.edge_starts
+        return np.searchsorted(starts, self.bounds)
+
+
+def sorted_rows(
+    frame: pd.DataFrame | Mapping[str, object],
+    response: str,
+    factors: Sequence[str],
+    pair: str | Sequence[str],
+    edge: str | None,
+) -> PairRows:
+    """Check the columns and sort the rows; rows without a positive response and factors are not among the usable."""
+    table = frame if isinstance(frame, pd.DataFrame) else pd.DataFrame(dict(frame))
+    keys = [pair] if isinstance(pair, str) else list(pair)
+    _check(table, response, factors, keys, edge)
+    raw = {name: _numbers(table, name) for name in (*factors, response)}
+    number, names = _numbered(table, keys)
+    edge_code, edge_text = (None, None) if edge is None else _edges(table[edge])
+    usable = np.logical_and.reduce([(values > 0) & (values < np.inf) for values in raw.values()])
+    key = number if edge_code is None or edge_text is None else number * max(len(edge_text), 1) + edge_code
+    source = np.flatnonzero(usable)
+    if np.any(np.diff(key[source]) < 0):
+        source = source[np.argsort(key[source], kind="stable")]
+    return PairRows(
+        names=names,
+        raw=raw,
+        edge=None if edge_code is None or edge_text is None else edge_text[edge_code],
+        number=number,
+        source=source,
+        logs=np.log(np.stack([values[source] for values in raw.values()])),
+        bounds=np.searchsorted(number[source], np.arange(len(names) + 1)),
+        edge_starts=None if edge_code is None else _changes(key[source]),
+    )
+
+
+def _check(table: pd.DataFrame, response: str, factors: Sequence[str], keys: list[str], edge: str | None) -> None:
+    if isinstance(factors, str) or not factors:
+        raise UsageError(f"factors={factors!r}: it is a list of one or more names, for instance ['V', 'f'].")
+    if not keys:
+        raise UsageError("pair=[]: name the column or columns that tell one pair from another, for instance 'tool'.")
+    if response in factors:
+        raise UsageError(f"{response} is the response and cannot be its own factor; leave it out of the factors.")
+    for name in (response, *factors, *keys, *([] if edge is None else [edge])):
+        if name not in table:
+            raise UsageError(f"no column {name!r}; there are {', '.join(map(str, table.columns))}.")
+    both = [name for name in keys if name in (response, *factors)]
+    if both:
+        raise UsageError(f"{both[0]} names the pair and stands in the law: it is constant in each pair; leave it out.")
+
+
+def _numbers(table: pd.DataFrame, name: str) -> Array:
+    if not pd.api.types.is_numeric_dtype(table[name]):
+        raise UsageError(f"column {name!r} holds text; a law needs numbers.")
+    return table[name].to_numpy(dtype=float, na_value=np.nan)
+
+
+def _numbered(table: pd.DataFrame, keys: list[str]) -> tuple[Ints, pd.DataFrame]:
+    """Number of the pair of each row, in order of appearance, and the names of the pairs."""
+    number = np.zeros(len(table), dtype=np.intp)
+    for name in keys:
+        codes, levels = pd.factorize(_named(table[name], name))
+        number, _ = pd.factorize(number * max(len(levels), 1) + codes)
+    first = np.full(number.max(initial=-1) + 1, len(number))
+    np.minimum.at(first, number, np.arange(len(number)))
+    names = pd.DataFrame({name: _named(table[name].iloc[first], name).reset_index(drop=True) for name in keys})
+    return number, names
+
+
+def _named(column: "pd.Series[str]", name: str) -> "pd.Series[str]":
+    """A column that names pairs, with a stand-in where it does not."""
+    missing = column.isna() | (column == "")
+    return column.astype(object).where(~missing, UNNAMED.get(name, "unnamed")) if missing.any() else column
+
+
+def _edges(column: "pd.Series[str]") -> tuple[Ints, NDArray[np.object_]]:
+    """Codes of the edges, shape (M,), and their names in alphabetical order, as ``Runs.labels`` writes them."""
+    codes, levels = pd.factorize(column, use_na_sentinel=False)
+    texts = np.array([_text(level) for level in levels], dtype=object)
+    again, names = pd.factorize(texts, sort=True)
+    return again[codes], np.asarray(names, dtype=object)
+
+
+def _text(level: object) -> str:
+    if pd.isna(level):  # type: ignore[call-overload]
+        return ""
+    number = isinstance(level, int | float | np.integer | np.floating) and not isinstance(level, bool)
+    return f"{float(level):.15g}" if number else str(level)  # type: ignore[arg-type]
+
+
+def _changes(key: Ints) -> Ints:
+    """Where a sorted key takes a new value."""
+    return np.flatnonzero(np.concatenate([np.ones(min(len(key), 1), dtype=bool), key[1:] != key[:-1]]))

@@ -1,0 +1,1 @@
+"""One power law over more rows than memory holds: chunks -> blocks -> sums -> StreamedLaw."""

@@ -1,0 +1,160 @@
+"""Chunks of any length become blocks of one length, so that a result does not depend on how a table was cut.
+
+What a row needs is looked at here, once: numbers where a law needs numbers, names of edges and levels as text.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...datasets import DataError, UsageError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Chunk = Mapping[str, object] | pd.DataFrame
+
+ROWS = 32_768  # of a block: its columns stay in the processor's cache
+
+
+@dataclass(slots=True)
+class Names:
+    """Texts of a column of labels, numbered in the order in which they turn up."""
+
+    numbers: dict[str, int] = field(default_factory=dict)
+
+    def codes(self, labels: "pd.Series[str]") -> Index:
+        """Number of each label, shape (m,); whole numbers read ``1``, not ``1.0``, and missing ones are empty."""
+        code, unique = pd.factorize(labels)
+        texts = [_text(label) for label in unique]
+        if (code < 0).any():
+            texts.append("")  # missing is -1, and so the last
+        return np.array([self.numbers.setdefault(text, len(self.numbers)) for text in texts], dtype=np.intp)[code]
+
+    def in_order(self, present: Index) -> tuple[tuple[str, ...], Index]:
+        """Sorted names among those present, and their numbers."""
+        texts = list(self.numbers)
+        order = sorted(present.tolist(), key=texts.__getitem__)
+        return tuple(texts[i] for i in order), np.array(order, dtype=np.intp)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Some rows of a table.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first row, counted from 0 over all chunks.
+    columns : tuple of ndarray, shape (m,)
+        Response, then factors, NaN where missing.
+    edge, level : ndarray of int, shape (m,), or None
+        Numbers of the row's edge and of its level of the category.
+    """
+
+    first: int
+    columns: tuple[Array, ...]
+    edge: Index | None
+    level: Index | None
+
+    def __len__(self) -> int:
+        return len(self.columns[0])
+
+    def part(self, start: int, stop: int) -> "Block":
+        """Rows from ``start`` up to ``stop``, which share their memory with these."""
+        rows = slice(start, stop)
+        return Block(
+            self.first + start,
+            tuple(column[rows] for column in self.columns),
+            None if self.edge is None else self.edge[rows],
+            None if self.level is None else self.level[rows],
+        )
+
+
+@dataclass(slots=True)
+class Reader:
+    """What is read from every chunk, and the names met so far; the first chunk settles whether there are edges."""
+
+    names: Sequence[str]
+    edge: str | None
+    by: str | None
+    edges: Names = field(default_factory=Names)
+    levels: Names = field(default_factory=Names)
+    rows: int = 0
+    chunks: int = 0
+
+    def blocks(self, chunks: Iterable[Chunk], size: int = ROWS) -> Iterator[Block]:
+        """All rows in order, ``size`` at a time; the last block may be shorter."""
+        held: list[Block] = []
+        waiting = 0
+        for chunk in chunks:
+            read, start = self._read(chunk), 0
+            while start < len(read):
+                part = read.part(start, start + size - waiting)
+                held.append(part)
+                start, waiting = start + len(part), waiting + len(part)
+                if waiting == size:
+                    yield _joined(held)
+                    held, waiting = [], 0
+        if held:
+            yield _joined(held)
+
+    def _read(self, chunk: Chunk) -> Block:
+        if not self.chunks and self.edge is not None and self.edge not in chunk:
+            self.edge = None
+        self.chunks += 1
+        wanted = [*self.names, *(name for name in (self.by, self.edge) if name is not None)]
+        columns = {name: self._column(chunk, name) for name in wanted}
+        lengths = {name: len(column) for name, column in columns.items()}
+        odd = next((name for name in wanted if lengths[name] != lengths[wanted[0]]), None)
+        if odd is not None:
+            raise DataError(
+                f"chunk {self.chunks}: {odd!r} has {lengths[odd]} rows and {wanted[0]!r} {lengths[wanted[0]]}; "
+                "columns of a chunk need one length."
+            )
+        first, self.rows = self.rows, self.rows + lengths[wanted[0]]
+        return Block(
+            first,
+            tuple(_numbers(name, columns[name], first) for name in self.names),
+            None if self.edge is None else self.edges.codes(columns[self.edge]),
+            None if self.by is None else self.levels.codes(columns[self.by]),
+        )
+
+    def _column(self, chunk: Chunk, name: str) -> "pd.Series[str]":
+        if name not in chunk:
+            given = ", ".join(map(str, chunk)) or "nothing"
+            raise UsageError(f"chunk {self.chunks} has no column {name!r}; it has {given}. Every chunk needs it.")
+        values = chunk[name]
+        return values if isinstance(values, pd.Series) else pd.Series(np.atleast_1d(np.asarray(values)), copy=False)
+
+
+def _numbers(name: str, column: "pd.Series[str]", first: int) -> Array:
+    if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
+        raise UsageError(f"column {name!r} holds text; a law needs numbers.")
+    values: Array = column.to_numpy(dtype=float, na_value=np.nan)
+    infinite = np.isinf(values)
+    if infinite.any():
+        row = int(np.argmax(infinite))
+        raise DataError(f"column {name!r} row {first + row}: {values[row]} is no measurement; leave the row out.")
+    return values
+
+
+def _text(label: object) -> str:
+    if isinstance(label, int | float | np.integer | np.floating) and not isinstance(label, bool):
+        return f"{float(label):.15g}"
+    return str(label)
+
+
+def _joined(parts: list[Block]) -> Block:
+    if len(parts) == 1:
+        return parts[0]
+    edges = [part.edge for part in parts if part.edge is not None]
+    levels = [part.level for part in parts if part.level is not None]
+    return Block(
+        parts[0].first,
+        tuple(np.concatenate(of) for of in zip(*(part.columns for part in parts), strict=True)),
+        np.concatenate(edges) if edges else None,
+        np.concatenate(levels) if levels else None,
+    )

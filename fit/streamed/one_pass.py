@@ -1,0 +1,223 @@
+"""A power law of a stream of rows, fitted in one pass with memory for one chunk and the sums of the edges."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...datasets.errors import UsageError
+from ...datasets.threads import one_thread
+from ...datasets.vocabulary import ROLES
+from ..available import NotAvailable
+from ..edges import EdgeInference
+from ..errors import FitError
+from ..identifiable import CONSTANT, LeftOut, identifiable
+from ..laws import power
+from ..linear import LinearFit
+from ..regression import _enough, _within_numbers
+from ..rows import By, Rows
+from .blocks import Chunk, Index, Reader
+from .by_edge import Standing, inference, standing
+from .edge_sums import EdgeSums
+from .streamed_law import StreamedLaw
+from .triangle import Summary, Triangle, least_squares, merged, standing_rows, summary, triangle_of
+from .usable import Sieve, Usable
+
+Array = NDArray[np.float64]
+
+
+@one_thread
+def streamed_power_law(
+    chunks: Iterable[Chunk],
+    response: str,
+    factors: Sequence[str],
+    *,
+    edge: str | None = "edge",
+    by: str | None = None,
+    units: Mapping[str, str] | None = None,
+) -> StreamedLaw:
+    """Fit ``R = c0 prod X_j^b_j`` to rows that pass once, as ``power_law`` fits them in memory.
+
+    Errors multiply: it is least squares of ln R. Coefficients, standard errors by edge and of rows, R2 and F are
+    those of the fit in memory to about twelve digits, and the same to the last bit however the rows are cut into
+    chunks. Memory holds one chunk, and for each edge about ``(number of factors + 1)^2`` numbers.
+
+    Parameters
+    ----------
+    chunks : iterable of mapping or DataFrame
+        Columns under their symbols (``V``, ``AW`` ...), any number of rows in each, every column in one unit
+        throughout: headers and units are not read here. The first chunk settles whether there is an edge column.
+    response : str
+    factors : sequence of str
+        Symbols, most important first. A constant, or an exact product of earlier ones, is left out by name.
+    edge : str or None
+        Column that says which cutting edge a row is from; rows of an edge may stand in any chunk.
+        None: rows are taken as independent.
+    by : str, optional
+        Category whose level multiplies the law by exp(shift).
+    units : mapping, optional
+        Units of the columns where they are not the usual ones (m/min, mm/rev, mm, min, N, kW ...).
+
+    Returns
+    -------
+    StreamedLaw
+        Rows that miss a value or are not above zero are left out and counted; their ``lines`` are rows counted
+        from 0, as those of ``runs_from_frame``. A table that repeats every measurement is fitted as it stands:
+        one pass cannot tell copies.
+
+    Raises
+    ------
+    UsageError
+        A chunk lacks a column, or holds text where a number must be.
+    DataError
+        Columns of a chunk differ in length, or a value is infinite.
+    FitError
+        Too few usable rows, or no factor left.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> table = datasets.read_runs(datasets.bundled("gc435_709m40")).data
+    >>> law = streamed_power_law((table[i : i + 50] for i in range(0, len(table), 50)), "AW", ["V", "f", "d", "t"])
+    >>> law.params.round(3).to_dict(), law.nobs, law.n_edges
+    ({'c0': 0.009, 'V': 0.533, 'f': 0.167, 'd': 0.316, 't': 0.246}, 239, 24)
+    """
+    _asked(chunks, response, factors)
+    found = _Pass(Reader([response, *factors], edge, by), Sieve([response, *factors], by), EdgeSums(1 + len(factors)))
+    for block in found.reader.blocks(chunks):
+        found.add(found.sieve.usable(block, found.reader.levels))
+    return _fitted(found, response, tuple(factors), by, units or {})
+
+
+def _asked(chunks: object, response: str, factors: Sequence[str]) -> None:
+    if isinstance(chunks, Mapping) or hasattr(chunks, "columns"):
+        raise UsageError("chunks is one table; it is an iterable of tables: give [table], or fit it in memory.")
+    if not factors:
+        raise UsageError(f"{response}: no factor is named; a law needs at least one, for instance V.")
+    if response in factors:
+        raise UsageError(f"{response} is the response and cannot be its own factor; leave it out of the factors.")
+
+
+@dataclass(slots=True)
+class _Pass:
+    """What is kept of the rows that have passed: sums, and the ends of each column."""
+
+    reader: Reader
+    sieve: Sieve
+    edges: EdgeSums
+    triangle: Triangle | None = None
+    low: Array = field(default_factory=lambda: np.zeros(0))
+    high: Array = field(default_factory=lambda: np.zeros(0))
+    first: Array = field(default_factory=lambda: np.zeros(0))
+
+    def add(self, rows: Usable) -> None:
+        """Take up the usable rows of a block."""
+        if not len(rows.values):
+            return
+        low, high = rows.values.min(axis=0), rows.values.max(axis=0)
+        if self.triangle is None:
+            self.low, self.high, self.first = low, high, rows.values[0]
+        self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
+        W = np.log(np.roll(rows.values, -1, axis=1))  # factors, then the response
+        new = triangle_of(W, rows.level, max(len(self.reader.levels.numbers), 1))
+        self.triangle = new if self.triangle is None else merged(self.triangle, new)
+        if rows.edge is not None:
+            self.edges.add(W, rows.edge, rows.level)
+
+    @property
+    def n(self) -> int:
+        """Usable rows so far."""
+        return 0 if self.triangle is None else int(self.triangle.n.sum())
+
+
+def _fitted(
+    found: _Pass, response: str, factors: tuple[str, ...], by: str | None, units: Mapping[str, str]
+) -> StreamedLaw:
+    levels, category = _levels(found, by)
+    rows = None if found.triangle is None else summary(found.triangle, levels)
+    keep, left_out = ([*range(len(factors))], ()) if rows is None else _told_apart(found, factors, rows)
+    law = power(response, tuple(factors[j] for j in keep))
+    _enough(law, _ends_of_rows(found, category, len(law.names)), left_out)
+    assert rows is not None  # noqa: S101  no rows are never enough
+    rows = rows.of(keep)
+    fit = least_squares(rows)
+    _within_numbers(law, fit.params, np.append(1.0, rows.mean[:-1])[None])
+    stand = standing(found.edges.trimmed(), keep, found.reader.edges, levels) if found.reader.edge is not None else None
+    size = None if stand is None else stand.edge_size
+    names = [*law.names, *(f"{category.column}[{level}]" for level in category.levels)] if category else [*law.names]
+    return StreamedLaw(
+        law=law,
+        theta=fit.params,
+        cov_theta=fit.cov_params if fit.df_resid else None,
+        nobs=fit.nobs,
+        rss=fit.rss,
+        tss=fit.tss,
+        domain={factors[j]: (float(found.low[j + 1]), float(found.high[j + 1])) for j in keep},
+        units={name: units.get(name, _usual_unit(name)) for name in (response, *law.factors)},
+        by=category,
+        left_out=left_out,
+        dropped=found.sieve.dropped(),
+        notes=(),
+        n_edges=None if size is None else len(size),
+        rows_per_edge=None if size is None else len(size) / float(np.sum(1.0 / size)),
+        edges=_by_edge(found, fit, stand, keep, (f"ln {names[0]}", *names[1:])),
+    )
+
+
+def _by_edge(
+    found: _Pass, fit: LinearFit, stand: Standing | None, keep: Sequence[int], names: tuple[str, ...]
+) -> EdgeInference | NotAvailable:
+    if stand is None:
+        return NotAvailable(
+            "no edge column: rows are taken as independent; if several come from one edge, intervals are too narrow"
+        )
+    largest = np.ones(len(fit.params))
+    logs = np.abs(np.log([found.low, found.high])).max(axis=0)
+    largest[1 : 1 + len(keep)] = logs[1:][list(keep)]
+    return inference(fit, stand, largest, names)
+
+
+def _levels(found: _Pass, by: str | None) -> tuple[Index, By | None]:
+    """Numbers of the levels, the reference first, and the category; one level where there is none."""
+    if by is None or found.triangle is None:
+        return np.array([0]), None
+    names, order = found.reader.levels.in_order(np.flatnonzero(found.triangle.n))
+    if len(names) < 2:
+        raise FitError(
+            f"by={by!r}: the usable rows hold one level only ({', '.join(names)}); a shift needs two. Fit without by."
+        )
+    return order, By(by, names[0], names[1:])
+
+
+def _told_apart(found: _Pass, factors: tuple[str, ...], rows: Summary) -> tuple[list[int], tuple[LeftOut, ...]]:
+    """Positions of the factors that can be fitted and the others with the reason, by the rules of a fit in memory."""
+    low, high, first = np.log(found.low[1:]), np.log(found.high[1:]), np.log(found.first[1:])
+    still = np.maximum(high - first, first - low) <= CONSTANT * np.maximum(1.0, np.abs(first))
+    still &= found.n > 1
+    moving = [j for j in range(len(factors)) if not still[j]]
+    few = standing_rows(rows.of(moving))
+    k = len(moving)
+    keep, others = identifiable([factors[j] for j in moving], few[:, :k], few[:, k:-1], logs=True)
+    why = {item.factor: item for item in others}
+    for j in np.flatnonzero(still):
+        reason = f"constant ({np.exp(first[j]):.6g} in all {found.n} rows)"
+        why[factors[j]] = LeftOut(factors[j], reason)
+    return [moving[i] for i in keep], tuple(why[name] for name in factors if name in why)
+
+
+def _ends_of_rows(found: _Pass, category: By | None, names: int) -> Rows:
+    """Rows as far as ``_enough`` looks: their number, as far as it is short, and the ends of the response."""
+    n = found.n
+    if n and found.low[0] < found.high[0]:
+        enough = names + (len(category.levels) if category else 0) + 1
+        y = np.linspace(found.low[0], found.high[0], min(n, enough))
+    else:
+        y = np.broadcast_to(found.low[0] if n else np.nan, (n,))
+    shifts = np.empty((0, len(category.levels) if category else 0))
+    none = np.empty(0, dtype=np.intp)
+    return Rows(np.empty((0, 0)), y, shifts, none, None, category, found.sieve.dropped(), 1)
+
+
+def _usual_unit(name: str) -> str:
+    return ROLES[name].unit if name in ROLES else ""
