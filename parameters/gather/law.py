@@ -21,14 +21,14 @@ def laws_by_response(
     laws: "Sequence[LawFit | StreamedLaw]", tool: str, work: str, gauge_sd: float | None
 ) -> dict[str, Law]:
     """Sections of laws by response; one of wear is put into the others, where both were fitted to rows in memory."""
-    from ...fit import LawFit
+    from ...fit import StreamedLaw
 
     found: dict[str, Law] = {}
-    whole = [law for law in laws if isinstance(law, LawFit)]
+    whole = [law for law in laws if not isinstance(law, StreamedLaw)]
     for law in laws:
         if law.response in found:
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
-        if not isinstance(law, LawFit):
+        if isinstance(law, StreamedLaw):
             from .streamed import streamed_section
 
             found[law.response] = streamed_section(law)
