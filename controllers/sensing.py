@@ -13,8 +13,9 @@ class Sensing(Told):
     """A reading is believed when it is a finite number inside its range and does not stand still while the feed moves.
 
     A sensor is stuck where ``samples`` readings in a row are equal to the last bit while the command moved by more than
-    ``least_move`` in them, or by `CREEP` times as much on one reading, however slowly. A load that is held exactly, or
-    a coarse converter, reads the same for long: then the command stands still too, or creeps a little with the wear.
+    ``least_move`` in them, or by `CREEP` times as much on one reading, however long that took. A load that is held
+    exactly, or a coarse converter, reads the same for long: then the command stands still too, or creeps a little with
+    the wear.
 
     Attributes
     ----------
@@ -43,6 +44,7 @@ class Sensing(Told):
     _last: float = field(default=float("nan"), init=False)
     _same: int = field(default=0, init=False)
     _from: float = field(default=0.0, init=False)
+    _count: int = field(default=0, init=False)  # equal readings since the last change
     _since: float = field(default=0.0, init=False)
 
     def believes(self, reading: float, command: float) -> bool:
@@ -50,11 +52,12 @@ class Sensing(Told):
         if not self.low < reading < self.high:  # false for NaN too
             self.state = UNKNOWN
         elif reading != self._last or not self.least_move:
-            self.state, self._same, self._from, self._since = KNOWN, 0, command, command
+            self.state, self._same, self._from, self._count, self._since = KNOWN, 0, command, 0, command
         else:
-            self._same += 1
+            self._same, self._count = self._same + 1, self._count + 1
+            crept = abs(command - self._since) > CREEP * self.least_move and self._count >= self.samples
             moved = abs(command - self._from) > self.least_move and self._same >= self.samples
-            if moved or abs(command - self._since) > CREEP * self.least_move:
+            if moved or crept:
                 self.state = STUCK  # until the reading changes
             elif self.state != STUCK and self._same >= self.samples:
                 self.state, self._same, self._from = KNOWN, 0, command

@@ -63,9 +63,9 @@ class ConstantRoughness(Told):
     --------
     >>> from fitmodels.parameters.published import published
     >>> controller = ConstantRoughness.from_parameters(published("SURF"))
-    >>> feeds = [controller.step(600.0, 0.01) for _ in range(40)]
+    >>> feeds = [controller.step(600.0 + k % 2, 0.01) for k in range(40)]
     >>> round(feeds[0], 3), round(feeds[-1], 3), controller.acting
-    (0.2, 0.177, True)
+    (0.2, 0.176, True)
     """
 
     references: tuple[tuple[float, float], ...]
