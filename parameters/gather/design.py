@@ -117,7 +117,9 @@ def _edges(
     setting = _setting([*rank, *([level.codes[edge.first]] if level else [])], len(edge.names))
     alike, counts = np.bincount(setting), edge.counts
     worn = _worn(runs, edge, criterion)
-    short = (counts < np.median(counts) / 2) & ~(False if worn is None else worn)
+    short = counts < np.median(counts) / 2
+    if worn is not None:
+        short &= ~worn
     facts = {
         "edges": len(edge.names),
         "rows_least": int(counts.min()),
