@@ -41,7 +41,7 @@ class Sensing(Told):
     least_move: float = 0.0
     samples: int = 25
     state: str = field(default=KNOWN, init=False)
-    _last: float = field(default=float("nan"), init=False)
+    _last: float | None = field(default=None, init=False)
     _same: int = field(default=0, init=False)
     _from: float = field(default=0.0, init=False)
     _count: int = field(default=0, init=False)  # equal readings since the last change
