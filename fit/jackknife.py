@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .available import NotAvailable
 from .edges import EdgeInference
 from .lawfit import LawFit
-from .mixed import mixed
+from .mixed import Mixed, mixed
 
 Array = NDArray[np.float64]
 
@@ -44,34 +44,74 @@ def edge_inference(law: LawFit) -> EdgeInference | NotAvailable:
     Z, G, p = gradient(law), len(names), len(law.theta)
     if law.cov_theta is None or meets_exactly(law):
         return NotAvailable("the law meets every row exactly: there is no scatter to tell edges by")
-    if law.nobs == G:
-        return NotAvailable(f"each of the {G} rows is an edge of its own: rows are independent")
     within = tuple(_within(law.law.design(law.X, law.shifts), edge))
-    between = p - sum(within)
+    if why := too_few_edges(law.nobs, G, p - sum(within)):
+        return NotAvailable(why)
+    moved = left_out_moves(Z, law.residuals, law.cov_theta * (law.df_resid / law.rss), edge, G)
+    if isinstance(moved, int):
+        return NotAvailable(indispensable(str(names[moved])))
+    levels = mixed(Z, law.residuals + Z @ law.theta, edge, np.array(within))
+    return of_moves(moved, law.theta, law.cov_theta, law.theta_names, tuple(str(n) for n in names), within, levels)
+
+
+def too_few_edges(nobs: int, G: int, between: int) -> str:
+    """Why so many edges of so many rows tell nothing by edge; empty where they do.
+
+    ``between`` counts the parameters that only edges tell.
+    """
+    if nobs == G:
+        return f"each of the {G} rows is an edge of its own: rows are independent"
     if between + 1 > G:
-        return NotAvailable(
+        return (
             f"{G} edge{'s' if G > 1 else ''} for {between} parameter{'s' if between > 1 else ''} that only edges can "
             f"tell: cut at least {between + 1 - G} more, at other conditions"
         )
-    moved = left_out_moves(Z, law.residuals, law.cov_theta * (law.df_resid / law.rss), edge, G)
-    if isinstance(moved, int):
-        return NotAvailable(
-            f"edge {names[moved]} alone holds a parameter of the law: without it the others cannot tell it. Cut "
-            "another edge near its conditions"
-        )
+    return ""
+
+
+def indispensable(edge: str) -> str:
+    """Why there is no inference by edge where one edge cannot be left out."""
+    return (
+        f"edge {edge} alone holds a parameter of the law: without it the others cannot tell it. Cut "
+        "another edge near its conditions"
+    )
+
+
+def of_moves(
+    moved: Array,
+    theta: Array,
+    row_cov: Array,
+    theta_names: tuple[str, ...],
+    edges: tuple[str, ...],
+    within: tuple[bool, ...],
+    levels: Mixed,
+) -> EdgeInference:
+    """Inference by edge from how theta moves when each edge is left out.
+
+    Parameters
+    ----------
+    moved : ndarray, shape (G, p)
+    theta, row_cov : ndarray, shape (p,) and (p, p)
+        The fit, and its covariance with rows taken as independent.
+    theta_names, edges, within
+        As in `EdgeInference`.
+    levels : Mixed
+        The random level of each edge, the cross-check.
+    """
+    G = len(edges)
     cov = (G - 1) / G * moved.T @ moved
-    told_between = [j for j in range(1, p) if not within[j]]
+    told_between = [j for j in range(1, len(theta)) if not within[j]]
     return EdgeInference(
-        names=law.theta_names,
+        names=theta_names,
         cov_theta=cov,
         df=G - 1,
         n_edges=G,
         within=within,
         moved=moved,
-        edges=tuple(str(name) for name in names),
-        mixed=mixed(Z, law.residuals + Z @ law.theta, edge, np.array(within)),
-        fvalue=_wald(law.theta, cov, told_between),
-        row_fvalue=None if law.cov_theta is None else _wald(law.theta, law.cov_theta, told_between),
+        edges=edges,
+        mixed=levels,
+        fvalue=_wald(theta, cov, told_between),
+        row_fvalue=_wald(theta, row_cov, told_between),
     )
 
 

@@ -67,12 +67,27 @@ def mixed(Z: Array, y: Array, edge: NDArray[np.intp], within: NDArray[np.bool_])
     >>> round(fit.sd_within, 1), round(fit.sd_between, 1)
     (0.1, 0.3)
     """
-    from scipy.optimize import minimize_scalar
-
-    n, p = Z.shape
     size = np.bincount(edge).astype(float)
     means = np.column_stack([np.bincount(edge, weights=column) for column in (*Z.T, y)]) / size[:, None]
-    inside = _about_means(Z, y, edge, means)  # all that is told within edges, in few rows
+    return random_level(_about_means(Z, y, edge, means), means, size, within)
+
+
+def random_level(inside: Array, means: Array, size: Array, within: NDArray[np.bool_]) -> Mixed:
+    """The same fit from what `mixed` makes of the rows.
+
+    Parameters
+    ----------
+    inside : ndarray, shape (any, p + 1)
+        Triangle of ``[Z y]`` less the means of each edge: all that is told within edges, in few rows.
+    means : ndarray, shape (G, p + 1)
+        Mean of ``[Z y]`` in each edge.
+    size : ndarray, shape (G,)
+        Rows of each edge.
+    within : ndarray of bool, shape (p,)
+    """
+    from scipy.optimize import minimize_scalar
+
+    n, p = int(size.sum()), means.shape[1] - 1
 
     def triangle(icc: float) -> Array:
         weight: Array = np.sqrt(size / (1 + size * icc / (1 - icc)))

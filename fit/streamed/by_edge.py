@@ -5,17 +5,16 @@ takes these rows for the edge's own.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import log
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..available import NotAvailable
 from ..edges import EdgeInference
-from ..jackknife import ROUNDING, _wald, left_out_moves
+from ..jackknife import ROUNDING, indispensable, left_out_moves, of_moves, too_few_edges
 from ..linear import LinearFit
-from ..mixed import Mixed
+from ..mixed import Mixed, random_level
 from .blocks import Names
 from .edge_sums import EdgeSums, square_roots
 
@@ -109,73 +108,24 @@ def inference(
     """
     E, p = len(rows.names), len(fit.params)
     within = tuple(bool(w) for w in rows.moves > 1e-9 * largest)
-    if why := _impossible(fit, E, p - sum(within)):
+    if fit.df_resid == 0 or np.sqrt(fit.rss / fit.nobs) <= ROUNDING:
+        return NotAvailable("the law meets every row exactly: there is no scatter to tell edges by")
+    if why := too_few_edges(fit.nobs, E, p - sum(within)):
         return NotAvailable(why)
     A, edge = rows.rows()
     moved = left_out_moves(A[:, :p], A[:, p] - A[:, :p] @ (fit.params - rows.base), fit.cov_unscaled, edge, E)
     if isinstance(moved, int):
-        return NotAvailable(
-            f"edge {rows.names[moved]} alone holds a parameter of the law: without it the others cannot tell it. Cut "
-            "another edge near its conditions"
-        )
-    cov = (E - 1) / E * moved.T @ moved
-    told_between = [j for j in range(1, p) if not within[j]]
-    return EdgeInference(
-        names=theta_names,
-        cov_theta=cov,
-        df=E - 1,
-        n_edges=E,
-        within=within,
-        moved=moved,
-        edges=rows.names,
-        mixed=random_level(rows, fit.nobs, np.array(within)),
-        fvalue=_wald(fit.params, cov, told_between),
-        row_fvalue=_wald(fit.params, fit.cov_params, told_between),
-    )
+        return NotAvailable(indispensable(rows.names[moved]))
+    levels = _levels(rows, np.array(within))
+    return of_moves(moved, fit.params, fit.cov_params, theta_names, rows.names, within, levels)
 
 
-def _impossible(fit: LinearFit, E: int, between: int) -> str | None:
-    if fit.df_resid == 0 or np.sqrt(fit.rss / fit.nobs) <= ROUNDING:
-        return "the law meets every row exactly: there is no scatter to tell edges by"
-    if fit.nobs == E:
-        return f"each of the {E} rows is an edge of its own: rows are independent"
-    if between + 1 > E:
-        return (
-            f"{E} edge{'s' if E > 1 else ''} for {between} parameter{'s' if between > 1 else ''} that only edges can "
-            f"tell: cut at least {between + 1 - E} more, at other conditions"
-        )
-    return None
-
-
-def random_level(rows: Standing, n: int, within: NDArray[np.bool_]) -> Mixed:
-    """Fit of a random level of each edge by restricted maximum likelihood, as ``fit.mixed.mixed`` makes it of rows."""
-    from scipy.optimize import minimize_scalar
-
-    size, p = rows.edge_size, rows.centre.shape[1] - 1
+def _levels(rows: Standing, within: NDArray[np.bool_]) -> Mixed:
+    """A random level of each edge, from the sums; the law of the sums is about ``base``."""
+    p = rows.centre.shape[1] - 1
     total = [np.bincount(rows.edge, weights=rows.size * c) for c in rows.centre.T]
-    means: Array = np.column_stack(total) / size[:, None]
+    means: Array = np.column_stack(total) / rows.edge_size[:, None]
     apart = np.sqrt(rows.size)[:, None] * (rows.centre - means[rows.edge])
-    inside = np.linalg.qr(np.vstack([rows.roots.reshape(-1, p + 1), apart]), mode="r")
-
-    def triangle(icc: float) -> Array:
-        weight = np.sqrt(size / (1 + size * icc / (1 - icc)))
-        return np.asarray(np.linalg.qr(np.vstack([inside, weight[:, None] * means]), mode="r"))
-
-    def criterion(icc: float) -> float:
-        R = np.abs(np.diag(triangle(icc)))
-        inflation = float(np.log1p(size * icc / (1 - icc)).sum())
-        return float(2 * (n - p) * log(max(float(R[p]), 1e-300)) + inflation + 2 * np.log(R[:p]).sum())
-
-    found = minimize_scalar(criterion, bounds=(0.0, 1 - 1e-6), method="bounded", options={"xatol": 1e-7})
-    icc = float(found.x) if criterion(float(found.x)) < criterion(0.0) else 0.0
-    R = triangle(icc)
-    inverse = np.linalg.inv(R[:p, :p])
-    s2 = float(R[p, p] ** 2) / (n - p)
-    E, inner = len(size), int(within.sum())
-    return Mixed(
-        theta=rows.base + inverse @ R[:p, p],
-        bse=np.sqrt(s2 * np.einsum("ij,ij->i", inverse, inverse)),
-        df=np.where(within, n - E - inner, E - (p - inner)).astype(float),
-        sd_between=float(np.sqrt(s2 * icc / (1 - icc))),
-        sd_within=float(np.sqrt(s2)),
-    )
+    inside = np.asarray(np.linalg.qr(np.vstack([rows.roots.reshape(-1, p + 1), apart]), mode="r"))
+    about = random_level(inside, means, rows.edge_size, within)
+    return replace(about, theta=rows.base + about.theta)
