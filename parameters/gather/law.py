@@ -1,17 +1,16 @@
 """Fitted laws become law sections, number for number, with what judged them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from ..errors import ParameterError, in_words
-from ..evaluate import coefficient_names
 from ..sections.law import Law
 from ..sections.law_parts import Composite
-from .law_facts import equation, factor, finite, known, quantity_of
+from .law_facts import finite, known
+from .moments import edge_moments, moments
 
 if TYPE_CHECKING:
     from ...fit import LawFit, StreamedLaw, ToolLife
@@ -80,52 +79,10 @@ def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float |
 
 
 def _section(law: "LawFit") -> dict[str, Any]:
-    params = {str(name): float(value) for name, value in law.params.items()}
-    names = coefficient_names(law.form, law.factors)
     return {
-        "form": law.form,
-        "response": law.response,
-        "quantity": quantity_of(law.response),
-        "unit": law.units[law.response],
-        "equation": equation(law),
-        "error": law.error,
-        "coefficients": {name: params[name] for name in names},
-        "factors": [factor(law, symbol) for symbol in law.factors],
-        "by": _by(law, params),
-        "uncertainty": _uncertainty(law),
-        "residual_se": known(law.scale_se),
-        "residual_scale": law.scale_unit,
+        **moments(law),
         "smearing": _smearing(law, "new" if law.edges else "independent rows"),
-        "n": int(law.nobs),
-        "df": int(law.df_resid),
-        "n_edges": law.n_edges,
-        "statistics": _statistics(law),
         "edges": _edges(law),
-        "standard_errors": finite(law.bse),
-        "row_standard_errors": finite(law.row_bse) if law.edges else {},
-        "left_out": [{"factor": out.factor, "reason": out.reason} for out in law.left_out],
-        "dropped_rows": [{"reason": d.reason, "count": int(d.count), "lines": list(d.lines)} for d in law.dropped],
-        "notes": list(law.notes),
-    }
-
-
-def _by(law: "LawFit", params: Mapping[str, float]) -> dict[str, Any] | None:
-    if law.by is None:
-        return None
-    shifts = {str(level): params[f"{law.by.column}[{level}]"] for level in law.by.levels}
-    return {"column": law.by.column, "reference": str(law.by.reference), "shifts": shifts}
-
-
-def _uncertainty(law: "LawFit") -> dict[str, Any]:
-    if law.cov_theta is None:
-        return {"kind": "none", "reason": law.no_interval or "the fit gives no covariance"}
-    cov = np.asarray(law.covariance(), dtype=np.float64)
-    return {
-        "kind": "covariance",
-        "method": "jackknife by edge (CR3)" if law.edges else "rows taken as independent",
-        "of": list(law.theta_names),
-        "matrix": ((cov + cov.T) / 2).tolist(),  # symmetric to the last bit, as no product of factors is
-        "df": int(law.df),
     }
 
 
@@ -135,28 +92,17 @@ def _smearing(law: "LawFit", of: str) -> float | None:
     return known(smearing(law, of)) if law.error == "multiplicative" else None
 
 
-def _edges(law: "LawFit") -> dict[str, Any] | None:
-    from ...fit import NotAvailable
+def _edges(law: "LawFit") -> dict[str, Any]:
     from ...fit.about import df_between, df_within, rows_per_edge
 
-    edges = law.edges
-    if isinstance(edges, NotAvailable):
-        return {"reason": edges.reason}
-    F = known(edges.fvalue)
-    return {
-        "between": [name for name, within in zip(law.names[1:], edges.within[1:], strict=True) if not within],
-        "F": F,
-        "F_df": None if F is None else (edges.f_df, edges.df),
-        "F_p": known(edges.f_pvalue),
-        "row_F": known(edges.row_fvalue),
-        "sd_between": edges.mixed.sd_between,
-        "sd_within": edges.mixed.sd_within,
-        "icc": edges.icc,
+    told = edge_moments(law, law.edges)
+    if not law.edges:
+        return told
+    return told | {
         "rows_per_edge": rows_per_edge(law),
         "df_between": int(df_between(law)),
         "df_within": int(df_within(law)),
         "smearing_within": _smearing(law, "same"),
-        "random_level": dict(zip(law.theta_names, edges.mixed.bse.tolist(), strict=True)),
     }
 
 
@@ -217,15 +163,4 @@ def tool_life_section(life: "ToolLife") -> dict[str, Any]:
         "t_observed": life.t_observed,
         "typical": life.typical,
         "typical_at": dict(life.typical_at),
-    }
-
-
-def _statistics(law: "LawFit") -> dict[str, Any]:
-    F = known(law.fvalue)
-    return {
-        "r2": known(law.rsquared),
-        "r2_adj": known(law.rsquared_adj),
-        "F": F,
-        "F_df": None if F is None else (int(law.df_model), int(law.df_resid)),
-        "F_p": known(law.f_pvalue),
     }

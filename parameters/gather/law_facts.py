@@ -8,10 +8,10 @@ from ..evaluate import LOGARITHMIC, coefficient_names
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ...fit import LawFit
+    from ...fit import LawFit, StreamedLaw
 
 
-def equation(law: "LawFit") -> str:
+def equation(law: "LawFit | StreamedLaw") -> str:
     """Tell the equation, its numbers at six digits: at the reference level, then what each level changes."""
     constant, *slopes = (float(law.params[name]) for name in coefficient_names(law.form, law.factors))
     if law.form == "power":
@@ -29,7 +29,7 @@ def equation(law: "LawFit") -> str:
     return "; ".join([f"{text} for {law.by.column} {law.by.reference}", *levels])
 
 
-def _level(law: "LawFit", level: str, shift: float) -> str:
+def _level(law: "LawFit | StreamedLaw", level: str, shift: float) -> str:
     if law.form in LOGARITHMIC:
         return f"times {_six(math.exp(shift))} for {level}"
     return f"{'minus' if shift < 0 else 'plus'} {_six(abs(shift))} for {level}"
@@ -39,7 +39,7 @@ def _six(value: float) -> str:
     return f"{value:.6g}"
 
 
-def factor(law: "LawFit", symbol: str) -> dict[str, Any]:
+def factor(law: "LawFit | StreamedLaw", symbol: str) -> dict[str, Any]:
     """One factor: symbol, words, unit, and its range among the rows used."""
     low, high = law.domain[symbol]
     ends = {"low": float(low), "high": float(high)}

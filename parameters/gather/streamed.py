@@ -1,18 +1,15 @@
 """A law of a stream of rows becomes a law section, but for what only rows can tell: that stays empty and is said."""
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from ..errors import ParameterError, in_words
-from ..evaluate import coefficient_names
 from ..sections.law import Law
-from .law import _by, _statistics, _uncertainty
-from .law_facts import equation, factor, finite, known, quantity_of
+from .moments import edge_moments, moments
 
 if TYPE_CHECKING:
-    from ...fit import LawFit
-    from ...fit.streamed.streamed_law import StreamedLaw
+    from ...fit import StreamedLaw
 
 
 def streamed_section(law: "StreamedLaw") -> Law:
@@ -43,32 +40,8 @@ def streamed_section(law: "StreamedLaw") -> Law:
 
 
 def _section(law: "StreamedLaw") -> dict[str, Any]:
-    moments = cast("LawFit", law)  # of which these functions ask nothing of rows
-    params = {str(name): float(value) for name, value in law.params.items()}
-    return {
-        "form": law.form,
-        "response": law.response,
-        "quantity": quantity_of(law.response),
-        "unit": law.units[law.response],
-        "equation": equation(moments),
-        "error": law.error,
-        "coefficients": {name: params[name] for name in coefficient_names(law.form, law.factors)},
-        "factors": [factor(moments, symbol) for symbol in law.factors],
-        "by": _by(moments, params),
-        "uncertainty": _uncertainty(moments),
-        "residual_se": known(law.scale_se),
-        "residual_scale": law.scale_unit,
-        "n": law.nobs,
-        "df": law.df_resid,
-        "n_edges": law.n_edges,
-        "statistics": _statistics(moments),
-        "edges": _edges(law),
-        "standard_errors": finite(law.bse),
-        "row_standard_errors": finite(law.row_bse) if law.edges else {},
-        "left_out": [{"factor": out.factor, "reason": out.reason} for out in law.left_out],
-        "dropped_rows": [{"reason": d.reason, "count": int(d.count), "lines": list(d.lines)} for d in law.dropped],
-        "notes": [*law.notes, *_not_available(law)],
-    }
+    section = moments(law)
+    return section | {"edges": _edges(law), "notes": [*section["notes"], *_not_available(law)]}
 
 
 def _not_available(law: "StreamedLaw") -> list[str]:
@@ -77,23 +50,7 @@ def _not_available(law: "StreamedLaw") -> list[str]:
 
 
 def _edges(law: "StreamedLaw") -> dict[str, Any]:
-    from ...fit import NotAvailable
-
-    edges = law.edges
-    if isinstance(edges, NotAvailable):
-        return {"reason": edges.reason}
-    F = known(edges.fvalue)
-    return {
-        "between": [name for name, within in zip(law.names[1:], edges.within[1:], strict=True) if not within],
-        "F": F,
-        "F_df": None if F is None else (edges.f_df, edges.df),
-        "F_p": known(edges.f_pvalue),
-        "row_F": known(edges.row_fvalue),
-        "sd_between": edges.mixed.sd_between,
-        "sd_within": edges.mixed.sd_within,
-        "icc": edges.icc,
-        "rows_per_edge": law.rows_per_edge,
-        "df_between": law.df_between,
-        "df_within": law.df_within,
-        "random_level": dict(zip(law.theta_names, edges.mixed.bse.tolist(), strict=True)),
-    }
+    told = edge_moments(law, law.edges)
+    if not law.edges:
+        return told
+    return told | {"rows_per_edge": law.rows_per_edge, "df_between": law.df_between, "df_within": law.df_within}
