@@ -23,7 +23,7 @@ def parser() -> Parser:
         "Write a static site of all pairs in a folder: an index to search, a page that compares exponents,\n"
         "a card each, an Atom feed and cards.json. Refused, with exit code 5 and all reasons at once, where a needed\n"
         "field is empty, the gate of a posterior is shut or a parameter file fails its check; what is missing is then\n"
-        "asked for in a card.toml beside each file that has none.",
+        "asked for in a card.toml: one in FOLDER for what no pair tells, one beside each file for the rest.",
     )
     p.add_argument("folder", metavar="FOLDER", help="holds folders with params.json, at any depth")
     p.add_argument("--site", metavar="SITE", help="folder the site goes to")

@@ -436,6 +436,46 @@ def test_everything_is_refused_in_one_go_and_what_is_missing_is_asked_for(tmp_pa
     assert publishing.check(pairs).problems == report.problems
 
 
+def test_what_none_of_many_tells_is_asked_for_once_above_them(tmp_path):
+    pairs = tmp_path / "pairs"
+    for number, name in enumerate(("a", "b", "c")):
+        (add(pairs, name, law(0.5 + 0.1 * number)) / "card.toml").unlink()
+    (pairs / "c" / "card.toml").write_text('machine = "another lathe"\niso513 = "M10"\n', encoding="utf-8")
+    report = publishing.check(pairs)
+    assert [path.relative_to(pairs).as_posix() for path in report.templates] == ["card.toml"]
+    asked = (pairs / "card.toml").read_text("utf-8")
+    assert "none of the 2 cards below" in asked
+    assert 'license = ""' in asked
+    assert "iso513 =" not in asked  # that of the material: asked beside each pair
+    (pairs / "card.toml").write_text(TOML.replace('iso513 = "{group}"\n', ""), encoding="utf-8")
+    again = publishing.check(pairs)
+    assert [(p.folder, p.fields) for p in again.problems] == [("a", ("iso513",)), ("b", ("iso513",))]
+    assert [path.parent.name for path in again.templates] == ["a", "b"]
+    for name in ("a", "b"):
+        (pairs / name / "card.toml").write_text('iso513 = "P20"\n', encoding="utf-8")
+    report = publishing.publish(pairs, tmp_path / "site")
+    assert report.problems == ()
+    found = (tmp_path / "site").rglob("card.json")
+    machines = {json.loads(path.read_text("utf-8"))["identity"]["machine"] for path in found}
+    assert machines == {"a lathe", "another lathe"}
+
+
+def test_a_fault_in_the_card_toml_above_is_told_of_every_pair(tmp_path):
+    pairs = tmp_path / "pairs"
+    add(pairs, "a", law())
+    (pairs / "card.toml").write_text("licence = 'x'", encoding="utf-8")
+    (problem,) = publishing.check(pairs).problems
+    assert "did you mean license?" in problem.words
+
+
+def test_a_sensor_of_a_pair_hides_the_reason_above_for_having_none(tmp_path):
+    pairs = tmp_path / "pairs"
+    home = add(pairs, "a", law())
+    (home / "card.toml").write_text('iso513 = "P20"\n[[sensors]]\nsymbol = "AW"\nunit = "mm"\n', encoding="utf-8")
+    (pairs / "card.toml").write_text(TOML.replace('iso513 = "{group}"\n', ""), encoding="utf-8")
+    assert publishing.check(pairs).ok
+
+
 def test_figures_and_draws_that_a_card_speaks_of_go_with_it(tmp_path):
     home = add(tmp_path / "pairs", "one", law())
     (home / "figures").mkdir()

@@ -11,7 +11,7 @@ from .ask import Missing
 from .judge import GateReport, judge
 from .missing import missing
 from .reading import read_toml
-from .template import template
+from .template import template, template_of_many
 from .told import Told
 
-__all__ = ["GateReport", "Missing", "Told", "judge", "missing", "read_toml", "template"]
+__all__ = ["GateReport", "Missing", "Told", "judge", "missing", "read_toml", "template", "template_of_many"]

@@ -24,8 +24,14 @@ SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-
 DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/|doi:)?\s*(10\.\d{4,9}/\S+)")
 
 
-def read_toml(path: str | os.PathLike[str]) -> Told:
+def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None = None) -> Told:
     """Read a card.toml.
+
+    Parameters
+    ----------
+    path : path
+    above : path, optional
+        Another one, which tells what this one does not.
 
     Raises
     ------
@@ -44,6 +50,9 @@ def read_toml(path: str | os.PathLike[str]) -> Told:
     name = str(path)
     data = _parsed(Path(path), name)
     _known(data, KEYS, name)
+    if above is not None:
+        read_toml(above)  # its own faults under its own name
+        data = _laid_over(_parsed(Path(above), str(above)), data)
     texts = {key: _text(data, key, name) for key in TEXTS}
     return Told(
         publication=Publication(
@@ -75,6 +84,13 @@ def _parsed(path: Path, name: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         why = (getattr(error, "strerror", None) or str(error)).lower()
         raise DataError(f"{name}: cannot be read: {why}; fitmodels publish FOLDER --check writes a template.") from None
+
+
+def _laid_over(above: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
+    """What both tell, the nearer one first; sensors and the reason for having none are one thing."""
+    about_sensors = {"sensors", "no_sensors"}
+    hidden = about_sensors if about_sensors & set(data) else set()
+    return {**{key: value for key, value in above.items() if key not in hidden}, **data}
 
 
 def _known(data: Mapping[str, Any], keys: Iterable[str], name: str, where: str = "") -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 from ...datasets.errors import UsageError
 from ...parameters.file import put_in_place
 from ..folder import staged as stage
+from ..gate import template_of_many
+from ..gate.ask import QUESTIONS
 from .entry import Entry, with_slugs
 from .feed import feed
 from .find import pair_folders
@@ -39,7 +41,8 @@ def publish(
     Parameters
     ----------
     folder : path
-        Holds folders with ``params.json``, at any depth; ``card.toml`` beside it adds to the card.
+        Holds folders with ``params.json``, at any depth; ``card.toml`` beside it adds to the card, one in ``folder``
+        itself to the cards of all.
     site : path
         Where the site goes.
     title : str
@@ -55,7 +58,7 @@ def publish(
     -------
     Report
         With ``problems`` where something stands against publishing: nothing is written then but a ``card.toml`` to be
-        filled in beside each file that lacks one and needs it.
+        filled in: one in ``folder`` for what none of several pairs tells, or one beside each file that needs it.
 
     Raises
     ------
@@ -87,7 +90,7 @@ def publish(
             looked = _look(folder, pairs, jobs, told, made / "cards")
             problems = _against(looked)
             if problems:
-                return Report(problems=problems, templates=_templates(looked), found=len(pairs))
+                return Report(problems=problems, templates=_templates(folder, looked), found=len(pairs))
             entries = _fill(made, looked, title)
             unchanged = _put(made, site, hidden, force)
     except OSError as error:
@@ -110,12 +113,14 @@ def check(
     looked = _look(folder, pairs, jobs, told)
     problems = _against(looked)
     entries = () if problems else tuple(_ordered(looked))
-    return Report(entries, problems, _templates(looked), found=len(pairs))
+    return Report(entries, problems, _templates(folder, looked), found=len(pairs))
 
 
 def _look(folder: Path, pairs: Sequence[Path], jobs: int, told: Told, to: Path | None = None) -> list[Looked]:
+    shared = folder / TOML
+    above = shared if os.path.lexists(shared) and folder not in pairs else None
     tasks = [
-        Task(pair, pair.relative_to(folder).as_posix(), None if to is None else to / f".{number}")
+        Task(pair, pair.relative_to(folder).as_posix(), None if to is None else to / f".{number}", above)
         for number, pair in enumerate(pairs)
     ]
     return each(look, tasks, jobs, lambda done: told(f"{done} of {len(tasks)} cards"))
@@ -136,16 +141,30 @@ def _against(looked: Sequence[Looked]) -> tuple[Problem, ...]:
     return tuple(found)
 
 
-def _templates(looked: Sequence[Looked]) -> tuple[Path, ...]:
-    """Write what is to be filled in, where nothing stands yet; a folder that cannot be written to goes without."""
+def _templates(folder: Path, looked: Sequence[Looked]) -> tuple[Path, ...]:
+    """Write what is to be filled in, where nothing stands yet; a folder that cannot be written to goes without.
+
+    What none of several pairs tells is asked for once, above them; only then is each asked for the rest.
+    """
+    asking = [one for one in looked if one.template]
+    alike = _asked_of_all(asking) if len(asking) > 1 and all(one.task.folder != folder for one in looked) else []
+    if alike and not os.path.lexists(folder / TOML):
+        wanted = {folder / TOML: template_of_many(len(asking), alike)}
+    else:
+        wanted = {one.task.folder / TOML: one.template for one in asking}
     written = []
-    for one in looked:
-        path = one.task.folder / TOML
-        if one.template and not os.path.lexists(path):
+    for path, text in wanted.items():
+        if not os.path.lexists(path):
             with suppress(OSError):
-                put_in_place(path, one.template.encode())
+                put_in_place(path, text.encode())
                 written.append(path)
     return tuple(written)
+
+
+def _asked_of_all(asking: Sequence[Looked]) -> list[str]:
+    """Fields that none of these tells; the ISO group is asked beside each pair, since it is that of its material."""
+    each = [{name for problem in one.problems for name in problem.fields} for one in asking]
+    return [name for name in QUESTIONS if name != "iso513" and all(name in fields for fields in each)]
 
 
 def _ordered(looked: Sequence[Looked]) -> list[Entry]:

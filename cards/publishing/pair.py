@@ -22,11 +22,23 @@ TOML = "card.toml"
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A pair to be looked at: where it is, what it is called in the report, and where its card goes, if anywhere."""
+    """A pair to be looked at.
+
+    Attributes
+    ----------
+    folder : Path
+    name : str
+        What it is called in the report.
+    to : Path or None
+        Where its card goes, if anywhere.
+    above : Path or None
+        The ``card.toml`` that holds for all pairs, where there is one.
+    """
 
     folder: Path
     name: str
     to: Path | None = None
+    above: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +54,7 @@ class Looked:
 def look(task: Task) -> Looked:
     """Read a pair and judge it; where nothing stands against it write its card."""
     try:
-        pf, whole, card = read_pair(task.folder)
+        pf, whole, card = read_pair(task.folder, above=task.above)
         report = judge(card, pf, task.folder)
     except FitmodelsError as error:
         return Looked(task, None, (Problem(task.name, "unreadable", str(error).replace(f"{task.folder}/", "")),))
@@ -55,7 +67,7 @@ def look(task: Task) -> Looked:
 
 
 def read_pair(
-    folder: Path, name: str = PARAMETERS, toml: Path | None = None
+    folder: Path, name: str = PARAMETERS, toml: Path | None = None, above: Path | None = None
 ) -> tuple[ParameterFile, ParameterFile, Card]:
     """The parameter file as it is on disk, the same with what ``card.toml`` says of its identity, and their card.
 
@@ -67,6 +79,8 @@ def read_pair(
         Of the parameter file.
     toml : Path, optional
         By default the ``card.toml`` beside it, where there is one.
+    above : Path, optional
+        A ``card.toml`` that holds for many pairs; what the other says counts first.
 
     Raises
     ------
@@ -74,10 +88,11 @@ def read_pair(
         One of the two cannot be read, or they contradict each other.
     """
     pf = read(folder / name)
-    beside = folder / TOML
-    if toml is None and not os.path.lexists(beside):
+    if toml is None and os.path.lexists(folder / TOML):
+        toml = folder / TOML
+    if toml is None and above is None:
         return pf, pf, compose(pf, folder=folder)
-    told = read_toml(toml or beside)
+    told = read_toml(toml or above or TOML, above if toml else None)
     whole = told.applied(pf)
     return pf, whole, compose(whole, publication=told.publication, folder=folder)
 
