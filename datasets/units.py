@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from fractions import Fraction
 from functools import lru_cache
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -183,9 +184,18 @@ def is_unit(text: str) -> bool:
     return canonical(text) is not None
 
 
-@lru_cache(maxsize=1)
+_ONE_AT_A_TIME = Lock()
+
+
 def _registry() -> "pint.UnitRegistry[Any]":
-    """Build the private registry: only our units, in rational numbers, so that factors are exact."""
+    """Give the private registry; threads that ask at once get the same, since two do not mix."""
+    with _ONE_AT_A_TIME:
+        return _built()
+
+
+@lru_cache(maxsize=1)
+def _built() -> "pint.UnitRegistry[Any]":
+    """Build the registry: only our units, in rational numbers, so that factors are exact."""
     import pint
 
     registry: pint.UnitRegistry[Any] = pint.UnitRegistry(None, non_int_type=Fraction)

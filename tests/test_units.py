@@ -4,6 +4,8 @@ Factors: NIST Special Publication 811 (2008), appendix B.8; BIPM, The Internatio
 """
 
 import itertools
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -209,3 +211,16 @@ def test_did_you_mean():
     assert suggest("furlong").startswith("known are for example m/min")
     with pytest.raises(UsageError, match=r"^unit 'mm/revv' is not listed; did you mean mm/rev\?$"):
         same_dimension("mm/revv", "mm")
+
+
+def test_threads_that_convert_at_once_share_one_registry():
+    script = (
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "import numpy as np\n"
+        "from fitmodels.datasets import units\n"
+        "to = {'m/s': 'm/min', 'sfm': 'm/min', 'in': 'mm', 'mil': 'mm', 'kN': 'N', 'lbf': 'N', 'hp': 'kW'}\n"
+        "names = 3 * list(to)\n"
+        "with ThreadPoolExecutor(8) as pool:\n"
+        "    list(pool.map(lambda name: units.convert(np.ones(1), name, to[name]), names))\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
