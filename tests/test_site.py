@@ -447,12 +447,15 @@ def test_what_none_of_many_tells_is_asked_for_once_above_them(tmp_path):
     assert "none of the 2 cards below" in asked
     assert 'license = ""' in asked
     assert "iso513 =" not in asked  # that of the material: asked beside each pair
+    assert publishing.check(pairs).templates == ()  # it is asked for already
+    assert not (pairs / "a" / "card.toml").exists()
     (pairs / "card.toml").write_text(TOML.replace('iso513 = "{group}"\n', ""), encoding="utf-8")
     again = publishing.check(pairs)
     assert [(p.folder, p.fields) for p in again.problems] == [("a", ("iso513",)), ("b", ("iso513",))]
     assert [path.parent.name for path in again.templates] == ["a", "b"]
     for name in ("a", "b"):
-        (pairs / name / "card.toml").write_text('iso513 = "P20"\n', encoding="utf-8")
+        text = 'iso513 = "P20"\nlicense = ""\nno_sensors = ""\nauthors = []\n'  # what is left open hides nothing
+        (pairs / name / "card.toml").write_text(text, encoding="utf-8")
     report = publishing.publish(pairs, tmp_path / "site")
     assert report.problems == ()
     found = (tmp_path / "site").rglob("card.json")

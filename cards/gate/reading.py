@@ -87,10 +87,14 @@ def _parsed(path: Path, name: str) -> dict[str, Any]:
 
 
 def _laid_over(above: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
-    """What both tell, the nearer one first; sensors and the reason for having none are one thing."""
+    """What both tell, the nearer one first; sensors and the reason for having none are one thing.
+
+    A question that is left open, as in a template, hides nothing.
+    """
+    told = {key: value for key, value in data.items() if value not in ("", [])}
     about_sensors = {"sensors", "no_sensors"}
-    hidden = about_sensors if about_sensors & set(data) else set()
-    return {**{key: value for key, value in above.items() if key not in hidden}, **data}
+    hidden = about_sensors if about_sensors & set(told) else set()
+    return {**{key: value for key, value in above.items() if key not in hidden}, **told}
 
 
 def _known(data: Mapping[str, Any], keys: Iterable[str], name: str, where: str = "") -> None:

@@ -148,7 +148,7 @@ def _templates(folder: Path, looked: Sequence[Looked]) -> tuple[Path, ...]:
     """
     asking = [one for one in looked if one.template]
     alike = _asked_of_all(asking) if len(asking) > 1 and all(one.task.folder != folder for one in looked) else []
-    if alike and not os.path.lexists(folder / TOML):
+    if alike:
         wanted = {folder / TOML: template_of_many(len(asking), alike)}
     else:
         wanted = {one.task.folder / TOML: one.template for one in asking}
