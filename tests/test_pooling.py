@@ -12,7 +12,17 @@ from fitmodels.datasets.errors import UsageError
 from fitmodels.fit.many.errors_of_family import moderated
 from fitmodels.fit.many.families import pooled_exponents
 from fitmodels.fit.many.in_stacks import many_power_laws
-from fitmodels.fit.many.random_effects import family, given, half_t, of_pairs, quantiles, reml, tau_quantile
+from fitmodels.fit.many.random_effects import (
+    family,
+    given,
+    half_t,
+    moments,
+    of_pairs,
+    quantiles,
+    reml,
+    tau_quantile,
+    thinned,
+)
 from hypothesis import given as for_any
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -217,6 +227,54 @@ def test_tau_quantiles_rise():
     of = family(b, v, half_t(3.0, 0.3))
     found = [tau_quantile(of, p) for p in np.linspace(0.001, 0.999, 40)]
     assert (np.diff(found) > 0).all()
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.02, 0.1, 3.0])
+@pytest.mark.parametrize("uneven", [0.0, 1.5])
+def test_few_nodes_of_tau_tell_the_pairs_of_a_large_family_what_all_of_them_do(spread, uneven):
+    rng = np.random.default_rng(17)
+    v = np.square(0.1 * np.exp(uneven * rng.standard_normal(60)))
+    of = family(0.5 + spread * rng.standard_normal(60) + np.sqrt(v) * rng.standard_normal(60), v, half_t(3.0, 0.3))
+    few = thinned(of)
+    assert len(few.tau) < len(of.tau) / 5
+    (mean, variance, _), (rough, roughly, _) = of_pairs(of), of_pairs(few)
+    se = moments(of, mean, variance)[1]
+    for p in (0.0005, 0.025, 0.5, 0.975):
+        off = quantiles(few, rough, roughly, p) - quantiles(of, mean, variance, p)
+        assert np.abs(off / se).max() < 1e-6
+
+
+@pytest.mark.parametrize("p", [0.001, 0.025, 0.5, 0.975])
+def test_quantiles_are_where_the_mixture_has_their_share(p):
+    """Against scipy's normal summed over the nodes, for pairs whose errors differ a thousandfold."""
+    rng = np.random.default_rng(2)
+    of = family(rng.normal(0.5, 0.3, 12), np.square(np.geomspace(1e-3, 1.0, 12)), half_t(3.0, np.inf))
+    mean, variance, _ = of_pairs(of)
+    found = quantiles(of, mean, variance, p)
+    np.testing.assert_allclose(of.weight @ norm.cdf(found, mean, np.sqrt(variance)), p, rtol=1e-7)
+
+
+def test_a_pair_of_next_to_no_error_does_not_hide_how_exponents_differ():
+    b = np.array([0.2, 0.5, 0.6, 1.1, 0.7])
+    one, other = (pooled_exponents(as_table(b, [0.1, 0.1, tiny, 0.1, 0.1]), "V") for tiny in (1e-5, 1e-12))
+    names = ["mean", "mean_se", "tau", "tau_low", "tau_high", "tau_reml", "new_low", "new_high"]
+    np.testing.assert_allclose(other.families[names], one.families[names], rtol=5e-3)
+    np.testing.assert_allclose(other.table["pooled"], one.table["pooled"], rtol=1e-4)
+
+
+def test_rows_that_a_law_meets_exactly_are_left_apart_without_a_warning():
+    table = as_table([0.5, 0.6, 0.7, 0.5], [0.1, 0.1, 0.1, 0.0], row_bse_V=[0.1, 0.1, 0.1, 0.0], df=5)
+    found = pooled_exponents(table.assign(scale_se=[0.2, 0.2, 0.2, 0.0]), "V").table
+    assert found["pooled"].notna().tolist() == [True, True, True, False]
+    assert "no standard error" in found["reason"].iloc[3]
+
+
+def test_a_family_of_thousands_is_that_of_its_parts():
+    """Pairs go through in blocks; the same pairs four times over keep one estimate each."""
+    rng = np.random.default_rng(3)
+    b, se = rng.normal(0.5, 0.2, 2500), rng.uniform(0.05, 0.3, 2500)
+    found = pooled_exponents(as_table(np.tile(b, 4), np.tile(se, 4)), "V").table["pooled"].to_numpy().reshape(4, -1)
+    np.testing.assert_allclose(found, np.broadcast_to(found[0], found.shape), rtol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+NAMED = 16  # families whose names have room beside each other
 MOST = 60  # pairs drawn one by one; of more, evenly chosen ones in their order
 
 
@@ -46,14 +47,26 @@ def shrinkage_picture(found: "PooledExponents", ax: Axes | None = None) -> Axes:
     ax.plot(x - 0.15, some["estimate"], "o", ms=3, color=GREY, label="alone")
     ax.vlines(x + 0.15, some["pooled_low"], some["pooled_high"], color=BLUE, lw=1.4)
     ax.plot(x + 0.15, some["pooled"], "o", ms=3, color=BLUE, label="with its family")
+    names = some["family"].to_numpy()
     for name, mean in found.families["mean"].items() if len(found.families) else ():
-        at = np.flatnonzero(some["family"].to_numpy() == name)
+        at = np.flatnonzero(names == name)
         if at.size:
-            ax.hlines(mean, at[0] - 0.5, at[-1] + 0.5, color=ORANGE, lw=1)
-            ax.annotate(str(name), (at[0] - 0.4, mean), fontsize=7, color=ORANGE, va="bottom")
+            ax.hlines(mean, at[0] - 0.5, at[-1] + 0.5, color=ORANGE, lw=1.2)
+    _name_families(ax, names)
     ax.set(xlabel=_axis(len(chosen), len(table)), ylabel=f"exponent of {found.factor}", **_reach(some))
     ax.legend(fontsize=7, frameon=False)
     return ax
+
+
+def _name_families(ax: Axes, names: NDArray[np.object_]) -> None:
+    """Names over the panel, each above its pairs: inside they would hide each other; of very many none is readable."""
+    met = list(dict.fromkeys(names))
+    for name in met if len(met) <= NAMED else ():
+        at = float(np.flatnonzero(names == name).mean())
+        ax.annotate(
+            str(name), (at, 1), (0, 2), ("data", "axes fraction"), "offset points", fontsize=7, color=ORANGE,
+            rotation=0 if len(met) == 1 else 40, ha="center" if len(met) == 1 else "left", va="bottom",
+        )  # fmt: skip
 
 
 def _reach(some: "pd.DataFrame") -> dict[str, tuple[float, float]]:

@@ -1,7 +1,7 @@
 """Partial pooling: what a family of pairs (an ISO group, a grade, a coolant) says of the exponent of each of them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,7 @@ from ...datasets.errors import UsageError
 from ...datasets.telling import Grid, Telling, Told, measured
 from .errors_of_family import moderated
 from .laws_of_pairs import ManyLaws
-from .random_effects import Family, family, half_t, moments, of_pairs, quantiles, reml, tau_quantile
+from .random_effects import Family, family, half_t, moments, of_pairs, quantiles, reml, tau_quantile, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 FEWEST = 3  # pairs of a family
+AT_ONCE = 4096  # pairs in one array over tau: about a megabyte
+USED = ("se_used", "df_used")
 POOLED = ("pooled", "pooled_se", "pooled_low", "pooled_high")
 WHOLE = "all pairs"  # the family where none is asked for
 
@@ -126,23 +128,36 @@ def pooled_exponents(
     rows = _separate(table, factor, by, level)
     if not (tau_scale > 0 and tau_df > 0):
         raise UsageError(f"tau_scale={tau_scale}, tau_df={tau_df}: both are above zero, for instance 0.3 and 3.")
-    prior = half_t(tau_df, tau_scale)
-    told: dict[str, dict[str, float]] = {}
-    for name, group in rows[rows["reason"] == ""].groupby("family", sort=True):
-        if len(group) < FEWEST:
-            rows.loc[group.index, "reason"] = f"a family of fewer than {FEWEST} pairs does not tell how they differ"
-            continue
-        se, df = _errors(group)
-        rows.loc[group.index, ["se_used", "df_used"]] = np.column_stack([se, df])
-        of = family(group["estimate"].to_numpy(), _variances(se, df), prior)
-        told[str(name)] = _of_family(of, level)
-        for column, values in _of_pairs(of, level).items():
-            rows.loc[group.index, column] = values
-    if not isinstance(table, ManyLaws) and isinstance(table, pd.DataFrame):
+    told = _pool(rows, half_t(tau_df, tau_scale), level)
+    if isinstance(table, pd.DataFrame):
         rows.index = table.index
     rows = rows.drop(columns="design")
     words = "uniform" if np.isinf(tau_scale) else f"tau half-t with {tau_df:g} df and scale {tau_scale:g}"
     return PooledExponents(factor, level, words, rows, pd.DataFrame.from_dict(told, orient="index"))
+
+
+def _pool(rows: pd.DataFrame, prior: Callable[[Array], Array], level: float) -> dict[str, dict[str, float]]:
+    """Fill in what each family says of its pairs, and return what it is; as arrays, since families may be many."""
+    told: dict[str, dict[str, float]] = {}
+    own = {name: rows[name].to_numpy(dtype=float) for name in ("estimate", "se", "df", "design")}
+    made = {name: np.full(len(rows), np.nan) for name in (*USED, *POOLED, "shrinkage")}
+    reason = rows["reason"].to_numpy(dtype=object, copy=True)
+    known = np.flatnonzero(reason == "")
+    named = rows["family"].iloc[known]
+    for name, places in named.groupby(named, sort=True).indices.items():
+        at = known[places]
+        if len(at) < FEWEST:
+            reason[at] = f"a family of fewer than {FEWEST} pairs does not tell how they differ"
+            continue
+        se, df = _errors(own["se"][at], own["df"][at], own["design"][at])
+        of = family(own["estimate"][at], _variances(se, df), prior)
+        told[str(name)] = _of_family(of, level)
+        for column, values in (dict(zip(USED, (se, df), strict=True)) | _of_pairs(of, level)).items():
+            made[column][at] = values
+    for column, values in made.items():
+        rows[column] = values
+    rows["reason"] = reason
+    return told
 
 
 def _separate(
@@ -165,7 +180,7 @@ def _separate(
     reason = np.where(named.isna(), "no family is named", "").astype(object)
     reason[~(np.isfinite(se) & (se > 0) & (df > 0))] = f"no standard error of the exponent of {factor}"
     reason[~np.isfinite(b)] = f"no exponent of {factor}"
-    empty = {name: np.full(len(frame), np.nan) for name in ("se_used", "df_used", *POOLED)}
+    empty = {name: np.full(len(frame), np.nan) for name in (*USED, *POOLED)}
     return pd.DataFrame({
         "family": named.astype(object).where(named.notna(), "").astype(str), "estimate": b, "se": se, "df": df,
         "low": b - half, "high": b + half, **empty, "shrinkage": np.nan, "reason": reason,
@@ -173,12 +188,13 @@ def _separate(
     })  # fmt: skip
 
 
-def _errors(group: pd.DataFrame) -> tuple[Array, Array]:
+def _errors(se: Array, df: Array, design: Array) -> tuple[Array, Array]:
     """Standard errors and degrees of freedom of the pairs of a family, moderated where their designs are known."""
-    se, df, design = (group[name].to_numpy(dtype=float, copy=True) for name in ("se", "df", "design"))
     known = np.isfinite(design) & (design > 0) & np.isfinite(df)
-    if known.sum() >= FEWEST:
-        se[known], df[known] = moderated(se[known], df[known], design[known])
+    if known.sum() < FEWEST:
+        return se, df
+    se, df = se.copy(), df.copy()
+    se[known], df[known] = moderated(se[known], df[known], design[known])
     return se, df
 
 
@@ -194,16 +210,28 @@ def _design(frame: pd.DataFrame, factor: str) -> Array:
     row, scale = f"row_bse_{factor}", "scale_se"
     if row not in frame or scale not in frame:
         return np.full(len(frame), np.nan)
-    design = np.square(frame[row].to_numpy(dtype=float) / frame[scale].to_numpy(dtype=float))
+    with np.errstate(divide="ignore", invalid="ignore"):  # rows that a law meets without a rest scatter by nothing
+        design = np.square(frame[row].to_numpy(dtype=float) / frame[scale].to_numpy(dtype=float))
     by_edge = frame["by_edge"].to_numpy(dtype=bool) if "by_edge" in frame else np.ones(len(frame), dtype=bool)
     return np.where(by_edge if by_edge.any() else True, design, np.nan)
 
 
 def _of_pairs(of: Family, level: float) -> dict[str, Array]:
+    """Each pair with its family, so many pairs at once that memory does not grow with the family."""
+    few = thinned(of)
+    some = [_of_some(replace(few, b=b, v=v), level) for b, v in zip(_cut(of.b), _cut(of.v), strict=True)]
+    return {name: np.concatenate([part[name] for part in some]) for name in some[0]}
+
+
+def _of_some(of: Family, level: float) -> dict[str, Array]:
     mean, variance, pull = of_pairs(of)
     pooled, se = moments(of, mean, variance)
     low, high = (quantiles(of, mean, variance, p) for p in ((1 - level) / 2, (1 + level) / 2))
     return {"pooled": pooled, "pooled_se": se, "pooled_low": low, "pooled_high": high, "shrinkage": of.weight @ pull}
+
+
+def _cut(values: Array) -> list[Array]:
+    return np.array_split(values, -(-len(values) // AT_ONCE))
 
 
 def _of_family(of: Family, level: float) -> dict[str, float]:

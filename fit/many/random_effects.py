@@ -17,9 +17,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FARTHEST = 16.0  # asinh(tau / c) beyond which nothing is looked for: tau of four million standard errors
-COARSE, LOOKS = 200, 3  # points of a look for the mass, and looks
+COARSE, CLOSE = 64, 24  # points of the first look for the mass, and of each closer one
+CLOSER = {"mass": 2, "top": 8}  # closer looks: at the top each is eleven times as close
 FAR = 30.0  # in the log density below its top
-PANELS, NODES = 48, 4
+PANELS, NODES = 96, 2
+FEW = 28  # nodes of tau that do for the pairs of a large family
+LARGE = 32  # pairs; of fewer, tau is known so poorly that all nodes are kept
+AT_ONCE = 2_000_000  # numbers of one array
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +68,19 @@ def given(tau: Array, b: Array, v: Array) -> Given:
     >>> round(float(of.mean[0]), 9), round(float(of.variance[0]), 9)
     (0.5, 0.005)
     """
+    parts = [_given(some, b, v) for some in np.array_split(tau, -(-len(tau) * len(b) // AT_ONCE))]
+    if len(parts) == 1:
+        return parts[0]
+    return Given(*(np.concatenate([getattr(part, name) for part in parts]) for name in Given.__slots__))
+
+
+def _given(tau: Array, b: Array, v: Array) -> Given:
     total = v + np.square(tau)[:, None]
     w = 1 / total
     variance = 1 / w.sum(axis=1)
     mean = variance * (w @ b)
-    squares = (w * np.square(b - mean[:, None])).sum(axis=1)
+    off = b - mean[:, None]
+    squares = np.einsum("tj,tj,tj->t", w, off, off)
     return Given(0.5 * (np.log(variance) - np.log(total).sum(axis=1) - squares), mean, variance)
 
 
@@ -79,13 +91,12 @@ def half_t(df: float, scale: float) -> Callable[[Array], Array]:
 
 def reml(b: Array, v: Array) -> float:
     """The tau of largest restricted likelihood."""
-    low, high = 0.0, FARTHEST
     c = _unit(v)
-    for _ in range(12):
-        x = np.linspace(low, high, COARSE)
+    x = np.linspace(0.0, _farthest(b, c), COARSE)
+    for _ in range(CLOSER["top"] + 1):
         best = int(np.argmax(given(c * np.sinh(x), b, v).loglike))
-        low, high = x[max(best - 1, 0)], x[min(best + 1, COARSE - 1)]
-    return float(c * np.sinh(x[best]))
+        top, x = x[best], np.linspace(x[max(best - 1, 0)], x[min(best + 1, len(x) - 1)], CLOSE)
+    return float(c * np.sinh(top))
 
 
 def family(b: Array, v: Array, log_prior: Callable[[Array], Array]) -> Family:
@@ -103,16 +114,57 @@ def family(b: Array, v: Array, log_prior: Callable[[Array], Array]) -> Family:
         tau = c * np.sinh(x)
         return given(tau, b, v).loglike + log_prior(tau) + np.log(np.cosh(x))
 
-    ends = np.linspace(*_where(log_mass), PANELS + 1)
+    ends = np.linspace(*_where(log_mass, _farthest(b, c)), PANELS + 1)
     node, share = np.polynomial.legendre.leggauss(NODES)
     half = (ends[1] - ends[0]) / 2
     x = ((ends[:-1] + half)[:, None] + half * node).ravel()
-    mass = log_mass(x)
+    at = given(c * np.sinh(x), b, v)
+    mass = at.loglike + log_prior(c * np.sinh(x)) + np.log(np.cosh(x))
     weight = np.tile(share, PANELS) * np.exp(mass - mass.max())
     weight /= weight.sum()
-    at = given(c * np.sinh(x), b, v)
     below = np.append(0.0, np.cumsum(weight.reshape(PANELS, NODES).sum(axis=1)))
     return Family(b, v, c * np.sinh(x), weight, at.mean, at.variance, c * np.sinh(ends), below)
+
+
+def thinned(of: Family) -> Family:
+    """The posterior of a large family on ``FEW`` nodes of tau: the Gauss rule of its own weights.
+
+    Ends of the pairs' intervals differ from those of all nodes by less than 1e-6 of a standard error.
+
+    Source: Golub and Welsch 1969, Mathematics of Computation 23, 221; the three terms by Lanczos.
+
+    Examples
+    --------
+    >>> of = family(np.linspace(0.2, 1.1, 40), np.full(40, 0.01), half_t(3, 0.3))
+    >>> few = thinned(of)
+    >>> len(of.tau), len(few.tau), bool(abs(few.weight @ few.mean - of.weight @ of.mean) < 1e-9)
+    (192, 28, True)
+    """
+    if len(of.b) < LARGE:
+        return of
+    c = _unit(of.v)
+    x = np.arcsinh(of.tau / c)
+    middle = (x[0] + x[-1]) / 2
+    half = (x[-1] - x[0]) / 2
+    node, vectors = np.linalg.eigh(_lanczos((x - middle) / half, of.weight))
+    tau, weight = c * np.sinh(middle + half * node), np.square(vectors[0])
+    at = given(tau, of.b, of.v)
+    return Family(of.b, of.v, tau, weight / weight.sum(), at.mean, at.variance, of.ends, of.below)
+
+
+def _lanczos(x: Array, weight: Array) -> Array:
+    """Matrix of the three-term recursion of the polynomials orthogonal on x, shape (FEW, FEW)."""
+    q = np.zeros((FEW + 1, len(x)))
+    q[0] = np.sqrt(weight)
+    T = np.zeros((FEW + 1, FEW + 1))
+    for k in range(FEW):
+        r = x * q[k]
+        T[k, k] = r @ q[k]
+        for _ in range(2):  # once is not enough for rounding
+            r -= q[: k + 1].T @ (q[: k + 1] @ r)
+        T[k, k + 1] = T[k + 1, k] = np.linalg.norm(r)
+        q[k + 1] = r / T[k, k + 1]
+    return T[:FEW, :FEW]
 
 
 def of_pairs(of: Family) -> tuple[Array, Array, Array]:
@@ -129,18 +181,26 @@ def moments(of: Family, mean: Array, variance: Array) -> tuple[Array, Array]:
 
 
 def quantiles(of: Family, mean: Array, variance: Array, p: float) -> Array:
-    """Quantile p of mixtures of normals over tau, shapes (T, J) -> (J,), by halving."""
+    """Quantile p of mixtures of normals over tau, shapes (T, J) -> (J,): Newton's steps, halving where one leaves."""
     from scipy.special import ndtr, ndtri
 
     some = of.weight > 1e-12
     weight, m, s = of.weight[some], mean[some], np.sqrt(variance[some])
     ends = m + s * float(ndtri(p))  # of each normal: the mixture's lies between the least and the largest
     low, high = ends.min(axis=0), ends.max(axis=0)
-    for _ in range(34):  # to 1e-10 of the widest bracket
-        middle = (low + high) / 2
-        under = weight @ ndtr((middle - m) / s) < p
-        low, high = np.where(under, middle, low), np.where(under, high, middle)
-    return np.asarray((low + high) / 2)
+    near = 1e-10 * (high - low) + 1e-15 * np.abs(high)
+    at = weight @ ends
+    for _ in range(60):
+        z = (at - m) / s
+        over = weight @ ndtr(z) - p
+        slope = weight @ (np.exp(-np.square(z) / 2) / s) / np.sqrt(2 * np.pi)
+        low, high = np.where(over < 0, at, low), np.where(over < 0, high, at)
+        step = at - over / np.maximum(slope, 1e-300)
+        there = np.where((step >= low) & (step <= high), step, (low + high) / 2)
+        done, at = np.abs(there - at) <= near, there
+        if done.all():
+            break
+    return np.asarray(at)
 
 
 def tau_quantile(of: Family, p: float) -> float:
@@ -156,12 +216,17 @@ def _unit(v: Array) -> float:
     return float(1 / np.sqrt(np.mean(1 / v)))
 
 
-def _where(log_mass: Callable[[Array], Array]) -> tuple[float, float]:
+def _farthest(b: Array, c: float) -> float:
+    """Largest asinh(tau / c) looked at; a pair of next to no error makes c small beside what exponents differ by."""
+    return max(FARTHEST, float(np.arcsinh(100 * np.ptp(b) / c)))
+
+
+def _where(log_mass: Callable[[Array], Array], farthest: float) -> tuple[float, float]:
     """Ends of the mass, looked for ever more closely."""
-    low, high = 0.0, FARTHEST
-    for _ in range(LOOKS):
-        x = np.linspace(low, high, COARSE)
+    x = np.linspace(0.0, farthest, COARSE)
+    for _ in range(CLOSER["mass"] + 1):
         mass = log_mass(x)
         near = np.flatnonzero(mass > mass.max() - FAR)
-        low, high = float(x[max(near[0] - 1, 0)]), float(x[min(near[-1] + 1, COARSE - 1)])
+        low, high = float(x[max(near[0] - 1, 0)]), float(x[min(near[-1] + 1, len(x) - 1)])
+        x = np.linspace(low, high, CLOSE)
     return low, high
