@@ -8,6 +8,7 @@ The rooms, in the order the data walk through them::
     parameters  what is handed over     the parameter file: write, read, predict, export
     controllers who uses it             replayed from a parameter file alone
     cards       what is told            figures and the model card
+    batch       a shop of pairs         thousands of them, on one machine or a cluster
 
 A room is imported when it is first used, so that ``import fitmodels`` costs next to nothing.
 
@@ -21,10 +22,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from . import cards, controllers, datasets, fit, ident, parameters
+    from . import batch, cards, controllers, datasets, fit, ident, parameters
 
 __version__ = "0.1.0"
-__all__ = ["__version__", "cards", "controllers", "datasets", "fit", "ident", "parameters"]
+__all__ = ["__version__", "batch", "cards", "controllers", "datasets", "fit", "ident", "parameters"]
 
 
 def __getattr__(name: str) -> ModuleType:

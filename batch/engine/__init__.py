@@ -1,0 +1,12 @@
+"""A function over tasks: in this process, in joblib's processes or on a Dask cluster, results as they are done.
+
+Nothing here knows of cutting. joblib and Dask schedule and move data; Dask runs again what a dead worker had.
+"""
+
+from .cores import cores
+from .memory import largest_memory
+from .opening import engine
+from .progress import Meter, grouped, progress
+from .run import Run
+
+__all__ = ["Meter", "Run", "cores", "engine", "grouped", "largest_memory", "progress"]

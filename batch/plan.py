@@ -1,0 +1,166 @@
+"""What is to be done: which pairs a source holds, where their rows stand, and blocks of pairs that one task fits."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ..datasets.columns import ColumnUse
+from ..datasets.telling import Telling, Told, facts_of
+
+
+@dataclass(frozen=True, slots=True, order=True, repr=False)
+class Pair(Told):
+    """A tool and a work material.
+
+    >>> str(Pair("GC435", "709M40"))
+    'GC435 on 709M40'
+    """
+
+    tool: str
+    work: str
+
+    def __str__(self) -> str:
+        return f"{self.tool} on {self.work}"
+
+    def _telling(self) -> Telling:
+        return Telling(str(self))
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Reading(Told):
+    """How a source is read, as `datasets.read_runs` takes it; ``groups`` are columns that group the pairs.
+
+    Attributes
+    ----------
+    map, units : mapping of str to str
+    ranges : mapping of str to tuple of float
+        For files with coded levels.
+    tool, work : str or None
+        Names of the pair, where the source does not hold them.
+    decimal, delimiter, sheet : str or None
+    groups : tuple of str
+        Headers of columns without a role that say what a pair belongs to: its grade, its coolant.
+    """
+
+    map: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    tool: str | None = None
+    work: str | None = None
+    decimal: str | None = None
+    delimiter: str | None = None
+    sheet: str | None = None
+    groups: tuple[str, ...] = ()
+
+    def _telling(self) -> Telling:
+        facts = tuple(facts_of(self))
+        return Telling(", ".join(map(" ".join, facts)) or "as the source names its columns itself", facts)
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """What is read in one go: a lab file, or a row group of a Parquet file.
+
+    Attributes
+    ----------
+    path : str
+        Absolute, so that a process elsewhere finds it.
+    name : str
+        As it is told: its path within the source, with the row group where there are several.
+    stamp : str
+        Changes when the content does: SHA-256 of a lab file, size and time of a Parquet file.
+    row_group : int or None
+    partition : tuple of (header, value)
+        What the folders of a Parquet data set say of all its rows, as ``tool=GC435/``.
+    """
+
+    path: str
+    name: str
+    stamp: str
+    row_group: int | None = None
+    partition: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Pairs that are fitted together, as a task of its own.
+
+    The pieces may hold rows of other pairs too: those are passed by.
+
+    Attributes
+    ----------
+    pairs : tuple of Pair
+    pieces : tuple of Piece
+        All that hold rows of these pairs.
+    rows : int
+        Of these pairs.
+    streamed : bool
+        One pair, of more rows than one process is meant to hold: it is fitted in one pass.
+    of_pair : tuple of tuple of int
+        For each pair the positions of its pieces among ``pieces``; empty where that is not known, and then a piece
+        that cannot be read costs every pair of the block.
+    identity : tuple of tuple of (header, value)
+        For each pair what a table beside the source says of it that belongs into its parameter file; empty where there
+        is none.
+    """
+
+    pairs: tuple[Pair, ...]
+    pieces: tuple[Piece, ...]
+    rows: int
+    streamed: bool = False
+    of_pair: tuple[tuple[int, ...], ...] = ()
+    identity: tuple[tuple[tuple[str, str], ...], ...] = ()
+
+    def told_of(self, pair: Pair) -> dict[str, str]:
+        """What ``identity`` says of a pair."""
+        return dict(self.identity[self.pairs.index(pair)]) if self.identity else {}
+
+
+@dataclass(frozen=True, slots=True)
+class Unreadable:
+    """A piece that cannot be read, and the sentence that says why."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Plan(Told):
+    """A source, cut into blocks: the same for the same source, however many processes there are.
+
+    Attributes
+    ----------
+    name, kind : str
+        Of the source: ``files`` (a folder of lab files, or one) or ``parquet``.
+    blocks : tuple of Block
+    rows : int
+    columns : tuple of ColumnUse
+        How the columns of a Parquet source are understood; empty for files, each of which has its own.
+    unreadable : tuple of Unreadable
+    assumed : tuple of str
+        What was taken for granted, in full sentences.
+    reading : Reading
+    notes : tuple of str
+        Free text above the table of a CSV that became Parquet; a lab file's notes stay with its pairs.
+    """
+
+    name: str
+    kind: str
+    blocks: tuple[Block, ...]
+    rows: int
+    columns: tuple[ColumnUse, ...]
+    unreadable: tuple[Unreadable, ...]
+    assumed: tuple[str, ...]
+    reading: Reading
+    notes: tuple[str, ...] = ()
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """All pairs, in the order of the blocks."""
+        return tuple(pair for block in self.blocks for pair in block.pairs)
+
+    def _telling(self) -> Telling:
+        pairs, blocks = len(self.pairs), len(self.blocks)
+        head = (
+            f"{self.name}: {self.rows} rows of {pairs} pair{'s' * (pairs != 1)}, in {blocks} block{'s' * (blocks != 1)}"
+        )
+        return Telling(head, words=(*self.assumed, *(one.reason for one in self.unreadable)))

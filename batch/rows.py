@@ -1,0 +1,101 @@
+"""Rows of the pairs of a block, in the units of the field: what was read, ready to be fitted."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from hashlib import sha256
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..datasets import Runs, Source
+from ..datasets.columns import ColumnUse
+from .plan import Pair
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What is told of a pair besides its rows, where it comes from lab files: as `Runs` of its own file has it."""
+
+    source: Source
+    columns: tuple[ColumnUse, ...]
+    assumed: tuple[str, ...]
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, runs: Runs) -> "About":
+        """Of the runs of a pair."""
+        return cls(runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes)
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows of one or more pairs that hold the same columns.
+
+    Attributes
+    ----------
+    frame : DataFrame
+        A column for each role under its symbol, in the unit of ``units``; ``tool`` and ``work`` are always there,
+        as text; ``edge`` as text where it is known; columns of the reading's groups under their headers.
+    lines : ndarray of int, shape (n,)
+        Line of each row in its file, or its number in the piece.
+    units : mapping
+    columns : tuple of ColumnUse
+    source : Source
+        Of the rows of one lab file or several; for Parquet its ``sha256`` is empty and is taken of each pair's rows.
+    assumed, warnings, notes : tuple of str
+    of_pair : mapping of Pair to About
+        Source, columns, assumed, warnings and notes of pairs that have their own; the others have those above.
+    """
+
+    frame: pd.DataFrame
+    lines: NDArray[np.intp]
+    units: Mapping[str, str]
+    columns: tuple[ColumnUse, ...]
+    source: Source
+    assumed: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    of_pair: Mapping[Pair, About] = field(default_factory=dict)
+
+    def runs(self) -> Iterator[tuple[Pair, Runs]]:
+        """The runs of each pair, in the order in which the rows name them."""
+        groups = self.frame.groupby([self.frame["tool"], self.frame["work"]], sort=False, observed=True)
+        number = groups.ngroup().to_numpy()
+        for where in np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1]):
+            if len(where):
+                yield self._runs(where)
+
+    def _runs(self, where: NDArray[np.intp]) -> tuple[Pair, Runs]:
+        data = self.frame.iloc[where]
+        pair = Pair(str(data["tool"].iloc[0]), str(data["work"].iloc[0]))
+        about = self.of_pair.get(pair)
+        if about is None:
+            source = Source(self.source.name, self.source.sha256 or digest(data), len(data), self.source.dialect)
+            about = About(source, self.columns, self.assumed, self.warnings, self.notes)
+        return pair, Runs(
+            data, self.units, about.columns, self.lines[where], about.source, pair.tool, pair.work,
+            about.assumed, about.warnings, about.notes,
+        )  # fmt: skip
+
+
+def digest(data: pd.DataFrame) -> str:
+    """SHA-256 of rows that stand in no file of their own: names of the columns, then each column's values.
+
+    Numbers as IEEE 754 doubles, little-endian; texts as UTF-8 with a zero byte after each.
+
+    Examples
+    --------
+    >>> digest(pd.DataFrame({"V": [100.0], "tool": ["GC435"]}))[:12]
+    '041a98c4fd2f'
+    """
+    made = sha256()
+    for name in data:
+        made.update(f"{name}\0".encode())
+        values = data[name]
+        if pd.api.types.is_numeric_dtype(values):
+            made.update(values.to_numpy(dtype="<f8", na_value=np.nan).tobytes())
+        else:
+            made.update("".join(f"{value}\0" for value in values).encode())
+    return made.hexdigest()

@@ -1,0 +1,130 @@
+"""A block of pairs of lab files -> Rows: each file as it is read by itself, a pair of several files joined."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ...datasets import Runs, Source
+from ...datasets.errors import DataError, FitmodelsError
+from ..plan import Block, Pair, Piece, Plan, Reading
+from ..rows import About, Rows
+from .lab_file import pairs_of, read_lab_file
+from .open_source import shown
+
+LISTED = 3  # files named by a pair that is joined from them
+
+
+def files_rows(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
+    """Rows of the pairs of a block, one `Rows` for each set of columns, and the files that can no longer be read.
+
+    Every pair keeps its own source, columns, assumptions, warnings and notes (``Rows.of_pair``).
+    """
+    held: dict[Pair, list[tuple[str, Runs]]] = {pair: [] for pair in block.pairs}
+    unreadable: dict[str, str] = {}
+    for piece in block.pieces:
+        try:
+            for pair, runs in _parts(piece, plan.reading):
+                if pair in held:
+                    held[pair].append((piece.name, runs))
+        except FitmodelsError as error:
+            unreadable[piece.name] = str(error)
+    return _alike({pair: joined(pair, parts) for pair, parts in held.items() if parts}), unreadable
+
+
+def files_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
+    """Rows of the one pair of a block, file by file, of the columns that all of its files hold.
+
+    Raises
+    ------
+    DataError
+        A file can no longer be read.
+    """
+    pair, several = block.pairs[0], len(block.pieces) > 1
+
+    def frames() -> Iterator[pd.DataFrame]:
+        for piece in block.pieces:
+            runs = dict(_parts(piece, plan.reading))[pair]
+            yield (_by_file(piece.name, runs) if several else runs).data
+
+    shared: list[str] = []
+    for k, frame in enumerate(frames() if several else ()):
+        shared = [name for name in map(str, frame) if k == 0 or name in shared]
+    for frame in frames():
+        yield frame[shared] if several else frame
+
+
+def joined(pair: Pair, parts: list[tuple[str, Runs]]) -> Runs:
+    """Runs of a pair from its files, as if they stood in one; laboratories number the edges anew in each file.
+
+    Neighbours are joined first, then what came of them: joining one by one would copy the first file's rows as often
+    as there are files.
+    """
+    if len(parts) == 1:
+        return parts[0][1]
+    files = [name for name, _ in parts]
+    level = [_by_file(name, runs) for name, runs in parts]
+    lost = dict.fromkeys(str(name) for runs in level for name in runs.data if any(name not in r.data for r in level))
+    while len(level) > 1:
+        level = [one.join(next_) for one, next_ in zip(level[::2], level[1::2], strict=False)] + level[
+            len(level) & ~1 :
+        ]
+    runs = level[0]
+    said = f"{pair} is joined from {len(files)} files ({shown(files)}); its edges are told apart by file"
+    warned = (f"Columns that not all files of {pair} hold are left out: {', '.join(lost)}.",) if lost else ()
+    name = runs.source.name if len(files) <= LISTED else f"{parts[0][1].source.name} and {len(files) - 1} other files"
+    return replace(
+        runs,
+        source=replace(runs.source, name=name),
+        assumed=(*runs.assumed, said),
+        warnings=(*runs.warnings, *warned),
+    )
+
+
+def _by_file(name: str, runs: Runs) -> Runs:
+    """Edges named by their file as well; without a column of edges the file is one edge."""
+    if "edge" in runs.data:
+        edges = [f"{name}: {edge}" if edge else "" for edge in runs.data["edge"]]
+    else:
+        edges = [name] * len(runs)
+    return replace(runs, data=runs.data.assign(edge=pd.Series(edges, index=runs.data.index, dtype=object)))
+
+
+def _parts(piece: Piece, reading: Reading) -> Iterator[tuple[Pair, Runs]]:
+    path = Path(piece.path)
+    if not path.is_file():
+        raise DataError(f"{piece.name} is no longer there: it went after the source was looked through. Run it again.")
+    runs = read_lab_file(path, reading)
+    if runs.source.sha256 != piece.stamp:
+        raise DataError(f"{piece.name} has changed since the source was looked through. Run it again.")
+    yield from pairs_of(runs, reading.groups)
+
+
+def _alike(tests: dict[Pair, Runs]) -> list[Rows]:
+    """Pairs of the same columns in one frame."""
+    by_columns: dict[tuple[str, ...], dict[Pair, Runs]] = {}
+    for pair, runs in tests.items():
+        by_columns.setdefault(tuple(map(str, runs.data)), {})[pair] = runs
+    return [_rows(alike) for alike in by_columns.values()]
+
+
+def _rows(tests: dict[Pair, Runs]) -> Rows:
+    parts = list(tests.values())
+    frame = pd.concat([runs.data for runs in parts], ignore_index=True)
+    texts = [name for name in frame if not pd.api.types.is_numeric_dtype(frame[name])]
+    frame = frame.astype(dict.fromkeys(texts, "category"))  # texts of a thousand files would be taken apart slowly
+    sources = dict.fromkeys(runs.source for runs in parts)
+    first, one_file = parts[0], len(sources) == 1
+    return Rows(
+        frame=frame,
+        lines=np.concatenate([runs.lines for runs in parts]),
+        units=first.units,
+        columns=first.columns,
+        source=first.source if one_file else Source(f"{len(sources)} files", "", len(frame), ""),
+        assumed=first.assumed if one_file else (),
+        warnings=first.warnings if one_file else (),
+        notes=first.notes if one_file else (),
+        of_pair={pair: About.of(runs) for pair, runs in tests.items()},
+    )

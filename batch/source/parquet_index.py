@@ -1,0 +1,137 @@
+"""Which pairs each row group of a Parquet source holds, and how many rows of each."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...datasets.columns import ColumnUse
+from ...datasets.vocabulary import UNNAMED
+from ..plan import Pair, Piece, Reading, Unreadable
+from .parquet_arrow import UNREADABLE, why
+from .parquet_cells import Ints, kind_of, numbered, text_of
+from .parquet_columns import Understood, mismatch
+from .parquet_files import FILE_NAME, ParquetFile, footer, names_of_files
+from .parquet_parts import parts
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What a row group holds: numbers of its pairs in order of appearance, and the rows of each."""
+
+    piece: Piece
+    pairs: Ints
+    counts: Ints
+
+    @property
+    def rows(self) -> int:
+        """All its rows."""
+        return int(self.counts.sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Index:
+    """Pairs by number, what each row group holds of them, and what could not be read."""
+
+    number: dict[tuple[str, str], int] = field(default_factory=dict)
+    held: list[Held] = field(default_factory=list)
+    unreadable: list[Unreadable] = field(default_factory=list)
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """In the order in which the rows name them."""
+        return tuple(Pair(tool, work) for tool, work in self.number)
+
+    @property
+    def rows(self) -> Ints:
+        """Rows of each pair, shape (n_pairs,)."""
+        counts = np.zeros(len(self.number), dtype=np.intp)
+        for group in self.held:
+            counts[group.pairs] += group.counts
+        return counts
+
+    def of(self, pair: tuple[str, str]) -> int:
+        """Number of a pair, the next one where it is new."""
+        return self.number.setdefault(pair, len(self.number))
+
+
+def indexed(files: tuple[ParquetFile, ...], known: Understood, reading: Reading, told: Callable[[str], None]) -> Index:
+    """Look through all files, in order; a file or a row group that cannot be read is told and passed by."""
+    index = Index()
+    keys = tuple(use for use in known.columns if use.role in UNNAMED and getattr(reading, str(use.role)) is None)
+    stems = names_of_files(files) if any(use.header == FILE_NAME for use in keys) else None
+    for i, file in enumerate(files):
+        if i and i % 500 == 0:
+            told(f"{i} of {len(files)} files are looked through: {len(index.number)} pairs")
+        own = _own_partition(file, known, None if stems is None else stems[i])
+        try:
+            facts = footer(str(file.path), file.stamp)
+        except UNREADABLE as error:
+            index.unreadable.append(Unreadable(file.name, f"{file.name}: cannot be read: {why(error)}."))
+            continue
+        if reason := mismatch(file, facts.schema.to_arrow_schema(), known, reading):
+            index.unreadable.append(Unreadable(file.name, reason))
+        else:
+            _add_file(index, replace(file, partition=own), facts, keys, reading)
+    return index
+
+
+def _own_partition(file: ParquetFile, known: Understood, stem: str | None) -> tuple[tuple[str, str], ...]:
+    """What folders say that no column of the files does, and the file's name where that is a tool."""
+    said = tuple((key, value) for key, value in file.partition if key not in known.kinds)
+    return said if stem is None or FILE_NAME in known.kinds else (*said, (FILE_NAME, stem))
+
+
+def _add_file(index: Index, file: ParquetFile, facts: Any, keys: tuple[ColumnUse, ...], reading: Reading) -> None:  # noqa: ANN401
+    several = facts.num_row_groups > 1
+    for i in range(facts.num_row_groups):
+        name = f"{file.name}, row group {i}" if several else file.name
+        piece = Piece(str(file.path), name, file.stamp, i, file.partition)
+        try:
+            held = _held(index, piece, facts, keys, reading)
+        except UNREADABLE as error:
+            index.unreadable.append(Unreadable(name, f"{name}: cannot be read: {why(error)}."))
+        else:
+            if len(held.pairs):
+                index.held.append(held)
+
+
+def _held(index: Index, piece: Piece, facts: Any, keys: tuple[ColumnUse, ...], reading: Reading) -> Held:  # noqa: ANN401
+    rows = facts.row_group(piece.row_group).num_rows
+    pair = _only_pair(piece, facts, keys, reading) if rows else None
+    if pair is not None:
+        return Held(piece, np.array([index.of(pair)]), np.array([rows]))
+    named: dict[tuple[str, str], int] = {}  # a row group that breaks off names no pair to the index
+    counts: list[Ints] = []
+    for part in parts(piece, keys, reading):
+        here = numbered(part.tool, part.work, lambda pair: named.setdefault(pair, len(named)))
+        counts.append(np.bincount(here, minlength=len(named)))
+    total = np.zeros(len(named), dtype=np.intp)
+    for count in counts:
+        total[: len(count)] += count
+    return Held(piece, np.array([index.of(pair) for pair in named], dtype=np.intp), total)
+
+
+def _only_pair(piece: Piece, facts: Any, keys: tuple[ColumnUse, ...], reading: Reading) -> tuple[str, str] | None:  # noqa: ANN401
+    """The pair of all rows of a row group, where the folders or its statistics tell it."""
+    said = dict(piece.partition)
+    names = {role: getattr(reading, role) or UNNAMED[role] for role in UNNAMED}
+    for use in keys:
+        value = said.get(use.header)
+        if value is None and (value := _only_value(facts, piece.row_group, use.header)) is None:
+            return None
+        names[str(use.role)] = value or UNNAMED[str(use.role)]
+    return names["tool"], names["work"]
+
+
+def _only_value(facts: Any, row_group: int | None, header: str) -> str | None:  # noqa: ANN401
+    """The label of all rows by the statistics: least and largest are the same, and none is missing."""
+    schema = facts.schema
+    column = next(i for i in range(len(schema)) if schema.column(i).path == header)
+    stats = facts.row_group(row_group).column(column).statistics
+    if stats is None or not (stats.has_min_max and stats.has_null_count) or stats.null_count:
+        return None
+    kind = kind_of(schema.to_arrow_schema().field(header).type)
+    exact = kind == "text" or (kind == "number" and isinstance(stats.min, int))  # NaN is in no statistics
+    return text_of(stats.min) if exact and stats.min == stats.max else None
