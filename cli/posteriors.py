@@ -1,27 +1,29 @@
-"""The posterior part of the main job: its options, the draws of each law, and what is kept when somebody stops it."""
+"""The posterior part of the main job: its options, and what is kept when somebody stops it."""
 
 import argparse
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ..fit import LawFit, NotAvailable, Posterior
-
-MOST_ROWS = 200_000  # of a law that is drawn unasked
-
-Drawn = tuple[list["Posterior"], dict[str, "NotAvailable"]]
+    from ..fit import Posterior
 
 
-def posterior_options(p: argparse.ArgumentParser) -> None:
-    """Options that say how the posterior of each law is drawn."""
+def draw_options(p: argparse.ArgumentParser) -> "argparse._ArgumentGroup":
+    """Options that say how the posterior of each law is drawn, and their group."""
     group = p.add_argument_group("uncertainty by draws")
     group.add_argument("--seed", type=int, metavar="N", help="of the draws (default: 1)")
     group.add_argument("--draws", type=int, metavar="N", help="how many (default: 4000)")
     group.add_argument("--priors", metavar="FILE", help='TOML file, or "reference": flat (default: weak, proper)')
     student = "errors with heavy tails, for odd rows or edges"
     group.add_argument("--student", action="store_true", default=None, help=student)
+    return group
+
+
+def posterior_options(p: argparse.ArgumentParser) -> None:
+    """The same, and what is looked at besides."""
+    group = draw_options(p)
     verify = "check every posterior by chains of another kind (some seconds a law)"
     group.add_argument("--verify", action="store_true", default=None, help=verify)
     pictures = "four pictures of each posterior too: marginals, pairs, by edge, curves"
@@ -39,40 +41,6 @@ def checked(args: argparse.Namespace) -> dict[str, Any]:
         return {}
     read_priors(args.priors)
     return {"priors_sha256": hashlib.sha256(Path(args.priors).read_bytes()).hexdigest()}
-
-
-def draw(laws: "Sequence[LawFit]", args: argparse.Namespace, step: Callable[[str], None]) -> Drawn:
-    """Posteriors of laws, and why others have none."""
-    from .. import fit
-
-    posteriors: list[Posterior] = []
-    none: dict[str, NotAvailable] = {}
-    for law in laws:
-        if law.nobs > MOST_ROWS:
-            why = f"{law.nobs} rows: of so many, draws say what the intervals say; fit.posterior(law) makes them"
-            none[law.response] = fit.NotAvailable(why)
-            continue
-
-        def tell(steps: int, effective: float, response: str = law.response) -> None:
-            step(f"chains for {response}: {steps} steps, {effective:.0f} effective draws so far (Ctrl-C keeps them)")
-
-        try:
-            post = fit.posterior(
-                law,
-                seed=1 if args.seed is None else args.seed,
-                draws=4000 if args.draws is None else args.draws,
-                priors=args.priors or "weak",
-                errors="student" if args.student else "normal",
-                verify=bool(args.verify),
-                progress=tell,
-            )
-        except fit.FitError as error:
-            none[law.response] = fit.NotAvailable(str(error).removeprefix(f"{law.response}: ").rstrip("."))
-            continue
-        posteriors.append(post)
-        if not post.gate.open:
-            break  # nothing will be written: no use in drawing on
-    return posteriors, none
 
 
 def kept(posteriors: "Sequence[Posterior]", folder: Path | None) -> str:

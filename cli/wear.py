@@ -3,7 +3,7 @@
 import argparse
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 from .. import __version__
 from .arguments import Parser
 from .output import Printer, complain
-from .posteriors import checked, draw, kept, posterior_options
+from .posteriors import checked, kept, posterior_options
 from .reading import read, reading_options, recognise
 
 if TYPE_CHECKING:
     from ..datasets import Runs
     from ..datasets.records.look import Look
     from ..datasets.tables import Table
-    from ..fit import LawFit, NotAvailable, Posterior, ToolLife
-    from ..parameters import ParameterFile
 
 LONGEST_NAME = 80  # bytes of tool and of work in a folder's name; most file systems end at 255 for both
 OPTIONS_OF_A_FIT = (
@@ -52,7 +50,7 @@ def parser() -> Parser:
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
         "Other commands, each with -h: predict, plan, next, confirm, simulate; ident, excite, tune; limits,\n"
-        "settings, replay, check, export; card, publish",
+        "settings, replay, check, export; card, publish; batch",
     )
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
@@ -197,26 +195,29 @@ def _holds(folder: Path, runs: "Runs", options: Mapping[str, Any]) -> bool:
 def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], out: Printer) -> dict[str, Any]:
     from rich.text import Text
 
-    from .. import cards, fit
+    from .. import cards
+    from ..batch.fitting.one_pair import fit_pair, parameter_file
     from ..cards import terminal
     from .output import progress
 
     runs = job.runs
     with progress() as step:
         step(f"fitting {runs.tool} on {runs.work}")
-        laws, refused = fit.default_laws(runs, error=args.error, by=args.by)
-        life = _life(laws, args.criterion)
-        posteriors, none = draw(laws, args, step)
-        shut = "" if not laws else _gate(posteriors)
-        pf = _collected(runs, laws, life, posteriors, none, args, options) if laws and not shut else None
+        fitted = fit_pair(
+            runs, error=args.error, by=args.by, criterion=args.criterion, seed=_seed(args),
+            draws=4000 if args.draws is None else args.draws, priors=args.priors or "weak",
+            student=bool(args.student), verify=bool(args.verify), step=step,
+        )  # fmt: skip
+        made = {"gauge_sd": args.gauge_sd, "command": _command(args), "options": options, "seed": _seed(args)}
+        pf = parameter_file(runs, fitted, **made) if fitted.laws and not fitted.shut else None
     if not args.json:
         out.show(terminal.pair_head(runs))
-    if shut:
-        complain(f"{runs.tool} on {runs.work}: {shut}{kept(posteriors, job.folder)}")
+    if fitted.shut:
+        complain(f"{runs.tool} on {runs.work}: {fitted.shut}{kept(fitted.posteriors, job.folder)}")
     elif pf is None:
-        complain(terminal.nothing_fitted(runs, refused))
+        complain(terminal.nothing_fitted(runs, fitted.refused))
     elif not args.json:
-        for block in terminal.pair_blocks(runs, pf, refused):
+        for block in terminal.pair_blocks(runs, pf, fitted.refused):
             out.show(block)
     folder = job.folder
     if pf is not None and folder is not None and not job.unchanged:
@@ -225,8 +226,8 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
             cards.write(
                 pf,
                 folder,
-                laws=laws,
-                posteriors=posteriors,
+                laws=fitted.laws,
+                posteriors=fitted.posteriors,
                 posterior_figures=bool(args.posterior_figures),
                 force=args.force,
             )
@@ -239,65 +240,13 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
         "work": runs.work,
         "folder": None if folder is None or pf is None else str(folder),
         "parameters": None if pf is None else pf.model_dump(mode="json"),
-        "gate": shut or None,
-        "refused": [{"response": item.response, "reason": item.reason} for item in refused],
+        "gate": fitted.shut or None,
+        "refused": [{"response": item.response, "reason": item.reason} for item in fitted.refused],
     }
 
 
-def _collected(
-    runs: "Runs",
-    laws: "Sequence[LawFit]",
-    life: "ToolLife | None",
-    posteriors: "Sequence[Posterior]",
-    none: "Mapping[str, NotAvailable]",
-    args: argparse.Namespace,
-    options: Mapping[str, Any],
-) -> "ParameterFile":
-    """The parameter file of a pair."""
-    from .. import parameters
-
-    return parameters.collect(
-        tool=runs.tool,
-        work=runs.work,
-        design=runs,
-        laws=laws,
-        tool_life=life,
-        posteriors=posteriors,
-        no_posterior=none,
-        gauge_sd=args.gauge_sd,
-        simulated=runs.simulated,
-        note=". ".join(runs.disclaimers) or None,
-        data_file=runs.source.name,
-        data_sha256=runs.source.sha256,
-        n_rows=len(runs),
-        command=_command(args),
-        options=dict(options),
-        seed=1 if args.seed is None else args.seed,
-    )
-
-
-def _gate(posteriors: "Sequence[Posterior]") -> str:
-    """Why nothing may be written, or nothing."""
-    shut = [post for post in posteriors if not post.gate.open]
-    said = [f"the draws of {post.response} may not be used: {' '.join(post.gate.reasons)}" for post in shut]
-    return " ".join(said) + " Nothing was written." if said else ""
-
-
-def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "ToolLife | None":
-    """Tool life from the wear law on time; missing or impossible only matters where a criterion was asked for."""
-    from ..fit import FitError, tool_life
-
-    wear = next((law for law in laws if law.response in ("AW", "VB") and "t" in law.factors), None)
-    if wear is None:
-        if criterion is not None:
-            raise FitError("--criterion asks for tool life, but there is no wear law on time in this file.")
-        return None
-    try:
-        return tool_life(wear, 0.3 if criterion is None else criterion)
-    except FitError:
-        if criterion is not None:
-            raise
-        return None
+def _seed(args: argparse.Namespace) -> int:
+    return 1 if args.seed is None else int(args.seed)
 
 
 def _command(args: argparse.Namespace) -> str:

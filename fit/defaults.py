@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from typing import Literal
 
 from ..datasets import Runs
 from ..datasets.telling import Told
@@ -17,6 +17,57 @@ WEAR = ("AW", "VB")
 LOADS = ("Fxz", "Fx", "Fy", "Fz", "Fc", "Ff", "Fp", "F", "P")
 
 
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A law that columns ask for: its response, its factors, and which kind of law it is."""
+
+    response: str
+    factors: tuple[str, ...]
+    kind: Literal["power", "load", "exponential"] = "power"
+
+
+def asked_laws(has: Callable[[str], bool]) -> tuple[Asked, ...]:
+    """Every law of the papers that columns ask for, in the order in which they are told.
+
+    Wear on V, f, d, t; each force and the power on V, f, d, t and wear; current on feed rate and wear;
+    roughness as an exponential of the resultant force.
+
+    Parameters
+    ----------
+    has : callable
+        Whether there is a column of this symbol.
+
+    Examples
+    --------
+    >>> [(law.response, *law.factors) for law in asked_laws({"V", "t", "VB", "P"}.__contains__)]
+    [('VB', 'V', 't'), ('P', 'V', 't', 'VB')]
+    """
+    conditions = tuple(name for name in CONDITIONS if has(name))
+    wear = tuple(name for name in WEAR if has(name))
+    asked = [Asked(name, conditions) for name in wear if conditions]
+    asked += [Asked(name, conditions + wear[:1]) for name in LOADS if has(name) and (conditions or wear)]
+    if has("I") and has("fm") and wear:
+        asked.append(Asked("I", ("fm", wear[-1]), "load"))
+    if has("Ra") and has("F"):
+        asked.append(Asked("Ra", ("F",), "exponential"))
+    return tuple(asked)
+
+
+def fit_asked(runs: Runs, asked: Asked, *, error: Error = "multiplicative", by: str | None = None) -> LawFit:
+    """Fit a law that was asked for.
+
+    Raises
+    ------
+    FitError
+        These rows do not allow it.
+    """
+    if asked.kind == "load":
+        return load_law(runs, wear=asked.factors[-1])
+    if asked.kind == "exponential":
+        return exponential_law(runs, asked.response, asked.factors[0], error=error, by=by)
+    return power_law(runs, asked.response, asked.factors, error=error, by=by)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Refused(Told):
     """A law that the file suggests but does not allow, and why."""
@@ -28,10 +79,7 @@ class Refused(Told):
 def default_laws(
     runs: Runs, *, error: Error = "multiplicative", by: str | None = None
 ) -> tuple[tuple[LawFit, ...], tuple[Refused, ...]]:
-    """Every law of the papers whose columns the runs hold, and those that could not be fitted.
-
-    Wear on V, f, d, t; each force and the power on V, f, d, t and wear; current on feed rate and wear;
-    roughness as an exponential of the resultant force.
+    """Every law that the columns of the runs ask for (`asked_laws`), and those that could not be fitted.
 
     Examples
     --------
@@ -42,23 +90,9 @@ def default_laws(
     """
     laws: list[LawFit] = []
     refused: list[Refused] = []
-
-    def attempt(response: str, fit: Callable[[], LawFit]) -> None:
+    for asked in asked_laws(runs.has):
         try:
-            laws.append(fit())
+            laws.append(fit_asked(runs, asked, error=error, by=by))
         except FitError as exc:
-            refused.append(Refused(response, str(exc)))
-
-    conditions = [name for name in CONDITIONS if runs.has(name)]
-    wear = [name for name in WEAR if runs.has(name)]
-    for name in wear:
-        if conditions:
-            attempt(name, partial(power_law, runs, name, conditions, error=error, by=by))
-    for name in LOADS:
-        if runs.has(name) and (conditions or wear):
-            attempt(name, partial(power_law, runs, name, conditions + wear[:1], error=error, by=by))
-    if runs.has("I") and runs.has("fm") and wear:
-        attempt("I", partial(load_law, runs, wear=wear[-1]))
-    if runs.has("Ra") and runs.has("F"):
-        attempt("Ra", partial(exponential_law, runs, error=error, by=by))
+            refused.append(Refused(asked.response, str(exc)))
     return tuple(laws), tuple(refused)

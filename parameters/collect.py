@@ -40,6 +40,7 @@ def collect(
     tool_life: "ToolLife | None" = None,
     posteriors: Sequence["Posterior"] = (),
     no_posterior: "Mapping[str, NotAvailable] | None" = None,
+    draws_kept: bool = True,
     gauge_sd: float | None = None,
     dynamics: "Model | Dynamics | Mapping[str, Any] | None" = None,
     held_out_fit: float | None = None,
@@ -82,6 +83,9 @@ def collect(
         At most one for each response, of one seed, every gate open.
     no_posterior : mapping of str to NotAvailable, optional
         Why a response has none.
+    draws_kept : bool
+        Whether their draws will stand in a file beside this one, whose name and checksum are then written down.
+        Without it the section is complete but for the draws, which its seed makes again.
     gauge_sd : float, optional
         Standard deviation of the wear gauge, in the unit of the wear.
     dynamics : Model, optional
@@ -145,7 +149,7 @@ def collect(
     given = {
         "tool_life": life,
         "design": None if design is None else design_section(design, found, worn),
-        "posterior": posterior_section(posteriors, no_posterior or {}) if posteriors or no_posterior else None,
+        "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
         "dynamics": None if dynamics is None else dynamics_section(dynamics, held_out_fit),
         "pi": None if pi is None else pi_section(pi, scaling_u=scaling_u, forced=pi_forced),
         "load_line": None if load_line is None else as_data(load_line),
@@ -156,6 +160,14 @@ def collect(
     sections = {"identity": identity, "laws": found, "provenance": provenance}
     sections |= {name: section for name, section in given.items() if section is not None}
     return _validated(sections, more)
+
+
+def _posterior(
+    posteriors: Sequence["Posterior"], none: "Mapping[str, NotAvailable]", kept: bool
+) -> dict[str, Any] | None:
+    if not posteriors and not none:
+        return None
+    return posterior_section(posteriors, none) if kept else posterior_section(posteriors, none, None)
 
 
 def _validated(sections: Mapping[str, object], more: Mapping[str, object]) -> ParameterFile:

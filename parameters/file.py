@@ -171,11 +171,29 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     'params.json'
     """
     path = Path(path)
-    content = _content(pf.model_dump(), str(path))
+    content = as_bytes(pf, str(path))
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
     put_in_place(path, content)
     return path
+
+
+def as_bytes(pf: ParameterFile, name: str = "the parameter file") -> bytes:
+    r"""The bytes that `write` puts on disk, the checksum renewed; ``name`` is told in errors.
+
+    Raises
+    ------
+    ParameterError
+        A section holds what JSON cannot.
+
+    Examples
+    --------
+    >>> pf = ParameterFile(identity={"tool": "GC435", "work": "709M40", "simulated": False},
+    ...                    provenance={"fitmodels": "0.1.0"})
+    >>> as_bytes(pf)[:20]
+    b'{\n  "schema_version"'
+    """
+    return _content(pf.model_dump(), name)[0]
 
 
 def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
@@ -194,11 +212,11 @@ def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
     7.0
     """
     data = {**pf.model_dump(), **{k: v.model_dump() if isinstance(v, Section) else v for k, v in sections.items()}}
-    return _parse(_content(data, "the parameter file"), "the parameter file")
+    return _content(data, "the parameter file")[1]
 
 
-def _content(data: dict[str, Any], name: str) -> bytes:
-    """Give the file's bytes, its checksum last; what could not be read again is refused here."""
+def _content(data: dict[str, Any], name: str) -> tuple[bytes, ParameterFile]:
+    """The file's bytes, its checksum last, and what they read as; what could not be read again is refused here."""
     try:
         renewed = {**data, "content_sha256": None}
         renewed["content_sha256"] = content_sha256(renewed)
@@ -207,8 +225,7 @@ def _content(data: dict[str, Any], name: str) -> bytes:
         raise ParameterError(f"{name}: a section holds what JSON cannot: {error}.") from None
     if len(content) > LARGEST:
         raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {LARGEST}.")
-    _parse(content, name)
-    return content
+    return content, _parse(content, name)
 
 
 def put_in_place(path: Path, content: bytes) -> None:

@@ -691,7 +691,7 @@ def no_region(law):
 def no_checks(monkeypatch):
     """A stand-in has no rows to check: what `judge` finds on real fits is tested beside it."""
     monkeypatch.setattr(fit, "domain", no_region)
-    monkeypatch.setattr(fit, "judge", lambda law, gauge_sd: SimpleNamespace(checks={}, verdicts=tuple, nobs=20))
+    monkeypatch.setattr(fit, "judge", lambda law, gauge_sd, **more: SimpleNamespace(checks={}, verdicts=tuple, nobs=20))
 
 
 def stand_in(**changes):

@@ -102,13 +102,15 @@ class ErrorStructure(Told):
         return structure_picture(self, ax)
 
 
-def error_structure(law: LawFit) -> ErrorStructure | NotAvailable:
+def error_structure(law: LawFit, other: LawFit | None = None) -> ErrorStructure | NotAvailable:
     """Compare the two error structures of a law on its own rows.
 
     Parameters
     ----------
     law : LawFit
-        With either structure; ``law.alternative`` is the other side.
+        With either structure.
+    other : LawFit, optional
+        ``law.alternative``, the other side, where somebody has it already.
 
     Returns
     -------
@@ -123,7 +125,7 @@ def error_structure(law: LawFit) -> ErrorStructure | NotAvailable:
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
-    other = law.alternative
+    other = law.alternative if other is None else other
     if other is None:
         return NotAvailable(_no_alternative(law))
     if reason := no_scatter(other):

@@ -65,12 +65,13 @@ def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float |
     ParameterError
         The fit holds what the schema refuses, an infinite coefficient for one.
     """
+    other = law.alternative
     data = {
         **_section(law),
-        **_judged(law, gauge_sd),
+        **_judged(law, gauge_sd, other),
         "region": _region(law),
         "published": _published(law, tool, work),
-        "alternative": _alternative(law),
+        "alternative": None if other is None else _section(other),
     }
     try:
         return Law.model_validate(data)
@@ -117,11 +118,11 @@ def _region(law: "LawFit") -> dict[str, Any] | None:
     return {name: value for name, value in found.facts().items() if name in names}
 
 
-def _judged(law: "LawFit", gauge_sd: float | None) -> dict[str, Any]:
-    """The findings of a law, and what they say."""
+def _judged(law: "LawFit", gauge_sd: float | None, other: "LawFit | None") -> dict[str, Any]:
+    """The findings of a law, and what they say; ``other`` is the law with the other error structure."""
     from ...fit import NotAvailable, judge
 
-    found = judge(law, gauge_sd)
+    found = judge(law, gauge_sd, alternative=other)
     checks = {
         name: {"reason": check.reason}
         if isinstance(check, NotAvailable)
@@ -136,11 +137,6 @@ def _judged(law: "LawFit", gauge_sd: float | None) -> dict[str, Any]:
         for name, check in found.checks.items()
     }
     return {"checks": checks, "verdicts": found.verdicts(), "checked_rows": found.nobs}
-
-
-def _alternative(law: "LawFit") -> dict[str, Any] | None:
-    other = law.alternative
-    return None if other is None else _section(other)
 
 
 def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:

@@ -17,9 +17,11 @@ DRAWS_FILE = "draws.npz"
 
 
 def posterior_section(
-    posteriors: Sequence["Posterior"], none: Mapping[str, "NotAvailable"], draws_file: str = DRAWS_FILE
+    posteriors: Sequence["Posterior"], none: Mapping[str, "NotAvailable"], draws_file: str | None = DRAWS_FILE
 ) -> dict[str, Any]:
     """The section of a parameter file for posteriors, at most one a response, and reasons where there is ``none``.
+
+    ``draws_file`` None: the draws are not kept, and the seed makes them again.
 
     Raises
     ------
@@ -42,7 +44,7 @@ def posterior_section(
             raise ParameterError(f"there are two posteriors of {post.response}; a parameter file holds one.")
         laws[post.response] = _one(post)
     section: dict[str, Any] = {"seed": seeds.pop(), "laws": laws}
-    if posteriors:
+    if posteriors and draws_file is not None:
         digest = hashlib.sha256(draws_of(posteriors)).hexdigest()
         section |= {"draws_file": draws_file, "draws_sha256": digest}
     return section

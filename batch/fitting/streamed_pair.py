@@ -1,0 +1,159 @@
+"""A pair of more rows than one process holds: each of its power laws is fitted in a pass of its own over the chunks."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from ...datasets.vocabulary import ROLES
+from ...fit.defaults import Asked, asked_laws
+from ..how import How
+from ..outcome import Cell, Concern, PairOutcome
+from ..plan import Block, Plan
+from .concerns import concerns_of_rows
+from .failures import Failed, tried
+from .groups import differs, identity_of
+from .laws_of_pairs import unit_of
+from .pair_file import PARAMETERS, options_of, posterior_cells, with_cells
+from .pairs_of_rows import texts
+from .table_rows import reason_of, row_of, row_without
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from ...fit import StreamedLaw
+
+NO_DRAWS = "a stream keeps no rows, and draws need them; of so many they say what the intervals say"
+SEVERAL = 5  # names of a group that are kept
+
+
+@dataclass(slots=True)
+class Seen:
+    """What a pass tells besides the law: rows, columns that hold anything, names of groups; ``whole`` at its end."""
+
+    headers: tuple[str, ...]
+    rows: int = 0
+    held: set[str] = field(default_factory=set)
+    names: dict[str, list[str]] = field(default_factory=dict)
+    whole: bool = False
+
+    def over(self, chunks: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
+        """The chunks, looked at as they pass."""
+        for chunk in chunks:
+            self.rows += len(chunk)
+            self.held |= {str(name) for name in chunk if name not in self.held and chunk[name].notna().any()}
+            for header in (name for name in self.headers if name in chunk):
+                new = [name for name in dict.fromkeys(texts(chunk[header])) if name]
+                self.names[header] = list(dict.fromkeys([*self.names.get(header, []), *new]))[:SEVERAL]
+            yield chunk
+        self.whole = True
+
+
+def streamed_outcome(block: Block, plan: Plan, how: How) -> PairOutcome:
+    """Fit the power laws of the pair of a streamed block; its numbers are those of rows in memory.
+
+    Every law reads the chunks anew. Load laws, roughness and additive errors need all rows at once: they have rows
+    that say so. There is no posterior, no tool life and no design section.
+    """
+    pair = block.pairs[0]
+    with closing(_chunks(block, plan)) as chunks:
+        first = next(chunks, None)
+    if first is None:
+        return PairOutcome(pair.tool, pair.work, 0, reason="the source holds no row of this pair any more.")
+    seen = Seen(plan.reading.groups)
+    fitted = _laws(block, plan, how, seen, frozenset(map(str, first.columns)))
+    rows = [row for row, _ in fitted]
+    groups = {header: next(iter(seen.names.get(header, [])), "") for header in plan.reading.groups}
+    concerns = [*concerns_of_rows(rows), *(differs(h, names) for h, names in seen.names.items() if len(names) > 1)]
+    files: Mapping[str, bytes] = {}
+    if how.files and any(law is not None for _, law in fitted):
+        made = tried(lambda: _file(block, plan, how, seen.rows, [law for _, law in fitted if law is not None], groups))
+        if isinstance(made, Failed):
+            concerns.append(Concern("no parameter file", made.reason))
+        else:
+            files, cells, odd = made
+            rows, concerns = list(with_cells(rows, cells)), [*concerns, *odd]
+    reason = reason_of(rows) if rows else no_law_asked(seen.held)
+    return PairOutcome(
+        pair.tool, pair.work, seen.rows or block.rows, tuple(rows), reason, tuple(concerns), groups, files
+    )
+
+
+def no_law_asked(held: Iterable[str]) -> str:
+    """Why no law is asked for.
+
+    >>> no_law_asked({"V", "tool"})
+    'its rows hold V alone: a law needs wear, a force or power, and V, f, d or t.'
+    """
+    names = ", ".join(sorted(set(held) & set(ROLES) - {"tool", "work", "edge"})) or "nothing with a role"
+    return f"its rows hold {names} alone: a law needs wear, a force or power, and V, f, d or t."
+
+
+def _chunks(block: Block, plan: Plan) -> "Generator[pd.DataFrame, None, None]":
+    from ..source import chunks_of
+
+    yield from chunks_of(block, plan)
+
+
+def _laws(
+    block: Block, plan: Plan, how: How, seen: Seen, header: frozenset[str]
+) -> "list[tuple[dict[str, Cell], StreamedLaw | None]]":
+    """The rows of the table and the laws; the first pass also tells which columns hold nothing, for the others."""
+    asked, done = asked_laws(header.__contains__), {}
+    if asked:
+        done[asked[0]] = _law(block, plan, how, asked[0], seen)
+        if seen.whole:
+            asked = asked_laws(seen.held.__contains__)
+    else:
+        for _ in seen.over(_chunks(block, plan)):
+            pass
+    return [done[law] if law in done else _law(block, plan, how, law, None) for law in asked]
+
+
+def _law(
+    block: Block, plan: Plan, how: How, asked: Asked, seen: Seen | None
+) -> "tuple[dict[str, Cell], StreamedLaw | None]":
+    from ...fit import streamed_power_law
+
+    unit = unit_of({}, asked.response)
+
+    def fitted() -> "StreamedLaw":
+        with closing(_chunks(block, plan)) as chunks:
+            read = chunks if seen is None else seen.over(chunks)
+            return streamed_power_law(read, asked.response, asked.factors)
+
+    if asked.kind != "power" or how.error == "additive":
+        kind = "additive errors" if asked.kind == "power" else f"a law of {asked.response}"
+        why = f"{asked.response}: {kind} need all rows in memory, and these are streamed; fit a sample of them."
+        return row_without(asked, unit, why), None
+    made = tried(fitted)
+    if isinstance(made, Failed):
+        return row_without(asked, unit, made.reason), None
+    return row_of(made, asked), made
+
+
+def _file(
+    block: Block, plan: Plan, how: How, rows: int, laws: "list[StreamedLaw]", groups: Mapping[str, str]
+) -> tuple[dict[str, bytes], dict[str, dict[str, Cell]], list[Concern]]:
+    from ... import fit, parameters
+    from ...parameters.file import as_bytes
+
+    pair = block.pairs[0]
+    identity, odd = identity_of({**block.told_of(pair), **{header: name for header, name in groups.items() if name}})
+    pf = parameters.collect(
+        tool=pair.tool,
+        work=pair.work,
+        laws=laws,
+        no_posterior={law.response: fit.NotAvailable(NO_DRAWS) for law in laws},
+        data_file=plan.name,
+        n_rows=rows,
+        command=how.command or None,
+        options=options_of(how, plan.reading),
+        seed=how.seed,
+        machine=identity.get("machine"),
+        setup=identity.get("setup"),
+        iso513=identity.get("iso513"),
+    )
+    return {PARAMETERS: as_bytes(pf)}, posterior_cells(pf), odd
