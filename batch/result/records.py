@@ -1,0 +1,228 @@
+"""Records of finished blocks, so that a batch that was stopped goes on without fitting anything twice."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from ... import __version__
+from ...datasets.errors import UsageError
+from ...parameters.file import put_in_place
+from ..how import How
+from ..outcome import BlockOutcome, Cell, Concern, PairOutcome
+from ..plan import Block, Pair, Plan
+
+SCHEMA = "fitmodels.batch-block/1"
+RECORDS = Path(".batch", "blocks")
+PAIRS = "pairs"
+WRITERS = 4  # a file waits for the disk longer than for the processor: four together take a sixth of the time
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Files that a record names: their SHA-256 by their path within the output folder.
+
+    Attributes
+    ----------
+    key : str
+    files : mapping of str to str
+    """
+
+    key: str
+    files: Mapping[str, str]
+
+
+def key_of(block: Block, plan: Plan, how: How) -> str:
+    """SHA-256 of all that the numbers of a block depend on; where its files stand is not among it.
+
+    Examples
+    --------
+    >>> from ..plan import Piece, Reading
+    >>> block = Block((Pair("GC435", "709M40"),), (Piece("/lab/a.csv", "a.csv", "7f31"),), 144)
+    >>> plan = Plan("lab", "files", (block,), 144, (), (), (), Reading())
+    >>> key_of(block, plan, How()) == key_of(block, plan, How(seed=2))
+    False
+    """
+    facts = how.facts(plan.reading)
+    told = asdict(block)
+    for piece in told["pieces"]:
+        del piece["path"]
+    columns = [asdict(use) for use in plan.columns]
+    content = {"fitmodels": __version__, "kind": plan.kind, "block": told, "columns": columns, "facts": facts}
+    return sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, str]) -> None:
+    """Write the files of a block's pairs, then its record.
+
+    The record is first written without its outcome: whatever is stopped where, the files that batch wrote are named.
+
+    Parameters
+    ----------
+    out : Path
+        The output folder, which `place.prepare` made.
+    key : str
+        See `key_of`.
+    outcome : BlockOutcome
+    folders : mapping of Pair to str
+        See `place.folder_names`.
+
+    Raises
+    ------
+    UsageError, ParameterError
+        A folder cannot be made, a file cannot be written; those that are there are whole.
+    """
+    contents = {
+        f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}/{name}": content
+        for pair in outcome.pairs
+        for name, content in pair.files.items()
+    }
+    make_folder(out / RECORDS)
+    path = out / RECORDS / f"{key}.json"
+    head = {"schema": SCHEMA, "files": {name: sha256(content).hexdigest() for name, content in contents.items()}}
+    if contents:
+        put_in_place(path, _bytes(head | {"outcome": None}))
+        with ThreadPoolExecutor(WRITERS) as pool:
+            list(pool.map(lambda name: write_whole(out / name, contents[name]), contents))
+    put_in_place(path, _bytes(head | {"outcome": _plain(outcome)}))
+
+
+def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome | None:
+    """What came of a block that was finished before, without the bytes of its files.
+
+    None where it has to be fitted: its record is missing, torn or of another schema; a file is missing or is not as
+    it was written (its SHA-256 is compared), or belongs in another folder now.
+    """
+    data = _read(out / RECORDS / f"{key}.json")
+    if data is None or data["outcome"] is None:
+        return None
+    try:
+        outcome = _outcome(data["outcome"])
+        places = {f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}" for pair in outcome.pairs}
+    except (KeyError, IndexError, TypeError, ValueError):
+        return None
+    files: dict[str, str] = data["files"]
+    stands = all(name.rpartition("/")[0] in places and hash_of(out / name) == made for name, made in files.items())
+    return outcome if stands else None
+
+
+def written(out: Path) -> Iterator[Written]:
+    """The files that each record names, whether its block was finished or not."""
+    for path in sorted((out / RECORDS).glob("*.json")):
+        data = _read(path)
+        if data is not None:
+            yield Written(path.stem, data["files"])
+
+
+def hash_of(path: Path) -> str | None:
+    """SHA-256 of a file, None where there is none to be read.
+
+    Examples
+    --------
+    >>> hash_of(Path("nowhere")) is None
+    True
+    """
+    try:
+        return sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all, and its folder if there is none.
+
+    Raises
+    ------
+    UsageError, ParameterError
+        The folder cannot be made; the file cannot be written.
+    """
+    make_folder(path.parent)
+    put_in_place(path, content)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, or raise a UsageError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        why = (getattr(error, "strerror", None) or str(error)).lower()
+        raise UsageError(f"{folder}: cannot be made: {why}; choose another place with --out.") from None
+
+
+def _bytes(data: Mapping[str, Any]) -> bytes:
+    return (json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n").encode()
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    """A record, None where it is none that this version understands; names that lead elsewhere are none of ours."""
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA or "outcome" not in data:
+        return None
+    files = data.get("files")
+    return data if isinstance(files, dict) and all(map(_inside, files)) else None
+
+
+def _inside(name: str) -> bool:
+    parts = name.split("/")
+    return len(parts) == 3 and parts[0] == PAIRS and not any(p in ("", ".", "..") or "\\" in p for p in parts)
+
+
+def _plain(outcome: BlockOutcome) -> dict[str, Any]:
+    """The outcome as JSON takes it, without bytes; laws of the same columns share their names."""
+    shapes: dict[tuple[str, ...], int] = {}
+    pairs = [
+        {
+            "tool": pair.tool, "work": pair.work, "nobs": int(pair.nobs), "reason": pair.reason,
+            "laws": [
+                [shapes.setdefault(tuple(law), len(shapes)), [_json(value) for value in law.values()]]
+                for law in pair.laws
+            ],
+            "concerns": [[concern.kind, concern.words] for concern in pair.concerns],
+            "groups": dict(pair.groups),
+        }
+        for pair in outcome.pairs
+    ]  # fmt: skip
+    rest = {"columns": list(shapes), "unreadable": dict(outcome.unreadable), "units": dict(outcome.units)}
+    return {"pairs": pairs, **rest, "seconds": float(outcome.seconds), "memory": int(outcome.memory)}
+
+
+def _json(value: Cell) -> Cell:
+    """A cell; most are finite floats, which are told at once."""
+    return value if type(value) is float and -math.inf < value < math.inf else cell(value)
+
+
+def _outcome(data: Mapping[str, Any]) -> BlockOutcome:
+    names = data["columns"]
+    pairs = tuple(
+        PairOutcome(
+            pair["tool"], pair["work"], pair["nobs"],
+            tuple(dict(zip(names[shape], cells, strict=True)) for shape, cells in pair["laws"]), pair["reason"],
+            tuple(Concern(kind, words) for kind, words in pair["concerns"]), pair["groups"],
+        )
+        for pair in data["pairs"]
+    )  # fmt: skip
+    return BlockOutcome(pairs, data["unreadable"], data["units"], data["seconds"], data["memory"])
+
+
+def cell(value: object) -> Cell:
+    """A value of a row as Python's own; what is no number, or none that is finite, is None.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> cell(np.float64(0.5)), cell(np.int64(3)), cell(float("nan")), cell("exact")
+    (0.5, 3, None, 'exact')
+    """
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    value = value.item() if hasattr(value, "item") else value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value if isinstance(value, str | bool | int) else str(value)

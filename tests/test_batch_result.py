@@ -1,0 +1,684 @@
+"""What a batch leaves: records that go on exactly where it stopped, a folder that is its own, tables, attention."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import parameters
+from fitmodels.batch.how import How
+from fitmodels.batch.outcome import BlockOutcome, Concern, PairOutcome
+from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
+from fitmodels.batch.result import lock, place, records
+from fitmodels.batch.result.attention import (
+    NO_LAW,
+    SCATTERS,
+    UNLIKE,
+    attention_frame,
+    attention_summary,
+    with_families,
+)
+from fitmodels.batch.result.place import claim, folder_names, prepare, put, sweep
+from fitmodels.batch.result.records import key_of, record, recorded, written
+from fitmodels.batch.result.table import csv_bytes, group_column, read_frame, read_results, results_frame
+from fitmodels.datasets.columns import ColumnUse
+from fitmodels.datasets.errors import DataError, UsageError
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+A, B, C = Pair("GC435", "709M40"), Pair("GC4325", "42CrMo4"), Pair("H13A", "Härte 45")
+KEY = "0" * 64
+
+
+def outcome(*pairs, content=b"{}", **more):
+    law = {"response": "AW", "form": "power", "unit": "mm", "reason": "", "nobs": 144, "params_V": 0.1 + 0.2}
+    each = (PairOutcome(p.tool, p.work, 144, (law,), files={"params.json": content, **more}) for p in pairs)
+    return BlockOutcome(tuple(each), {}, {"AW": "mm"}, 0.5, 10**9)
+
+
+def bare(block):
+    return replace(block, pairs=tuple(replace(pair, files={}) for pair in block.pairs))
+
+
+@pytest.fixture
+def out(tmp_path):
+    folder = tmp_path / "lab-batch"
+    with prepare(folder, "lab", How()):
+        pass
+    return folder
+
+
+# Keys
+
+BLOCK = Block((A, B), (Piece("/lab/a.csv", "a.csv", "7f31"), Piece("/lab/b.csv", "b.csv", "09ab")), 288)
+PLAN = Plan("lab", "files", (BLOCK,), 288, (), (), (), Reading())
+USE = ColumnUse(1, "Vc", "Vc", "V", "m/min", False, None)
+
+
+def test_a_moved_folder_and_another_command_keep_their_keys():
+    pieces = tuple(replace(piece, path=f"/elsewhere/{piece.name}") for piece in BLOCK.pieces)
+    moved = replace(BLOCK, pieces=pieces)
+    assert key_of(moved, replace(PLAN, name="copy of lab"), How(command="fitmodels batch x")) == key_of(
+        BLOCK, PLAN, How()
+    )
+
+
+OTHERS = {
+    "a stamp": (replace(BLOCK, pieces=(replace(BLOCK.pieces[0], stamp="1"), BLOCK.pieces[1])), PLAN, How()),
+    "a piece more": (replace(BLOCK, pieces=(*BLOCK.pieces, Piece("/lab/c", "c", "1"))), PLAN, How()),
+    "a row group": (replace(BLOCK, pieces=(replace(BLOCK.pieces[0], row_group=0), BLOCK.pieces[1])), PLAN, How()),
+    "a partition": (
+        replace(BLOCK, pieces=(replace(BLOCK.pieces[0], partition=(("tool", "x"),)), BLOCK.pieces[1])), PLAN, How()),
+    "the pairs": (replace(BLOCK, pairs=(A,)), PLAN, How()),
+    "the order of the pairs": (replace(BLOCK, pairs=(B, A)), PLAN, How()),
+    "which piece is whose": (replace(BLOCK, of_pair=((0,), (1,))), PLAN, How()),
+    "the route": (replace(BLOCK, streamed=True), PLAN, How()),
+    "an option": (BLOCK, PLAN, How(error="additive")),
+    "the seed": (BLOCK, PLAN, How(seed=2)),
+    "draws that are kept": (BLOCK, PLAN, How(draws_kept=True)),
+    "how it is read": (BLOCK, replace(PLAN, reading=Reading(units={"V": "m/s"})), How()),
+    "how columns are understood": (BLOCK, replace(PLAN, columns=(USE,)), How()),
+    "priors of its own": (BLOCK, PLAN, How(priors={"AW": {"V": {"distribution": "normal", "mean": 0.0, "sd": 1.0}}})),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", OTHERS)
+def test_another_key_follows_from(what):
+    keys = [key_of(*OTHERS[what]), key_of(BLOCK, PLAN, How())]
+    assert len(set(keys)) == 2
+    assert all(len(key) == 64 for key in keys)
+
+
+def test_another_key_follows_from_another_version(monkeypatch):
+    before = key_of(BLOCK, PLAN, How())
+    monkeypatch.setattr(records, "__version__", "9.9.9")
+    assert key_of(BLOCK, PLAN, How()) != before
+
+
+CELLS = st.one_of(
+    st.none(), st.booleans(), st.text(max_size=8), st.integers(-(2**60), 2**60),
+    st.floats(allow_nan=False, allow_infinity=False),
+)  # fmt: skip
+WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
+ONE = st.builds(
+    PairOutcome, tool=WORDS, work=WORDS, nobs=st.integers(0, 10**9),
+    laws=st.lists(st.dictionaries(WORDS, CELLS, max_size=4), max_size=3).map(tuple), reason=WORDS,
+    concerns=st.lists(st.builds(Concern, kind=WORDS, words=WORDS), max_size=2).map(tuple),
+    groups=st.dictionaries(WORDS, WORDS, max_size=2),
+    files=st.dictionaries(st.sampled_from(["params.json", "draws.npz"]), st.binary(max_size=20)),
+)  # fmt: skip
+BLOCKS = st.builds(
+    BlockOutcome, pairs=st.lists(ONE, max_size=4, unique_by=lambda one: (one.tool, one.work)).map(tuple),
+    unreadable=st.dictionaries(WORDS, WORDS, max_size=2), units=st.dictionaries(WORDS, WORDS, max_size=2),
+    seconds=st.floats(0, 1e6), memory=st.integers(0, 2**40),
+)  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None)
+@given(block=BLOCKS)
+def test_an_outcome_comes_back_exactly(tmp_path_factory, block):
+    folder = tmp_path_factory.mktemp("out")
+    folders = folder_names(Pair(one.tool, one.work) for one in block.pairs)
+    record(folder, KEY, block, folders)
+    back = recorded(folder, KEY, folders)
+    assert back == bare(block)
+    assert repr(back) == repr(bare(block))  # -0.0 and 0.0, 1 and 1.0 and True are equal and not the same
+    for one in block.pairs:
+        for name, content in one.files.items():
+            assert (folder / "pairs" / folders[Pair(one.tool, one.work)] / name).read_bytes() == content
+
+
+def test_numbers_of_numpy_come_back_as_plain_ones_and_nan_as_none(out):
+    law = {"a": np.float64(0.1), "b": np.int64(7), "c": np.bool_(True), "d": float("nan"), "e": np.float64("inf")}
+    block = BlockOutcome((PairOutcome("x", "y", np.int64(3), (law,)),), {}, {}, 0.0, 0)
+    record(out, KEY, block, folder_names([Pair("x", "y")]))
+    back = recorded(out, KEY, folder_names([Pair("x", "y")])).pairs[0].laws[0]
+    assert repr(back) == "{'a': 0.1, 'b': 7, 'c': True, 'd': None, 'e': None}"
+
+
+def at(out):
+    return out / records.RECORDS / f"{KEY}.json"
+
+
+def tear(out):
+    at(out).write_bytes(at(out).read_bytes()[:-20])
+
+
+def swap(out, name, value):
+    at(out).write_text(json.dumps(json.loads(at(out).read_text()) | {name: value}))
+
+
+SPOILT = {
+    "its record is gone": lambda out: at(out).unlink(),
+    "its record is torn": tear,
+    "its record is empty": lambda out: at(out).write_bytes(b""),
+    "its record is of another schema": lambda out: swap(out, "schema", "fitmodels.batch-block/2"),
+    "its record is no object": lambda out: at(out).write_text("[]"),
+    "its record holds something else": lambda out: swap(out, "outcome", {"pairs": 7}),
+    "a file is missing": lambda out: (out / "pairs/GC435_709M40/params.json").unlink(),
+    "a file has other bytes, as many": lambda out: (out / "pairs/GC435_709M40/params.json").write_bytes(b"[]"),
+    "a folder stands for a file": lambda out: (
+        (out / "pairs/GC435_709M40/params.json").unlink(),
+        (out / "pairs/GC435_709M40/params.json").mkdir(),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_a_block_is_fitted_again_where(what, out):
+    folders = folder_names([A, B])
+    record(out, KEY, outcome(A, B), folders)
+    assert recorded(out, KEY, folders) is not None
+    SPOILT[what](out)
+    assert recorded(out, KEY, folders) is None
+
+
+def test_a_block_is_fitted_again_where_its_pair_has_another_folder_now(out):
+    """A pair that comes to the source later may take the name that this one had."""
+    low, new = Pair("gc435", "709M40"), Pair("GC435", "709M40")
+    record(out, KEY, outcome(low), folder_names([low]))
+    assert recorded(out, KEY, folder_names([low])) is not None
+    assert recorded(out, KEY, folder_names([new, low])) is None
+
+
+ELSEWHERE = ["../../x", "pairs/../x", "pairs/a/..", "/etc/passwd", "x", "pairs/a/b/c", "pairs\\a\\b"]
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_a_record_that_names_files_elsewhere_is_none_of_ours(name, out):
+    record(out, KEY, outcome(A), folder_names([A]))
+    swap(out, "files", {name: "0"})
+    assert list(written(out)) == []
+    assert recorded(out, KEY, folder_names([A])) is None
+
+
+@pytest.mark.parametrize("at_which", [1, 2, 3, 4])
+def test_a_kill_at_any_write_leaves_what_can_be_gone_on_from(at_which, out, monkeypatch):
+    """The writes of a block of two pairs: that it is begun, a file, a file, its outcome."""
+    folders = folder_names([A, B, C])
+    record(out, "1" * 64, outcome(C), folders)
+    monkeypatch.setattr(records, "WRITERS", 1)
+    real, calls = parameters.file.put_in_place, []
+
+    def put_in_place(path, content):
+        calls.append(path)
+        if len(calls) >= at_which:
+            raise KeyboardInterrupt
+        real(path, content)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(records, "put_in_place", put_in_place)
+        with pytest.raises(KeyboardInterrupt):
+            record(out, KEY, outcome(A, B), folders)
+    assert recorded(out, KEY, folders) is None
+    assert recorded(out, "1" * 64, folders) == bare(outcome(C))
+    there = {path.relative_to(out).as_posix() for path in (out / "pairs").rglob("params.json")}
+    assert there <= {name for one in written(out) for name in one.files}  # each is known to be ours
+    with prepare(out, "lab", How()):
+        record(out, KEY, outcome(A, B), folders)
+    assert recorded(out, KEY, folders) == bare(outcome(A, B))
+
+
+def test_a_process_killed_while_it_writes_loses_one_block_at_most(tmp_path):
+    """It ends itself as kill -9 would, between the files of the second block."""
+    out = tmp_path / "lab-batch"
+    code = f"""
+import os, signal
+from pathlib import Path
+from fitmodels.batch.how import How
+from fitmodels.batch.outcome import BlockOutcome, PairOutcome
+from fitmodels.batch.plan import Pair
+from fitmodels.batch.result import place, records
+out, calls, real = Path({str(out)!r}), [], records.put_in_place
+def put_in_place(path, content):
+    calls.append(path)
+    if len(calls) == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    real(path, content)
+records.put_in_place, folders = put_in_place, place.folder_names([Pair("a", "x"), Pair("b", "x")])
+with place.prepare(out, "lab", How()):
+    for tool in "ab":
+        pair = PairOutcome(tool, "x", 1, files={{"params.json": b"{{}}"}})
+        records.record(out, tool * 64, BlockOutcome((pair,), {{}}, {{}}, 0.0, 0), folders)
+"""
+    ended = subprocess.run([sys.executable, "-c", code], check=False, cwd=tmp_path)
+    assert ended.returncode == -9
+    assert (out / lock.LOCK).exists()
+    folders = folder_names([Pair("a", "x"), Pair("b", "x")])
+    with prepare(out, "lab", How()):  # its lock is taken over
+        assert recorded(out, "a" * 64, folders) is not None
+        assert recorded(out, "b" * 64, folders) is None
+
+
+# Names of folders
+
+
+def test_folders_have_names_that_stay_inside_and_differ():
+    pairs = [
+        Pair("GC435", "709M40"), Pair("gc435", "709m40"), Pair("GC435", "709M40 "), Pair("Härte", "Stahl 1.4301"),
+        Pair("Ha\u0308rte", "STAHL 1.4301"), Pair("../../etc", "a/b\\c"), Pair("..", ""), Pair("CON", "x"),
+        Pair("con.1", "x"), Pair("刀具", "钢"), Pair("x" * 300, "ü" * 300), Pair("a\0b", "c:d*?"),
+    ]  # fmt: skip
+    assert list(folder_names(pairs).values()) == [
+        "GC435_709M40", "gc435_709m40-2", "GC435_709M40-3", "Härte_Stahl-1.4301", "Härte_STAHL-1.4301-2",
+        "etc_a-b-c", "unnamed_unnamed", "CON_x", "con-1_x", "刀具_钢", "x" * 80 + "_" + "ü" * 40, "a-b_c-d",
+    ]  # fmt: skip
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(st.text(max_size=90), st.text(max_size=90)), max_size=12, unique=True))
+def test_any_names_give_folders_that_every_file_system_takes(names):
+    """Rules: learn.microsoft.com/windows/win32/fileio/naming-a-file; 255 bytes a name on ext4, APFS and NTFS."""
+    made = list(folder_names(Pair(*name) for name in names).values())
+    assert len({name.casefold() for name in made}) == len(names)
+    for name in made:
+        assert len(name.encode()) < 200
+        assert not set(name) & set('<>:"/\\|?*')
+        assert name.isprintable()
+        assert name[-1] not in " ."
+        assert name.partition(".")[0].upper() not in {"CON", "PRN", "AUX", "NUL", "COM1"}
+
+
+def test_names_are_numbered_past_those_that_look_numbered():
+    made = folder_names([Pair("a", "x"), Pair("A", "x"), Pair("a", "x-2"), Pair("a", "X")])
+    assert list(made.values()) == ["a_x", "A_x-2", "a_x-2-2", "a_X-3"]
+
+
+def test_numbering_is_linear():
+    """Ten thousand names that all collide: trying each number anew would take fifty million steps."""
+    made = folder_names(Pair("a" + " " * (n // 100), "x" + " " * (n % 100)) for n in range(10_000))
+    assert list(made.values())[-1] == "a_x-10000"
+
+
+# The folder
+
+
+def test_an_output_folder_is_made_and_taken_up_again(tmp_path):
+    out = tmp_path / "deep" / "lab-batch"
+    for how in (How(), How(), How(seed=2)):
+        with prepare(out, "lab", how):
+            assert (out / lock.LOCK).exists()
+        assert not (out / lock.LOCK).exists()
+    said = json.loads((out / place.MANIFEST).read_text())
+    assert (said["schema"], said["source"], said["options"]["seed"]) == ("fitmodels.batch/1", "lab", 2)
+
+
+def test_the_same_batch_again_writes_nothing(out):
+    folders = folder_names([A])
+    record(out, KEY, outcome(A), folders)
+    put(out, "results.csv", b"x\n")
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
+    with prepare(out, "lab", How()):
+        assert recorded(out, KEY, folders) is not None
+        assert put(out, "results.csv", b"x\n") is False
+        assert sweep(out, {KEY}) == ()
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()} == before
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "out").write_text("mine")
+    with (
+        pytest.raises(UsageError, match="is a file; choose a folder with --out"),
+        prepare(tmp_path / "out", "lab", How()),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_folder_of_somebody_else_is_refused_and_stays_as_it_is(tmp_path, force):
+    (tmp_path / "thesis.docx").write_text("mine")
+    with (
+        pytest.raises(UsageError, match=r"holds 'thesis\.docx', which batch did not write"),
+        prepare(tmp_path, "lab", How(), force),
+    ):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.docx"]
+
+
+def test_a_batch_of_another_source_is_refused_without_force(out):
+    record(out, KEY, outcome(A), folder_names([A]))
+    with (
+        pytest.raises(UsageError, match="holds a batch of lab, not of shop; replace it with --force"),
+        prepare(out, "shop", How()),
+    ):
+        pass
+    with prepare(out, "shop", How(), force=True):
+        assert not (out / "pairs").exists()
+    assert json.loads((out / place.MANIFEST).read_text())["source"] == "shop"
+
+
+def test_force_takes_away_what_batch_wrote_and_nothing_else(out):
+    record(out, KEY, outcome(A, B, **{"draws.npz": b"draws"}), folder_names([A, B]))
+    put(out, "results.csv", b"tool,work\n")
+    put(out, "figures/V.png", b"png")
+    claim(out, ["site/index.html"])
+    (out / "site").mkdir()
+    (out / "site/index.html").write_text("made elsewhere")
+    mine = [
+        "notes.txt",
+        "figures/mine.png",
+        "pairs/GC435_709M40/notes.txt",
+        "pairs/mine/params.json",
+        ".batch/sorted.parquet",
+    ]
+    for name in mine:
+        (out / name).parent.mkdir(exist_ok=True)
+        (out / name).write_text("mine")
+    with prepare(out, "lab", How(), force=True):
+        left = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
+    assert left == {*mine, ".batch/lock", ".batch/manifest.json"}
+    assert not (out / "site").exists()
+    assert not (out / "pairs/GC4325_42CrMo4").exists()
+
+
+def test_a_list_of_files_that_leads_elsewhere_is_not_followed(out, tmp_path):
+    (tmp_path / "mine").write_text("mine")
+    (out / place.MADE).write_text(json.dumps(["../mine", str(tmp_path / "mine"), 7]))
+    with prepare(out, "lab", How(), force=True):
+        assert (tmp_path / "mine").exists()
+
+
+def test_a_parameter_file_that_was_changed_is_not_written_over(out):
+    """For instance with ``fitmodels tune``, which adds its section to the file."""
+    record(out, KEY, outcome(A), folder_names([A]))
+    path = out / "pairs/GC435_709M40/params.json"
+    path.write_text("tuned")
+    with (
+        pytest.raises(UsageError, match=r"params\.json was changed since batch wrote it; move it elsewhere"),
+        prepare(out, "lab", How(seed=2)),
+    ):
+        pass
+    assert path.read_text() == "tuned"
+    with prepare(out, "lab", How(), force=True):
+        assert not path.exists()
+
+
+def test_a_copy_of_the_folder_goes_on_from_its_records(out, tmp_path):
+    """A copy has new times; what counts is the content."""
+    record(out, KEY, outcome(A), folder_names([A]))
+    copy = tmp_path / "copy"
+    shutil.copytree(out, copy, copy_function=shutil.copyfile)
+    os.utime(copy / "pairs/GC435_709M40/params.json", (4e9, 4e9))
+    with prepare(copy, "lab", How()):
+        assert recorded(copy, KEY, folder_names([A])) is not None
+
+
+def test_sweeping_takes_away_pairs_that_are_gone(out):
+    folders = folder_names([A, B, C])
+    record(out, "1" * 64, outcome(A, B, C, **{"draws.npz": b"draws"}), folders)
+    (out / "pairs" / folders[C] / "notes.txt").write_text("mine")
+    record(out, KEY, outcome(A, content=b"new"), folders)
+    gone = sweep(out, {KEY})
+    others = [f"pairs/{folders[pair]}/{name}" for pair in (B, C) for name in ("draws.npz", "params.json")]
+    assert sorted(gone) == sorted([f"pairs/{folders[A]}/draws.npz", *others])
+    left = {path.relative_to(out / "pairs").as_posix() for path in (out / "pairs").rglob("*")}
+    assert left == {folders[A], f"{folders[A]}/params.json", folders[C], f"{folders[C]}/notes.txt"}
+    assert [one.key for one in written(out)] == [KEY]
+
+
+def test_sweeping_keeps_a_file_that_came_out_the_same(out):
+    for key in ("1" * 64, KEY):
+        record(out, key, outcome(A), folder_names([A]))
+    assert sweep(out, {KEY}) == ()
+    assert recorded(out, KEY, folder_names([A])) is not None
+
+
+def test_sweeping_leaves_what_was_changed_since(out):
+    record(out, "1" * 64, outcome(A), folder_names([A]))
+    (out / "pairs/GC435_709M40/params.json").write_text("tuned")
+    assert sweep(out, set()) == ()
+    assert (out / "pairs/GC435_709M40/params.json").read_text() == "tuned"
+
+
+def test_a_file_where_a_folder_has_to_be_is_named(out):
+    (out / "pairs").write_text("mine")
+    with pytest.raises(UsageError, match=r"pairs.GC435_709M40: cannot be made: .*; choose another place with --out"):
+        record(out, KEY, outcome(A), folder_names([A]))
+    (out / "figures").write_text("mine")
+    with pytest.raises(UsageError, match=r"figures: cannot be made"):
+        put(out, "figures/V.png", b"png")
+
+
+# The lock
+
+
+def held(out, pid, host):
+    (out / lock.LOCK).write_text(json.dumps({"pid": pid, "host": host}))
+
+
+def test_a_second_batch_in_the_same_folder_is_refused(out):
+    with prepare(out, "lab", How()):
+        with (
+            pytest.raises(UsageError, match=rf"another batch \(process {os.getpid()} on .*\) writes there now"),
+            prepare(out, "lab", How(), force=True),
+        ):
+            pass
+        assert (out / lock.LOCK).exists()
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", '{"pid": 999999999, "host": "elsewhere"}'])
+def test_a_lock_that_may_be_alive_is_kept_and_named(out, text):
+    (out / lock.LOCK).write_text(text)
+    with pytest.raises(UsageError, match=r"if it is no more, remove .*lock"), prepare(out, "lab", How()):
+        pass
+    assert (out / lock.LOCK).read_text() == text
+
+
+def test_the_lock_of_a_process_that_is_no_more_is_taken_over(out):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    for pid in (gone.pid, os.getpid(), -1):  # a container gives the same number again
+        held(out, pid, lock.socket.gethostname())
+        with prepare(out, "lab", How()):
+            assert json.loads((out / lock.LOCK).read_text())["pid"] == os.getpid()
+
+
+def test_the_lock_of_a_process_that_runs_is_kept(out):
+    held(out, os.getppid(), lock.socket.gethostname())
+    with pytest.raises(UsageError, match=f"process {os.getppid()} on"), prepare(out, "lab", How()):
+        pass
+
+
+def test_a_failure_gives_the_lock_back(out):
+    with pytest.raises(KeyboardInterrupt), prepare(out, "lab", How()):
+        raise KeyboardInterrupt
+    assert not (out / lock.LOCK).exists()
+
+
+# Tables
+
+
+def law(**cells):
+    return {"response": "AW", "form": "power", "unit": "mm", "reason": "", **cells}
+
+
+def test_columns_stand_in_an_order_of_their_own():
+    """Whatever law comes first and however its cells are ordered."""
+    cells = ("left_out", "posterior_sd_V", "high_V", "params_t", "params_c0", "row_bse_V", "params_material_x",
+             "scale_se", "bse_V", "nobs", "params_V", "low_V", "odd", "posterior_route", "n_edges",
+             "posterior_sd_c0", "posterior_sd_t", "posterior_t")  # fmt: skip
+    rows = [law(**dict.fromkeys(cells[:9])), law(**dict.fromkeys(cells))]
+    made = [list(results_frame([PairOutcome("a", "b", 1, tuple(each), groups={"iso": "P"})], ["iso", "form"]))
+            for each in (rows, rows[::-1])]  # fmt: skip
+    assert made[0] == made[1] == [
+        "tool", "work", "iso", "form (group)", "response", "form", "unit", "reason", "nobs", "n_edges", "scale_se",
+        "params_c0", "params_V", "bse_V", "row_bse_V", "low_V", "high_V", "params_t", "params_material_x",
+        "posterior_sd_c0", "posterior_sd_V", "posterior_t", "posterior_sd_t", "posterior_route", "left_out", "odd",
+    ]  # fmt: skip
+    assert group_column("iso") == "iso"
+
+
+def test_a_pair_without_a_law_keeps_a_row_with_its_reason():
+    one = PairOutcome("a", "b", 2, reason="2 rows are too few.", groups={"iso": "K"})
+    other = PairOutcome("a", "c", 9, (law(nobs=9, params_V=0.5), law(response="P", reason="P is constant.")))
+    made = results_frame([one, other], ["iso"])
+    assert made["reason"].tolist() == ["2 rows are too few.", "", "P is constant."]
+    assert made["nobs"].tolist() == [2, 9, pd.NA]
+    assert made["iso"].tolist() == ["K", "", ""]
+
+
+NAMES = st.text(st.characters(exclude_categories=["Cs"]), max_size=8) | st.sampled_from(
+    ["=2+3", "'=2+3", "-5", "007", "1e5", "True", "nan", "a,b", 'a"b', "a\r\nb", "@x", "+x", "-", " a ", "''"]
+)
+FLOATS = st.none() | st.floats(allow_nan=False, allow_infinity=False)
+ROWS = st.builds(
+    lambda text, whole, truth, *floats: law(
+        reason=text, nobs=whole, by_edge=truth, params_V=floats[0], low_V=floats[1], left_out=text
+    ),
+    NAMES, st.none() | st.integers(-(2**62), 2**62), st.none() | st.booleans(), FLOATS, FLOATS,
+)  # fmt: skip
+PAIRS_OF_ROWS = st.builds(
+    PairOutcome, NAMES, NAMES, st.integers(0, 99), st.lists(ROWS, max_size=3).map(tuple), NAMES,
+    groups=st.dictionaries(st.sampled_from(["iso 513", "=grade", "unit"]), NAMES),
+)  # fmt: skip
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(PAIRS_OF_ROWS, max_size=4))
+def test_results_come_back_to_the_last_digit(tmp_path_factory, outcomes):
+    made = results_frame(outcomes, ["iso 513", "=grade", "unit"])
+    path = tmp_path_factory.mktemp("results") / "results.csv"
+    path.write_bytes(csv_bytes(made))
+    pd.testing.assert_frame_equal(read_results(path), made, check_exact=True)
+    assert csv_bytes(read_results(path)) == csv_bytes(made)
+
+
+def test_pandas_reads_the_same_numbers(tmp_path):
+    numbers = np.random.default_rng(1).normal(size=200) * 10.0 ** np.arange(-100, 100)
+    made = results_frame([PairOutcome("a", str(i), 1, (law(nobs=i, params_V=v),)) for i, v in enumerate(numbers)])
+    (tmp_path / "results.csv").write_bytes(csv_bytes(made))
+    back = pd.read_csv(tmp_path / "results.csv", dtype={"params_V": str})  # its own parser may miss the last digit
+    assert back["params_V"].map(float).tolist() == numbers.tolist()
+    assert back["nobs"].tolist() == list(range(200))
+
+
+def test_names_that_a_spreadsheet_would_compute_are_only_text():
+    """Characters: OWASP, CSV Injection, owasp.org/www-community/attacks/CSV_Injection."""
+    names = ["=cmd|' /C calc'!A0", "+1", "-x", "@SUM(A1)", "\tx", "\rx"]
+    lines = csv_bytes(pd.DataFrame({"tool": names, "V": -1.5})).decode().split("\n")
+    assert all(line.removeprefix('"').startswith("'") and line.endswith(",-1.5") for line in lines[1:-1])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "no such file"),
+        (b"", "is empty"),
+        (b"V,F\n1,2\n", "no column tool, work or reason"),
+        (b"tool,work,reason\na,b\n", "row 2 has 2 cells, its header 3"),
+        (b'tool,work,reason\n"a,b\n', "cannot be read"),
+        (b"tool,work\n\xff\xfe\n", "cannot be read"),
+    ],
+)
+def test_what_is_no_table_of_results_is_refused(tmp_path, content, words):
+    if content is not None:
+        (tmp_path / "results.csv").write_bytes(content)
+    with pytest.raises(DataError, match=words):
+        read_results(tmp_path / "results.csv")
+
+
+# Attention
+
+
+def fitted(tool, *kinds, scale=0.1, df=100, **more):
+    concerns = tuple(Concern(kind, f"{kind} of {tool}") for kind in kinds)
+    return PairOutcome(tool, "x", 9, (law(scale_se=scale, df_resid=df, **more),), concerns=concerns)
+
+
+def test_the_gravest_comes_first_and_unknown_kinds_last_by_their_names():
+    outcomes = [
+        fitted("a", "rows left out", "zeal"), fitted("b", "zeal", "awe"), fitted("c", "zeal", UNLIKE),
+        PairOutcome("d", "x", 1, reason="1 row."),
+        PairOutcome("e", "x", 1, reason="2 rows.", concerns=(Concern(NO_LAW, "two"),)),
+    ]  # fmt: skip
+    made = attention_summary(outcomes, most=2)
+    counts = [(NO_LAW, 2), (UNLIKE, 1), ("rows left out", 1), ("awe", 1), ("zeal", 3)]
+    assert [(item.kind, item.pairs) for item in made] == counts
+    assert (made[0].examples, made[0].words) == (("d on x", "e on x"), ("1 row.", "two"))
+    assert made[-1].examples == ("a on x", "b on x")
+    frame = attention_frame(outcomes)
+    assert frame.columns.tolist() == ["tool", "work", "kind", "words"]
+    assert frame["kind"].tolist() == ["rows left out", "zeal", "zeal", "awe", "zeal", UNLIKE, NO_LAW, NO_LAW]
+
+
+def test_no_concern_gives_empty_tables(tmp_path):
+    assert attention_summary([fitted("a")]) == []
+    path = tmp_path / "attention.csv"
+    path.write_bytes(csv_bytes(attention_frame([fitted("a")])))
+    assert path.read_bytes() == b"tool,work,kind,words\n"
+    assert len(read_frame(path)) == 0
+
+
+def test_a_pair_that_scatters_is_told_and_one_with_hardly_any_rows_is_not():
+    outcomes = [fitted(name, scale=0.1) for name in "abcdef"] + [
+        fitted("loud", scale=0.31), fitted("near", scale=0.29), fitted("small", scale=0.35, df=1)
+    ]  # fmt: skip
+    made = with_families(outcomes)
+    assert [(one.tool, c.kind) for one in made for c in one.concerns] == [("loud", SCATTERS)]
+    assert made[6].concerns[0].words == "AW scatters 3.1 times as much as in half of the pairs (0.31 against 0.1)"
+    assert with_families(outcomes[4:7]) == outcomes[4:7]  # three pairs do not tell what is usual
+
+
+def pooled(estimate, se=0.02, df=20.0, tool="a", family="P", new=(0.4, 0.6), factor="V"):
+    return {
+        "tool": tool, "work": "x", "response": "AW", "factor": factor, "grouping": "iso", "family": family,
+        "estimate": estimate, "se": se, "df": df, "new_low": new[0], "new_high": new[1],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("what", "row", "told"),
+    [
+        ("inside the interval of a new pair", pooled(0.55), False),
+        ("outside it", pooled(0.72), True),
+        ("below it", pooled(0.28), True),
+        ("outside it, by less than its own error", pooled(0.72, se=0.1), False),
+        ("outside it, with an error that one degree of freedom gives", pooled(0.95, se=0.02, df=1.0), False),
+        ("outside it, its error known", pooled(0.95, se=0.02, df=np.inf), True),
+        ("of a family too small to tell", pooled(0.9, new=(np.nan, np.nan)), False),
+        ("without a standard error", pooled(0.9, se=np.nan), False),
+    ],
+)
+def test_an_exponent_is_unlike_its_family(what, row, told):
+    """By hand: half a 99 % interval of the family is 0.1 * 2.576 / 1.960 = 0.131, of one with df 1 63.66 se."""
+    made = with_families([fitted("a")], pd.DataFrame([row]))
+    assert [c.kind for c in made[0].concerns] == ([UNLIKE] if told else [])
+
+
+def test_an_exponent_is_told_once_by_the_family_of_its_grouping():
+    rows = [pooled(0.9, family="all pairs"), pooled(0.9, family="P"), pooled(0.9, factor="f"), pooled(0.5, tool="b")]
+    made = with_families([fitted("a"), fitted("b")], pd.DataFrame(rows))
+    words = [c.words for c in made[0].concerns]
+    assert len(words) == 2
+    assert not made[1].concerns
+    assert words[0].startswith("AW: exponent of V 0.9 +- 0.02; another pair of P with this error would lie between 0.3")
+
+
+def test_what_compare_gives_is_understood():
+    from fitmodels.batch.result.comparison import compare
+
+    rng = np.random.default_rng(5)
+    exponents = [*rng.normal(0.5, 0.03, 40), 1.2]
+    outcomes = [fitted(f"T{i}", df=20, params_V=b, bse_V=0.03, n_edges=24) for i, b in enumerate(exponents)]
+    outcomes = [replace(one, laws=({**one.laws[0], "df": 20},)) for one in outcomes]
+    made = with_families(outcomes, compare(results_frame(outcomes)).pairs)
+    assert [one.tool for one in made if one.concerns] == ["T40"]
+
+
+def test_every_kind_that_fitting_tells_has_its_place():
+    """A kind that is not in the list would come last, however grave."""
+    from pathlib import Path
+
+    import fitmodels.batch.fitting as room
+    from fitmodels.batch.result.attention import SEVERITY
+
+    texts = [path.read_text("utf-8") for path in Path(room.__path__[0]).glob("*.py")]
+    kinds = {kind for text in texts for kind in re.findall(r"""(?<!>>> )(?:Concern\(|yield )"([^"]+)",""", text)}
+    assert len(kinds) > 5
+    assert kinds <= set(SEVERITY)
