@@ -3,6 +3,9 @@
     python benchmarks/streamed.py              1e6 and 1e7 rows
     python benchmarks/streamed.py 100000000    these as well
 
+Each size is fitted twice, cut into chunks of two lengths, and the two are compared; 1e6 rows are compared with the fit
+in memory too (coefficients, standard errors by edge and of rows, R2, F: largest relative difference, aim 1e-10).
+
 Run it with the Python that fitmodels is installed in. Rows are made chunk by chunk, each size in a process of its
 own, so that peak memory is of that size alone. Wall seconds hold the making of the rows as well; seconds of the
 processor are told apart, and it is these that a busy machine does not lengthen much.
@@ -14,9 +17,12 @@ import sys
 import time
 
 import numpy as np
+import pandas as pd
+from fitmodels.datasets import runs_from_frame
+from fitmodels.fit import power_law
 from fitmodels.fit.streamed.one_pass import streamed_power_law
 
-CHUNK = 500_000
+CHUNK, OTHER = 500_000, 123_457
 EDGES = 240
 TRUTH = {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}
 CONSTANT, BETWEEN, WITHIN = -4.9, 0.05, 0.1  # ln c0, scatter of the edges, scatter of rows
@@ -42,6 +48,42 @@ def chunks(n, seconds, seed=1):
         yield chunk
 
 
+def cut_anew(stream, rows):
+    """The same rows in chunks of another length."""
+    held = {}
+    for chunk in stream:
+        held = {name: np.concatenate([held[name], values]) if held else values for name, values in chunk.items()}
+        while len(held["V"]) >= rows:
+            yield {name: values[:rows] for name, values in held.items()}
+            held = {name: values[rows:] for name, values in held.items()}
+    if len(held["V"]):
+        yield held
+
+
+def statistics(law):
+    rows = np.sqrt(np.diag(law.cov_theta))
+    by_edge = np.sqrt(np.diag(law.covariance()))
+    return np.concatenate([law.theta, by_edge, rows, [law.rsquared, law.fvalue]])
+
+
+def apart(one, other):
+    return float(np.max(np.abs(statistics(one) / statistics(other) - 1)))
+
+
+def in_memory(n):
+    """The fit of the same rows, all at once."""
+    table = pd.DataFrame({name: np.concatenate(parts) for name, parts in _columns(n).items()})
+    return power_law(runs_from_frame(table), "AW", list(TRUTH))
+
+
+def _columns(n):
+    parts = {}
+    for chunk in chunks(n, []):
+        for name, values in chunk.items():
+            parts.setdefault(name, []).append(values)
+    return parts
+
+
 def fitted(n, queue):
     streamed_power_law(chunks(2000, []), "AW", list(TRUTH))  # loads what is loaded once
     making, before, wall, began = [], peak(), time.perf_counter(), time.process_time()
@@ -49,7 +91,10 @@ def fitted(n, queue):
     took, wall = time.process_time() - began, time.perf_counter() - wall
     theta, se = law.theta, np.sqrt(np.diag(law.covariance()))
     off = float(np.max(np.abs(theta - [CONSTANT, *TRUTH.values()]) / se))
-    queue.put((law.nobs, wall, took, sum(making), before, peak(), off))
+    most = peak()
+    again = streamed_power_law(cut_anew(chunks(n, []), OTHER), "AW", list(TRUTH))
+    memory = apart(law, in_memory(n)) if n <= 10**6 else None
+    queue.put((law.nobs, wall, took, sum(making), before, most, off, apart(law, again), memory))
 
 
 def peak():
@@ -62,15 +107,17 @@ def main(sizes):
     process = multiprocessing.get_context("spawn")
     print(
         "      rows   wall s  CPU s fitting  making  us a row  peak MB  (at start)  furthest from the truth, SE by edge"
+        "  two chunkings  in memory"
     )
     for n in sizes:
         queue = process.Queue()
         run = process.Process(target=fitted, args=(n, queue))
         run.start()
-        n, wall, took, making, before, most, off = queue.get()
+        n, wall, took, making, before, most, off, chunked, memory = queue.get()
         run.join()
         print(f"{n:10.0e}  {wall:7.2f}  {took - making:13.2f}  {making:6.2f}  {1e6 * (took - making) / n:8.3f}"
-              f"  {most:7.0f}  {before:10.0f}  {off:.2f} (aim < 3)")  # fmt: skip
+              f"  {most:7.0f}  {before:10.0f}  {off:.2f} (aim < 3){'':29}{chunked:.1e}"
+              + (f"        {memory:.1e}" if memory is not None else ""))  # fmt: skip
 
 
 if __name__ == "__main__":
