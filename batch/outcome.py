@@ -35,6 +35,8 @@ class PairOutcome:
     concerns : tuple of Concern
     groups : mapping of str to str
         What the pair belongs to, by header; empty text where its rows do not say.
+    simulated : bool
+        Its rows say of themselves that they are no measurements.
     files : mapping of str to bytes
         ``params.json``, and ``draws.npz`` where draws are kept.
     """
@@ -46,6 +48,7 @@ class PairOutcome:
     reason: str = ""
     concerns: tuple[Concern, ...] = ()
     groups: Mapping[str, str] = field(default_factory=dict)
+    simulated: bool = False
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 

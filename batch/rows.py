@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..datasets import Runs, Source
 from ..datasets.columns import ColumnUse
+from ..datasets.runs import disclaimers
 from .plan import Pair
 
 
@@ -58,6 +59,10 @@ class Rows:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     of_pair: Mapping[Pair, About] = field(default_factory=dict)
+
+    def simulated(self, pair: Pair) -> bool:
+        """Whether the notes of a pair say that its rows are no measurements."""
+        return bool(disclaimers(self.of_pair[pair].notes if pair in self.of_pair else self.notes))
 
     def runs(self) -> Iterator[tuple[Pair, Runs]]:
         """The runs of each pair, in the order in which the rows name them."""

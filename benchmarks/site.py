@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards import publishing
+from fitmodels.datasets.threads import cores
 
 TOOLS, GROUPS = 25, "PMKNSH"
 TOML = """license = "CC-BY-4.0"
@@ -67,7 +68,7 @@ def content(top):
 
 def main():
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    print(f"Python {sys.version.split()[0]}, {publishing.cores()} cores, load {os.getloadavg()[0]:.1f}")
+    print(f"Python {sys.version.split()[0]}, {cores()} cores, load {os.getloadavg()[0]:.1f}")
     seen = []
     with tempfile.TemporaryDirectory() as place:
         pairs = Path(place) / "pairs"

@@ -27,10 +27,10 @@ def posterior_words(law: Law, of: LawPosterior | None) -> list[str]:
     said = [f"Posterior ({how}, {of.prior_set} priors): {100 * of.level:g} % credible {', '.join(shown)}."]
     if of.verified is not None:
         said.append(f"Checked by chains: {of.verified}.")
-    return [*said, *_wider(law, of), *_moved(of), *(f"Of the draws: {note}." for note in of.notes)]
+    return [*said, *wider(law, of), *_moved(of), *(f"Of the draws: {note}." for note in of.notes)]
 
 
-def _wider(law: Law, of: LawPosterior) -> list[str]:
+def wider(law: Law, of: LawPosterior) -> list[str]:
     """Where single edges move the estimate more than a level of each edge explains."""
     ratio = {
         name: se / of.parameters[name].sd

@@ -15,7 +15,7 @@ from .. import __version__
 
 # Each command is a module of this room with ``parser()`` and ``run(args) -> exit code``.
 COMMANDS = (
-    *("card", "check", "confirm", "excite", "export", "ident", "limits", "next", "plan", "predict", "publish"),
+    *("batch", "card", "check", "confirm", "excite", "export", "ident", "limits", "next", "plan", "predict", "publish"),
     *("replay", "settings", "simulate", "tune"),
 )
 DEFECT = 70
@@ -71,8 +71,8 @@ def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
     except OSError as error:
         _drop_output()
         return _say(f"{error.filename or 'the output'} cannot be written: {error.strerror or error}.", 2)
-    except KeyboardInterrupt:
-        return _say("interrupted; nothing was left half-written.", 130)
+    except KeyboardInterrupt as stop:  # a command may say what it keeps
+        return _say(str(stop) or "interrupted; nothing was left half-written.", 130)
     except Exception as error:
         if os.environ.get("FITMODELS_TRACEBACK"):
             raise

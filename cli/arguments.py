@@ -53,6 +53,17 @@ def seed(text: str) -> int:
     return int(text)
 
 
+def processes(text: str) -> int:
+    """A number of processes from the command line.
+
+    >>> processes("4")
+    4
+    """
+    if not text.isdecimal() or not 1 <= int(text) <= 256:
+        raise ArgumentTypeError(f"{text} is no number of processes; give 1 to 256")
+    return int(text)
+
+
 def traced(pf: "ParameterFile", args: argparse.Namespace) -> dict[str, Any]:
     """The provenance of a file with this command after those that made it, without folders and ``--force``."""
     words = [Path(word).name if "/" in word else word for word in getattr(args, "words", ()) if word != "--force"]

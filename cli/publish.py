@@ -2,11 +2,11 @@
 
 import argparse
 import json
-from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
 from ..datasets.errors import UsageError
-from .arguments import Parser
+from ..datasets.threads import cores
+from .arguments import Parser, processes
 from .output import Printer, progress
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def parser() -> Parser:
     p.add_argument("--title", metavar="WORDS", help="title of the site; its feed is known by it")
     p.add_argument("--force", action="store_true", help="replace another site that fitmodels wrote")
     p.add_argument("--json", action="store_true", help="print what came of it as JSON (fitmodels.publish/1)")
-    p.add_argument("--jobs", metavar="N", type=_jobs, help="processes (default: one a core)")
+    p.add_argument("--jobs", metavar="N", type=processes, help="processes (default: one a core)")
     return p
 
 
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--site: say where the site goes, or judge only, with --check.")
     if args.title is not None and not args.title.strip():
         raise UsageError("--title: is empty; leave it out, or give the site a name.")
-    jobs = args.jobs or publishing.cores()
+    jobs = args.jobs or cores()
     with progress() as told:
         told("reading")
         if args.check:
@@ -79,9 +79,3 @@ def _lines(report: "Report") -> "Iterator[str]":
         yield f"{report.site}: unchanged, {pairs}"
     else:
         yield f"wrote {report.site}/index.html, {pairs}"
-
-
-def _jobs(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 256:
-        raise ArgumentTypeError(f"{text} is no number of processes; give 1 to 256")
-    return int(text)

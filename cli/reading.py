@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .arguments import Parser, pairs, ranges
 
@@ -50,14 +50,18 @@ def read(file: "str | Table", args: argparse.Namespace) -> "Runs":
     """Read a file as the options say."""
     from ..datasets import read_runs
 
-    return read_runs(
-        file,
-        map=pairs(args.map, "--map", "VB=col7"),
-        units=pairs(args.unit, "--unit", "t=s"),
-        ranges=ranges(args.range),
-        tool=args.tool,
-        work=args.work,
-        decimal=args.decimal,
-        delimiter=args.delimiter,
-        sheet=args.sheet,
-    )
+    return read_runs(file, **as_said(args))
+
+
+def as_said(args: argparse.Namespace) -> dict[str, Any]:
+    """What the options say of reading, by the names that `datasets.read_runs` gives it."""
+    return {
+        "map": pairs(args.map, "--map", "VB=col7"),
+        "units": pairs(args.unit, "--unit", "t=s"),
+        "ranges": ranges(args.range),
+        "tool": args.tool,
+        "work": args.work,
+        "decimal": args.decimal,
+        "delimiter": args.delimiter,
+        "sheet": args.sheet,
+    }

@@ -1,6 +1,6 @@
 """Measurements of cutting tests: columns with roles and units, one row a measurement."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING
@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 NOT_MEASURED = ("simulated", "simulation", "simuliert", "simulé", "simulad", "no measurement")
+
+
+def disclaimers(notes: Iterable[str]) -> tuple[str, ...]:
+    """Notes that say that something is simulated or computed, not measured.
+
+    >>> disclaimers(["simulated: no measurement", "coolant: dry"])
+    ('simulated: no measurement',)
+    """
+    return tuple(note for note in notes if any(word in note.lower() for word in NOT_MEASURED))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -90,7 +99,7 @@ class Runs(Told):
     @property
     def disclaimers(self) -> tuple[str, ...]:
         """Notes in which the file says of itself that it is simulated or computed, not measured."""
-        return tuple(note for note in self.notes if any(word in note.lower() for word in NOT_MEASURED))
+        return disclaimers(self.notes)
 
     @property
     def simulated(self) -> bool:

@@ -1,5 +1,9 @@
-"""Small matrices want one thread: linear algebra on several costs ten times what it saves when the machine is busy."""
+"""Small matrices want one thread: linear algebra on several costs ten times what it saves when the machine is busy.
 
+And how many processes the machine is good for.
+"""
+
+import os
 import sys
 from collections.abc import Callable
 from functools import lru_cache, wraps
@@ -31,6 +35,17 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
 
     return limited
+
+
+def cores() -> int:
+    """Cores that this process may use.
+
+    >>> cores() >= 1
+    True
+    """
+    if hasattr(os, "sched_getaffinity"):  # Linux: fewer than there are, under taskset or a batch system
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @lru_cache(maxsize=1)

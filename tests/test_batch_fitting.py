@@ -273,7 +273,9 @@ def test_groups_go_into_the_outcome_and_the_identity(fitted):
     identity = json.loads(a.files["params.json"])["identity"]
     assert (identity["iso513"], identity["machine"]) == ("P20", "lathe 3")
     assert json.loads(b.files["params.json"])["identity"]["iso513"] is None
-    assert [c.kind for c in a.concerns if c.kind != "verdict"] == ["group differs within the pair"]
+    assert [c.kind for c in a.concerns if c.kind not in ("verdict", "draws too sure")] == [
+        "group differs within the pair"
+    ]
     assert [c.kind for c in b.concerns if c.kind != "verdict"] == ["no group of ISO 513"]
 
 

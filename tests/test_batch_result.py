@@ -507,8 +507,8 @@ def test_columns_stand_in_an_order_of_their_own():
     made = [list(results_frame([PairOutcome("a", "b", 1, tuple(each), groups={"iso": "P"})], ["iso", "form"]))
             for each in (rows, rows[::-1])]  # fmt: skip
     assert made[0] == made[1] == [
-        "tool", "work", "iso", "form (group)", "response", "form", "unit", "reason", "nobs", "n_edges", "scale_se",
-        "params_c0", "params_V", "bse_V", "row_bse_V", "low_V", "high_V", "params_t", "params_material_x",
+        "tool", "work", "iso", "form (group)", "response", "form", "unit", "reason", "simulated", "nobs", "n_edges",
+        "scale_se", "params_c0", "params_V", "bse_V", "row_bse_V", "low_V", "high_V", "params_t", "params_material_x",
         "posterior_sd_c0", "posterior_sd_V", "posterior_t", "posterior_sd_t", "posterior_route", "left_out", "odd",
     ]  # fmt: skip
     assert group_column("iso") == "iso"

@@ -60,7 +60,9 @@ def test_an_example_file_is_what_its_maker_makes(name):
 
 
 def test_every_example_file_says_that_it_was_not_measured():
-    for path in (DOCS / "examples").glob("*.csv"):
+    for path in (DOCS / "examples").rglob("*.csv"):
+        if path.name == "shop-pairs.csv":  # names, no numbers
+            continue
         assert "simulated" in path.read_text("utf-8").splitlines()[0]
 
 

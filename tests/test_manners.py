@@ -12,19 +12,20 @@ from collections.abc import Callable
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import fitmodels
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import controllers, datasets, fit, ident, parameters
+from fitmodels import batch, controllers, datasets, fit, ident, parameters
 from fitmodels.controllers.constant_load_milling.steady import steady_life
 from fitmodels.datasets.telling import Displayed, Grid, Telling, Told, estimates, measured, worded
 from fitmodels.parameters.published import published
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-ROOMS = (datasets, fit, ident, parameters, controllers)
+ROOMS = (datasets, fit, ident, parameters, controllers, batch)
 FACTORS = ["V", "f", "d", "t"]
 
 # --- results, one of each kind; each is made once, when a test asks for it
@@ -166,6 +167,12 @@ def many() -> fit.ManyLaws:
     return fit.many_power_laws(data, "AW", ["V", "f", "d", "t"], pair="pair", edge="edge")
 
 
+@cache
+def shop() -> batch.Batch:
+    with TemporaryDirectory() as place:
+        return batch.run(datasets.bundled("gc435_709m40"), Path(place, "out"), how=batch.How(files=False))
+
+
 RESULTS: dict[str, Callable[[], object]] = {
     "Runs": runs,
     "Record": record,
@@ -253,6 +260,11 @@ RESULTS: dict[str, Callable[[], object]] = {
     ),
     "Turned": turned,
     "StepSize": lambda: controllers.step_study(published("LYAP"), steps=(0.01,), duration=0.2)[0],
+    "Batch": shop,
+    "Plan": lambda: shop().plan,
+    "Pair": lambda: shop().plan.pairs[0],
+    "How": lambda: batch.How(criterion=0.2),
+    "Reading": batch.Reading,
 }
 
 # What has no picture, and why
@@ -261,9 +273,10 @@ POINT = "one point: the region, life or map that it is taken from draws it"
 GIVEN = "what is asked for, not what is found"
 PICTURELESS = {
     **dict.fromkeys(("ColumnUse", "Source", "Look", "By", "Dropped", "LeftOut", "Refused", "Event"), SENTENCE),
-    **dict.fromkeys(("NotAvailable", "NoContinuousForm", "CheckReport", "Finding", "Given"), SENTENCE),
+    **dict.fromkeys(("NotAvailable", "NoContinuousForm", "CheckReport", "Finding", "Given", "Pair"), SENTENCE),
     **dict.fromkeys(("Corner", "Point", "Choice", "FixedLife", "Design", "StepSize"), POINT),
     **dict.fromkeys(("SimulatedLaw", "Specification", "LifeLaws", "Rules", "CutModel"), GIVEN),
+    **dict.fromkeys(("Plan", "How", "Reading"), GIVEN),
 }
 # What read_table gives: Runs and Record, which are made of it, have the manners
 BEFORE = {"Table"}

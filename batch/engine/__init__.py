@@ -3,7 +3,7 @@
 Nothing here knows of cutting. joblib and Dask schedule and move data; Dask runs again what a dead worker had.
 """
 
-from .cores import cores
+from ...datasets.threads import cores
 from .memory import largest_memory
 from .opening import engine
 from .progress import Meter, grouped, progress

@@ -108,7 +108,14 @@ def _of_rows(rows: "Rows", block: Block, plan: Plan, how: How, spoiled: Mapping[
         told = concerns_of_rows(laws[i]) or ((Concern("no law", reason),) if reason else ())
         outcomes.append(
             PairOutcome(
-                pair.tool, pair.work, int(of.counts[i]), tuple(laws[i]), reason, (*told, *concerns[i]), groups[i]
+                pair.tool,
+                pair.work,
+                int(of.counts[i]),
+                tuple(laws[i]),
+                reason,
+                (*told, *concerns[i]),
+                groups[i],
+                rows.simulated(pair),
             )
         )
     return _with_files(of, outcomes, block, plan, how) if how.files else outcomes

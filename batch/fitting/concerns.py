@@ -69,9 +69,14 @@ def concerns_of_file(pf: "ParameterFile") -> tuple[Concern, ...]:
     >>> concerns_of_file(parameters.collect(tool="GC435", work="709M40"))
     ()
     """
+    from ...cards.posterior_facts import wider
+
     found = []
     for response, law in pf.laws.items():
         words = [check.verdict for check in law.checks.values() if check.concern >= ACT and check.verdict]
         if words:
             found.append(Concern("verdict", f"{response}: {' '.join(words)}"))
+        drawn = None if pf.posterior is None else pf.posterior.laws.get(response)
+        if drawn is not None:
+            found += [Concern("draws too sure", f"{response}: {words}") for words in wider(law, drawn)]
     return tuple(found)

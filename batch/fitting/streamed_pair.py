@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from ...datasets.runs import disclaimers
 from ...datasets.vocabulary import ROLES
 from ...fit.defaults import Asked, asked_laws
 from ..how import How
@@ -77,7 +78,15 @@ def streamed_outcome(block: Block, plan: Plan, how: How) -> PairOutcome:
             rows, concerns = list(with_cells(rows, cells)), [*concerns, *odd]
     reason = reason_of(rows) if rows else no_law_asked(seen.held)
     return PairOutcome(
-        pair.tool, pair.work, seen.rows or block.rows, tuple(rows), reason, tuple(concerns), groups, files
+        pair.tool,
+        pair.work,
+        seen.rows or block.rows,
+        tuple(rows),
+        reason,
+        tuple(concerns),
+        groups,
+        bool(disclaimers(plan.notes)),
+        files,
     )
 
 
@@ -155,5 +164,7 @@ def _file(
         machine=identity.get("machine"),
         setup=identity.get("setup"),
         iso513=identity.get("iso513"),
+        simulated=bool(disclaimers(plan.notes)),
+        note=". ".join(disclaimers(plan.notes)) or None,
     )
     return {PARAMETERS: as_bytes(pf)}, posterior_cells(pf), odd

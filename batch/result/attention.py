@@ -18,7 +18,7 @@ SCATTERS = "scatters more than the others"
 UNLIKE = "unlike its family"
 SEVERITY = (  # nothing to use; a law that is missing or may mislead; what it lacks; what is said of the pair
     NO_LAW, "gate shut", "no parameter file", "law refused",
-    "wear falls with time", "fits badly", "verdict", SCATTERS, UNLIKE,
+    "wear falls with time", "fits badly", "verdict", SCATTERS, UNLIKE, "draws too sure",
     "few degrees of freedom", "no errors by edge", "factor left out", "rows left out", "no tool life",
     "group differs within the pair", "no group of ISO 513",
 )  # fmt: skip
@@ -138,7 +138,8 @@ def _unlike(pooled: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
     from ...fit.many.families import WHOLE
 
     low, high = (pooled[name].to_numpy(dtype=float) for name in ("new_low", "new_high"))
-    middle, half = (low + high) / 2, np.hypot(_half_of_family(high - low), _half_of_pair(pooled))
+    level = max(LEVEL, 1 - 1 / len(pooled))  # of many thousand exponents one stands out by chance, not hundreds
+    middle, half = (low + high) / 2, np.hypot(_half_of_family(high - low, level), _half_of_pair(pooled, level))
     with np.errstate(invalid="ignore"):
         outside = np.abs(pooled["estimate"].to_numpy(dtype=float) - middle) > half
     told = pooled.assign(_from=middle - half, _to=middle + half)[outside]
@@ -148,23 +149,24 @@ def _unlike(pooled: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
         words = (
             f"{row['response']}: exponent of {row['factor']} {row['estimate']:.3g} +- {row['se']:.2g}; "
             f"another pair {of}with this error would lie between {row['_from']:.3g} and "
-            f"{row['_to']:.3g} ({100 * LEVEL:g} %)"
+            f"{row['_to']:.3g} ({100 * level:.4g} %)"
         )
         yield (str(row["tool"]), str(row["work"])), Concern(UNLIKE, words)
 
 
-def _half_of_family(width: Array) -> Array:
-    """Half the `LEVEL` interval of a new pair of the family, from the width of the 95 % one."""
+def _half_of_family(width: Array, level: float) -> Array:
+    """Half the interval of a new pair of the family, from the width of the 95 % one."""
     from scipy.special import ndtri
 
-    return np.asarray(width / 2 * ndtri((1 + LEVEL) / 2) / ndtri(0.975))
+    return np.asarray(width / 2 * ndtri((1 + level) / 2) / ndtri(0.975))
 
 
-def _half_of_pair(pooled: pd.DataFrame) -> Array:
-    """Half the `LEVEL` interval of a pair's own estimate; with few edges a normal would fall far short of it."""
+def _half_of_pair(pooled: pd.DataFrame, level: float) -> Array:
+    """Half the interval of a pair's own estimate; with few edges a normal would fall far short of it."""
     from scipy.special import ndtri, stdtrit
 
     df = pooled["df"].to_numpy(dtype=float)
     known = np.isfinite(df)
-    times = np.where(known, stdtrit(np.where(known, np.maximum(df, 1), 1), (1 + LEVEL) / 2), ndtri((1 + LEVEL) / 2))
+    p = (1 + level) / 2
+    times = np.where(known, stdtrit(np.where(known, np.maximum(df, 1), 1), p), ndtri(p))
     return np.asarray(times * pooled["se"].to_numpy(dtype=float))

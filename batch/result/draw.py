@@ -18,6 +18,7 @@ from .comparison import Comparison
 
 Array = NDArray[np.float64]
 
+RED = "#a33"  # what is no measurement
 MOST_FAMILIES, MOST_PAIRS = 40, 60
 STRETCH, FEWEST, MOST = 8, 12, 60  # pairs of a stretch that is drawn at its medians; stretches of a picture
 WIDTH, ROW, LEAST, ABOVE, BELOW = 11.5, 0.21, 3.2, 1.25, 0.6  # inches: rows and panels, and what stands around them
@@ -27,8 +28,10 @@ LETTER = 0.068  # inches of a letter in the name of a row
 NAME = 32  # letters of a name
 
 
-def draw_comparison(comparison: Comparison, folder: Path) -> list[Path]:
+def draw_comparison(comparison: Comparison, folder: Path, banner: str = "") -> list[Path]:
     """Write a PNG for each response and factor that has a family; return their paths.
+
+    ``banner`` stands in red on every picture: that some pairs are simulated.
 
     Examples
     --------
@@ -43,9 +46,9 @@ def draw_comparison(comparison: Comparison, folder: Path) -> list[Path]:
         held = comparison.pairs
         pairs = held[(held["response"] == response) & (held["factor"] == factor)]
         path = folder / _free(f"exponents_{_plain(response)}_{_plain(factor)}", {path.stem.casefold() for path in made})
-        _picture(families, pairs, f"{response}", f"{factor}", comparison.level).savefig(
-            path, dpi=110, metadata={"Software": None}
-        )
+        figure = _picture(families, pairs, f"{response}", f"{factor}", comparison.level)
+        figure.text(0.988, 1 - 0.1 / figure.get_figheight(), banner, fontsize=10, color=RED, ha="right", va="top")
+        figure.savefig(path, dpi=110, metadata={"Software": None})
         made.append(path)
     return made
 

@@ -185,7 +185,7 @@ def _plain(outcome: BlockOutcome) -> dict[str, Any]:
                 for law in pair.laws
             ],
             "concerns": [[concern.kind, concern.words] for concern in pair.concerns],
-            "groups": dict(pair.groups),
+            "groups": dict(pair.groups), "simulated": pair.simulated,
         }
         for pair in outcome.pairs
     ]  # fmt: skip
@@ -205,6 +205,7 @@ def _outcome(data: Mapping[str, Any]) -> BlockOutcome:
             pair["tool"], pair["work"], pair["nobs"],
             tuple(dict(zip(names[shape], cells, strict=True)) for shape, cells in pair["laws"]), pair["reason"],
             tuple(Concern(kind, words) for kind, words in pair["concerns"]), pair["groups"],
+            pair["simulated"],
         )
         for pair in data["pairs"]
     )  # fmt: skip

@@ -16,7 +16,7 @@ from ..outcome import Cell, PairOutcome
 from .records import cell
 
 LAW = ("response", "form", "unit", "reason")
-WHOLE = ("nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se")
+WHOLE = ("simulated", "nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se")
 PARTS = ("params", "bse", "row_bse", "low", "high", "tvalues", "pvalues")
 NOTES = ("by_edge", "dropped", "left_out", "edge_reason", "no_posterior")
 TEXTS = {*LAW, "left_out", "edge_reason", "no_posterior", "kind", "words", "grouping", "family", "factor"}
@@ -51,7 +51,11 @@ def results_frame(outcomes: Sequence[PairOutcome], groups: Sequence[str] = ()) -
     >>> made[["work", "nobs", "params_V", "reason"]].to_dict("list")
     {'work': ['709M40', 'brass'], 'nobs': [144, 2], 'params_V': [0.577, nan], 'reason': ['', '2 rows']}
     """
-    rows = [(one, law) for one in outcomes for law in one.laws or ({"nobs": one.nobs, "reason": one.reason},)]
+    rows = [
+        (one, {**law, "simulated": one.simulated})
+        for one in outcomes
+        for law in one.laws or ({"nobs": one.nobs, "reason": one.reason},)
+    ]
     names = _in_order({name for _, law in rows for name in law})
     columns: dict[str, list[Cell]] = {
         "tool": [one.tool for one, _ in rows],

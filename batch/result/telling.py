@@ -9,8 +9,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ...datasets.rounding import decimals, plain, told
+from ...datasets.rounding import decimals, told
 from ...fit.many.families import WHOLE
+from ..engine.progress import grouped
 from .comparison import LAW, Comparison
 
 MOST = 12  # rows of a response
@@ -61,14 +62,18 @@ def _cells(row: Mapping[Any, Any], pull: float) -> list[str | Text]:
     mean, _ = told(number["mean"], number["mean_se"])
     about, spread, new = (_ends(number[f"{of}_low"], number[f"{of}_high"]) for of in ("mean", "tau", "new"))
     name = WHOLE if row["grouping"] == WHOLE else f"{row['family']} ({row['grouping']})"
-    tau = plain(number["tau"], 2)
-    return [Text(name), f"{number['pairs']:.0f}", f"{mean} ({about})", f"{tau} ({spread})", new, _share(pull)]
+    tau = f"{number['tau']:.{_places(number['tau_low'], number['tau_high'])}f}"
+    return [Text(name), grouped(int(number["pairs"])), f"{mean} ({about})", f"{tau} ({spread})", new, _share(pull)]
 
 
 def _ends(low: float, high: float) -> str:
     """An interval, its ends to the decimals that its width deserves."""
-    places = max(decimals(high - low), 0)
+    places = _places(low, high)
     return f"{low:z.{places}f} to {high:z.{places}f}"
+
+
+def _places(low: float, high: float) -> int:
+    return max(decimals(high - low), 0)
 
 
 def _share(pull: float) -> str:

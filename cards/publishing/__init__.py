@@ -2,7 +2,6 @@
 
 from .build import TITLE, check, publish
 from .entry import Entry, Exponent, LawEntry
-from .pool import cores
 from .report import Problem, Report
 
-__all__ = ["TITLE", "Entry", "Exponent", "LawEntry", "Problem", "Report", "check", "cores", "publish"]
+__all__ = ["TITLE", "Entry", "Exponent", "LawEntry", "Problem", "Report", "check", "publish"]

@@ -1,7 +1,6 @@
 """Many pieces of work on several cores, their results in the order of the work."""
 
 import gc
-import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -19,17 +18,6 @@ R = TypeVar("R")
 FEW = 50  # pieces that are done here before another process has begun
 NOW_AND_THEN = 200
 AT_ONCE = 4  # pieces handed to a process: enough that the way costs nothing, few enough that none waits at the end
-
-
-def cores() -> int:
-    """Cores that this process may use.
-
-    >>> cores() >= 1
-    True
-    """
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, told: Callable[[int], None]) -> list[R]:

@@ -17,7 +17,7 @@ _MINUS = "\N{MINUS SIGN}"
 # Thousands marks under either reading: apostrophes, the blank and the no-break and thin blanks.
 _NEUTRAL_GROUPS = "'’ \u00a0\u2007\u2009\u202f"
 _MISSING_TEXTS = """
-    n/a na n.a. - -- – — ? nan -nan +nan null none
+    n/a na n.a. - -- – — − ? nan -nan +nan null none
     #div/0! #¡div/0! #n/a #nv #n/d #wert! #value! #valeur! #¡valor! #ref! #bezug! #num! #zahl! #null! #name?
 """
 _MISSING = frozenset(["", *_MISSING_TEXTS.split()])

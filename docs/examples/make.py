@@ -4,6 +4,7 @@ Every file is simulated and says so in its first line. The tests make them again
 """
 
 import csv
+from functools import partial
 from io import StringIO
 from pathlib import Path
 
@@ -97,7 +98,49 @@ def workshop_milling() -> list[list[str]]:
     return rows
 
 
+SHOP = {  # tool -> work, edges, exponents of V, f and t
+    "GC435": [("709M40", 12, 0.55, 0.19, 0.26), ("34CrNiMo6", 10, 0.61, 0.22, 0.24), ("C45", 12, 0.49, 0.17, 0.25)],
+    "GC4225": [("C45", 10, 0.52, 0.21, 0.29), ("42CrMo4", 12, 0.57, 0.18, 0.23)],
+    "K10": [("GG25", 12, 0.38, 0.25, 0.33), ("GGG40", 4, 0.44, 0.24, 0.31), ("GGG60", 10, 0.42, 0.21, 0.32)],
+    "GC2025": [("316L", 12, 0.78, 0.30, 0.27), ("X5CrNi18-10", 10, 0.83, 0.33, 0.25)],
+}
+
+
+def of_a_shop(tool: str) -> list[list[str]]:
+    """Wear of a tool on several materials, from assumed laws; each tool was tested at a bench of its own."""
+    noise = np.random.default_rng(sum(tool.encode()))
+    metric = tool != "GC2025"
+    speed, feed, wear = ("vc [m/min]", "f [mm/rev]", "VB [mm]") if metric else ("V (sfm)", "feed (ipr)", "VB (in)")
+    rows = [["# simulated: no measurement"], ["tool", "material", "edge", speed, feed, "time [min]", wear]]
+    for work, edges, *b in SHOP[tool]:
+        for edge in range(1, edges + 1):
+            V, f = 60 * 3.5 ** noise.random(), 0.1 * 4 ** noise.random()
+            level = 0.05 * noise.standard_normal()
+            for t in (4, 8, 14):
+                scatter = np.exp(level + 0.06 * noise.standard_normal())
+                VB = 0.16 * (V / 110) ** b[0] * (f / 0.2) ** b[1] * (t / 8) ** b[2] * scatter
+                numbers = (V, f, t, VB) if metric else (V / 0.3048, f / 25.4, t, VB / 25.4)
+                told = (f"{value:.3g}" for value in numbers)
+                rows.append([tool, work, str(edge), *(n.replace(".", ",") if tool == "GC435" else n for n in told)])
+    return rows
+
+
+def pairs() -> list[list[str]]:
+    """What the materials of the shop are, and how they are cooled."""
+    steel, cast, stainless = (
+        ("709M40", "34CrNiMo6", "C45", "42CrMo4"),
+        ("GG25", "GGG40", "GGG60"),
+        ("316L", "X5CrNi18-10"),
+    )
+    rows = [["work", "iso513", "coolant"]]
+    rows += [[work, "P20", "dry" if work == "C45" else "emulsion"] for work in steel]
+    rows += [[work, "K20", "dry"] for work in cast]
+    return rows + [[work, "M20", "emulsion"] for work in stainless]
+
+
 FILES = {
+    **{f"shop/{tool}.csv": (partial(of_a_shop, tool), ";" if tool == "GC435" else ",") for tool in SHOP},
+    "shop-pairs.csv": (pairs, ","),
     "verschleiss.csv": (workshop, ";"),
     "neu.csv": (further, ";"),
     "inch.csv": (inches, ","),
@@ -121,4 +164,5 @@ def text(name: str) -> str:
 
 if __name__ == "__main__":
     for name in FILES:
+        (HERE / name).parent.mkdir(exist_ok=True)
         (HERE / name).write_text(text(name), encoding="utf-8")

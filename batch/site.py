@@ -1,0 +1,96 @@
+"""The site of all cards of a batch; what none of them tells yet is asked for once, above them."""
+
+import json
+import os
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+
+from ..cards.publishing import TITLE, Report, publish
+from ..datasets.errors import DataError, UsageError
+from ..parameters.file import put_in_place
+from .engine import Meter
+from .result.records import PAIRS
+
+SITE = "site"
+TOML = "card.toml"
+STAMP = Path(".batch", "site.json")
+
+__all__ = ["TITLE", "site_of"]
+
+
+def check_card(card: str | os.PathLike[str]) -> None:
+    """Refuse a card.toml that is none, before anything is fitted.
+
+    Raises
+    ------
+    UsageError, DataError
+        There is no such file; it is no TOML, or a key of it is not known.
+    """
+    from ..cards.gate.reading import read_toml
+
+    if not Path(card).is_file():
+        raise UsageError(f"{card}: there is no such file; --card names a card.toml that holds for all pairs.")
+    read_toml(card)
+
+
+def site_of(
+    out: Path, card: str | os.PathLike[str] | None, title: str, jobs: int, meter: Meter, keys: Sequence[str]
+) -> Report | None:
+    """Publish the cards in ``out``, unless the site of these very blocks stands there already.
+
+    None where no pair has a parameter file. What is asked for in a ``card.toml`` is the user's from then on: no batch
+    takes it away.
+    """
+    pairs = out / PAIRS
+    if not any(pairs.glob("*/params.json")):
+        return None
+    before = _before(out / STAMP)
+    stamp = {"card": None if before is None else before.get("card")}
+    if card is not None:
+        stamp["card"] = _brought(Path(card), pairs / TOML, stamp["card"])
+    stamp["of"] = _of(pairs, title, keys)
+    if before is not None and before.get("of") == stamp["of"] and (out / SITE / "cards.json").is_file():
+        return Report(site=out / SITE, unchanged=True, found=sum(1 for _ in pairs.glob("*/params.json")))
+    report = publish(pairs, out / SITE, title=title, jobs=jobs, force=True, told=meter.say)
+    published = report.ok and report.site is not None
+    put_in_place(out / STAMP, json.dumps(stamp if published else {**stamp, "of": None}).encode())
+    return report
+
+
+def _brought(card: Path, to: Path, before: str | None) -> str:
+    """Put ``--card`` above the pairs, unless somebody filled in another there; its SHA-256."""
+    content = card.read_bytes()
+    new = sha256(content).hexdigest()
+    if to.is_file() and sha256(to.read_bytes()).hexdigest() not in (new, before) and _tells(to):
+        raise UsageError(f"{to} tells something else than --card {card}; leave --card out to use it, or remove it.")
+    put_in_place(to, content)
+    return new
+
+
+def _tells(path: Path) -> bool:
+    """Whether a card.toml tells anything: a template tells nothing yet, and what is none is not ours to judge."""
+    from ..cards.gate.reading import read_toml
+    from ..cards.gate.told import Told
+
+    try:
+        return read_toml(path) != Told(name=str(path))
+    except DataError:
+        return True
+
+
+def _of(pairs: Path, title: str, keys: Sequence[str]) -> str:
+    """What the site depends on: the blocks, every card.toml, the title."""
+    made = sha256("\n".join([title, *keys]).encode())
+    for path in sorted([pairs / TOML, *pairs.glob(f"*/{TOML}")]):
+        if path.is_file():
+            made.update(path.relative_to(pairs).as_posix().encode() + path.read_bytes())
+    return made.hexdigest()
+
+
+def _before(path: Path) -> dict[str, str | None] | None:
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return None
+    return data if isinstance(data, dict) else None

@@ -1,0 +1,122 @@
+"""``fitmodels batch``: 10 000 simulated pairs of 144 rows from Parquet to results, one core and more, joblib and Dask.
+
+    OMP_NUM_THREADS=1 python benchmarks/batch.py [PAIRS] [PAIRS_OF_THE_LOOP] [PAIRS_WITH_FILES]
+
+Against a loop of statsmodels OLS with the same statistics, which reads the same Parquet file and writes its own CSV;
+it runs over some pairs and is extrapolated. Then the same batch on 1 and 2 processes, through joblib and on a local
+Dask cluster, for the table alone and with parameter files (checks and posterior). Aims: 20 times the loop on one
+core, 1.7 times as fast on two. Engines are timed warm: their processes have imported what they need. No measurement:
+all pairs are simulated.
+"""
+
+import gc
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+from fitmodels import batch
+from fitmodels.batch.blocks_done import blocks_done
+from fitmodels.batch.engine import Meter, engine
+from fitmodels.batch.plan import Reading
+from fitmodels.batch.result.place import folder_names, prepare, put
+from fitmodels.batch.result.table import csv_bytes, results_frame
+from fitmodels.batch.source import open_source
+from many_laws import FACTORS, by_statsmodels, simulated
+
+AIM_LOOP, AIM_TWO = 20, 1.7
+
+
+def write(pairs, path):
+    frame, _ = simulated(pairs)
+    table = pa.Table.from_pandas(frame.assign(work="steel"), preserve_index=False)
+    for name in ("tool", "work", "edge"):
+        at = table.column_names.index(name)
+        table = table.set_column(at, name, table.column(at).dictionary_encode())
+    pq.write_table(table, path, row_group_size=100_000)
+
+
+def to_results(source, out, workers, files, most_pairs):
+    """From Parquet to results.csv and the parameter files; seconds of the whole and of fitting, and the results."""
+    how = batch.How(files=files)
+    begun = time.perf_counter()
+    with prepare(out, source.name, how, force=True):
+        plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=out / ".batch" / "source")
+        done = blocks_done(plan, how, out, folder_names(plan.pairs), workers, Meter(0, "pairs"))
+        results = results_frame([pair for block in done.outcomes for pair in block.pairs])
+        put(out, "results.csv", csv_bytes(results))
+    return time.perf_counter() - begun, done.seconds, results
+
+
+def the_loop(source, out, pairs):
+    """Read the same file, fit some of its pairs one after the other, write their statistics."""
+    begun = time.perf_counter()
+    frame = pd.read_parquet(source)
+    read = time.perf_counter() - begun
+    some = frame[frame["tool"].isin(frame["tool"].drop_duplicates().head(pairs))].copy()
+    some["tool"] = some["tool"].astype(str)
+    begun = time.perf_counter()
+    found = by_statsmodels(some)
+    pd.DataFrame(found).to_csv(out / "loop.csv")
+    return read, time.perf_counter() - begun, found
+
+
+def against_the_loop(source, folder, pairs, looped):
+    with engine() as workers:
+        to_results(source, folder / "warm", workers, files=False, most_pairs=1000)
+        runs = [to_results(source, folder / "one", workers, files=False, most_pairs=1000) for _ in range(3)]
+    whole, fitting, results = sorted(runs, key=lambda run: run[0])[1]
+    read, looping, theirs = the_loop(source, folder, looped)
+    loop = read + looping * pairs / looped
+    print(f"batch, one process: Parquet to results.csv {whole:7.2f} s (median of 3), of which blocks {fitting:.2f} s")
+    print(f"loop of statsmodels OLS: Parquet to CSV    {loop:7.2f} s (from {looped} pairs)")
+    print(f"ratio {loop / whole:.1f}, aim {AIM_LOOP}; of blocks alone {(loop - read) / fitting:.1f}")
+    names = [f"{part}_{name}" for part in ("row_bse", "params", "bse", "tvalues", "pvalues") for name in FACTORS]
+    names += ["rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se"]
+    ours = results[names].to_numpy(dtype=float)[:looped]
+    print(f"largest relative difference of a statistic: {np.max(np.abs(ours / theirs - 1)):.1e}")
+
+
+def on_engines(source, folder, files, most_pairs):
+    what = "with parameter files" if files else "the table alone"
+    seconds = {}
+    for label, given in {
+        "1 process": {},
+        "2, joblib": {"jobs": 2},
+        "2, Dask local": {"jobs": 2, "dask": "local"},
+    }.items():
+        with engine(**given) as workers:
+            to_results(source, folder / "warm", workers, files, most_pairs)
+            whole, fitting, results = to_results(source, folder / label, workers, files, most_pairs)
+        seconds[label] = whole
+        n = len(results)
+        print(f"{what}, {label:<14} {whole:7.2f} s, {n / whole:7.1f} pairs/s; blocks {fitting:.2f} s")
+    one, two, dask = seconds.values()
+    print(f"{what}: two processes {one / two:.2f} times as fast as one (aim {AIM_TWO}), by Dask {one / dask:.2f} times")
+
+
+def main(pairs, looped, with_files):
+    cores = len(os.sched_getaffinity(0))
+    print(
+        f"{pairs} simulated pairs of 144 rows; {cores} cores, Python {sys.version.split()[0]}, numpy {np.__version__}"
+    )
+    gc.disable()  # as the command does
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        source, few = folder / "pairs.parquet", folder / "few.parquet"
+        write(pairs, source)
+        write(with_files, few)
+        against_the_loop(source, folder, pairs, looped)
+        on_engines(source, folder, files=False, most_pairs=1000)
+        print(f"{with_files} pairs with parameter files")
+        on_engines(few, folder, files=True, most_pairs=16)
+
+
+if __name__ == "__main__":
+    given = [int(word) for word in sys.argv[1:]]
+    main(*(given + [10_000, 500, 200][len(given) :]))
