@@ -5,8 +5,8 @@ the results, so that these pile up in memory; and loky's own pool, not the one t
 process, so that it can be ended here.
 """
 
-import gc
 import re
+import threading
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Executor, Future
@@ -27,6 +27,7 @@ R = TypeVar("R")
 
 AHEAD = 2  # tasks a process: one at work and one at hand; loky takes in no more
 TAKEN_IN = 5.0  # s; it takes a thousandth of that
+FEEDER = "QueueFeederThread"  # as multiprocessing.queues names it
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
@@ -93,32 +94,33 @@ def processes(jobs: int) -> Iterator[Processes]:
         from joblib.externals.loky import ProcessPoolExecutor  # type: ignore[import-untyped]
     except ImportError:
         raise UsageError("joblib is not installed: pip install 'fitmodels[batch]', or run with --jobs 1.") from None
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), _feeders_joined():
         # loky renews a process that has grown by 0.3 GB; that is no news, and as an error it would end loky's thread
         warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
-        executor = ProcessPoolExecutor(jobs, env=ONE_THREAD)
+        with uninterrupted():
+            executor = ProcessPoolExecutor(jobs, env=ONE_THREAD)
         run = Processes(jobs, executor)
         try:
             yield run
         finally:
-            with uninterrupted(), _collected_once():  # a second Ctrl-C waits until all is put away
+            with uninterrupted():  # a second Ctrl-C waits until all is put away
                 executor.shutdown(wait=True, kill_workers=run.busy())
 
 
 @contextmanager
-def _collected_once() -> Iterator[None]:
-    """Collect garbage at the end of the block, not in it.
+def _feeders_joined() -> Iterator[None]:
+    """Wait in the end for the threads that fed loky's queues in the block, as its shutdown does not always.
 
-    A semaphore that is collected while loky signs off another one stays signed on, which is then told on stderr.
+    Such a thread signs off the semaphores of its queue at its very end; where the process ends before, loky's tracker
+    of resources complains on standard error.
     """
-    collecting = gc.isenabled()
-    gc.disable()
+    before = set(threading.enumerate())
     try:
         yield
     finally:
-        gc.collect()
-        if collecting:
-            gc.enable()
+        for thread in set(threading.enumerate()) - before:
+            if thread.name == FEEDER:
+                thread.join(TAKEN_IN)
 
 
 def _ended(error: BrokenProcessPool, jobs: int) -> str:
