@@ -73,8 +73,9 @@ def laws_block(made: Batch) -> RenderableType:
     blocks: list[RenderableType] = [title]
     for key, rows in laws.groupby(["response", "form"], sort=False):
         response, form = map(str, key)
-        quantity = ROLES[response].quantity if response in ROLES else ""
-        head = f"{response}  {quantity}: {form.replace('_', ' ')}, {_pairs(len(rows))}"
+        role = ROLES.get(response)
+        quantity = "" if role is None else f"  {role.quantity}, {role.unit}" if role.unit else f"  {role.quantity}"
+        head = f"{response}{quantity}: {form.replace('_', ' ')}, {_pairs(len(rows))}"
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
         table.add_column("")
         for words in ("quarter below", "half below", "three quarters below"):
@@ -147,7 +148,8 @@ def _effort(made: Batch) -> Iterator[str]:
     e = made.effort
     if e.fitted:
         rate = f", {_rate(e.fitted / e.seconds)} a second" if e.seconds > 0 else ""
-        yield f"Fitted {_pairs(e.fitted)} in {_seconds(e.seconds)} by {e.where}{rate}{_memory(e.memory)}."
+        memory = _memory(max(e.memory, e.memory_here))
+        yield f"Fitted {_pairs(e.fitted)} in {_seconds(e.seconds)} by {e.where}{rate}{memory}."
     if e.kept:
         yield f"Kept {_pairs(e.kept)} from before: their rows and the options are the same."
 

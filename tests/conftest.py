@@ -7,6 +7,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("tests", deadline=None)  # how long one example takes is the machine's affair
+settings.load_profile("tests")
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -19,6 +19,8 @@ from fitmodels.batch.plan import Plan, Unreadable
 from fitmodels.cli import main
 from rich.console import Console
 
+pytestmark = pytest.mark.slow  # processes and clusters
+
 WEAR = datasets.SimulatedLaw("VB", "mm", 0.009, {"V": 0.52, "f": 0.15, "t": 0.25}, 0.08, 0.07)
 PLAN = datasets.central_composite({"V": (72, 117), "f": (0.1, 0.3)}, seed=1)
 CARD = """license = "CC-BY-4.0"
@@ -92,7 +94,7 @@ def test_the_first_run_tells_everything_and_the_second_that_nothing_is_new(shop,
     said = capsys.readouterr().out
     for words in (
         "lab: 2 lab files; 320 rows, 2 pairs", "of at most 320 rows in memory at a time", "Laws of 2 of 2 pairs",
-        "VB  flank wear: power, 2 pairs", "V exponent", "Fitted 2 pairs in", "MB at most.", "Written: lab-batch/ (",
+        "VB  flank wear, mm: power, 2 pairs", "V exponent", "Fitted 2 pairs in", "MB at most.", "Written: lab-batch/ (",
         "No site was written: 2 of 2 pairs cannot be published yet.", "lab-batch/pairs/card.toml asks for",
         "the ISO 513 group of each material; give it with --pairs TABLE",
     ):  # fmt: skip

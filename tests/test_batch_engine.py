@@ -1,6 +1,7 @@
 """Three engines, one behaviour: results, order, what is lost, how it ends."""
 
 import io
+import json
 import math
 import operator
 import os
@@ -22,6 +23,7 @@ from fitmodels.datasets.errors import FitmodelsError, UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+pytestmark = pytest.mark.slow  # processes and clusters
 progress_module = sys.modules["fitmodels.batch.engine.progress"]
 needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
 
@@ -195,7 +197,7 @@ def test_a_cluster_at_an_address_is_used_and_its_workers_are_waited_for(local):
 
 def test_a_scheduler_file_names_the_scheduler(local, tmp_path):
     path = tmp_path / "scheduler.json"
-    local.client.write_scheduler_file(str(path))
+    path.write_text(json.dumps({"type": "Scheduler", "address": local.client.scheduler.address}), "utf-8")
     with engine(dask=str(path)) as run:
         assert run.map(abs, [-1]) == [1]
 
