@@ -6,6 +6,7 @@
 Guesses: area method and overshoot, Astrom & Hagglund 1995, PID Controllers, sections 2.4 and 2.5.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,7 +49,7 @@ def guesses(order: int, runs: Sequence[Stretch], delay: float | None) -> list[tu
     """Shapes and delays to start from: ([T] or [wn, zeta], delay) each."""
     z, t, dt = _longest(runs)
     area = max(float(np.trapezoid(1 - z, t)), dt)  # mean residence time: delay and time constants together
-    T = float(np.e * np.trapezoid(z[t <= area], t[t <= area])) if (t <= area).sum() > 1 else area
+    T = float(math.e * np.trapezoid(z[t <= area], t[t <= area])) if (t <= area).sum() > 1 else area
     dead = min(max(area - T, 0.0), 0.9 * area)
     delays = [dead, dead / 2, 0.0] if delay is None else [delay]
     out: list[tuple[list[float], float]] = []
