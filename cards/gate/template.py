@@ -28,7 +28,7 @@ def template_of_many(pairs: int, fields: Sequence[str]) -> str:
     """The text of a card.toml above many pairs, which asks once for what none of them tells.
 
     >>> template_of_many(40, ["license"]).splitlines()[0]
-    '# What none of the 40 cards below tells yet; a card.toml beside a pair adds to this one and counts first.'
+    '# What none of the 40 cards below tells yet. A card.toml beside a pair adds to this one and counts first.'
     """
     words = (
         f"What none of the {pairs} cards below tells yet. A card.toml beside a pair adds to this one and counts first."
