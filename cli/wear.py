@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from ..datasets.records.look import Look
     from ..datasets.tables import Table
 
-LONGEST_NAME = 80  # bytes of tool and of work in a folder's name; most file systems end at 255 for both
 OPTIONS_OF_A_FIT = (
     "map",
     "unit",
@@ -145,6 +143,7 @@ def _identify(args: argparse.Namespace) -> int:
 
 def _jobs(runs: "Runs", args: argparse.Namespace, options: Mapping[str, Any]) -> list[Job]:
     """The pairs and their folders; an existing result stops everything before anything is fitted."""
+    from ..cards.names import folder_names
     from ..datasets.errors import UsageError
 
     each = [runs] if args.by else list(runs.pairs())
@@ -154,8 +153,8 @@ def _jobs(runs: "Runs", args: argparse.Namespace, options: Mapping[str, Any]) ->
     if root.exists() and not root.is_dir():
         raise UsageError(f"{root} is a file; choose a folder with --out.")
     jobs: list[Job] = []
-    for pair in each:
-        folder = root / _folder_name(pair.tool, pair.work, {job.folder.name for job in jobs if job.folder})
+    names = folder_names((pair.tool, pair.work) for pair in each)
+    for pair, folder in zip(each, (root / name for name in names), strict=True):
         same = not args.force and _holds(folder, pair, options)
         if not (same or args.force) and folder.is_dir() and any(folder.iterdir()):
             raise UsageError(
@@ -164,17 +163,6 @@ def _jobs(runs: "Runs", args: argparse.Namespace, options: Mapping[str, Any]) ->
             )
         jobs.append(Job(pair, folder, same))
     return jobs
-
-
-def _folder_name(tool: str, work: str, taken: set[str]) -> str:
-    """``<tool>_<work>`` in letters that every file system takes, and that stay inside the folder."""
-    words = [re.sub(r"[^\w.-]+", "-", name).strip("-._") for name in (tool, work)]
-    short = [word.encode()[:LONGEST_NAME].decode(errors="ignore").rstrip("-._") for word in words]
-    words = [word or "unnamed" for word in short]
-    name, number = "_".join(words), 2
-    while name.lower() in {other.lower() for other in taken}:
-        name, number = f"{'_'.join(words)}-{number}", number + 1
-    return name
 
 
 def _holds(folder: Path, runs: "Runs", options: Mapping[str, Any]) -> bool:
