@@ -1,9 +1,15 @@
 """What came of a pair and of a block: rows of the table, files, reasons."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 Cell = str | float | int | bool | None
+
+# Columns of a law's row: the law as a whole, of each of its parameters (``params_V``), and notes.
+WHOLE = ("nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se")
+PARTS = ("params", "bse", "row_bse", "low", "high", "tvalues", "pvalues")
+NOTES = ("by_edge", "dropped", "left_out", "edge_reason")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,3 +80,20 @@ class BlockOutcome:
     units: Mapping[str, str]
     seconds: float
     memory: int
+
+
+def cell(value: object) -> Cell:
+    """A value of a row as Python's own; what is no number, or none that is finite, is None.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> cell(np.float64(0.5)), cell(np.int64(3)), cell(float("nan")), cell("exact")
+    (0.5, 3, None, 'exact')
+    """
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    value = value.item() if hasattr(value, "item") else value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value if isinstance(value, str | bool | int) else str(value)

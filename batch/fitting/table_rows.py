@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fit.defaults import Asked
-from ..outcome import Cell
+from ..outcome import NOTES, PARTS, WHOLE, Cell, cell
 
 if TYPE_CHECKING:
     from ...fit import LawFit, ManyLaws, StreamedLaw
@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 LawRow: TypeAlias = Mapping[str, Cell]
 
 LEVEL = 0.95
-WHOLE = ("nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se")
-NOTES = ("by_edge", "dropped", "left_out", "edge_reason")
-OF_EACH = ("params", "bse", "row_bse", "low", "high", "tvalues", "pvalues")
 FORMS = {"power": "power", "load": "load_line", "exponential": "exponential"}
 
 
@@ -55,7 +52,7 @@ def rows_of_many(laws: "ManyLaws", unit: str, reasons: Mapping[int, str] | None 
     columns["n_edges"] = cells(table["n_edges"].to_numpy(), table["n_edges"].to_numpy() > 0)
     columns |= {name: table[name].tolist() for name in NOTES}
     for name in laws.names:
-        for part in OF_EACH:
+        for part in PARTS:
             held = ends if part in ("low", "high") else table
             columns[f"{part}_{name}"] = cells(held[f"{part}_{name}"].to_numpy())
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
@@ -84,10 +81,10 @@ def row_of(law: "LawFit | StreamedLaw", asked: Asked) -> dict[str, Cell]:
         "edge_reason": "" if isinstance(law.edges, EdgeInference) else law.edges.reason,
     }  # fmt: skip
     ends = law.conf_int(LEVEL)
-    held = {name: getattr(law, name) for name in OF_EACH if name not in ends} | {name: ends[name] for name in ends}
+    held = {name: getattr(law, name) for name in PARTS if name not in ends} | {name: ends[name] for name in ends}
     names = law.names if asked.kind != "power" else ("c0", *asked.factors)
     for name in names:
-        row |= {f"{part}_{name}": cell(held[part].get(name)) for part in OF_EACH}
+        row |= {f"{part}_{name}": cell(held[part].get(name)) for part in PARTS}
     return row
 
 
@@ -104,22 +101,7 @@ def row_without(asked: Asked, unit: str, reason: str) -> dict[str, Cell]:
         **dict.fromkeys(WHOLE), "nobs": 0, "by_edge": False, "dropped": 0, "left_out": "", "edge_reason": "",
     }  # fmt: skip
     names = ("c0", *asked.factors) if asked.kind == "power" else ()
-    return row | {f"{part}_{name}": None for name in names for part in OF_EACH}
-
-
-def cell(value: object) -> Cell:
-    """A plain cell: finite, or None.
-
-    >>> cell(np.float64("nan")), cell(np.int64(3))
-    (None, 3)
-    """
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    return None if value is None else str(value)
+    return row | {f"{part}_{name}": None for name in names for part in PARTS}
 
 
 def cells(values: NDArray[Any], there: NDArray[np.bool_] | None = None) -> list[Cell]:

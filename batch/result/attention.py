@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..outcome import Cell, Concern, PairOutcome
+from ..outcome import Cell, Concern, PairOutcome, cell
 from ..plan import Pair
-from .records import cell
 
 NO_LAW = "no law"
 SCATTERS = "scatters more than the others"

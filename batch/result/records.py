@@ -13,7 +13,7 @@ from ... import __version__
 from ...datasets.errors import UsageError
 from ...parameters.file import put_in_place
 from ..how import How
-from ..outcome import BlockOutcome, Cell, Concern, PairOutcome
+from ..outcome import BlockOutcome, Cell, Concern, PairOutcome, cell
 from ..plan import Block, Pair, Plan
 
 SCHEMA = "fitmodels.batch-block/1"
@@ -210,20 +210,3 @@ def _outcome(data: Mapping[str, Any]) -> BlockOutcome:
         for pair in data["pairs"]
     )  # fmt: skip
     return BlockOutcome(pairs, data["unreadable"], data["units"], data["seconds"], data["memory"])
-
-
-def cell(value: object) -> Cell:
-    """A value of a row as Python's own; what is no number, or none that is finite, is None.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> cell(np.float64(0.5)), cell(np.int64(3)), cell(float("nan")), cell("exact")
-    (0.5, 3, None, 'exact')
-    """
-    if isinstance(value, str | bool | int) or value is None:
-        return value
-    value = value.item() if hasattr(value, "item") else value
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value if isinstance(value, str | bool | int) else str(value)

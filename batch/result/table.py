@@ -12,13 +12,11 @@ import pandas as pd
 
 from ...datasets.errors import DataError
 from ...datasets.vocabulary import ROLES
-from ..outcome import Cell, PairOutcome
-from .records import cell
+from ..outcome import NOTES, PARTS, WHOLE, Cell, PairOutcome, cell
 
 LAW = ("response", "form", "unit", "reason")
-WHOLE = ("simulated", "nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se")
-PARTS = ("params", "bse", "row_bse", "low", "high", "tvalues", "pvalues")
-NOTES = ("by_edge", "dropped", "left_out", "edge_reason", "no_posterior")
+BEFORE = ("simulated", *WHOLE)
+AFTER = (*NOTES, "no_posterior")
 TEXTS = {*LAW, "left_out", "edge_reason", "no_posterior", "kind", "words", "grouping", "family", "factor"}
 
 _PARAMETER = re.compile(f"({'|'.join(PARTS)})_(.+)", re.DOTALL)
@@ -75,7 +73,7 @@ def group_column(header: str) -> str:
     >>> group_column("grade"), group_column("form")
     ('grade', 'form (group)')
     """
-    own = header in {"tool", "work", *LAW, *WHOLE, *NOTES} or header.startswith("posterior")
+    own = header in {"tool", "work", *LAW, *BEFORE, *AFTER} or header.startswith("posterior")
     return f"{header} (group)" if own or _PARAMETER.fullmatch(header) else header
 
 
@@ -147,9 +145,9 @@ def _read(header: list[str], rows: list[list[str]], texts: Collection[str]) -> p
 
 def _in_order(names: set[str]) -> list[str]:
     """Columns of laws in an order that does not depend on which law came first."""
-    known = [name for name in (*WHOLE,) if name in names]
-    ends = [name for name in NOTES if name in names]
-    told = {name: found for name in names if (found := _PARAMETER.fullmatch(name)) and name not in (*WHOLE, *NOTES)}
+    known = [name for name in BEFORE if name in names]
+    ends = [name for name in AFTER if name in names]
+    told = {name: found for name in names if (found := _PARAMETER.fullmatch(name)) and name not in (*BEFORE, *AFTER)}
     parameters = sorted(told, key=lambda name: (*_rank(told[name][2]), PARTS.index(told[name][1])))
     rest = names - {*LAW, *known, *ends, *parameters}
     posterior = sorted((name for name in rest if name.startswith("posterior")), key=_rank_of_posterior)
