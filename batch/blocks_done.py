@@ -50,27 +50,21 @@ def blocks_done(plan: Plan, how: How, out: Path, folders: Mapping[Pair, str], wo
     meter.say("fitting")
     begun = time.perf_counter()
     memory = 0
-    work = partial(_work, plan=replace(plan, blocks=(), unreadable=()), how=how)
+    work = partial(fit_block, plan=replace(plan, blocks=(), unreadable=()), how=how)
     for at, outcome in workers(work, [plan.blocks[i] for i in todo]):
         i = todo[at]
         record(out, keys[i], outcome, folders)
         memory = max(memory, outcome.memory)
-        outcomes[i] = without_files(outcome)
+        outcomes[i] = _without_files(outcome)
         meter.advance(len(plan.blocks[i].pairs))
     in_order = tuple(outcomes[i] for i in range(len(keys)))
     return Done(in_order, keys, len(plan.pairs) - kept, kept, time.perf_counter() - begun, memory)
-
-
-def _work(block: Block, plan: Plan, how: How) -> BlockOutcome:
-    """Fit a block, with the plan in second place: what tasks share is sent along once for each."""
-    return fit_block(block, plan, how)
 
 
 def _pairs(blocks: Sequence[Block], which: Mapping[int, object]) -> int:
     return sum(len(blocks[i].pairs) for i in which)
 
 
-def without_files(outcome: BlockOutcome) -> BlockOutcome:
-    """The outcome once its files are written: the names are kept, the bytes are not."""
-    pairs = tuple(replace(pair, files=dict.fromkeys(pair.files, b"")) for pair in outcome.pairs)
-    return replace(outcome, pairs=pairs)
+def _without_files(outcome: BlockOutcome) -> BlockOutcome:
+    """The outcome once its files are written, as its record gives it back."""
+    return replace(outcome, pairs=tuple(replace(pair, files={}) for pair in outcome.pairs))

@@ -115,11 +115,11 @@ def _assemble(
 ) -> Runs:
     uses, data, assumed = assign(columns, mapping, units)
     roled = {role: ROLES[role].unit for role in data if ROLES[role].unit}
-    assumed = (*_computed(data, roled, mapping), *_decoded(data, ranges), *assumed)
+    assumed = (*with_thrust(data, roled, mapping), *_decoded(data, ranges), *assumed)
     data |= _without_role(columns, uses, data)
     given = {"tool": tool, "work": work}
     frame = pd.DataFrame({name: v for name, v in data.items() if given.get(name) is None})
-    named = {role: given[role] or _pair_name(role, frame, notes) for role in given}
+    named = {role: given[role] or pair_name(role, frame, notes) for role in given}
     assumed += tuple(
         f"{role}: not named in the file, called {name}; name it with --{role}"
         for role, name in named.items()
@@ -128,8 +128,12 @@ def _assemble(
     return Runs(frame, roled, uses, lines, source, named["tool"], named["work"], assumed, warnings, notes)
 
 
-def _computed(data: dict[str, Values], units: dict[str, str], mapping: Mapping[str, str]) -> tuple[str, ...]:
-    """Put Fxz beside Fx and Fz, unless the file has it or the user wants none."""
+def with_thrust(data: dict[str, Values], units: dict[str, str], mapping: Mapping[str, str]) -> tuple[str, ...]:
+    """Put Fxz beside Fx and Fz, in place, unless they have it or the user wants none; what is to be said of it.
+
+    >>> with_thrust({"Fx": np.array([3.0]), "Fz": np.array([4.0])}, {}, {})
+    ("Fxz is computed from the file's Fx and Fz: sqrt(Fx^2 + Fz^2)",)
+    """
     if "Fxz" in data or not {"Fx", "Fz"} <= set(data) or mapping.get("Fxz", "").strip().lower() == NONE:
         return ()
     data["Fxz"] = np.hypot(data["Fx"].astype(float), data["Fz"].astype(float))
@@ -162,8 +166,12 @@ def _without_role(
     return out
 
 
-def _pair_name(role: str, frame: pd.DataFrame, notes: tuple[str, ...]) -> str:
-    """Name of tool or work: from its column, from a note ``tool: GC435``, or the stand-in."""
+def pair_name(role: str, frame: pd.DataFrame, notes: tuple[str, ...]) -> str:
+    """Name of tool or work: from its column, from a note ``tool: GC435``, or the stand-in.
+
+    >>> pair_name("tool", pd.DataFrame(), ("Werkzeug: GC435",))
+    'GC435'
+    """
     if role in frame:
         names = [name for name in dict.fromkeys(frame[role]) if name]
         return names[0] if len(names) == 1 else "several" if names else UNNAMED[role]

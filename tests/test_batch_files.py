@@ -14,7 +14,7 @@ from fitmodels.batch.source import chunks_of, open_source, rows_of
 from fitmodels.batch.source.csv_cells import Cells
 from fitmodels.batch.source.csv_stream import converted, csv_stream
 from fitmodels.datasets.errors import DataError, UsageError
-from fitmodels.datasets.tables.numerals import _MISSING_AS_WRITTEN, to_floats
+from fitmodels.datasets.tables.numerals import MISSING_AS_WRITTEN, to_floats
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -474,7 +474,7 @@ def test_a_large_file_alone_is_streamed(tmp_path, monkeypatch):
 )  # fmt: skip
 def test_cells_of_a_stream_are_read_as_those_of_a_lab_file(texts, decimal):
     cells = Cells(decimal)
-    known = pa.array([None if text in _MISSING_AS_WRITTEN else text for text in texts], pa.string())
+    known = pa.array([None if text in MISSING_AS_WRITTEN else text for text in texts], pa.string())
     values, bad = to_floats(texts, decimal)
     np.testing.assert_array_equal(cells.numbers("x", known, 1).to_numpy(zero_copy_only=False).astype(float), values)
     odd = cells.odd.get("x")

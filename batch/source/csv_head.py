@@ -11,7 +11,7 @@ from ...datasets import read_table
 from ...datasets.columns import ColumnUse, assign
 from ...datasets.errors import DataError
 from ...datasets.headers import parse_header
-from ...datasets.reading import _pair_name
+from ...datasets.reading import pair_name
 from ...datasets.tables import Column, Table
 from ...datasets.tables.dialect import split_line
 from ...datasets.tables.numerals import Decimal
@@ -150,7 +150,7 @@ def _names(
     given = {"tool": reading.tool, "work": reading.work}
     for role, name in given.items():
         if name is None and role not in labels:
-            noted = _pair_name(role, labels, notes)
+            noted = pair_name(role, labels, notes)
             given[role] = None if noted == UNNAMED[role] else noted
     if given["tool"] is None and "tool" not in labels:
         given["tool"] = path.stem

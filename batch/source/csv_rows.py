@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ...datasets.errors import DataError
 from ...datasets.tables.dialect import is_comment, split_line
 from ...datasets.tables.layout import footer_label
-from ...datasets.tables.numerals import _MISSING_AS_WRITTEN, is_number
+from ...datasets.tables.numerals import MISSING_AS_WRITTEN, is_number
 
 if TYPE_CHECKING:
     from .csv_cells import Cells
@@ -90,7 +90,7 @@ def batches(
         done += waiting.num_rows
     if met.short:
         names = [column.name for column in head.columns]
-        columns = [pa.array([cell if cell not in _MISSING_AS_WRITTEN else None for cell in column], pa.string())
+        columns = [pa.array([cell if cell not in MISSING_AS_WRITTEN else None for cell in column], pa.string())
                    for column in zip(*met.short, strict=True)]  # fmt: skip
         yield _columns(pa.RecordBatch.from_arrays(columns, names=names), head, cells, done)
 
@@ -113,7 +113,7 @@ def _texts(source: Path, head: "Head", met: Met, told: Callable[[str], None], bl
                 parse_options=csv.ParseOptions(delimiter=head.delimiter, invalid_row_handler=met.odd),
                 convert_options=csv.ConvertOptions(
                     column_types=dict.fromkeys((*names, *padded), pa.string()), include_columns=names,
-                    include_missing_columns=True, null_values=sorted(_MISSING_AS_WRITTEN), strings_can_be_null=True,
+                    include_missing_columns=True, null_values=sorted(MISSING_AS_WRITTEN), strings_can_be_null=True,
                 ),
             )  # fmt: skip
             with reader:

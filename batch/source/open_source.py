@@ -13,8 +13,8 @@ from ...datasets.tables.decode import load_bytes
 from ..plan import Block, Plan, Reading
 from ..rows import Rows
 
-LAB = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
 PARQUET = (".parquet", ".pq", ".parq")
+LAB = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
 LARGE = 60_000_000  # bytes of a text file; read whole it takes ten times as much memory
 OURS = ("results.csv", "attention.csv", "comparison.csv", "pooled.csv", "pairs", "figures", "site")
 SHOWN = 3  # names in a sentence

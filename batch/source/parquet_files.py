@@ -9,9 +9,9 @@ from typing import Any
 from urllib.parse import unquote
 
 from ...datasets.errors import DataError
+from .open_source import PARQUET
 from .parquet_arrow import pq
 
-ENDINGS = (".parquet", ".pq", ".parq")
 NOTHING = "__HIVE_DEFAULT_PARTITION__"  # how Hive and Spark name the folder of rows without a value
 FILE_NAME = "file name"  # header of what the name of a file says of all its rows
 
@@ -39,7 +39,7 @@ def parquet_files(source: Path, without: Path) -> tuple[ParquetFile, ...]:
         return (ParquetFile(source, source.name, stamp_of(source), ()),)
     found = sorted(_inside(source, without.resolve()), key=lambda path: path.relative_to(source).parts)
     if not found:
-        raise DataError(f"{source.name} holds no Parquet file ({', '.join(ENDINGS)}) at any depth.")
+        raise DataError(f"{source.name} holds no Parquet file ({', '.join(PARQUET)}) at any depth.")
     names = [path.relative_to(source) for path in found]
     return tuple(
         ParquetFile(path, name.as_posix(), stamp_of(path), hive(name.parts[:-1]))
@@ -50,7 +50,7 @@ def parquet_files(source: Path, without: Path) -> tuple[ParquetFile, ...]:
 def _inside(source: Path, without: Path) -> Iterator[Path]:
     for path in source.rglob("*"):
         hidden = any(part.startswith((".", "_")) for part in path.relative_to(source).parts)
-        if not hidden and path.suffix.lower() in ENDINGS and path.is_file() and without not in path.parents:
+        if not hidden and path.suffix.lower() in PARQUET and path.is_file() and without not in path.parents:
             yield path
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from ...datasets.coded import decode
 from ...datasets.columns import ColumnUse
 from ...datasets.errors import DataError
-from ...datasets.reading import _computed
+from ...datasets.reading import with_thrust
 from ...datasets.runs import Source
 from ...datasets.units import convert
 from ...datasets.vocabulary import ROLES
@@ -188,7 +188,7 @@ def _frame(read: list[_Read], block: Block, plan: Plan) -> tuple[pd.DataFrame, d
         elif use.role not in texts:
             texts[use.role or _group_name(use, plan)] = joined([some for some in values if isinstance(some, Labels)])
     units = {role: ROLES[role].unit for role in data}
-    _computed(data, units, plan.reading.map)  # type: ignore[arg-type]
+    with_thrust(data, units, plan.reading.map)  # type: ignore[arg-type]
     for name in plan.reading.groups:  # a group may be a column that has a role too
         if name not in data and name not in texts and (role := group_column(plan.columns, name).role) in texts:
             texts[name] = texts[str(role)]

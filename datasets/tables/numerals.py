@@ -22,7 +22,7 @@ _MISSING_TEXTS = """
 """
 _MISSING = frozenset(["", *_MISSING_TEXTS.split()])
 # Spellings met in long files, looked up as they stand; any other goes through the strict path.
-_MISSING_AS_WRITTEN = _MISSING | {mark.upper() for mark in _MISSING} | {"NaN", "Null", "None"}
+MISSING_AS_WRITTEN = _MISSING | {mark.upper() for mark in _MISSING} | {"NaN", "Null", "None"}
 
 
 def _grammar(mark: str, other: str) -> re.Pattern[str]:
@@ -108,7 +108,7 @@ def _plain_floats(cells: Sequence[Cell], decimal: Decimal) -> NDArray[np.float64
         values = np.fromiter(map(float, parts), dtype=float, count=len(parts))
     except ValueError:
         try:
-            values = np.array([math.nan if part in _MISSING_AS_WRITTEN else float(part) for part in parts])
+            values = np.array([math.nan if part in MISSING_AS_WRITTEN else float(part) for part in parts])
         except ValueError:
             return None
     return None if np.isinf(values).any() else values
