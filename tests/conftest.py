@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-settings.register_profile("tests", deadline=None)  # how long one example takes is the machine's affair
+# The same examples every time, and as long as the machine takes; `--hypothesis-profile explore` draws new and more.
+settings.register_profile("tests", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile("tests")
 
 ROOT = Path(__file__).resolve().parent.parent

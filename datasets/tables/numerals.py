@@ -53,10 +53,12 @@ def parse_number(text: str, decimal: Decimal) -> float | None:
 def is_missing(text: str) -> bool:
     """Tell whether a cell says "no value": empty, a dash, ``n/a``, ``NaN`` or a spreadsheet's error mark.
 
-    >>> is_missing(" #DIV/0! "), is_missing("inf")
-    (True, False)
+    A unicode minus counts as the plain one, as it does in a number.
+
+    >>> is_missing(" #DIV/0! "), is_missing("-\N{MINUS SIGN}"), is_missing("inf")
+    (True, True, False)
     """
-    return text.strip().casefold() in _MISSING
+    return text.strip().replace(_MINUS, "-").casefold() in _MISSING
 
 
 def is_number(cell: Cell) -> bool:
