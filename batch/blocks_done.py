@@ -67,4 +67,4 @@ def _pairs(blocks: Sequence[Block], which: Mapping[int, object]) -> int:
 
 def _without_files(outcome: BlockOutcome) -> BlockOutcome:
     """The outcome once its files are written, as its record gives it back."""
-    return replace(outcome, pairs=tuple(replace(pair, files={}) for pair in outcome.pairs))
+    return replace(outcome, pairs=tuple(replace(pair, files={}) if pair.files else pair for pair in outcome.pairs))

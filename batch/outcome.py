@@ -1,15 +1,12 @@
-"""What came of a pair and of a block: rows of the table, files, reasons."""
+"""What came of a pair and of a block: laws, files, reasons."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-Cell = str | float | int | bool | None
+import pandas as pd
 
-# Columns of a law's row: the law as a whole, of each of its parameters (``params_V``), and notes.
-WHOLE = ("nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se")
-PARTS = ("params", "bse", "row_bse", "low", "high", "tvalues", "pvalues")
-NOTES = ("by_edge", "dropped", "left_out", "edge_reason")
+Cell = str | float | int | bool | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +30,6 @@ class PairOutcome:
     tool, work : str
     nobs : int
         Rows that name the pair, usable or not.
-    laws : tuple of mapping
-        A row of the results table for each law that its columns ask for: ``response``, ``reason`` (empty where there
-        is a law) and the columns of `ManyLaws.table` (``nobs, n_edges, df, ..., params_V, bse_V ...``).
     reason : str
         Why there is no law at all; empty otherwise.
     concerns : tuple of Concern
@@ -50,7 +44,6 @@ class PairOutcome:
     tool: str
     work: str
     nobs: int
-    laws: tuple[Mapping[str, Cell], ...] = ()
     reason: str = ""
     concerns: tuple[Concern, ...] = ()
     groups: Mapping[str, str] = field(default_factory=dict)
@@ -58,13 +51,17 @@ class PairOutcome:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class BlockOutcome:
-    """What came of a block: one outcome for each of its pairs, in its order.
+    """What came of a block: one outcome for each of its pairs, in its order, and all their laws.
 
     Attributes
     ----------
     pairs : tuple of PairOutcome
+    laws : DataFrame
+        A row for each law that the columns of a pair ask for, as `law_table` makes it: ``pair``, its number among
+        ``pairs``; ``response, form, unit, reason`` (empty where there is a law); the columns of `ManyLaws.table`
+        (``nobs, n_edges, df, ..., params_V, bse_V ...``).
     unreadable : mapping of str to str
         Pieces that could not be read, with the sentence that says why.
     units : mapping of str to str
@@ -76,6 +73,7 @@ class BlockOutcome:
     """
 
     pairs: tuple[PairOutcome, ...]
+    laws: pd.DataFrame
     unreadable: Mapping[str, str]
     units: Mapping[str, str]
     seconds: float
@@ -93,6 +91,8 @@ def cell(value: object) -> Cell:
     """
     if isinstance(value, str | bool | int) or value is None:
         return value
+    if value is pd.NA:
+        return None
     value = value.item() if hasattr(value, "item") else value
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None

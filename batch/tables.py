@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from .blocks_done import Done
 from .engine.progress import grouped
-from .outcome import PairOutcome
+from .law_table import below_each_other, numbered_anew
+from .outcome import BlockOutcome, PairOutcome
 from .plan import Plan
 from .result.attention import Attention, attention_frame, attention_summary, with_families
 from .result.comparison import Comparison, compare
@@ -50,9 +52,9 @@ def tables_of(plan: Plan, done: Done, about: pd.DataFrame | None) -> Tables:
         warnings += [strange] if strange else []
         outcomes = list(with_groups(outcomes, about))
     groups = _groupings(outcomes, plan.reading.groups)
-    results = results_frame(outcomes, groups)
+    results = results_frame(outcomes, laws_of(done.outcomes), groups)
     comparison = compare(results, groups)
-    outcomes = with_families(outcomes, comparison.pairs)
+    outcomes = with_families(outcomes, results, comparison.pairs)
     return Tables(
         results=results,
         attention=attention_frame(outcomes),
@@ -61,6 +63,15 @@ def tables_of(plan: Plan, done: Done, about: pd.DataFrame | None) -> Tables:
         warnings=tuple(warnings),
         simulated=sum(one.simulated for one in outcomes),
     )
+
+
+def laws_of(blocks: Sequence[BlockOutcome]) -> pd.DataFrame:
+    """The laws of all blocks, a pair by its number among the pairs of all."""
+    first = np.cumsum([0, *(len(block.pairs) for block in blocks)])
+    return below_each_other([
+        numbered_anew(block.laws, np.arange(len(block.pairs)) + start)
+        for block, start in zip(blocks, first, strict=False)
+    ])  # fmt: skip
 
 
 def write_tables(out: Path, tables: Tables) -> bool:

@@ -26,7 +26,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MOST_ROWS = 250_000  # of a block: some tens of megabytes
-QUICK, CAREFUL = 1000, 16  # pairs of a block: a thousand without files take as long as one with them
+QUICK, CAREFUL = 2000, 16  # pairs of a block: so many without files take as long as a few with them
 READS = {False: 4.0, True: 100.0}  # how often a source may be read over: beside fits with files it costs nothing
 WORK = Path(".batch", "source")
 

@@ -27,6 +27,7 @@ from fitmodels.batch.plan import Reading
 from fitmodels.batch.result.place import folder_names, prepare, put
 from fitmodels.batch.result.table import csv_bytes, results_frame
 from fitmodels.batch.source import open_source
+from fitmodels.batch.tables import laws_of
 from many_laws import FACTORS, by_statsmodels, simulated
 
 AIM_LOOP, AIM_TWO = 20, 1.7
@@ -48,7 +49,7 @@ def to_results(source, out, workers, files, most_pairs):
     with prepare(out, source.name, how, force=True):
         plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=out / ".batch" / "source")
         done = blocks_done(plan, how, out, folder_names(plan.pairs), workers, Meter(0, "pairs"))
-        results = results_frame([pair for block in done.outcomes for pair in block.pairs])
+        results = results_frame([pair for block in done.outcomes for pair in block.pairs], laws_of(done.outcomes))
         put(out, "results.csv", csv_bytes(results))
     return time.perf_counter() - begun, done.seconds, results
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from unicodedata import normalize
 
 LONGEST_NAME = 80  # bytes of tool and of work in a folder's name; most file systems end at 255 for both
+_ODD = re.compile(r"[^\w.-]+")
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])\.", re.IGNORECASE)
 
 
@@ -28,17 +29,19 @@ def folder_names(pairs: Iterable[tuple[str, str]]) -> list[str]:
     names = []
     for tool, work in pairs:
         name = first = _folder_name(tool, work)
-        number = following.get(_alike(first), 2)
-        while _alike(name) in taken:
+        key = same = _alike(first)
+        number = following.get(same, 2)
+        while key in taken:
             name, number = f"{first}-{number}", number + 1
-        following[_alike(first)] = number
-        taken.add(_alike(name))
+            key = _alike(name)
+        following[same] = number
+        taken.add(key)
         names.append(name)
     return names
 
 
 def _folder_name(tool: str, work: str) -> str:
-    words = [re.sub(r"[^\w.-]+", "-", normalize("NFC", name)).strip("-._") for name in (tool, work)]
+    words = [_ODD.sub("-", normalize("NFC", name)).strip("-._") for name in (tool, work)]
     short = [word.encode()[:LONGEST_NAME].decode(errors="ignore").rstrip("-._") for word in words]
     name = "_".join(word or "unnamed" for word in short)
     return name.replace(".", "-", 1) if _DEVICE.match(name) else name

@@ -4,6 +4,7 @@ import numpy as np
 import openpyxl
 import pandas as pd
 import pytest
+from fitmodels.batch.law_table import law_table
 from fitmodels.batch.outcome import PairOutcome
 from fitmodels.batch.result.comparison import FAMILIES, PAIRS, compare
 from fitmodels.batch.result.draw import draw_comparison
@@ -145,11 +146,13 @@ def test_the_results_table_of_a_batch_is_compared_with_its_missing_cells():
     law = {"response": "AW", "form": "power", "reason": "", "nobs": 24, "df": 5, "scale_se": 0.1, "by_edge": True,
            "params_V": 0.5, "bse_V": 0.04, "row_bse_V": 0.04}  # fmt: skip
     outcomes = [
-        PairOutcome(f"T{i}", "a", 24, ({**law, "params_V": 0.5 + 0.03 * i},), groups={"form": "bar"}) for i in range(4)
+        *(PairOutcome(f"T{i}", "a", 24, groups={"form": "bar"}) for i in range(4)),
+        PairOutcome("T9", "a", 2, reason="2 rows"),
+        PairOutcome("T8", "a", 2),
     ]
-    outcomes.append(PairOutcome("T9", "a", 2, reason="2 rows"))
-    outcomes.append(PairOutcome("T8", "a", 2, ({**law, "params_V": None, "bse_V": None, "df": None, "by_edge": None},)))
-    made = compare(results_frame(outcomes, ["form"]), ["form"])
+    rows = [(i, {**law, "params_V": 0.5 + 0.03 * i}) for i in range(4)]
+    laws = law_table([*rows, (5, {**law, "params_V": None, "bse_V": None, "df": None, "by_edge": None})])
+    made = compare(results_frame(outcomes, laws, ["form"]), ["form"])
     assert made.families[["grouping", "family", "pairs"]].to_numpy().tolist() == [
         ["all pairs", "all pairs", 4],
         ["form", "bar", 4],

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from fitmodels import parameters
 from fitmodels.batch.how import How
+from fitmodels.batch.law_table import law_table
 from fitmodels.batch.outcome import BlockOutcome, Concern, PairOutcome
 from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
 from fitmodels.batch.result import lock, place, records
@@ -38,8 +39,17 @@ KEY = "0" * 64
 
 def outcome(*pairs, content=b"{}", **more):
     law = {"response": "AW", "form": "power", "unit": "mm", "reason": "", "nobs": 144, "params_V": 0.1 + 0.2}
-    each = (PairOutcome(p.tool, p.work, 144, (law,), files={"params.json": content, **more}) for p in pairs)
-    return BlockOutcome(tuple(each), {}, {"AW": "mm"}, 0.5, 10**9)
+    each = (PairOutcome(p.tool, p.work, 144, files={"params.json": content, **more}) for p in pairs)
+    return BlockOutcome(tuple(each), law_table((i, law) for i in range(len(pairs))), {}, {"AW": "mm"}, 0.5, 10**9)
+
+
+def the_same(block, other):
+    """Whether two outcomes of a block are the same, but for the bytes of files, which no record holds."""
+    frames = block.laws, other.laws
+    pd.testing.assert_frame_equal(*frames, check_exact=True)
+    numbers = [frame.select_dtypes(float).to_numpy().tobytes() for frame in frames]  # -0.0 and 0.0 are equal
+    rest = [repr(replace(bare(one), laws=None)) for one in (block, other)]  # 1 and 1.0 and True are equal
+    return numbers[0] == numbers[1] and rest[0] == rest[1]
 
 
 def bare(block):
@@ -101,45 +111,57 @@ def test_another_key_follows_from_another_version(monkeypatch):
     assert key_of(BLOCK, PLAN, How()) != before
 
 
-CELLS = st.one_of(
-    st.none(), st.booleans(), st.text(max_size=8), st.integers(-(2**60), 2**60),
-    st.floats(allow_nan=False, allow_infinity=False),
-)  # fmt: skip
 WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 ONE = st.builds(
     PairOutcome, tool=WORDS, work=WORDS, nobs=st.integers(0, 10**9),
-    laws=st.lists(st.dictionaries(WORDS, CELLS, max_size=4), max_size=3).map(tuple), reason=WORDS,
+    reason=WORDS,
     concerns=st.lists(st.builds(Concern, kind=WORDS, words=WORDS), max_size=2).map(tuple),
     groups=st.dictionaries(WORDS, WORDS, max_size=2),
     files=st.dictionaries(st.sampled_from(["params.json", "draws.npz"]), st.binary(max_size=20)),
 )  # fmt: skip
-BLOCKS = st.builds(
-    BlockOutcome, pairs=st.lists(ONE, max_size=4, unique_by=lambda one: (one.tool, one.work)).map(tuple),
-    unreadable=st.dictionaries(WORDS, WORDS, max_size=2), units=st.dictionaries(WORDS, WORDS, max_size=2),
-    seconds=st.floats(0, 1e6), memory=st.integers(0, 2**40),
-)  # fmt: skip
+LAWS = st.fixed_dictionaries({"response": WORDS, "reason": WORDS}, optional={
+    "nobs": st.none() | st.integers(-(2**62), 2**62), "by_edge": st.none() | st.booleans(), "no_posterior": WORDS,
+    "params_V": st.none() | st.floats(), "odd": st.floats(allow_nan=False, allow_infinity=False),
+})  # fmt: skip
+
+
+def with_laws(pairs):
+    return st.lists(st.tuples(st.integers(0, max(len(pairs) - 1, 0)), LAWS), max_size=5 * len(pairs)).map(law_table)
+
+
+@st.composite
+def blocks(draw):
+    pairs = draw(st.lists(ONE, max_size=4, unique_by=lambda one: (one.tool, one.work)).map(tuple))
+    return draw(st.builds(BlockOutcome, st.just(pairs), with_laws(pairs), **REST))
+
+
+REST = {
+    "unreadable": st.dictionaries(WORDS, WORDS, max_size=2), "units": st.dictionaries(WORDS, WORDS, max_size=2),
+    "seconds": st.floats(0, 1e6), "memory": st.integers(0, 2**40),
+}  # fmt: skip
 
 
 @settings(max_examples=60, deadline=None)
-@given(block=BLOCKS)
+@given(block=blocks())
 def test_an_outcome_comes_back_exactly(tmp_path_factory, block):
     folder = tmp_path_factory.mktemp("out")
     folders = folder_names(Pair(one.tool, one.work) for one in block.pairs)
     record(folder, KEY, block, folders)
     back = recorded(folder, KEY, folders)
-    assert back == bare(block)
-    assert repr(back) == repr(bare(block))  # -0.0 and 0.0, 1 and 1.0 and True are equal and not the same
+    assert the_same(back, block)
     for one in block.pairs:
         for name, content in one.files.items():
             assert (folder / "pairs" / folders[Pair(one.tool, one.work)] / name).read_bytes() == content
 
 
 def test_numbers_of_numpy_come_back_as_plain_ones_and_nan_as_none(out):
-    law = {"a": np.float64(0.1), "b": np.int64(7), "c": np.bool_(True), "d": float("nan"), "e": np.float64("inf")}
-    block = BlockOutcome((PairOutcome("x", "y", np.int64(3), (law,)),), {}, {}, 0.0, 0)
+    law = {"a": np.float64(0.1), "nobs": np.int64(7), "by_edge": np.bool_(True), "d": np.nan, "e": np.float64("inf")}
+    block = BlockOutcome((PairOutcome("x", "y", np.int64(3)),), law_table([(0, law)]), {}, {}, 0.0, 0)
     record(out, KEY, block, folder_names([Pair("x", "y")]))
-    back = recorded(out, KEY, folder_names([Pair("x", "y")])).pairs[0].laws[0]
-    assert repr(back) == "{'a': 0.1, 'b': 7, 'c': True, 'd': None, 'e': None}"
+    back = recorded(out, KEY, folder_names([Pair("x", "y")])).laws
+    assert repr(back.to_dict("list")) == (
+        "{'pair': [0], 'a': [0.1], 'nobs': [7], 'by_edge': [True], 'd': [nan], 'e': [nan]}"
+    )
 
 
 def at(out):
@@ -154,6 +176,14 @@ def swap(out, name, value):
     at(out).write_text(json.dumps(json.loads(at(out).read_text()) | {name: value}))
 
 
+def alter(out, change):
+    swap(out, "outcome", change(json.loads(at(out).read_text())["outcome"]))
+
+
+def spoil(outcome, name, values):
+    return outcome | {"laws": outcome["laws"] | {name: values}}
+
+
 SPOILT = {
     "its record is gone": lambda out: at(out).unlink(),
     "its record is torn": tear,
@@ -161,6 +191,10 @@ SPOILT = {
     "its record is of another schema": lambda out: swap(out, "schema", "fitmodels.batch-block/2"),
     "its record is no object": lambda out: at(out).write_text("[]"),
     "its record holds something else": lambda out: swap(out, "outcome", {"pairs": 7}),
+    "its laws are no table": lambda out: alter(out, lambda outcome: outcome | {"laws": [1]}),
+    "a law is of no pair": lambda out: alter(out, lambda outcome: spoil(outcome, "pair", [0, 2])),
+    "a column is short": lambda out: alter(out, lambda outcome: spoil(outcome, "reason", [""])),
+    "numbers are damaged": lambda out: alter(out, lambda outcome: spoil(outcome, "params_V", "AAAAAAA=")),
     "a file is missing": lambda out: (out / "pairs/GC435_709M40/params.json").unlink(),
     "a file has other bytes, as many": lambda out: (out / "pairs/GC435_709M40/params.json").write_bytes(b"[]"),
     "a folder stands for a file": lambda out: (
@@ -217,12 +251,12 @@ def test_a_kill_at_any_write_leaves_what_can_be_gone_on_from(at_which, out, monk
         with pytest.raises(KeyboardInterrupt):
             record(out, KEY, outcome(A, B), folders)
     assert recorded(out, KEY, folders) is None
-    assert recorded(out, "1" * 64, folders) == bare(outcome(C))
+    assert the_same(recorded(out, "1" * 64, folders), outcome(C))
     there = {path.relative_to(out).as_posix() for path in (out / "pairs").rglob("params.json")}
     assert there <= {name for one in written(out) for name in one.files}  # each is known to be ours
     with prepare(out, "lab", How()):
         record(out, KEY, outcome(A, B), folders)
-    assert recorded(out, KEY, folders) == bare(outcome(A, B))
+    assert the_same(recorded(out, KEY, folders), outcome(A, B))
 
 
 def test_a_process_killed_while_it_writes_loses_one_block_at_most(tmp_path):
@@ -232,6 +266,7 @@ def test_a_process_killed_while_it_writes_loses_one_block_at_most(tmp_path):
 import os, signal
 from pathlib import Path
 from fitmodels.batch.how import How
+from fitmodels.batch.law_table import law_table
 from fitmodels.batch.outcome import BlockOutcome, PairOutcome
 from fitmodels.batch.plan import Pair
 from fitmodels.batch.result import place, records
@@ -245,7 +280,7 @@ records.put_in_place, folders = put_in_place, place.folder_names([Pair("a", "x")
 with place.prepare(out, "lab", How()):
     for tool in "ab":
         pair = PairOutcome(tool, "x", 1, files={{"params.json": b"{{}}"}})
-        records.record(out, tool * 64, BlockOutcome((pair,), {{}}, {{}}, 0.0, 0), folders)
+        records.record(out, tool * 64, BlockOutcome((pair,), law_table(()), {{}}, {{}}, 0.0, 0), folders)
 """
     ended = subprocess.run([sys.executable, "-c", code], check=False, cwd=tmp_path)
     assert ended.returncode == -9
@@ -504,8 +539,9 @@ def test_columns_stand_in_an_order_of_their_own():
              "scale_se", "bse_V", "nobs", "params_V", "low_V", "odd", "posterior_route", "n_edges",
              "posterior_sd_c0", "posterior_sd_t", "posterior_t")  # fmt: skip
     rows = [law(**dict.fromkeys(cells[:9])), law(**dict.fromkeys(cells))]
-    made = [list(results_frame([PairOutcome("a", "b", 1, tuple(each), groups={"iso": "P"})], ["iso", "form"]))
-            for each in (rows, rows[::-1])]  # fmt: skip
+    one = PairOutcome("a", "b", 1, groups={"iso": "P"})
+    tables = [law_table((0, row) for row in each) for each in (rows, rows[::-1])]
+    made = [list(results_frame([one], table, ["iso", "form"])) for table in tables]
     assert made[0] == made[1] == [
         "tool", "work", "iso", "form (group)", "response", "form", "unit", "reason", "simulated", "nobs", "n_edges",
         "scale_se", "params_c0", "params_V", "bse_V", "row_bse_V", "low_V", "high_V", "params_t", "params_material_x",
@@ -516,8 +552,8 @@ def test_columns_stand_in_an_order_of_their_own():
 
 def test_a_pair_without_a_law_keeps_a_row_with_its_reason():
     one = PairOutcome("a", "b", 2, reason="2 rows are too few.", groups={"iso": "K"})
-    other = PairOutcome("a", "c", 9, (law(nobs=9, params_V=0.5), law(response="P", reason="P is constant.")))
-    made = results_frame([one, other], ["iso"])
+    laws = law_table([(1, law(nobs=9, params_V=0.5)), (1, law(response="P", reason="P is constant."))])
+    made = results_frame([one, PairOutcome("a", "c", 9)], laws, ["iso"])
     assert made["reason"].tolist() == ["2 rows are too few.", "", "P is constant."]
     assert made["nobs"].tolist() == [2, 9, pd.NA]
     assert made["iso"].tolist() == ["K", "", ""]
@@ -533,16 +569,20 @@ ROWS = st.builds(
     ),
     NAMES, st.none() | st.integers(-(2**62), 2**62), st.none() | st.booleans(), FLOATS, FLOATS,
 )  # fmt: skip
-PAIRS_OF_ROWS = st.builds(
-    PairOutcome, NAMES, NAMES, st.integers(0, 99), st.lists(ROWS, max_size=3).map(tuple), NAMES,
-    groups=st.dictionaries(st.sampled_from(["iso 513", "=grade", "unit"]), NAMES),
+PAIRS_OF_ROWS = st.tuples(
+    st.builds(
+        PairOutcome, NAMES, NAMES, st.integers(0, 99), NAMES,
+        groups=st.dictionaries(st.sampled_from(["iso 513", "=grade", "unit"]), NAMES),
+    ),
+    st.lists(ROWS, max_size=3),
 )  # fmt: skip
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(PAIRS_OF_ROWS, max_size=4))
 def test_results_come_back_to_the_last_digit(tmp_path_factory, outcomes):
-    made = results_frame(outcomes, ["iso 513", "=grade", "unit"])
+    laws = law_table((i, row) for i, (_, rows) in enumerate(outcomes) for row in rows)
+    made = results_frame([one for one, _ in outcomes], laws, ["iso 513", "=grade", "unit"])
     path = tmp_path_factory.mktemp("results") / "results.csv"
     path.write_bytes(csv_bytes(made))
     pd.testing.assert_frame_equal(read_results(path), made, check_exact=True)
@@ -551,7 +591,8 @@ def test_results_come_back_to_the_last_digit(tmp_path_factory, outcomes):
 
 def test_pandas_reads_the_same_numbers(tmp_path):
     numbers = np.random.default_rng(1).normal(size=200) * 10.0 ** np.arange(-100, 100)
-    made = results_frame([PairOutcome("a", str(i), 1, (law(nobs=i, params_V=v),)) for i, v in enumerate(numbers)])
+    outcomes = [PairOutcome("a", str(i), 1) for i in range(len(numbers))]
+    made = results_frame(outcomes, law_table((i, law(nobs=i, params_V=v)) for i, v in enumerate(numbers)))
     (tmp_path / "results.csv").write_bytes(csv_bytes(made))
     back = pd.read_csv(tmp_path / "results.csv", dtype={"params_V": str})  # its own parser may miss the last digit
     assert back["params_V"].map(float).tolist() == numbers.tolist()
@@ -586,9 +627,14 @@ def test_what_is_no_table_of_results_is_refused(tmp_path, content, words):
 # Attention
 
 
-def fitted(tool, *kinds, scale=0.1, df=100, **more):
-    concerns = tuple(Concern(kind, f"{kind} of {tool}") for kind in kinds)
-    return PairOutcome(tool, "x", 9, (law(scale_se=scale, df_resid=df, **more),), concerns=concerns)
+def fitted(tool, *kinds):
+    return PairOutcome(tool, "x", 9, concerns=tuple(Concern(kind, f"{kind} of {tool}") for kind in kinds))
+
+
+def results(outcomes, *rows):
+    """The table where each pair has one law."""
+    given = rows or [{} for _ in outcomes]
+    return results_frame(outcomes, law_table((i, law(**row)) for i, row in enumerate(given)))
 
 
 def test_the_gravest_comes_first_and_unknown_kinds_last_by_their_names():
@@ -616,13 +662,14 @@ def test_no_concern_gives_empty_tables(tmp_path):
 
 
 def test_a_pair_that_scatters_is_told_and_one_with_hardly_any_rows_is_not():
-    outcomes = [fitted(name, scale=0.1) for name in "abcdef"] + [
-        fitted("loud", scale=0.31), fitted("near", scale=0.29), fitted("small", scale=0.35, df=1)
-    ]  # fmt: skip
-    made = with_families(outcomes)
+    outcomes = [fitted(name) for name in (*"abcdef", "loud", "near", "small")]
+    rows = [{"scale_se": scale, "df_resid": 100} for scale in (*[0.1] * 6, 0.31, 0.29, 0.35)]
+    rows[-1]["df_resid"] = 1
+    made = with_families(outcomes, results(outcomes, *rows))
     assert [(one.tool, c.kind) for one in made for c in one.concerns] == [("loud", SCATTERS)]
     assert made[6].concerns[0].words == "AW scatters 3.1 times as much as in half of the pairs (0.31 against 0.1)"
-    assert with_families(outcomes[4:7]) == outcomes[4:7]  # three pairs do not tell what is usual
+    three = outcomes[4:7]
+    assert with_families(three, results(three, *rows[4:7])) == three  # they do not tell what is usual
 
 
 def pooled(estimate, se=0.02, df=20.0, tool="a", family="P", new=(0.4, 0.6), factor="V"):
@@ -647,13 +694,14 @@ def pooled(estimate, se=0.02, df=20.0, tool="a", family="P", new=(0.4, 0.6), fac
 )
 def test_an_exponent_is_unlike_its_family(what, row, told):
     """By hand: half a 99 % interval of the family is 0.1 * 2.576 / 1.960 = 0.131, of one with df 1 63.66 se."""
-    made = with_families([fitted("a")], pd.DataFrame([row]))
+    made = with_families([fitted("a")], results([fitted("a")]), pd.DataFrame([row]))
     assert [c.kind for c in made[0].concerns] == ([UNLIKE] if told else [])
 
 
 def test_an_exponent_is_told_once_by_the_family_of_its_grouping():
     rows = [pooled(0.9, family="all pairs"), pooled(0.9, family="P"), pooled(0.9, factor="f"), pooled(0.5, tool="b")]
-    made = with_families([fitted("a"), fitted("b")], pd.DataFrame(rows))
+    both = [fitted("a"), fitted("b")]
+    made = with_families(both, results(both), pd.DataFrame(rows))
     words = [c.words for c in made[0].concerns]
     assert len(words) == 2
     assert not made[1].concerns
@@ -665,9 +713,10 @@ def test_what_compare_gives_is_understood():
 
     rng = np.random.default_rng(5)
     exponents = [*rng.normal(0.5, 0.03, 40), 1.2]
-    outcomes = [fitted(f"T{i}", df=20, params_V=b, bse_V=0.03, n_edges=24) for i, b in enumerate(exponents)]
-    outcomes = [replace(one, laws=({**one.laws[0], "df": 20},)) for one in outcomes]
-    made = with_families(outcomes, compare(results_frame(outcomes)).pairs)
+    outcomes = [fitted(f"T{i}") for i in range(len(exponents))]
+    same = {"df": 20, "df_resid": 20, "scale_se": 0.1, "bse_V": 0.03, "n_edges": 24}
+    table = results(outcomes, *({**same, "params_V": b} for b in exponents))
+    made = with_families(outcomes, table, compare(table).pairs)
     assert [one.tool for one in made if one.concerns] == ["T40"]
 
 
@@ -679,6 +728,8 @@ def test_every_kind_that_fitting_tells_has_its_place():
     from fitmodels.batch.result.attention import SEVERITY
 
     texts = [path.read_text("utf-8") for path in Path(room.__path__[0]).glob("*.py")]
-    kinds = {kind for text in texts for kind in re.findall(r"""(?<!>>> )(?:Concern\(|yield )"([^"]+)",""", text)}
-    assert len(kinds) > 5
+    told = r"""(?<!>>> )(?:Concern\(|yield i, |NO_LAW, REFUSED = "no law", )"([^"]+)\""""
+    kinds = {kind for text in texts for kind in re.findall(told, text)}
+    assert len(kinds) > 12
+    assert {"law refused", "fits badly", "gate shut"} <= kinds
     assert kinds <= set(SEVERITY)

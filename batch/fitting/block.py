@@ -5,20 +5,23 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import pandas as pd
 
 from ...datasets.threads import one_thread
 from ..how import How
-from ..outcome import BlockOutcome, Concern, PairOutcome
+from ..law_table import PAIR, below_each_other, law_table, numbered_anew
+from ..outcome import BlockOutcome, Cell, Concern, PairOutcome
 from ..plan import Block, Pair, Plan
-from .concerns import concerns_of_rows
+from .concerns import NO_LAW, concerns_of_laws
 from .failures import Failed, tried
 from .groups import groups_of_pairs
 from .laws_of_pairs import laws_of_pairs
 from .pair_file import PairFiles, files_of_pair, with_cells
 from .pairs_of_rows import PairsOfRows, looked_over
 from .streamed_pair import no_law_asked, streamed_outcome
-from .table_rows import reason_of
+from .table_rows import reasons
 
 if TYPE_CHECKING:
     from ...datasets import Runs
@@ -51,10 +54,9 @@ def fit_block(block: Block, plan: Plan, how: How) -> BlockOutcome:
     with _uncollected():
         made = tried(lambda: _fitted(block, plan, how))
     if isinstance(made, Failed):
-        made = _none(block, made.reason), {}, {}
-    pairs, unreadable, units = made
+        made = Found(_none(block, made.reason), law_table(()), {}, {})
     memory = largest_memory()
-    return BlockOutcome(pairs, unreadable, units, time.perf_counter() - begun, memory if isinstance(memory, int) else 0)
+    return BlockOutcome(*made, time.perf_counter() - begun, memory if isinstance(memory, int) else 0)
 
 
 @contextmanager
@@ -69,26 +71,39 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-Found = tuple[tuple[PairOutcome, ...], dict[str, str], dict[str, str]]
+class Found(NamedTuple):
+    """What came of a block, as `BlockOutcome` holds it."""
+
+    pairs: tuple[PairOutcome, ...]
+    laws: pd.DataFrame
+    unreadable: Mapping[str, str]
+    units: Mapping[str, str]
 
 
 def _fitted(block: Block, plan: Plan, how: How) -> Found:
     if block.streamed:
-        one = streamed_outcome(block, plan, how)
-        return (one,), {}, _units(one)
+        one, table = streamed_outcome(block, plan, how)
+        return Found((one,), table, {}, _units(table))
     from ..source import rows_of
 
     tables, unreadable = rows_of(block, plan)
     spoiled = spoiled_pairs(block, unreadable)
-    outcomes: dict[Pair, PairOutcome] = {}
+    place = {pair: i for i, pair in enumerate(block.pairs)}
+    outcomes: dict[int, PairOutcome] = {}
+    laws: list[pd.DataFrame] = []
+    twice: list[int] = []
     units: dict[str, str] = {}
     for rows in tables:
         units |= rows.units
-        for one in _of_rows(rows, block, plan, how, spoiled):
-            pair = Pair(one.tool, one.work)
-            outcomes[pair] = one if pair not in outcomes else _twice(outcomes[pair], one)
-    found = tuple(outcomes.get(pair) or _without(pair, spoiled.get(pair, GONE)) for pair in block.pairs)
-    return found, unreadable, units
+        ones, table = _of_rows(rows, block, plan, how, spoiled)
+        at = [place[Pair(one.tool, one.work)] for one in ones]
+        laws.append(numbered_anew(table, at))
+        for i, one in zip(at, ones, strict=True):
+            twice += [i] if i in outcomes else []
+            outcomes[i] = one if i not in outcomes else _twice(outcomes[i], one)
+    whole = below_each_other(laws)
+    pairs = tuple(outcomes.get(i) or _without(pair, spoiled.get(pair, GONE)) for i, pair in enumerate(block.pairs))
+    return Found(pairs, whole[~whole[PAIR].isin(twice)].reset_index(drop=True) if twice else whole, unreadable, units)
 
 
 def spoiled_pairs(block: Block, unreadable: Mapping[str, str]) -> dict[Pair, str]:
@@ -107,51 +122,48 @@ def spoiled_pairs(block: Block, unreadable: Mapping[str, str]) -> dict[Pair, str
     return spoiled
 
 
-def _of_rows(rows: "Rows", block: Block, plan: Plan, how: How, spoiled: Mapping[Pair, str]) -> list[PairOutcome]:
-    """Outcomes of the pairs that these rows name."""
+def _of_rows(
+    rows: "Rows", block: Block, plan: Plan, how: How, spoiled: Mapping[Pair, str]
+) -> tuple[list[PairOutcome], pd.DataFrame]:
+    """Outcomes of the pairs that these rows name, and their laws."""
     of = looked_over(rows, set(block.pairs) - set(spoiled))
     if not of.pairs:
-        return []
+        return [], law_table(())
     laws = laws_of_pairs(of, how)
     groups, concerns = groups_of_pairs(of, plan.reading.groups)
+    told, none = concerns_of_laws(laws, len(of.pairs)), reasons(laws)
+    asked = set(laws[PAIR].tolist())
     outcomes = []
     for i, pair in enumerate(of.pairs):
-        reason = reason_of(laws[i])
-        if not laws[i]:
+        reason, of_laws = none.get(i, ""), told[i]
+        if i not in asked:
             reason = no_law_asked(name for name in of.held if of.has(i, name))
-        told = concerns_of_rows(laws[i]) or ((Concern("no law", reason),) if reason else ())
-        outcomes.append(
-            PairOutcome(
-                pair.tool,
-                pair.work,
-                int(of.counts[i]),
-                tuple(laws[i]),
-                reason,
-                (*told, *concerns[i]),
-                groups[i],
-                rows.simulated(pair),
-            )
-        )
-    return _with_files(of, outcomes, block, plan, how) if how.files else outcomes
+            of_laws = (Concern(NO_LAW, reason),)
+        simulated, nobs = rows.simulated(pair), int(of.counts[i])
+        outcomes.append(PairOutcome(pair.tool, pair.work, nobs, reason, (*of_laws, *concerns[i]), groups[i], simulated))
+    return _with_files(of, outcomes, laws, block, plan, how) if how.files else (outcomes, laws)
 
 
-def _with_files(of: PairsOfRows, outcomes: list[PairOutcome], block: Block, plan: Plan, how: How) -> list[PairOutcome]:
+def _with_files(
+    of: PairsOfRows, outcomes: list[PairOutcome], laws: pd.DataFrame, block: Block, plan: Plan, how: How
+) -> tuple[list[PairOutcome], pd.DataFrame]:
     """The same with the files of each pair that has a law, and with what came up on the way."""
     place = {pair: i for i, pair in enumerate(of.pairs)}
+    cells: dict[int, Mapping[str, Mapping[str, Cell]]] = {}
     for done, (pair, runs) in enumerate(of.rows.runs(), 1):
         i = place[pair]
         if not outcomes[i].reason:
-            outcomes[i] = _with_file(outcomes[i], runs, block.told_of(pair), plan, how)
+            made = _files(outcomes[i], runs, block.told_of(pair), plan, how)
+            cells[i] = made.cells
+            outcomes[i] = replace(outcomes[i], concerns=(*outcomes[i].concerns, *made.concerns), files=made.files)
         if done % NOW_AND_THEN == 0:
             gc.collect()  # the command runs without the collector
-    return outcomes
+    return outcomes, with_cells(laws, cells)
 
 
-def _with_file(found: PairOutcome, runs: "Runs", beside: Mapping[str, str], plan: Plan, how: How) -> PairOutcome:
+def _files(found: PairOutcome, runs: "Runs", beside: Mapping[str, str], plan: Plan, how: How) -> PairFiles:
     known = {header: name for header, name in found.groups.items() if name}  # what the rows say counts first
-    made: PairFiles = files_of_pair(runs, how, plan.reading, {**beside, **known})
-    laws = with_cells([dict(row) for row in found.laws], made.cells)
-    return replace(found, laws=laws, concerns=(*found.concerns, *made.concerns), files=made.files)
+    return files_of_pair(runs, how, plan.reading, {**beside, **known})
 
 
 def _twice(one: PairOutcome, other: PairOutcome) -> PairOutcome:
@@ -160,17 +172,16 @@ def _twice(one: PairOutcome, other: PairOutcome) -> PairOutcome:
 
 
 def _without(pair: Pair, reason: str) -> PairOutcome:
-    return PairOutcome(pair.tool, pair.work, 0, reason=reason, concerns=(Concern("no law", reason),))
+    return PairOutcome(pair.tool, pair.work, 0, reason=reason, concerns=(Concern(NO_LAW, reason),))
 
 
 def _none(block: Block, reason: str) -> tuple[PairOutcome, ...]:
     return tuple(_without(pair, reason) for pair in block.pairs)
 
 
-def _units(found: PairOutcome) -> dict[str, str]:
+def _units(laws: pd.DataFrame) -> dict[str, str]:
     """The usual units, which those of a stream are."""
     from ...datasets.vocabulary import ROLES
 
-    factors = {name.removeprefix("params_") for row in found.laws for name in row if name.startswith("params_")}
-    named = factors | {str(row["response"]) for row in found.laws}
+    named = {str(name).removeprefix("params_") for name in laws} | set(laws.get("response", ()))
     return {name: role.unit for name, role in ROLES.items() if name in named}

@@ -1,4 +1,4 @@
-"""Rows of the results table: power laws as stacks over all pairs at once, other laws pair by pair."""
+"""The table of laws of many pairs: power laws as stacks over all pairs at once, other laws pair by pair."""
 
 from collections.abc import Collection, Mapping
 
@@ -10,19 +10,18 @@ from ...datasets import Runs
 from ...datasets.vocabulary import ROLES
 from ...fit.defaults import Asked, asked_laws, fit_asked
 from ..how import How
+from ..law_table import below_each_other, law_table
 from ..outcome import Cell
-from ..plan import Pair
 from .failures import Failed, tried
 from .pairs_of_rows import PairsOfRows, only_held
-from .table_rows import row_of, row_without, rows_of_many
+from .table_rows import row_of, row_without, table_of_many
 
 Ints = NDArray[np.intp]
-LawRows = list[dict[str, Cell]]
 
-PAIR = "pair of the row"
+NUMBER = "pair of the row"
 
 
-def laws_of_pairs(of: PairsOfRows, how: How) -> list[LawRows]:
+def laws_of_pairs(of: PairsOfRows, how: How) -> pd.DataFrame:
     """For each pair a row for each law that its columns ask for, the columns that hold anything of it.
 
     Parameters
@@ -32,19 +31,17 @@ def laws_of_pairs(of: PairsOfRows, how: How) -> list[LawRows]:
 
     Returns
     -------
-    list of K lists
-        A law that the rows of a pair do not allow has its reason. No pair raises.
+    DataFrame
+        As `law_table`, by pair; a law that the rows of a pair do not allow has its reason. No pair raises.
     """
-    found: list[LawRows] = [[] for _ in of.pairs]
+    found: list[pd.DataFrame] = []
     for held, pairs in of.patterns():
         for asked in asked_laws(held.__contains__):
             if asked.kind == "power" and how.error == "multiplicative":
-                new = _stack(of, asked, pairs, "edge" if "edge" in held else None)
+                found += _stack(of, asked, pairs, "edge" if "edge" in held else None)
             else:
-                new = _one_by_one(of, asked, pairs, how)
-            for i, row in zip(pairs.tolist(), new, strict=True):
-                found[i].append(row)
-    return found
+                found.append(_one_by_one(of, asked, pairs, how))
+    return below_each_other(found)
 
 
 def infinite(runs: Runs, names: Collection[str] = ROLES) -> str:
@@ -71,40 +68,39 @@ def unit_of(units: Mapping[str, str], symbol: str) -> str:
     return units.get(symbol, ROLES[symbol].unit if symbol in ROLES else "")
 
 
-def _stack(of: PairsOfRows, asked: Asked, pairs: Ints, edge: str | None) -> LawRows:
-    """Rows of a power law of some pairs, in their order."""
+def _stack(of: PairsOfRows, asked: Asked, pairs: Ints, edge: str | None) -> list[pd.DataFrame]:
+    """A power law of some pairs."""
     unit = unit_of(of.rows.units, asked.response)
     made = tried(lambda: _of_stack(of, asked, pairs, edge, unit))
     if not isinstance(made, Failed):
-        return made
+        return [made]
     if made.expected or len(pairs) == 1:
-        return [row_without(asked, unit, made.reason) for _ in pairs]
-    return [row for i in pairs for row in _stack(of, asked, pairs[pairs == i], edge)]  # one of them is at fault
+        return [law_table((i, row_without(asked, unit, made.reason)) for i in pairs.tolist())]
+    return [table for i in pairs for table in _stack(of, asked, pairs[pairs == i], edge)]  # one of them is at fault
 
 
-def _of_stack(of: PairsOfRows, asked: Asked, pairs: Ints, edge: str | None, unit: str) -> LawRows:
+def _of_stack(of: PairsOfRows, asked: Asked, pairs: Ints, edge: str | None, unit: str) -> pd.DataFrame:
     from ...fit import many_power_laws
 
     names = [asked.response, *asked.factors]
-    mine = np.zeros(len(of.pairs), dtype=bool)
-    mine[pairs] = True
-    rows = np.flatnonzero(mine[of.number])
-    table = of.rows.frame[[*names, *([edge] if edge else [])]].iloc[rows].assign(**{PAIR: of.number[rows]})
-    order = pd.unique(of.number[rows])
-    laws = many_power_laws(table, asked.response, asked.factors, pair=PAIR, edge=edge)
-    made = rows_of_many(laws, unit, _infinite_pairs(of, names, rows, order))
-    return [made[i] for i in np.argsort(order)]
+    table = of.rows.frame[[*names, *([edge] if edge else [])]].assign(**{NUMBER: of.number})
+    rows = np.arange(len(table))
+    if len(pairs) < len(of.pairs):
+        mine = np.zeros(len(of.pairs), dtype=bool)
+        mine[pairs] = True
+        rows = np.flatnonzero(mine[of.number])
+        table = table.iloc[rows]
+    laws = many_power_laws(table, asked.response, asked.factors, pair=NUMBER, edge=edge)
+    return table_of_many(laws, unit, pd.unique(of.number[rows]), _infinite_pairs(of, names, rows))
 
 
-def _infinite_pairs(of: PairsOfRows, names: list[str], rows: Ints, order: Ints) -> dict[int, str]:
-    """Pairs, by their position, that hold an infinite value, and the line where it stands in their file."""
+def _infinite_pairs(of: PairsOfRows, names: list[str], rows: Ints) -> dict[int, str]:
+    """Pairs, by their number, that hold an infinite value, and the line where it stands in their file."""
     at: dict[int, str] = {}
-    place = np.empty(len(of.pairs), dtype=np.intp)
-    place[order] = np.arange(len(order))
     for name in names:
         values = of.rows.frame[name].to_numpy(dtype=float, na_value=np.nan)
         for row in rows[np.isinf(values[rows])]:
-            at.setdefault(int(place[of.number[row]]), _no_measurement(name, of.rows.lines[row], values[row]))
+            at.setdefault(int(of.number[row]), _no_measurement(name, of.rows.lines[row], values[row]))
     return at
 
 
@@ -112,11 +108,10 @@ def _no_measurement(name: str, line: int, value: float) -> str:
     return f"column {name!r} line {line}: {value:g} is no measurement; leave the row out."
 
 
-def _one_by_one(of: PairsOfRows, asked: Asked, pairs: Ints, how: How) -> LawRows:
+def _one_by_one(of: PairsOfRows, asked: Asked, pairs: Ints, how: How) -> pd.DataFrame:
     unit = unit_of(of.rows.units, asked.response)
-    wanted = {of.pairs[i] for i in pairs}
-    runs: dict[Pair, Runs] = {pair: runs for pair, runs in of.rows.runs() if pair in wanted}
-    return [_one(runs[of.pairs[i]], asked, unit, how) for i in pairs]
+    runs = dict(of.rows.runs())
+    return law_table((i, _one(runs[of.pairs[i]], asked, unit, how)) for i in pairs.tolist())
 
 
 def _one(runs: Runs, asked: Asked, unit: str, how: How) -> dict[str, Cell]:

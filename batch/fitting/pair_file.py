@@ -1,10 +1,13 @@
 """The parameter file of a pair among thousands, its draws if they are kept, and what the posterior adds to its rows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from ..how import How
+from ..law_table import PAIR, column, fitted
 from ..outcome import Cell, Concern
 from ..plan import Reading
 from .concerns import concerns_of_file
@@ -23,7 +26,7 @@ PARAMETERS, DRAWS = "params.json", "draws.npz"
 
 @dataclass(frozen=True, slots=True)
 class PairFiles:
-    """Files of a pair by name, concerns that came up on the way, and cells for its rows by response."""
+    """Files of a pair by name, concerns that came up on the way, and cells for its laws by response."""
 
     files: Mapping[str, bytes]
     concerns: tuple[Concern, ...]
@@ -132,10 +135,17 @@ def _pairs(of: Mapping[str, str]) -> list[str]:
     return [f"{symbol}={value}" for symbol, value in of.items()]
 
 
-def with_cells(rows: Sequence[dict[str, Cell]], cells: Mapping[str, Mapping[str, Cell]]) -> tuple[dict[str, Cell], ...]:
-    """Rows with what the posterior adds to each.
+def with_cells(table: pd.DataFrame, cells: Mapping[int, Mapping[str, Mapping[str, Cell]]]) -> pd.DataFrame:
+    """The table with what the posterior adds to the laws of a pair, by its number and by response.
 
-    >>> with_cells([{"response": "AW", "reason": ""}], {"AW": {"no_posterior": ""}})
-    ({'response': 'AW', 'reason': '', 'no_posterior': ''},)
+    >>> from fitmodels.batch.law_table import law_table
+    >>> table = law_table([(0, {"response": "AW", "reason": ""})])
+    >>> with_cells(table, {0: {"AW": {"posterior_V": 0.5}}})[["response", "posterior_V"]].to_dict("list")
+    {'response': ['AW'], 'posterior_V': [0.5]}
     """
-    return tuple(row | dict(cells.get(str(row["response"]), {})) if not row["reason"] else row for row in rows)
+    rows = [
+        cells.get(pair, {}).get(response, {}) if there else {}
+        for pair, response, there in zip(table[PAIR].tolist(), table["response"], fitted(table), strict=True)
+    ]
+    names = dict.fromkeys(name for row in rows for name in row)
+    return table.assign(**{name: column(name, [row.get(name) for row in rows]) for name in names})

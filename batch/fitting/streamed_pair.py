@@ -11,15 +11,16 @@ from ...datasets.runs import disclaimers
 from ...datasets.vocabulary import ROLES
 from ...fit.defaults import Asked, asked_laws
 from ..how import How
+from ..law_table import law_table
 from ..outcome import Cell, Concern, PairOutcome
 from ..plan import Block, Plan
-from .concerns import concerns_of_rows
+from .concerns import concerns_of_laws
 from .failures import Failed, tried
 from .groups import differs, identity_of
 from .laws_of_pairs import unit_of
 from .pair_file import PARAMETERS, options_of, posterior_cells, with_cells
 from .pairs_of_rows import texts
-from .table_rows import reason_of, row_of, row_without
+from .table_rows import reasons, row_of, row_without
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -52,8 +53,8 @@ class Seen:
         self.whole = True
 
 
-def streamed_outcome(block: Block, plan: Plan, how: How) -> PairOutcome:
-    """Fit the power laws of the pair of a streamed block; its numbers are those of rows in memory.
+def streamed_outcome(block: Block, plan: Plan, how: How) -> tuple[PairOutcome, pd.DataFrame]:
+    """Fit the power laws of the pair of a streamed block; the table of its laws is that of rows in memory.
 
     Every law reads the chunks anew. Load laws, roughness and additive errors need all rows at once: they have rows
     that say so. There is no posterior, no tool life and no design section.
@@ -62,12 +63,16 @@ def streamed_outcome(block: Block, plan: Plan, how: How) -> PairOutcome:
     with closing(_chunks(block, plan)) as chunks:
         first = next(chunks, None)
     if first is None:
-        return PairOutcome(pair.tool, pair.work, 0, reason="the source holds no row of this pair any more.")
+        gone = "the source holds no row of this pair any more."
+        return PairOutcome(pair.tool, pair.work, 0, reason=gone), law_table(())
     seen = Seen(plan.reading.groups)
     fitted = _laws(block, plan, how, seen, frozenset(map(str, first.columns)))
-    rows = [row for row, _ in fitted]
+    table = law_table((0, row) for row, _ in fitted)
     groups = {header: next(iter(seen.names.get(header, [])), "") for header in plan.reading.groups}
-    concerns = [*concerns_of_rows(rows), *(differs(h, names) for h, names in seen.names.items() if len(names) > 1)]
+    concerns = [
+        *concerns_of_laws(table, 1)[0],
+        *(differs(h, names) for h, names in seen.names.items() if len(names) > 1),
+    ]
     files: Mapping[str, bytes] = {}
     if how.files and any(law is not None for _, law in fitted):
         made = tried(lambda: _file(block, plan, how, seen.rows, [law for _, law in fitted if law is not None], groups))
@@ -75,19 +80,11 @@ def streamed_outcome(block: Block, plan: Plan, how: How) -> PairOutcome:
             concerns.append(Concern("no parameter file", made.reason))
         else:
             files, cells, odd = made
-            rows, concerns = list(with_cells(rows, cells)), [*concerns, *odd]
-    reason = reason_of(rows) if rows else no_law_asked(seen.held)
-    return PairOutcome(
-        pair.tool,
-        pair.work,
-        seen.rows or block.rows,
-        tuple(rows),
-        reason,
-        tuple(concerns),
-        groups,
-        bool(disclaimers(plan.notes)),
-        files,
-    )
+            table, concerns = with_cells(table, {0: cells}), [*concerns, *odd]
+    reason = reasons(table).get(0, "") if fitted else no_law_asked(seen.held)
+    simulated = bool(disclaimers(plan.notes))
+    rows = seen.rows or block.rows
+    return PairOutcome(pair.tool, pair.work, rows, reason, tuple(concerns), groups, simulated, files), table
 
 
 def no_law_asked(held: Iterable[str]) -> str:

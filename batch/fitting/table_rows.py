@@ -1,61 +1,60 @@
-"""Laws as rows of the results table: mappings of plain cells, None where there is no number."""
+"""Laws, one or a stack of them, as rows of the table of laws; and the sentences for those that there are not."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ...fit.defaults import Asked
-from ..outcome import NOTES, PARTS, WHOLE, Cell, cell
+from ..law_table import COUNTS, NOTES, PAIR, PARTS, TRUTHS, WHOLE, Column, counts, finite, fitted, texts, truths
+from ..outcome import Cell, cell
 
 if TYPE_CHECKING:
     from ...fit import LawFit, ManyLaws, StreamedLaw
 
-LawRow: TypeAlias = Mapping[str, Cell]
+Ints = NDArray[np.intp]
 
 LEVEL = 0.95
 FORMS = {"power": "power", "load": "load_line", "exponential": "exponential"}
 
 
-def rows_of_many(laws: "ManyLaws", unit: str, reasons: Mapping[int, str] | None = None) -> list[dict[str, Cell]]:
-    """A row for each pair of a stack, in its order.
+def table_of_many(laws: "ManyLaws", unit: str, pairs: Ints, reasons: Mapping[int, str]) -> pd.DataFrame:
+    """The laws of a stack.
 
     Parameters
     ----------
     laws : ManyLaws
     unit : str
         Of the response.
-    reasons : mapping of int to str, optional
-        Better words for why a pair, by its position, has no law.
+    pairs : ndarray of int, shape (K,)
+        Their numbers.
+    reasons : mapping of int to str
+        Better words for why a pair, by its number, has no law.
 
     Examples
     --------
     >>> from fitmodels import fit
     >>> V = np.array([50.0, 80, 125, 200])
     >>> table = {"tool": ["A"] * 4, "V": V, "AW": V**0.5 * [1, 1.1, 1, 1.1]}
-    >>> row = rows_of_many(fit.many_power_laws(table, "AW", ["V"], pair="tool"), "mm")[0]
-    >>> row["response"], row["nobs"], round(row["params_V"], 3), row["reason"]
-    ('AW', 4, 0.542, '')
+    >>> made = table_of_many(fit.many_power_laws(table, "AW", ["V"], pair="tool"), "mm", np.array([7]), {})
+    >>> made[["pair", "response", "nobs", "params_V", "reason"]].round(3).values.tolist()
+    [[7, 'AW', 4, 0.542, '']]
     """
-    table, ends = laws.table, laws.conf_int(LEVEL)
-    there = laws.fitted
-    reason = laws.estimates.reason.tolist()
-    for i, words in (reasons or {}).items():
-        reason[i] = words
-    K = len(laws)
-    columns: dict[str, list[Any]] = {
-        "response": [laws.response] * K, "form": ["power"] * K, "unit": [unit] * K, "reason": reason,
-    }  # fmt: skip
-    columns |= {name: cells(table[name].to_numpy(), there) for name in WHOLE}
-    columns["nobs"] = table["nobs"].tolist()
-    columns["n_edges"] = cells(table["n_edges"].to_numpy(), table["n_edges"].to_numpy() > 0)
-    columns |= {name: table[name].tolist() for name in NOTES}
-    for name in laws.names:
-        for part in PARTS:
-            held = ends if part in ("low", "high") else table
-            columns[f"{part}_{name}"] = cells(held[f"{part}_{name}"].to_numpy())
-    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    table, there, K = laws.columns() | laws.ends(LEVEL), laws.fitted, len(laws)
+    same = {"response": laws.response, "form": "power", "unit": unit}
+    columns: dict[str, Column] = {name: texts([text] * K) for name, text in same.items()}
+    columns["reason"] = texts(reasons.get(i, why) for i, why in zip(pairs.tolist(), table["reason"], strict=True))
+    for name in WHOLE:
+        columns[name] = counts(table[name], there) if name in COUNTS else finite(table[name])
+    columns["nobs"] = counts(table["nobs"])
+    columns["n_edges"] = counts(table["n_edges"], table["n_edges"] > 0)
+    for name in NOTES:
+        values = table[name]
+        columns[name] = counts(values) if name in COUNTS else truths(values) if name in TRUTHS else texts(values)
+    columns |= {name: finite(table[name]) for each in laws.names for part in PARTS for name in [f"{part}_{each}"]}
+    return pd.DataFrame({PAIR: pairs, **columns})
 
 
 def row_of(law: "LawFit | StreamedLaw", asked: Asked) -> dict[str, Cell]:
@@ -104,35 +103,34 @@ def row_without(asked: Asked, unit: str, reason: str) -> dict[str, Cell]:
     return row | {f"{part}_{name}": None for name in names for part in PARTS}
 
 
-def cells(values: NDArray[Any], there: NDArray[np.bool_] | None = None) -> list[Cell]:
-    """Numbers, shape (K,), as plain cells; None where one is not finite or not ``there``.
+def refusals(table: pd.DataFrame) -> dict[int, list[str]]:
+    """Sentences of each pair that lacks a law it could have, by its number; a reason of several is said once.
 
-    >>> cells(np.array([1.0, np.nan]))
-    [1.0, None]
+    Examples
+    --------
+    >>> from fitmodels.batch.law_table import law_table
+    >>> rows = [{"response": "AW", "reason": "AW: too few rows."}, {"response": "P", "reason": "P is 1."}]
+    >>> refusals(law_table((4, row) for row in rows))
+    {4: ['AW is not fitted: too few rows.', 'P is not fitted: P is 1.']}
     """
-    known = np.isfinite(values) if there is None else np.isfinite(values) & there
-    plain: list[Cell] = values.tolist()
-    if not known.all():
-        for i in np.flatnonzero(~known):
-            plain[i] = None
-    return plain
+    said: dict[int, dict[str, list[str]]] = {}
+    without = table[~fitted(table)]
+    for pair, response, reason in zip(*(without.get(name, ()) for name in (PAIR, "response", "reason")), strict=True):
+        said.setdefault(pair, {}).setdefault(reason.removeprefix(f"{response}: "), []).append(response)
+    return {pair: [_refused(of, why) for why, of in each.items()] for pair, each in said.items()}
 
 
-def reason_of(rows: Sequence[LawRow]) -> str:
-    """Why a pair has no law at all; empty where it has one.
+def reasons(table: pd.DataFrame) -> dict[int, str]:
+    """Why a pair has no law at all, by its number.
 
-    >>> reason_of([{"response": "AW", "reason": "AW: too few rows."}, {"response": "P", "reason": "P is 1."}])
-    'AW is not fitted: too few rows. P is not fitted: P is 1.'
+    >>> from fitmodels.batch.law_table import law_table
+    >>> rows = [{"response": "AW", "reason": "too few rows."}, {"response": "P", "reason": ""}]
+    >>> reasons(law_table([(0, rows[0]), (0, rows[1]), (1, rows[0])]))
+    {1: 'AW is not fitted: too few rows.'}
     """
-    if not rows or not all(row["reason"] for row in rows):
-        return ""
-    return " ".join(refusals(rows))
+    with_law = set(table[PAIR][fitted(table)].tolist()) if len(table) else set()
+    return {pair: " ".join(words) for pair, words in refusals(table).items() if pair not in with_law}
 
 
-def refusals(rows: Iterable[LawRow]) -> list[str]:
-    """A sentence for each law that there is not; the same reason of several is said once."""
-    said: dict[str, list[str]] = {}
-    for row in rows:
-        if row["reason"]:
-            said.setdefault(str(row["reason"]).removeprefix(f"{row['response']}: "), []).append(str(row["response"]))
-    return [f"{', '.join(of)} {'are' if len(of) > 1 else 'is'} not fitted: {why}" for why, of in said.items()]
+def _refused(responses: Sequence[str], why: str) -> str:
+    return f"{', '.join(responses)} {'are' if len(responses) > 1 else 'is'} not fitted: {why}"

@@ -1,15 +1,14 @@
 """Which pairs need attention, and why: what their fits say, and what their families say of them."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..outcome import Cell, Concern, PairOutcome, cell
+from ..outcome import Concern, PairOutcome
 from ..plan import Pair
 
 NO_LAW = "no law"
@@ -27,7 +26,6 @@ BY_CHANCE = 1e-4  # a scatter with few degrees of freedom may be so much larger 
 LEVEL = 0.99
 
 Array = NDArray[np.float64]
-LawRow: TypeAlias = Mapping[str, Cell]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +57,7 @@ def attention_summary(outcomes: Sequence[PairOutcome], most: int = 3) -> list[At
 
     Examples
     --------
-    >>> few = PairOutcome("GC435", "brass", 9, ({"response": "AW", "reason": ""},),
-    ...                   concerns=(Concern("few degrees of freedom", "1 degree"),))
+    >>> few = PairOutcome("GC435", "brass", 9, concerns=(Concern("few degrees of freedom", "1 degree"),))
     >>> none = PairOutcome("GC435", "bronze", 2, reason="2 rows are too few")
     >>> [(item.kind, item.pairs, item.examples, item.words) for item in attention_summary([few, none])]
     ... # doctest: +NORMALIZE_WHITESPACE
@@ -77,18 +74,22 @@ def attention_summary(outcomes: Sequence[PairOutcome], most: int = 3) -> list[At
     ]
 
 
-def with_families(outcomes: Sequence[PairOutcome], pooled: pd.DataFrame | None = None) -> list[PairOutcome]:
+def with_families(
+    outcomes: Sequence[PairOutcome], results: pd.DataFrame, pooled: pd.DataFrame | None = None
+) -> list[PairOutcome]:
     """Outcomes with what only the other pairs can tell: too much scatter, and exponents unlike those of the family.
 
     Parameters
     ----------
     outcomes : sequence of PairOutcome
+    results : DataFrame
+        As `table.results_frame`.
     pooled : DataFrame, optional
         The pairs of `comparison.compare`, with intervals at 95 %: ``tool, work, response, factor, family, estimate,
         se, df, new_low, new_high`` are looked at.
     """
     more: dict[tuple[str, str], list[Concern]] = defaultdict(list)
-    for pair, concern in _scattering(outcomes):
+    for pair, concern in _scattering(results):
         more[pair].append(concern)
     for pair, concern in _unlike(pooled) if pooled is not None and len(pooled) else ():
         more[pair].append(concern)
@@ -109,24 +110,23 @@ def _severity(kind: str) -> int:
     return SEVERITY.index(kind) if kind in SEVERITY else len(SEVERITY)
 
 
-def _scattering(outcomes: Sequence[PairOutcome]) -> Iterator[tuple[tuple[str, str], Concern]]:
+def _scattering(results: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
     """Pairs whose scale_se is above `TIMES` the median of the laws of the same response and form."""
     from scipy.special import chdtri
 
-    laws: dict[tuple[object, object], list[tuple[PairOutcome, LawRow, float]]] = defaultdict(list)
-    for one in outcomes:
-        for law in one.laws:
-            scale = cell(law.get("scale_se"))
-            if not law.get("reason") and isinstance(scale, float) and scale > 0:
-                laws[law.get("response"), law.get("form")].append((one, law, scale))
-    for (response, _), each in laws.items():
-        middle = float(np.median([scale for *_, scale in each]))
-        for one, law, scale in each if len(each) >= FEWEST else ():
-            df = cell(law.get("df_resid"))
-            chance = np.sqrt(chdtri(df, BY_CHANCE) / df) if isinstance(df, int | float) and df > 0 else 0.0
-            if scale > max(TIMES, chance) * middle:
-                words = f"{response} scatters {scale / middle:.2g} times as much as in half of the pairs"
-                yield (one.tool, one.work), Concern(SCATTERS, f"{words} ({scale:.3g} against {middle:.3g})")
+    if "scale_se" not in results:
+        return
+    laws = results[(results["reason"] == "") & (results["scale_se"] > 0)]
+    for (response, _), each in laws.groupby(["response", "form"], sort=False):
+        scale = each["scale_se"].to_numpy(dtype=float)
+        df = each["df_resid"].to_numpy(dtype=float, na_value=0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            chance = np.where(df > 0, np.sqrt(chdtri(df, BY_CHANCE) / df), 0.0)
+        middle = float(np.median(scale))
+        for i in np.flatnonzero(scale > np.maximum(TIMES, chance) * middle) if len(each) >= FEWEST else ():
+            words = f"{response} scatters {scale[i] / middle:.2g} times as much as in half of the pairs"
+            pair = str(each["tool"].iloc[i]), str(each["work"].iloc[i])
+            yield pair, Concern(SCATTERS, f"{words} ({scale[i]:.3g} against {middle:.3g})")
 
 
 def _unlike(pooled: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:

@@ -1,18 +1,22 @@
 """Records of finished blocks, so that a batch that was stopped goes on without fitting anything twice."""
 
 import json
-import math
+from base64 import b64decode, b64encode
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import pandas as pd
 
 from ... import __version__
 from ...datasets.errors import UsageError
 from ...parameters.file import put_in_place
 from ..how import How
+from ..law_table import PAIR, Column, column
 from ..outcome import BlockOutcome, Cell, Concern, PairOutcome, cell
 from ..plan import Block, Pair, Plan
 
@@ -47,12 +51,12 @@ def key_of(block: Block, plan: Plan, how: How) -> str:
     >>> key_of(block, plan, How()) == key_of(block, plan, How(seed=2))
     False
     """
-    facts = how.facts(plan.reading)
-    told = asdict(block)
-    for piece in told["pieces"]:
-        del piece["path"]
+    told = {field.name: getattr(block, field.name) for field in fields(block)}
+    told["pairs"] = [(pair.tool, pair.work) for pair in block.pairs]
+    told["pieces"] = [asdict(piece) | {"path": ""} for piece in block.pieces]
     columns = [asdict(use) for use in plan.columns]
-    content = {"fitmodels": __version__, "kind": plan.kind, "block": told, "columns": columns, "facts": facts}
+    content = {"fitmodels": __version__, "kind": plan.kind, "block": told, "columns": columns}
+    content |= {"facts": how.facts(plan.reading)}
     return sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -103,7 +107,7 @@ def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome |
     try:
         outcome = _outcome(data["outcome"])
         places = {f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}" for pair in outcome.pairs}
-    except (KeyError, IndexError, TypeError, ValueError):
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError):
         return None
     files: dict[str, str] = data["files"]
     stands = all(name.rpartition("/")[0] in places and hash_of(out / name) == made for name, made in files.items())
@@ -175,38 +179,45 @@ def _inside(name: str) -> bool:
 
 
 def _plain(outcome: BlockOutcome) -> dict[str, Any]:
-    """The outcome as JSON takes it, without bytes; laws of the same columns share their names."""
-    shapes: dict[tuple[str, ...], int] = {}
+    """The outcome as JSON takes it, without the bytes of files."""
     pairs = [
         {
             "tool": pair.tool, "work": pair.work, "nobs": int(pair.nobs), "reason": pair.reason,
-            "laws": [
-                [shapes.setdefault(tuple(law), len(shapes)), [_json(value) for value in law.values()]]
-                for law in pair.laws
-            ],
             "concerns": [[concern.kind, concern.words] for concern in pair.concerns],
             "groups": dict(pair.groups), "simulated": pair.simulated,
         }
         for pair in outcome.pairs
     ]  # fmt: skip
-    rest = {"columns": list(shapes), "unreadable": dict(outcome.unreadable), "units": dict(outcome.units)}
+    laws = {str(name): _packed(values) for name, values in outcome.laws.items()}
+    rest = {"laws": laws, "unreadable": dict(outcome.unreadable), "units": dict(outcome.units)}
     return {"pairs": pairs, **rest, "seconds": float(outcome.seconds), "memory": int(outcome.memory)}
 
 
-def _json(value: Cell) -> Cell:
-    """A cell; most are finite floats, which are told at once."""
-    return value if type(value) is float and -math.inf < value < math.inf else cell(value)
+def _packed(values: "pd.Series[Any]") -> list[Cell] | str:
+    """A column of the table of laws: doubles in base 64, as they stand in memory; others cell by cell."""
+    if values.dtype == np.float64:
+        return b64encode(values.to_numpy(dtype="<f8").tobytes()).decode()
+    return [cell(value) for value in values.tolist()]
+
+
+def _unpacked(name: str, packed: list[Cell] | str) -> Column:
+    if isinstance(packed, str):
+        return np.frombuffer(b64decode(packed, validate=True), dtype="<f8").astype(np.float64)
+    return np.array(packed, dtype=np.intp) if name == PAIR else column(name, packed)
 
 
 def _outcome(data: Mapping[str, Any]) -> BlockOutcome:
-    names = data["columns"]
     pairs = tuple(
         PairOutcome(
-            pair["tool"], pair["work"], pair["nobs"],
-            tuple(dict(zip(names[shape], cells, strict=True)) for shape, cells in pair["laws"]), pair["reason"],
+            pair["tool"], pair["work"], pair["nobs"], pair["reason"],
             tuple(Concern(kind, words) for kind, words in pair["concerns"]), pair["groups"],
             pair["simulated"],
         )
         for pair in data["pairs"]
     )  # fmt: skip
-    return BlockOutcome(pairs, data["unreadable"], data["units"], data["seconds"], data["memory"])
+    columns = {name: _unpacked(name, packed) for name, packed in data["laws"].items()}
+    laws = pd.DataFrame(columns)
+    whole = {len(values) for values in columns.values()} == {len(laws)}
+    if not (whole and laws[PAIR].between(0, len(pairs) - 1).all()):
+        raise ValueError
+    return BlockOutcome(pairs, laws, data["unreadable"], data["units"], data["seconds"], data["memory"])

@@ -74,7 +74,8 @@ def labels(array: Any) -> Labels:  # noqa: ANN401
         return constant("", len(array))
     if not pa.types.is_dictionary(array.type):
         array = pc.dictionary_encode(array)
-    texts = tuple(text_of(value) for value in array.dictionary.to_pylist())
+    values = array.dictionary.to_pylist()
+    texts = [value or "" for value in values] if kind_of(array.type) == "text" else [text_of(v) for v in values]
     codes = array.indices.cast(pa.int64())
     if codes.null_count:
         codes = codes.fill_null(len(texts))
@@ -119,11 +120,12 @@ def joined(parts: list[Labels]) -> "pd.Categorical[str]":
     >>> joined([constant("B", 2), Labels(np.array([1, 0]), ("A", "B", "C"))]).tolist()
     ['B', 'B', 'B', 'A']
     """
-    present = {part.texts: np.zeros(len(part.texts), dtype=bool) for part in parts}
-    for part in parts:
-        present[part.texts][part.codes] = True
-    there = {texts[i] for texts, where in present.items() for i in np.flatnonzero(where).tolist()}
+    used = [np.flatnonzero(np.bincount(part.codes, minlength=len(part.texts))) for part in parts]
+    there = {part.texts[i] for part, where in zip(parts, used, strict=True) for i in where.tolist()}
     number = {text: i for i, text in enumerate(sorted(there))}
-    new = {texts: np.array([number.get(text, -1) for text in texts], dtype=np.intp) for texts in present}
-    codes = np.concatenate([np.zeros(0, dtype=np.intp), *(new[part.texts][part.codes] for part in parts)])
-    return pd.Categorical.from_codes(codes, categories=pd.Index(list(number), dtype=str))
+    codes = [np.zeros(0, dtype=np.intp)]
+    for part, where in zip(parts, used, strict=True):
+        anew = np.zeros(len(part.texts), dtype=np.intp)
+        anew[where] = [number[part.texts[i]] for i in where.tolist()]
+        codes.append(anew[part.codes])
+    return pd.Categorical.from_codes(np.concatenate(codes), categories=pd.Index(list(number), dtype=str))

@@ -1,7 +1,7 @@
 """What fitting many pairs returns: a table with a row a pair, and the reasons of those that have no law."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -63,33 +63,27 @@ class ManyLaws(Told):
     @property
     def params(self) -> pd.DataFrame:
         """Coefficients, a row a pair, a column a parameter; NaN where a law does without it."""
-        theta = self.estimates.theta.copy()
-        theta[:, 0] = np.exp(theta[:, 0])
-        return self._frame(theta)
+        return self._frame(self._of_parameters()["params"])
 
     @property
     def bse(self) -> pd.DataFrame:
         """Standard errors of ``params``, by edge where the edges of a pair allow it."""
-        return self._frame(self.estimates.se * self._slope())
+        return self._frame(self._of_parameters()["bse"])
 
     @property
     def row_bse(self) -> pd.DataFrame:
         """Standard errors with rows taken as independent, as the papers print them."""
-        return self._frame(self.estimates.row_se * self._slope())
+        return self._frame(self._of_parameters()["row_bse"])
 
     @property
     def tvalues(self) -> pd.DataFrame:
         """``params / bse``."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return self._frame(self.params.to_numpy() / self.bse.to_numpy())
+        return self._frame(self._of_parameters()["tvalues"])
 
     @property
     def pvalues(self) -> pd.DataFrame:
         """Two-sided p of each parameter against zero."""
-        from scipy.special import stdtr
-
-        df = np.maximum(self.estimates.df, 1)[:, None]
-        return self._frame(2 * stdtr(df, -np.abs(self.tvalues.to_numpy())))
+        return self._frame(self._of_parameters()["pvalues"])
 
     @property
     def table(self) -> pd.DataFrame:
@@ -99,19 +93,25 @@ class ManyLaws(Told):
         scale_se``; ``params_V, bse_V, row_bse_V, tvalues_V, pvalues_V`` and so on; ``by_edge, dropped, left_out,
         edge_reason, reason``. A pair without a law keeps its row, with NaN and its reason.
         """
-        parts = {"params": self.params, "bse": self.bse, "row_bse": self.row_bse,
-                 "tvalues": self.tvalues, "pvalues": self.pvalues}  # fmt: skip
-        columns = {f"{part}_{name}": parts[part][name].to_numpy() for name in self.names for part in parts}
-        made = self.estimates
-        notes = {name: getattr(made, name) for name in ("by_edge", "dropped", "left_out", "edge_reason", "reason")}
-        told = pd.DataFrame({**self._whole(), **columns, **notes})
+        told = pd.DataFrame(self.columns())
         twice = [name for name in self.pairs if name in told]
         if twice:
             raise UsageError(f"the column {twice[0]!r} that names the pairs is also one of the table; rename it.")
         return pd.concat([self.pairs, told], axis=1)
 
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The columns of ``table`` but those of the pair, as arrays of shape (K,)."""
+        parts, made = self._of_parameters(), self.estimates
+        told = {f"{part}_{name}": parts[part][:, j] for j, name in enumerate(self.names) for part in parts}
+        notes = {name: getattr(made, name) for name in ("by_edge", "dropped", "left_out", "edge_reason", "reason")}
+        return {**self._whole(), **told, **notes}
+
     def conf_int(self, level: float = 0.95) -> pd.DataFrame:
         """Intervals at ``level``: the pair's columns, then ``low_V, high_V`` and so on; NaN where there are none."""
+        return pd.concat([self.pairs, pd.DataFrame(self.ends(level))], axis=1)
+
+    def ends(self, level: float = 0.95) -> dict[str, Array]:
+        """The columns of ``conf_int`` but those of the pair, as arrays of shape (K,)."""
         from scipy.special import stdtrit
 
         if not 0 < level < 1:
@@ -122,8 +122,7 @@ class ManyLaws(Told):
         with np.errstate(over="ignore"):
             for end in ends.values():
                 end[:, 0] = np.exp(end[:, 0])
-        columns = {f"{at}_{name}": ends[at][:, j] for j, name in enumerate(self.names) for at in ends}
-        return pd.concat([self.pairs, pd.DataFrame(columns)], axis=1)
+        return {f"{at}_{name}": ends[at][:, j] for j, name in enumerate(self.names) for at in ends}
 
     def to_frame(self) -> pd.DataFrame:
         """``table``."""
@@ -153,11 +152,18 @@ class ManyLaws(Told):
         return {"nobs": made.nobs, "n_edges": made.n_edges, "df": made.df, "df_resid": made.df_resid, "rsquared": R2,
                 "rsquared_adj": adjusted, "fvalue": F, "f_pvalue": p, "scale_se": scale}  # fmt: skip
 
-    def _slope(self) -> Array:
-        """Derivative of the coefficients by theta, shape (K, p)."""
-        slope = np.ones_like(self.estimates.theta)
-        slope[:, 0] = np.exp(self.estimates.theta[:, 0])
-        return slope
+    def _of_parameters(self) -> dict[str, Array]:
+        """Coefficients, their errors, t and p, each of shape (K, p)."""
+        from scipy.special import stdtr
+
+        made = self.estimates
+        params, slope = made.theta.copy(), np.ones_like(made.theta)  # slope: derivative of a coefficient by theta
+        params[:, 0] = slope[:, 0] = np.exp(made.theta[:, 0])
+        bse = made.se * slope
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = params / bse
+        p = 2 * stdtr(np.maximum(made.df, 1)[:, None], -np.abs(t))
+        return {"params": params, "bse": bse, "row_bse": made.row_se * slope, "tvalues": t, "pvalues": p}
 
     def _index(self) -> "pd.Index[str]":
         one = len(self.pairs.columns) == 1

@@ -112,8 +112,8 @@ def _numbers(table: pd.DataFrame, name: str) -> Array:
 
 def _numbered(table: pd.DataFrame, keys: list[str]) -> tuple[Ints, pd.DataFrame]:
     """Number of the pair of each row, in order of appearance, and the names of the pairs."""
-    number = np.zeros(len(table), dtype=np.intp)
-    for name in keys:
+    number, _ = pd.factorize(_named(table[keys[0]], keys[0]))
+    for name in keys[1:]:
         codes, levels = pd.factorize(_named(table[name], name))
         number, _ = pd.factorize(number * max(len(levels), 1) + codes)
     first = np.full(number.max(initial=-1) + 1, len(number))

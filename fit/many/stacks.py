@@ -80,10 +80,8 @@ def solved(logs: Array, starts: Ints, counts: Ints) -> Stack:
     >>> solved(np.stack([x, 0.5 * x]), np.array([0, 3]), np.array([3, 3])).theta.round(9).tolist()
     [[0.0, 0.5], [0.0, 0.5]]
     """
-    steps = np.arange(counts.max())
-    there = steps < counts[:, None]
-    A = logs[:, np.where(there, starts[:, None] + steps, starts[:, None])]  # (q, m, n)
-    A, means = _centred(A, there, counts)
+    there = np.arange(counts.max()) < counts[:, None]
+    A, means = _centred(_side_by_side(logs, starts, there), there, counts)  # (q, m, n)
     lengths = np.sqrt(np.einsum("qmn,qmn->qm", A, A))
     Q, R = np.linalg.qr((A / lengths[:, :, None]).transpose(1, 2, 0))
     k = len(logs) - 1
@@ -94,7 +92,7 @@ def solved(logs: Array, starts: Ints, counts: Ints) -> Stack:
         constant = means[k] - np.einsum("qm,mq->m", means[:k], slopes)
     off = R[:, k, k] * lengths[k]
     const = np.repeat(counts**-0.5, counts)[None]
-    rows = Q[there].T
+    rows = (Q.reshape(-1, k + 1) if there.all() else Q[there]).T
     return Stack(
         theta=np.column_stack([constant, slopes]),
         root=root,
@@ -104,6 +102,14 @@ def solved(logs: Array, starts: Ints, counts: Ints) -> Stack:
         tss=lengths[k] ** 2,
         apart=np.square(np.einsum("mjj->mj", R[:, :k, :k])).min(axis=1),
     )
+
+
+def _side_by_side(logs: Array, starts: Ints, there: Flags) -> Array:
+    """Rows of each pair, shape (q, m, n), where it has none those of its first row."""
+    m, n = there.shape
+    if there.all() and np.all(np.diff(starts) == n):
+        return logs[:, starts[0] : starts[0] + m * n].reshape(-1, m, n)
+    return logs.take(np.where(there, starts[:, None] + np.arange(n), starts[:, None]), axis=1)
 
 
 def _centred(A: Array, there: Flags, counts: Ints) -> tuple[Array, Array]:
