@@ -28,6 +28,7 @@ from fitmodels.batch.result.place import folder_names, prepare, put
 from fitmodels.batch.result.table import csv_bytes, results_frame
 from fitmodels.batch.source import open_source
 from fitmodels.batch.tables import laws_of
+from fitmodels.batch.whole_way import CAREFUL, QUICK
 from many_laws import FACTORS, by_statsmodels, simulated
 
 AIM_LOOP, AIM_TWO = 20, 1.7
@@ -69,8 +70,8 @@ def the_loop(source, out, pairs):
 
 def against_the_loop(source, folder, pairs, looped):
     with engine() as workers:
-        to_results(source, folder / "warm", workers, files=False, most_pairs=1000)
-        runs = [to_results(source, folder / "one", workers, files=False, most_pairs=1000) for _ in range(3)]
+        to_results(source, folder / "warm", workers, files=False, most_pairs=QUICK)
+        runs = [to_results(source, folder / "one", workers, files=False, most_pairs=QUICK) for _ in range(3)]
     whole, fitting, results = sorted(runs, key=lambda run: run[0])[1]
     read, looping, theirs = the_loop(source, folder, looped)
     loop = read + looping * pairs / looped
@@ -113,9 +114,9 @@ def main(pairs, looped, with_files):
         write(pairs, source)
         write(with_files, few)
         against_the_loop(source, folder, pairs, looped)
-        on_engines(source, folder, files=False, most_pairs=1000)
+        on_engines(source, folder, files=False, most_pairs=QUICK)
         print(f"{with_files} pairs with parameter files")
-        on_engines(few, folder, files=True, most_pairs=16)
+        on_engines(few, folder, files=True, most_pairs=CAREFUL)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,8 @@ OLD = 2.0  # s that the number of threads is taken for granted: workers come and
 ARRIVAL = 10.0  # s in which the first worker joins
 RETURN = 60.0  # s in which one joins again after all have left
 OTHER_COPY = "Error during deserialization of the task graph"  # what the scheduler says that cannot import its parts
+# Dask has its workers give memory back at every turn: a fit, which takes and leaves arrays, is half as slow again.
+NO_TRIMMING = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}
 GLANCE = 0.005  # s between looks for a result
 
 
@@ -157,8 +159,12 @@ def cluster(jobs: int, address: str, say: Callable[[str], None]) -> Iterator[Clu
 
 @contextmanager
 def _local(jobs: int) -> Iterator[OfDask]:
+    import dask
+
     distributed = import_module("distributed")
-    with in_environment(FOR_CHILDREN), ExitStack() as stack:  # a nanny starts workers again: they read it, too
+    with ExitStack() as stack:
+        stack.enter_context(in_environment(FOR_CHILDREN))  # a nanny starts workers again: they read it, too
+        stack.enter_context(dask.config.set(NO_TRIMMING))
         with uninterrupted():  # nor for the thread that starts them again
             processes = distributed.LocalCluster(
                 n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", silence_logs=MUTE

@@ -43,14 +43,15 @@ def _muted() -> Iterator[None]:
 
 @contextmanager
 def in_environment(values: dict[str, str]) -> Iterator[None]:
-    """Set variables of the environment that processes started in the block find."""
-    before = {name: os.environ.get(name) for name in values}
+    """Set variables of the environment that processes started in the block find; afterwards it is as it was.
+
+    A nanny of Dask adds some of its own, which would slow whatever is started from this process later.
+    """
+    before = dict(os.environ)
     os.environ.update(values)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in set(os.environ) - set(before):
+            del os.environ[name]
+        os.environ.update(before)

@@ -17,7 +17,7 @@ from ...datasets.errors import UsageError
 from ...parameters.file import put_in_place
 from ..how import How
 from ..law_table import PAIR, Column, column
-from ..outcome import BlockOutcome, Cell, Concern, PairOutcome, cell
+from ..outcome import BlockOutcome, Cell, Concern, PairOutcome
 from ..plan import Block, Pair, Plan
 
 SCHEMA = "fitmodels.batch-block/1"
@@ -197,7 +197,7 @@ def _packed(values: "pd.Series[Any]") -> list[Cell] | str:
     """A column of the table of laws: doubles in base 64, as they stand in memory; others cell by cell."""
     if values.dtype == np.float64:
         return b64encode(values.to_numpy(dtype="<f8").tobytes()).decode()
-    return [cell(value) for value in values.tolist()]
+    return values.astype(object).where(values.notna(), None).tolist()
 
 
 def _unpacked(name: str, packed: list[Cell] | str) -> Column:
