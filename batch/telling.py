@@ -1,6 +1,7 @@
 """What the command prints of a batch: the source, the laws, who needs attention, where everything stands."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite, nan
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -29,9 +30,8 @@ QUARTERS = (0.25, 0.5, 0.75)
 def source_block(plan: Plan) -> RenderableType:
     """What was found in the source, before anything is fitted."""
     table = _grid()
-    most = max((block.rows for block in plan.blocks), default=0)
     table.add_row("source", f"{plan.name}: {_kind(plan)}; {grouped(plan.rows)} rows, {_pairs(len(plan.pairs))}")
-    table.add_row("in blocks", f"{grouped(len(plan.blocks))}, of at most {grouped(most)} rows in memory at a time")
+    table.add_row("in blocks", _blocks(plan))
     used = [use for use in plan.columns if use.role is not None]
     if used:
         table.add_row("columns", Text("\n".join(map(_column, used))))
@@ -76,14 +76,27 @@ def laws_block(made: Batch) -> RenderableType:
         role = ROLES.get(response)
         quantity = "" if role is None else f"  {role.quantity}, {role.unit}" if role.unit else f"  {role.quantity}"
         head = f"{response}{quantity}: {form.replace('_', ' ')}, {_pairs(len(rows))}"
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
-        table.add_column("")
-        for words in ("quarter below", "half below", "three quarters below"):
-            table.add_column(words, justify="right")
-        for label, column in _told(rows, form):
-            table.add_row(label, *(plain(float(v), 3) for v in rows[column].astype(float).quantile(list(QUARTERS))))
-        blocks += [Text(head), Padding(table, (0, 0, 1, 2))]
+        blocks += [Text(head), Padding(_parameters(rows, form), (0, 0, 1, 2))]
     return Group(*blocks) if len(laws) else Padding(Group(*blocks), (0, 0, 1, 0))
+
+
+def _parameters(rows: pd.DataFrame, form: str) -> Table:
+    """The middle half of each parameter over the pairs; of a single pair its value and interval."""
+    alone = rows.iloc[0] if len(rows) == 1 else None
+    by = "edge" if alone is not None and alone["by_edge"] else "row"
+    heads = ("quarter below", "half below", "three quarters below") if alone is None else ("", f"95 % by {by}")
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column("")
+    for words in heads:
+        table.add_column(words, justify="right")
+    for label, column in _told(rows, form):
+        if alone is None:
+            table.add_row(label, *(plain(float(v), 3) for v in rows[column].astype(float).quantile(list(QUARTERS))))
+            continue
+        low, high = (float(alone.get(column.replace("params", end, 1), nan)) for end in ("low", "high"))
+        interval = f"{plain(low, 4)} to {plain(high, 4)}" if isfinite(low) and isfinite(high) else ""
+        table.add_row(label, plain(float(alone[column]), 4), "" if column == "rsquared" else interval)
+    return table
 
 
 def attention_block(made: Batch) -> RenderableType:
@@ -147,7 +160,7 @@ def _told(rows: pd.DataFrame, form: str) -> Iterator[tuple[str, str]]:
 def _effort(made: Batch) -> Iterator[str]:
     e = made.effort
     if e.fitted:
-        rate = f", {_rate(e.fitted / e.seconds)} a second" if e.seconds > 0 else ""
+        rate = f", {_rate(e.fitted / e.seconds)} a second" if e.seconds > 0 and e.fitted > 1 else ""
         memory = _memory(max(e.memory, e.memory_here))
         yield f"Fitted {_pairs(e.fitted)} in {_seconds(e.seconds)} by {e.where}{rate}{memory}."
     if e.kept:
@@ -216,6 +229,16 @@ def _column(use: ColumnUse) -> str:
     role = ROLES[use.role or ""]
     unit = f"{use.unit} converted to {role.unit}" if use.converted else use.unit or role.unit
     return f"{role.symbol:<4} {role.quantity} <- {use.header!r}{f', {unit}' if unit else ''}"
+
+
+def _blocks(plan: Plan) -> str:
+    whole = [block.rows for block in plan.blocks if not block.streamed]
+    streamed = [block.rows for block in plan.blocks if block.streamed]
+    said = [f"{grouped(len(whole))}, of at most {grouped(max(whole))} rows in memory at a time"] if whole else []
+    if streamed:
+        of = "of" if len(streamed) == 1 else "of up to"
+        said.append(f"{_pairs(len(streamed))} {of} {grouped(max(streamed))} rows, streamed chunk by chunk")
+    return "; ".join(said) or "none"
 
 
 def _kind(plan: Plan) -> str:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import fitmodels
@@ -15,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from fitmodels import batch, datasets, parameters
 from fitmodels.batch import telling, whole_way
-from fitmodels.batch.plan import Plan, Unreadable
+from fitmodels.batch.plan import Block, Plan, Unreadable
 from fitmodels.cli import main
 from rich.console import Console
 
@@ -150,18 +151,45 @@ def test_families_are_told_in_json_without_nan(here, capsys):
     assert [(one["factor"], one["pairs"]) for one in families] == [("V", 4), ("f", 4), ("t", 4)]
 
 
+def printed(what):
+    console = Console(width=100)
+    with console.capture() as captured:
+        console.print(what)
+    return captured.get()
+
+
 def test_files_that_cannot_be_read_are_named_though_their_reasons_do_not(here):
     unreadable = [Unreadable(f"sub/{i}.csv", "no table at all.") for i in range(11)] + [
         Unreadable("b.csv", "b.csv: x.")
     ]
     plan = Plan("lab", "files", (), 0, (), tuple(unreadable), (), batch.Reading())
-    console = Console(width=100)
-    with console.capture() as captured:
-        console.print(telling.source_block(plan))
-    said = captured.get()
+    said = printed(telling.source_block(plan))
     assert said.count("no table at all.") == 8
     assert "sub/0.csv: no table at all." in said
     assert "and 4 more: sub/8.csv, sub/9.csv, sub/10.csv, b.csv" in said
+
+
+def test_blocks_that_are_held_are_told_apart_from_pairs_that_are_streamed():
+    rows = {"a": 9, "b": 8, "c": 5000, "d": 2000}
+    blocks = [Block((batch.Pair(tool, "x"),), (), n, streamed=n > 999) for tool, n in rows.items()]
+    plan = Plan("lab", "parquet", tuple(blocks), 7017, (), (), (), batch.Reading())
+    told = " ".join(printed(telling.source_block(plan)).split())
+    assert "in blocks 2, of at most 9 rows in memory at a time; 2 pairs of up to 5 000 rows, streamed chunk by" in told
+    told = printed(telling.source_block(replace(plan, blocks=plan.blocks[2:3])))
+    assert "1 pair of 5 000 rows, streamed chunk by chunk" in told
+
+
+def test_a_single_pair_is_told_by_its_values_and_intervals(tmp_path):
+    """Quarters of one pair would say nothing; the interval is that of the table."""
+    made = batch.run(datasets.bundled("gc435_709m40"), tmp_path / "out", how=batch.How(files=False))
+    told = printed(telling.laws_block(made))
+    assert "95 % by edge" in told
+    assert "quarter" not in told
+    law = made.results.iloc[0]
+    row = next(line.split() for line in told.splitlines() if line.split()[:2] == ["V", "exponent"])
+    assert [float(row[i]) for i in (2, 3, 5)] == pytest.approx(
+        [law[f"{n}_V"] for n in ("params", "low", "high")], rel=1e-3
+    )
 
 
 # --- the same numbers, whatever it runs on
