@@ -174,9 +174,9 @@ def test_blocks_that_are_held_are_told_apart_from_pairs_that_are_streamed():
     blocks = [Block((batch.Pair(tool, "x"),), (), n, streamed=n > 999) for tool, n in rows.items()]
     plan = Plan("lab", "parquet", tuple(blocks), 7017, (), (), (), batch.Reading())
     told = " ".join(printed(telling.source_block(plan)).split())
-    assert "in blocks 2, of at most 9 rows in memory at a time; 2 pairs of up to 5 000 rows, streamed chunk by" in told
+    assert "in blocks 2, of at most 9 rows in memory at a time; 2 pairs of up to 5000 rows, streamed chunk by" in told
     told = printed(telling.source_block(replace(plan, blocks=plan.blocks[2:3])))
-    assert "1 pair of 5 000 rows, streamed chunk by chunk" in told
+    assert "1 pair of 5000 rows, streamed chunk by chunk" in told
 
 
 def test_a_single_pair_is_told_by_its_values_and_intervals(tmp_path):
