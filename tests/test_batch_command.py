@@ -372,7 +372,8 @@ def test_a_package_that_is_missing_is_one_sentence(shop, here):
 
 PAIRS = 8
 SLOW = (  # a third of a second a block
-    "import sys, time\n"
+    "import signal, sys, time\n"
+    "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # whoever runs tests in the background ignores it
     "from fitmodels.batch import blocks_done, whole_way\n"
     "from fitmodels.cli import entry\n"
     "real = blocks_done.record\n"

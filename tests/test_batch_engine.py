@@ -357,9 +357,10 @@ def test_neither_package_is_imported_before_it_is_asked_for():
 # Ctrl-C
 
 INTERRUPTED = """
-import sys, time
+import signal, sys, time
 from fitmodels.batch.engine import engine
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # whoever runs tests in the background ignores it
     try:
         with engine(2, {dask!r}) as run:
             for _ in run(time.sleep, [0.2] * 500):
