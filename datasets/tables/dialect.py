@@ -238,6 +238,8 @@ def _sample(data: bytes, encoding: str) -> list[str]:
 
 def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None:
     """Split the lines and tell (does a text row fit the numbers' width, share of numbers in all lines, delimiter)."""
+    if delimiter != " " and not any(delimiter in line for line in lines):
+        return None
     rows = [split_line(line, delimiter) for line in lines]
     numbers = [sum(map(is_number, row)) for row in rows]
     first = next((i for i, row in enumerate(rows) if len(row) > 1 and numbers[i]), None)

@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -69,7 +70,16 @@ def is_number(cell: Cell) -> bool:
     """
     if isinstance(cell, float):
         return True
-    return parse_number(cell, "point") is not None or parse_number(cell, "comma") is not None
+    return _asked_before(cell) if len(cell) <= _SHORT else _reads(cell)
+
+
+def _reads(text: str) -> bool:
+    return parse_number(text, "point") is not None or parse_number(text, "comma") is not None
+
+
+# The same cells are asked about for the delimiter and for the layout, and are alike from row to row.
+_SHORT = 24  # characters of a cell that is remembered
+_asked_before = lru_cache(maxsize=2**15)(_reads)
 
 
 def to_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float64], list[int]]:
