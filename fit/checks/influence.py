@@ -17,6 +17,7 @@ from .deletion import ALONE, Deletion
 from .strata import Strata, covariance
 
 LOOK, ACT = 0.2, 0.5  # quantiles of F beside which Cook's distance is set (Kutner et al. 2005, section 10.4)
+MOST_SHOWN = 99  # beyond it, how much is no news
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -111,8 +112,9 @@ class Influence(Told, ByRule):
         j = 1 + int(np.argmax(slopes))
         who = f"edge {self.names[g]}" if self.units == "edges" else self.names[g]
         decides = "decides the law" if self.concern == 2 else "pulls hard"
+        cook = f"{self.cook[g]:.2g}" if self.cook[g] < MOST_SHOWN else f"above {MOST_SHOWN}"
         return (
-            f"{who[0].upper() + who[1:]} {decides} (Cook {self.cook[g]:.2g}): without it {self.parameters[j]} moves "
+            f"{who[0].upper() + who[1:]} {decides} (Cook {cook}): without it {self.parameters[j]} moves "
             f"by {abs(self.dfbetas[g, j]):.2g} standard errors; check its record, or cut it again."
         )
 
