@@ -1,8 +1,9 @@
 """A shop of pairs: thousands of tool/work pairs fitted in one go, on one machine or a cluster.
 
-plan, rows, how, outcome   what is to be done, rows as they are read, options, what came of it
+plan, rows, how            what is to be done, rows as they are read, options
+outcome, law_table         what came of pairs, and their laws as a table
 source/    SOURCE -> Plan; Block -> Rows, or chunks of a stream
-fitting/   Block -> BlockOutcome: rows of a table from stacks, parameter files pair by pair
+fitting/   Block -> BlockOutcome: the table of laws from stacks, parameter files pair by pair
 engine/    tasks -> results as they are done: here, in processes, on a Dask cluster
 result/    outcomes -> records to resume from, tables, who needs attention, families
 whole_way  all of it, one after the other

@@ -29,8 +29,8 @@ def law_table(rows: Iterable[tuple[int, Mapping[str, Cell]]]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``pair`` and every column that a row has: Int64 for `COUNTS`, boolean for `TRUTHS`, text for `TEXTS`, float for
-        all others. What a row does not have is NA, NaN or empty, and so is what is not finite.
+        ``pair``, the columns of `LAW` and every other that a row has: Int64 for `COUNTS`, boolean for `TRUTHS`, text
+        for `TEXTS`, float for all others. What a row does not have is NA, NaN or empty, and so is what is not finite.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def law_table(rows: Iterable[tuple[int, Mapping[str, Cell]]]) -> pd.DataFrame:
     [[3, 4], [9, <NA>], [0.5, nan]]
     """
     given = list(rows)
-    names = dict.fromkeys(name for _, row in given for name in row)
+    names = dict.fromkeys((*LAW, *(name for _, row in given for name in row)))
     pairs = np.array([pair for pair, _ in given], dtype=np.intp)
     return pd.DataFrame({PAIR: pairs, **{name: column(name, [row.get(name) for _, row in given]) for name in names}})
 
@@ -104,13 +104,13 @@ def below_each_other(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     Examples
     --------
     >>> one, other = law_table([(1, {"response": "AW"})]), law_table([(0, {"response": "P", "no_posterior": "none"})])
-    >>> below_each_other([one, other]).to_dict("list")
+    >>> below_each_other([one, other])[["pair", "response", "no_posterior"]].to_dict("list")
     {'pair': [0, 1], 'response': ['P', 'AW'], 'no_posterior': ['none', '']}
     """
-    if len(tables) == 1:
-        return _by_pair(tables[0])
+    if len(tables) < 2:
+        return _by_pair(tables[0]) if tables else law_table(())
     names = dict.fromkeys(name for table in tables for name in table if name != PAIR)
-    pairs = np.concatenate([np.zeros(0, dtype=np.intp), *(table[PAIR].to_numpy() for table in tables)])
+    pairs = np.concatenate([table[PAIR].to_numpy() for table in tables])
     return _by_pair(pd.DataFrame({PAIR: pairs, **{str(name): _joined(str(name), tables) for name in names}}))
 
 
@@ -137,4 +137,4 @@ def numbered_anew(table: pd.DataFrame, numbers: Sequence[int] | Ints) -> pd.Data
 
 def fitted(table: pd.DataFrame) -> NDArray[np.bool_]:
     """Which rows are laws, shape (n,); the others have a reason."""
-    return (table["reason"] == "").to_numpy(dtype=bool) if len(table) else np.zeros(0, dtype=bool)
+    return (table["reason"] == "").to_numpy(dtype=bool)

@@ -8,6 +8,8 @@ import pandas as pd
 
 Cell = str | float | int | bool | None
 
+NO_LAW, REFUSED = "no law", "law refused"  # kinds of concern that several look for
+
 
 @dataclass(frozen=True, slots=True)
 class Concern:

@@ -76,26 +76,38 @@ def laws_block(made: Batch) -> RenderableType:
         role = ROLES.get(response)
         quantity = "" if role is None else f"  {role.quantity}, {role.unit}" if role.unit else f"  {role.quantity}"
         head = f"{response}{quantity}: {form.replace('_', ' ')}, {_pairs(len(rows))}"
-        blocks += [Text(head), Padding(_parameters(rows, form), (0, 0, 1, 2))]
+        blocks += [Text(head), Padding((_values if len(rows) == 1 else _quarters)(rows, form), (0, 0, 1, 2))]
     return Group(*blocks) if len(laws) else Padding(Group(*blocks), (0, 0, 1, 0))
 
 
-def _parameters(rows: pd.DataFrame, form: str) -> Table:
-    """The middle half of each parameter over the pairs; of a single pair its value and interval."""
-    alone = rows.iloc[0] if len(rows) == 1 else None
-    by = "edge" if alone is not None and alone["by_edge"] else "row"
-    heads = ("quarter below", "half below", "three quarters below") if alone is None else ("", f"95 % by {by}")
+def _quarters(rows: pd.DataFrame, form: str) -> Table:
+    """The middle half of each parameter over the pairs."""
+    table = _right_aligned("quarter below", "half below", "three quarters below")
+    for label, column in _told(rows, form):
+        table.add_row(label, *(plain(float(v), 3) for v in rows[column].astype(float).quantile(list(QUARTERS))))
+    return table
+
+
+def _values(rows: pd.DataFrame, form: str) -> Table:
+    """Each parameter of a single pair, with its interval where it has one."""
+    law = rows.iloc[0]
+    columns = dict(_told(rows, form))
+    told = {}
+    for label, column in columns.items():
+        low, high = (float(law.get(column.replace("params_", end, 1), nan)) for end in ("low_", "high_"))
+        if column.startswith("params_") and isfinite(low) and isfinite(high):
+            told[label] = f"{plain(low, 4)} to {plain(high, 4)}"
+    table = _right_aligned("", f"95 % by {'edge' if law['by_edge'] else 'row'}" if told else "")
+    for label, column in columns.items():
+        table.add_row(label, plain(float(law[column]), 4), told.get(label, ""))
+    return table
+
+
+def _right_aligned(*heads: str) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("")
     for words in heads:
         table.add_column(words, justify="right")
-    for label, column in _told(rows, form):
-        if alone is None:
-            table.add_row(label, *(plain(float(v), 3) for v in rows[column].astype(float).quantile(list(QUARTERS))))
-            continue
-        low, high = (float(alone.get(column.replace("params", end, 1), nan)) for end in ("low", "high"))
-        interval = f"{plain(low, 4)} to {plain(high, 4)}" if isfinite(low) and isfinite(high) else ""
-        table.add_row(label, plain(float(alone[column]), 4), "" if column == "rsquared" else interval)
     return table
 
 

@@ -53,7 +53,7 @@ def run(request):
 
 
 def test_a_cluster_of_ones_own_leaves_the_environment_as_it_was(monkeypatch):
-    """Dask's nanny writes its own variables into the process that starts it; one of them halves the speed of a fit."""
+    """Dask's nanny writes its own variables into the process that starts it; one of them slows a fit."""
     monkeypatch.delenv("MALLOC_TRIM_THRESHOLD_", raising=False)
     before = dict(os.environ)
     with engine(1, "local") as run:

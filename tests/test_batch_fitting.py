@@ -376,6 +376,17 @@ def test_columns_that_ask_for_no_law_are_the_reason(fitted):
     assert [c.kind for c in outcome.concerns] == ["no law"]
 
 
+@pytest.mark.parametrize("how", [TABLE, FAST], ids=["the table alone", "with files"])
+def test_pairs_without_any_law_do_not_touch_those_of_another_table(fitted, how):
+    plan_only, good = simulated("A", 1)[["V", "f", "tool", "work", "edge"]], simulated("B", 2)
+    found = fitted(rows_of(plan_only), rows_of(good), how=how)
+    assert ["its rows hold V, f" in found.pairs[0].reason, found.pairs[1].reason] == [True, ""]
+    assert set(found.laws["pair"]) == {1}
+    none = fitted(rows_of(plan_only), how=how)
+    assert len(none.laws) == 0
+    assert "its rows hold V, f" in none.pairs[0].reason
+
+
 CONCERNS = {
     "rows left out": {"nobs": 8, "dropped": 1},
     "factor left out": {"left_out": "d constant (2 in all 9 rows)"},
@@ -510,4 +521,5 @@ def test_a_block_never_raises(data):
     assert [p.tool for p in found.pairs] == ["A", "B", ""]
     for outcome in found.pairs:
         assert outcome.reason or any(not law["reason"] for law in outcome.laws)
+        assert "a defect" not in outcome.reason
     json.dumps(records._plain(made), allow_nan=False)

@@ -1,5 +1,7 @@
 """What a batch leaves: records that go on exactly where it stopped, a folder that is its own, tables, attention."""
 
+import csv
+import io
 import json
 import os
 import re
@@ -13,12 +15,11 @@ import pandas as pd
 import pytest
 from fitmodels import parameters
 from fitmodels.batch.how import How
-from fitmodels.batch.law_table import law_table
-from fitmodels.batch.outcome import BlockOutcome, Concern, PairOutcome
+from fitmodels.batch.law_table import LAW, law_table
+from fitmodels.batch.outcome import NO_LAW, REFUSED, BlockOutcome, Concern, PairOutcome
 from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
 from fitmodels.batch.result import lock, place, records
 from fitmodels.batch.result.attention import (
-    NO_LAW,
     SCATTERS,
     UNLIKE,
     attention_frame,
@@ -27,9 +28,9 @@ from fitmodels.batch.result.attention import (
 )
 from fitmodels.batch.result.place import claim, folder_names, prepare, put, sweep
 from fitmodels.batch.result.records import key_of, record, recorded, written
-from fitmodels.batch.result.table import csv_bytes, group_column, read_frame, read_results, results_frame
+from fitmodels.batch.result.table import csv_bytes, group_column, results_frame
 from fitmodels.datasets.columns import ColumnUse
-from fitmodels.datasets.errors import DataError, UsageError
+from fitmodels.datasets.errors import UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -158,7 +159,7 @@ def test_numbers_of_numpy_come_back_as_plain_ones_and_nan_as_none(out):
     law = {"a": np.float64(0.1), "nobs": np.int64(7), "by_edge": np.bool_(True), "d": np.nan, "e": np.float64("inf")}
     block = BlockOutcome((PairOutcome("x", "y", np.int64(3)),), law_table([(0, law)]), {}, {}, 0.0, 0)
     record(out, KEY, block, folder_names([Pair("x", "y")]))
-    back = recorded(out, KEY, folder_names([Pair("x", "y")])).laws
+    back = recorded(out, KEY, folder_names([Pair("x", "y")])).laws.drop(columns=[*LAW])
     assert repr(back.to_dict("list")) == (
         "{'pair': [0], 'a': [0.1], 'nobs': [7], 'by_edge': [True], 'd': [nan], 'e': [nan]}"
     )
@@ -194,6 +195,17 @@ SPOILT = {
     "its laws are no table": lambda out: alter(out, lambda outcome: outcome | {"laws": [1]}),
     "a law is of no pair": lambda out: alter(out, lambda outcome: spoil(outcome, "pair", [0, 2])),
     "a column is short": lambda out: alter(out, lambda outcome: spoil(outcome, "reason", [""])),
+    "the number of a pair is none": lambda out: alter(out, lambda outcome: spoil(outcome, "pair", [0, "1"])),
+    "the number of a pair is a part": lambda out: alter(out, lambda outcome: spoil(outcome, "pair", [0, 1.5])),
+    "numbers of pairs are packed": lambda out: alter(out, lambda outcome: spoil(outcome, "pair", "AAAAAAAAAAA=")),
+    "a whole number is too large": lambda out: alter(out, lambda outcome: spoil(outcome, "nobs", [1, 2**70])),
+    "a whole number is text": lambda out: alter(out, lambda outcome: spoil(outcome, "nobs", [1, "x"])),
+    "a pair has no number of rows": lambda out: alter(
+        out, lambda outcome: outcome | {"pairs": [outcome["pairs"][0], outcome["pairs"][1] | {"nobs": "x"}]}
+    ),
+    "reasons are missing": lambda out: alter(
+        out, lambda outcome: outcome | {"laws": {k: v for k, v in outcome["laws"].items() if k != "reason"}}
+    ),
     "numbers are damaged": lambda out: alter(out, lambda outcome: spoil(outcome, "params_V", "AAAAAAA=")),
     "a file is missing": lambda out: (out / "pairs/GC435_709M40/params.json").unlink(),
     "a file has other bytes, as many": lambda out: (out / "pairs/GC435_709M40/params.json").write_bytes(b"[]"),
@@ -266,7 +278,7 @@ def test_a_process_killed_while_it_writes_loses_one_block_at_most(tmp_path):
 import os, signal
 from pathlib import Path
 from fitmodels.batch.how import How
-from fitmodels.batch.law_table import law_table
+from fitmodels.batch.law_table import LAW, law_table
 from fitmodels.batch.outcome import BlockOutcome, PairOutcome
 from fitmodels.batch.plan import Pair
 from fitmodels.batch.result import place, records
@@ -543,7 +555,7 @@ def test_columns_stand_in_an_order_of_their_own():
     tables = [law_table((0, row) for row in each) for each in (rows, rows[::-1])]
     made = [list(results_frame([one], table, ["iso", "form"])) for table in tables]
     assert made[0] == made[1] == [
-        "tool", "work", "iso", "form (group)", "response", "form", "unit", "reason", "simulated", "nobs", "n_edges",
+        "tool", "work", "iso", "group form", "response", "form", "unit", "reason", "simulated", "nobs", "n_edges",
         "scale_se", "params_c0", "params_V", "bse_V", "row_bse_V", "low_V", "high_V", "params_t", "params_material_x",
         "posterior_sd_c0", "posterior_sd_V", "posterior_t", "posterior_sd_t", "posterior_route", "left_out", "odd",
     ]  # fmt: skip
@@ -580,13 +592,27 @@ PAIRS_OF_ROWS = st.tuples(
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(PAIRS_OF_ROWS, max_size=4))
-def test_results_come_back_to_the_last_digit(tmp_path_factory, outcomes):
+def test_results_lose_no_digit(outcomes):
     laws = law_table((i, row) for i, (_, rows) in enumerate(outcomes) for row in rows)
     made = results_frame([one for one, _ in outcomes], laws, ["iso 513", "=grade", "unit"])
-    path = tmp_path_factory.mktemp("results") / "results.csv"
-    path.write_bytes(csv_bytes(made))
-    pd.testing.assert_frame_equal(read_results(path), made, check_exact=True)
-    assert csv_bytes(read_results(path)) == csv_bytes(made)
+    header, *rows = csv.reader(io.StringIO(csv_bytes(made).decode(), newline=""))
+    assert header == ["tool", "work", "iso 513", "'=grade", "group unit", *list(made)[5:]]
+    for name, cells in zip(made, zip(*rows, strict=True), strict=False):
+        kind = made[name].dtype
+        if kind == "float64":
+            np.testing.assert_array_equal([float(cell or "nan") for cell in cells], made[name])
+        elif kind == "object":  # an apostrophe keeps a spreadsheet from computing it
+            assert [cell[bool(re.match(r"'+[=+\-@\t\r].", cell, re.DOTALL)) :] for cell in cells] == made[name].tolist()
+        else:
+            assert list(cells) == ["" if value is pd.NA else str(value) for value in made[name].tolist()]
+
+
+@settings(max_examples=200)
+@given(st.lists(st.floats() | st.floats(1e-5, 1e-3) | st.floats(1e15, 1e17)))
+def test_numbers_are_written_as_python_writes_them(numbers):
+    """With the shortest digits that read back the same, whatever version of the JSON writer there is."""
+    made = csv_bytes(pd.DataFrame({"tool": "a", "V": np.array(numbers, dtype=float)})).decode().split("\n")[1:-1]
+    assert made == [f"a,{'' if np.isnan(value) else repr(value)}" for value in numbers]
 
 
 def test_pandas_reads_the_same_numbers(tmp_path):
@@ -604,24 +630,6 @@ def test_names_that_a_spreadsheet_would_compute_are_only_text():
     names = ["=cmd|' /C calc'!A0", "+1", "-x", "@SUM(A1)", "\tx", "\rx"]
     lines = csv_bytes(pd.DataFrame({"tool": names, "V": -1.5})).decode().split("\n")
     assert all(line.removeprefix('"').startswith("'") and line.endswith(",-1.5") for line in lines[1:-1])
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (None, "no such file"),
-        (b"", "is empty"),
-        (b"V,F\n1,2\n", "no column tool, work or reason"),
-        (b"tool,work,reason\na,b\n", "row 2 has 2 cells, its header 3"),
-        (b'tool,work,reason\n"a,b\n', "cannot be read"),
-        (b"tool,work\n\xff\xfe\n", "cannot be read"),
-    ],
-)
-def test_what_is_no_table_of_results_is_refused(tmp_path, content, words):
-    if content is not None:
-        (tmp_path / "results.csv").write_bytes(content)
-    with pytest.raises(DataError, match=words):
-        read_results(tmp_path / "results.csv")
 
 
 # Attention
@@ -653,12 +661,9 @@ def test_the_gravest_comes_first_and_unknown_kinds_last_by_their_names():
     assert frame["kind"].tolist() == ["rows left out", "zeal", "zeal", "awe", "zeal", UNLIKE, NO_LAW, NO_LAW]
 
 
-def test_no_concern_gives_empty_tables(tmp_path):
+def test_no_concern_gives_empty_tables():
     assert attention_summary([fitted("a")]) == []
-    path = tmp_path / "attention.csv"
-    path.write_bytes(csv_bytes(attention_frame([fitted("a")])))
-    assert path.read_bytes() == b"tool,work,kind,words\n"
-    assert len(read_frame(path)) == 0
+    assert csv_bytes(attention_frame([fitted("a")])) == b"tool,work,kind,words\n"
 
 
 def test_a_pair_that_scatters_is_told_and_one_with_hardly_any_rows_is_not():
@@ -728,8 +733,8 @@ def test_every_kind_that_fitting_tells_has_its_place():
     from fitmodels.batch.result.attention import SEVERITY
 
     texts = [path.read_text("utf-8") for path in Path(room.__path__[0]).glob("*.py")]
-    told = r"""(?<!>>> )(?:Concern\(|yield i, |NO_LAW, REFUSED = "no law", )"([^"]+)\""""
+    told = r"""(?<!>>> )(?:Concern\(|yield i, )"([^"]+)\""""
     kinds = {kind for text in texts for kind in re.findall(told, text)}
     assert len(kinds) > 12
-    assert {"law refused", "fits badly", "gate shut"} <= kinds
-    assert kinds <= set(SEVERITY)
+    assert {"fits badly", "gate shut"} <= kinds
+    assert kinds | {NO_LAW, REFUSED} <= set(SEVERITY)

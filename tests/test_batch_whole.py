@@ -14,8 +14,10 @@ from fitmodels import batch, datasets, parameters
 from fitmodels.batch import blocks_done, whole_way
 from fitmodels.batch.engine import Meter, Run
 from fitmodels.batch.result import draw
-from fitmodels.batch.result.table import read_results
+from fitmodels.batch.result.table import csv_bytes
+from fitmodels.batch.telling import laws_block
 from fitmodels.datasets.errors import DataError, UsageError
+from rich.console import Group
 
 WEAR = datasets.SimulatedLaw("VB", "mm", 0.009, {"V": 0.52, "f": 0.15, "t": 0.25}, 0.08, 0.07)
 PLAN = datasets.central_composite({"V": (72, 117), "f": (0.1, 0.3)}, seed=1)
@@ -115,7 +117,7 @@ def test_a_batch_tells_what_it_made(whole, shop):
 
 
 def test_the_table_on_disk_is_the_table_in_memory(whole):
-    pd.testing.assert_frame_equal(read_results(whole.out / "results.csv"), whole.results)
+    assert (whole.out / "results.csv").read_bytes() == csv_bytes(whole.results)
 
 
 def test_the_true_exponents_are_found(whole):
@@ -408,9 +410,17 @@ def test_what_the_table_and_the_rows_say_otherwise_is_a_concern(shop, table, tmp
     assert said["tool"].tolist() == ["T1"]
     assert said["words"].iloc[0].startswith("grade is 'coarse' by its own rows and 'fine' by the table of pairs")
     assert made.results["grade"].tolist() == ["fine", "coarse", "fine"]
-    assert set(made.results["form (group)"]) == {"bar"}  # results have a column form of their own
+    assert set(made.results["group form"]) == {"bar"}  # results have a column form of their own
     assert set(made.results["form"]) == {"power"}
     assert set(made.comparison.families["grouping"]) == {"all pairs", "form"}
+
+
+def test_a_group_that_is_called_like_a_parameter_is_no_parameter(tmp_path):
+    source = parquet(tmp_path / "shop.parquet", change=lambda frame: frame.rename(columns={"grade": "params_V"}))
+    made = batch.run(source, tmp_path / "out", reading=batch.Reading(groups=("params_V",)), how=TABLE)
+    assert made.results["group params_V"].tolist() == ["fine", "coarse", "fine"]
+    assert isinstance(laws_block(made), Group)
+    assert made.plot().get_xlabel()
 
 
 def test_a_group_that_is_none_of_iso_513_is_told(shop, table, tmp_path):

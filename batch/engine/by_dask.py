@@ -26,7 +26,7 @@ OLD = 2.0  # s that the number of threads is taken for granted: workers come and
 ARRIVAL = 10.0  # s in which the first worker joins
 RETURN = 60.0  # s in which one joins again after all have left
 OTHER_COPY = "Error during deserialization of the task graph"  # what the scheduler says that cannot import its parts
-# Dask has its workers give memory back at every turn: a fit, which takes and leaves arrays, is half as slow again.
+# Dask has its workers give memory back at every turn: a fit takes up to half as long again.
 NO_TRIMMING = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}
 GLANCE = 0.005  # s between looks for a result
 

@@ -12,10 +12,10 @@ import pandas as pd
 from ...datasets.threads import one_thread
 from ..how import How
 from ..law_table import PAIR, below_each_other, law_table, numbered_anew
-from ..outcome import BlockOutcome, Cell, Concern, PairOutcome
+from ..outcome import NO_LAW, BlockOutcome, Cell, Concern, PairOutcome
 from ..plan import Block, Pair, Plan
-from .concerns import NO_LAW, concerns_of_laws
-from .failures import Failed, tried
+from .concerns import concerns_of_laws
+from .failures import GONE, Failed, tried
 from .groups import groups_of_pairs
 from .laws_of_pairs import laws_of_pairs
 from .pair_file import PairFiles, files_of_pair, with_cells
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ..rows import Rows
 
 NOW_AND_THEN = 25  # files
-GONE = "the source holds no row of this pair any more: it changed after it was looked over. Run it again."
 
 
 @one_thread
@@ -183,5 +182,5 @@ def _units(laws: pd.DataFrame) -> dict[str, str]:
     """The usual units, which those of a stream are."""
     from ...datasets.vocabulary import ROLES
 
-    named = {str(name).removeprefix("params_") for name in laws} | set(laws.get("response", ()))
+    named = {str(name).removeprefix("params_") for name in laws} | set(laws["response"])
     return {name: role.unit for name, role in ROLES.items() if name in named}

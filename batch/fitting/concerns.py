@@ -8,13 +8,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..law_table import PAIR, fitted
-from ..outcome import Concern
+from ..outcome import NO_LAW, REFUSED, Concern
 from .table_rows import reasons, refusals
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
-NO_LAW, REFUSED = "no law", "law refused"
 NOTED = ("edge_reason", "left_out")
 WEAR = ("AW", "VB")
 MUCH = 0.1  # share of rows left out
@@ -46,7 +45,7 @@ def concerns_of_laws(table: pd.DataFrame, pairs: int) -> list[tuple[Concern, ...
     for pair, refused in refusals(table).items():
         found[pair] = [Concern(NO_LAW, none[pair])] if pair in none else [Concern(REFUSED, why) for why in refused]
     laws = table[fitted(table)]
-    of, response = laws[PAIR].tolist(), laws["response"].tolist() if len(laws) else []
+    of, response = laws[PAIR].tolist(), laws["response"].tolist()
     told: dict[tuple[int, str, str], list[str]] = {}
     for row, kind, words in sorted(_of_laws(laws), key=lambda each: each[0]):
         told.setdefault((of[row], kind, words), []).append(response[row])
@@ -71,7 +70,7 @@ def _of_laws(laws: pd.DataFrame) -> Iterator[tuple[int, str, str]]:
     for i in _where(df < FEW):
         plural = "" if df[i] == 1 else "s"
         yield i, "few degrees of freedom", f"{df[i]:.0f} degree{plural} of freedom; measure more edges."
-    t = np.where(laws["response"].isin(WEAR), _numbers(laws, "params_t", 0), 0) if n else np.zeros(0)
+    t = np.where(laws["response"].isin(WEAR), _numbers(laws, "params_t", 0), 0)
     for i in _where(t < 0):
         words = f"exponent of t {t[i]:.3g}, but no wear falls; look at the gauge and at the edges."
         yield i, "wear falls with time", words

@@ -8,6 +8,8 @@ from ...datasets.errors import FitmodelsError
 
 T = TypeVar("T")
 
+GONE = "the source holds no row of this pair any more: it changed after it was looked over. Run it again."
+
 
 @dataclass(frozen=True, slots=True)
 class Failed:

@@ -15,7 +15,7 @@ from ..law_table import law_table
 from ..outcome import Cell, Concern, PairOutcome
 from ..plan import Block, Plan
 from .concerns import concerns_of_laws
-from .failures import Failed, tried
+from .failures import GONE, Failed, tried
 from .groups import differs, identity_of
 from .laws_of_pairs import unit_of
 from .pair_file import PARAMETERS, options_of, posterior_cells, with_cells
@@ -63,8 +63,7 @@ def streamed_outcome(block: Block, plan: Plan, how: How) -> tuple[PairOutcome, p
     with closing(_chunks(block, plan)) as chunks:
         first = next(chunks, None)
     if first is None:
-        gone = "the source holds no row of this pair any more."
-        return PairOutcome(pair.tool, pair.work, 0, reason=gone), law_table(())
+        return PairOutcome(pair.tool, pair.work, 0, reason=GONE), law_table(())
     seen = Seen(plan.reading.groups)
     fitted = _laws(block, plan, how, seen, frozenset(map(str, first.columns)))
     table = law_table((0, row) for row, _ in fitted)

@@ -115,7 +115,7 @@ def refusals(table: pd.DataFrame) -> dict[int, list[str]]:
     """
     said: dict[int, dict[str, list[str]]] = {}
     without = table[~fitted(table)]
-    for pair, response, reason in zip(*(without.get(name, ()) for name in (PAIR, "response", "reason")), strict=True):
+    for pair, response, reason in zip(*(without[name] for name in (PAIR, "response", "reason")), strict=True):
         said.setdefault(pair, {}).setdefault(reason.removeprefix(f"{response}: "), []).append(response)
     return {pair: [_refused(of, why) for why, of in each.items()] for pair, each in said.items()}
 
@@ -128,7 +128,7 @@ def reasons(table: pd.DataFrame) -> dict[int, str]:
     >>> reasons(law_table([(0, rows[0]), (0, rows[1]), (1, rows[0])]))
     {1: 'AW is not fitted: too few rows.'}
     """
-    with_law = set(table[PAIR][fitted(table)].tolist()) if len(table) else set()
+    with_law = set(table[PAIR][fitted(table)].tolist())
     return {pair: " ".join(words) for pair, words in refusals(table).items() if pair not in with_law}
 
 

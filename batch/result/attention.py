@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..outcome import Concern, PairOutcome
+from ..outcome import NO_LAW, REFUSED, Concern, PairOutcome
 from ..plan import Pair
 
-NO_LAW = "no law"
 SCATTERS = "scatters more than the others"
 UNLIKE = "unlike its family"
 SEVERITY = (  # nothing to use; a law that is missing or may mislead; what it lacks; what is said of the pair
-    NO_LAW, "gate shut", "no parameter file", "law refused",
+    NO_LAW, "gate shut", "no parameter file", REFUSED,
     "wear falls with time", "fits badly", "verdict", SCATTERS, UNLIKE, "draws too sure",
     "few degrees of freedom", "no errors by edge", "factor left out", "rows left out", "no tool life",
     "group differs within the pair", "no group of ISO 513",

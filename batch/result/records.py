@@ -16,7 +16,7 @@ from ... import __version__
 from ...datasets.errors import UsageError
 from ...parameters.file import put_in_place
 from ..how import How
-from ..law_table import PAIR, Column, column
+from ..law_table import COUNTS, LAW, PAIR, TEXTS, TRUTHS, Column, column
 from ..outcome import BlockOutcome, Cell, Concern, PairOutcome
 from ..plan import Block, Pair, Plan
 
@@ -107,7 +107,7 @@ def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome |
     try:
         outcome = _outcome(data["outcome"])
         places = {f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}" for pair in outcome.pairs}
-    except (AttributeError, KeyError, IndexError, TypeError, ValueError):
+    except (AttributeError, KeyError, IndexError, OverflowError, TypeError, ValueError):
         return None
     files: dict[str, str] = data["files"]
     stands = all(name.rpartition("/")[0] in places and hash_of(out / name) == made for name, made in files.items())
@@ -201,15 +201,24 @@ def _packed(values: "pd.Series[Any]") -> list[Cell] | str:
 
 
 def _unpacked(name: str, packed: list[Cell] | str) -> Column:
+    """A column, or a ValueError or its like: a record may have been damaged, or written by hand."""
+    if isinstance(packed, str) != (name not in (PAIR, *TEXTS, *COUNTS, *TRUTHS)):
+        raise ValueError(name)
     if isinstance(packed, str):
         return np.frombuffer(b64decode(packed, validate=True), dtype="<f8").astype(np.float64)
-    return np.array(packed, dtype=np.intp) if name == PAIR else column(name, packed)
+    return np.array([_whole(value) for value in packed], dtype=np.intp) if name == PAIR else column(name, packed)
+
+
+def _whole(value: object) -> int:
+    if type(value) is int and abs(value) < 2**63:
+        return value
+    raise ValueError(value)
 
 
 def _outcome(data: Mapping[str, Any]) -> BlockOutcome:
     pairs = tuple(
         PairOutcome(
-            pair["tool"], pair["work"], pair["nobs"], pair["reason"],
+            pair["tool"], pair["work"], _whole(pair["nobs"]), pair["reason"],
             tuple(Concern(kind, words) for kind, words in pair["concerns"]), pair["groups"],
             pair["simulated"],
         )
@@ -217,7 +226,7 @@ def _outcome(data: Mapping[str, Any]) -> BlockOutcome:
     )  # fmt: skip
     columns = {name: _unpacked(name, packed) for name, packed in data["laws"].items()}
     laws = pd.DataFrame(columns)
-    whole = {len(values) for values in columns.values()} == {len(laws)}
+    whole = {len(values) for values in columns.values()} == {len(laws)} and set(LAW) <= set(columns)
     if not (whole and laws[PAIR].between(0, len(pairs) - 1).all()):
-        raise ValueError
+        raise ValueError(PAIR)
     return BlockOutcome(pairs, laws, data["unreadable"], data["units"], data["seconds"], data["memory"])

@@ -1,27 +1,21 @@
-"""The results: a row a pair and law, as a frame and as a CSV file that comes back as the same frame."""
+"""The results: a row a pair and law, as a frame and as a CSV file that loses no digit."""
 
-import csv
-import os
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from pydantic_core import to_json
 
-from ...datasets.errors import DataError
 from ...datasets.vocabulary import ROLES
-from ..law_table import LAW, NOTES, PAIR, PARTS, WHOLE, below_each_other, column, law_table, texts, truths
-from ..law_table import TEXTS as TEXTS_OF_LAWS
-from ..outcome import Cell, PairOutcome, cell
+from ..law_table import LAW, NOTES, PAIR, PARTS, WHOLE, below_each_other, law_table, texts, truths
+from ..outcome import PairOutcome, cell
 
 BEFORE = ("simulated", *WHOLE)
 AFTER = (*NOTES, "no_posterior")
-TEXTS = {*TEXTS_OF_LAWS, "kind", "words", "grouping", "family", "factor"}
 
 _PARAMETER = re.compile(f"({'|'.join(PARTS)})_(.+)", re.DOTALL)
-_WHOLE_NUMBER = re.compile(r"[+-]?[0-9]+")
 _FORMULA = re.compile(r"'*[=+\-@\t\r].", re.DOTALL)  # what a spreadsheet would compute
 _QUOTED = re.compile(r'[,"\n\r]')
 
@@ -61,9 +55,10 @@ def results_frame(outcomes: Sequence[PairOutcome], laws: pd.DataFrame, groups: S
     of_pairs = {"tool": [one.tool for one in outcomes], "work": [one.work for one in outcomes]}
     of_pairs |= {group_column(header): [one.groups.get(header, "") for one in outcomes] for header in groups}
     columns = {name: texts(np.array(values, dtype=object)[pair]) for name, values in of_pairs.items()}
-    table["simulated"] = truths(np.array([one.simulated for one in outcomes], dtype=bool)[pair])
-    names = dict.fromkeys((*LAW, *_in_order(set(map(str, table)) - {PAIR})))
-    return pd.DataFrame(columns | {name: table[name] if name in table else column(name, ()) for name in names})
+    simulated = truths(np.array([one.simulated for one in outcomes], dtype=bool)[pair])
+    table = table.assign(simulated=simulated)
+    names = (*LAW, *_in_order(set(map(str, table)) - {PAIR}))
+    return pd.DataFrame(columns | {name: table[name] for name in names})
 
 
 def group_column(header: str) -> str:
@@ -72,44 +67,17 @@ def group_column(header: str) -> str:
     Examples
     --------
     >>> group_column("grade"), group_column("form")
-    ('grade', 'form (group)')
+    ('grade', 'group form')
     """
     own = header in {"tool", "work", *LAW, *BEFORE, *AFTER} or header.startswith("posterior")
-    return f"{header} (group)" if own or _PARAMETER.fullmatch(header) else header
-
-
-def read_results(path: str | os.PathLike[str]) -> pd.DataFrame:
-    """Read ``results.csv`` back as the frame that was written, to the last digit.
-
-    Raises
-    ------
-    DataError
-        The file is missing, or no table that batch wrote.
-    """
-    header, rows = _rows(path)
-    if header[:2] != ["tool", "work"] or "reason" not in header:
-        raise DataError(f"{path}: no column tool, work or reason; give the results.csv that fitmodels batch wrote.")
-    known = {*TEXTS, *header[: header.index("reason")]}  # the groups stand before the reason
-    read = _read(header, rows, known)
-    return read.assign(**{name: column(name, read[name].tolist()) for name in header if name not in known})
-
-
-def read_frame(path: str | os.PathLike[str]) -> pd.DataFrame:
-    """Read another table of `csv_bytes`; columns of texts are known by name, the others are what their cells are.
-
-    Raises
-    ------
-    DataError
-        The file is missing or no such table.
-    """
-    return _read(*_rows(path), {"tool", "work", *TEXTS})
+    return f"group {header}" if own or _PARAMETER.fullmatch(header) else header
 
 
 def csv_bytes(frame: pd.DataFrame) -> bytes:
     r"""Give a frame as CSV: UTF-8, a line feed after each row, every digit of a number, nothing where it is missing.
 
     A text that a spreadsheet would take for a formula (``=2+3``, ``-x``) gets an apostrophe before it, as names come
-    from files of other people; ``read_frame`` takes it away again. Numbers below zero stay as they are.
+    from files of other people. Numbers below zero stay as they are.
 
     Examples
     --------
@@ -118,32 +86,6 @@ def csv_bytes(frame: pd.DataFrame) -> bytes:
     """
     texts = [[_text(str(name)), *_cells(frame[name])] for name in frame]
     return ("\n".join(map(",".join, zip(*texts, strict=True))) + "\n").encode(errors="replace")
-
-
-def _rows(path: str | os.PathLike[str]) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a CSV file, as texts without the apostrophe of a formula."""
-    try:
-        with Path(path).open(encoding="utf-8", newline="") as file:
-            table = [[_bare(text) for text in row] for row in csv.reader(file, strict=True)]
-    except (OSError, ValueError, csv.Error) as error:
-        why = (getattr(error, "strerror", None) or str(error)).lower()
-        raise DataError(f"{path}: cannot be read: {why}; give a table that fitmodels batch wrote.") from None
-    if not table:
-        raise DataError(f"{path}: is empty; give a table that fitmodels batch wrote.")
-    header, *rows = table
-    odd = next((number for number, row in enumerate(rows, 2) if len(row) != len(header)), None)
-    if odd is not None:
-        raise DataError(f"{path}: row {odd} has {len(rows[odd - 2])} cells, its header {len(header)}; run batch again.")
-    return header, rows
-
-
-def _read(header: list[str], rows: list[list[str]], texts: Collection[str]) -> pd.DataFrame:
-    columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
-    held = {
-        name: _column(values, True) if name in texts else _column(_told(values), False)
-        for name, values in zip(header, columns, strict=True)
-    }
-    return pd.DataFrame(held, columns=header)
 
 
 def _in_order(names: set[str]) -> list[str]:
@@ -168,46 +110,26 @@ def _rank_of_posterior(name: str) -> tuple[int, str, int]:
     return (*_rank(name.removeprefix("posterior_").removeprefix("sd_")), len(name))
 
 
-def _column(values: Iterable[object], text: bool) -> pd.Series:
-    """A column of one kind: texts, truths, whole numbers or floats."""
-    if text:
-        return pd.Series(["" if (v := cell(value)) is None else str(v) for value in values], dtype=object)
-    cells = [cell(value) for value in values]
-    kinds = {type(value) for value in cells} - {type(None)}
-    if kinds == {bool}:
-        return pd.Series(cells, dtype="boolean")
-    if kinds == {int} and all(value is None or abs(int(value)) < 2**63 for value in cells):
-        return pd.Series(cells, dtype="Int64")
-    if kinds <= {int, float}:
-        return pd.Series([np.nan if value is None else float(value) for value in cells], dtype=float)
-    return pd.Series(["" if value is None else str(value) for value in cells], dtype=object)
-
-
-def _told(texts: Sequence[str]) -> list[Cell]:
-    """Cells of a column that is no text by its name: what all of them can be read as."""
-    some = {text for text in texts if text}
-    read: Callable[[str], Cell]
-    if some <= {"True", "False"}:
-        read = "True".__eq__
-    elif all(map(_WHOLE_NUMBER.fullmatch, some)):
-        read = int
-    else:
-        read = float
-    try:
-        return [read(text) if text else None for text in texts]
-    except ValueError:
-        return list(texts)
-
-
 def _cells(values: pd.Series) -> list[str]:
     if values.dtype == np.float64:
-        told = to_json(values.tolist())  # the shortest digits that read back the same, ten times as fast as repr
-        return ["" if text == "NaN" else text for text in told[1:-1].decode().split(",")] if len(values) else []
+        return _floats(values.to_numpy())
     cells = values.tolist()
     if values.dtype == "Int64":
         return ["" if value is pd.NA else str(value) for value in cells]
     told_once = {text: _text(text) for text in {value for value in cells if isinstance(value, str)}}
     return [told_once[value] if isinstance(value, str) else _number(value) for value in cells]
+
+
+def _floats(values: NDArray[np.float64]) -> list[str]:
+    """As ``repr`` writes them, ten times as fast: versions of pydantic differ only in how they write a power of ten."""
+    size = np.abs(values)
+    usual = (values == 0) | ((size >= 1e-4) & (size < 1e16))
+    told = to_json(values[usual].tolist())[1:-1].decode().split(",")
+    texts = np.full(len(values), "", dtype=object)
+    texts[usual] = told if usual.any() else []
+    for i in np.flatnonzero(~usual & ~np.isnan(values)).tolist():
+        texts[i] = repr(float(values[i]))
+    return texts.tolist()
 
 
 def _number(value: object) -> str:
@@ -218,7 +140,3 @@ def _number(value: object) -> str:
 def _text(value: str) -> str:
     safe = f"'{value}" if _FORMULA.match(value) else value
     return f'"{safe.replace(chr(34), chr(34) * 2)}"' if _QUOTED.search(safe) else safe
-
-
-def _bare(text: str) -> str:
-    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
