@@ -13,6 +13,8 @@ from ..datasets.columns import ColumnUse
 from ..datasets.runs import disclaimers
 from .plan import Pair
 
+NO_LINES = "Parquet"  # dialect of a source whose rows have no lines: they are counted within their pair, from 1
+
 
 @dataclass(frozen=True, slots=True)
 class About:
@@ -39,8 +41,8 @@ class Rows:
     frame : DataFrame
         A column for each role under its symbol, in the unit of ``units``; ``tool`` and ``work`` are always there,
         as text; ``edge`` as text where it is known; columns of the reading's groups under their headers.
-    lines : ndarray of int, shape (n,)
-        Line of each row in its file, or its number in the piece.
+    lines : ndarray of int, shape (n,), or None
+        Line of each row in its file. None where no file has lines: the rows of each pair are then counted from 1.
     units : mapping
     columns : tuple of ColumnUse
     source : Source
@@ -51,7 +53,7 @@ class Rows:
     """
 
     frame: pd.DataFrame
-    lines: NDArray[np.intp]
+    lines: NDArray[np.intp] | None
     units: Mapping[str, str]
     columns: tuple[ColumnUse, ...]
     source: Source
@@ -79,8 +81,9 @@ class Rows:
         if about is None:
             source = Source(self.source.name, self.source.sha256 or digest(data), len(data), self.source.dialect)
             about = About(source, self.columns, self.assumed, self.warnings, self.notes)
+        lines = np.arange(1, 1 + len(where)) if self.lines is None else self.lines[where]
         return pair, Runs(
-            data, self.units, about.columns, self.lines[where], about.source, pair.tool, pair.work,
+            data, self.units, about.columns, lines, about.source, pair.tool, pair.work,
             about.assumed, about.warnings, about.notes,
         )  # fmt: skip
 

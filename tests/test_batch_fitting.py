@@ -170,6 +170,8 @@ def test_an_infinite_value_is_told_by_its_line(fitted):
     assert row(outcome, "P")["reason"] == f"column 'P' line {line}: inf is no measurement; leave the row out."
     assert row(outcome, "AW")["reason"] == ""
     assert [c.kind for c in outcome.concerns] == ["law refused"]
+    without = fitted(replace(rows_of(simulated("A", 1), frame), lines=None)).pairs[1]
+    assert row(without, "P")["reason"].startswith("column 'P' row 5 of this pair: inf is no measurement")
 
 
 def test_load_and_roughness_laws_stand_in_the_same_table(fitted):

@@ -12,6 +12,7 @@ from ...fit.defaults import Asked, asked_laws, fit_asked
 from ..how import How
 from ..law_table import below_each_other, law_table
 from ..outcome import Cell
+from ..rows import NO_LINES
 from .failures import Failed, tried
 from .pairs_of_rows import PairsOfRows, only_held
 from .table_rows import row_of, row_without, table_of_many
@@ -59,7 +60,9 @@ def infinite(runs: Runs, names: Collection[str] = ROLES) -> str:
     for name in numeric:
         at = np.flatnonzero(np.isinf(runs.data[name].to_numpy(dtype=float, na_value=np.nan)))
         if at.size:
-            return _no_measurement(name, runs.lines[at[0]], runs.data[name].iloc[at[0]])
+            line = runs.lines[at[0]]
+            where = f"row {line} of this pair" if runs.source.dialect == NO_LINES else f"line {line}"
+            return _no_measurement(name, where, runs.data[name].iloc[at[0]])
     return ""
 
 
@@ -100,12 +103,19 @@ def _infinite_pairs(of: PairsOfRows, names: list[str], rows: Ints) -> dict[int, 
     for name in names:
         values = of.rows.frame[name].to_numpy(dtype=float, na_value=np.nan)
         for row in rows[np.isinf(values[rows])]:
-            at.setdefault(int(of.number[row]), _no_measurement(name, of.rows.lines[row], values[row]))
+            at.setdefault(int(of.number[row]), _no_measurement(name, _where(of, row), values[row]))
     return at
 
 
-def _no_measurement(name: str, line: int, value: float) -> str:
-    return f"column {name!r} line {line}: {value:g} is no measurement; leave the row out."
+def _where(of: PairsOfRows, row: int) -> str:
+    """Where a row stands, as whoever made the source can find it."""
+    if of.rows.lines is not None:
+        return f"line {of.rows.lines[row]}"
+    return f"row {1 + np.count_nonzero(of.number[:row] == of.number[row])} of this pair"
+
+
+def _no_measurement(name: str, where: str, value: float) -> str:
+    return f"column {name!r} {where}: {value:g} is no measurement; leave the row out."
 
 
 def _one_by_one(of: PairsOfRows, asked: Asked, pairs: Ints, how: How) -> pd.DataFrame:

@@ -67,7 +67,7 @@ def looked_over(rows: Rows, wanted: Collection[Pair]) -> PairsOfRows:
     known = np.array([pair in wanted for pair in pairs], dtype=bool)
     if not known.all():
         keep = known[number]
-        rows = replace(rows, frame=rows.frame[keep], lines=rows.lines[keep])
+        rows = replace(rows, frame=rows.frame[keep], lines=None if rows.lines is None else rows.lines[keep])
         number, pairs = _numbered(rows.frame)
     K = len(pairs)
     there = {name: _there(rows.frame[name]) for name in rows.frame if name in ROLES and name not in ("tool", "work")}

@@ -24,8 +24,6 @@ class Part:
 
     Attributes
     ----------
-    first : int
-        Number of the first among the rows of the piece, from 0.
     n : int
     tool, work : Labels
         With the stand-ins where nothing is named.
@@ -33,7 +31,6 @@ class Part:
         By header: numbers of roles that are measured, as they stand in the file; texts of the others.
     """
 
-    first: int
     n: int
     tool: Labels
     work: Labels
@@ -54,19 +51,17 @@ def parts(
     schema = known.schema.to_arrow_schema()
     inside = [use.header for use in uses if use.header not in said]
     texts = [name for name in inside if kind_of(schema.field(name).type) == "text"]
-    first = 0
     if row_groups is None:
         row_groups = range(known.num_row_groups) if piece.row_group is None else [piece.row_group]
     if not inside:
-        yield _part(0, sum(known.row_group(i).num_rows for i in row_groups), {}, said, uses, reading)
+        yield _part(sum(known.row_group(i).num_rows for i in row_groups), {}, said, uses, reading)
         return
     with pq.ParquetFile(
         Path(piece.path), metadata=known, read_dictionary=texts, page_checksum_verification=True
     ) as opened:
         batches = opened.iter_batches(batch_size=BATCH, row_groups=row_groups, columns=inside, use_threads=False)
         for rows in _gathered(batches):
-            yield _part(first, len(rows), {name: rows.column(name) for name in inside}, said, uses, reading)
-            first += len(rows)
+            yield _part(len(rows), {name: rows.column(name) for name in inside}, said, uses, reading)
 
 
 def _gathered(batches: Iterable[Any]) -> Iterator[Any]:
@@ -90,7 +85,6 @@ def _one(batches: list[Any]) -> Any:  # noqa: ANN401
 
 
 def _part(
-    first: int,
     n: int,
     cells: Mapping[str, Any],
     said: Mapping[str, str],
@@ -108,7 +102,7 @@ def _part(
         columns[use.header] = found
         if use.role in pair and getattr(reading, use.role) is None:
             pair[use.role] = found.named(UNNAMED[use.role])
-    return Part(first, n, pair["tool"], pair["work"], columns)
+    return Part(n, pair["tool"], pair["work"], columns)
 
 
 def is_measured(use: ColumnUse) -> bool:

@@ -15,7 +15,7 @@ from ...datasets.runs import Source
 from ...datasets.units import convert
 from ...datasets.vocabulary import ROLES
 from ..plan import Block, Piece, Plan
-from ..rows import Rows
+from ..rows import NO_LINES, Rows
 from .parquet_arrow import UNREADABLE, why
 from .parquet_cells import Array, Ints, Labels, joined, numbered
 from .parquet_columns import group_column, needed
@@ -72,10 +72,9 @@ def parquet_rows(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
     if not read:
         return [], unreadable
     frame, units = _frame(read, block, plan)
-    lines = np.concatenate([part.lines for part in read])
     assumed = tuple(said for said in plan.assumed if said != SORTED)
-    source = Source(plan.name, "", len(frame), "Parquet")
-    return [Rows(frame, lines, units, plan.columns, source, assumed, notes=plan.notes)], unreadable
+    source = Source(plan.name, "", len(frame), NO_LINES)
+    return [Rows(frame, None, units, plan.columns, source, assumed, notes=plan.notes)], unreadable
 
 
 def parquet_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
@@ -89,7 +88,7 @@ def parquet_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
     waiting: list[_Read] = []
     for part in _all_rows(block, plan):
         waiting.append(part)
-        if sum(len(some.lines) for some in waiting) >= CHUNK:
+        if sum(len(some.pair) for some in waiting) >= CHUNK:
             yield _frame(waiting, block, plan)[0]
             waiting = []
     if waiting:
@@ -98,9 +97,8 @@ def parquet_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
 
 @dataclass(frozen=True, slots=True)
 class _Read:
-    """Rows of the block's pairs in a part of a piece: number in the piece, place of the pair in the block, columns."""
+    """Rows of the block's pairs in a part of a piece: place of the pair of each row in the block, and columns."""
 
-    lines: Ints
     pair: Ints
     columns: Mapping[str, Array | Labels]
 
@@ -150,7 +148,6 @@ def _rows_of(run: tuple[Piece, ...], place: Mapping[tuple[str, str], int], plan:
     """Rows of pieces of one file; DataError, in a sentence that names the first, where they cannot be read."""
     _unchanged(run[0])
     together = [int(piece.row_group) for piece in run if piece.row_group is not None]
-    starts = np.cumsum([0, *(_rows_in(piece) for piece in run[:-1])])
     try:
         for part in parts(run[0], needed(plan.columns, plan.reading), plan.reading, together or None):
             pair = numbered(part.tool, part.work, lambda key: place.get(key, -1))
@@ -158,8 +155,7 @@ def _rows_of(run: tuple[Piece, ...], place: Mapping[tuple[str, str], int], plan:
             if len(rows):
                 at = slice(rows[0], rows[-1] + 1) if rows[-1] - rows[0] + 1 == len(rows) else rows
                 columns = {header: of_rows(values, at) for header, values in part.columns.items()}
-                lines = part.first + rows
-                yield _Read(lines - starts[np.searchsorted(starts, lines, "right") - 1], pair[at], columns)
+                yield _Read(pair[at], columns)
     except UNREADABLE as error:
         raise DataError(f"{run[0].name}: cannot be read: {why(error)}.") from error
 
