@@ -102,7 +102,7 @@ def run(
         check_card(card)
     with prepare(place, source.name, how, force), engine(jobs, dask, meter.say) as workers:
         plan = _planned(source, reading, how, place, workers, meter, table)
-        folders = folder_names(plan.pairs)
+        folders = folder_names(plan.pairs) if how.files else {}
         done = blocks_done(plan, how, place, folders, workers, meter)
         removed = sweep(place, set(done.keys))
         meter.say("comparing")

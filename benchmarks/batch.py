@@ -49,7 +49,7 @@ def to_results(source, out, workers, files, most_pairs):
     begun = time.perf_counter()
     with prepare(out, source.name, how, force=True):
         plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=out / ".batch" / "source")
-        done = blocks_done(plan, how, out, folder_names(plan.pairs), workers, Meter(0, "pairs"))
+        done = blocks_done(plan, how, out, folder_names(plan.pairs) if files else {}, workers, Meter(0, "pairs"))
         results = results_frame([pair for block in done.outcomes for pair in block.pairs], laws_of(done.outcomes))
         put(out, "results.csv", csv_bytes(results))
     return time.perf_counter() - begun, done.seconds, results

@@ -73,7 +73,7 @@ def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, st
         See `key_of`.
     outcome : BlockOutcome
     folders : mapping of Pair to str
-        See `place.folder_names`.
+        See `place.folder_names`; pairs without files need none.
 
     Raises
     ------
@@ -106,7 +106,8 @@ def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome |
         return None
     try:
         outcome = _outcome(data["outcome"])
-        places = {f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}" for pair in outcome.pairs}
+        pairs = outcome.pairs if data["files"] else ()
+        places = {f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}" for pair in pairs}
     except (AttributeError, KeyError, IndexError, OverflowError, TypeError, ValueError):
         return None
     files: dict[str, str] = data["files"]
