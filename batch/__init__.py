@@ -2,6 +2,7 @@
 
 plan, rows, how            what is to be done, rows as they are read, options
 outcome, law_table         what came of pairs, and their laws as a table
+failures                   what failed, as a sentence
 source/    SOURCE -> Plan; Block -> Rows, or chunks of a stream
 fitting/   Block -> BlockOutcome: the table of laws from stacks, parameter files pair by pair
 engine/    tasks -> results as they are done: here, in processes, on a Dask cluster

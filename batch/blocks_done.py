@@ -39,10 +39,10 @@ class Done:
 
 
 def blocks_done(plan: Plan, how: How, out: Path, folders: Mapping[Pair, str], workers: Run, meter: Meter) -> Done:
-    """Fit every block that is not recorded in ``out`` yet, or of which a part could not be read."""
+    """Fit every block that is not recorded in ``out`` yet, or of which something failed that need not fail again."""
     keys = tuple(key_of(block, plan, how) for block in plan.blocks)
     found = {i: recorded(out, key, folders) for i, key in enumerate(keys)}
-    outcomes = {i: outcome for i, outcome in found.items() if outcome is not None and not outcome.unreadable}
+    outcomes = {i: outcome for i, outcome in found.items() if outcome is not None and outcome.settled}
     todo = [i for i in range(len(keys)) if i not in outcomes]
     kept = _pairs(plan.blocks, outcomes)
     meter.expect(len(plan.pairs))

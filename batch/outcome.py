@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
+from .failures import DEFECT
+
 Cell = str | float | int | bool | None
 
 NO_LAW, REFUSED = "no law", "law refused"  # kinds of concern that several look for
@@ -80,6 +82,12 @@ class BlockOutcome:
     units: Mapping[str, str]
     seconds: float
     memory: int
+
+    @property
+    def settled(self) -> bool:
+        """Whether it may stand: all could be read, and nothing failed by a defect of this program, which may pass."""
+        said = (words for pair in self.pairs for words in (pair.reason, *(each.words for each in pair.concerns)))
+        return not self.unreadable and not any(DEFECT in words for words in said)
 
 
 def cell(value: object) -> Cell:

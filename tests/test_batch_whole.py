@@ -127,6 +127,35 @@ def test_the_true_exponents_are_found(whole):
         assert off.abs().max() > 0
 
 
+@pytest.mark.parametrize("how", [TABLE, FILES], ids=["the table alone", "with files"])
+def test_what_failed_by_a_defect_is_fitted_anew(shop, tmp_path, fits, monkeypatch, how):
+    """It may pass, as a lack of file handles does, or be cured; what the data are to blame for is not tried again."""
+    out, arguments = tmp_path / "out", {"how": how, "site": False}
+    monkeypatch.setattr(whole_way, "QUICK", 1)
+    monkeypatch.setattr(whole_way, "CAREFUL", 1)
+    with monkeypatch.context() as patch:
+        where = "fitmodels.batch.fitting." + ("laws_of_pairs" if how is TABLE else "pair_file")
+        name = "table_of_many" if how is TABLE else "fit_pair"
+        real, calls = getattr(sys.modules[where], name), iter([1, 0, 1])
+
+        def now_and_then(*given, **more):
+            if not next(calls, 1):
+                raise OSError(24, "Too many open files")
+            return real(*given, **more)
+
+        patch.setattr(sys.modules[where], name, now_and_then)
+        made = batch.run(shop, out, **arguments)
+    assert made.attention["words"].str.contains("Too many open files").any()
+    fits.clear()
+    again = batch.run(shop, out, **arguments)
+    assert fits == ["T1"]
+    assert not again.attention["words"].str.contains("a defect").any()
+    assert (again.results["reason"] == "").all()
+    fits.clear()
+    assert not batch.run(shop, out, **arguments).changed
+    assert fits == []
+
+
 class Backwards(Run):
     """Does the tasks in the other order."""
 
@@ -512,5 +541,5 @@ def test_what_is_simulated_says_so_in_the_table_the_words_and_the_pictures(tmp_p
     said = made.results.set_index("tool")["simulated"].astype(bool).to_dict()
     assert said == {"S": True, "S2": True, "A": False, "B": False}
     assert made.simulated == 2
-    assert "2 simulated" in repr(made)
+    assert "2 simulated" in " ".join(repr(made).split())
     assert banners == ["2 of these pairs simulated, not measured"]

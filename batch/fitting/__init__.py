@@ -4,5 +4,5 @@ one_pair       how a pair is fitted, alone or among thousands   block          a
 pairs_of_rows  whose each row is, what holds anything of whom   laws_of_pairs  laws of all pairs, in stacks
 table_rows     laws -> rows of the table                        pair_file      files of a pair, and its posterior
 streamed_pair  a pair that is fitted as it passes by            concerns       why a pair needs attention
-groups         what a pair belongs to                           failures       what failed, as a sentence
+groups         what a pair belongs to
 """

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import pandas as pd
 
 from ...datasets.threads import one_thread
+from ..failures import DEFECT, GONE, Failed, tried
 from ..how import How
 from ..law_table import PAIR, below_each_other, law_table, numbered_anew
 from ..outcome import NO_LAW, BlockOutcome, Cell, Concern, PairOutcome
 from ..plan import Block, Pair, Plan
 from .concerns import concerns_of_laws
-from .failures import GONE, Failed, tried
 from .groups import groups_of_pairs
 from .laws_of_pairs import laws_of_pairs
 from .pair_file import PairFiles, files_of_pair, with_cells
@@ -166,7 +166,7 @@ def _files(found: PairOutcome, runs: "Runs", beside: Mapping[str, str], plan: Pl
 
 
 def _twice(one: PairOutcome, other: PairOutcome) -> PairOutcome:
-    why = "a defect of fitmodels, not of the data: the rows of this pair were handed over in two tables."
+    why = f"{DEFECT}: the rows of this pair were handed over in two tables."
     return replace(_without(Pair(one.tool, one.work), why), nobs=one.nobs + other.nobs, groups=one.groups)
 
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from ...datasets import Runs
 from ...datasets.vocabulary import ROLES
 from ...fit.defaults import Asked, asked_laws, fit_asked
+from ..failures import Failed, tried
 from ..how import How
 from ..law_table import below_each_other, law_table
 from ..outcome import Cell
 from ..rows import NO_LINES
-from .failures import Failed, tried
 from .pairs_of_rows import PairsOfRows, only_held
 from .table_rows import row_of, row_without, table_of_many
 

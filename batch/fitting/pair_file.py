@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from ..failures import Failed, tried
 from ..how import How
 from ..law_table import PAIR, column, fitted
 from ..outcome import Cell, Concern
 from ..plan import Reading
 from .concerns import concerns_of_file
-from .failures import Failed, tried
 from .groups import identity_of
 from .laws_of_pairs import infinite
 from .one_pair import PairFit, fit_pair, parameter_file

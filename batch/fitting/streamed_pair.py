@@ -10,12 +10,12 @@ import pandas as pd
 from ...datasets.runs import disclaimers
 from ...datasets.vocabulary import ROLES
 from ...fit.defaults import Asked, asked_laws
+from ..failures import GONE, Failed, tried
 from ..how import How
 from ..law_table import law_table
 from ..outcome import Cell, Concern, PairOutcome
 from ..plan import Block, Plan
 from .concerns import concerns_of_laws
-from .failures import GONE, Failed, tried
 from .groups import differs, identity_of
 from .laws_of_pairs import unit_of
 from .pair_file import PARAMETERS, options_of, posterior_cells, with_cells

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...datasets.errors import DataError, FitmodelsError, UsageError
 from ...datasets.vocabulary import ROLES
+from ..failures import sentence
 from ..plan import Block, Pair, Piece, Plan, Reading, Unreadable
 from .blocks import STREAMED
 from .lab_file import group_column, is_named_by_file, read_lab_file
@@ -100,7 +101,7 @@ def look_at(task: tuple[str, Reading, bool]) -> Found:
     except MemoryError:
         raise
     except Exception as error:  # one odd file does not stop a thousand
-        return Found(reason=f"a defect of fitmodels, not of the data: {type(error).__name__}: {error}")
+        return Found(reason=sentence(error))
 
 
 def _none_can_be_read(

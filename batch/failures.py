@@ -4,10 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ...datasets.errors import FitmodelsError
+from ..datasets.errors import FitmodelsError
 
 T = TypeVar("T")
 
+DEFECT = "a defect of fitmodels, not of the data"
 GONE = "the source holds no row of this pair any more: it changed after it was looked over. Run it again."
 
 
@@ -46,4 +47,4 @@ def sentence(error: Exception) -> str:
     'a defect of fitmodels, not of the data: TypeError: no.'
     """
     words = " ".join(str(error).split())[:500].rstrip(".")
-    return f"a defect of fitmodels, not of the data: {type(error).__name__}{f': {words}' if words else ''}."
+    return f"{DEFECT}: {type(error).__name__}{f': {words}' if words else ''}."
