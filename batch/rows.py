@@ -66,6 +66,10 @@ class Rows:
         """Whether the notes of a pair say that its rows are no measurements."""
         return bool(disclaimers(self.of_pair[pair].notes if pair in self.of_pair else self.notes))
 
+    def doubts(self, pair: Pair) -> tuple[str, ...]:
+        """What was odd in the reading of a pair."""
+        return self.of_pair[pair].warnings if pair in self.of_pair else self.warnings
+
     def runs(self) -> Iterator[tuple[Pair, Runs]]:
         """The runs of each pair, in the order in which the rows name them."""
         groups = self.frame.groupby([self.frame["tool"], self.frame["work"]], sort=False, observed=True)

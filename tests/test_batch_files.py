@@ -141,6 +141,18 @@ def test_wear_under_two_names_is_left_out_of_a_joined_pair_and_that_is_said(lab,
     assert any("AW, VB" in words for words in runs.warnings)
 
 
+def test_a_file_that_measures_nothing_costs_a_pair_no_column(tmp_path):
+    """A plan of the tests, or a list of what was cut, beside the file with what was measured."""
+    text = "V,t,AW,tool,work,edge\n" + "".join(f"{100 + 20 * (k % 3)},{k},0.{k},T,W,{k % 3}\n" for k in range(1, 9))
+    (tmp_path / "measured.csv").write_text(text)
+    (tmp_path / "plan.csv").write_text("V,f,tool,work\n100,0.2,T,W\n120,0.2,T,W\n")
+    runs = all_runs(opened(tmp_path, tmp_path / "elsewhere"))[Pair("T", "W")]
+    same(replace(runs, warnings=()), datasets.read_runs(tmp_path / "measured.csv"))
+    assert runs.warnings == (
+        "Of T on W plan.csv measures no wear, force, power or roughness: its rows are left aside.",
+    )
+
+
 def test_a_file_without_edges_is_one_edge_of_a_joined_pair(tmp_path):
     for name, k in (("p.csv", 1), ("q.csv", 2)):
         (tmp_path / name).write_text(f"V,t,AW,tool,work\n100,{k},0.1,T,W\n120,{k + 1},0.2,T,W\n")

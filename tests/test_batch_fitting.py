@@ -20,7 +20,7 @@ from fitmodels.batch.law_table import law_table
 from fitmodels.batch.outcome import BlockOutcome, PairOutcome, cell
 from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
 from fitmodels.batch.result import records
-from fitmodels.batch.rows import Rows
+from fitmodels.batch.rows import About, Rows
 from fitmodels.cli import main
 from fitmodels.datasets import Source
 from fitmodels.fit.defaults import asked_laws, fit_asked
@@ -376,6 +376,15 @@ def test_columns_that_ask_for_no_law_are_the_reason(fitted):
     assert outcome.laws == ()
     assert outcome.reason == "its rows hold V alone: a law needs wear, a force or power, and V, f, d or t."
     assert [c.kind for c in outcome.concerns] == ["no law"]
+
+
+def test_what_was_odd_in_the_reading_is_a_concern(fitted):
+    rows = rows_of(simulated("A", 1), simulated("B", 2))
+    own = About(rows.source, (), (), ("3 rows have fewer cells than the header.",), ())
+    found = fitted(replace(rows, of_pair={Pair("A", "En 19"): own}))
+    assert [[(c.kind, c.words) for c in pair.concerns] for pair in found.pairs] == [
+        [("doubt in reading", "3 rows have fewer cells than the header.")], [],
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("how", [TABLE, FAST], ids=["the table alone", "with files"])

@@ -139,7 +139,9 @@ def _of_rows(
             reason = no_law_asked(name for name in of.held if of.has(i, name))
             of_laws = (Concern(NO_LAW, reason),)
         simulated, nobs = rows.simulated(pair), int(of.counts[i])
-        outcomes.append(PairOutcome(pair.tool, pair.work, nobs, reason, (*of_laws, *concerns[i]), groups[i], simulated))
+        doubts = (Concern("doubt in reading", words) for words in rows.doubts(pair))
+        why = (*of_laws, *concerns[i], *doubts)
+        outcomes.append(PairOutcome(pair.tool, pair.work, nobs, reason, why, groups[i], simulated))
     return _with_files(of, outcomes, laws, block, plan, how) if how.files else (outcomes, laws)
 
 

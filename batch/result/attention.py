@@ -16,7 +16,8 @@ UNLIKE = "unlike its family"
 SEVERITY = (  # nothing to use; a law that is missing or may mislead; what it lacks; what is said of the pair
     NO_LAW, "gate shut", "no parameter file", REFUSED,
     "wear falls with time", "fits badly", "verdict", SCATTERS, UNLIKE, "draws too sure",
-    "few degrees of freedom", "no errors by edge", "factor left out", "rows left out", "no tool life",
+    "few degrees of freedom", "no errors by edge", "factor left out", "rows left out", "doubt in reading",
+    "no tool life",
     "group differs within the pair", "no group of ISO 513",
 )  # fmt: skip
 TIMES = 3.0  # the median scatter of a response

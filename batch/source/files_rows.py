@@ -9,11 +9,13 @@ import pandas as pd
 
 from ...datasets import Runs, Source
 from ...datasets.errors import DataError, FitmodelsError
+from ...datasets.vocabulary import ROLES
 from ..plan import Block, Pair, Piece, Plan, Reading
 from ..rows import About, Rows
 from .lab_file import pairs_of, read_lab_file
 from .open_source import shown
 
+MEASURED = ("wear", "load", "surface")  # kinds of roles
 LISTED = 3  # files named by a pair that is joined from them
 
 
@@ -59,9 +61,16 @@ def files_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
 def joined(pair: Pair, parts: list[tuple[str, Runs]]) -> Runs:
     """Runs of a pair from its files, as if they stood in one; laboratories number the edges anew in each file.
 
-    Neighbours are joined first, then what came of them: joining one by one would copy the first file's rows as often
-    as there are files.
+    A file of the pair that measures nothing, as a plan of tests does, is left aside: it would cost the others the
+    columns that it lacks. Neighbours are joined first, then what came of them: joining one by one would copy the first
+    file's rows as often as there are files.
     """
+    telling = [(name, runs) for name, runs in parts if measures(runs)]
+    if telling and len(telling) < len(parts):
+        aside = [name for name, runs in parts if not measures(runs)]
+        said = f"Of {pair} {shown(aside)} measures no wear, force, power or roughness: its rows are left aside."
+        runs = joined(pair, telling)
+        return replace(runs, warnings=(*runs.warnings, said))
     if len(parts) == 1:
         return parts[0][1]
     files = [name for name, _ in parts]
@@ -80,6 +89,19 @@ def joined(pair: Pair, parts: list[tuple[str, Runs]]) -> Runs:
         source=replace(runs.source, name=name),
         assumed=(*runs.assumed, said),
         warnings=(*runs.warnings, *warned),
+    )
+
+
+def measures(runs: Runs) -> bool:
+    """Whether a column holds anything that a law could be fitted to.
+
+    >>> from fitmodels import datasets
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> measures(runs), measures(replace(runs, data=runs.data[["V", "f"]]))
+    (True, False)
+    """
+    return any(
+        ROLES[str(name)].kind in MEASURED and runs.data[name].notna().any() for name in runs.data if name in ROLES
     )
 
 
