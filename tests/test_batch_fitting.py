@@ -174,6 +174,16 @@ def test_an_infinite_value_is_told_by_its_line(fitted):
     assert row(without, "P")["reason"].startswith("column 'P' row 5 of this pair: inf is no measurement")
 
 
+def test_of_many_infinite_values_of_a_pair_one_is_looked_up(fitted, monkeypatch):
+    """Where a row stands takes a look at all before it: for each of them the time would be that of rows squared."""
+    looked_up, real = [], laws_module._where
+    monkeypatch.setattr(laws_module, "_where", lambda of, row: looked_up.append(row) or real(of, row))
+    bad = simulated("B", 3, laws=(WEAR,)).assign(AW=np.inf)
+    found = fitted(replace(rows_of(simulated("A", 1, laws=(WEAR,)), bad), lines=None))
+    assert row(found.pairs[1], "AW")["reason"].startswith("column 'AW' row 1 of this pair")
+    assert len(looked_up) == 1
+
+
 def test_load_and_roughness_laws_stand_in_the_same_table(fitted):
     bundles = [datasets.read_runs(datasets.bundled(name)) for name in ("clm2023_end_milling", "surf_table1")]
     tables = [Rows(r.data.assign(tool=r.tool, work=r.work), r.lines, r.units, r.columns, r.source) for r in bundles]

@@ -102,8 +102,11 @@ def _infinite_pairs(of: PairsOfRows, names: list[str], rows: Ints) -> dict[int, 
     at: dict[int, str] = {}
     for name in names:
         values = of.rows.frame[name].to_numpy(dtype=float, na_value=np.nan)
-        for row in rows[np.isinf(values[rows])]:
-            at.setdefault(int(of.number[row]), _no_measurement(name, _where(of, row), values[row]))
+        infinite = rows[np.isinf(values[rows])]
+        pairs, first = np.unique(of.number[infinite], return_index=True)
+        for pair, row in zip(pairs.tolist(), infinite[first].tolist(), strict=True):
+            if pair not in at:
+                at[pair] = _no_measurement(name, _where(of, row), values[row])
     return at
 
 
