@@ -423,7 +423,7 @@ CONCERNS = {
 def test_concerns_have_few_kinds(kind):
     fine = {"response": "AW", "reason": "", "rsquared": 0.9, "df": 9, "nobs": 12, "dropped": 0, "params_t": 0.2}
     poor = [fine | CONCERNS[kind], fine | CONCERNS[kind] | {"response": "VB"}]
-    none, found = concerns_of_laws(law_table([(0, fine), *((1, each) for each in poor)]), 2)
+    none, found = concerns_of_laws(law_table([(0, fine), *((1, each) for each in poor)]), {}, 2)
     assert none == ()
     assert [c.kind for c in found] == ([] if kind is None else [kind])
     assert all(c.words.startswith("AW, VB: ") for c in found)

@@ -130,7 +130,8 @@ def _of_rows(
         return [], law_table(())
     laws = laws_of_pairs(of, how)
     groups, concerns = groups_of_pairs(of, plan.reading.groups)
-    told, none = concerns_of_laws(laws, len(of.pairs)), reasons(laws)
+    none = reasons(laws)
+    told = concerns_of_laws(laws, none, len(of.pairs))
     asked = set(laws[PAIR].tolist())
     outcomes = []
     for i, pair in enumerate(of.pairs):

@@ -1,21 +1,21 @@
 """Why a pair needs attention: few kinds, each of which somebody can do something about."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...fit.defaults import WEAR
 from ..law_table import PAIR, fitted
 from ..outcome import NO_LAW, REFUSED, Concern
-from .table_rows import reasons, refusals
+from .table_rows import refusals
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
 NOTED = ("edge_reason", "left_out")
-WEAR = ("AW", "VB")
 MUCH = 0.1  # share of rows left out
 FEW = 3  # degrees of freedom: below it an interval is wider than most answers
 POOR = 0.5  # R2
@@ -23,13 +23,15 @@ ACT = 2  # concern of a check at which one should act
 EACH_ITS_EDGE = "is an edge of its own"  # rows are independent: nothing is lacking
 
 
-def concerns_of_laws(table: pd.DataFrame, pairs: int) -> list[tuple[Concern, ...]]:
+def concerns_of_laws(table: pd.DataFrame, none: Mapping[int, str], pairs: int) -> list[tuple[Concern, ...]]:
     """What the laws of each pair say; the same words of several laws of a pair are said once.
 
     Parameters
     ----------
     table : DataFrame
         As `law_table`.
+    none : mapping of int to str
+        Why pairs have no law at all, as `reasons` gives it.
     pairs : int
         How many there are.
 
@@ -37,11 +39,10 @@ def concerns_of_laws(table: pd.DataFrame, pairs: int) -> list[tuple[Concern, ...
     --------
     >>> from fitmodels.batch.law_table import law_table
     >>> row = {"response": "AW", "reason": "", "rsquared": 0.3, "df": 9, "nobs": 12, "dropped": 4}
-    >>> [concern.words for concern in concerns_of_laws(law_table([(0, row)]), 1)[0]]
+    >>> [concern.words for concern in concerns_of_laws(law_table([(0, row)]), {}, 1)[0]]
     ['AW: 4 of 16 rows are left out.', 'AW: R2 0.30, less than half of the scatter.']
     """
     found: list[list[Concern]] = [[] for _ in range(pairs)]
-    none = reasons(table)
     for pair, refused in refusals(table).items():
         found[pair] = [Concern(NO_LAW, none[pair])] if pair in none else [Concern(REFUSED, why) for why in refused]
     laws = table[fitted(table)]

@@ -68,8 +68,9 @@ def streamed_outcome(block: Block, plan: Plan, how: How) -> tuple[PairOutcome, p
     fitted = _laws(block, plan, how, seen, frozenset(map(str, first.columns)))
     table = law_table((0, row) for row, _ in fitted)
     groups = {header: next(iter(seen.names.get(header, [])), "") for header in plan.reading.groups}
+    none = reasons(table)
     concerns = [
-        *concerns_of_laws(table, 1)[0],
+        *concerns_of_laws(table, none, 1)[0],
         *(differs(h, names) for h, names in seen.names.items() if len(names) > 1),
     ]
     files: Mapping[str, bytes] = {}
@@ -80,7 +81,7 @@ def streamed_outcome(block: Block, plan: Plan, how: How) -> tuple[PairOutcome, p
         else:
             files, cells, odd = made
             table, concerns = with_cells(table, {0: cells}), [*concerns, *odd]
-    reason = reasons(table).get(0, "") if fitted else no_law_asked(seen.held)
+    reason = none.get(0, "") if fitted else no_law_asked(seen.held)
     simulated = bool(disclaimers(plan.notes))
     rows = seen.rows or block.rows
     return PairOutcome(pair.tool, pair.work, rows, reason, tuple(concerns), groups, simulated, files), table

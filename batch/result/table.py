@@ -84,8 +84,8 @@ def csv_bytes(frame: pd.DataFrame) -> bytes:
     >>> csv_bytes(pd.DataFrame({"tool": ["=2+3", "a,b"], "nobs": [12, 9], "low_V": [-0.25, None]}))
     b'tool,nobs,low_V\n\'=2+3,12,-0.25\n"a,b",9,\n'
     """
-    texts = [[_text(str(name)), *_cells(frame[name])] for name in frame]
-    return ("\n".join(map(",".join, zip(*texts, strict=True))) + "\n").encode(errors="replace")
+    columns = [[_text(str(name)), *_cells(frame[name])] for name in frame]
+    return ("\n".join(map(",".join, zip(*columns, strict=True))) + "\n").encode(errors="replace")
 
 
 def _in_order(names: set[str]) -> list[str]:

@@ -202,7 +202,8 @@ def _said(
         yield f"{len(copies)} file(s) are copies of another, to the byte, and passed by: {shown(copies)}."
     if several := [str(pair) for pair, held in holders.items() if len(held) > 1]:
         yield (
-            f"{len(several)} pair(s) stand in more than one file and are joined, with edges told apart by file: "
+            f"{len(several)} pair(s) stand in more than one file; what measures something is joined, with edges told "
+            f"apart by file: "
             f"{shown(several)}."
         )
     unused = Counter(name for one in found for name in dict.fromkeys(one.unused) if name not in reading.groups)
