@@ -21,10 +21,11 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from .core.version import __version__
+
 if TYPE_CHECKING:
     from . import batch, cards, controllers, datasets, fit, ident, parameters
 
-__version__ = "0.1.0"
 __all__ = ["__version__", "batch", "cards", "controllers", "datasets", "fit", "ident", "parameters"]
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ..datasets.errors import FitmodelsError
+from ..core.errors import FitmodelsError
 
 T = TypeVar("T")
 

@@ -5,15 +5,15 @@ from dataclasses import asdict, dataclass
 from math import inf
 from typing import Any, Literal, TypeAlias, get_args
 
-from ..datasets.errors import UsageError
-from ..datasets.telling import Told
+from ..core.display import Displayable
+from ..core.errors import UsageError
 from .plan import Reading
 
 Error: TypeAlias = Literal["multiplicative", "additive"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class How(Told):
+class How(Displayable):
     """Options of the fits, with the names and the defaults of ``fitmodels FILE``.
 
     Attributes
@@ -56,7 +56,7 @@ class How(Told):
         --------
         >>> How(draws=3).check()
         Traceback (most recent call last):
-        fitmodels.datasets.errors.UsageError: 3 draws: at least 1000, below which no gate opens, and at most 1000000.
+        fitmodels.core.errors.UsageError: 3 draws: at least 1000, below which no gate opens, and at most 1000000.
         """
         from ..fit.bayes.choose import FEWEST, MOST
 

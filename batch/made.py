@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from ..datasets.telling import Grid, Telling, Told
-from .engine.progress import grouped
+from ..core.display import Display, Displayable, TextTable
+from ..core.progress import grouped
 from .plan import Plan
 from .result.attention import Attention
 from .result.comparison import Comparison
@@ -44,7 +44,7 @@ class Effort:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Batch(Told):
+class Batch(Displayable):
     """Laws of all pairs of a source.
 
     Attributes
@@ -117,10 +117,10 @@ class Batch(Told):
 
         return pairs_picture(self.results, ax)
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         head = f"{self.plan.name}: laws of {grouped(self.with_law)} of {grouped(self.pairs)} pairs, in {self.out}"
         head += f"; {grouped(self.simulated)} simulated" if self.simulated else ""
         rows = tuple((item.kind, grouped(item.pairs), item.examples[0]) for item in self.concerns)
-        grid = Grid(("needs attention", "pairs", "for instance"), rows) if rows else None
+        grid = TextTable(("needs attention", "pairs", "for instance"), rows) if rows else None
         facts = (("fitted", f"{grouped(self.effort.fitted)} pairs by {self.effort.where}"),)
-        return Telling(head, facts, grid, tuple(self.unreadable.values()))
+        return Display(head, facts, grid, tuple(self.unreadable.values()))

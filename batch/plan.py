@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ..core.display import Display, Displayable, facts_of
 from ..datasets.columns import ColumnUse
-from ..datasets.telling import Telling, Told, facts_of
 
 
 @dataclass(frozen=True, slots=True, order=True, repr=False)
-class Pair(Told):
+class Pair(Displayable):
     """A tool and a work material.
 
     >>> str(Pair("GC435", "709M40"))
@@ -21,12 +21,12 @@ class Pair(Told):
     def __str__(self) -> str:
         return f"{self.tool} on {self.work}"
 
-    def _telling(self) -> Telling:
-        return Telling(str(self))
+    def _display(self) -> Display:
+        return Display(str(self))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Reading(Told):
+class Reading(Displayable):
     """How a source is read, as `datasets.read_runs` takes it; ``groups`` are columns that group the pairs.
 
     Attributes
@@ -51,9 +51,9 @@ class Reading(Told):
     sheet: str | None = None
     groups: tuple[str, ...] = ()
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         facts = tuple(facts_of(self))
-        return Telling(", ".join(map(" ".join, facts)) or "as the source names its columns itself", facts)
+        return Display(", ".join(map(" ".join, facts)) or "as the source names its columns itself", facts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class Unreadable:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Plan(Told):
+class Plan(Displayable):
     """A source, cut into blocks: the same for the same source, however many processes there are.
 
     Attributes
@@ -158,9 +158,9 @@ class Plan(Told):
         """All pairs, in the order of the blocks."""
         return tuple(pair for block in self.blocks for pair in block.pairs)
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         pairs, blocks = len(self.pairs), len(self.blocks)
         head = (
             f"{self.name}: {self.rows} rows of {pairs} pair{'s' * (pairs != 1)}, in {blocks} block{'s' * (blocks != 1)}"
         )
-        return Telling(head, words=(*self.assumed, *(one.reason for one in self.unreadable)))
+        return Display(head, sentences=(*self.assumed, *(one.reason for one in self.unreadable)))

@@ -7,8 +7,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from ..cards.publishing import TITLE, Report, publish
-from ..datasets.errors import DataError, UsageError
-from ..parameters.file import put_in_place
+from ..core.errors import DataError, UsageError
+from ..core.files import write_whole
 from .engine import Meter
 from .result.records import PAIRS
 
@@ -54,7 +54,7 @@ def site_of(
         return Report(site=out / SITE, unchanged=True, found=sum(1 for _ in pairs.glob("*/params.json")))
     report = publish(pairs, out / SITE, title=title, jobs=jobs, force=True, told=meter.say)
     published = report.ok and report.site is not None
-    put_in_place(out / STAMP, json.dumps(stamp if published else {**stamp, "of": None}).encode())
+    write_whole(out / STAMP, json.dumps(stamp if published else {**stamp, "of": None}).encode(), parents=True)
     return report
 
 
@@ -64,17 +64,17 @@ def _brought(card: Path, to: Path, before: str | None) -> str:
     new = sha256(content).hexdigest()
     if to.is_file() and sha256(to.read_bytes()).hexdigest() not in (new, before) and _tells(to):
         raise UsageError(f"{to} tells something else than --card {card}; leave --card out to use it, or remove it.")
-    put_in_place(to, content)
+    write_whole(to, content, parents=True)
     return new
 
 
 def _tells(path: Path) -> bool:
     """Whether a card.toml tells anything: a template tells nothing yet, and what is none is not ours to judge."""
     from ..cards.gate.reading import read_toml
-    from ..cards.gate.told import Told
+    from ..cards.gate.told import Displayable
 
     try:
-        return read_toml(path) != Told(name=str(path))
+        return read_toml(path) != Displayable(name=str(path))
     except DataError:
         return True
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ..core.progress import grouped
 from .blocks_done import Done
-from .engine.progress import grouped
 from .law_table import below_each_other, numbered_anew
 from .outcome import BlockOutcome, PairOutcome
 from .plan import Plan

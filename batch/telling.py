@@ -10,10 +10,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from ..core.progress import grouped
+from ..core.rounding import format_plain
 from ..datasets.columns import ColumnUse
-from ..datasets.rounding import plain
 from ..datasets.vocabulary import ROLES
-from .engine.progress import grouped
 from .made import Batch
 from .plan import Plan
 from .result.comparison import Comparison
@@ -84,7 +84,7 @@ def _quarters(rows: pd.DataFrame, form: str) -> Table:
     """The middle half of each parameter over the pairs."""
     table = _right_aligned("quarter below", "half below", "three quarters below")
     for label, column in _told(rows, form):
-        table.add_row(label, *(plain(float(v), 3) for v in rows[column].astype(float).quantile(list(QUARTERS))))
+        table.add_row(label, *(format_plain(float(v), 3) for v in rows[column].astype(float).quantile(list(QUARTERS))))
     return table
 
 
@@ -96,10 +96,10 @@ def _values(rows: pd.DataFrame, form: str) -> Table:
     for label, column in columns.items():
         low, high = (float(law.get(column.replace("params_", end, 1), nan)) for end in ("low_", "high_"))
         if column.startswith("params_") and isfinite(low) and isfinite(high):
-            told[label] = f"{plain(low, 4)} to {plain(high, 4)}"
+            told[label] = f"{format_plain(low, 4)} to {format_plain(high, 4)}"
     table = _right_aligned("", f"95 % by {'edge' if law['by_edge'] else 'row'}" if told else "")
     for label, column in columns.items():
-        table.add_row(label, plain(float(law[column]), 4), told.get(label, ""))
+        table.add_row(label, format_plain(float(law[column]), 4), told.get(label, ""))
     return table
 
 
@@ -180,7 +180,7 @@ def _effort(made: Batch) -> Iterator[str]:
 
 
 def _rate(rate: float) -> str:
-    return grouped(round(rate)) if rate >= 100 else plain(rate, 2)
+    return grouped(round(rate)) if rate >= 100 else format_plain(rate, 2)
 
 
 def _memory(size: int) -> str:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards import publishing
-from fitmodels.datasets.threads import cores
+from fitmodels.core.threads import cores
 
 TOOLS, GROUPS = 25, "PMKNSH"
 TOML = """license = "CC-BY-4.0"

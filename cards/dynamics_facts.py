@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..core.rounding import format_plain
 from ..parameters import Dynamics
-from ..parameters.rounding import plain
 
 
 def transfer_function_words(d: Dynamics) -> str:
@@ -20,12 +20,12 @@ def model_words(d: Dynamics) -> list[str]:
     said = [
         f"{d.structure.replace('_', ' ')}; sampled every {d.sample_time:g} s; delay {d.nk} "
         f"sample{'s' if d.nk != 1 else ''}; gain at rest "
-        f"{plain(d.dc_gain, 4)} {unit}; largest pole {plain(radius, 4)}"
+        f"{format_plain(d.dc_gain, 4)} {unit}; largest pole {format_plain(radius, 4)}"
         + (f"; fitted to {d.n} samples" if d.n is not None else "")
     ]
     said += wrong_way(d)
     if d.noise_variance is not None:
-        said.append(f"noise sd {plain(float(np.sqrt(d.noise_variance)), 3)} {d.unit_y}".rstrip())
+        said.append(f"noise sd {format_plain(float(np.sqrt(d.noise_variance)), 3)} {d.unit_y}".rstrip())
     return said
 
 

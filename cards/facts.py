@@ -2,8 +2,8 @@
 
 import math
 
+from ..core.rounding import format_plain, format_rounded, p_value
 from ..parameters import Covariance, DroppedRows, Law, ParameterFile
-from ..parameters.rounding import p_value, plain, told
 from .content.coefficients import degrees, lacking
 
 CONDITIONS = ("V", "f", "fz", "d", "ae")  # what is usually set once for an edge
@@ -17,7 +17,7 @@ def statistics_line(law: Law) -> str:
         parts.append(f"R² {s.r2:.4f}" + (f" (adjusted {s.r2_adj:.4f})" if s.r2_adj is not None else ""))
     if s.F is not None and s.F_df is not None and s.F_p is not None:
         p = p_value(s.F_p)
-        parts.append(f"F({s.F_df[0]}, {s.F_df[1]}) {plain(s.F)}, p {p if p[0] == '<' else '= ' + p}")
+        parts.append(f"F({s.F_df[0]}, {s.F_df[1]}) {format_plain(s.F)}, p {p if p[0] == '<' else '= ' + p}")
     if law.residual_se is not None:
         parts.append(residual_words(law))
     edges = "" if law.n_edges is None else f" from {law.n_edges} edge{'s' if law.n_edges != 1 else ''}"
@@ -29,8 +29,8 @@ def residual_words(law: Law) -> str:
     """Residual standard error, and what it means for one measurement."""
     se = law.residual_se or 0.0
     if law.error == "additive":
-        return f"residual SE {plain(se, 3)} {law.unit}"
-    return f"residual SE {plain(se, 3)} in ln (one row scatters by about {100 * math.expm1(se):.2g} %)"
+        return f"residual SE {format_plain(se, 3)} {law.unit}"
+    return f"residual SE {format_plain(se, 3)} in ln (one row scatters by about {100 * math.expm1(se):.2g} %)"
 
 
 def structure_words(law: Law) -> str:
@@ -101,7 +101,7 @@ def published_words(law: Law) -> str:
     if p is None:
         return ""
     if p.rms_percent is None or p.worst_percent is None:
-        printed = ", ".join(f"{name} {plain(value, 6)}" for name, value in p.coefficients.items())
+        printed = ", ".join(f"{name} {format_plain(value, 6)}" for name, value in p.coefficients.items())
         return (
             f"{p.source} prints {printed}; the fit is without {', '.join(lacking(law))}, so neither its "
             "coefficients nor the rows can be held against the print one by one."
@@ -123,9 +123,9 @@ def edge_words(law: Law) -> str:
     if e.F is not None and e.F_df is not None and e.F_p is not None and e.row_F is not None:
         p = p_value(e.F_p)
         parts.append(
-            f"F of {', '.join(e.between)} is {plain(e.F)} by edge (df {e.F_df[0]}, {e.F_df[1]}; p "
-            f"{p if p[0] == '<' else '= ' + p}), and {plain(e.row_F)} if rows were independent, "
-            f"{plain(e.row_F / e.F, 2)} times as much"
+            f"F of {', '.join(e.between)} is {format_plain(e.F)} by edge (df {e.F_df[0]}, {e.F_df[1]}; p "
+            f"{p if p[0] == '<' else '= ' + p}), and {format_plain(e.row_F)} if rows were independent, "
+            f"{format_plain(e.row_F / e.F, 2)} times as much"
         )
     held = [f.symbol for f in law.factors if f.symbol in CONDITIONS and f.symbol not in e.between]
     if held and law.row_standard_errors:
@@ -145,7 +145,7 @@ def composite_words(law: Law) -> str:
     shown = []
     for name, value in c.coefficients.items():
         if name != "c0":
-            estimate, se = told(value, c.standard_errors.get(name))
+            estimate, se = format_rounded(value, c.standard_errors.get(name))
             shown.append(f"{name}^{estimate}" + (f" (SE {se})" if se else ""))
     return (
         f"With {c.wear} put in from its own law: {law.response} = {c.coefficients['c0']:.6g} {' '.join(shown)}. The "
@@ -169,10 +169,10 @@ def life_words(pf: ParameterFile) -> str:
         return ""
     at = ", ".join(f"{name} {value:.3g}" for name, value in life.typical_at.items())
     place = f"At the middle of the ranges ({at})" if at else "At these conditions"
-    where = f"{place} T is {plain(life.typical, 3)} {life.unit}"
+    where = f"{place} T is {format_plain(life.typical, 3)} {life.unit}"
     if life.typical <= life.t_observed:
-        return f"{where}; the longest test ran {plain(life.t_observed, 3)} {life.unit}."
+        return f"{where}; the longest test ran {format_plain(life.t_observed, 3)} {life.unit}."
     return (
-        f"{where}, but the longest test ran {plain(life.t_observed, 3)} {life.unit}: beyond it this is an "
+        f"{where}, but the longest test ran {format_plain(life.t_observed, 3)} {life.unit}: beyond it this is an "
         "extrapolation, not a measurement."
     )

@@ -1,13 +1,12 @@
 """The folder of a pair: parameter file, card and figures, all of them or none."""
 
 import os
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..datasets.errors import UsageError
+from ..core.errors import UsageError
+from ..core.files import move_folder, staged
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
 from .dynamics_figures import DYNAMICS_FIGURES, draw_dynamics
@@ -94,26 +93,12 @@ def write(
                 (made / DRAWS).write_bytes(draws_of(posteriors))
             _draw(made / "figures", pf, laws, posteriors if posterior_figures else (), identification)
             write_forms(pf, made, publication=publication, data_lines=data_lines)
-            _move(made, folder)
+            move_folder(made, folder)
     except OSError as error:
         raise UsageError(
             f"{folder} cannot be written: {error.strerror or error}; choose another place with --out."
         ) from None
     return folder
-
-
-@contextmanager
-def staged(parent: Path) -> Iterator[Path]:
-    """A hidden folder in ``parent``; it goes afterwards, and so do parents made for it that stayed empty."""
-    missing = [place for place in (parent, *parent.parents) if not place.exists()]
-    parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with tempfile.TemporaryDirectory(prefix=".fitmodels-", dir=parent, ignore_cleanup_errors=True) as name:
-            yield Path(name)
-    finally:
-        for place in missing:
-            with suppress(OSError):  # not empty: the result stands in it
-                place.rmdir()
 
 
 def write_forms(
@@ -158,18 +143,3 @@ def _draw(
 
         draw_figures(laws, folder, banner)
         draw_posteriors(posteriors, folder, banner)
-
-
-def _move(made: Path, folder: Path) -> None:
-    """Put a new folder in its place at one stroke; into one that is there, file by file."""
-    if not folder.exists():
-        made.rename(folder)
-        return
-    moves = [(path, folder / path.relative_to(made)) for path in sorted(made.rglob("*")) if path.is_file()]
-    for _, target in moves:
-        if target.is_dir() or (target.parent.exists() and not target.parent.is_dir()):
-            odd = target if target.is_dir() else target.parent
-            raise UsageError(f"{odd} stands where fitmodels writes; rename it, or choose another place with --out.")
-    for path, target in moves:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        path.replace(target)

@@ -1,7 +1,7 @@
 """What is told of a posterior, once for screen and paper."""
 
+from ..core.rounding import format_plain, format_rounded
 from ..parameters import Law, LawPosterior, ParameterFile
-from ..parameters.rounding import plain, told
 
 APART = 1.5  # standard error by edge over sd of the draws, beyond which it is said
 MOVED = 0.2  # sd: what halving or doubling of priors may move without a word
@@ -19,7 +19,7 @@ def posterior_words(law: Law, of: LawPosterior | None) -> list[str]:
     if of.reason is not None:
         return [f"No posterior: {of.reason}."]
     shown = [
-        f"{name} {told(p.low, p.sd)[0]} … {told(p.high, p.sd)[0]}"
+        f"{name} {format_rounded(p.low, p.sd)[0]} … {format_rounded(p.high, p.sd)[0]}"
         for name, p in of.parameters.items()
         if name in law.coefficients and not name.startswith("ln ")
     ]
@@ -42,8 +42,9 @@ def wider(law: Law, of: LawPosterior) -> list[str]:
         return []
     worst = max(wide, key=lambda name: ratio[name])
     return [
-        f"The draws are too sure of {', '.join(wide)}: leaving out single edges moves {worst} {plain(ratio[worst], 2)} "
-        "times as much as they say, so rows of an edge hang together by more than its level. Take the interval by edge."
+        f"The draws are too sure of {', '.join(wide)}: leaving out single edges moves {worst} "
+        f"{format_plain(ratio[worst], 2)} times as much as they say, so rows of an edge hang together by more "
+        "than its level. Take the interval by edge."
     ]
 
 
@@ -56,5 +57,5 @@ def _moved(of: LawPosterior) -> list[str]:
     worst = max(held, key=lambda name: moved[name])
     return [
         f"The priors speak with the tests: half or twice as wide they move {', '.join(held)} (most {worst}, by "
-        f"{plain(moved[worst], 2)} of its sd); more tests, or priors of your own (--priors), settle it."
+        f"{format_plain(moved[worst], 2)} of its sd); more tests, or priors of your own (--priors), settle it."
     ]

@@ -7,13 +7,13 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from ..core.rounding import format_plain
 from ..datasets import ColumnUse, Runs
 from ..datasets.vocabulary import ROLES
 from ..fit import Refused
 from ..parameters import Law, LawPosterior, ParameterFile
 from ..parameters.gather.understood import column_words, idle
 from ..parameters.gather.understood import understood as sayings
-from ..parameters.rounding import plain
 from .content.coefficients import between, law_coefficients
 from .facts import (
     about_intervals,
@@ -74,7 +74,7 @@ def tool_life_block(pf: ParameterFile) -> RenderableType | None:
         return None
     lines = [Text(life_equation(pf))]
     if life.taylor_n is not None:
-        lines.append(Text(f"Taylor's n {plain(life.taylor_n, 3)} in V T^n = C"))
+        lines.append(Text(f"Taylor's n {format_plain(life.taylor_n, 3)} in V T^n = C"))
     lines.append(Text(life_words(pf)))
     head = Text(f"T  tool life, {life.unit}", style="bold")
     head.append(f"   at {life.wear} {life.criterion:g} {life.unit_of_wear}, from the wear law", style="not bold")

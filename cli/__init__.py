@@ -11,7 +11,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
-from .. import __version__
+from ..core.version import __version__
 
 # Each command is a module of this room with ``parser()`` and ``run(args) -> exit code``.
 COMMANDS = (
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
     """Turn every error into one sentence on standard error."""
-    from ..datasets.errors import FitmodelsError
+    from ..core.errors import FitmodelsError
 
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..datasets.errors import UsageError
+from ..core.errors import UsageError
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile

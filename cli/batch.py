@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..datasets.errors import UsageError
+from ..core.errors import UsageError
 from .arguments import Parser, processes
 from .output import Printer
 from .posteriors import checked, draw_options

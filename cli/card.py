@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..datasets.errors import UsageError
+from ..core.errors import UsageError
 from .arguments import Parser
 from .output import Printer
 
@@ -71,11 +71,11 @@ def _differs(path: Path, content: bytes) -> bool:
 
 def _write(folder: Path, new: dict[str, bytes], *, force: bool) -> None:
     """Write all files, or none where one is there and may not be replaced."""
-    from ..parameters.file import put_in_place
+    from ..core.files import write_whole
 
     held = [name for name in new if os.path.lexists(folder / name)]
     if held and not force:
         are = "are" if len(held) > 1 else "is"
         raise UsageError(f"{folder}: {', '.join(held)} {are} there and would change; replace with --force.")
     for name, content in new.items():
-        put_in_place(folder / name, content)
+        write_whole(folder / name, content)

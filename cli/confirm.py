@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.text import Text
 
     from .. import fit
-    from ..datasets import UsageError
+    from ..core.errors import UsageError
 
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level:g}: it lies between 0 and 1, for instance 0.95.")

@@ -91,7 +91,7 @@ def _made(args: argparse.Namespace) -> Any:  # noqa: ANN401
 
 
 def _band(text: str) -> tuple[float, float]:
-    from ..datasets import UsageError
+    from ..core.errors import UsageError
 
     low, colon, high = text.partition(":")
     try:
@@ -105,7 +105,7 @@ def _band(text: str) -> tuple[float, float]:
 
 def _guess(args: argparse.Namespace) -> "Model":
     from .. import parameters
-    from ..datasets import UsageError
+    from ..core.errors import UsageError
 
     if args.noise is None or not args.noise > 0:
         raise UsageError(

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from ..datasets.errors import UsageError
+from ..core.errors import UsageError
 from .arguments import Parser
 from .output import Printer
 

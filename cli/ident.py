@@ -52,16 +52,16 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Identify, print and write."""
     from ..cards import terminal_dynamics
+    from ..core.progress import progress
     from ..ident import identify
-    from .output import progress
 
     orders = _orders(args.orders)
     target = _target(args)
-    with progress() as step:
-        step("reading")
+    with progress(lines=False) as step:
+        step.say("reading")
         records = [_read(name, args) for name in args.file]
         held_out = None if args.held_out is None else _read(args.held_out, args)
-        step(f"identifying {records[0].output} from {records[0].input}")
+        step.say(f"identifying {records[0].output} from {records[0].input}")
         found = identify(records, held_out=held_out, orders=orders, trend=bool(args.trend))
         pf = _collected(found, records, args)
     if args.json:
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _orders(text: str | None) -> tuple[int, int, int] | None:
-    from ..datasets import UsageError
+    from ..core.errors import UsageError
 
     if text is None:
         return None
@@ -109,7 +109,7 @@ def _read(name: str, args: argparse.Namespace) -> "Record":
 
 def _target(args: argparse.Namespace) -> Path | None:
     """The folder that will be written, looked at before anything is computed."""
-    from ..datasets import UsageError
+    from ..core.errors import UsageError
 
     if args.params is not None or (args.json and not args.out):
         return None
@@ -124,7 +124,7 @@ def _target(args: argparse.Namespace) -> Path | None:
 def _collected(found: "Identification", records: "list[Record]", args: argparse.Namespace) -> "ParameterFile":
     """A new parameter file, or the one that was given with its dynamics replaced."""
     from .. import parameters
-    from ..datasets import UsageError
+    from ..core.errors import UsageError
 
     fit = found.validation.fit if found.validation.held_out else None
     if args.params is not None:

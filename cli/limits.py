@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..datasets.errors import UsageError
+from ..core.errors import UsageError
 from .arguments import Parser, nearest, pairs, traced
 from .output import Printer
 

@@ -28,7 +28,8 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write the plan, and return the exit code."""
     from .. import fit
-    from ..datasets import UsageError, write_csv
+    from ..core.errors import UsageError
+    from ..datasets import write_csv
 
     laws, refused = fit.default_laws(read(args.file, args))
     chosen = [law for law in laws if args.law in (None, law.response)]

@@ -28,7 +28,8 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Write the plan, and return the exit code."""
-    from ..datasets import UsageError, central_composite, write_csv
+    from ..core.errors import UsageError
+    from ..datasets import central_composite, write_csv
     from ..datasets.vocabulary import ROLES
 
     given = ranges(args.range)
@@ -54,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 def target(out: str | None, force: bool) -> Path | TextIO:
     """Standard output, or a file that may be written."""
-    from ..datasets import UsageError
+    from ..core.errors import UsageError
 
     if out is None:
         return sys.stdout

@@ -32,7 +32,7 @@ def posterior_options(p: argparse.ArgumentParser) -> None:
 
 def checked(args: argparse.Namespace) -> dict[str, Any]:
     """What a result depends on besides the words of the command: the content of a priors file."""
-    from ..datasets import UsageError
+    from ..core.errors import UsageError
     from ..fit.bayes.priors_file import read_priors
 
     if args.seed is not None and not 0 <= args.seed < 2**32:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..datasets.errors import FitmodelsError, UsageError
+from ..core.errors import FitmodelsError, UsageError
 from .arguments import Parser, pairs
 from .output import Printer
 

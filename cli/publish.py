@@ -4,10 +4,11 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-from ..datasets.errors import UsageError
-from ..datasets.threads import cores
+from ..core.errors import UsageError
+from ..core.progress import progress
+from ..core.threads import cores
 from .arguments import Parser, processes
-from .output import Printer, progress
+from .output import Printer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,13 +45,13 @@ def run(args: argparse.Namespace) -> int:
     if args.title is not None and not args.title.strip():
         raise UsageError("--title: is empty; leave it out, or give the site a name.")
     jobs = args.jobs or cores()
-    with progress() as told:
-        told("reading")
+    with progress(lines=False) as told:
+        told.say("reading")
         if args.check:
-            report = publishing.check(args.folder, args.site, jobs=jobs, told=told)
+            report = publishing.check(args.folder, args.site, jobs=jobs, told=told.say)
         else:
             title = args.title or publishing.TITLE
-            report = publishing.publish(args.folder, args.site, title=title, jobs=jobs, force=args.force, told=told)
+            report = publishing.publish(args.folder, args.site, title=title, jobs=jobs, force=args.force, told=told.say)
     if args.json:
         print(json.dumps({"schema": "fitmodels.publish/1", **report.facts()}, indent=2, ensure_ascii=False))  # noqa: T201
     else:

@@ -38,15 +38,15 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Replay, print and draw, and return the exit code."""
     from ..cards import replays
-    from .output import progress
+    from ..core.progress import progress
 
     pf, draws, home = _given(args.file)
     systems = _chosen(pf, args.system, args.file)
     out = Printer()
     told: list[Replayed] = []
-    with progress() as step:
+    with progress(lines=False) as step:
         for system in systems:
-            step(f"replaying {system}")
+            step.say(f"replaying {system}")
             told.append(replays.replayed(system, pf, draws, args.seed))
     written = [] if args.json and not args.out else _drawn(told, Path(args.out) if args.out else home)
     if args.json:
@@ -79,7 +79,7 @@ def _given(file: str) -> "tuple[ParameterFile, Mapping[str, Draws], Path]":
 
 def _chosen(pf: "ParameterFile", name: str | None, file: str) -> list[str]:
     from ..cards import replays
-    from ..datasets.errors import UsageError
+    from ..core.errors import UsageError
     from ..parameters import ParameterError
     from .arguments import nearest
 
@@ -113,7 +113,7 @@ def _drawn(told: "list[Replayed]", folder: Path) -> list[str]:
     """Figures as files, each written whole over the last of its name."""
     import io
 
-    from ..parameters.file import put_in_place
+    from ..core.files import write_whole
 
     names = []
     for one in told:
@@ -121,6 +121,6 @@ def _drawn(told: "list[Replayed]", folder: Path) -> list[str]:
             folder.mkdir(parents=True, exist_ok=True)
             with io.BytesIO() as content:
                 figure.savefig(content, format="png", dpi=110, metadata={"Software": None})
-                put_in_place(folder / f"{name}.png", content.getvalue())
+                write_whole(folder / f"{name}.png", content.getvalue())
             names.append(f"{name}.png")
     return [f"Drawn: {folder}/ ({', '.join(names)})"] if names else []

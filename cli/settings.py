@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..datasets.errors import UsageError
+from ..core.errors import UsageError
 from .arguments import Parser, traced
 from .output import Printer
 

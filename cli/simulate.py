@@ -5,7 +5,7 @@ from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .. import __version__
+from ..core.version import __version__
 from .arguments import Parser, seed
 from .plan import target
 
@@ -40,7 +40,8 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write the simulated data, and return the exit code."""
     from .. import parameters
-    from ..datasets import UsageError, simulate, write_csv
+    from ..core.errors import UsageError
+    from ..datasets import simulate, write_csv
 
     if not 0 <= args.icc <= 1:
         raise UsageError(f"--icc {args.icc:g}: a share lies between 0 and 1.")
@@ -64,7 +65,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _laws(pf: "ParameterFile", icc: float) -> "list[SimulatedLaw]":
     """The power laws of the file, wear first, since force and power stand on it."""
-    from ..datasets import SimulatedLaw, UsageError
+    from ..core.errors import UsageError
+    from ..datasets import SimulatedLaw
 
     chosen = [law for law in pf.laws.values() if law.form == "power" and law.by is None]
     either = [fit for law in chosen for fit in (law, law.alternative)]

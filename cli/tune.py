@@ -79,8 +79,8 @@ def run(args: argparse.Namespace) -> int:
     from rich.text import Text
 
     from .. import parameters
-    from ..datasets import UsageError
-    from .output import progress
+    from ..core.errors import UsageError
+    from ..core.progress import progress
 
     pf = parameters.read(args.file)
     if pf.dynamics is None:
@@ -91,8 +91,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.file} holds gains already; replace them with --force.")
     if (args.scaling is None) != (args.unit is None):
         raise UsageError("--scaling and --unit go together: how many units of the command one unit of the input is.")
-    with progress() as step:
-        step("tuning")
+    with progress(lines=False) as step:
+        step.say("tuning")
         tuned = _tuned(pf.dynamics, args)
     if tuned.misses and not args.force:
         raise parameters.GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, and marks them.")

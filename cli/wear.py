@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import __version__
+from ..core.version import __version__
 from .arguments import Parser
 from .output import Printer, complain
 from .posteriors import checked, kept, posterior_options
@@ -85,16 +85,16 @@ class Job:
 def run(args: argparse.Namespace) -> int:
     """Do it, and return the exit code."""
     from ..cards import terminal
-    from ..datasets import UsageError
-    from .output import progress
+    from ..core.errors import UsageError
+    from ..core.progress import progress
 
     if args.criterion is not None and not 0 < args.criterion < float("inf"):
         raise UsageError(f"--criterion {args.criterion:g}: a wear criterion lies above zero, for instance 0.3.")
     if args.gauge_sd is not None and not 0 <= args.gauge_sd < float("inf"):
         raise UsageError(f"--gauge-sd {args.gauge_sd:g}: a standard deviation is not below zero, for instance 0.01.")
     out = Printer()
-    with progress() as step:
-        step(f"reading {Path(args.file).name}")
+    with progress(lines=False) as step:
+        step.say(f"reading {Path(args.file).name}")
         table, look = recognise(args.file, args)
         runs = None if look else _tests(table, look, args)
         del table  # as large as the runs
@@ -125,7 +125,7 @@ def _tests(table: "str | Table", look: "Look | None", args: argparse.Namespace) 
 
 def _identify(args: argparse.Namespace) -> int:
     """A record: what ``fitmodels ident`` does, with the options that both know."""
-    from ..datasets import DataError, UsageError
+    from ..core.errors import DataError, UsageError
     from . import ident
 
     words = [args.file]
@@ -144,7 +144,7 @@ def _identify(args: argparse.Namespace) -> int:
 def _jobs(runs: "Runs", args: argparse.Namespace, options: Mapping[str, Any]) -> list[Job]:
     """The pairs and their folders; an existing result stops everything before anything is fitted."""
     from ..cards.names import folder_names
-    from ..datasets.errors import UsageError
+    from ..core.errors import UsageError
 
     each = [runs] if args.by else list(runs.pairs())
     if args.json and not args.out:
@@ -186,15 +186,15 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
     from .. import cards
     from ..batch.fitting.one_pair import fit_pair, parameter_file
     from ..cards import terminal
-    from .output import progress
+    from ..core.progress import progress
 
     runs = job.runs
-    with progress() as step:
-        step(f"fitting {runs.tool} on {runs.work}")
+    with progress(lines=False) as step:
+        step.say(f"fitting {runs.tool} on {runs.work}")
         fitted = fit_pair(
             runs, error=args.error, by=args.by, criterion=args.criterion, seed=_seed(args),
             draws=4000 if args.draws is None else args.draws, priors=args.priors or "weak",
-            student=bool(args.student), verify=bool(args.verify), step=step,
+            student=bool(args.student), verify=bool(args.verify), step=step.say,
         )  # fmt: skip
         made = {"gauge_sd": args.gauge_sd, "command": _command(args), "options": options, "seed": _seed(args)}
         pf = parameter_file(runs, fitted, **made) if fitted.laws and not fitted.shut else None
@@ -209,8 +209,8 @@ def _one_pair(job: Job, args: argparse.Namespace, options: Mapping[str, Any], ou
             out.show(block)
     folder = job.folder
     if pf is not None and folder is not None and not job.unchanged:
-        with progress() as step:
-            step(f"writing {folder}")
+        with progress(lines=False) as step:
+            step.say(f"writing {folder}")
             cards.write(
                 pf,
                 folder,

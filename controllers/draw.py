@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..datasets.picture import BLUE, one_panel
+from ..core.plotting import BLUE, new_axes
 
 if TYPE_CHECKING:
     from .constant_load_milling.steady import SteadyLife
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def trace_picture(trace: "Trace", ax: Axes | None = None) -> Axes:
     """Measurement with its reference and events; the command on an axis of its own."""
-    ax = one_panel(ax, 8.0, 4.0)
+    ax = new_axes(ax, 8.0, 4.0)
     ax.plot(trace.time, trace.measurement, color="#1f5fa8", lw=1.0, label=trace.labels[1])
     ax.plot(trace.time, trace.reference, color="0.4", lw=0.9, ls="--", label="reference")
     for event in trace.events[:100]:
@@ -29,7 +29,7 @@ def trace_picture(trace: "Trace", ax: Axes | None = None) -> Axes:
 
 def roughness_picture(cut: "Turned", ax: Axes | None = None) -> Axes:
     """Roughness over time, with what was asked for."""
-    ax = one_panel(ax, 6.4, 3.6)
+    ax = new_axes(ax, 6.4, 3.6)
     ax.plot(cut.trace.time, cut.Ra, color=BLUE, lw=0.9)
     ax.plot(cut.trace.time, cut.asked, color="0.4", lw=0.9, ls="--")
     ax.set(xlabel="time, s", ylabel="Ra, um; dashed: asked for", title="Simulated")
@@ -38,7 +38,7 @@ def roughness_picture(cut: "Turned", ax: Axes | None = None) -> Axes:
 
 def steady_picture(life: "SteadyLife", ax: Axes | None = None) -> Axes:
     """Time to the lower limit over the tools."""
-    ax = one_panel(ax, 4.8, 3.6)
+    ax = new_axes(ax, 4.8, 3.6)
     minutes = life.time[np.isfinite(life.time)] / 60
     ax.hist(minutes, bins=min(30, max(1, len(minutes))), color=BLUE)
     ax.set(xlabel="in the cut until the lower limit, min", ylabel="tools", title="Calculated")

@@ -9,14 +9,14 @@ from typing import Generic
 
 import numpy as np
 
-from ..datasets.telling import Told
+from ..core.display import Displayable
 from .loop import C, Plant
 
 Reading = Callable[[float, float], float]  # the true reading, the last one that was told -> what the sensor tells
 
 
 @dataclass(slots=True, repr=False)
-class Faulty(Told, Generic[C]):
+class Faulty(Displayable, Generic[C]):
     """A plant with a fault from ``start`` to ``end``.
 
     Attributes

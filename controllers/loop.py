@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.errors import UsageError
-from ..datasets.telling import Telling, Told
-from .telling import of_trace
+from ..core.display import Displayable
+from ..core.errors import UsageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +24,7 @@ Takes = TypeVar("Takes", bound=float | tuple[float, ...], contravariant=True)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Event(Told):
+class Event(Displayable):
     """What happened, and when: ``cut``, ``air``, ``at low``, ``load unknown`` ... at ``time`` s."""
 
     time: float
@@ -51,7 +50,7 @@ class Plant(Protocol[Takes]):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Trace(Told):
+class Trace(Displayable):
     """What a replay recorded: a simulation, whatever its numbers came from.
 
     Attributes
@@ -76,9 +75,6 @@ class Trace(Told):
     events: tuple[Event, ...]
     recorded: dict[str, Array] = field(default_factory=dict)
     labels: tuple[str, str] = ("command", "measurement")
-
-    def _telling(self) -> Telling:
-        return of_trace(self)
 
     def first(self, what: str) -> float | None:
         """Time of the first event of this name, s; None where there was none."""

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..datasets.errors import UsageError
-from ..datasets.telling import Told
+from ..core.display import Displayable
+from ..core.errors import UsageError
 
 
 @dataclass(slots=True, repr=False)
-class Cut(Told):
+class Cut(Displayable):
     """A cut under a feed override: the identified drive, a standing load, and what wear adds.
 
         load(k) = offset + b(q)/a(q) command + wear(t) in the cut,    idle outside it

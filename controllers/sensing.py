@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from ..datasets.telling import Told
+from ..core.display import Displayable
 
 CREEP = 10.0  # least moves: a fifth of the feed's range where the least move is 2 % of it
 KNOWN, UNKNOWN, STUCK = "known", "unknown", "stuck"
 
 
 @dataclass(slots=True, repr=False)
-class Sensing(Told):
+class Sensing(Displayable):
     """A reading is believed when it is a finite number inside its range and does not stand still while the feed moves.
 
     A sensor is stuck where ``samples`` readings in a row are equal to the last bit while the command moved by more than

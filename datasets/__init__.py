@@ -7,10 +7,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ..core.errors import DataError, FitmodelsError, UsageError
     from .bundles import bundled, bundled_names
     from .columns import ColumnUse
     from .design import central_composite
-    from .errors import DataError, FitmodelsError, UsageError
     from .fetching import fetch
     from .reading import read_runs, runs_from_frame
     from .records.look import looks_like_record

@@ -4,7 +4,7 @@ from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 
-from .errors import UsageError
+from ..core.errors import UsageError
 
 
 def bundled_names() -> tuple[str, ...]:

@@ -6,7 +6,7 @@ Source: Box & Wilson 1951; in the papers' designs the levels are evenly spaced i
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DataError, UsageError
+from ..core.errors import DataError, UsageError
 
 Values = NDArray[np.float64] | NDArray[np.object_]
 

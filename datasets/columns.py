@@ -8,10 +8,10 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DataError, UsageError
+from ..core.display import Displayable
+from ..core.errors import DataError, UsageError
 from .headers import parse_header
 from .tables import Column, is_number
-from .telling import Told
 from .units import canonical, convert, same_dimension, suggest
 from .vocabulary import ROLES, Role, role_of, suggest_role, understood_unit
 
@@ -24,7 +24,7 @@ Values = NDArray[np.float64] | NDArray[np.object_]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ColumnUse(Told):
+class ColumnUse(Displayable):
     """What became of one column of the file.
 
     Attributes

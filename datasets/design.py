@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import UsageError
+from ..core.errors import UsageError
 
 RESERVED = ("run", "edge", "point")
 MOST_FACTORS = 6

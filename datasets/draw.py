@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from .picture import BLUE, GREY, ORANGE, one_panel
-from .telling import with_unit
+from ..core.display import with_unit
+from ..core.plotting import BLUE, GREY, ORANGE, new_axes
 
 if TYPE_CHECKING:
     from .records.record import Record
@@ -18,7 +18,7 @@ MOST_EDGES = 60  # lines; more are points
 
 def runs_picture(runs: "Runs", ax: Axes | None = None) -> Axes:
     """A response over time, edge by edge; without a time over the first factor."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     numbers = [name for name in runs.units if name in runs.data]
     y = next((name for name in RESPONSES if name in numbers), numbers[-1])
     x = "t" if "t" in numbers and y != "t" else numbers[0]
@@ -40,7 +40,7 @@ def runs_picture(runs: "Runs", ax: Axes | None = None) -> Axes:
 
 def record_picture(rec: "Record", ax: Axes | None = None) -> Axes:
     """Output over time, the input on an axis of its own; stretches are set apart."""
-    ax = one_panel(ax, 7.2, 3.6)
+    ax = new_axes(ax, 7.2, 3.6)
     time = rec.sample_time * np.arange(len(rec))
     ax.plot(time, rec.y, color=BLUE, lw=1.0)
     for start in rec.starts[1:]:

@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from hashlib import sha256
 from pathlib import Path
 
-from .errors import DataError, UsageError
+from ..core.errors import DataError, UsageError
 from .public_sets import SETS, PublicFile, PublicSet
 
 LOCAL = "FITMODELS_DATA"  # the environment variable that names a folder of such sets
@@ -45,7 +45,7 @@ def fetch(name: str, folder: str | os.PathLike[str] | None = None) -> Path:
     >>> datasets.fetch("nasa_millling")
     Traceback (most recent call last):
     ...
-    fitmodels.datasets.errors.UsageError: no set of measurements 'nasa_millling'; did you mean 'nasa_milling'?
+    fitmodels.core.errors.UsageError: no set of measurements 'nasa_millling'; did you mean 'nasa_milling'?
     """
     if name not in SETS:
         near = get_close_matches(name, SETS, n=1)

@@ -22,8 +22,8 @@ from types import MappingProxyType
 
 import pandas as pd
 
+from ..core.errors import UsageError
 from .design import central_composite
-from .errors import UsageError
 from .simulation import SimulatedLaw, simulate, write_csv
 
 DOMAIN: Mapping[str, tuple[float, float]] = MappingProxyType({"V": (50.0, 200.0), "f": (0.06, 0.6), "d": (1.5, 3.0)})

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.errors import DataError, UsageError
 from .coded import decode
 from .columns import NONE, ColumnUse, Values, assign
-from .errors import DataError, UsageError
 from .runs import UNNAMED, Runs, Source
 from .tables import Column, Table, read_table
 from .units import is_unit

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.display import Display, Displayable, TextTable
+from ..core.errors import UsageError
+from ..core.rounding import format_plain
 from .columns import ColumnUse
-from .errors import UsageError
-from .rounding import plain
-from .telling import Grid, Telling, Told
 from .vocabulary import UNNAMED as UNNAMED
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def disclaimers(notes: Iterable[str]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Source(Told):
+class Source(Displayable):
     """Where the numbers came from: file name, SHA-256 of its bytes, rows, and how it was written."""
 
     name: str
@@ -42,7 +42,7 @@ class Source(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Runs(Told):
+class Runs(Displayable):
     """Measurements of cutting tests, in the units of the field.
 
     Attributes
@@ -84,17 +84,17 @@ class Runs(Told):
     def __len__(self) -> int:
         return len(self.data)
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         numbers = [name for name in self.units if name in self.data]
         known = {name: self.data[name].dropna().astype(float) for name in numbers}
-        told = [(name, f"{plain(v.min())} to {plain(v.max())}", self.units[name], str(len(v)))
+        told = [(name, f"{format_plain(v.min())} to {format_plain(v.max())}", self.units[name], str(len(v)))
                 for name, v in known.items() if len(v)]  # fmt: skip
         edges = f" of {len(set(self.labels('edge')) - {''})} edges" if self.has("edge") else ""
         ranges = ", ".join(f"{name} {ends} {unit}".rstrip() for name, ends, unit, _ in told)
         head = f"{self.tool} on {self.work}{', simulated' if self.simulated else ''}: {len(self)} rows{edges}; {ranges}"
         facts = (("from", self.source.name), ("SHA-256", f"{self.source.sha256[:12]}..."))
-        grid = Grid(("", "range", "unit", "rows"), tuple(told))
-        return Telling(head, facts, grid, (*self.warnings, *self.assumed, *self.notes))
+        grid = TextTable(("", "range", "unit", "rows"), tuple(told))
+        return Display(head, facts, grid, (*self.warnings, *self.assumed, *self.notes))
 
     @property
     def disclaimers(self) -> tuple[str, ...]:

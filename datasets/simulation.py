@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.display import Displayable
+from ..core.errors import DataError, UsageError
+from ..core.files import write_whole
 from .design import round_significant
-from .errors import DataError, UsageError
-from .telling import Told
 
 MOST_ROWS = 10_000_000
 USUAL_UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
@@ -20,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SimulatedLaw(Told):
+class SimulatedLaw(Displayable):
     """A power law with two lognormal deviations: R = c0 * prod X_j^b_j * exp(edge) * exp(row).
 
     Parameters
@@ -184,15 +185,7 @@ def write_csv(
     if not isinstance(path_or_buffer, str | Path):
         path_or_buffer.write(text)
         return
-    path = Path(path_or_buffer)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8", newline="\n")
-        part.replace(path)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror}; choose another place.") from None
-    finally:
-        part.unlink(missing_ok=True)
+    write_whole(path_or_buffer, text)
 
 
 def _shortest(value: object) -> str:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DataError, UsageError
+from ..core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     import pint

@@ -6,7 +6,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from ..datasets.errors import UsageError
+from ..core.errors import FitError, UsageError
 from .available import NotAvailable
 from .bayes.choose import posterior
 from .bayes.joint_posterior import JointPosterior
@@ -31,7 +31,6 @@ from .confirm import Confirmation, confirm
 from .defaults import Refused, default_laws
 from .domain import Domain, domain
 from .edges import EdgeInference
-from .errors import FitError
 from .identifiable import LeftOut
 from .intervals import interval
 from .jackknife import edge_inference

@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets.widths import KNOWN_LEVEL, Scatter, between_and_within, of_one_part
+from ..core.errors import FitError
+from ..core.intervals import KNOWN_LEVEL, Scatter, between_and_within, one_component
 from .domain import changes_within
 from .edges import EdgeInference
-from .errors import FitError
 from .lawfit import LawFit
 from .linear import linear
 
@@ -74,7 +74,7 @@ def new_edge(law: LawFit, Z: Array) -> About:
     if not isinstance(law.edges, EdgeInference):
         sd, df = law.scale_se or 0.0, float(law.df_resid)
         method = f"rows taken as independent ({law.edges.reason})"
-        return About("independent rows", None, method, none, variance, of_one_part(sd, df), df)
+        return About("independent rows", None, method, none, variance, one_component(sd, df), df)
     method = "jackknife by edge (CR3), scatter between and within edges"
     levels = law.edges.mixed
     scatter = between_and_within(
@@ -96,7 +96,7 @@ def same_edge(law: LawFit, Z: Array, table: pd.DataFrame) -> About:
         return new_edge(law, Z)
     sd, df, none = inference.mixed.sd_within, df_within(law), np.zeros(len(Z))
     if "edge" not in table:
-        return About("same", KNOWN_LEVEL, "scatter within edges alone", none, none, of_one_part(sd, df), df)
+        return About("same", KNOWN_LEVEL, "scatter within edges alone", none, none, one_component(sd, df), df)
     at = _known(law, inference, table)
     A, number = gradient_at(law, _design(law)), edge_numbers(law)
     size = np.bincount(number).astype(float)
@@ -109,7 +109,7 @@ def same_edge(law: LawFit, Z: Array, table: pd.DataFrame) -> About:
     sums[np.arange(len(at)), at] += drawn - 1
     variance = sd**2 * within + inference.mixed.sd_between**2 * np.einsum("ij,ij->i", sums, sums)
     method = "best linear prediction of the edge's level, scatter within edges"
-    return About("same", "the same edge", method, drawn * means[at, -1], variance, of_one_part(sd, df), df)
+    return About("same", "the same edge", method, drawn * means[at, -1], variance, one_component(sd, df), df)
 
 
 def gradient_at(law: LawFit, Z: Array) -> Array:

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from ..datasets.telling import Told
+from ..core.display import Displayable
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class NotAvailable(Told):
+class NotAvailable(Displayable):
     """A diagnostic that these data do not allow; false in a condition.
 
     Examples

@@ -6,17 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.display import Displayable
 from ..datasets.published import published
-from ..datasets.telling import Telling, Told
 from .lawfit import LawFit
-from .telling import of_beside
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Beside(Told):
+class Beside(Displayable):
     """The printed law, and how far the measured rows lie from it.
 
     Attributes
@@ -39,9 +38,6 @@ class Beside(Told):
     rms_percent: float | None
     worst_percent: float | None
     worst_line: int | None
-
-    def _telling(self) -> Telling:
-        return of_beside(self)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The exponents as printed."""

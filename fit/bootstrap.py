@@ -12,13 +12,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets.telling import Telling, Told
-from ..datasets.threads import one_thread
+from ..core.display import Displayable
+from ..core.threads import one_thread
 from .available import NotAvailable
 from .edges import EdgeInference
 from .jackknife import gradient
 from .lawfit import LawFit
-from .telling import of_bootstrap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class EdgeBootstrap(Told):
+class EdgeBootstrap(Displayable):
     """Refits of a law to edges drawn with replacement.
 
     Attributes
@@ -43,9 +42,6 @@ class EdgeBootstrap(Told):
     names: tuple[str, ...]
     draws: Array
     impossible: int
-
-    def _telling(self) -> Telling:
-        return of_bootstrap(self)
 
     @property
     def bse(self) -> "pd.Series[float]":

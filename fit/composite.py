@@ -16,14 +16,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets.errors import UsageError
-from ..datasets.telling import Telling, Told
+from ..core.display import Displayable
+from ..core.errors import UsageError
 from .available import NotAvailable
 from .jackknife import edge_inference
 from .lawfit import LawFit
 from .laws import power
 from .linear import linear
-from .telling import of_composite
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +33,7 @@ HIGH = 5.0  # variance inflation above which a factor's exponent is told mostly 
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Composite(Told):
+class Composite(Displayable):
     """A law with its wear substituted, beside the law fitted without it.
 
     Attributes
@@ -56,9 +55,6 @@ class Composite(Told):
     theta: Array
     cov_theta: Array
     together: bool
-
-    def _telling(self) -> Telling:
-        return of_composite(self)
 
     @property
     def reduced(self) -> LawFit | NotAvailable:

@@ -11,17 +11,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets import Runs, UsageError
-from ..datasets.telling import Telling, Told
+from ..core.display import Displayable
+from ..core.errors import FitError, UsageError
+from ..datasets import Runs
 from .about import gradient_at, new_edge
 from .available import NotAvailable
 from .domain import domain
 from .edges import EdgeInference
-from .errors import FitError
 from .joint import JointTest, by_edge, no_edges, of_rows, over
 from .lawfit import LawFit
 from .rows import Dropped, select
-from .telling import of_confirmation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Unjudged(Told):
+class Unjudged(Displayable):
     """A new row outside the region of the design: its line in the file, and by what it is outside."""
 
     line: int
@@ -38,7 +37,7 @@ class Unjudged(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Confirmation(Told):
+class Confirmation(Displayable):
     """New runs beside what a law foretold.
 
     Attributes
@@ -66,9 +65,6 @@ class Confirmation(Told):
     tests: tuple[JointTest, ...] | NotAvailable
     unjudged: tuple[Unjudged, ...]
     dropped: tuple[Dropped, ...]
-
-    def _telling(self) -> Telling:
-        return of_confirmation(self)
 
     @property
     def outside(self) -> int:

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from ..core.display import Displayable
+from ..core.errors import FitError
 from ..datasets import Runs
-from ..datasets.telling import Told
-from .errors import FitError
 from .lawfit import LawFit
 from .laws import Error
 from .load_line import load_law
@@ -69,7 +69,7 @@ def fit_asked(runs: Runs, asked: Asked, *, error: Error = "multiplicative", by: 
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Refused(Told):
+class Refused(Displayable):
     """A law that the file suggests but does not allow, and why."""
 
     response: str

@@ -16,12 +16,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.display import Displayable
+from ..core.errors import FitError
 from ..datasets import region
-from ..datasets.telling import Telling, Told
-from .errors import FitError
 from .lawfit import LawFit, as_table
 from .linear import linear
-from .telling import of_domain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +32,7 @@ Points = Mapping[str, object] | pd.DataFrame
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Space(Told):
+class Space(Displayable):
     """Columns in which leverage is told, and the largest of the design there.
 
     Attributes
@@ -55,7 +54,7 @@ class Space(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Domain(Told):
+class Domain(Displayable):
     """The region of a design.
 
     Attributes
@@ -87,9 +86,6 @@ class Domain(Told):
     by: str | None
     levels: tuple[str, ...]
     spaces: tuple[Space, ...]
-
-    def _telling(self) -> Telling:
-        return of_domain(self)
 
     @property
     def largest_leverage(self) -> float:

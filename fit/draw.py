@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from ..datasets.picture import one_panel
+from ..core.plotting import new_axes
 from .lawfit import LawFit
 
 # Steps within a decade, coarse to fine
@@ -59,7 +59,7 @@ def _says_why(law: LawFit, ax: Axes) -> bool:
 
 def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
     """Measured values against the law's, with the line on which they would be equal."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     points(ax, law.fitted, law.observed)
     ends = [min(law.fitted.min(), law.observed.min()), max(law.fitted.max(), law.observed.max())]
     ax.plot(ends, ends, color=ORANGE, lw=1.2)
@@ -74,7 +74,7 @@ def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
 
 def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
     """Residuals against the prediction, on the scale on which they were made small."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     if _says_why(law, ax):
         return ax
     ax.axhline(0, color=ORANGE, lw=1.2)
@@ -98,7 +98,7 @@ def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
     """Ordered residuals over normal quantiles: on the line where residuals are normal."""
     from scipy.special import ndtri
 
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     if _says_why(law, ax):
         return ax
     n = law.nobs
@@ -117,7 +117,7 @@ def response_surface(law: LawFit, ax: Axes | None = None) -> Axes:
 
     A law of one factor is a line through its points.
     """
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     return _line(law, ax) if len(law.factors) == 1 else _contours(law, ax)
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..datasets.picture import BLUE, GREY, ORANGE, one_panel, whiskers
+from ..core.plotting import BLUE, GREY, ORANGE, new_axes, whiskers
 from .available import NotAvailable
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def _slopes(rows: dict[str, tuple[float, float, float]]) -> dict[str, tuple[floa
 
 def checks_picture(checks: Mapping[str, "Check | NotAvailable"], ax: Axes | None = None) -> Axes:
     """Each check at its concern; what cannot be had is hollow."""
-    ax = one_panel(ax, 4.8, 1.1 + 0.3 * len(checks))
+    ax = new_axes(ax, 4.8, 1.1 + 0.3 * len(checks))
     for at, check in enumerate(checks.values()):
         known = not isinstance(check, NotAvailable)
         level = check.concern if not isinstance(check, NotAvailable) else 0
@@ -63,7 +63,7 @@ def checks_picture(checks: Mapping[str, "Check | NotAvailable"], ax: Axes | None
 
 def confirmation_picture(found: "Confirmation", ax: Axes | None = None) -> Axes:
     """New rows over what the law foretold, each with its prediction interval."""
-    ax, rows = one_panel(ax), found.rows
+    ax, rows = new_axes(ax), found.rows
     order = np.argsort(rows["predicted"].to_numpy())
     value, low, high, seen = (rows[name].to_numpy()[order] for name in ("predicted", "low", "high", "observed"))
     inside = rows["inside"].to_numpy()[order]
@@ -79,7 +79,7 @@ def confirmation_picture(found: "Confirmation", ax: Axes | None = None) -> Axes:
 
 def moved_picture(edges: "EdgeInference", ax: Axes | None = None) -> Axes:
     """How far each parameter moves without one edge, in its standard errors."""
-    ax = one_panel(ax, 4.8, 3.6)
+    ax = new_axes(ax, 4.8, 3.6)
     share = edges.moved / edges.bse.to_numpy()
     for j in range(share.shape[1]):
         ax.plot(np.full(len(share), j), share[:, j], "o", ms=4, mfc="none", color=BLUE)
@@ -132,7 +132,7 @@ def domain_picture(domain: "Domain", ax: Axes | None = None) -> Axes:
 
 def life_picture(life: "ToolLife", ax: Axes | None = None) -> Axes:
     """Life over each factor in turn from half to twice its middle, the others held there."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     for name, middle in life.typical_at.items():
         x = np.geomspace(0.5, 2.0, 60)
         ax.plot(x, [life.predict(**{**life.typical_at, name: middle * k}) for k in x], label=f"{name}, {middle:.3g}")

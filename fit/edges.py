@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets.telling import Telling, Told
+from ..core.display import Displayable
 from .mixed import Mixed
-from .telling import of_edges
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class EdgeInference(Told):
+class EdgeInference(Displayable):
     """Standard errors of a law that hold for repeated measures on an edge.
 
     Attributes
@@ -57,9 +56,6 @@ class EdgeInference(Told):
     mixed: Mixed
     fvalue: float | None
     row_fvalue: float | None
-
-    def _telling(self) -> Telling:
-        return of_edges(self)
 
     @property
     def f_df(self) -> int:

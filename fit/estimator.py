@@ -15,9 +15,10 @@ from sklearn.utils.validation import (  # type: ignore[import-untyped, import-no
     validate_data,
 )
 
-from ..datasets import FitmodelsError, Runs
+from ..core.errors import FitmodelsError
+from ..core.intervals import Edge, Kind
+from ..datasets import Runs
 from ..datasets.runs import Source
-from ..datasets.widths import Edge, Kind
 from .lawfit import LawFit
 from .laws import Error
 from .regression import power_law

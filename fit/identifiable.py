@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.telling import Told
-from .errors import FitError
+from ..core.display import Displayable
+from ..core.errors import FitError
 from .linear import linear
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ CONSTANT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LeftOut(Told):
+class LeftOut(Displayable):
     """A factor that the law does without, and why."""
 
     factor: str

@@ -13,11 +13,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets.errors import UsageError
-from ..datasets.widths import Centre, Edge, Kind, ends, factor_to, half_width, label, unsure_of_mean
+from ..core.errors import FitError, UsageError
+from ..core.intervals import (
+    Centre,
+    Edge,
+    Kind,
+    centre_factor,
+    half_width,
+    interval_ends,
+    interval_label,
+    log_mean_variance,
+)
 from .about import About, new_edge, same_edge, smearing
 from .domain import Points, domain
-from .errors import FitError
 from .lawfit import LawFit, as_table
 
 Array = NDArray[np.float64]
@@ -85,10 +93,10 @@ def interval(
     median = law.law.response_at(law.theta, Z)
     median = median * np.exp(at.shift) if multiplies else median + at.shift
     smear = smearing(law, at.of) if middle == "smeared" else 1.0
-    factor = factor_to(middle, at.sd, smear) if multiplies else 1.0
-    unsure = unsure_of_mean(at.scatter) if multiplies and middle != "median" else 0.0
+    factor = centre_factor(middle, at.sd, smear) if multiplies else 1.0
+    unsure = log_mean_variance(at.scatter) if multiplies and middle != "median" else 0.0
     half = half_width(kind, at.variance, at.df, at.scatter, level=level, coverage=coverage, unsure=unsure)
-    low, high = ends(median * factor if kind == "mean" else median, half, multiplies=multiplies)
+    low, high = interval_ends(median * factor if kind == "mean" else median, half, multiplies=multiplies)
     inside, region = _inside(law, table)
     band = pd.DataFrame({"value": median * factor, "low": low, "high": high, "inside": inside})
     band.attrs.update(_label(at, kind, level, coverage, middle, region))
@@ -118,7 +126,7 @@ def _label(at: About, kind: Kind, level: float, coverage: float, centre: Centre,
         "df": at.scatter.df_bound(level) if kind == "tolerance" else at.df,
         "sd": at.sd,
         "method": at.method + ("; tolerance factor of Wallis's problem by quadrature" if kind == "tolerance" else ""),
-        "words": f"{label(kind, level, coverage, at.edge)}; the value is the {value}; inside: {region}",
+        "words": f"{interval_label(kind, level, coverage, at.edge)}; the value is the {value}; inside: {region}",
     }
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets.telling import Told
+from ..core.display import Displayable
 from .about import df_between, df_within
 from .edges import EdgeInference
 from .lawfit import LawFit
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class JointTest(Told):
+class JointTest(Displayable):
     """F of one part of the new residuals.
 
     Attributes

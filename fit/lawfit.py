@@ -8,16 +8,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets.errors import UsageError
-from ..datasets.telling import Telling, Told
-from ..datasets.widths import Centre, Edge, Kind
+from ..core.display import Displayable
+from ..core.errors import FitError, UsageError
+from ..core.intervals import Centre, Edge, Kind
 from .available import NotAvailable
 from .edges import EdgeInference
-from .errors import FitError
 from .identifiable import LeftOut
 from .laws import Error, Form, Law
 from .rows import By, Dropped
-from .telling import of_law
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +36,7 @@ def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.Data
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LawFit(Told):
+class LawFit(Displayable):
     """A fitted law. Names of results follow statsmodels, letters the papers.
 
     Attributes
@@ -91,9 +89,6 @@ class LawFit(Told):
     notes: tuple[str, ...]
     repeats: int
     edges: EdgeInference | NotAvailable = field(default=NotAvailable("not asked for"))
-
-    def _telling(self) -> Telling:
-        return of_law(self)
 
     @property
     def form(self) -> Form:

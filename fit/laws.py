@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.telling import Told
+from ..core.display import Displayable
 from .linear import linear
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ LARGEST_LOG = 300.0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Law(Told):
+class Law(Displayable):
     """One law: what it is of, in what, and how its parameters are called.
 
     Attributes

@@ -12,11 +12,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets.telling import Telling, Told
-from .errors import FitError
+from ..core.display import Displayable
+from ..core.errors import FitError
 from .lawfit import LawFit
 from .laws import LARGEST_LOG
-from .telling import of_life
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ToolLife(Told):
+class ToolLife(Displayable):
     """Tool life T, in the unit of t, at a wear criterion.
 
     Attributes
@@ -52,9 +51,6 @@ class ToolLife(Told):
     t_observed: float
     typical: float
     typical_at: dict[str, float]
-
-    def _telling(self) -> Telling:
-        return of_life(self)
 
     def predict(self, **factors: float) -> float:
         """Life at one set of conditions, in ``unit``."""

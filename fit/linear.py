@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..datasets.telling import Telling, Told
-from .errors import FitError
-from .telling import of_linear
+from ..core.display import Displayable
+from ..core.errors import FitError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +27,7 @@ DEPENDENT = 1e-13
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LinearFit(Told):
+class LinearFit(Displayable):
     """A linear least-squares fit ``y = X params + e`` and its row statistics.
 
     Attributes
@@ -52,9 +51,6 @@ class LinearFit(Told):
     nobs: int
     df_model: int
     df_resid: int
-
-    def _telling(self) -> Telling:
-        return of_linear(self)
 
     @property
     def scale(self) -> float:

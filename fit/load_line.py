@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import FitError
 from ..datasets import Runs
-from .errors import FitError
 from .identifiable import identifiable
 from .lawfit import LawFit
 from .laws import feed_line, load_line

@@ -13,7 +13,7 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.telling import Told
+from ..core.display import Displayable
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ BLOCK = 16_384  # rows at a time
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Mixed(Told):
+class Mixed(Displayable):
     """Fit with a random level of each edge.
 
     Attributes

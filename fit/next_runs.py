@@ -16,11 +16,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.errors import FitError, UsageError
 from ..datasets import region
 from ..datasets.design import round_significant
-from ..datasets.errors import UsageError
 from .domain import Domain, Points, changes_within, domain
-from .errors import FitError
 from .exchange import d_optimal
 from .lawfit import LawFit, as_table
 from .linear import linear

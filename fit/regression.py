@@ -12,10 +12,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets import Runs, UsageError
-from ..datasets.threads import one_thread
+from ..core.errors import FitError, UsageError
+from ..core.threads import one_thread
+from ..datasets import Runs
 from .condense import Condensed
-from .errors import FitError
 from .identifiable import LeftOut, identifiable
 from .jackknife import edge_inference
 from .lawfit import LawFit

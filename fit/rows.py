@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets import Runs, UsageError
-from ..datasets.telling import Told
-from .errors import FitError
+from ..core.display import Displayable
+from ..core.errors import FitError, UsageError
+from ..datasets import Runs
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ FEWEST = 4
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Dropped(Told):
+class Dropped(Displayable):
     """Rows that a fit leaves out: why, how many, and the first lines of the file they stand in."""
 
     reason: str
@@ -28,7 +28,7 @@ class Dropped(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class By(Told):
+class By(Displayable):
     """A category whose level shifts a law: its column, the level of reference and the others."""
 
     column: str

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .errors import IdentError
+    from ..core.errors import IdentError
     from .estimators.bias import warn_of_bias
     from .estimators.causality import causality
     from .estimators.instrumental import sriv

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from numpy.typing import NDArray
 
-from ..datasets.picture import ShownFigure, one_panel
+from ..core.plotting import NotebookFigure, new_axes
 
 if TYPE_CHECKING:
     from .estimators.orders import OrderSearch
@@ -20,7 +20,7 @@ BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
 
 def order_map(search: "OrderSearch", ax: Axes | None = None) -> Axes:
     """A criterion over na and nb, above its smallest value; each cell at its best delay, which is written in it."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     name = search.criterion
     best = search.table.loc[search.table.groupby(["na", "nb"])[name].idxmin()]
     values = best.pivot_table(index="na", columns="nb", values=name)
@@ -49,7 +49,7 @@ def order_map(search: "OrderSearch", ax: Axes | None = None) -> Axes:
 
 def simulated_fit(found: "Validation", ax: Axes | None = None) -> Axes:
     """Measured output and the free run over it; stretches are set apart."""
-    ax = one_panel(ax, 7.2, 3.6)
+    ax = new_axes(ax, 7.2, 3.6)
     name, unit = found.labels
     ends = [*found.starts[1:], len(found.y)]
     for k, (start, end) in enumerate(zip(found.starts, ends, strict=True)):
@@ -70,7 +70,7 @@ def bode(
     model: "Model", measured: "FrequencyResponse | None" = None, axes: "tuple[Axes, Axes] | None" = None
 ) -> tuple[Axes, Axes]:
     """Gain and phase of a model with its band, over the measured response; what was not excited is shaded."""
-    upper, lower = axes or ShownFigure(figsize=(6.0, 5.6), layout="constrained").subplots(2, 1, sharex=True)
+    upper, lower = axes or NotebookFigure(figsize=(6.0, 5.6), layout="constrained").subplots(2, 1, sharex=True)
     nyquist = 0.5 / model.sample_time
     band = model.band or (measured.band if measured is not None else None)
     low = (
@@ -124,7 +124,7 @@ def _bode_measured(measured: "FrequencyResponse", model: "Model", upper: Axes, l
 
 def residual_correlations(found: "Validation", axes: "tuple[Axes, Axes] | None" = None) -> tuple[Axes, Axes]:
     """Correlations of residuals with themselves, and with the input before and after, with their 95 % bands."""
-    left, right = axes or ShownFigure(figsize=(7.6, 3.2), layout="constrained").subplots(1, 2)
+    left, right = axes or NotebookFigure(figsize=(7.6, 3.2), layout="constrained").subplots(1, 2)
     _stems(left, found.whiteness.lags, found.whiteness.correlation, found.whiteness.band)
     joined = [
         np.concatenate([getattr(test, name) for test in (found.coming, found.independence)])

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..datasets.picture import BLUE, GREY, ORANGE, one_panel, whiskers
-from ..datasets.telling import with_unit
+from ..core.display import with_unit
+from ..core.plotting import BLUE, GREY, ORANGE, new_axes, whiskers
 
 if TYPE_CHECKING:
     from .excite.predicted_precision import PredictedErrors
@@ -29,7 +29,7 @@ LONG, SHORT, SETTLED = (
 
 def step_picture(model: "Model", ax: Axes | None = None) -> Axes:
     """Response to a unit step of the input, from rest; with its band where the covariance is known."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     radius = min(model.radius, 1.0)
     n = LONG if radius > 0.999 else int(np.clip(np.log(SETTLED) / np.log(max(radius, 1e-3)), SHORT, LONG))
     n += model.nk
@@ -45,7 +45,7 @@ def step_picture(model: "Model", ax: Axes | None = None) -> Axes:
 
 def step_band_picture(found: "StepBand", ax: Axes | None = None, label: str = "response to a unit step") -> Axes:
     """The step within its band."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     ax.fill_between(found.time, found.low, found.high, color=BLUE, alpha=0.2, lw=0, label=f"{100 * found.level:g} %")
     ax.plot(found.time, found.step, color=BLUE)
     ax.set(xlabel="time [s]", ylabel=label, title="unit step of the input")
@@ -55,7 +55,7 @@ def step_band_picture(found: "StepBand", ax: Axes | None = None, label: str = "r
 
 def continuous_picture(model: "ContinuousModel", ax: Axes | None = None) -> Axes:
     """Gain over frequency, a decade to each side of its poles."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     corners = np.abs(model.poles[np.abs(model.poles) > 0]) / (2 * np.pi)
     low, high = (corners.min(), corners.max()) if corners.size else (0.1, 1.0)
     f = np.geomspace(low / 30, high * 10, 300)
@@ -64,7 +64,7 @@ def continuous_picture(model: "ContinuousModel", ax: Axes | None = None) -> Axes
 
 def gain_picture(found: "FrequencyResponse | ResponseBand", ax: Axes | None = None) -> Axes:
     """Gain within its band; frequencies that were not excited are grey."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     f, known = found.frequency, found.gain_error < 0.5
     inside = known & ~found.outside
     for mask, colour in ((inside, BLUE), (known & found.outside, GREY)):
@@ -81,12 +81,12 @@ def gains_picture(gains: "PiGains", ax: Axes | None = None) -> Axes:
     f = np.geomspace(0.5e-4 / dt, 0.499 / dt, 300)
     z = np.exp(-2j * np.pi * f * dt)
     gain = np.abs(np.polyval(np.asarray(num)[::-1], z) / np.polyval(np.asarray(den)[::-1], z))
-    return _gain(one_panel(ax), f, gain, gains.unit_u, gains.unit_y)
+    return _gain(new_axes(ax), f, gain, gains.unit_u, gains.unit_y)
 
 
 def loop_picture(loop: "Loop", ax: Axes | None = None) -> Axes:
     """Output after a unit step of the reference."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     radius = min(loop.radius, 1.0)
     n = LONG if radius > 0.999 else int(np.clip(np.log(SETTLED) / np.log(max(radius, 1e-3)), SHORT, LONG))
     time = loop.model.sample_time * np.arange(n)
@@ -98,7 +98,7 @@ def loop_picture(loop: "Loop", ax: Axes | None = None) -> Axes:
 
 def errors_picture(found: "PredictedErrors", ax: Axes | None = None) -> Axes:
     """Standard error of the gain over frequency that is to be expected."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     ax.plot(found.response.index, found.response["gain_se"], color=BLUE)
     ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="standard error of the gain [%]")
     return ax

@@ -22,10 +22,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.display import Displayable
+from ..core.errors import IdentError
+from ..core.threads import one_thread
 from ..datasets.records.record import Record, join
-from ..datasets.telling import Telling, Told
-from ..datasets.threads import one_thread
-from .errors import IdentError
 from .estimators.bias import warn_of_bias
 from .estimators.causality import causality
 from .estimators.instrumental import sriv
@@ -38,7 +38,6 @@ from .judging.feedback import feedback_detected
 from .judging.simulated_fit import simulated
 from .judging.validation import Validation, validate
 from .model import Model
-from .telling import of_identification
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +55,7 @@ MOST_SAMPLES = 10_000  # in the search: of longer records the middle stretch of 
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Identification(Told):
+class Identification(Displayable):
     """What a record tells of a machine.
 
     Attributes
@@ -91,9 +90,6 @@ class Identification(Told):
     feedback: str | None
     causality: str | None
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_identification(self)
 
     @property
     def argument(self) -> str:

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..datasets.telling import Telling, Told
-from .errors import IdentError
-from .telling import of_model
+from ..core.display import Displayable
+from ..core.errors import IdentError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +25,7 @@ Structure = Literal["arx", "sriv", "output_error", "armax", "given"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Model(Told):
+class Model(Displayable):
     """One identified (or given) model.
 
     Attributes
@@ -80,9 +79,6 @@ class Model(Told):
     operating_point: tuple[float, float] | None = None
     band: tuple[float, float] | None = None
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_model(self)
 
     def __post_init__(self) -> None:
         b, a, c = (np.atleast_1d(np.asarray(p, dtype=np.float64)) for p in (self.b, self.a, self.c))

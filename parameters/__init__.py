@@ -26,11 +26,11 @@
 'fitmodels.parameters/1'
 """
 
+from ..core.errors import GateError, ParameterError
 from .canonical import content_sha256
 from .check import CheckReport, Finding, check
 from .collect import collect
 from .draws import Draws, read_draws
-from .errors import GateError, ParameterError
 from .file import ParameterFile, read, sealed, write
 from .gather.design import design_section
 from .gather.dynamics import dynamics_section, pi_section

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..datasets.telling import Telling, Told
+from ..core.display import Displayable
+from ..core.errors import ParameterError
 from .canonical import content_sha256
 from .checks.estimates import estimates
 from .checks.finding import Finding
@@ -13,8 +14,6 @@ from .checks.loop import loop
 from .checks.settings import settings_in_order
 from .checks.units import units
 from .draws import read_draws
-from .errors import ParameterError
-from .telling import of_report
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -25,7 +24,7 @@ __all__ = ["CheckReport", "Finding", "check"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class CheckReport(Told):
+class CheckReport(Displayable):
     """All findings on a file.
 
     Attributes
@@ -35,9 +34,6 @@ class CheckReport(Told):
     """
 
     findings: tuple[Finding, ...]
-
-    def _telling(self) -> Telling:
-        return of_report(self)
 
     @property
     def failed(self) -> tuple[Finding, ...]:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import JsonValue, ValidationError
 
-from .. import __version__
-from .errors import ParameterError, in_words
+from ..core.errors import ParameterError
+from ..core.version import __version__
+from .errors import in_words
 from .file import ParameterFile, sealed
 from .gather.design import criterion_of, design_section
 from .gather.dynamics import Gains, as_data, dynamics_section, pi_section

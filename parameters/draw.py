@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..datasets.picture import BLUE, one_panel, whiskers
-from ..datasets.telling import with_unit
+from ..core.display import with_unit
+from ..core.plotting import BLUE, new_axes, whiskers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,7 @@ def draws_picture(draws: "Draws", ax: "Axes | None" = None) -> "Axes":
 
 def dynamics_picture(model: "Dynamics", ax: "Axes | None" = None) -> "Axes":
     """Response to a unit step of the input, from rest."""
-    ax = one_panel(ax)
+    ax = new_axes(ax)
     time = model.sample_time * np.arange(STEP)
     ax.plot(time, model.simulate(np.ones(STEP)), color=BLUE, drawstyle="steps-post")
     ax.set(xlabel="time [s]", ylabel=with_unit(model.output, model.unit_y), title=f"unit step of {model.input}")

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.telling import Telling, Told, as_columns
-from .errors import ParameterError, short
-from .telling import of_draws
+from ..core.display import Displayable, as_columns
+from ..core.errors import ParameterError
+from .errors import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..datasets.telling import Frame
+    from ..core.display import Frame
     from .file import ParameterFile
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ CURE = "Fit again, or restore the file."
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Draws(Told):
+class Draws(Displayable):
     """Draws of one law's parameters.
 
     Attributes
@@ -41,9 +41,6 @@ class Draws(Told):
 
     names: tuple[str, ...]
     values: Array
-
-    def _telling(self) -> Telling:
-        return of_draws(self)
 
     def to_frame(self) -> "Frame":
         """The draws, a column a parameter."""

@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from ..datasets.errors import FitmodelsError
-
 if TYPE_CHECKING:
     from pydantic import ValidationError
     from pydantic_core import ErrorDetails
@@ -24,28 +22,6 @@ WORDS = {
     "string_too_short": "should not be empty",
     "bool_type": "should be true or false",
 }
-
-
-class ParameterError(FitmodelsError):
-    """A parameter file cannot be read, written or used; the sentence says where and why.
-
-    Examples
-    --------
-    >>> from fitmodels.parameters import ParameterError, read
-    >>> try:
-    ...     read("nowhere.json")
-    ... except ParameterError as error:
-    ...     print(error)
-    nowhere.json: there is no such file; give the path of a params.json written by fitmodels.
-    """
-
-    exit_code = 3
-
-
-class GateError(ParameterError):
-    """Something that must not be handed on was asked to be written; the sentence says what to do first."""
-
-    exit_code = 5
 
 
 def in_words(error: "ValidationError", data: object) -> str:

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import ParameterError, short
+from ..core.errors import ParameterError
+from .errors import short
 
 if TYPE_CHECKING:
     from .sections.law import Law

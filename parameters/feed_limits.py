@@ -11,7 +11,7 @@ Sources: Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587; Fieller 1954, J. 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ParameterError
+from ..core.errors import ParameterError
 from .evaluate import parameter_names, theta
 from .intervals import Asked, band
 from .sections.covariance import Covariance

@@ -2,16 +2,15 @@
 
 import json
 import os
-import secrets
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, ValidationError
 
-from ..datasets.telling import Telling
+from ..core.errors import ParameterError
+from ..core.files import cause, write_whole
 from .canonical import content_sha256
-from .errors import ParameterError, in_words
+from .errors import in_words
 from .migrate import SCHEMA, migrated
 from .sections.adaptive_force import AdaptiveForce
 from .sections.base import Section, Sha256
@@ -26,7 +25,6 @@ from .sections.pi import Pi
 from .sections.posterior import Posterior
 from .sections.roughness import Roughness
 from .strict_json import CURE, strict_json
-from .telling import of_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,9 +90,6 @@ class ParameterFile(Section):
     content_sha256: Sha256 | None = None
 
     __hash__ = None  # type: ignore[assignment]  # it holds dictionaries
-
-    def _telling(self) -> Telling:
-        return of_file(self)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, ParameterFile):
@@ -174,7 +169,7 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     content = as_bytes(pf, str(path))
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
-    put_in_place(path, content)
+    write_whole(path, content, error=ParameterError)
     return path
 
 
@@ -228,22 +223,6 @@ def _content(data: dict[str, Any], name: str) -> tuple[bytes, ParameterFile]:
     return content, _parse(content, name)
 
 
-def put_in_place(path: Path, content: bytes) -> None:
-    """Write bytes whole or not at all, over what is there."""
-    temporary = path.parent / f".fitmodels-{secrets.token_hex(8)}.tmp"
-    try:
-        with temporary.open("xb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)  # noqa: PTH105 - stands beside fsync, and both are made to fail in tests
-    except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        raise ParameterError(f"{path}: cannot be written: {_cause(error)}.") from None
-    finally:
-        with suppress(OSError, ValueError):
-            temporary.unlink(missing_ok=True)
-
-
 def _bytes(path: Path) -> bytes:
     try:
         if path.is_dir():
@@ -258,11 +237,7 @@ def _bytes(path: Path) -> bytes:
         cure = "give the path of a params.json written by fitmodels"
         raise ParameterError(f"{path}: there is no such file; {cure}.") from None
     except (OSError, ValueError) as error:
-        raise ParameterError(f"{path}: cannot be read: {_cause(error)}.") from None
-
-
-def _cause(error: OSError | ValueError) -> str:
-    return (getattr(error, "strerror", None) or str(error)).lower()
+        raise ParameterError(f"{path}: cannot be read: {cause(error)}.") from None
 
 
 def _parse(content: bytes, name: str) -> ParameterFile:

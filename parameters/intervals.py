@@ -10,21 +10,22 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..datasets.widths import (
+from ..core.errors import ParameterError
+from ..core.intervals import (
     KNOWN_LEVEL,
     Centre,
     Edge,
     Kind,
     Scatter,
     between_and_within,
-    ends,
-    factor_to,
+    centre_factor,
     half_width,
-    label,
-    of_one_part,
-    unsure_of_mean,
+    interval_ends,
+    interval_label,
+    log_mean_variance,
+    one_component,
 )
-from .errors import ParameterError, short
+from .errors import short
 from .evaluate import LOGARITHMIC, parameter_names, response, terms, theta
 from .sections.covariance import Covariance, NoCovariance
 from .sections.law_parts import Edges
@@ -100,7 +101,7 @@ def band(law: "Law", asked: Asked, by: str | None, factors: Mapping[str, ArrayLi
     about = _about(law, covariance, asked, parts=moves or asked.kind == "tolerance")
     smearing = _smearing(law, about) if centre == "smeared" else 1.0
     with np.errstate(all="ignore"):  # `as_given` refuses what is not finite
-        factor = factor_to(centre, about.scatter.sd, smearing) if multiplies else 1.0
+        factor = centre_factor(centre, about.scatter.sd, smearing) if multiplies else 1.0
         Z = terms(law, by, factors)
         median = response(law, Z @ theta(law))
         G = Z if multiplies or law.form not in LOGARITHMIC else Z * median[..., None]
@@ -112,10 +113,10 @@ def band(law: "Law", asked: Asked, by: str | None, factors: Mapping[str, ArrayLi
             about.scatter,
             level=asked.level,
             coverage=asked.coverage,
-            unsure=unsure_of_mean(about.scatter) if moves else 0.0,
+            unsure=log_mean_variance(about.scatter) if moves else 0.0,
         )
-        low, high = ends(median * factor if moves else median, half, multiplies=multiplies)
-    of = label(asked.kind, asked.level, asked.coverage, about.words)
+        low, high = interval_ends(median * factor if moves else median, half, multiplies=multiplies)
+    of = interval_label(asked.kind, asked.level, asked.coverage, about.words)
     return Band(median * factor, low, high, of, about.edge, centre)
 
 
@@ -139,10 +140,10 @@ def _about(law: "Law", covariance: Covariance, asked: Asked, *, parts: bool) -> 
         if law.residual_se is None and (asked.kind != "mean" or asked.centre != "median"):
             words = f"no {asked.kind} interval" if asked.kind != "mean" else f"no {asked.centre} of its own"
             raise ParameterError(f"the law of {law.response} has no residual standard error: {words}.")
-        return _About("independent rows", of_one_part(law.residual_se or 0.0, df), df, None)
+        return _About("independent rows", one_component(law.residual_se or 0.0, df), df, None)
     if asked.edge == "same":
         (within,) = _held(law, e, "df_within", of="an interval for the same edge")
-        return _About("same", of_one_part(e.sd_within, within), within, KNOWN_LEVEL)
+        return _About("same", one_component(e.sd_within, within), within, KNOWN_LEVEL)
     if not parts:
         return _About("new", Scatter(float(np.hypot(e.sd_between, e.sd_within)), ()), df, "a new edge")
     what = "a tolerance interval" if asked.kind == "tolerance" else f"the interval of a {asked.centre}"

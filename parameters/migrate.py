@@ -3,8 +3,9 @@
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from ..core.errors import ParameterError
 from .canonical import content_sha256
-from .errors import ParameterError, short
+from .errors import short
 
 FAMILY: Final = "fitmodels.parameters"
 SCHEMA: Final = "fitmodels.parameters/1"

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.display import Displayable
+from ..core.rounding import format_plain as plain
+from ..core.rounding import format_rounded
 from ..datasets import region
-from ..datasets.telling import Told
 from .evaluate import as_given, checked_values
 from .intervals import Asked, band
-from .rounding import plain, told
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ SIDES = {-1: "below", 1: "above"}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Given(Told):
+class Given(Displayable):
     """A factor at which a law was asked.
 
     Attributes
@@ -49,7 +50,7 @@ class Given(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Prediction(Told):
+class Prediction(Displayable):
     """A law's answer at one point or at arrays of points.
 
     Attributes
@@ -139,7 +140,7 @@ class Prediction(Told):
         """Value and ends, to the decimals that half the width deserves: or, of a wide one, its lower end."""
         value, low, high = (float(np.ravel(number)[i]) for number in (self.value, self.low, self.high))
         width = min((high - low) / 2, low) if low > 0 else (high - low) / 2
-        return tuple(told(number, width)[0] for number in (value, low, high))
+        return tuple(format_rounded(number, width)[0] for number in (value, low, high))
 
     def _named(self) -> str:
         if self.error == "additive" or self.centre == "median":

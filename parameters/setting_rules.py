@@ -13,8 +13,8 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from ..datasets.errors import UsageError
-from .errors import ParameterError, short
+from ..core.errors import ParameterError, UsageError
+from .errors import short
 from .feed_limits import feed_limit, wear_in_window
 from .sections.load_line import FeedLimit, LoadLine
 

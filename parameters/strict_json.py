@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import Any, NoReturn
 
-from .errors import ParameterError, short
+from ..core.errors import ParameterError
+from .errors import short
 
 DEEPEST = 50  # levels of lists and objects
 LONGEST = 300  # digits of an integer: it still is a finite float

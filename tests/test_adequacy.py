@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.checks.adequacy import adequacy
 from fitmodels.fit.checks.choice import MOST_ROWS
 from fitmodels.fit.checks.strata import split

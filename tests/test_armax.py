@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets.records.record import Record, join
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.estimators.filters import is_stable
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.prediction_error import armax

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.excite.predicted_precision import predicted_errors
 from fitmodels.ident.excite.signals import chirp
 from fitmodels.ident.judging.bands import response_band, response_slope

@@ -33,7 +33,7 @@ no_sensors = "simulated"
 iso513 = "P20"
 """
 FAST = ("--draws", "1000", "--jobs", "1")
-progress_module = sys.modules["fitmodels.batch.engine.progress"]
+progress_module = sys.modules["fitmodels.core.progress"]
 needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
 
 

@@ -12,7 +12,7 @@ from fitmodels.batch.result.iso_groups import NAMES, is_iso_513, iso_family
 from fitmodels.batch.result.read_pairs import read_pairs, unknown_pairs, with_groups
 from fitmodels.batch.result.table import results_frame
 from fitmodels.batch.result.telling import comparison_block
-from fitmodels.datasets.errors import DataError, UsageError
+from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread

@@ -19,12 +19,12 @@ import pytest
 from fitmodels.batch.engine import Meter, by_dask, cores, engine, largest_memory, progress, same_versions
 from fitmodels.batch.engine.address import scheduler_address
 from fitmodels.batch.engine.by_joblib import AHEAD, processes
-from fitmodels.datasets.errors import FitmodelsError, UsageError
+from fitmodels.core.errors import FitmodelsError, UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytestmark = pytest.mark.slow  # processes and clusters
-progress_module = sys.modules["fitmodels.batch.engine.progress"]
+progress_module = sys.modules["fitmodels.core.progress"]
 needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
 
 

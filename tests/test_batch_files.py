@@ -13,7 +13,7 @@ from fitmodels.batch.plan import Pair, Reading
 from fitmodels.batch.source import chunks_of, open_source, rows_of
 from fitmodels.batch.source.csv_cells import Cells
 from fitmodels.batch.source.csv_stream import converted, csv_stream
-from fitmodels.datasets.errors import DataError, UsageError
+from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.tables.numerals import MISSING_AS_WRITTEN, to_floats
 from hypothesis import given
 from hypothesis import strategies as st

@@ -52,7 +52,7 @@ def rows_of(*frames, reading=None, **more):
 
 
 @dataclass(frozen=True)
-class Told(PairOutcome):
+class OutcomeWithLaws(PairOutcome):
     """An outcome with the laws of its pair, each as a mapping of what it has."""
 
     laws: tuple = ()
@@ -62,7 +62,9 @@ def with_laws(block):
     cells = [{name: cell(value) for name, value in row.items()} for row in block.laws.to_dict("records")]
     rows = [{name: value for name, value in row.items() if value is not None} for row in cells]
     pairs = [
-        Told(*(getattr(pair, field.name) for field in fields(pair)), tuple(r for r in rows if r["pair"] == i))
+        OutcomeWithLaws(
+            *(getattr(pair, field.name) for field in fields(pair)), tuple(r for r in rows if r["pair"] == i)
+        )
         for i, pair in enumerate(block.pairs)
     ]
     return replace(block, pairs=tuple(pairs))

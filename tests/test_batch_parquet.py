@@ -21,7 +21,7 @@ from fitmodels.batch.source import sorted_copy as copier
 from fitmodels.batch.source.blocks import packed
 from fitmodels.batch.source.parquet_plan import parquet_plan
 from fitmodels.batch.source.parquet_rows import parquet_chunks, parquet_rows
-from fitmodels.datasets import DataError, UsageError
+from fitmodels.core.errors import DataError, UsageError
 from fitmodels.fit import many_power_laws, power_law, streamed_power_law
 from hypothesis import given, settings
 from hypothesis import strategies as st

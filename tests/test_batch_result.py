@@ -29,8 +29,8 @@ from fitmodels.batch.result.attention import (
 from fitmodels.batch.result.place import claim, folder_names, prepare, put, sweep
 from fitmodels.batch.result.records import key_of, record, recorded, written
 from fitmodels.batch.result.table import csv_bytes, group_column, results_frame
+from fitmodels.core.errors import UsageError
 from fitmodels.datasets.columns import ColumnUse
-from fitmodels.datasets.errors import UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -16,7 +16,7 @@ from fitmodels.batch.engine import Meter, Run
 from fitmodels.batch.result import draw
 from fitmodels.batch.result.table import csv_bytes
 from fitmodels.batch.telling import laws_block
-from fitmodels.datasets.errors import DataError, UsageError
+from fitmodels.core.errors import DataError, UsageError
 from rich.console import Group
 
 WEAR = datasets.SimulatedLaw("VB", "mm", 0.009, {"V": 0.52, "f": 0.15, "t": 0.25}, 0.08, 0.07)

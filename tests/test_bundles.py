@@ -9,9 +9,9 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from fitmodels.core.errors import UsageError
 from fitmodels.datasets import gc435
 from fitmodels.datasets.bundles import bundled, bundled_names
-from fitmodels.datasets.errors import UsageError
 
 EVERY = (
     "ac2017_table1",

@@ -13,7 +13,7 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.cards.content.compose import compose
 from fitmodels.cards.content.profiler import profile_all
 from fitmodels.cards.forms.page import page, tell
-from fitmodels.parameters.rounding import plain
+from fitmodels.core.rounding import format_plain
 
 pytestmark = pytest.mark.browser
 
@@ -201,7 +201,7 @@ def test_without_scripts_the_predictions_stand_in_a_table(opened, wear):
     for answer in profile_all(profiler, profiler.start).values():
         value, low, high = tell(answer)
         assert re.search(rf"{re.escape(value)}\s*{re.escape(low)} to {re.escape(high)}", first)
-    assert all(plain(profiler.start[f.symbol], 4) in first for f in profiler.factors)
+    assert all(format_plain(profiler.start[f.symbol], 4) in first for f in profiler.factors)
 
 
 def test_print_shows_the_table_instead_of_the_sliders_and_is_light(opened, wear):

@@ -15,9 +15,9 @@ from fitmodels.cards.content.numbers import count, figure, number, percent, plac
 from fitmodels.cards.content.parts import Card, Number, Publication
 from fitmodels.cards.content.profiler import inside, profile, profile_all, profiled, profiler_part
 from fitmodels.cards.content.uncertainty import of_law, statements
+from fitmodels.core.rounding import decimals
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect, read, sealed, write
-from fitmodels.parameters.rounding import decimals
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 

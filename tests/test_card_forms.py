@@ -21,7 +21,7 @@ from fitmodels.cards.forms.page import page
 from fitmodels.cards.forms.people import author
 from fitmodels.cards.forms.plain_text import text
 from fitmodels.cards.forms.yaml_text import yaml_text
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.ident.model import Model
 from fitmodels.parameters import ParameterError, collect, sealed
 from hypothesis import given

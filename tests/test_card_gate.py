@@ -9,7 +9,7 @@ from fitmodels.cards.content.compose import compose
 from fitmodels.cards.forms.markdown import markdown
 from fitmodels.cards.gate import judge, missing, read_toml, template
 from fitmodels.cards.gate.ask import QUESTIONS, SENSOR_EXAMPLE
-from fitmodels.datasets.errors import DataError
+from fitmodels.core.errors import DataError
 from fitmodels.parameters import GateError, collect, sealed
 from hypothesis import given
 from hypothesis import strategies as st

@@ -6,10 +6,10 @@ from typing import Any
 import emcee
 import numpy as np
 import pytest
+from fitmodels.core.errors import FitError
 from fitmodels.fit.bayes.chains import chains
 from fitmodels.fit.bayes.diagnostics import diagnose, ess_mean
 from fitmodels.fit.bayes.moves import HalfByHalf, along_differences, towards_others
-from fitmodels.fit.errors import FitError
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 

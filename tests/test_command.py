@@ -20,8 +20,9 @@ import fitmodels.cli.output
 import fitmodels.fit
 import numpy as np
 import pytest
-from fitmodels import __version__, cards, datasets, parameters
+from fitmodels import cards, datasets, parameters
 from fitmodels.cli import main
+from fitmodels.core.version import __version__
 from fitmodels.datasets import bundled, read_runs
 from scipy.special import stdtrit
 
@@ -716,7 +717,7 @@ def test_progress_is_shown_only_to_a_terminal_that_waits(monkeypatch, patience):
     screen = Terminal()
     monkeypatch.setattr(fitmodels.cli.output, "PATIENCE", patience)
     monkeypatch.setattr(sys, "stderr", screen)
-    with fitmodels.cli.output.progress() as step:
+    with fitmodels.core.progress.progress() as step:
         step("fitting")
         if patience == 0:
             for _ in range(500):

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.confirm import confirm
 from fitmodels.fit.joint import quadratic
 from statsmodels.regression.linear_model import OLS

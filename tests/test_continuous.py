@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fitmodels.ident.errors import IdentError
+from fitmodels.core.errors import IdentError
 from fitmodels.ident.machines.continuous import ContinuousModel, NoContinuousForm, to_continuous
 from fitmodels.ident.machines.zero_order_hold import sampled
 from fitmodels.ident.model import Model

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import UsageError
 from fitmodels.datasets.design import central_composite, round_significant
-from fitmodels.datasets.errors import UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.diagnostics import (
     autocorrelation_time,
     diagnose,

@@ -3,8 +3,8 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records, read_record
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.machines.block_jackknife import jackknife, widest
 from fitmodels.ident.machines.drive import drive_fit
 from fitmodels.ident.machines.dry_friction import velocity_and_travel

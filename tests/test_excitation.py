@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from fitmodels.datasets import Record, UsageError, read_record
-from fitmodels.ident.errors import IdentError
+from fitmodels.core.errors import IdentError, UsageError
+from fitmodels.datasets import Record, read_record
 from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.excite.files import write_excitation
 from fitmodels.ident.excite.predicted_precision import predicted_errors

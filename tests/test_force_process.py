@@ -3,8 +3,8 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.machines.force_process import RATIOS, force_process_fit
 from fitmodels.ident.machines.zero_order_hold import sampled
 from hypothesis import given, settings

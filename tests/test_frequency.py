@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.excite.signals import chirp, multisine, prbs
 from fitmodels.ident.judging.excited import excited_band
 from fitmodels.ident.judging.feedback import feedback_detected

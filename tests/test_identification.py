@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from fitmodels import datasets, ident
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
-from fitmodels.ident import IdentError, Model, identify
+from fitmodels.ident import Model, identify
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 

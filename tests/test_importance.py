@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import FitError
 from fitmodels.fit.bayes.importance import importance
 from fitmodels.fit.bayes.mode import find_mode, root_of
-from fitmodels.fit.errors import FitError
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 

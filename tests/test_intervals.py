@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets import UsageError
-from fitmodels.datasets.widths import tolerance_factor
+from fitmodels.core.errors import UsageError
+from fitmodels.core.intervals import tolerance_factor
 from fitmodels.fit.about import same_edge
 from fitmodels.fit.intervals import interval
 from scipy.stats import norm

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.agreement import agree
 from fitmodels.fit.bayes.latent_density import latent_density
 from fitmodels.fit.bayes.latent_wear import latent_wear

@@ -4,10 +4,9 @@ import warnings
 
 import numpy as np
 import pytest
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import FitError, UsageError
 from fitmodels.fit.available import NotAvailable
 from fitmodels.fit.bayes.leave_out import leave_one_out
-from fitmodels.fit.errors import FitError
 from scipy.stats import multivariate_normal
 
 SAME = 1e-10

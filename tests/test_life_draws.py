@@ -17,7 +17,7 @@ from fitmodels.controllers.recursion import (
     whole_life,
 )
 from fitmodels.controllers.recursion.draw import draws_figure
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.parameters import Draws
 from fitmodels.parameters.published import published
 

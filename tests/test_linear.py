@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from fitmodels.fit import FitError, linear
+from fitmodels.core.errors import FitError
+from fitmodels.fit import linear
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.regression.linear_model import OLS

@@ -20,7 +20,7 @@ import pandas as pd
 import pytest
 from fitmodels import batch, controllers, datasets, fit, ident, parameters
 from fitmodels.controllers.constant_load_milling.steady import steady_life
-from fitmodels.datasets.telling import Displayed, Grid, Telling, Told, estimates, measured, worded
+from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value, with_error
 from fitmodels.parameters.published import published
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -327,8 +327,8 @@ CLASSES = sorted(
 
 @pytest.mark.parametrize("of", CLASSES, ids=lambda of: of.__name__)
 def test_every_public_class_says_what_it_is(of):
-    assert issubclass(of, Told), f"{of.__name__} inherits Told, and its decorator says repr=False"
-    assert of.__repr__ is Displayed.__repr__, f"@dataclass(..., repr=False) on {of.__name__}, or repr dumps every field"
+    assert issubclass(of, Displayable), f"{of.__name__} inherits Displayable, and its decorator says repr=False"
+    assert of.__repr__ is HasRepr.__repr__, f"@dataclass(..., repr=False) on {of.__name__}, or repr dumps every field"
 
 
 @pytest.mark.parametrize("of", CLASSES, ids=lambda of: of.__name__)
@@ -463,7 +463,7 @@ def test_text_of_files_is_escaped():
 
 
 @dataclasses.dataclass(frozen=True, slots=True, repr=False)
-class Odd(Told):
+class Odd(Displayable):
     many: np.ndarray
     text: str = "x" * 64
     nothing: None = None
@@ -491,7 +491,7 @@ def test_fields_of_any_kind_are_told_in_a_few_words(many, said):
 
 
 def test_a_long_hash_is_shortened_and_a_long_sentence_broken():
-    assert worded("ab12" * 16) == "ab12ab12ab12..."
+    assert format_value("ab12" * 16) == "ab12ab12ab12..."
     assert len(repr(Odd(np.zeros(2), text="word " * 300)).splitlines()) <= 4
 
 
@@ -501,7 +501,7 @@ def test_a_long_hash_is_shortened_and_a_long_sentence_broken():
     ids=["rounded by its error", "without one", "of an unknown one", "zero"],
 )
 def test_a_value_is_told_as_its_uncertainty_deserves(value, error, said):
-    assert measured(value, error, "mm") == said
+    assert with_error(value, error, "mm") == said
 
 
 def test_a_grid_is_the_same_in_text_and_on_a_page():
@@ -511,13 +511,13 @@ def test_a_grid_is_the_same_in_text_and_on_a_page():
     page.feed(grid.html())
     assert page.text == "".join((*grid.header, *(cell for row in grid.rows for cell in row)))
     assert grid.text().splitlines()[1].split() == ["V", "0.577", "0.021", "0.530", "0.620"]
-    assert Grid(("", ""), (("a", "b"),)).text() == "a  b"  # no empty head
+    assert TextTable(("", ""), (("a", "b"),)).text() == "a  b"  # no empty head
 
 
 def test_a_telling_may_be_a_head_alone():
-    class Bare(Told):
-        def _telling(self):
-            return Telling("nothing more")
+    class Bare(Displayable):
+        def _display(self):
+            return Display("nothing more")
 
     assert repr(Bare()) == "Bare: nothing more"
     assert Bare().summary() == "Bare: nothing more"

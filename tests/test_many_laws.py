@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets.errors import FitmodelsError, UsageError
+from fitmodels.core.errors import FitmodelsError, UsageError
 from fitmodels.fit.many.edge_moves import edge_errors
 from fitmodels.fit.many.in_stacks import many_power_laws
 from fitmodels.fit.many.stacks import solved, stacks

@@ -20,8 +20,8 @@ from fitmodels.controllers.constant_load_milling import (
     mixed_run,
     steady_life,
 )
+from fitmodels.core.errors import UsageError
 from fitmodels.datasets import bundled, read_runs
-from fitmodels.datasets.errors import UsageError
 from fitmodels.parameters import Draws, ParameterError, ParameterFile
 from fitmodels.parameters.published import milling, published
 

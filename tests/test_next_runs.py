@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.exchange import d_optimal, determinant_gain
 from fitmodels.fit.next_runs import next_runs
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.estimators.orders import choose_order
 from matplotlib.axes import Axes
 from scipy.signal import lfilter

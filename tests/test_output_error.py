@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets.records.record import Record, join
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.estimators.instrumental import sriv
 from fitmodels.ident.estimators.levenberg_marquardt import minimise
 from fitmodels.ident.estimators.prediction_error import output_error

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fitmodels.ident.errors import IdentError
+from fitmodels.core.errors import IdentError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.designs import pi_by_margin
 from fitmodels.ident.pi.lag_designs import half_rule, lag_and_delay, simc

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.ident.pi.gains import PiGains
 from hypothesis import given
 from hypothesis import strategies as st

@@ -4,8 +4,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from fitmodels.datasets.errors import UsageError
-from fitmodels.ident.errors import IdentError
+from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.robust import draws_of_models, robustness, share_error

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fitmodels.datasets.errors import UsageError
-from fitmodels.ident.errors import IdentError
+from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.feasible import evaluate, feasible_map
 from fitmodels.ident.pi.gain_range import gain_range

@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from fitmodels.datasets.errors import DataError
+from fitmodels.core.errors import DataError
 from fitmodels.datasets.tables import gather, plain, read_table
 from fitmodels.datasets.tables.numerals import to_floats
 from fitmodels.datasets.tables.plain import plain_numbers

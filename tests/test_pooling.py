@@ -8,7 +8,7 @@ table 5.3, from 200 draws); the thirteen trials of BCG vaccine (Colditz et al. 1
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.many.errors_of_family import moderated
 from fitmodels.fit.many.families import pooled_exponents
 from fitmodels.fit.many.in_stacks import many_power_laws

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.agreement import agree
 from fitmodels.fit.bayes.priors import Beta, HalfT, Normal, Priors
 

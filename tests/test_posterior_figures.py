@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.figures.draw import draw
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets import DataError, UsageError
+from fitmodels.core.errors import DataError, UsageError
 from fitmodels.fit.bayes.priors import Beta, Flat, HalfT, Normal, Priors, reference, weak
 from fitmodels.fit.bayes.priors_file import read_priors
 from scipy import integrate, stats

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from fitmodels.datasets import DataError, Record, UsageError, join_records
+from fitmodels.core.errors import DataError, UsageError
+from fitmodels.datasets import Record, join_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

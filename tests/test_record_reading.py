@@ -7,7 +7,8 @@ import numpy as np
 import openpyxl
 import pytest
 from fitmodels import datasets
-from fitmodels.datasets import DataError, UsageError, looks_like_record, read_record
+from fitmodels.core.errors import DataError, UsageError
+from fitmodels.datasets import looks_like_record, read_record
 from fitmodels.datasets.records.clock import clock_seconds
 from fitmodels.datasets.records.sampling import time_axis
 from hypothesis import given, settings

@@ -31,7 +31,7 @@ from fitmodels.controllers.recursion import (
 )
 from fitmodels.controllers.recursion.draw import life_figure, pairs_figure, plane_figure, speeds_figure
 from fitmodels.controllers.recursion.rules import told, wear_after
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.published import published
 from hypothesis import given, settings

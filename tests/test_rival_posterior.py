@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.additive_wear import additive_wear
 from fitmodels.fit.bayes.agreement import agree
 from fitmodels.fit.bayes.chains import chains

@@ -25,7 +25,7 @@ from fitmodels.controllers.roughness import (
     steady,
     turn,
 )
-from fitmodels.datasets.errors import UsageError
+from fitmodels.core.errors import UsageError
 from fitmodels.parameters import Draws, ParameterError, Roughness, check, read, sealed, write
 from fitmodels.parameters.published import published
 from fitmodels.parameters.published.roughness import surf, table1

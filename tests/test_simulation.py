@@ -5,8 +5,8 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
+from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.design import central_composite
-from fitmodels.datasets.errors import DataError, UsageError
 from fitmodels.datasets.simulation import SimulatedLaw, simulate, write_csv
 
 WEAR = SimulatedLaw("AW", "mm", 7.62e-3, {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}, 0.07, 0.07)

@@ -15,7 +15,7 @@ from fitmodels.cards import publishing
 from fitmodels.cards.publishing import place, pool
 from fitmodels.cards.publishing.entry import Entry, with_slugs
 from fitmodels.cards.publishing.feed import updated
-from fitmodels.datasets.errors import DataError, UsageError
+from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

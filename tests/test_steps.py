@@ -3,8 +3,8 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.machines.step_forms import unit_response
 from fitmodels.ident.machines.step_response import step_response_fit
 from fitmodels.ident.machines.zero_order_hold import sampled

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import openpyxl
 import pytest
-from fitmodels.datasets.errors import DataError, UsageError
+from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.tables import Table, read_table
 from hypothesis import given, settings
 from hypothesis import strategies as st

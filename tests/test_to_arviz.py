@@ -6,8 +6,9 @@ import warnings
 
 import numpy as np
 import pytest
-from fitmodels import __version__, datasets, fit
-from fitmodels.datasets import UsageError
+from fitmodels import datasets, fit
+from fitmodels.core.errors import UsageError
+from fitmodels.core.version import __version__
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 

@@ -9,8 +9,8 @@ import sys
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets import units
-from fitmodels.datasets.errors import DataError, UsageError
 from fitmodels.datasets.units import SPELLINGS, canonical, convert, is_unit, same_dimension, suggest
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records
 from fitmodels.ident import draw
-from fitmodels.ident.errors import IdentError
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.prediction_error import armax, output_error
 from fitmodels.ident.excite.signals import chirp, prbs

@@ -12,7 +12,7 @@ import pytest
 from fitmodels import parameters
 from fitmodels.cards.replays import region as replay_of_region
 from fitmodels.controllers.region import best_point, feasibility, visible_region, wear_front
-from fitmodels.datasets.errors import DataError, UsageError
+from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.published import PUBLISHED
 from fitmodels.parameters import Draws, Limits, ParameterFile
 from fitmodels.parameters.published import published

@@ -3,10 +3,10 @@
 Nothing here knows of cutting. joblib and Dask schedule and move data; Dask runs again what a dead worker had.
 """
 
-from ...datasets.threads import cores
+from ...core.progress import Meter, grouped, progress
+from ...core.threads import cores
 from .memory import largest_memory
 from .opening import engine
-from .progress import Meter, grouped, progress
 from .run import Run
 
 __all__ = ["Meter", "Run", "cores", "engine", "grouped", "largest_memory", "progress"]

@@ -9,7 +9,7 @@ from math import inf
 from time import monotonic, sleep
 from typing import Any, TypeVar
 
-from ...datasets.errors import FitmodelsError, UsageError
+from ...core.errors import FitmodelsError, UsageError
 from .address import scheduler_address, silent
 from .interrupts import uninterrupted
 from .quiet import FOR_CHILDREN, MUTE, in_environment, quiet

@@ -18,7 +18,7 @@ from queue import SimpleQueue
 from time import monotonic, sleep
 from typing import Any, TypeVar
 
-from ...datasets.errors import FitmodelsError, UsageError
+from ...core.errors import FitmodelsError, UsageError
 from .interrupts import uninterrupted
 from .run import Run
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from .here import Here
 from .run import Run
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 
 if TYPE_CHECKING:
     from .by_dask import OfDask

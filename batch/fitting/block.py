@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import pandas as pd
 
-from ...datasets.threads import one_thread
+from ...core.threads import one_thread
 from ..failures import DEFECT, GONE, Failed, tried
 from ..how import How
 from ..law_table import PAIR, below_each_other, law_table, numbered_anew

@@ -87,7 +87,8 @@ def fit_pair(
     >>> [law.response for law in fitted.laws], fitted.life, fitted.shut
     (['AW', 'Fxz', 'P'], None, '')
     """
-    from ...fit import FitError, default_laws
+    from ...core.errors import FitError
+    from ...fit import default_laws
 
     laws, refused = default_laws(runs, error=error, by=by)
     life, no_life = _life(laws, criterion)
@@ -166,7 +167,8 @@ def parameter_file(
 
 def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife | None, str]":
     """Tool life from the wear law on time; missing or impossible only matters where a criterion was asked for."""
-    from ...fit import FitError, tool_life
+    from ...core.errors import FitError
+    from ...fit import tool_life
 
     wear = next((law for law in laws if law.response in ("AW", "VB") and "t" in law.factors), None)
     if wear is None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from ...fit import pooled_exponents
 from ...fit.many.families import WHOLE, PooledExponents
 from .iso_groups import is_iso_513, iso_family

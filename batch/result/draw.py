@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.picture import BLUE, GREY, ORANGE, one_panel
+from ...core.errors import UsageError
+from ...core.plotting import BLUE, GREY, ORANGE, new_axes
 from ...fit.many.families import WHOLE
 from .comparison import Comparison
 
@@ -269,7 +269,7 @@ def pairs_picture(results: pd.DataFrame, ax: "Axes | None" = None) -> "Axes":
         raise UsageError("no pair has a power law: there is no exponent to draw.")
     response, factor = rows["response"].iloc[0], str(exponents.columns[0]).removeprefix("params_")
     rows = rows[exponents.iloc[:, 0].notna()].head(MOST_PAIRS)
-    axes = one_panel(ax, 6.4, ROW * max(len(rows), 8) + BELOW)
+    axes = new_axes(ax, 6.4, ROW * max(len(rows), 8) + BELOW)
     low, middle, high = (rows[f"{part}_{factor}"].to_numpy(dtype=float) for part in ("low", "params", "high"))
     place = np.arange(len(rows))[::-1]
     axes.hlines(place, low, high, color=BLUE)

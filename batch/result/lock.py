@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 
 LOCK = Path(".batch", "lock")
 _HELD: set[Path] = set()  # by this process: its own number in a lock of another container's says nothing

@@ -9,14 +9,14 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from ... import __version__
 from ...cards.names import folder_names as _folder_names
-from ...datasets.errors import UsageError
-from ...parameters.file import put_in_place
+from ...core.errors import UsageError
+from ...core.files import make_folder, write_whole
+from ...core.version import __version__
 from ..how import How
 from ..plan import Pair
 from .lock import locked
-from .records import RECORDS, hash_of, make_folder, write_whole, written
+from .records import RECORDS, hash_of, written
 
 SCHEMA = "fitmodels.batch/1"
 MANIFEST = Path(".batch", "manifest.json")
@@ -98,7 +98,7 @@ def put(out: Path, name: str, content: bytes) -> bool:
     if holds(out, name, content):
         return False
     claim(out, [name])
-    write_whole(out / name, content)
+    write_whole(out / name, content, parents=True)
     return True
 
 
@@ -113,7 +113,7 @@ def claim(out: Path, names: Iterable[str]) -> None:
     before = _claimed(out)
     now = sorted({*before, *names})
     if now != before:
-        put_in_place(out / MADE, (json.dumps(now, indent=1) + "\n").encode())
+        write_whole(out / MADE, (json.dumps(now, indent=1) + "\n").encode(), parents=True)
 
 
 def claimed(out: Path, under: str) -> tuple[str, ...]:
@@ -127,7 +127,7 @@ def retire(out: Path, under: str, kept: Collection[str]) -> None:
     gone = {name for name in made if name.startswith(under) and name not in kept}
     if gone:
         _remove(out, gone)
-        put_in_place(out / MADE, (json.dumps(sorted({*made} - gone), indent=1) + "\n").encode())
+        write_whole(out / MADE, (json.dumps(sorted({*made} - gone), indent=1) + "\n").encode(), parents=True)
 
 
 def sweep(out: Path, keys: Collection[str]) -> tuple[str, ...]:
@@ -201,7 +201,7 @@ def _say_whose(out: Path, source: str, how: How) -> None:
     before = _manifest(out)
     if before is None or {**before, "started": None} != {**said, "started": None}:
         said["started"] = datetime.now(UTC).isoformat(timespec="seconds")
-        put_in_place(out / MANIFEST, (json.dumps(said, indent=1, sort_keys=True) + "\n").encode())
+        write_whole(out / MANIFEST, (json.dumps(said, indent=1, sort_keys=True) + "\n").encode(), parents=True)
 
 
 def _options(how: How) -> Mapping[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ...datasets.errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from ...datasets.tables.decode import encoding_of, load_bytes, text_lines
 from ...datasets.tables.dialect import is_comment, split_line, text_source
 from ...datasets.tables.numerals import Cell, is_missing

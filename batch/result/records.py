@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ... import __version__
-from ...datasets.errors import UsageError
-from ...parameters.file import put_in_place
+from ...core.files import make_folder, write_whole
+from ...core.version import __version__
 from ..how import How
 from ..law_table import COUNTS, LAW, PAIR, TEXTS, TRUTHS, Column, column
 from ..outcome import BlockOutcome, Cell, Concern, PairOutcome
@@ -89,10 +88,10 @@ def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, st
     path = out / RECORDS / f"{key}.json"
     head = {"schema": SCHEMA, "files": {name: sha256(content).hexdigest() for name, content in contents.items()}}
     if contents:
-        put_in_place(path, _bytes(head | {"outcome": None}))
+        write_whole(path, _bytes(head | {"outcome": None}), parents=True)
         with ThreadPoolExecutor(WRITERS) as pool:
-            list(pool.map(lambda name: write_whole(out / name, contents[name]), contents))
-    put_in_place(path, _bytes(head | {"outcome": _plain(outcome)}))
+            list(pool.map(lambda name: write_whole(out / name, contents[name], parents=True), contents))
+    write_whole(path, _bytes(head | {"outcome": _plain(outcome)}), parents=True)
 
 
 def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome | None:
@@ -135,27 +134,6 @@ def hash_of(path: Path) -> str | None:
         return sha256(path.read_bytes()).hexdigest()
     except OSError:
         return None
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file, whole or not at all, and its folder if there is none.
-
-    Raises
-    ------
-    UsageError, ParameterError
-        The folder cannot be made; the file cannot be written.
-    """
-    make_folder(path.parent)
-    put_in_place(path, content)
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder and those above it, or raise a UsageError."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        why = (getattr(error, "strerror", None) or str(error)).lower()
-        raise UsageError(f"{folder}: cannot be made: {why}; choose another place with --out.") from None
 
 
 def _bytes(data: Mapping[str, Any]) -> bytes:

@@ -9,9 +9,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ...datasets.rounding import decimals, told
+from ...core.progress import grouped
+from ...core.rounding import decimals, format_rounded
 from ...fit.many.families import WHOLE
-from ..engine.progress import grouped
 from .comparison import LAW, Comparison
 
 MOST = 12  # rows of a response
@@ -59,7 +59,7 @@ def _chosen(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _cells(row: Mapping[Any, Any], pull: float) -> list[str | Text]:
     number = {name: float(value) for name, value in row.items() if not isinstance(value, str)}
-    mean, _ = told(number["mean"], number["mean_se"])
+    mean, _ = format_rounded(number["mean"], number["mean_se"])
     about, spread, new = (_ends(number[f"{of}_low"], number[f"{of}_high"]) for of in ("mean", "tau", "new"))
     name = WHOLE if row["grouping"] == WHOLE else f"{row['family']} ({row['grouping']})"
     tau = f"{number['tau']:.{_places(number['tau_low'], number['tau_high'])}f}"

@@ -7,9 +7,9 @@ from typing import Literal
 
 import pandas as pd
 
+from ...core.errors import DataError
 from ...datasets import read_table
 from ...datasets.columns import ColumnUse, assign
-from ...datasets.errors import DataError
 from ...datasets.headers import parse_header
 from ...datasets.reading import pair_name
 from ...datasets.tables import Column, Table

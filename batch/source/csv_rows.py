@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...datasets.errors import DataError
+from ...core.errors import DataError
 from ...datasets.tables.dialect import is_comment, split_line
 from ...datasets.tables.layout import footer_label
 from ...datasets.tables.numerals import MISSING_AS_WRITTEN, is_number

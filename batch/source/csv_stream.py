@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...datasets.errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from ..plan import Plan, Reading
 from .open_source import silent
 

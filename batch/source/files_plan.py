@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from ...datasets.errors import DataError, FitmodelsError, UsageError
+from ...core.errors import DataError, FitmodelsError, UsageError
 from ...datasets.vocabulary import ROLES
 from ..failures import sentence
 from ..plan import Block, Pair, Piece, Plan, Reading, Unreadable

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ...core.errors import DataError, FitmodelsError
 from ...datasets import Runs, Source
-from ...datasets.errors import DataError, FitmodelsError
 from ...datasets.vocabulary import ROLES
 from ..plan import Block, Pair, Piece, Plan, Reading
 from ..rows import About, Rows

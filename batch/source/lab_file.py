@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.errors import DataError
 from ...datasets import Runs, looks_like_record, read_runs, read_table
-from ...datasets.errors import DataError
 from ...datasets.records.formats import kind_of
 from ...datasets.tables import Table
 from ...datasets.tables.decode import load_bytes

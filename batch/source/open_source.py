@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from ...datasets.errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from ...datasets.tables.decode import load_bytes
 from ..plan import Block, Plan, Reading
 from ..rows import Rows

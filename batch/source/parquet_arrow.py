@@ -1,6 +1,6 @@
 """Apache Arrow, for the modules beside this one; without it they say in one sentence how to get it."""
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 
 try:
     import pyarrow as pa  # type: ignore[import-untyped]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...core.errors import DataError, UsageError
 from ...datasets.coded import decode
 from ...datasets.columns import LARGEST, ColumnUse
-from ...datasets.errors import DataError, UsageError
 from ...datasets.reading import runs_from_frame
 from ...datasets.vocabulary import ROLES, UNNAMED
 from ..plan import Reading

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from ...datasets.errors import DataError
+from ...core.errors import DataError
 from .open_source import PARQUET
 from .parquet_arrow import pq
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...datasets.errors import DataError
+from ...core.errors import DataError
 from ...datasets.vocabulary import UNNAMED
 from ..plan import Block, Piece, Plan, Reading, Unreadable
 from .blocks import STREAMED, packed

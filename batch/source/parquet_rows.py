@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ...core.errors import DataError
 from ...datasets.coded import decode
 from ...datasets.columns import ColumnUse
-from ...datasets.errors import DataError
 from ...datasets.reading import with_thrust
 from ...datasets.runs import Source
 from ...datasets.units import convert

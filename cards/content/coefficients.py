@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from ...core.rounding import EXACT
 from ...parameters import Covariance, Dynamics, Law, ModelCovariance
-from ...parameters.rounding import EXACT
 from .numbers import NONE, figure, number, probability, spread
 from .parts import Coefficient, Number
 

@@ -2,9 +2,9 @@
 
 import math
 
+from ...core.rounding import format_plain
 from ...parameters import Law as LawSection
 from ...parameters import ParameterFile
-from ...parameters.rounding import plain
 from ..facts import cautions, composite_words, edge_words, other_words, published_words, structure_words
 from ..posterior_facts import posterior_of
 from .coefficients import LEVEL, degrees, lacking, law_coefficients
@@ -78,4 +78,4 @@ def by_edge(law: LawSection) -> tuple[Named, ...]:
 
 
 def _share(se: float) -> str:
-    return plain(100 * math.expm1(se), 2)
+    return format_plain(100 * math.expm1(se), 2)

@@ -2,7 +2,7 @@
 
 import math
 
-from ...parameters.rounding import p_value, plain, told
+from ...core.rounding import format_plain, format_rounded, p_value
 from .parts import Named, Number
 
 NONE = Number()
@@ -18,7 +18,7 @@ def number(value: float | None, uncertainty: float | None, unit: str = "") -> Nu
     """
     if value is None or not math.isfinite(value):
         return NONE
-    return Number(value=value, text=told(value, uncertainty)[0], unit=unit)
+    return Number(value=value, text=format_rounded(value, uncertainty)[0], unit=unit)
 
 
 def spread(value: float, uncertainty: float | None, unit: str = "") -> Number:
@@ -29,14 +29,14 @@ def spread(value: float, uncertainty: float | None, unit: str = "") -> Number:
     """
     if uncertainty is None or not math.isfinite(uncertainty):
         return NONE
-    return Number(value=uncertainty, text=told(value, uncertainty)[1], unit=unit)
+    return Number(value=uncertainty, text=format_rounded(value, uncertainty)[1], unit=unit)
 
 
 def figure(value: float | None, digits: int = 4, unit: str = "") -> Number:
     """A number without an uncertainty, to so many significant digits."""
     if value is None or not math.isfinite(value):
         return NONE
-    text = plain(value, digits)
+    text = format_plain(value, digits)
     if "e+" in text and abs(value) < LARGE:
         text = f"{float(text):.0f}"  # 1170, not 1.17e+03
     return Number(value=value, text=text, unit=unit)

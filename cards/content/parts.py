@@ -2,10 +2,10 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ...datasets.telling import Displayed, Telling, facts_of
+from ...core.display import Display, HasRepr, facts_of
 
 
-class Part(Displayed, BaseModel):
+class Part(HasRepr, BaseModel):
     """A part of a card: frozen, nothing unknown, no NaN."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -317,5 +317,5 @@ class Card(Part):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
 
-    def _telling(self) -> Telling:
-        return Telling(self.summary, tuple(facts_of(self)))
+    def _display(self) -> Display:
+        return Display(self.summary, tuple(facts_of(self)))

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from ...datasets.errors import FitmodelsError
+from ...core.errors import FitmodelsError
 from ...parameters import ParameterFile
 from .dynamics import sentence
 from .middle import middle_of, reference

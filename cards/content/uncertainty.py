@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ...core.rounding import format_rounded
 from ...parameters import Covariance, Law, ParameterError, ParameterFile, ToolLifeSection
 from ...parameters.evaluate import parameter_names
-from ...parameters.rounding import told
 from .coefficients import LEVEL
 from .middle import at_words, middle, reference
 from .numbers import count, percent
@@ -130,10 +130,10 @@ def _from_ln(value: float, u_ln: float, df: int) -> _Found:
 
 def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _Found, more: str) -> Uncertain:
     U = f.k * f.u
-    value, expanded = told(f.value, U)
-    standard = told(f.value, f.u)[1]
+    value, expanded = format_rounded(f.value, U)
+    standard = format_rounded(f.value, f.u)[1]
     half = min(U, f.low) if f.low > 0 else U
-    low, high = (told(end, half)[0] for end in (f.low, f.high))
+    low, high = (format_rounded(end, half)[0] for end in (f.low, f.high))
     k, level, in_unit = f"{f.k:.2f}", percent(LEVEL), f" {unit}".rstrip()
     at = f" at {where}" if where else ""
     words = (

@@ -5,7 +5,7 @@ import json
 import re
 from typing import Any
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from ..content.parts import Card
 from .people import Author, author
 from .yaml_text import yaml_text

@@ -11,8 +11,8 @@ from typing import NamedTuple
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
+from ...core.rounding import format_plain, format_rounded
 from ...parameters import ParameterFile
-from ...parameters.rounding import plain, told
 from ..content.parts import Card, Profiler
 from ..content.profiler import Value, inside, profile_all
 from .typeset import anchor, data_block, doi, equation, interval, number, prose, spread
@@ -25,11 +25,11 @@ class Point(NamedTuple):
     """A line of the table that stands in for the profiler: where, and what each law says there."""
 
     at: tuple[str, ...]
-    values: tuple["Told", ...]
+    values: tuple["Prediction", ...]
     removal: str
 
 
-class Told(NamedTuple):
+class Prediction(NamedTuple):
     """A prediction as text, and whether the point was tested."""
 
     value: str
@@ -98,10 +98,11 @@ def _point(profiler: Profiler, at: Mapping[str, float]) -> Point:
     laws = {law.response: law for law in profiler.laws}
     known = {law.response: inside(law, {**at, **wears}) for law in profiler.laws}
     values = tuple(
-        Told(*tell(answers[name]), known[name] and (not law.wear or known[law.wear])) for name, law in laws.items()
+        Prediction(*tell(answers[name]), known[name] and (not law.wear or known[law.wear]))
+        for name, law in laws.items()
     )
-    removal = f"{float(plain(1000 * at['V'] * at['f'] * at['d'], 4)):.12g}" if profiler.removal else ""
-    return Point(tuple(plain(at[f.symbol], 4) for f in profiler.factors), values, removal)
+    removal = f"{float(format_plain(1000 * at['V'] * at['f'] * at['d'], 4)):.12g}" if profiler.removal else ""
+    return Point(tuple(format_plain(at[f.symbol], 4) for f in profiler.factors), values, removal)
 
 
 def tell(answer: Value) -> tuple[str, str, str]:
@@ -114,10 +115,10 @@ def tell(answer: Value) -> tuple[str, str, str]:
     """
     value, low, high = answer
     if low is None or high is None:
-        return plain(value, 4), "", ""
+        return format_plain(value, 4), "", ""
     half = (high - low) / 2
     width = min(half, low) if low > 0 else half
-    return told(value, width)[0], told(low, width)[0], told(high, width)[0]
+    return format_rounded(value, width)[0], format_rounded(low, width)[0], format_rounded(high, width)[0]
 
 
 def _running_title(title: str) -> str:

@@ -10,8 +10,17 @@ judge       everything that stands against publishing, in one go
 from .ask import Missing
 from .judge import GateReport, judge
 from .missing import missing
+from .publication_metadata import PublicationMetadata
 from .reading import read_toml
 from .template import template, template_of_many
-from .told import Told
 
-__all__ = ["GateReport", "Missing", "Told", "judge", "missing", "read_toml", "template", "template_of_many"]
+__all__ = [
+    "GateReport",
+    "Missing",
+    "PublicationMetadata",
+    "judge",
+    "missing",
+    "read_toml",
+    "template",
+    "template_of_many",
+]

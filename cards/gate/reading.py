@@ -10,11 +10,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ...datasets.errors import DataError
+from ...core.errors import DataError
 from ...parameters import Identity
 from ...parameters.errors import in_words, short
 from ..content.parts import Publication
-from .told import NO_SENSORS, SENSOR_KEYS, Told
+from .publication_metadata import NO_SENSORS, SENSOR_KEYS, PublicationMetadata
 
 LARGEST = 1_000_000  # bytes
 TEXTS = ("license", "contact", "doi", "title", "machine", "iso513", "setup", "no_sensors")
@@ -24,7 +24,7 @@ SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-
 DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/|doi:)?\s*(10\.\d{4,9}/\S+)")
 
 
-def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None = None) -> Told:
+def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None = None) -> PublicationMetadata:
     """Read a card.toml.
 
     Parameters
@@ -54,7 +54,7 @@ def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None
         read_toml(above)  # its own faults under its own name
         data = _laid_over(_parsed(Path(above), str(above)), data)
     texts = {key: _text(data, key, name) for key in TEXTS}
-    return Told(
+    return PublicationMetadata(
         publication=Publication(
             license=_matched(texts["license"], SPDX, "license", "an SPDX identifier such as CC-BY-4.0", name),
             authors=_texts(data, "authors", name),

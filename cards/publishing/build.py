@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from ...datasets.errors import UsageError
-from ...parameters.file import put_in_place
+from ...core.errors import UsageError
+from ...core.files import write_whole
 from ..folder import staged as stage
 from ..gate import template_of_many
 from ..gate.ask import QUESTIONS
@@ -21,7 +21,7 @@ from .pool import each
 from .report import Problem, Report
 
 TITLE = "Model cards of tools and work materials"
-Told = Callable[[str], None]
+Displayable = Callable[[str], None]
 
 
 def publish(
@@ -31,7 +31,7 @@ def publish(
     title: str = TITLE,
     jobs: int = 1,
     force: bool = False,
-    told: Told = lambda words: None,
+    told: Displayable = lambda words: None,
 ) -> Report:
     """Write the static site of all pairs in a folder: index, comparison, a folder a card, feed and list.
 
@@ -105,7 +105,7 @@ def check(
     site: str | os.PathLike[str] | None = None,
     *,
     jobs: int = 1,
-    told: Told = lambda words: None,
+    told: Displayable = lambda words: None,
 ) -> Report:
     """Judge all pairs in a folder as ``publish`` does, and write no site."""
     folder, site = Path(folder), None if site is None else Path(site)
@@ -116,7 +116,7 @@ def check(
     return Report(entries, problems, _templates(folder, looked), found=len(pairs))
 
 
-def _look(folder: Path, pairs: Sequence[Path], jobs: int, told: Told, to: Path | None = None) -> list[Looked]:
+def _look(folder: Path, pairs: Sequence[Path], jobs: int, told: Displayable, to: Path | None = None) -> list[Looked]:
     shared = folder / TOML
     above = shared if os.path.lexists(shared) and folder not in pairs else None
     tasks = [
@@ -156,7 +156,7 @@ def _templates(folder: Path, looked: Sequence[Looked]) -> tuple[Path, ...]:
     for path, text in wanted.items():
         if not os.path.lexists(path):
             with suppress(OSError):
-                put_in_place(path, text.encode())
+                write_whole(path, text.encode())
                 written.append(path)
     return tuple(written)
 

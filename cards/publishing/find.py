@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from ...datasets.errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 
 PARAMETERS = "params.json"
 

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 
-from ... import __version__
+from ...core.version import __version__
 from .entry import Entry
 from .place import SCHEMA
 

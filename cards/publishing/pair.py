@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...datasets.errors import FitmodelsError
+from ...core.errors import FitmodelsError
 from ...parameters import ParameterFile, read
 from ..content.compose import compose
 from ..content.parts import Card

@@ -4,7 +4,7 @@ import filecmp
 import json
 from pathlib import Path
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 
 SCHEMA = "fitmodels.site/1"
 LIST = "cards.json"

@@ -10,7 +10,7 @@ from multiprocessing import get_context
 from threading import current_thread, main_thread
 from typing import TypeVar
 
-from ...datasets.errors import FitmodelsError
+from ...core.errors import FitmodelsError
 
 T = TypeVar("T")
 R = TypeVar("R")

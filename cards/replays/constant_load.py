@@ -9,7 +9,7 @@ from ...controllers.constant_load_milling import ConstantLoad, CutModel, ToolRun
 from ...controllers.constant_load_milling.run import criterion
 from ...controllers.constant_load_milling.settings import line_of, loop_of
 from ...controllers.constant_load_milling.steady import drawn_life
-from ...parameters.errors import ParameterError
+from ...core.errors import ParameterError
 from . import Replayed
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ...controllers.region import Chance, Point, VisibleRegion, WearFront, wear_front
 from ...controllers.region.points import four, three
 from ...controllers.region.usual import Held, usual_setting
-from ...datasets.errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from . import Replayed
 
 if TYPE_CHECKING:

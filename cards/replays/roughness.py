@@ -9,8 +9,7 @@ import numpy as np
 from ...controllers.roughness import ConstantRoughness, Steady, Turned, loop_figures, steady, turn
 from ...controllers.roughness.plant import TurningForce
 from ...controllers.roughness.reference import law_of, reference_force
-from ...datasets.errors import UsageError
-from ...parameters.errors import ParameterError
+from ...core.errors import ParameterError, UsageError
 from . import Replayed
 from .roughness_table import table_lines
 

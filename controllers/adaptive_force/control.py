@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..sensing import KNOWN, STUCK, UNKNOWN, Sensing
 from .reference_model import ReferenceModel
 from .revolution import Revolution
@@ -31,7 +31,7 @@ HIGH, NORMAL = 1.5, 1.2  # of the set point: what is told as a high force, and w
 
 
 @dataclass(slots=True, repr=False)
-class AdaptiveForceControl(Told):
+class AdaptiveForceControl(Displayable):
     """The controller; its command is a feed between the file's limits, its measurement a force.
 
     It begins at the lower limit for a revolution, and leads F_d from the force found there to the set point. The law

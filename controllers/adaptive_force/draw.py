@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...datasets.picture import ShownFigure
+from ...core.plotting import NotebookFigure
 
 if TYPE_CHECKING:
     from .runs import ForceRun
@@ -21,7 +21,7 @@ FLOOR = 1e-16  # of V: below it a rise is rounding
 
 def three_depths(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = ()) -> Figure:
     """Force against set point, its error, and the feed at each depth: Figs 7-9 of the paper, and the feed beside."""
-    figure = ShownFigure(figsize=(11.0, 7.0), layout="constrained")
+    figure = NotebookFigure(figsize=(11.0, 7.0), layout="constrained")
     grid = figure.subplots(3, len(runs), sharex=True, squeeze=False)
     for column, run in enumerate(runs):
         force, error, feed = grid[:, column]
@@ -45,7 +45,7 @@ def three_depths(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = ()) 
 
 def depth_steps(run: "ForceRun", other: "ForceRun | None" = None) -> Figure:
     """Depth, force and feed of a cut whose depth steps."""
-    figure = ShownFigure(figsize=(9.0, 6.5), layout="constrained")
+    figure = NotebookFigure(figsize=(9.0, 6.5), layout="constrained")
     depth, force, feed = figure.subplots(3, 1, sharex=True, height_ratios=(1, 2, 2))
     times, values = zip(*run.depths, (run.trace.time[-1], run.depths[-1][1]), strict=True)
     depth.step(times, values, where="post", color="0.25", lw=1.2)
@@ -66,7 +66,7 @@ def depth_steps(run: "ForceRun", other: "ForceRun | None" = None) -> Figure:
 
 def energy_and_estimates(run: "ForceRun") -> Figure:
     """V along a run, and the estimates over what they look for."""
-    figure = ShownFigure(figsize=(9.0, 6.0), layout="constrained")
+    figure = NotebookFigure(figsize=(9.0, 6.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     found, time = run.energy(), run.trace.time
     drawn = np.maximum(found.V, 1e-12 * found.V.max())
@@ -91,7 +91,7 @@ def energy_and_estimates(run: "ForceRun") -> Figure:
 
 def step_sizes(rows: Sequence["StepSize"]) -> Figure:
     """The largest rise of V over the step; at the top the runs that run away, or swing between the limits."""
-    figure = ShownFigure(figsize=(8.0, 4.8), layout="constrained")
+    figure = NotebookFigure(figsize=(8.0, 4.8), layout="constrained")
     ax = figure.subplots()
     looks = {("as built", True): (BLUE, "o"), ("as printed", True): (ORANGE, "s"), ("as built", False): (GREEN, "^")}
     for i, (way, times) in enumerate(dict.fromkeys((row.way, row.times) for row in rows)):

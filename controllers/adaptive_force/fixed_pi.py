@@ -3,9 +3,8 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
-from ...parameters.errors import GateError
+from ...core.display import Displayable
+from ...core.errors import GateError, UsageError
 from ..sensing import Sensing
 from .control import MOVES
 from .reference_model import ReferenceModel
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True, repr=False)
-class FixedForcePi(Told):
+class FixedForcePi(Displayable):
     """PI on the averaged force, behind the same reference model and between the same limits.
 
     A reading that is not believed puts the command to the lower limit.

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 
 if TYPE_CHECKING:
     from ..loop import Trace

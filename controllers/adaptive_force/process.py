@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -24,7 +24,7 @@ APART = 1e-6  # of the faster pole: nearer to each other, the two are taken as o
 
 
 @dataclass(slots=True, repr=False)
-class DriveAndCut(Told):
+class DriveAndCut(Displayable):
     """The drive and process of LYAP, integrated exactly under a command that is held.
 
     The paper prints no value of m, d, k, c. These are **assumed**: a drive that follows its command within 0.08 s; a

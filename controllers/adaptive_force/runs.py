@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from ..loop import Trace, replay
 from .control import AdaptiveForceControl
 from .fixed_pi import FixedForcePi

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
-from ...parameters.errors import GateError
+from ...core.display import Displayable
+from ...core.errors import GateError, UsageError
 
 if TYPE_CHECKING:
     from ...parameters import AdaptiveForce, ParameterFile
@@ -20,7 +19,7 @@ NEEDED = (
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Settings(Told):
+class Settings(Displayable):
     """The section's numbers, without a None among them; units as in `fitmodels.parameters.AdaptiveForce`.
 
     Attributes

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from .control import AdaptiveForceControl
 from .judged import STEADY
 from .lyapunov import RECORDED, energy, values_of_V
@@ -35,7 +35,7 @@ SETTLED = 0.02
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class StepSize(Told):
+class StepSize(Displayable):
     """One step size, one way to take it.
 
     Attributes

@@ -11,8 +11,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from ..sensing import KNOWN, UNKNOWN, Sensing
 from .incremental_law import IncrementalLaw
 from .position_law import PositionLaw
@@ -28,7 +28,7 @@ STILL_FOR = 25  # samples
 
 
 @dataclass(slots=True, repr=False)
-class ConstantLoad(Told):
+class ConstantLoad(Displayable):
     """The controller of CLM-2023; its command is the feed override, feed over programmed feed.
 
     In position form it does nothing outside the cut, switched off, or with a load that is unknown: the override is 1.

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
-from ...parameters.errors import ParameterError
+from ...core.display import Displayable
+from ...core.errors import ParameterError, UsageError
 from .settings import line_of
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ FACTORS = ("t", "fm")  # of a wear law: what changes in a cut at constant load
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class CutModel(Told):
+class CutModel(Displayable):
     """One kind of cut: end milling, slot milling.
 
     Attributes

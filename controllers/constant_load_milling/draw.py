@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...datasets.picture import ShownFigure
+from ...core.plotting import NotebookFigure
 
 if TYPE_CHECKING:
     from ...parameters import LoadLine
@@ -19,7 +19,7 @@ LABEL = {"I": "spindle current"}
 
 def run_figure(run: "ToolRun", line: "LoadLine", beside: "ToolRun | None" = None, work: str = "") -> Figure:
     """Load and feed over cutting length, with the mean of each pass, the limits, and a run at constant feed beside."""
-    figure = ShownFigure(figsize=(8.0, 6.2), layout="constrained")
+    figure = NotebookFigure(figsize=(8.0, 6.2), layout="constrained")
     load, feed = figure.subplots(2, 1, sharex=True)
     name = LABEL.get(line.load, "load")
     load.axhline(
@@ -52,7 +52,7 @@ def run_figure(run: "ToolRun", line: "LoadLine", beside: "ToolRun | None" = None
 
 def pass_figure(run: "ToolRun", line: "LoadLine", number: int = 2, settle: float = 4.0) -> Figure:
     """One pass in time: load with the band of 1 % about the reference, and feed; the settling time shaded."""
-    figure = ShownFigure(figsize=(8.0, 5.2), layout="constrained")
+    figure = NotebookFigure(figsize=(8.0, 5.2), layout="constrained")
     load, feed = figure.subplots(2, 1, sharex=True)
     r = run.trace.recorded
     rows = np.flatnonzero((r["number"] == number) & (r["in_cut"] > 0))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from ..loop import replay
 from .controller import ConstantLoad
 from .cut_model import CutModel

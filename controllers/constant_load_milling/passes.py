@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..loop import Array, Trace
 
 SETTLE = 4.0  # s, the settling time that the paper asks for
@@ -13,7 +13,7 @@ RECORDED = ("feed", "wear", "length", "in_cut", "number", "kind")  # what a repl
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Pass(Told):
+class Pass(Displayable):
     """One pass; loads and feeds are those after the loop has settled, None where it was too short for that.
 
     Attributes

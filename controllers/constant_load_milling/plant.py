@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .cut_model import CutModel
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ DRAWN = 256  # samples of noise at a time: one by one takes longer than all the 
 
 
 @dataclass(slots=True, repr=False)
-class MillingCut(Told):
+class MillingCut(Displayable):
     """A plant: feed override in, spindle load out.
 
     The feed in force drives the length at once; the load sees it through the drive's shape, which runs on out of the

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from ..loop import Trace, replay
-from ..telling import of_tool_run
 from .controller import ConstantLoad
 from .cut_model import CutModel
 from .passes import RECORDED, SETTLE, Pass, passes_of
@@ -27,7 +26,7 @@ BEYOND = 2.0  # times the end of the tool-change window: a loop that has not ask
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ToolRun(Told):
+class ToolRun(Displayable):
     """A tool's whole run: a simulation.
 
     Attributes
@@ -55,9 +54,6 @@ class ToolRun(Told):
     time: float
     removed: float | None
     rested: float
-
-    def _telling(self) -> Telling:
-        return of_tool_run(self)
 
     @property
     def mean_feed(self) -> float:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ...parameters.errors import GateError, ParameterError
+from ...core.errors import GateError, ParameterError
 
 if TYPE_CHECKING:
     from ...parameters import LoadLine, ParameterFile

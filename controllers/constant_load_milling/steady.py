@@ -12,33 +12,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.telling import Telling, Told, as_columns
+from ...core.display import Displayable, as_columns
 from ...parameters import Draws
 from ...parameters.evaluate import parameter_names
 from ..loop import Array
-from ..telling import of_steady
 from .cut_model import CutModel
 from .settings import line_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...datasets.telling import Frame
+    from ...core.display import Frame
     from ...parameters import Law, LoadLine, ParameterFile
 
 STEPS = 400  # of the wear, for the integrals
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SteadyLife(Told):
+class SteadyLife(Displayable):
     """Wear at the lower limit, s in the cut and mm to there; shape (n,), one for each tool; NaN never reaches it."""
 
     wear: Array
     time: Array
     length: Array
-
-    def _telling(self) -> Telling:
-        return of_steady(self)
 
     def to_frame(self) -> "Frame":
         """A row a tool: wear, s and mm."""

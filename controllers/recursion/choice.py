@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
-from ..telling import of_choice
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .grid import Grid, surfaces
 from .laws import LifeLaws
 from .rules import Rules, told
@@ -14,7 +13,7 @@ How = Literal["grid", "exact"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Choice(Told):
+class Choice(Displayable):
     """A pair of speed and feed and what it does in its interval.
 
     Attributes
@@ -36,9 +35,6 @@ class Choice(Told):
     Fxz: float
     MRR: float
     stops: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_choice(self)
 
 
 def choose(laws: LifeLaws, rules: Rules, grid: Grid, how: How, before: float, start: float) -> Choice | None:

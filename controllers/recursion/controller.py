@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from ..sensing import Sensing
 from .choice import How, choose
 from .from_file import life_laws
@@ -24,7 +24,7 @@ HEALED = 0.5  # wear does not heal: a reading below this share of the last wear 
 
 
 @dataclass(slots=True, repr=False)
-class TurningRecursion(Told):
+class TurningRecursion(Displayable):
     """The controller of AC-2017; its command is (V, f) of the next interval, m/min and mm/rev.
 
     It answers the wear at the end of an interval. Before the first the tool is out of the cut, (0, 0), and when no pair

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told, as_columns
-from ..telling import of_life_draws
+from ...core.display import Displayable, as_columns
+from ...core.errors import UsageError
 from .grid import Grid, grid_of
 from .laws import Array, LifeLaws, Terms
 from .life import MOST, Life, whole_life
@@ -24,7 +23,7 @@ from .rules import Rules
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...datasets.telling import Frame
+    from ...core.display import Frame
     from ...parameters import Draws
 
 Of = Literal["plan", "own"]
@@ -32,7 +31,7 @@ Edge = Literal["law", "new"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LifeDraws(Told):
+class LifeDraws(Displayable):
     """Life and metal removed, draw by draw: calculated from draws of the laws.
 
     Attributes
@@ -65,9 +64,6 @@ class LifeDraws(Told):
     drawn: tuple[str, ...]
     left_out: int = 0
     unended: int = 0
-
-    def _telling(self) -> Telling:
-        return of_life_draws(self)
 
     @property
     def ends_early(self) -> float:

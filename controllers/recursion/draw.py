@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ...datasets.picture import ShownFigure, one_panel
+from ...core.plotting import NotebookFigure, new_axes
 from .distribution import LifeDraws
 from .laws import Array
 from .life import Life, by_speed
@@ -26,7 +26,7 @@ def speeds_figure(life: Life, k: int = 0) -> Figure:
     for terms, values in ((laws.force, table.Fxz), (laws.power, table.P), (laws.wear, table.AW)):
         if terms is not None and values is not None:
             rows.append((f"{terms.response}, {terms.unit}", values, terms.most))
-    figure = ShownFigure(figsize=(7.2, 1.0 + 2.0 * len(rows)), layout="constrained")
+    figure = NotebookFigure(figsize=(7.2, 1.0 + 2.0 * len(rows)), layout="constrained")
     axes = np.atleast_1d(figure.subplots(len(rows), 1, sharex=True))
     best = int(table.MRR.argmax()) if len(table.V) else None
     for ax, (name, values, most) in zip(axes, rows, strict=True):
@@ -40,7 +40,7 @@ def speeds_figure(life: Life, k: int = 0) -> Figure:
 
 def plane_figure(life: Life, k: int = 0) -> Figure:
     """The plane of speed and feed in interval k: what the limits leave, MRR and wear, the best pairs (Fig. 3)."""
-    figure = ShownFigure(figsize=(7.2, 5.4), layout="constrained")
+    figure = NotebookFigure(figsize=(7.2, 5.4), layout="constrained")
     ax = figure.subplots()
     laws, rules, before, start = life.laws, life.rules, life.before(k), k * life.rules.interval
     V, f = np.linspace(*laws.V, FINE)[None, :], np.linspace(*laws.f, FINE)[:, None]
@@ -72,7 +72,7 @@ def life_figure(life: Life, exact: Life | None = None) -> Figure:
     laws = life.laws
     rows = [(laws.force, life.Fxz), (laws.power, life.P), (laws.wear, life.AW)]
     shown = [(terms, values) for terms, values in rows if terms is not None]
-    figure = ShownFigure(figsize=(7.2, 1.0 + 2.0 * len(shown)), layout="constrained")
+    figure = NotebookFigure(figsize=(7.2, 1.0 + 2.0 * len(shown)), layout="constrained")
     axes = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
     for ax, (terms, values) in zip(axes, shown, strict=True):
         _with_rate(ax, life.time, life.MRR, values, f"{terms.response}, {terms.unit}", terms.most, exact)
@@ -84,7 +84,7 @@ def life_figure(life: Life, exact: Life | None = None) -> Figure:
 
 def pairs_figure(life: Life, exact: Life | None = None) -> Figure:
     """Speed and feed of each interval (Fig. 12)."""
-    figure = ShownFigure(figsize=(7.2, 4.4), layout="constrained")
+    figure = NotebookFigure(figsize=(7.2, 4.4), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
     for ax, name, unit in ((top, "V", "m/min"), (bottom, "f", "mm/rev")):
         for one, colour, style, label in _lives(life, exact):
@@ -101,7 +101,7 @@ def pairs_figure(life: Life, exact: Life | None = None) -> Figure:
 
 def draws_figure(plan: LifeDraws, own: LifeDraws, level: float = 0.95) -> Figure:
     """Life and metal removed over the draws, for both readings, with their bands."""
-    figure = ShownFigure(figsize=(7.2, 5.0), layout="constrained")
+    figure = NotebookFigure(figsize=(7.2, 5.0), layout="constrained")
     for row, (found, title) in zip(
         figure.subplots(2, 2, sharex="col"),
         ((plan, "one plan on edges drawn from the posterior"), (own, "each draw its own recursion")),
@@ -181,7 +181,7 @@ def _how(life: Life) -> str:
 
 def life_picture(life: Life, ax: Axes | None = None) -> Axes:
     """Wear up to its criterion over the life, the metal removal rate on an axis of its own."""
-    ax, wear = one_panel(ax, 6.4, 3.8), life.laws.wear
+    ax, wear = new_axes(ax, 6.4, 3.8), life.laws.wear
     if len(life.time):
         _with_rate(ax, life.time, life.MRR, life.AW, f"{wear.response}, {wear.unit}", wear.most)
     ax.set_xlabel("end of the interval, min")
@@ -191,7 +191,7 @@ def life_picture(life: Life, ax: Axes | None = None) -> Axes:
 
 def draws_picture(found: LifeDraws, ax: Axes | None = None) -> Axes:
     """Life over the draws, with its band and that of the laws as fitted."""
-    ax = one_panel(ax, 4.8, 3.6)
+    ax = new_axes(ax, 4.8, 3.6)
     _histogram(ax, found, "minutes", 1.0, 0.95)
     ax.set(xlabel="life, min", ylabel="draws", title=f"{SAYS}; shaded: 95 %")
     return ax

@@ -4,14 +4,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .laws import LifeLaws
 from .rules import Rules, told, wear_after
 
 
 @dataclass(slots=True, repr=False)
-class WearingEdge(Told):
+class WearingEdge(Displayable):
     """An edge in the cut: it answers a pair of speed and feed with its wear.
 
     Its laws may be other ones than the controller's: those of a draw, see `drawn_laws`.

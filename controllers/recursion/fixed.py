@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
-from ..telling import of_fixed
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .grid import Grid, grid_of, rates
 from .laws import Array, LifeLaws, Terms
 from .life import Life
@@ -17,7 +16,7 @@ EQUAL = 1e-9  # of a limit: a pair on it is within it
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class FixedLife(Told):
+class FixedLife(Displayable):
     """A fixed pair until the wear criterion: calculated from the laws.
 
     Attributes
@@ -42,9 +41,6 @@ class FixedLife(Told):
     peak_power: float
     peak_force: float
     passes: tuple[str, ...]
-
-    def _telling(self) -> Telling:
-        return of_fixed(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from ...datasets.units import convert, same_dimension
 from .laws import LifeLaws, Terms
 

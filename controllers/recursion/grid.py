@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .laws import Array, LifeLaws
 from .rules import Rules, told, wear_after
 
@@ -16,7 +16,7 @@ EVEN = 1e-9  # of a step: 0.06 + 108 x 0.005 is 0.6 but for rounding
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Grid(Told):
+class Grid(Displayable):
     """Speeds V, shape (m,), m/min, and feeds f, shape (n,), mm/rev, both rising."""
 
     V: Array
@@ -24,7 +24,7 @@ class Grid(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Surfaces(Told):
+class Surfaces(Displayable):
     """What every pair of a grid would do in one interval.
 
     Attributes

@@ -9,15 +9,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.telling import Telling, Told
-from ..telling import of_laws
+from ...core.display import Displayable
 
 Array = NDArray[np.float64]
 Times = Literal["published", "full"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Terms(Told):
+class Terms(Displayable):
     """One law with depth put in, R = exp(ln_c) V^V f^f t^t AW^AW, and the most that is allowed of R.
 
     Attributes
@@ -52,7 +51,7 @@ class Terms(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LifeLaws(Told):
+class LifeLaws(Displayable):
     """The laws and limits of an edge's life.
 
     Attributes
@@ -79,9 +78,6 @@ class LifeLaws(Told):
     f: tuple[float, float]
     times: Times = "full"
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_laws(self)
 
     def mrr(self, V: ArrayLike, f: ArrayLike) -> Array:
         """MRR = 1000 V f d, mm3/min (eq. 8)."""

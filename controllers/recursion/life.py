@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told, as_columns
-from ..telling import of_life
+from ...core.display import Displayable, as_columns
+from ...core.errors import UsageError
 from .choice import Choice, How, choose, outcome
 from .grid import Grid, Surfaces, grid_of, surfaces
 from .laws import Array, LifeLaws
@@ -22,7 +21,7 @@ MOST = 1000  # intervals of a life
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Life(Told):
+class Life(Displayable):
     """An edge from new to worn out: a calculation from laws, not a measurement.
 
     Attributes
@@ -55,9 +54,6 @@ class Life(Told):
     MRR: Array
     stops: tuple[tuple[str, ...], ...]
     ended: bool = True
-
-    def _telling(self) -> Telling:
-        return of_life(self)
 
     @property
     def minutes(self) -> float:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from .choice import Choice, outcome
 from .laws import Array, LifeLaws, Terms
 from .rules import Rules, wear_after

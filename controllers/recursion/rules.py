@@ -6,15 +6,15 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .laws import Array, LifeLaws, Terms, Times
 
 WearRule = Literal["clock", "wear_state"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Rules(Told):
+class Rules(Displayable):
     """How a life is computed.
 
     Attributes

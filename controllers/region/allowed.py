@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from ...parameters.errors import in_words
 from ...parameters.gather.settings import limits_section
 from ...parameters.sections.limits import Bound, Limits, Range
@@ -25,7 +25,7 @@ RANGES = (("V", "speed", "m/min"), ("f", "feed", "mm/rev"))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Box(Told):
+class Box(Displayable):
     """The ranges of V and f: ``low`` and ``high`` are (ln V, ln f), shape (2,); ``notes`` say where they come from."""
 
     low: Array

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ FAR = 200.0  # half width of the plane where sides are looked at without the mac
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class HalfPlane(Told):
+class HalfPlane(Displayable):
     """``a . (ln V, ln f) <= b``: one limit.
 
     Attributes

@@ -5,14 +5,14 @@ from string import ascii_uppercase
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from .clipping import TOUCH, Array, HalfPlane
 from .points import SAME, plain
 from .surfaces import Plane
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Corner(Told):
+class Corner(Displayable):
     """A corner of the region: ``V`` m/min, ``f`` mm/rev, and ``limits``, the two (or more) that meet there."""
 
     letter: str

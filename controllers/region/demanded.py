@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from .clipping import TOUCH, Array
 from .points import Point
 

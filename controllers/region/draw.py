@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from ...datasets.picture import ShownFigure, one_panel
+from ...core.plotting import NotebookFigure, new_axes
 from .clipping import Array, HalfPlane
 from .points import Point
 
@@ -86,7 +86,7 @@ def wear_picture(
 
 def front_picture(front: "WearFront", ax: Axes | None = None) -> Axes:
     """Least wear over metal removal rate; the wear rate on an axis of its own."""
-    ax = one_panel(ax, 6.4, 4.4)
+    ax = new_axes(ax, 6.4, 4.4)
     ax.plot(front.MRR / 1000, front.wear, color="#1f5fa8", lw=1.8)
     ax.set(xlabel="metal removal rate, cm3/min", ylabel=f"least {front.symbol}, {front.unit}")
     ax.set_title("What less metal buys in wear (calculated)", fontsize=10)
@@ -134,7 +134,7 @@ def surfaces_picture(region: "VisibleRegion") -> Figure:
     shown.append(("MRR, cm3/min", lambda x: _mrr(region)(x) / 1000))
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
-    figure = ShownFigure(figsize=(4.0 * columns, 3.6 * rows + 0.4), layout="constrained")
+    figure = NotebookFigure(figsize=(4.0 * columns, 3.6 * rows + 0.4), layout="constrained")
     V, f, x = _plane(region, 31)
     for i, (label, of) in enumerate(shown):
         ax: Any = figure.add_subplot(rows, columns, i + 1, projection="3d")
@@ -157,7 +157,7 @@ def _key(ax: Axes) -> None:
 
 
 def _axes(ax: Axes | None, region: "VisibleRegion", title: str) -> Axes:
-    ax = one_panel(ax, 6.8, 5.4)
+    ax = new_axes(ax, 6.8, 5.4)
     low, high = _ends(region)
     wide = high - low
     ax.set_xlim(low[0] - 0.02 * wide[0], high[0] + 0.02 * wide[0])

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.telling import Telling, Told, as_columns
-from ..telling import of_front
+from ...core.display import Displayable, as_columns
 from .clipping import Array
 from .points import Point
 from .visible import VisibleRegion
@@ -15,13 +14,13 @@ from .visible import VisibleRegion
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...datasets.telling import Frame
+    from ...core.display import Frame
 
 LOSSES = tuple(np.linspace(0.0, 0.5, 101).tolist())
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class WearFront(Told):
+class WearFront(Displayable):
     """The pairs that wear least for the metal they remove.
 
     At a given time wear and wear rate are least at the same pair, so this front is of both.
@@ -48,9 +47,6 @@ class WearFront(Told):
     points: tuple[Point, ...]
     symbol: str
     unit: str
-
-    def _telling(self) -> Telling:
-        return of_front(self)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Wear over metal removal rate."""

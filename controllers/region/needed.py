@@ -3,7 +3,7 @@
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from .allowed import FORCES
 from .surfaces import USUAL, Setting, plane, wear_law
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from .points import Point
 from .visible import visible_region
 

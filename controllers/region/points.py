@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 
 SAME = 1e-9  # of a logarithm: a point is told to lie on a limit that it meets to a part in 10^9
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Point(Told):
+class Point(Displayable):
     """A pair of cutting speed and feed at the depth and time of its region.
 
     Attributes

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
-from ..telling import of_chance
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .clipping import Array
 from .demanded import demanded
 from .points import Point, ln
@@ -24,7 +23,7 @@ __all__ = ["Chance", "Kind", "feasibility"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Chance(Told):
+class Chance(Displayable):
     """Probability that every limit of power, force and wear is kept, over V and f.
 
     Attributes
@@ -50,9 +49,6 @@ class Chance(Told):
     region: VisibleRegion
     sampling: Sampling
     sources: tuple[str, ...]
-
-    def _telling(self) -> Telling:
-        return of_chance(self)
 
     @property
     def count(self) -> int:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from ...parameters.evaluate import parameter_names, theta
 from ...parameters.sections.covariance import Covariance
 from .clipping import Array
@@ -30,7 +30,7 @@ AT_ONCE = 1_000_000  # looks of a draw at a point: 8 MB
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Sampled(Told):
+class Sampled(Displayable):
     """A law by S draws.
 
     Attributes
@@ -62,7 +62,7 @@ class Sampled(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Sampling(Told):
+class Sampling(Displayable):
     """What a region is judged by: laws by draws, and the logarithm of each limit in the unit of its law.
 
     ``wear`` is set where the wear must be worked out at every point, because its errors add.

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from ...datasets.units import canonical, convert
 from ...parameters.evaluate import parameter_names, theta
 
@@ -28,7 +28,7 @@ USUAL = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Setting(Told):
+class Setting(Displayable):
     """What is held while V and f are chosen.
 
     Attributes
@@ -64,7 +64,7 @@ class Setting(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Plane(Told):
+class Plane(Displayable):
     """A response over the plane: ``ln R = intercept + slopes . (ln V, ln f) + wear_power ln(wear)``.
 
     Attributes

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...datasets.errors import DataError, UsageError
-from ...datasets.telling import Telling, Told
-from ..telling import of_region
+from ...core.display import Displayable
+from ...core.errors import DataError, UsageError
 from .allowed import Box, box, half_planes, limited, merged, of_spindle
 from .clipping import TOUCH, Array, HalfPlane, clip, left_by, rectangle
 from .corners import Corner, best_corner, from_best, lettered, worth
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class VisibleRegion(Told):
+class VisibleRegion(Displayable):
     """What may be set at one depth and time.
 
     Attributes
@@ -73,9 +72,6 @@ class VisibleRegion(Told):
     laws: Mapping[str, "Law"]
     wear: str | None
     notes: tuple[str, ...]
-
-    def _telling(self) -> Telling:
-        return of_region(self)
 
     @property
     def empty(self) -> bool:

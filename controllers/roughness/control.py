@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Self
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
-from ...parameters.errors import ParameterError
+from ...core.display import Displayable
+from ...core.errors import ParameterError, UsageError
 from ..sensing import KNOWN, Sensing
 from .reference import reference_force, settings_of
 
@@ -27,7 +26,7 @@ LEAST_MOVE = 0.0025
 
 
 @dataclass(slots=True, repr=False)
-class ConstantRoughness(Told):
+class ConstantRoughness(Displayable):
     """The controller of SURF; its command is the feed, in mm/rev.
 
     The law acts while the force is believed and has stayed above ``threshold`` for ``wait``. Below the threshold and

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from ..loop import Trace, replay
-from ..telling import of_turned
 from .control import ConstantRoughness
 from .plant import DISTURBANCE, TurningForce
 from .reference import law_of, settings_of
@@ -44,7 +43,7 @@ class _Constant:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Turned(Told):
+class Turned(Displayable):
     """A simulated cut.
 
     Attributes
@@ -62,9 +61,6 @@ class Turned(Told):
     asked: Array
     low: float
     high: float
-
-    def _telling(self) -> Telling:
-        return of_turned(self)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Roughness over time, with what was asked for."""

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ...datasets.picture import ShownFigure
+from ...core.plotting import NotebookFigure
 
 if TYPE_CHECKING:
     from .cuts import Turned
@@ -27,7 +27,7 @@ def run_picture(without: "Turned", controlled: "Turned", sections: Sequence[tupl
     sections : sequence of (str, float)
         Names of stretches of the run, and where each begins, s.
     """
-    figure = ShownFigure(figsize=(9.0, 7.0), layout="constrained")
+    figure = NotebookFigure(figsize=(9.0, 7.0), layout="constrained")
     axes = figure.subplots(3, 2, sharex=True, sharey="row")
     for column, (cut, title) in enumerate(((without, "constant feed"), (controlled, "with control"))):
         _column(axes[:, column], cut, sections)
@@ -63,7 +63,7 @@ def _column(axes: Sequence[Axes], cut: "Turned", sections: Sequence[tuple[str, f
 
 def reading_picture(servo: "Turned", command: "Turned", title: str = "", until: float = 6.0) -> Figure:
     """Feed and force with f(t-1) read as the servo's output and as the last command."""
-    figure = ShownFigure(figsize=(9.0, 4.8), layout="constrained")
+    figure = NotebookFigure(figsize=(9.0, 4.8), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey="row")
     names = "f(t-1) is the servo's output", "f(t-1) is the last command"
     for column, (cut, name) in enumerate(zip((servo, command), names, strict=True)):
@@ -93,7 +93,7 @@ def _feed(ax: Axes, cut: "Turned", part: NDArray[np.bool_]) -> None:
 
 def table_picture(found: Sequence["Simulated"], title: str = "") -> Figure:
     """Mean roughness of the eight simulations against the one asked for, with control, without, and as printed."""
-    figure = ShownFigure(figsize=(6.4, 4.8), layout="constrained")
+    figure = NotebookFigure(figsize=(6.4, 4.8), layout="constrained")
     ax = figure.subplots()
     asked = np.array([run.row.Ra_ref for run in found])
     ax.fill_between(asked, -3, 3, color="0.92", lw=0, label="within 3 %")

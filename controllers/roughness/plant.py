@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ...datasets.telling import Told
-from ...parameters.errors import ParameterError
+from ...core.display import Displayable
+from ...core.errors import ParameterError
 from .reference import settings_of
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ DISTURBANCE = 0.1  # SURF: the force undergoes random changes up to 10 %
 
 
 @dataclass(slots=True, repr=False)
-class TurningForce(Told):
+class TurningForce(Displayable):
     """Servo and cutting process, two lags in a row, exact for a command held over each step (zero-order hold).
 
     The force is multiplied by 1 + e, with e uniform from -``disturbance`` to +``disturbance`` and held for ``hold``.

@@ -9,8 +9,7 @@ Both are reconstructions. They differ by 30 N at Ra 1.0 um: the table prints 448
 import math
 from typing import TYPE_CHECKING, Literal
 
-from ...datasets.errors import UsageError
-from ...parameters.errors import ParameterError
+from ...core.errors import ParameterError, UsageError
 
 if TYPE_CHECKING:
     from ...parameters import Law, ParameterFile, Roughness

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from .plant import decays
 
 

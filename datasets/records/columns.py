@@ -9,7 +9,7 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from ..headers import parse_header
 from ..tables import Column
 from ..units import canonical, convert, same_dimension

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from ..tables import Column, Table, read_table
 from ..tables.decode import encoding_of, load_bytes
 from ..tables.dialect import Dialect

@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, UsageError
+from ...core.display import Displayable
+from ...core.errors import DataError, UsageError
 from ..tables import Table, read_table
 from ..tables.decode import load_bytes
-from ..telling import Told
 from ..units import is_unit
 from ..vocabulary import ROLES
 from .columns import heads, is_label, rises_evenly, seconds_in, signals, time_column, times
@@ -22,7 +22,7 @@ TESTED = ("edge", "V", "f")  # roles of a cutting test
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Look(Told):
+class Look(Displayable):
     """What a file looks like, and why; true when it is a record.
 
     Attributes

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from ..tables import Table
 from .checks import findings
 from .columns import Head, choose, find, heads, in_unit, is_counter, is_label, time_column, times

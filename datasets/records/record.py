@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
-from ..rounding import plain
-from ..telling import Telling, Told, as_columns
+from ...core.display import Display, Displayable, as_columns
+from ...core.errors import DataError
+from ...core.rounding import format_plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..telling import Frame
+    from ...core.display import Frame
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ CLOCKS = 1e-3  # two clocks differ by parts in 1e5; a model's poles would feel n
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Record(Told):
+class Record(Displayable):
     """Input u and output y at a fixed rate.
 
     Attributes
@@ -92,15 +92,15 @@ class Record(Told):
     def __len__(self) -> int:
         return len(self.u)
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         ends = [
-            f"{name} {plain(float(v.min()))} to {plain(float(v.max()))} {unit}".rstrip()
+            f"{name} {format_plain(float(v.min()))} to {format_plain(float(v.max()))} {unit}".rstrip()
             for name, v, unit in ((self.input, self.u, self.unit_u), (self.output, self.y, self.unit_y))
         ]
         several = f" in {len(self.starts)} stretches" if len(self.starts) > 1 else ""
-        span = f"{plain(len(self) * self.sample_time)} s at {plain(self.rate)} Hz"
+        span = f"{format_plain(len(self) * self.sample_time)} s at {format_plain(self.rate)} Hz"
         facts = (("from", self.source),) if self.source else ()
-        return Telling(f"{len(self)} samples{several}, {span}; {', '.join(ends)}", facts, None, self.notes)
+        return Display(f"{len(self)} samples{several}, {span}; {', '.join(ends)}", facts, None, self.notes)
 
     def to_frame(self) -> "Frame":
         """A row a sample: time in s, input and output under their names, and the number of the stretch."""

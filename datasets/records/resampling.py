@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from .columns import Head, seconds_in, times
 from .record import Record
 from .resampling import GAP, interpolated

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from ..errors import DataError
+from ...core.errors import DataError
 from .layout import Layout, footer_label, is_text_line
 from .numerals import Cell, Decimal, Evidence, parse_number
 

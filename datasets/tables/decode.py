@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import DataError
+from ...core.errors import DataError
 
 _SIGNATURES = (
     (b"\x89PNG", "a PNG image"),

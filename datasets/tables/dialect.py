@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from .decode import encoding_name, text_lines
 from .numerals import Decimal, is_missing, is_number
 

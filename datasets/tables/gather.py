@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
+from ...core.errors import DataError
 from .body import Body, Findings
 from .numerals import Cell, Decimal, is_missing, to_floats
 from .plain import Numbers, stretches

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from ..errors import DataError
+from ...core.errors import DataError
 from .numerals import Cell, is_missing, is_number
 
 _SAMPLE = 500  # rows looked at to find header and data

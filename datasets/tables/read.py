@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from .body import Body, weigh_decimal
 from .decode import encoding_of, load_bytes
 from .dialect import Dialect, TextSource, split_line, text_source

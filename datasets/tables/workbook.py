@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from .numerals import Cell
 
 _OLE = b"\xd0\xcf\x11\xe0"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from .diagnostics import PIECES, ess_mean
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ FIGURES = ("mean", "standard deviation", *(f"{100 * share:g} % quantile" for sha
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Agreement(Told):
+class Agreement(Displayable):
     """What a comparison of two routes came to.
 
     Attributes

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.threads import one_thread
+from ...core.errors import FitError, UsageError
+from ...core.threads import one_thread
 from ..edges import EdgeInference
-from ..errors import FitError
 from ..jackknife import meets_exactly
 from .agreement import Agreement, agree
 from .law_density import Errors, LawDensity, law_density

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .autocorrelation import ROUNDING, autocorrelation_time, effective_draws
 from .density import Array
 from .sample import Sample
@@ -25,7 +25,7 @@ TAILS = (0.05, 0.95)  # quantiles whose effective draws are those of the tails: 
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Diagnostics(Told):
+class Diagnostics(Displayable):
     """What is known of how well draws stand for their posterior.
 
     Attributes

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Telling, Told
+from ...core.display import Display, Displayable
 from .diagnostics import Diagnostics
 from .psis import K_HAT
 
@@ -29,7 +29,7 @@ class Verdict(Protocol):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Gate(Told):
+class Gate(Displayable):
     """Whether draws may be used.
 
     Attributes
@@ -43,8 +43,8 @@ class Gate(Told):
     open: bool
     reasons: tuple[str, ...] = ()
 
-    def _telling(self) -> Telling:
-        return Telling("open" if self.open else "SHUT", words=self.reasons)
+    def _display(self) -> Display:
+        return Display("open" if self.open else "SHUT", sentences=self.reasons)
 
 
 def gate(diagnostics: Diagnostics, agreement: Verdict | None = None, interrupted: bool = False) -> Gate:

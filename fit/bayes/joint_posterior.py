@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
+from ...core.display import Display, Displayable
+from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..checks.gauge import GaugeFit
-from ..telling import of_draws
+from ..display import of_draws
 from .diagnostics import Diagnostics
 from .gate import Gate, gate
 from .latent_density import LatentDensity
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class JointPosterior(Told):
+class JointPosterior(Displayable):
     """Draws of the parameters of a law of wear and of laws of loads that act on the true wear.
 
     Attributes
@@ -61,7 +61,7 @@ class JointPosterior(Told):
     seed: int
     notes: tuple[str, ...] = ()
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         return of_draws(self.words, self.table(), (*self.gate.reasons, *self.notes))
 
     @property

@@ -24,7 +24,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from .latent_rows import by_edge, rows_alone, with_levels
 from .law_density import LN_2PI, NU, Errors, LawDensity, student
 
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LatentDensity(Told):
+class LatentDensity(Displayable):
     """A joint posterior density of a law of wear and laws of loads, but for a constant.
 
     ``phi`` holds that of each law as a plain fit would have it, wear first, then the logit of the reliability where the

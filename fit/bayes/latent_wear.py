@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.threads import one_thread
+from ...core.errors import FitError, UsageError
+from ...core.threads import one_thread
 from ..available import NotAvailable
 from ..checks.evidence import no_scatter
 from ..checks.gauge import COARSE, GaugeFit, gauge_corrected
-from ..errors import FitError
 from .joint_posterior import JointPosterior
 from .latent_density import latent_density
 from .law_density import Errors, law_density

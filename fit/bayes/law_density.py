@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..laws import Law
 from .priors import Priors
 
@@ -33,7 +33,7 @@ NU = (2.0, 0.1)  # gamma prior of nu: shape, rate; nine tenths of it between 3.6
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LawDensity(Told):
+class LawDensity(Displayable):
     """A posterior density of a law, but for a constant.
 
     ``phi`` is level, slopes, ln sd, then logit icc where there are edges and ln nu where errors are Student's;

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
+from ...core.display import Displayable
+from ...core.errors import FitError, UsageError
 from ..available import NotAvailable
-from ..errors import FitError
 from .density import Array
 from .psis import K_HAT, smoothed_columns
 
@@ -20,7 +19,7 @@ NAMED = 5  # edges, in words
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LeaveOut(Told):
+class LeaveOut(Displayable):
     """Expected log density of left-out edges; larger is better, and only differences between laws mean something.
 
     Attributes

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FitError
+from ...core.errors import FitError
 from .density import Density, log_posterior
 
 Array = NDArray[np.float64]

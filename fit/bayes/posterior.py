@@ -8,11 +8,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..lawfit import LawFit, as_table
-from ..telling import of_posterior
 from .agreement import Agreement
 from .diagnostics import Diagnostics
 from .edge_check import jackknife_of_level_model
@@ -35,7 +34,7 @@ FINITE_VARIANCE = 0.5  # k-hat up to which a weighted mean has one
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Posterior(Told):
+class Posterior(Displayable):
     """Draws of the parameters of one law.
 
     Attributes
@@ -71,9 +70,6 @@ class Posterior(Told):
     seed: int
     agreement: Agreement | None = None
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_posterior(self)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -24,9 +24,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
-from ..telling import of_priors
+from ...core.display import Displayable
+from ...core.errors import UsageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,7 +56,7 @@ USUAL: Mapping[str, tuple[float, float, str]] = {
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Normal(Told):
+class Normal(Displayable):
     """Normal about ``mean`` with standard deviation ``sd``."""
 
     mean: float
@@ -78,7 +77,7 @@ class Normal(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class HalfT(Told):
+class HalfT(Displayable):
     """Half Student-t above zero."""
 
     df: float
@@ -101,7 +100,7 @@ class HalfT(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Beta(Told):
+class Beta(Displayable):
     """Beta from 0 to 1; ``Beta(1, 1)`` is uniform. It has no width: scaling leaves it as it is."""
 
     a: float
@@ -123,7 +122,7 @@ class Beta(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Flat(Told):
+class Flat(Displayable):
     """Flat, improper: no density, only a constant."""
 
     name: ClassVar[str] = "flat"
@@ -145,7 +144,7 @@ Prior = Normal | HalfT | Beta | Flat
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Priors(Told):
+class Priors(Displayable):
     """Priors of a law's parameters.
 
     Attributes
@@ -163,9 +162,6 @@ class Priors(Told):
     name: str
     units: Mapping[str, str] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
-
-    def _telling(self) -> Telling:
-        return of_priors(self)
 
     @property
     def proper(self) -> bool:

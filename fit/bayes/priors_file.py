@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.errors import DataError, UsageError
+from ...core.errors import DataError, UsageError
 from ...datasets.units import convert
 from .priors import Beta, HalfT, Normal, Prior, Priors
 

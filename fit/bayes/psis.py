@@ -10,7 +10,7 @@ from math import ceil, inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FitError
+from ...core.errors import FitError
 from .density import Array
 
 TAIL_SHARE, TAIL_ROOT = 0.2, 3.0  # M = min(0.2 S, 3 sqrt(S)): sec. 2.3 there

@@ -16,14 +16,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
-from ...datasets.threads import one_thread
+from ...core.display import Display, Displayable
+from ...core.errors import UsageError
+from ...core.threads import one_thread
 from ..available import NotAvailable
 from ..checks.evidence import no_scatter
 from ..checks.rivals import FittedForm, rival_makers
 from ..checks.slopes import TIME
-from ..telling import of_draws
+from ..display import of_draws
 from .additive_wear import additive_wear
 from .diagnostics import Diagnostics
 from .edge_slopes import edge_slopes
@@ -50,7 +50,7 @@ CURVATURE = Normal(0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class RivalPosterior(Told):
+class RivalPosterior(Displayable):
     """Draws of a rival form, and how it foretells edges beside the power law.
 
     Attributes
@@ -83,7 +83,7 @@ class RivalPosterior(Told):
     standard_error: float
     notes: tuple[str, ...] = ()
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         return of_draws(self.words, self.table(), (*self.gate.reasons, *self.notes))
 
     @property

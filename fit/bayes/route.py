@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from .density import Array, Density
 from .diagnostics import Diagnostics, diagnose
 from .gate import gate

@@ -6,14 +6,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 
 Array = NDArray[np.float64]
 Method = Literal["exact", "importance", "emcee"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Sample(Told):
+class Sample(Displayable):
     """Draws on the scale of a density's ``phi``, all of one weight.
 
     Attributes

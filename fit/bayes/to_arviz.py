@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import __version__
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
+from ...core.version import __version__
 
 if TYPE_CHECKING:
     from .posterior import Posterior

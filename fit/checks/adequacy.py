@@ -6,11 +6,11 @@ Whatever leaves out, resamples or compares does it by edge where edges gave seve
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...datasets.telling import Telling, Told
-from ...datasets.threads import one_thread
+from ...core.display import Display, Displayable
+from ...core.threads import one_thread
 from ..available import NotAvailable
+from ..display import of_checks
 from ..lawfit import LawFit
-from ..telling import of_checks
 from .boxcox import BoxCox, box_cox
 from .check import Check, worst_first
 from .choice import MOST_ROWS, even_choice
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Adequacy(Told):
+class Adequacy(Displayable):
     """All checks of one law; each is there, or is the reason why it cannot be had.
 
     Attributes
@@ -76,7 +76,7 @@ class Adequacy(Told):
     rows_are_independent: bool
     nobs: int
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         return of_checks(self.checks, self.verdicts(), self.nobs)
 
     @property
@@ -108,7 +108,7 @@ class Adequacy(Told):
 
     def to_frame(self) -> "DataFrame":
         """A row a check: concern, statistic, p, and its verdict."""
-        from ..telling import frame_of_checks
+        from ..display import frame_of_checks
 
         return frame_of_checks(self.checks)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import concern_of, p_in_words
@@ -30,7 +30,7 @@ ZOOMS = 6
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class BoxCox(Told):
+class BoxCox(Displayable):
     """Power of the response that the rows ask for.
 
     Attributes

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Protocol
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from ..available import NotAvailable
 
 SIGNIFICANT, STRONG = 0.05, 0.001  # p-values below which a test is of concern

@@ -1,6 +1,6 @@
 """Which rows of a very large law are checked: an even choice, which tells all that is to be told but their order."""
 
-from ..errors import FitError
+from ...core.errors import FitError
 from ..lawfit import LawFit
 from ..regression import refitted
 

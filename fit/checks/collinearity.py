@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..lawfit import LawFit
 from .check import ByRule
 
@@ -23,7 +23,7 @@ INVOLVED = 0.5  # share of a coefficient's variance that the weakest direction h
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Collinearity(Told, ByRule):
+class Collinearity(Displayable, ByRule):
     """Variance inflation of each term of a law and condition number of all.
 
     Attributes

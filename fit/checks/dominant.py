@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..jackknife import edge_inference
@@ -28,7 +28,7 @@ FEW = 10  # edges below which that happens by chance too often
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class DominantEdge(Told):
+class DominantEdge(Displayable):
     """The edge that a law leans on most.
 
     Attributes

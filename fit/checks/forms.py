@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.telling import Telling, Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..linear import linear
-from ..telling import of_forms
 from .columns import Array, Codes
 from .deletion import ALONE
 from .evidence import no_scatter, units_of
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class RivalForm(Told):
+class RivalForm(Displayable):
     """One form, fitted.
 
     Attributes
@@ -58,7 +57,7 @@ class RivalForm(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Forms(Told):
+class Forms(Displayable):
     """Rival forms of one law.
 
     Attributes
@@ -83,9 +82,6 @@ class Forms(Told):
     common_exponent: CommonExponent | NotAvailable
     unit: str
     units: int
-
-    def _telling(self) -> Telling:
-        return of_forms(self)
 
     @property
     def chosen(self) -> RivalForm:

@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
+from ...core.display import Display, Displayable
+from ...core.errors import UsageError
 from ..available import NotAvailable
+from ..display import of_refit
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..linear import linear
-from ..telling import of_refit
 from .columns import Array, Codes
 from .evidence import no_scatter, units_of
 from .refit import Refit
@@ -41,7 +41,7 @@ BLOCK = 4096  # units at a time
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class GaugeFit(Told, Refit):
+class GaugeFit(Displayable, Refit):
     """A law corrected for the gauge error of its wear; its standard errors take that error as known.
 
     Attributes
@@ -65,7 +65,7 @@ class GaugeFit(Told, Refit):
     reliability: float
     coarse: int
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         return of_refit(self, self.verdict)
 
     @property

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import ByRule
@@ -21,7 +21,7 @@ MOST_SHOWN = 99  # beyond it, how much is no news
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Influence(Told, ByRule):
+class Influence(Displayable, ByRule):
     """How much the law rests on single edges or rows.
 
     Attributes

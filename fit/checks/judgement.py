@@ -7,11 +7,11 @@ are told worst first, in at most six plain sentences.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...datasets.telling import Telling, Told
-from ...datasets.threads import one_thread
+from ...core.display import Display, Displayable
+from ...core.threads import one_thread
 from ..available import NotAvailable
+from ..display import of_checks
 from ..lawfit import LawFit
-from ..telling import of_checks
 from .adequacy import adequacy
 from .check import Check, worst_first
 from .choice import even_choice
@@ -41,7 +41,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Judgement(Told):
+class Judgement(Displayable):
     """What is judged of a law.
 
     Attributes
@@ -57,7 +57,7 @@ class Judgement(Told):
     rows_are_independent: bool
     nobs: int
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         return of_checks(self.checks, self.verdicts(), self.nobs)
 
     def verdicts(self, most: int = 6) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ class Judgement(Told):
 
     def to_frame(self) -> "DataFrame":
         """A row a check: concern, statistic, p, and its verdict."""
-        from ..telling import frame_of_checks
+        from ..display import frame_of_checks
 
         return frame_of_checks(self.checks)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, p_in_words
@@ -23,7 +23,7 @@ COPIES = 1e-11
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LackOfFit(Told):
+class LackOfFit(Displayable):
     """Test of the law's form against the scatter of what was cut twice at the same conditions.
 
     Attributes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from .check import concern_of, p_in_words
 from .columns import Array
@@ -22,7 +22,7 @@ STEPHENS_TAIL, STEPHENS_END = (1.2937, -5.709, 0.0186), 13.0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Normality(Told):
+class Normality(Displayable):
     """Anderson-Darling test of residuals, mean and variance estimated.
 
     Attributes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import ByRule
@@ -19,7 +19,7 @@ LEAST_PRECISION = 4.0  # signal to noise below which a law cannot steer
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Precision(Told, ByRule):
+class Precision(Displayable, ByRule):
     """Adequate precision: range of the predictions over their mean standard error.
 
     Attributes

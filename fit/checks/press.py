@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..lawfit import LawFit
 from .check import ByRule
 from .deletion import Deletion
@@ -17,7 +17,7 @@ GAP = 0.2  # between R2 and predicted R2
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Press(Told, ByRule):
+class Press(Displayable, ByRule):
     """How well the law predicts what it has not seen.
 
     Attributes

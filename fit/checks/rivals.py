@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.errors import FitError
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
-from ..errors import FitError
 from ..identifiable import identifiable
 from ..lawfit import LawFit
 from ..linear import linear

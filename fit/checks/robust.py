@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ...datasets.telling import Telling, Told
+from ...core.display import Display, Displayable
 from ..available import NotAvailable
+from ..display import of_refit
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..linear import linear
-from ..telling import of_refit
 from .columns import Array
 from .dominant import DominantEdge, dominant_edge
 from .evidence import no_scatter, units_of
@@ -37,7 +37,7 @@ MOVED = 1.0  # standard errors
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class RobustFit(Told, Refit):
+class RobustFit(Displayable, Refit):
     """Huber's refit of a law.
 
     Its covariance is the jackknife by edge where the law has one, else Huber's for independent rows.
@@ -57,7 +57,7 @@ class RobustFit(Told, Refit):
     scale: float
     dominant: DominantEdge | NotAvailable
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         return of_refit(self, self.verdict)
 
     @property

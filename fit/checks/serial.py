@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import concern_of, p_in_words
@@ -19,7 +19,7 @@ from .strata import Strata
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SerialCorrelation(Told):
+class SerialCorrelation(Displayable):
     """Pooled lag-1 correlation of residuals within edges, each edge having its own level.
 
     Removing the level alone makes it about ``-1/(m - 1)`` for m rows an edge, so it is set beside its exact mean

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT
@@ -28,7 +28,7 @@ ROUNDING = 1e-20  # of the within-edge sum of squares: below it rows lie on thei
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class CommonExponent(Told):
+class CommonExponent(Displayable):
     """Test of one time exponent for all edges.
 
     Attributes

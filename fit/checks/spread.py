@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import concern_of, p_in_words
@@ -16,7 +16,7 @@ from .residuals import HELD, Residuals
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Spread(Told):
+class Spread(Displayable):
     """Breusch-Pagan test, studentised by Koenker, of scatter that changes with the conditions.
 
     Attributes

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..laws import Error
@@ -30,7 +30,7 @@ SURE = 2.0  # standard errors
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ErrorStructure(Told):
+class ErrorStructure(Displayable):
     """Multiplicative against additive errors of one law on the same rows.
 
     Attributes

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.picture import BLUE, GREY, ORANGE, one_panel
+from ...core.errors import UsageError
+from ...core.plotting import BLUE, GREY, ORANGE, new_axes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +26,7 @@ def exponents_picture(laws: "ManyLaws", ax: Axes | None = None, factor: str | No
     name = laws.factors[0] if factor is None else factor
     if name not in laws.factors:
         raise UsageError(f"factor={name!r}: the laws are on {', '.join(laws.factors)}.")
-    ends, ax = laws.conf_int(), one_panel(ax)
+    ends, ax = laws.conf_int(), new_axes(ax)
     value, low, high = laws.params[name].to_numpy(), ends[f"low_{name}"].to_numpy(), ends[f"high_{name}"].to_numpy()
     order = _some(value)
     x = np.arange(len(order))
@@ -39,7 +39,7 @@ def exponents_picture(laws: "ManyLaws", ax: Axes | None = None, factor: str | No
 
 def shrinkage_picture(found: "PooledExponents", ax: Axes | None = None) -> Axes:
     """Each pair alone and with its family, by families, and their means; wide intervals alone run out of the panel."""
-    ax, table = one_panel(ax), found.table[found.table["pooled"].notna()]
+    ax, table = new_axes(ax), found.table[found.table["pooled"].notna()]
     table = table.sort_values(["family", "estimate"])
     chosen = np.unique(np.linspace(0, max(len(table) - 1, 0), min(len(table), MOST)).astype(int))
     some, x = table.iloc[chosen], np.arange(len(chosen))

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Grid, Telling, Told, measured
+from ...core.display import Display, Displayable, TextTable, with_error
+from ...core.errors import UsageError
 from .errors_of_family import moderated
 from .laws_of_pairs import ManyLaws
 from .random_effects import Family, family, half_t, moments, of_pairs, quantiles, reml, tau_quantile, thinned
@@ -27,7 +27,7 @@ WHOLE = "all pairs"  # the family where none is asked for
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PooledExponents(Told):
+class PooledExponents(Displayable):
     """One exponent over families of pairs.
 
     Attributes
@@ -63,20 +63,20 @@ class PooledExponents(Told):
 
         return shrinkage_picture(self, ax)
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         pooled = self.table["pooled"].notna()
         shrunk = f", drawn {self.table['shrinkage'].median():.0%} towards its mean (median)" if pooled.any() else ""
         head = f"exponent of {self.factor}: {pooled.sum()} pairs in {len(self.families)} families{shrunk}"
         ends = f"{100 * self.level:g} %"
         rows = tuple(
-            (str(name), f"{row['pairs']:.0f}", measured(row["mean"], row["mean_se"]),
+            (str(name), f"{row['pairs']:.0f}", with_error(row["mean"], row["mean_se"]),
              f"{row['tau']:.3g} ({row['tau_low']:.2g} to {row['tau_high']:.2g})",
              f"{row['new_low']:.3g} to {row['new_high']:.3g}")
             for name, row in self.families.head(8).iterrows()
         )  # fmt: skip
-        grid = Grid(("family", "pairs", "mean", f"tau ({ends})", f"new pair ({ends})"), rows) if rows else None
+        grid = TextTable(("family", "pairs", "mean", f"tau ({ends})", f"new pair ({ends})"), rows) if rows else None
         alone = self.table.loc[self.table["reason"] != "", "reason"].value_counts()
-        return Telling(head, (("prior", self.prior),), grid, tuple(f"{n} pairs: {why}" for why, n in alone.items()))
+        return Display(head, (("prior", self.prior),), grid, tuple(f"{n} pairs: {why}" for why, n in alone.items()))
 
 
 def pooled_exponents(

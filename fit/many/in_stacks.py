@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.threads import one_thread
+from ...core.threads import one_thread
 from ..identifiable import EXACT
 from ..laws import LARGEST_LOG
 from .edge_moves import edge_errors

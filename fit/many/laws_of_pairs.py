@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Grid, Telling, Told
+from ...core.display import Display, Displayable, TextTable
+from ...core.errors import UsageError
 from .estimates import Estimates
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ManyLaws(Told):
+class ManyLaws(Displayable):
     """Power laws of many pairs, fitted to ln response.
 
     Attributes
@@ -172,12 +172,12 @@ class ManyLaws(Told):
     def _frame(self, values: Array) -> pd.DataFrame:
         return pd.DataFrame(values, index=self._index(), columns=list(self.names))
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
         params, ok = self.params[self.fitted], int(self.fitted.sum())
         head = f"{self.response} on {', '.join(self.factors)}: laws of {ok} of {len(self)} pairs"
         careful = f", {self.one_by_one} of them fitted one by one" if self.one_by_one else ""
         quarters = params.quantile([0.25, 0.5, 0.75]) if ok else params
         rows = tuple((name, *(f"{v:.3g}" for v in quarters[name])) for name in self.names) if ok else ()
-        grid = Grid(("", "quarter below", "half below", "three quarters below"), rows) if rows else None
+        grid = TextTable(("", "quarter below", "half below", "three quarters below"), rows) if rows else None
         words = [f"{pair}: {reason}" for pair, reason in self.reasons.head(3).items()]
-        return Telling(head + careful, (), grid, tuple(words))
+        return Display(head + careful, (), grid, tuple(words))

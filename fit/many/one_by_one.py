@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.errors import FitmodelsError
+from ...core.errors import FitmodelsError
 from ...datasets.runs import Runs, Source
 from ..lawfit import LawFit
 from ..regression import power_law

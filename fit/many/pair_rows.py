@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from ...datasets.runs import UNNAMED
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets import DataError, UsageError
+from ...core.errors import DataError, UsageError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

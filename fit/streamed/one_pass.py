@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.threads import one_thread
+from ...core.errors import FitError, UsageError
+from ...core.threads import one_thread
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..edges import EdgeInference
-from ..errors import FitError
 from ..identifiable import CONSTANT, LeftOut, identifiable
 from ..laws import power
 from ..linear import LinearFit

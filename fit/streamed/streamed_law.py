@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.telling import Telling, Told
+from ...core.display import Display, Displayable
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..identifiable import LeftOut
 from ..lawfit import LawFit
 from ..laws import Error, Form, Law
 from ..rows import By, Dropped
-from ..telling import of_law
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class StreamedLaw(Told):
+class StreamedLaw(Displayable):
     """A power law of a stream of rows. Names of results are those of `LawFit`.
 
     Attributes
@@ -68,7 +67,9 @@ class StreamedLaw(Told):
     rows_per_edge: float | None
     edges: EdgeInference | NotAvailable
 
-    def _telling(self) -> Telling:
+    def _display(self) -> Display:
+        from ..display import of_law
+
         return of_law(cast(LawFit, self))
 
     @property

@@ -10,7 +10,7 @@ If ARX is right it is also the efficient one, and the difference has no more tha
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IdentError
+from ...core.errors import IdentError
 from ..model import Model
 
 Array = NDArray[np.float64]

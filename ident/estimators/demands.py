@@ -6,8 +6,8 @@ from operator import index
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import IdentError
 from ...datasets.records.record import Record, join
-from ..errors import IdentError
 from .refusals import check_moves
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.threads import one_thread
 from ...datasets.records.record import Record
-from ...datasets.threads import one_thread
 from ..model import Model
 from .demands import demand
 from .filters import ROUNDING, filtered, is_stable, lagged, reflected, squares

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ...datasets.records.record import Record, join
-from ...datasets.telling import Told
-from ..errors import IdentError
 from .causality import causality_of
 from .criteria import CRITERIA
 from .gram import Gram, Lags, grams
@@ -31,7 +31,7 @@ DECISIVE = 10
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class OrderSearch(Told):
+class OrderSearch(Displayable):
     """Losses and criteria of every order, and the order chosen.
 
     Attributes

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.threads import one_thread
 from ...datasets.records.record import Record
-from ...datasets.threads import one_thread
 from ..model import Model
 from .coloured import inverse_of_squares, whitening
 from .demands import check_tellable, demand

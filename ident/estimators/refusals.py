@@ -5,8 +5,8 @@ from operator import index
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import IdentError
 from ...datasets.records.record import Record
-from ..errors import IdentError
 from .regressors import r_of
 
 Array = NDArray[np.float64]

@@ -10,16 +10,14 @@ linuxcnc  for halstreamer(1) with ``loadrt streamer cfg=f``: one float a line, c
 import io
 import os
 import re
-import secrets
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.errors import UsageError
-from ..errors import IdentError
+from ...core.errors import IdentError, UsageError
+from ...core.files import write_whole
 
 Array = NDArray[np.float64]
 Form = Literal["csv", "octave", "labview", "linuxcnc"]
@@ -81,7 +79,7 @@ def write_excitation(
         raise UsageError(f"unit {unit!r}: no spaces, commas or brackets.")
     if not force and os.path.lexists(path):
         raise UsageError(f"{path} is there already; replace it with --force, or choose another name.")
-    _whole(path, FORMS[for_](values, float(rate), unit, path))
+    write_whole(path, FORMS[for_](values, float(rate), unit, path))
     return path
 
 
@@ -125,19 +123,3 @@ def _linuxcnc(u: Array, rate: float, unit: str, path: Path) -> bytes:
 
 
 FORMS = {"csv": _csv, "octave": _octave, "labview": _labview, "linuxcnc": _linuxcnc}
-
-
-def _whole(path: Path, content: bytes) -> None:
-    temporary = path.parent / f".fitmodels-{secrets.token_hex(8)}.tmp"
-    try:
-        with temporary.open("xb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        cause = getattr(error, "strerror", None) or str(error)
-        raise UsageError(f"{path} cannot be written: {cause}; choose another place.") from None
-    finally:
-        with suppress(OSError, ValueError):
-            temporary.unlink(missing_ok=True)

@@ -9,7 +9,7 @@ from typing import Literal, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IdentError
+from ...core.errors import IdentError
 
 Array = NDArray[np.float64]
 

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.telling import Telling, Told
-from ..errors import IdentError
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ..estimators.coloured import inverse_of_squares
 from ..estimators.demands import check_tellable
 from ..estimators.free_run import FreeRun, sensitivities
 from ..judging.bands import response_slope
 from ..model import Model
-from ..telling import of_predicted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PredictedErrors(Told):
+class PredictedErrors(Displayable):
     """Standard errors that a fit to this excitation would have.
 
     Attributes
@@ -48,9 +47,6 @@ class PredictedErrors(Told):
     response: "pd.DataFrame"
     model: Model
     snr: float
-
-    def _telling(self) -> Telling:
-        return of_predicted(self)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Standard error of the gain over frequency."""

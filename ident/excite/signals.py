@@ -6,7 +6,7 @@ from typing import Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import IdentError
+from ...core.errors import IdentError
 from .permitted import Limits, check_frequency, check_kind, samples, within
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IdentError
+from ...core.errors import IdentError
 
 if TYPE_CHECKING:
     from ...datasets import Record

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.telling import Telling, Told, as_columns
-from ..errors import IdentError
+from ...core.display import Displayable, as_columns
+from ...core.errors import IdentError
 from ..model import Model
-from ..telling import of_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +25,7 @@ DRAWS = 2000
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ResponseBand(Told):
+class ResponseBand(Displayable):
     """Gain and phase over frequency, each pointwise within its band at ``level``.
 
     Attributes
@@ -59,9 +58,6 @@ class ResponseBand(Told):
     level: float
     method: str
     concern: str | None = None
-
-    def _telling(self) -> Telling:
-        return of_band(self)
 
     def to_frame(self) -> "DataFrame":
         """A row a frequency, in Hz."""

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.telling import Telling, Told, as_columns
-from ..errors import IdentError
+from ...core.display import Displayable, as_columns
+from ...core.errors import IdentError
 from ..estimators.refusals import check_moves
-from ..telling import of_frequency
 from .averaged_spectra import averaged
 from .excited import excited_band, input_power
 from .smooth_impulse import Impulse, block_means, smooth_impulse
@@ -30,7 +29,7 @@ DIED_OUT = 1e-3  # variance of the last coefficient over that of the first
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class FrequencyResponse(Told):
+class FrequencyResponse(Displayable):
     """G at frequencies, as measured.
 
     Attributes
@@ -73,9 +72,6 @@ class FrequencyResponse(Told):
     level: float
     method: str
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_frequency(self)
 
     @property
     def gain(self) -> Array:

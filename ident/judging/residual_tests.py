@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 from ..estimators.coloured import autocovariance, whitening
 from ..estimators.filters import filtered, lagged
 from .ahead import OneStep, projected
@@ -22,7 +22,7 @@ LAGS = 25
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ResidualTest(Told):
+class ResidualTest(Displayable):
     """Correlations by lag with the band they keep under the null.
 
     Attributes

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IdentError
+from ...core.errors import IdentError
 from ..estimators.filters import filtered
 from ..estimators.free_run import FreeRun, free_responses, without
 from ..model import Model

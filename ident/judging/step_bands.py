@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Telling, Told, as_columns
-from ..errors import IdentError
+from ...core.display import Displayable, as_columns
+from ...core.errors import IdentError
 from ..estimators.filters import filtered, is_stable
 from ..estimators.free_run import FreeRun, by_a_and_b
 from ..model import Model
-from ..telling import of_step_band
 from .bands import DRAWS, LARGE, Method, covariance_of, draws_of, normal, with_theta
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ FEWEST = 0.9  # share of draws that must be stable before a band is told by them
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class StepBand(Told):
+class StepBand(Displayable):
     """Response to a unit step of the input within its pointwise band.
 
     Attributes
@@ -41,9 +40,6 @@ class StepBand(Told):
     error: Array
     level: float
     method: str
-
-    def _telling(self) -> Telling:
-        return of_step_band(self)
 
     def to_frame(self) -> "DataFrame":
         """A row a sample, time in s."""

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
-from ..errors import IdentError
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ..model import Model
 from .ahead import k_steps, lagged_inputs, one_step
 from .feedback import feedback_detected
@@ -31,7 +31,7 @@ LOSES = 15.0  # % of fit between one step ahead and the free run: then the one-s
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Validation(Told):
+class Validation(Displayable):
     """What a record says of a model.
 
     Attributes

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.telling import Telling, Told
-from ..errors import IdentError
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ..model import Model
-from ..telling import of_continuous
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +27,7 @@ ROUNDING = 1e-11  # of the largest coefficient, time counted in samples: a leadi
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class NoContinuousForm(Told):
+class NoContinuousForm(Displayable):
     """Why a discrete model has no continuous form; false in a condition.
 
     >>> NoContinuousForm("a pole at z = -0.5") or "none"
@@ -45,7 +44,7 @@ class NoContinuousForm(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ContinuousModel(Told):
+class ContinuousModel(Displayable):
     """G(s) = num(s) / den(s) exp(-delay s).
 
     Attributes
@@ -70,9 +69,6 @@ class ContinuousModel(Told):
     output: str = "y"
     unit_u: str = ""
     unit_y: str = ""
-
-    def _telling(self) -> Telling:
-        return of_continuous(self)
 
     def __post_init__(self) -> None:
         num, den = (np.trim_zeros(np.atleast_1d(np.asarray(p, dtype=np.float64)), "f") for p in (self.num, self.den))

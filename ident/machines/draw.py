@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ...datasets.picture import one_panel
+from ...core.plotting import new_axes
 
 if TYPE_CHECKING:
     from .drive import DriveFit
@@ -28,7 +28,7 @@ def _both(ax: Axes, time: Array, measured: Array, model: Array, label: str) -> N
 
 def step_picture(fit: "StepFit", ax: Axes | None = None) -> Axes:
     """Every stretch from its own start."""
-    ax = one_panel(ax, 6.4, 3.6)
+    ax = new_axes(ax, 6.4, 3.6)
     for k, (run, fitted) in enumerate(zip(fit.runs, fit.fitted, strict=True)):
         _both(ax, run.time, run.y, fitted, f"order {fit.order} with delay" if k == 0 else "")
     ax.set(xlabel="time (s)", ylabel=_with_unit(fit.output, fit.unit_y))
@@ -39,7 +39,7 @@ def step_picture(fit: "StepFit", ax: Axes | None = None) -> Axes:
 
 def drive_picture(fit: "DriveFit", ax: Axes | None = None) -> Axes:
     """Velocity measured, and simulated from the force alone."""
-    ax = one_panel(ax, 6.4, 3.6)
+    ax = new_axes(ax, 6.4, 3.6)
     simulated, percent = fit.own_run
     time = fit.motion.sample_time * np.arange(len(simulated), dtype=np.float64)
     _both(ax, time, fit.motion.v, simulated, "from the force alone")
@@ -53,7 +53,7 @@ def drive_picture(fit: "DriveFit", ax: Axes | None = None) -> Axes:
 
 def force_picture(fit: "ForceProcess", ax: Axes | None = None) -> Axes:
     """Force measured, and simulated from the command alone."""
-    ax = one_panel(ax, 6.4, 3.6)
+    ax = new_axes(ax, 6.4, 3.6)
     _both(ax, fit.time, fit.measured, fit.simulated, "from the command alone")
     ax.set(xlabel="time (s)", ylabel=_with_unit(fit.output, fit.unit_y))
     poles = " and ".join(f"{p.real:.4g}" if p.imag == 0 else f"{p:.4g}" for p in fit.poles)

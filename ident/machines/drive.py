@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ...datasets import Record
 from ...datasets.records.record import join
-from ...datasets.telling import Telling, Told
-from ..errors import IdentError
-from ..telling import of_fit
 from .block_jackknife import COUNTS, widest
 from .dry_friction import velocity_and_travel
 from .motion import Motion, Rows, motion_of, rows_of
@@ -34,7 +33,7 @@ ALONE = 0.02  # share of a column that the others cannot make: below it nothing 
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class DriveFit(Told):
+class DriveFit(Displayable):
     """Inertia and friction of a drive.
 
     Attributes
@@ -67,9 +66,6 @@ class DriveFit(Told):
     cutoff: float
     predicted: Array
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_fit(self)
 
     @property
     def M(self) -> float:

@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ...datasets import Record
 from ...datasets.records.record import join
-from ...datasets.telling import Telling, Told
-from ..errors import IdentError
 from ..estimators.prediction_error import output_error
 from ..model import Model
-from ..telling import of_fit
 from .continuous import ContinuousModel, to_continuous
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ PARAMETERS = ("m", "d", "c", "k")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ForceProcess(Told):
+class ForceProcess(Displayable):
     """What a run of command and force tells of drive and process.
 
     Attributes
@@ -77,9 +76,6 @@ class ForceProcess(Told):
     unit_u: str
     unit_y: str
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_fit(self)
 
     @property
     def params(self) -> "pd.Series[float]":

@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ...datasets import Record
 from ...datasets.records.record import join
-from ...datasets.telling import Told
-from ..errors import IdentError
 
 Array = NDArray[np.float64]
 MOTION_UNITS = {  # to SI, and how often it must be differentiated to be a velocity
@@ -25,7 +25,7 @@ FEWEST = 200  # samples of a stretch: the filter's ends would be most of a short
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Motion(Told):
+class Motion(Displayable):
     """Force and motion at samples.
 
     Attributes

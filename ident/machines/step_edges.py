@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ...datasets import Record
-from ...datasets.telling import Told
-from ..errors import IdentError
 
 Array = NDArray[np.float64]
 PLATEAU = 8  # samples between edges, on average: below it the input is a signal, not steps
@@ -15,7 +15,7 @@ LEFTOVER = 0.05  # of the input's range may stay beside its plateaus: noise of a
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Stretch(Told):
+class Stretch(Displayable):
     """One run of steps: time (n,) s, output y (n,), edges at times ``at`` (k,) s by ``size`` (k,)."""
 
     time: Array

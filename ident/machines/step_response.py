@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ...datasets import Record
-from ...datasets.telling import Telling, Told
-from ..errors import IdentError
 from ..estimators.coloured import covariance, inverse_of_squares
 from ..estimators.filters import ROUNDING
 from ..model import Model
-from ..telling import of_fit
 from .continuous import ContinuousModel
 from .rate_limit import ramp_rate
 from .step_edges import Stretch, one_step, stretches_of
@@ -33,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class StepFit(Told):
+class StepFit(Displayable):
     """A step response as a formula.
 
     Attributes
@@ -76,9 +75,6 @@ class StepFit(Told):
     unit_u: str = ""
     unit_y: str = ""
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_fit(self)
 
     @property
     def params(self) -> "pd.Series[float]":

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IdentError
+from ...core.errors import IdentError
 from ..estimators.filters import squares
 from .step_edges import Stretch
 from .step_forms import SHAPES, guesses, unit_response

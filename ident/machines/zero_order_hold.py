@@ -8,7 +8,7 @@ and a part of one splits Gamma in two (Franklin, Powell & Workman 1998, Digital 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import IdentError
+from ...core.errors import IdentError
 from ..model import Model
 from .continuous import ContinuousModel
 

@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
-from ...datasets.threads import one_thread
-from ..errors import IdentError
+from ...core.display import Displayable
+from ...core.errors import IdentError, UsageError
+from ...core.threads import one_thread
 from ..model import Model
-from ..telling import of_check
 from .feasible import horizon
 from .gains import Form, PiGains
 from .judged import judged_figures
@@ -38,7 +36,7 @@ DECADES = (
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Reading(Told):
+class Reading(Displayable):
     """One way to read two numbers.
 
     Attributes
@@ -62,7 +60,7 @@ class Reading(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PiCheck(Told):
+class PiCheck(Displayable):
     """What two numbers come to, reading by reading.
 
     Attributes
@@ -85,9 +83,6 @@ class PiCheck(Told):
     command_unit: str
     input_unit: str
     duration: float
-
-    def _telling(self) -> Telling:
-        return of_check(self)
 
     @property
     def table(self) -> "pd.DataFrame":

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.telling import Told
-from ..errors import IdentError
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ..model import Model
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ RULE = {"forward": (0.0, 1.0), "backward": (1.0, 0.0), "trapezoidal": (0.5, 0.5)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Design(Told):
+class Design(Displayable):
     """Gains of one closed-form rule, Kp + Ki / s in parallel form.
 
     Attributes

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from ...datasets.picture import one_panel
+from ...core.plotting import new_axes
 from .specification import LIMITS
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ STYLES = ("-", "--", "-.", ":")
 
 def feasible_map(found: "FeasibleMap", ax: Axes | None = None, chosen: tuple[float, float] | None = None) -> Axes:
     """The feasible region shaded, the line of each limit, Ms as thin grey lines, the chosen gains as a point."""
-    ax = one_panel(ax, 5.2, 4.4)
+    ax = new_axes(ax, 5.2, 4.4)
     ax.contourf(found.kp, found.ki, found.feasible.T.astype(float), levels=[0.5, 1.5], colors=[BLUE], alpha=0.18)
     ms = np.where(np.isfinite(found.figures["ms"]), found.figures["ms"], np.nan).T
     if np.nanmin(ms) < 2.5:
@@ -44,7 +44,7 @@ def feasible_map(found: "FeasibleMap", ax: Axes | None = None, chosen: tuple[flo
 
 def loop_trace(trace: "LoopTrace", ax: Axes | None = None) -> Axes:
     """Reference, measurement and output; the command on a second axis; limits marked, time out of the cut shaded."""
-    ax = one_panel(ax, 6.4, 3.6)
+    ax = new_axes(ax, 6.4, 3.6)
     t, right = trace.time, ax.twinx()
     if (trace.measurement != trace.output).any():
         ax.plot(t, trace.measurement, color=BLUE, lw=0.4, alpha=0.5, label="measurement")

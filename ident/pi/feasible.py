@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Telling, Told
+from ...core.display import Displayable
 from ..model import Model
-from ..telling import of_map
 from .gain_range import DECADES_KI, GainRange, decades, gain_range, grid
 from .gains import PiGains
 from .judged import MARGINS, judged_figures
@@ -25,7 +24,7 @@ MOST = 6e7  # samples simulated for one map, weighed by the order of the loop: a
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class FeasibleMap(Told):
+class FeasibleMap(Displayable):
     """Figures of loops over a grid of gains.
 
     Attributes
@@ -53,9 +52,6 @@ class FeasibleMap(Told):
     specification: Specification
     range: GainRange
     duration: float
-
-    def _telling(self) -> Telling:
-        return of_map(self)
 
     @property
     def any(self) -> bool:

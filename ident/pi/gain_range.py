@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Told
-from ..errors import IdentError
+from ...core.display import Displayable
+from ...core.errors import IdentError
 from ..model import Model
 from .designs import sign_at_rest
 from .gains import PiGains, basis
@@ -27,7 +27,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class GainRange(Told):
+class GainRange(Displayable):
     """Largest gains that the stable region reaches, both of one sign.
 
     Attributes

@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told
-from ..telling import of_gains
+from ...core.display import Displayable
+from ...core.errors import UsageError
 from .runnable import AntiWindup, Averaged, Form, Integration, above_zero, check_gains
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ _SECONDS = {"s": 1.0, "min": 60.0}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PiGains(Told):
+class PiGains(Displayable):
     """A digital PI as it will run: gains in parallel form, and everything around them.
 
     Attributes
@@ -106,9 +105,6 @@ class PiGains(Told):
     tracking_time: float | None = None
     unit_u: str = ""
     unit_y: str = ""
-
-    def _telling(self) -> Telling:
-        return of_gains(self)
 
     def __post_init__(self) -> None:
         check_gains(self)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IdentError
+from ...core.errors import IdentError
 from ..model import Model
 from .designs import Design
 

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.telling import Telling, Told
+from ...core.display import Displayable
 from ..estimators.filters import is_stable
 from ..model import Model
-from ..telling import of_loop
 from .gains import PiGains, product, summed
 from .loops import check_pair
 from .maps import figures_on_grid
@@ -33,7 +32,7 @@ SHORTEST, LONGEST = 50, 50_000  # samples of a step whose duration is not given
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Figures(Told):
+class Figures(Displayable):
     """What a loop does, as numbers.
 
     Times are in seconds and interpolated between samples along straight lines. Fractions are of the final value of the
@@ -102,14 +101,11 @@ class Figures(Told):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Loop(Told):
+class Loop(Displayable):
     """A closed loop: its transfer functions in z^-1, from which all else follows."""
 
     model: Model
     gains: PiGains
-
-    def _telling(self) -> Telling:
-        return of_loop(self)
 
     @property
     def open(self) -> Fraction:

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.errors import UsageError
-from ..errors import IdentError
+from ...core.errors import IdentError, UsageError
 from ..model import Model
 from .gains import Array, PiGains, basis
 

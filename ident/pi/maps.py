@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 from ..model import Model
 from .gains import PiGains
 from .loops import Loops, loops_of, split

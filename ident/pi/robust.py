@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Told
-from ..errors import IdentError
+from ...core.display import Displayable
+from ...core.errors import IdentError, UsageError
 from ..judging.bands import with_theta
 from ..model import Model
 from .feasible import FeasibleMap
@@ -44,7 +43,7 @@ class Plants:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Robustness(Told):
+class Robustness(Displayable):
     """One controller on many plants.
 
     Attributes

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 
 if TYPE_CHECKING:
     from .gains import PiGains

@@ -6,8 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.errors import UsageError
-from ..errors import IdentError
+from ...core.errors import IdentError, UsageError
 from ..model import Model
 from .feasible import FeasibleMap
 from .gains import PiGains

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.errors import UsageError
-from ...datasets.telling import Telling, Told, as_columns
+from ...core.display import Displayable, as_columns
+from ...core.errors import UsageError
 from ..model import Model
-from ..telling import of_loop_trace
 from .controller import Controller
 from .gains import PiGains
 from .loops import check_pair
@@ -25,7 +24,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LoopTrace(Told):
+class LoopTrace(Displayable):
     """One run of a loop; every array has shape (n,).
 
     Attributes
@@ -51,9 +50,6 @@ class LoopTrace(Told):
     engaged: Mask
     unit_u: str = ""
     unit_y: str = ""
-
-    def _telling(self) -> Telling:
-        return of_loop_trace(self)
 
     @property
     def saturated(self) -> Mask:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...datasets.telling import Telling, Told, facts_of
-from ..errors import IdentError
+from ...core.display import Display, Displayable, facts_of
+from ...core.errors import IdentError
 
 Array = NDArray[np.float64]
 STEADY = 1e-6  # of the step: what an integral leaves is rounding
@@ -16,7 +16,7 @@ ROUNDING = 1e-9  # of a limit: a figure that meets it but for rounding meets it
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Limit(Told):
+class Limit(Displayable):
     """How one limit reads a figure: ``figure`` stays below it, or above it where ``above``."""
 
     figure: str
@@ -46,7 +46,7 @@ LIMITS = {
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Specification(Told):
+class Specification(Displayable):
     """Limits on the unit step of the reference and on the loop; ``None`` leaves a figure free.
 
     Attributes
@@ -142,8 +142,8 @@ class Specification(Told):
         told = f"{value:.4g}{limit.unit}" if np.isfinite(value) else "without end"
         return f"{limit.words} {told}, {side} the {asked:g}{limit.unit} asked for"
 
-    def _telling(self) -> Telling:
-        return Telling(str(self), tuple(facts_of(self)))
+    def _display(self) -> Display:
+        return Display(str(self), tuple(facts_of(self)))
 
     def __str__(self) -> str:
         return ", ".join(told(limit, value) for _, limit, value in self.asked())

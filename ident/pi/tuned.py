@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...datasets.telling import Telling, Told
+from ...core.display import Displayable
 from ..model import Model
-from ..telling import of_tuned
 from .feasible import FeasibleMap
 from .gains import PiGains
 from .loop import Figures
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class TunedPi(Told):
+class TunedPi(Displayable):
     """Gains, the loop they close on the model, and what was asked.
 
     Attributes
@@ -47,9 +46,6 @@ class TunedPi(Told):
     assumed: tuple[str, ...] = ()
     robustness: Robustness | None = None
     probability: float | None = None
-
-    def _telling(self) -> Telling:
-        return of_tuned(self)
 
     @property
     def kp(self) -> float:

@@ -5,9 +5,8 @@ from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, TypedDict, Unpack
 
-from ...datasets.errors import UsageError
-from ...datasets.threads import one_thread
-from ..errors import IdentError
+from ...core.errors import IdentError, UsageError
+from ...core.threads import one_thread
 from ..model import Model
 from .feasible import FeasibleMap, feasible_map, horizon
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains

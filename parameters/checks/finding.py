@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Finding(Told):
+class Finding(Displayable):
     """One answer.
 
     Attributes

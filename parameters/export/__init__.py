@@ -24,9 +24,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol, cast
 
-from ...datasets.errors import UsageError
-from ..errors import ParameterError
-from ..file import put_in_place
+from ...core.errors import ParameterError, UsageError
+from ...core.files import write_whole
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
@@ -117,5 +116,5 @@ def export(pf: "ParameterFile", kind: str, path: str | os.PathLike[str], *, forc
     path = Path(path)
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
-    put_in_place(path, content.encode() if isinstance(content, str) else content)
+    write_whole(path, content, error=ParameterError)
     return path

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from ...core.errors import GateError
 from ..check import check
-from ..errors import GateError
 
 if TYPE_CHECKING:
     from ..file import ParameterFile

@@ -11,7 +11,7 @@ their middle.
 
 import math
 
-from ..errors import GateError
+from ...core.errors import GateError
 from .loop import Loop
 from .view import View
 

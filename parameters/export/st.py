@@ -7,7 +7,7 @@ is enabled, outside the cut and with a load that is no reading the override is t
 
 import math
 
-from ..errors import GateError
+from ...core.errors import GateError
 from .loop import Loop
 from .view import View
 

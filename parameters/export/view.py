@@ -7,8 +7,8 @@ The loop comes from `settings`, numbers under safe names from `quantities`, text
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ...core.errors import GateError
 from ..canonical import content_sha256
-from ..errors import GateError
 from .gate import passed
 from .loop import Loop
 from .names import plain, plain_unit, safe_name

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ..errors import GateError
+from ...core.errors import GateError
 from ..sections.base import Section
 from ..sections.pi import Pi, PiFigures, PiSpecification
 

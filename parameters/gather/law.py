@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from ..errors import ParameterError, in_words
+from ...core.errors import ParameterError
+from ..errors import in_words
 from ..sections.law import Law
 from ..sections.law_parts import Composite
 from .law_facts import finite, known
@@ -41,7 +42,7 @@ def laws_by_response(
 
 
 def _composite(law: "LawFit", wear: "LawFit") -> Composite | None:
-    from ...datasets.errors import UsageError
+    from ...core.errors import UsageError
     from ...fit import composite
 
     try:
@@ -108,7 +109,8 @@ def _edges(law: "LawFit") -> dict[str, Any]:
 
 
 def _region(law: "LawFit") -> dict[str, Any] | None:
-    from ...fit import FitError, domain
+    from ...core.errors import FitError
+    from ...fit import domain
 
     try:
         found = domain(law)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.errors import GateError, ParameterError
 from ..draws import Draws, packed
-from ..errors import GateError, ParameterError
 
 if TYPE_CHECKING:
     from ...fit import NotAvailable, Posterior

@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..errors import ParameterError, short
+from ...core.errors import ParameterError
+from ..errors import short
 from ..sections.limits import Limits
 from .dynamics import as_data
 

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from ..errors import ParameterError, in_words
+from ...core.errors import ParameterError
+from ..errors import in_words
 from ..sections.law import Law
 from .moments import edge_moments, moments
 

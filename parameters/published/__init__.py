@@ -10,7 +10,7 @@ A number here is the paper's own unless its section's notes call it a reconstruc
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from ...datasets.errors import UsageError
+from ...core.errors import UsageError
 
 if TYPE_CHECKING:
     from ..file import ParameterFile

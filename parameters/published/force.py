@@ -9,7 +9,7 @@ mm/min for each mm of depth.
 
 from collections.abc import Mapping
 
-from ... import __version__
+from ...core.version import __version__
 from ..file import ParameterFile, sealed
 
 SET_POINTS: Mapping[float, float] = {1.0: 150.0, 2.0: 200.0, 4.0: 320.0}  # mm -> N, section 4

@@ -13,7 +13,7 @@ line, nor a wear law, nor units of its gains: what stands here was worked out fr
 from dataclasses import dataclass
 from typing import Any, Final
 
-from ... import __version__
+from ...core.version import __version__
 from ..file import ParameterFile, sealed
 
 SOURCE: Final = "Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587"

@@ -13,9 +13,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ... import __version__
+from ...core.errors import UsageError
+from ...core.version import __version__
 from ...datasets.bundles import bundled
-from ...datasets.errors import UsageError
 from ..file import ParameterFile, sealed
 
 Reading = Literal["inverse", "regression"]

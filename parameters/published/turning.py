@@ -12,7 +12,7 @@ to optimize metal removal for rough turning", Kuwait J. Sci. (accepted June 2017
 from collections.abc import Mapping
 from typing import Any
 
-from ... import __version__
+from ...core.version import __version__
 from ...datasets.gc435 import DOMAIN, LAWS, STANDARD_ERROR
 from ...datasets.simulation import SimulatedLaw
 from ...datasets.vocabulary import ROLES

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ...datasets.telling import Told
+from ...core.display import Displayable
 
 # strict: a number in quotes, or true for 1, is a mistake of whoever wrote the file
 Number = Annotated[float, Field(strict=True)]
@@ -17,7 +17,7 @@ Name = Annotated[str, Field(min_length=1, max_length=500)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
-class Section(Told, BaseModel):
+class Section(Displayable, BaseModel):
     """A part of the file: frozen, without NaN or infinity, and keeping the fields it does not know.
 
     Examples

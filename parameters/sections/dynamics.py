@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
-from ...datasets.telling import Telling
-from ..errors import ParameterError
-from ..telling import of_dynamics
+from ...core.errors import ParameterError
 from .base import Count, NotNegative, Number, Positive, Section, Sha256, Text
 from .covariance import ModelCovariance, NoCovariance
 
@@ -80,9 +78,6 @@ class Dynamics(Section):
     held_out_fit: Number | None = None
     held_out_sha256: Sha256 | None = None
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_dynamics(self)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from ...core.errors import ParameterError
+from ...core.intervals import Centre, Edge, Kind
 from ...datasets import region
-from ...datasets.telling import Telling
-from ...datasets.widths import Centre, Edge, Kind
-from ..errors import ParameterError, short
+from ..errors import short
 from ..evaluate import (
     LOGARITHMIC,
     as_given,
@@ -23,7 +23,6 @@ from ..evaluate import (
 )
 from ..intervals import Asked, band
 from ..prediction import Prediction, tell
-from ..telling import of_law
 from .base import Count, NotNegative, Number, Positive, Section, Text
 from .covariance import Covariance, NoCovariance
 from .law_parts import By, Check, Composite, DroppedRows, Edges, Factor, LeftOut, Published, Region, Statistics
@@ -140,9 +139,6 @@ class Law(Section):
     published: Published | None = None
     composite: Composite | None = None
     notes: tuple[str, ...] = ()
-
-    def _telling(self) -> Telling:
-        return of_law(self)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ....datasets.errors import UsageError
+from ....core.errors import UsageError
 from ....datasets.runs import NOT_MEASURED
 from ...draw import even
 from .curves import curves

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ....datasets.picture import ShownAxes, ShownFigure
-from ....datasets.picture import sheet as together
+from ....core.plotting import NotebookAxes, NotebookFigure
+from ....core.plotting import axes_array as together
 
 Panel = Callable[[Axes], None]
 
@@ -35,14 +35,14 @@ def laid_out(sheet: Sheet, banner: str) -> NDArray[np.object_]:
     width, height = max(sheet.across * sheet.size[0] + 0.9, 4.8), down * sheet.size[1] + 1.7
     title, banner = fill(sheet.title, int(width / 0.082)), fill(banner, int(width / 0.066))
     top = 0.1 + 0.13 * (banner.count("\n") + 1)
-    figure = ShownFigure(figsize=(width, height))
+    figure = NotebookFigure(figsize=(width, height))
     figure.suptitle(title, fontsize=10, y=1 - top / height, va="top")
     figure.text(0.995, 0.995, banner, ha="right", va="top", fontsize=8, color="#a33")
     grid = figure.add_gridspec(down, sheet.across)
     axes = np.array([None] * len(sheet.panels), dtype=object)
     for i, panel in enumerate(sheet.panels):
         if panel is not None:
-            axes[i] = figure.add_subplot(grid[divmod(i, sheet.across)], axes_class=ShownAxes)
+            axes[i] = figure.add_subplot(grid[divmod(i, sheet.across)], axes_class=NotebookAxes)
             axes[i].tick_params(labelsize=8)
             panel(axes[i])
             if sheet.shared:

@@ -1,31 +1,28 @@
-"""What the results of this room say of themselves: one function a result, from result to `Telling`."""
+"""Display of the results of this package: one registered function per class."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from ..datasets.rounding import decimals, p_value, plain
-from ..datasets.telling import Grid, Telling, estimates, in_line, measured, with_unit
+from ..core.display import Display, TextTable, display, estimates, joined_facts, with_error, with_unit
+from ..core.rounding import decimals, format_plain, p_value
 from .available import NotAvailable
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .bayes.posterior import Posterior
-    from .bayes.priors import Priors
-    from .beside import Beside
-    from .bootstrap import EdgeBootstrap
-    from .checks.check import Check
-    from .checks.forms import Forms
-    from .checks.refit import Refit
-    from .composite import Composite
-    from .confirm import Confirmation
-    from .domain import Domain
-    from .edges import EdgeInference
-    from .lawfit import LawFit
-    from .life import ToolLife
-    from .linear import LinearFit
+from .bayes.posterior import Posterior
+from .bayes.priors import Priors
+from .beside import Beside
+from .bootstrap import EdgeBootstrap
+from .checks.check import Check
+from .checks.forms import Forms
+from .checks.refit import Refit
+from .composite import Composite
+from .confirm import Confirmation
+from .domain import Domain
+from .edges import EdgeInference
+from .lawfit import LawFit
+from .life import ToolLife
+from .linear import LinearFit
 
 CONCERN = ("fine", "mind", "serious")
 
@@ -43,16 +40,17 @@ def equation(law: "LawFit") -> str:
     return " ".join([f"{left} = {c[0]}", *signed])
 
 
-def of_law(law: "LawFit") -> Telling:
+@display.register
+def of_law(law: LawFit) -> Display:
     """Equation, R2, residual standard error and rows; the coefficients with their intervals."""
     se, ends = law.scale_se, law.conf_int()
     rows = f"{law.nobs} rows" + ("" if law.n_edges is None else f" of {law.n_edges} edges")
-    scatter = f"residual SE {plain(se, 3)} {law.scale_unit}".rstrip() if se is not None else str(law.no_interval)
+    scatter = f"residual SE {format_plain(se, 3)} {law.scale_unit}".rstrip() if se is not None else str(law.no_interval)
     more = {"t": [_number(v) for v in law.tvalues], "p": [p_value(float(v)) for v in law.pvalues]}
     by = "by edge" if not isinstance(law.edges, NotAvailable) else "rows taken as independent"
     facts = (("form", f"{law.form.replace('_', ' ')}, {law.error} errors"), ("standard errors", f"{by}, df {law.df}"))
     words = [f"Left out: {item.factor}, {item.reason}." for item in law.left_out] + list(law.notes)
-    return Telling(
+    return Display(
         f"{equation(law)}, R2 {law.rsquared:.3f}, {scatter}, {rows}",
         facts,
         estimates(law.names, law.params, law.bse, list(ends["low"]), list(ends["high"]), more=more),
@@ -60,45 +58,49 @@ def of_law(law: "LawFit") -> Telling:
     )
 
 
-def of_linear(fit: "LinearFit") -> Telling:
+@display.register
+def of_linear(fit: LinearFit) -> Display:
     """Rows, R2 and residual standard error; the coefficients."""
     names = [f"x{j}" for j in range(len(fit.params))]
     head = f"{len(names)} coefficients from {fit.nobs} rows, R2 {fit.rsquared:.3f}"
-    return Telling(f"{head}, residual SE {plain(fit.scale**0.5)}", grid=estimates(names, fit.params, fit.bse))
+    return Display(f"{head}, residual SE {format_plain(fit.scale**0.5)}", table=estimates(names, fit.params, fit.bse))
 
 
-def of_edges(edges: "EdgeInference") -> Telling:
+@display.register
+def of_edges(edges: EdgeInference) -> Display:
     """Edges, share of the variance between them, what repeated rows did to F; the standard errors."""
-    grew = "" if edges.inflation is None else f", F of rows {plain(edges.inflation, 3)} times that of edges"
-    grid = Grid(("", "se by edge", "told by"), tuple(
-        (name, plain(float(se), 2), "rows of an edge" if within else "edges")
+    grew = "" if edges.inflation is None else f", F of rows {format_plain(edges.inflation, 3)} times that of edges"
+    grid = TextTable(("", "se by edge", "told by"), tuple(
+        (name, format_plain(float(se), 2), "rows of an edge" if within else "edges")
         for name, se, within in zip(edges.names, edges.bse, edges.within, strict=True)
     ))  # fmt: skip
-    return Telling(
+    return Display(
         f"{edges.n_edges} edges, df {edges.df}, {edges.icc:.0%} of the scatter between edges{grew}", (), grid
     )
 
 
-def of_bootstrap(found: "EdgeBootstrap") -> Telling:
+@display.register
+def of_bootstrap(found: EdgeBootstrap) -> Display:
     """How many refits, and the interval of each coefficient."""
     ends = found.interval()
     lost = f", {found.impossible} draws of edges fixed no law" if found.impossible else ""
     grid = estimates(found.names, found.draws.mean(axis=0), found.bse, list(ends["low"]), list(ends["high"]))
-    return Telling(f"{len(found.draws)} refits to edges drawn with replacement{lost}", (), grid)
+    return Display(f"{len(found.draws)} refits to edges drawn with replacement{lost}", (), grid)
 
 
-def of_draws(head: str, table: "pd.DataFrame", words: Sequence[str] = ()) -> Telling:
+def of_draws(head: str, table: "pd.DataFrame", words: Sequence[str] = ()) -> Display:
     """Draws of parameters: mean, sd, interval, R-hat and effective draws of each."""
     least = np.minimum(table["ess_bulk"], table["ess_tail"])
     more = {"r_hat": [f"{v:.3f}" for v in table["r_hat"]], "ess": [f"{v:.0f}" for v in least]}
     grid = estimates(list(table.index), table["mean"], table["sd"], list(table["low"]), list(table["high"]), more=more)
-    return Telling(head, (), Grid(("", "mean", "sd", *grid.header[3:]), grid.rows), tuple(words))
+    return Display(head, (), TextTable(("", "mean", "sd", *grid.header[3:]), grid.rows), tuple(words))
 
 
-def of_posterior(post: "Posterior") -> Telling:
+@display.register
+def of_posterior(post: Posterior) -> Display:
     """Draws and route, the gate, the parameters."""
     names = ", ".join(
-        f"{name} {measured(float(m), float(s))}"
+        f"{name} {with_error(float(m), float(s))}"
         for name, m, s in zip(post.names, post.draws.mean(axis=0), post.draws.std(axis=0, ddof=1), strict=True)
     )
     gate = post.gate
@@ -107,41 +109,43 @@ def of_posterior(post: "Posterior") -> Telling:
     return of_draws(head, post.table(), (*gate.reasons, *post.notes))
 
 
-def of_priors(priors: "Priors") -> Telling:
+@display.register
+def of_priors(priors: Priors) -> Display:
     """Name, and what each parameter was taken to be."""
     rows = tuple(
         (
             name,
-            f"{prior.name} {prior._telling().head}".strip(),
+            f"{prior.name} {prior._display().head}".strip(),
             priors.units.get(name, ""),
             priors.sources.get(name, ""),
         )
         for name, prior in priors.of.items()
     )
     proper = "proper" if priors.proper else "improper"
-    return Telling(
-        f"{priors.name}, {proper}, of {', '.join(priors.of)}", (), Grid(("", "prior", "unit", "source"), rows)
+    return Display(
+        f"{priors.name}, {proper}, of {', '.join(priors.of)}", (), TextTable(("", "prior", "unit", "source"), rows)
     )
 
 
-def of_life(life: "ToolLife") -> Telling:
+@display.register
+def of_life(life: ToolLife) -> Display:
     """Life as an equation, at the middle of the tests, and Taylor's n."""
     c0, *powers = life.coefficients.items()
-    told = " ".join([plain(float(c0[1])), *(f"{name}^{plain(float(k), 3)}" for name, k in powers)])
+    told = " ".join([format_plain(float(c0[1])), *(f"{name}^{format_plain(float(k), 3)}" for name, k in powers)])
     head = f"{life.wear} reaches {life.criterion:g} {life.unit_of_wear} after T [{life.unit}] = {told}"
-    at = in_line((name, plain(value)) for name, value in life.typical_at.items())
+    at = joined_facts((name, format_plain(value)) for name, value in life.typical_at.items())
     facts = [
-        (f"at {at}", f"{plain(life.typical, 3)} {life.unit}"),
+        (f"at {at}", f"{format_plain(life.typical, 3)} {life.unit}"),
         ("longest test", f"{life.t_observed:g} {life.unit}"),
     ]
     if life.taylor_n is not None:
-        facts.append(("Taylor's n", plain(life.taylor_n, 3)))
+        facts.append(("Taylor's n", format_plain(life.taylor_n, 3)))
     errors = [None] * len(life.coefficients) if life.bse is None else list(life.bse)
     grid = estimates([str(name) for name in life.coefficients.index], life.coefficients, errors)
-    return Telling(f"{head}; {plain(life.typical, 3)} {life.unit} at {at}", tuple(facts), grid)
+    return Display(f"{head}; {format_plain(life.typical, 3)} {life.unit} at {at}", tuple(facts), grid)
 
 
-def of_checks(checks: Mapping[str, "Check | NotAvailable"], verdicts: Sequence[str], nobs: int) -> Telling:
+def of_checks(checks: Mapping[str, "Check | NotAvailable"], verdicts: Sequence[str], nobs: int) -> Display:
     """How many checks found something, the worst first; each check on a row."""
     there = {name: check for name, check in checks.items() if not isinstance(check, NotAvailable)}
     worst = sum(check.concern > 0 for check in there.values())
@@ -151,7 +155,9 @@ def of_checks(checks: Mapping[str, "Check | NotAvailable"], verdicts: Sequence[s
         for name, check in checks.items()
     )  # fmt: skip
     head = f"{len(there)} checks on {nobs} rows, {worst} with something to mind"
-    return Telling(f"{head}. {verdicts[0]}" if verdicts else head, (), Grid(("", "", "p", ""), rows), tuple(verdicts))
+    return Display(
+        f"{head}. {verdicts[0]}" if verdicts else head, (), TextTable(("", "", "p", ""), rows), tuple(verdicts)
+    )
 
 
 def frame_of_checks(checks: Mapping[str, "Check | NotAvailable"]) -> "pd.DataFrame":
@@ -167,78 +173,86 @@ def frame_of_checks(checks: Mapping[str, "Check | NotAvailable"]) -> "pd.DataFra
     return pd.DataFrame.from_dict(rows, orient="index", columns=["concern", "statistic", "pvalue", "verdict"])
 
 
-def of_refit(fit: "Refit", verdict: str) -> Telling:
+def of_refit(fit: "Refit", verdict: str) -> Display:
     """The verdict; both fits side by side."""
     errors = np.sqrt(np.diag(fit.law.covariance()))
-    plainly = [measured(float(v), float(s)) for v, s in zip(fit.law.theta, errors, strict=True)]
-    again = [measured(float(v), float(s)) for v, s in zip(fit.theta, fit.bse, strict=True)]
+    plainly = [with_error(float(v), float(s)) for v, s in zip(fit.law.theta, errors, strict=True)]
+    again = [with_error(float(v), float(s)) for v, s in zip(fit.theta, fit.bse, strict=True)]
     rows = tuple(zip(fit.law.theta_names, plainly, again, strict=True))
-    return Telling(verdict, (), Grid(("", "plain fit", "this fit"), rows))
+    return Display(verdict, (), TextTable(("", "plain fit", "this fit"), rows))
 
 
-def of_composite(found: "Composite") -> Telling:
+@display.register
+def of_composite(found: Composite) -> Display:
     """The verdict and the law without its wear."""
-    return Telling(
+    return Display(
         found.verdict, (), estimates(found.names, found.theta, found.bse), (f"It assumes {found.assumption}.",)
     )
 
 
-def of_confirmation(found: "Confirmation") -> Telling:
+@display.register
+def of_confirmation(found: Confirmation) -> Display:
     """The verdict; each edge."""
-    return Telling(found.verdict, (), of_frame(found.edges))
+    return Display(found.verdict, (), of_frame(found.edges))
 
 
-def of_domain(domain: "Domain") -> Telling:
+@display.register
+def of_domain(domain: Domain) -> Display:
     """The range of each factor."""
     centre, half = np.array(domain.centre), np.array(domain.half_range)
     low, high, middle = centre - half, centre + half, centre
     if domain.logs:
         low, high, middle = np.exp(low), np.exp(high), np.exp(middle)
     told = [
-        (plain(float(a), 4), plain(float(m), 4), plain(float(b), 4)) for a, m, b in zip(low, middle, high, strict=True)
+        (format_plain(float(a), 4), format_plain(float(m), 4), format_plain(float(b), 4))
+        for a, m, b in zip(low, middle, high, strict=True)
     ]
     names = list(zip(domain.factors, domain.units, strict=True))
     head = ", ".join(f"{x} {a} to {b} {u}".rstrip() for (x, u), (a, _, b) in zip(names, told, strict=True))
     rows = tuple((with_unit(x, u), *ends) for (x, u), ends in zip(names, told, strict=True))
-    radius = (("largest coded radius", plain(domain.largest_radius, 3)),)
-    return Telling(f"{domain.response} was tested at {head}", radius, Grid(("", "low", "middle", "high"), rows))
+    radius = (("largest coded radius", format_plain(domain.largest_radius, 3)),)
+    return Display(f"{domain.response} was tested at {head}", radius, TextTable(("", "low", "middle", "high"), rows))
 
 
-def of_beside(found: "Beside") -> Telling:
+@display.register
+def of_beside(found: Beside) -> Display:
     """The printed law and how far the rows lie from it."""
-    law = in_line((name, plain(value)) for name, value in found.coefficients.items())
-    far = "" if found.rms_percent is None else f"; rows lie {plain(found.rms_percent, 3)} % from it (rms)"
+    law = joined_facts((name, format_plain(value)) for name, value in found.coefficients.items())
+    far = "" if found.rms_percent is None else f"; rows lie {format_plain(found.rms_percent, 3)} % from it (rms)"
     if found.worst_percent is not None:
-        far += f", at most {plain(found.worst_percent, 3)} % (line {found.worst_line})"
-    return Telling(f"{found.source}: {law}{far}")
+        far += f", at most {format_plain(found.worst_percent, 3)} % (line {found.worst_line})"
+    return Display(f"{found.source}: {law}{far}")
 
 
-def of_forms(found: "Forms") -> Telling:
+@display.register
+def of_forms(found: Forms) -> Display:
     """The argument; each form with its error of foretelling."""
-    rows = tuple((form.name, plain(form.error, 3), plain(form.difference, 2), plain(form.standard_error, 2))
+    rows = tuple((form.name, *(format_plain(v, n) for v, n in ((form.error, 3), (form.difference, 2), (form.standard_error, 2))))
                  for form in (found.power, *found.rivals))  # fmt: skip
     words = tuple(f"{name}: {reason}." for name, reason in found.not_fitted)
-    return Telling(found.argument, (), Grid(("", f"error left out, by {found.unit}", "difference", "se"), rows), words)
+    return Display(
+        found.argument, (), TextTable(("", f"error left out, by {found.unit}", "difference", "se"), rows), words
+    )
 
 
-def of_frame(frame: "pd.DataFrame", most: int = 12) -> Grid:
+def of_frame(frame: "pd.DataFrame", most: int = 12) -> TextTable:
     """A frame as a grid of plain numbers, its first rows where it is long."""
     rows = tuple(
         (str(name), *(_cell(value) for value in row))
         for name, row in zip(frame.index[:most], frame.head(most).itertuples(index=False), strict=True)
     )
-    return Grid(("", *map(str, frame.columns)), rows)
+    return TextTable(("", *map(str, frame.columns)), rows)
 
 
 def _cell(value: Any) -> str:  # noqa: ANN401
-    return plain(float(value)) if isinstance(value, float) else str(value)
+    return format_plain(float(value)) if isinstance(value, float) else str(value)
 
 
 def _number(value: float) -> str:
-    return plain(value, 3) if np.isfinite(value) else ""
+    return format_plain(value, 3) if np.isfinite(value) else ""
 
 
 def _rounded(value: float, se: float) -> str:
     """To the decimals of the standard error; a number whose error is unknown or nothing to four digits."""
     places = decimals(se) if np.isfinite(se) and se > 1e-5 * abs(value) else 7
-    return plain(value) if not 0 <= places <= 6 or abs(value) < se else f"{value:.{places}f}"
+    return format_plain(value) if not 0 <= places <= 6 or abs(value) < se else f"{value:.{places}f}"

@@ -1,30 +1,26 @@
-"""What the results of this room say of themselves: one function a result, from result to `Telling`."""
-
-from typing import TYPE_CHECKING
+"""Display of the results of this package: one registered function per class."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.rounding import plain
-from ..datasets.telling import Grid, Telling, by_fields, estimates, facts_of, measured
-
-if TYPE_CHECKING:
-    from .excite.predicted_precision import PredictedErrors
-    from .identification import Identification
-    from .judging.bands import ResponseBand
-    from .judging.frequency import FrequencyResponse
-    from .judging.step_bands import StepBand
-    from .machines.continuous import ContinuousModel
-    from .machines.drive import DriveFit
-    from .machines.force_process import ForceProcess
-    from .machines.step_response import StepFit
-    from .model import Model
-    from .pi.check import PiCheck
-    from .pi.feasible import FeasibleMap
-    from .pi.gains import PiGains
-    from .pi.loop import Loop
-    from .pi.simulation import LoopTrace
-    from .pi.tuned import TunedPi
+from ..core.display import Display, TextTable, by_fields, display, estimates, facts_of, with_error
+from ..core.rounding import format_plain as plain
+from .excite.predicted_precision import PredictedErrors
+from .identification import Identification
+from .judging.bands import ResponseBand
+from .judging.frequency import FrequencyResponse
+from .judging.step_bands import StepBand
+from .machines.continuous import ContinuousModel
+from .machines.drive import DriveFit
+from .machines.force_process import ForceProcess
+from .machines.step_response import StepFit
+from .model import Model
+from .pi.check import PiCheck
+from .pi.feasible import FeasibleMap
+from .pi.gains import PiGains
+from .pi.loop import Loop
+from .pi.simulation import LoopTrace
+from .pi.tuned import TunedPi
 
 MOST_ROWS = 8
 
@@ -42,7 +38,8 @@ def _poles(poles: NDArray[np.complex128]) -> str:
     return ", ".join(shown) or "none"
 
 
-def of_model(model: "Model") -> Telling:
+@display.register
+def of_model(model: Model) -> Display:
     """Orders, gain, poles; the coefficients with their standard errors."""
     rows = "" if model.n is None else f", from {model.n} samples"
     head = (
@@ -52,10 +49,11 @@ def of_model(model: "Model") -> Telling:
     )
     facts = () if model.band is None else (("excited band", f"{model.band[0]:.3g} to {model.band[1]:.3g} Hz"),)
     errors = [None] * len(model.theta) if model.cov_params is None else list(model.bse)
-    return Telling(head, facts, estimates(model.names, model.theta, errors), model.notes)
+    return Display(head, facts, estimates(model.names, model.theta, errors), model.notes)
 
 
-def of_continuous(model: "ContinuousModel") -> Telling:
+@display.register
+def of_continuous(model: ContinuousModel) -> Display:
     """Gain, poles, zeros and delay."""
     facts = (
         ("gain", f"{plain(model.dc_gain)}{_ratio(model.unit_y, model.unit_u)}"),
@@ -63,10 +61,11 @@ def of_continuous(model: "ContinuousModel") -> Telling:
         *((("zeros", f"{_poles(model.zeros)} rad/s"),) if model.zeros.size else ()),
         ("delay", f"{model.delay:g} s"),
     )
-    return Telling(f"{model.input} to {model.output}: " + ", ".join(" ".join(fact) for fact in facts), facts)
+    return Display(f"{model.input} to {model.output}: " + ", ".join(" ".join(fact) for fact in facts), facts)
 
 
-def of_frequency(found: "FrequencyResponse") -> Telling:
+@display.register
+def of_frequency(found: FrequencyResponse) -> Display:
     """How many frequencies, from where to where, and how well they are known; a few of them."""
     f, inside = found.frequency, ~found.outside
     low, high = found.band
@@ -75,77 +74,85 @@ def of_frequency(found: "FrequencyResponse") -> Telling:
         f"gain and phase at {len(f)} frequencies, {f[0]:.3g} to {f[-1]:.3g} Hz ({found.method}); excited {low:.3g} to "
         f"{high:.3g} Hz, gain there {plain(gains.min(), 3)} to {plain(gains.max(), 3)}"
     )
-    return Telling(head, (("resolution", f"{found.resolution:.3g} Hz"),), _over(found), found.notes)
+    return Display(head, (("resolution", f"{found.resolution:.3g} Hz"),), _over(found), found.notes)
 
 
-def of_band(found: "ResponseBand") -> Telling:
+@display.register
+def of_band(found: ResponseBand) -> Display:
     """How many frequencies; a few of them."""
     f = found.frequency
     head = (
         f"gain and phase at {len(f)} frequencies, {f.min():.3g} to {f.max():.3g} Hz, within pointwise "
         f"{100 * found.level:g} % bands; standard error of the gain at most {100 * found.gain_error.max():.2g} %"
     )
-    return Telling(head, (), _over(found), (found.concern,) if found.concern else ())
+    return Display(head, (), _over(found), (found.concern,) if found.concern else ())
 
 
-def _over(found: "FrequencyResponse | ResponseBand") -> Grid:
+def _over(found: "FrequencyResponse | ResponseBand") -> TextTable:
     """A few frequencies: gain and phase within their bands."""
     rows = []
     for k in np.unique(np.linspace(0, len(found.frequency) - 1, MOST_ROWS).astype(int)):
         share, turn = float(found.gain_error[k]), float(found.phase_error[k])
         gain, phase = float(found.gain[k]), float(found.phase[k])
-        told = measured(gain, share * gain) if share < 1 else "not known"
-        rows.append((f"{found.frequency[k]:.3g}", told, measured(phase, turn) if share < 1 else ""))
-    return Grid(("Hz", "gain", "phase, degrees"), tuple(rows))
+        told = with_error(gain, share * gain) if share < 1 else "not known"
+        rows.append((f"{found.frequency[k]:.3g}", told, with_error(phase, turn) if share < 1 else ""))
+    return TextTable(("Hz", "gain", "phase, degrees"), tuple(rows))
 
 
-def of_step_band(found: "StepBand") -> Telling:
+@display.register
+def of_step_band(found: StepBand) -> Display:
     """Where the step ends and how well that is known."""
-    end = measured(float(found.step[-1]), float(found.error[-1]))
-    return Telling(f"response to a unit step over {found.time[-1]:g} s, at its end {end}, {found.method}, bands of "
+    end = with_error(float(found.step[-1]), float(found.error[-1]))
+    return Display(f"response to a unit step over {found.time[-1]:g} s, at its end {end}, {found.method}, bands of "
                    f"{100 * found.level:g} %")  # fmt: skip
 
 
-def of_predicted(found: "PredictedErrors") -> Telling:
+@display.register
+def of_predicted(found: PredictedErrors) -> Display:
     """Signal to noise and the errors to be expected."""
     grid = estimates(list(found.params.index), found.params["value"], found.params["se"])
     worst = float(found.response["gain_se"].max())
-    return Telling(
+    return Display(
         f"{found.snr:.1f} dB of signal over noise; gain to be known to {plain(worst, 2)} % at worst", (), grid
     )
 
 
-def of_identification(found: "Identification") -> Telling:
+@display.register
+def of_identification(found: Identification) -> Display:
     """The verdict, then the model."""
-    told = of_model(found.model)
+    shown = of_model(found.model)
     fit = f"fit {found.validation.fit:.1f} % ({found.judged_on})"
     words = (found.argument, *found.verdicts)
-    return Telling(f"{told.head}; {fit}", told.facts, told.grid, words)
+    return Display(f"{shown.head}; {fit}", shown.facts, shown.table, words)
 
 
-def of_gains(gains: "PiGains") -> Telling:
+@display.register
+def of_gains(gains: PiGains) -> Display:
     """Gains with their units, form and sample time; the rest as facts."""
     unit = _ratio(gains.unit_u, gains.unit_y)
     head = (
         f"Kp {plain(gains.kp)}{unit}, Ki {plain(gains.ki)}{unit} per second, {gains.form.replace('_', ' ')} form, "
         f"{gains.integration} sum at {gains.sample_time:g} s"
     )
-    return Telling(head, tuple(facts_of(gains)))
+    return Display(head, tuple(facts_of(gains)))
 
 
-def of_tuned(tuned: "TunedPi") -> Telling:
+@display.register
+def of_tuned(tuned: TunedPi) -> Display:
     """The verdict and the figures of the loop."""
-    return Telling(tuned.verdict, tuple(facts_of(tuned.figures)))
+    return Display(tuned.verdict, tuple(facts_of(tuned.figures)))
 
 
-def of_loop(loop: "Loop") -> Telling:
+@display.register
+def of_loop(loop: Loop) -> Display:
     """Whether it is stable, and of what."""
     state = "stable" if loop.stable else "UNSTABLE"
     head = f"{state}, largest pole {plain(loop.radius)}; {of_gains(loop.gains).head}"
-    return Telling(head, (("plant", of_model(loop.model).head),))
+    return Display(head, (("plant", of_model(loop.model).head),))
 
 
-def of_loop_trace(trace: "LoopTrace") -> Telling:
+@display.register
+def of_loop_trace(trace: LoopTrace) -> Display:
     """How long, where it ended, how often a limit held it."""
     low, high = plain(float(trace.command.min())), plain(float(trace.command.max()))
     head = (
@@ -153,28 +160,31 @@ def of_loop_trace(trace: "LoopTrace") -> Telling:
         f"{trace.unit_y}".rstrip()
         + f", command {low} to {high} {trace.unit_u}".rstrip()
     )
-    return Telling(head, (("held by a limit", f"{trace.saturated.mean():.1%} of the time"),))
+    return Display(head, (("held by a limit", f"{trace.saturated.mean():.1%} of the time"),))
 
 
-def of_check(found: "PiCheck") -> Telling:
+@display.register
+def of_check(found: PiCheck) -> Display:
     """The verdict; each reading on a row."""
     rows = tuple((reading.words, "yes" if reading.stable else "no", "yes" if reading.meets else "no")
                  for reading in found.readings)  # fmt: skip
-    return Telling(found.verdict, (), Grid(("read as", "stable", "meets"), rows))
+    return Display(found.verdict, (), TextTable(("read as", "stable", "meets"), rows))
 
 
-def of_map(found: "FeasibleMap") -> Telling:
+@display.register
+def of_map(found: FeasibleMap) -> Display:
     """How much of the map meets what was asked."""
     share = float(found.feasible.mean())
     head = (
         f"{len(found.kp)} by {len(found.ki)} pairs of gains, Kp {plain(found.kp.min())} to {plain(found.kp.max())}, Ki "
         f"{plain(found.ki.min())} to {plain(found.ki.max())} per second; {share:.1%} meet {found.specification}"
     )
-    return Telling(head)
+    return Display(head)
 
 
-def of_fit(fit: "StepFit | DriveFit | ForceProcess") -> Telling:
+@display.register
+def of_fit(fit: StepFit | DriveFit | ForceProcess) -> Display:
     """The verdict; the parameters."""
     params, bse = fit.params, fit.bse
     names = [str(name) for name in params.index]
-    return Telling(fit.verdict, by_fields(fit).facts, estimates(names, params, [bse.get(n) for n in names]), fit.notes)
+    return Display(fit.verdict, by_fields(fit).facts, estimates(names, params, [bse.get(n) for n in names]), fit.notes)

@@ -1,4 +1,4 @@
-"""Figures of their own that a notebook shows: a result's ``plot()`` as the last line of a cell is its picture.
+"""Figures and axes that a notebook shows: ``result.plot()`` as the last line of a cell is its figure.
 
 Nothing here uses pyplot, so nothing is shown twice, kept open or shown by a script. A notebook shows what has a
 ``_repr_png_``; matplotlib's own figures have none until pyplot gives them one, and its axes never do.
@@ -28,21 +28,21 @@ def png(figure: Any) -> tuple[bytes, dict[str, int]]:  # noqa: ANN401  Figure or
     return held.getvalue(), {"width": width, "height": height}
 
 
-class ShownFigure(Figure):
+class NotebookFigure(Figure):
     """A figure that a notebook shows."""
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         return png(self)
 
 
-class ShownAxes(Axes):
+class NotebookAxes(Axes):
     """Axes that a notebook shows, with all of their figure."""
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         return png(self.figure)
 
 
-class ShownSheet(np.ndarray[Any, Any]):
+class NotebookAxesArray(np.ndarray[Any, Any]):
     """Axes of one figure in an array, which a notebook shows as that figure."""
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]] | None:
@@ -50,19 +50,19 @@ class ShownSheet(np.ndarray[Any, Any]):
         return png(first.figure) if isinstance(first, Axes) else None
 
 
-def one_panel(ax: Axes | None, width: float = 4.8, height: float = 4.2) -> Axes:
+def new_axes(ax: Axes | None, width: float = 4.8, height: float = 4.2) -> Axes:
     """The axes that were given, or axes of their own on a figure of so many inches."""
     if ax is not None:
         return ax
-    figure = ShownFigure(figsize=(width, height), layout="constrained")
-    return figure.add_subplot(axes_class=ShownAxes)
+    figure = NotebookFigure(figsize=(width, height), layout="constrained")
+    return figure.add_subplot(axes_class=NotebookAxes)
 
 
-def sheet(panels: Sequence[Axes]) -> NDArray[np.object_]:
+def axes_array(panels: Sequence[Axes]) -> NDArray[np.object_]:
     """Axes of one figure, shown together."""
     held = np.empty(len(panels), dtype=object)
     held[:] = panels
-    return held.view(ShownSheet)
+    return held.view(NotebookAxesArray)
 
 
 def whiskers(
@@ -70,7 +70,7 @@ def whiskers(
 ) -> Axes:
     """Estimates as dots on their intervals, from the top down: names of (value, low, high), ends NaN where unknown."""
     shown = dict(list(rows.items())[:MOST])
-    ax = one_panel(ax, 4.8, 1.1 + 0.34 * max(len(shown), 3))
+    ax = new_axes(ax, 4.8, 1.1 + 0.34 * max(len(shown), 3))
     for at, (value, low, high) in enumerate(shown.values()):
         if np.isfinite([low, high]).all():
             ax.plot([low, high], [at, at], color=BLUE, lw=1.4, solid_capstyle="butt")

@@ -1,4 +1,7 @@
-"""How far the work is: a bar at a terminal, a line now and then where there is none, nothing where it is soon over."""
+"""Progress of long work: a bar at a terminal, a line now and then elsewhere, nothing for work that is soon over.
+
+All of it goes to standard error, or under the running cell of a notebook.
+"""
 
 import sys
 from collections import deque
@@ -7,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event, Thread
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -29,7 +32,7 @@ def grouped(n: int) -> str:
 
 @dataclass(slots=True)
 class Meter:
-    """Counts what is done; made by `progress`.
+    """Count of the work that is done; made by `progress`.
 
     Attributes
     ----------
@@ -39,7 +42,7 @@ class Meter:
         In the plural: pairs.
     done : int
     words : str
-        What is going on.
+        Description of the present step.
     clock : callable
         Time in s.
     """
@@ -55,12 +58,12 @@ class Meter:
         self._steps.append((self.clock(), 0))
 
     def expect(self, total: int) -> None:
-        """Say how many there are; the rate counts from now on."""
+        """Set the total; the rate counts from now on."""
         self.total = total
         self._start_again()
 
     def skip(self, n: int) -> None:
-        """Count ``n`` that an earlier run did: they are done, and do not count for the rate."""
+        """Count ``n`` as done by an earlier run, without effect on the rate."""
         self.done += n
         self._start_again()
 
@@ -74,7 +77,7 @@ class Meter:
             self._steps.popleft()
 
     def say(self, words: str) -> None:
-        """Say what is going on."""
+        """Describe the present step."""
         self.words = words
 
     def _start_again(self) -> None:
@@ -82,13 +85,13 @@ class Meter:
         self._steps.append((self.clock(), self.done))
 
     def rate(self) -> float:
-        """How many in a second, over the recent past; 0 before the first is done."""
+        """Units per second over the recent past; 0 before the first is done."""
         since, before = self._steps[0]
         elapsed = self.clock() - since
         return (self.done - before) / elapsed if elapsed > 0 else 0.0
 
     def counted(self) -> str:
-        """How many are done.
+        """Number done of the total.
 
         >>> Meter(10_000, "pairs", done=3400).counted()
         '3400 of 10 000 pairs'
@@ -96,7 +99,7 @@ class Meter:
         return f"{grouped(self.done)} of {grouped(self.total)} {self.unit}" if self.total else ""
 
     def pace(self) -> str:
-        """Rate and time left, as far as they are known."""
+        """Rate and time left, where known."""
         rate = self.rate()
         if not (self.total and rate):
             return ""
@@ -104,7 +107,7 @@ class Meter:
         return f"{_rate(rate, self.unit)}, {_time(left)} left" if left > 0 else _rate(rate, self.unit)
 
     def line(self) -> str:
-        """All of it in one line."""
+        """Description, number and rate in one line."""
         facts = ", ".join(part for part in (self.counted(), self.pace()) if part)
         return ": ".join(part for part in (self.words, facts) if part)
 
@@ -133,15 +136,17 @@ def _time(seconds: float) -> str:
 
 
 @contextmanager
-def progress(total: int, unit: str) -> Iterator[Meter]:
+def progress(total: int = 0, unit: str = "", *, lines: bool = True) -> Iterator[Meter]:
     """Show on standard error how far the work is, once it has taken two seconds.
 
     Parameters
     ----------
     total : int
-        0 where it is not known yet: the meter's `expect` tells it later.
+        0 where it is not known yet, see `Meter.expect`.
     unit : str
         What is counted, in the plural.
+    lines : bool
+        Whether a line is written now and then where standard error is no terminal.
 
     Examples
     --------
@@ -153,14 +158,16 @@ def progress(total: int, unit: str) -> Iterator[Meter]:
     """
     meter = Meter(total, unit)
     ended = Event()
-    watch = _bar if sys.stderr.isatty() else _lines
-    watcher = Thread(target=watch, args=(meter, ended), name="progress", daemon=True)
-    watcher.start()
+    terminal = sys.stderr.isatty()
+    watcher = Thread(target=_bar if terminal else _lines, args=(meter, ended), name="progress", daemon=True)
+    if terminal or lines:
+        watcher.start()
     try:
         yield meter
     finally:
         ended.set()
-        watcher.join()
+        if watcher.is_alive():
+            watcher.join()
 
 
 def _lines(meter: Meter, ended: Event) -> None:
@@ -187,10 +194,44 @@ def _bar(meter: Meter, ended: Event) -> None:
 
 def _columns() -> "Progress":
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    words = (
-        TextColumn(f"{{task.{name}}}", markup=False) for name in ("description", "fields[counted]", "fields[pace]")
-    )
-    first, counted, pace = words
-    return Progress(first, BarColumn(), counted, pace, console=Console(stderr=True), transient=True)
+    text = [TextColumn(f"{{task.{name}}}", markup=False) for name in ("description", "fields[counted]", "fields[pace]")]
+    return Progress(text[0], BarColumn(), *text[1:], TimeElapsedColumn(), console=Console(stderr=True), transient=True)
+
+
+def status_line() -> Callable[[str], None]:
+    """A function that writes one line in place of the former: under the notebook cell, or at the terminal."""
+    return _notebook_line() or _terminal_line
+
+
+def _terminal_line(text: str) -> None:
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\x1b[2K{text}\r")  # the cursor goes back: what is written next stands in its place
+        sys.stderr.flush()
+
+
+def _notebook_line() -> Any:  # noqa: ANN401
+    """A line under the running cell; None outside a notebook."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if shell is None or not hasattr(shell, "kernel"):
+        return None
+    from IPython import display  # type: ignore[import-not-found, unused-ignore]
+
+    show: Any = display.display
+
+    class Line:
+        def __init__(self) -> None:
+            self.text, self.handle = "", None
+
+        def __repr__(self) -> str:
+            return self.text
+
+        def __call__(self, text: str) -> None:
+            self.text = text
+            if self.handle is None:
+                self.handle = show(self, display_id=True)
+            else:
+                self.handle.update(self)
+
+    return Line()

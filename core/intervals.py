@@ -1,4 +1,4 @@
-"""How wide an interval is, from plain numbers, numpy and scipy's special functions.
+"""Half-widths of mean, prediction and tolerance intervals from variances and degrees of freedom.
 
 A fitted law has these numbers from its rows, a parameter file from its sections: both come here with them, so that
 a file answers as the fit did.
@@ -72,7 +72,7 @@ class Scatter:
         return float(brentq(excess, low, high)) if excess(low) > 0 > excess(high) else low
 
 
-def of_one_part(sd: float, df: float) -> Scatter:
+def one_component(sd: float, df: float) -> Scatter:
     """Scatter of independent rows, or of rows within an edge."""
     return Scatter(sd, ((sd * sd, df),))  # sd**2 of a number that a file holds by mistake may raise
 
@@ -117,11 +117,11 @@ def half_width(
     level, coverage : float
         Between 0 and 1.
     unsure : float
-        Variance of the factor from the median to the mean, of :func:`unsure_of_mean`.
+        Variance of the factor from the median to the mean, of :func:`log_mean_variance`.
 
     Examples
     --------
-    >>> rows = of_one_part(0.1, 10.0)
+    >>> rows = one_component(0.1, 10.0)
     >>> [half_width(kind, np.array(0.0), 10.0, rows, level=0.95).round(3).item() for kind in ("prediction", "mean")]
     [0.223, 0.0]
     """
@@ -136,14 +136,14 @@ def half_width(
     return np.asarray(stdtrit(df, (1 + level) / 2) * np.sqrt(variance + more), dtype=float)
 
 
-def ends(value: Array, half: Array, *, multiplies: bool) -> tuple[Array, Array]:
+def interval_ends(value: Array, half: Array, *, multiplies: bool) -> tuple[Array, Array]:
     """Ends of an interval about ``value`` in its unit, where errors multiply or add."""
     if multiplies:
         return value * np.exp(-half), value * np.exp(half)
     return value - half, value + half
 
 
-def factor_to(centre: Centre, sd: float, smearing: float) -> float:
+def centre_factor(centre: Centre, sd: float, smearing: float) -> float:
     """What the median is multiplied by to be the centre asked for, where errors multiply.
 
     ``smearing`` is the mean of exp(residual): Duan 1983, J. Am. Stat. Assoc. 78, 605.
@@ -153,18 +153,18 @@ def factor_to(centre: Centre, sd: float, smearing: float) -> float:
     return float(np.exp(sd * sd / 2)) if centre == "mean" else 1.0
 
 
-def unsure_of_mean(scatter: Scatter) -> float:
+def log_mean_variance(scatter: Scatter) -> float:
     """Variance of the logarithm of the factor from the median to the mean (Cox)."""
     square = scatter.sd * scatter.sd
     return square * square / (2 * (scatter.df + 2))
 
 
-def label(kind: Kind, level: float, coverage: float, edge: str | None) -> str:
+def interval_label(kind: Kind, level: float, coverage: float, edge: str | None) -> str:
     """What an interval is of, in words; ``edge`` says of which edge, None where rows are independent.
 
     Examples
     --------
-    >>> label("tolerance", 0.9, 0.95, "a new edge")
+    >>> interval_label("tolerance", 0.9, 0.95, "a new edge")
     '90 % tolerance interval for 95 % of rows of a new edge'
     """
     rows = "" if edge is None else f" of {edge}"

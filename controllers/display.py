@@ -1,65 +1,65 @@
-"""What replays, lives and regions say of themselves: one function a result, from result to `Telling`."""
-
-from typing import TYPE_CHECKING
+"""Display of the results of this package: one registered function per class."""
 
 import numpy as np
 
-from ..datasets.rounding import plain
-from ..datasets.telling import Grid, Telling
-
-if TYPE_CHECKING:
-    from .constant_load_milling.run import ToolRun
-    from .constant_load_milling.steady import SteadyLife
-    from .loop import Trace
-    from .recursion.choice import Choice
-    from .recursion.distribution import LifeDraws
-    from .recursion.fixed import FixedLife
-    from .recursion.laws import LifeLaws, Terms
-    from .recursion.life import Life
-    from .region.front import WearFront
-    from .region.probability import Chance
-    from .region.visible import VisibleRegion
-    from .roughness.cuts import Turned
+from ..core.display import Display, TextTable, display
+from ..core.rounding import format_plain
+from .constant_load_milling.run import ToolRun
+from .constant_load_milling.steady import SteadyLife
+from .loop import Trace
+from .recursion.choice import Choice
+from .recursion.distribution import LifeDraws
+from .recursion.fixed import FixedLife
+from .recursion.laws import LifeLaws, Terms
+from .recursion.life import Life
+from .region.front import WearFront
+from .region.probability import Chance
+from .region.visible import VisibleRegion
+from .roughness.cuts import Turned
 
 MOST_ROWS = 12
 
 
-def of_trace(trace: "Trace") -> Telling:
+@display.register
+def of_trace(trace: Trace) -> Display:
     """How long, where measurement and reference stand at the end, what happened."""
     command, measurement = trace.labels
     seen = trace.measurement[np.isfinite(trace.measurement)]
-    last = f", last {measurement} {plain(float(seen[-1]))}" if seen.size else ""
+    last = f", last {measurement} {format_plain(float(seen[-1]))}" if seen.size else ""
     head = f"simulated, {len(trace.time)} samples over {trace.time[-1]:g} s of {measurement} under {command}{last}"
     counted = {event.what: 0 for event in trace.events}
     for event in trace.events:
         counted[event.what] += 1
-    return Telling(head, tuple((what, f"{n} times, first at {trace.first(what):g} s") for what, n in counted.items()))
+    return Display(head, tuple((what, f"{n} times, first at {trace.first(what):g} s") for what, n in counted.items()))
 
 
-def of_tool_run(run: "ToolRun") -> Telling:
+@display.register
+def of_tool_run(run: ToolRun) -> Display:
     """Whether the tool was worn, after how much; every quantity with its unit."""
     state = "worn out" if run.worn else "not worn out"
     head = (
         f"simulated, {state} after {run.time / 60:.3g} min in the cut, {run.length:.0f} mm in {len(run.passes)} passes"
     )
-    facts = [("wear", plain(run.wear)), ("rested on the lower limit", f"{run.rested:.3g} s")]
+    facts = [("wear", format_plain(run.wear)), ("rested on the lower limit", f"{run.rested:.3g} s")]
     if run.time > 0:
         facts.insert(1, ("mean feed", f"{run.mean_feed:.0f} mm/min"))
     if run.removed is not None:
         facts.append(("removed", f"{run.removed:.0f} mm3"))
-    return Telling(head, tuple(facts))
+    return Display(head, tuple(facts))
 
 
-def of_turned(cut: "Turned") -> Telling:
+@display.register
+def of_turned(cut: Turned) -> Display:
     """How long and how rough."""
     Ra = cut.Ra[np.isfinite(cut.Ra)]
-    span = f"Ra {plain(Ra.min(), 3)} to {plain(Ra.max(), 3)} um" if Ra.size else "no roughness known"
-    return Telling(
+    span = f"Ra {format_plain(Ra.min(), 3)} to {format_plain(Ra.max(), 3)} um" if Ra.size else "no roughness known"
+    return Display(
         f"simulated cut of {cut.trace.time[-1]:g} s, {span}, feed within {cut.low:g} and {cut.high:g} mm/rev"
     )
 
 
-def of_life(life: "Life") -> Telling:
+@display.register
+def of_life(life: Life) -> Display:
     """Minutes and metal; the pair of each interval."""
     wear, n = life.laws.wear, len(life.time)
     ended = "" if life.ended else ", not worn out then"
@@ -72,10 +72,11 @@ def of_life(life: "Life") -> Telling:
         for k in np.unique(np.linspace(0, n - 1, min(n, MOST_ROWS)).astype(int))
     )
     header = ("to min", "V, m/min", "f, mm/rev", f"{wear.response}, {wear.unit}", "MRR, cm3/min")
-    return Telling(head, (), Grid(header, rows) if rows else None)
+    return Display(head, (), TextTable(header, rows) if rows else None)
 
 
-def of_life_draws(found: "LifeDraws") -> Telling:
+@display.register
+def of_life_draws(found: LifeDraws) -> Display:
     """Bands of life and metal, and how often the plan ends early."""
     of = "one plan on edges as they may come" if found.of == "plan" else "each draw by a plan of its own"
     minutes, removed = found.band("minutes"), [v / 1000 for v in found.band("removed")]
@@ -85,58 +86,64 @@ def of_life_draws(found: "LifeDraws") -> Telling:
     )
     facts = (("plan as fitted", f"{found.plan.minutes:g} min, {found.plan.removed / 1000:.4g} cm3"),
              ("worn out before the plan ends", f"{found.ends_early:.1%}"))  # fmt: skip
-    return Telling(head, facts)
+    return Display(head, facts)
 
 
-def of_laws(laws: "LifeLaws") -> Telling:
+@display.register
+def of_laws(laws: LifeLaws) -> Display:
     """The laws at their depth, and their limits."""
     terms = (laws.wear, *(law for _, law in laws.limited))
     head = "; ".join(f"{_terms(law)}, at most {law.most:g} {law.unit}" for law in terms)
     facts = (("V", f"{laws.V[0]:g} to {laws.V[1]:g} m/min"), ("f", f"{laws.f[0]:g} to {laws.f[1]:g} mm/rev"))
-    return Telling(f"d {laws.d:g} mm: {head}", facts, None, laws.notes)
+    return Display(f"d {laws.d:g} mm: {head}", facts, None, laws.notes)
 
 
 def _terms(law: "Terms") -> str:
     powers = [(name, getattr(law, name)) for name in ("V", "f", "t", "AW")]
-    return " ".join([f"{law.response} = {plain(np.exp(law.ln_c))}", *(f"{x}^{k:g}" for x, k in powers if k)])
+    return " ".join([f"{law.response} = {format_plain(np.exp(law.ln_c))}", *(f"{x}^{k:g}" for x, k in powers if k)])
 
 
-def of_fixed(pair: "FixedLife") -> Telling:
+@display.register
+def of_fixed(pair: FixedLife) -> Display:
     """Speed and feed, and the life they give."""
     over = f", passing the limits of {' and '.join(pair.passes)}" if pair.passes else ""
     head = f"calculated, V {pair.V:.4g} m/min, f {pair.f:.3g} mm/rev: {pair.minutes:.3g} min"
-    return Telling(f"{head}, {pair.removed / 1000:.4g} cm3, {pair.per_minute / 1000:.4g} cm3/min{over}")
+    return Display(f"{head}, {pair.removed / 1000:.4g} cm3, {pair.per_minute / 1000:.4g} cm3/min{over}")
 
 
-def of_choice(pair: "Choice") -> Telling:
+@display.register
+def of_choice(pair: Choice) -> Display:
     """Speed and feed, and what they do in their interval."""
     held = f"; {' and '.join(pair.stops)} forbid more" if pair.stops else ""
     head = f"V {pair.V:.4g} m/min, f {pair.f:.3g} mm/rev: MRR {pair.MRR / 1000:.4g} cm3/min"
-    return Telling(f"{head}, AW {pair.AW:.3g}{held}")
+    return Display(f"{head}, AW {pair.AW:.3g}{held}")
 
 
-def of_steady(life: "SteadyLife") -> Telling:
+@display.register
+def of_steady(life: SteadyLife) -> Display:
     """The tool, or the middle of many."""
     n = len(life.time)
     wear, time, length = (float(np.nanmedian(v)) if np.isfinite(v).any() else np.nan
                           for v in (life.wear, life.time, life.length))  # fmt: skip
     who = "the tool" if n == 1 else f"median of {n} tools"
-    return Telling(
-        f"{who} reaches the lower limit after {time / 60:.3g} min and {length:.0f} mm, wear {plain(wear, 3)}"
+    return Display(
+        f"{who} reaches the lower limit after {time / 60:.3g} min and {length:.0f} mm, wear {format_plain(wear, 3)}"
     )
 
 
-def of_region(region: "VisibleRegion") -> Telling:
+@display.register
+def of_region(region: VisibleRegion) -> Display:
     """The best pair or why there is none; the corners."""
     at = f"d {region.setting.d:g} mm, t {region.setting.t:g} min"
     if region.empty:
-        return Telling(f"nothing is allowed at {at}: {region.conflict}", words=region.notes)
+        return Display(f"nothing is allowed at {at}: {region.conflict}", sentences=region.notes)
     rows = tuple((c.letter, f"{c.V:.4g}", f"{c.f:.3g}", " and ".join(c.limits)) for c in region.corners)
     head = f"{len(region.corners)} corners at {at}; best {region.best.words}"
-    return Telling(head, (), Grid(("corner", "V, m/min", "f, mm/rev", "limits"), rows), region.notes)
+    return Display(head, (), TextTable(("corner", "V, m/min", "f, mm/rev", "limits"), rows), region.notes)
 
 
-def of_chance(found: "Chance") -> Telling:
+@display.register
+def of_chance(found: Chance) -> Display:
     """Where the best pair of the laws stands, from how many draws."""
     low, high = float(found.probability.min()), float(found.probability.max())
     head = (
@@ -144,10 +151,11 @@ def of_chance(found: "Chance") -> Telling:
         f"V {found.V[0]:g} to {found.V[-1]:g} m/min and f {found.f[0]:g} to {found.f[-1]:g} mm/rev"
     )
     best = () if found.region.empty else (("at the best pair of the laws", f"{found.at(*found.region.best.xy):.1%}"),)
-    return Telling(head, best, None, found.sources)
+    return Display(head, best, None, found.sources)
 
 
-def of_front(front: "WearFront") -> Telling:
+@display.register
+def of_front(front: WearFront) -> Display:
     """From the most metal to the least wear."""
     rows = tuple(
         (
@@ -164,4 +172,4 @@ def of_front(front: "WearFront") -> Telling:
         f"{front.symbol} {front.wear[0]:.3g} {front.unit} at the greatest MRR of {front.MRR[0] / 1000:.4g} cm3/min, "
         f"{front.wear[-1]:.3g} {front.unit} where {front.loss[-1]:.0%} of it is given up"
     )
-    return Telling(head, (), Grid(header, rows))
+    return Display(head, (), TextTable(header, rows))

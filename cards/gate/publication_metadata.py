@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...datasets.errors import DataError
+from ...core.errors import DataError
 from ...parameters import ParameterFile, Sensor
 from ...parameters.errors import short, short_name
 from ..content.identity import checksum
@@ -16,7 +16,7 @@ NO_SENSORS = "none"  # symbol of the entry that holds why there was no sensor
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class PublicationMetadata:
     """What card.toml tells.
 
     Attributes

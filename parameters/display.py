@@ -1,24 +1,21 @@
-"""What a parameter file and its parts say of themselves: one function a result, from result to `Telling`."""
-
-from typing import TYPE_CHECKING
+"""Display of the results of this package: one registered function per class."""
 
 import numpy as np
 
-from ..datasets.rounding import plain
-from ..datasets.telling import Grid, Telling, estimates, facts_of, with_unit
-
-if TYPE_CHECKING:
-    from .check import CheckReport
-    from .draws import Draws
-    from .file import ParameterFile
-    from .sections.dynamics import Dynamics
-    from .sections.law import Law
+from ..core.display import Display, TextTable, display, estimates, facts_of, with_unit
+from ..core.rounding import format_plain
+from .check import CheckReport
+from .draws import Draws
+from .file import ParameterFile
+from .sections.dynamics import Dynamics
+from .sections.law import Law
 
 SECTIONS = ("design", "tool_life", "posterior", "dynamics", "pi", "load_line", "limits", "roughness", "adaptive_force")
 MARKS = {True: "passed", False: "AGAINST", None: "not asked"}
 
 
-def of_file(pf: "ParameterFile") -> Telling:
+@display.register
+def of_file(pf: ParameterFile) -> Display:
     """Tool and work, the laws, which sections are there."""
     there = [name.replace("_", " ") for name in SECTIONS if getattr(pf, name) is not None]
     simulated = ", simulated" if pf.identity.simulated else ""
@@ -26,7 +23,7 @@ def of_file(pf: "ParameterFile") -> Telling:
     head = f"{pf.identity.tool} on {pf.identity.work}{simulated}: {'; '.join([laws, *there])}"
     rows = tuple((law.response, law_in_short(law), f"n {law.n}") for law in pf.laws.values())
     made = (("written with", f"fitmodels {pf.provenance.fitmodels}"),)
-    return Telling(head, made, Grid(("", "law", ""), rows) if rows else None)
+    return Display(head, made, TextTable(("", "law", ""), rows) if rows else None)
 
 
 def law_in_short(law: "Law") -> str:
@@ -38,35 +35,39 @@ def law_in_short(law: "Law") -> str:
     return law.equation
 
 
-def of_law(law: "Law") -> Telling:
+@display.register
+def of_law(law: Law) -> Display:
     """Equation, scatter and rows; coefficients with their standard errors."""
     rows = f"{law.n} rows" + ("" if law.n_edges is None else f" of {law.n_edges} edges")
-    se = "" if law.residual_se is None else f", residual SE {plain(law.residual_se, 3)} {law.residual_scale}"
+    se = "" if law.residual_se is None else f", residual SE {format_plain(law.residual_se, 3)} {law.residual_scale}"
     names = list(law.coefficients)
     grid = estimates(names, law.coefficients.values(), [law.standard_errors.get(name) for name in names])
     tested = tuple((f"tested {f.symbol}", f"{f.low:g} to {f.high:g} {f.unit}") for f in law.factors)
-    return Telling(f"{law_in_short(law)}{se}, {rows}", tested, grid, (*law.verdicts, *law.notes))
+    return Display(f"{law_in_short(law)}{se}, {rows}", tested, grid, (*law.verdicts, *law.notes))
 
 
-def of_report(report: "CheckReport") -> Telling:
+@display.register
+def of_report(report: CheckReport) -> Display:
     """Whether something stands against the file; each finding."""
     rows = tuple((finding.name, MARKS[finding.passed], finding.words) for finding in report.findings)
     against = [finding.words for finding in report.failed]
     said = f"{len(against)} stand against the file: {against[0]}" if against else "nothing stands against the file"
-    return Telling(f"{len(report.findings)} findings, {said}", (), Grid(("", "", ""), rows) if rows else None)
+    return Display(f"{len(report.findings)} findings, {said}", (), TextTable(("", "", ""), rows) if rows else None)
 
 
-def of_draws(draws: "Draws") -> Telling:
+@display.register
+def of_draws(draws: Draws) -> Display:
     """How many; mean, sd and interval of each parameter."""
     low, high = np.quantile(draws.values, [0.025, 0.975], axis=0)
     sd = draws.values.std(axis=0, ddof=1) if len(draws.values) > 1 else [None] * len(draws.names)
     grid = estimates(draws.names, draws.values.mean(axis=0), sd, list(low), list(high))
-    return Telling(f"{len(draws.values)} draws of {', '.join(draws.names)}", (), grid)
+    return Display(f"{len(draws.values)} draws of {', '.join(draws.names)}", (), grid)
 
 
-def of_dynamics(model: "Dynamics") -> Telling:
+@display.register
+def of_dynamics(model: Dynamics) -> Display:
     """Orders, gain and sample time; what else is told of it."""
     below = sum(model.a)
-    gain = f"gain {plain(sum(model.b) / below)}" if below else "an integrator"
+    gain = f"gain {format_plain(sum(model.b) / below)}" if below else "an integrator"
     head = f"{model.input} to {model.output}, na {len(model.a) - 1}, nb {len(model.b) - model.nk}, nk {model.nk}"
-    return Telling(f"{head} at {model.sample_time:g} s, {gain}", tuple(facts_of(model)))
+    return Display(f"{head} at {model.sample_time:g} s, {gain}", tuple(facts_of(model)))

@@ -1,4 +1,4 @@
-"""Numbers as they are told: rounded by their uncertainty, never more digits than they deserve."""
+"""Numbers as text, rounded by their uncertainty."""
 
 import math
 
@@ -18,29 +18,29 @@ def decimals(uncertainty: float, digits: int = 2) -> int:
     return digits - 1 - math.floor(math.log10(shown))
 
 
-def plain(value: float, digits: int = 4) -> str:
+def format_plain(value: float, digits: int = 4) -> str:
     """A number without an uncertainty, to ``digits`` significant digits.
 
-    >>> plain(0.00076234), plain(1234567.0), plain(0.0)
+    >>> format_plain(0.00076234), format_plain(1234567.0), format_plain(0.0)
     ('0.0007623', '1.235e+06', '0')
     """
     return f"{value:.{digits}g}"
 
 
-def told(value: float, uncertainty: float | None) -> tuple[str, str]:
-    """Value and uncertainty, both to the decimals that the uncertainty deserves.
+def format_rounded(value: float, uncertainty: float | None) -> tuple[str, str]:
+    """Value and uncertainty, both to the decimals of two significant digits of the uncertainty.
 
-    >>> told(0.577123, 0.0213)
+    >>> format_rounded(0.577123, 0.0213)
     ('0.577', '0.021')
-    >>> told(55354.2, 8123.0)
+    >>> format_rounded(55354.2, 8123.0)
     ('55400', '8100')
-    >>> told(1.5, None)
+    >>> format_rounded(1.5, None)
     ('1.5', '')
     """
     if uncertainty is None or not math.isfinite(uncertainty):
-        return plain(value, 6), ""
+        return format_plain(value, 6), ""
     if uncertainty <= abs(value) * EXACT:
-        return plain(value, 7), plain(uncertainty, 1)
+        return format_plain(value, 7), format_plain(uncertainty, 1)
     places = decimals(uncertainty)
     if places > 6 or abs(value) >= 1e7:
         return _scientific(value, uncertainty, places)

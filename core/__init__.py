@@ -1,0 +1,1 @@
+"""Shared by every package: version, errors, display, rounding, intervals, plotting, threads, files, progress."""

@@ -1,0 +1,335 @@
+"""Presentation of results as one line, as plain text and in a notebook, all three from one `Display`.
+
+A result class inherits `Displayable` and is decorated with ``@dataclass(..., repr=False)``; the dataclass's own
+``repr`` would print every array. Without more it shows its fields. What is shown of it, and its figure, are
+registered from outside in the modules ``display`` and ``figures`` of its package, so that a result imports
+neither::
+
+    @display.register
+    def _(law: LawFit) -> Display: ...
+
+    @plot.register
+    def _(law: LawFit, ax: Axes | None = None) -> Axes: ...
+
+These modules are imported when the first result of their package is shown or drawn.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import lru_cache, singledispatch
+from html import escape
+from importlib import import_module
+from importlib.util import find_spec
+from re import fullmatch, sub
+from textwrap import fill, wrap
+from typing import TYPE_CHECKING, Any
+
+from .rounding import format_plain, format_rounded
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    from pandas import DataFrame
+
+    Frame: TypeAlias = DataFrame  # for packages that use pandas nowhere else
+
+WIDTH, LINES = 110, 4  # of a repr
+SENTENCE = 26  # letters of a cell beyond which it is aligned as text, not as a number
+LONG = 90  # letters of a fact beyond which it is left out
+FEW = 8  # names or numbers that are listed one by one; of more, their count
+SENTENCES = ("verdict", "words", "argument", "reason", "sentence")  # fields and properties that hold a sentence
+
+CELL = "padding: 0.15em 0.7em; text-align: {}; border: none; background: none"
+RULE = "; border-bottom: 1px solid"  # without a colour: the text's own, on light and on dark pages
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """A small table of text: a header, and rows as long as it; the first column names the row."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def text(self) -> str:
+        """Rows in columns: names and sentences to the left, numbers to the right."""
+        lines = (self.header, *self.rows) if any(self.header) else self.rows
+        wide = [max(len(line[j]) for line in lines) for j in range(len(self.header))]
+        return "\n".join(
+            "  ".join(
+                cell.ljust(w) if self._left(j) else cell.rjust(w)
+                for j, (cell, w) in enumerate(zip(line, wide, strict=True))
+            ).rstrip()
+            for line in lines
+        )
+
+    def _left(self, column: int) -> bool:
+        return column == 0 or any(len(row[column]) > SENTENCE for row in self.rows)
+
+    def html(self) -> str:
+        """An HTML table without colours of its own."""
+        left = [self._left(j) for j in range(len(self.header))]
+        head = "".join(_cell("th", *of, RULE) for of in zip(self.header, left, strict=True)) if any(self.header) else ""
+        body = ("".join(_cell("td", *of) for of in zip(row, left, strict=True)) for row in self.rows)
+        rows = "".join(f"<tr>{row}</tr>" for row in (head, *body) if row)
+        return f'<table style="border-collapse: collapse; margin: 0.4em 0">{rows}</table>'
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """What is shown of a result: ``head`` with its main numbers and units, then table, facts and sentences."""
+
+    head: str
+    facts: tuple[tuple[str, str], ...] = ()
+    table: TextTable | None = None
+    sentences: tuple[str, ...] = ()
+
+
+def by_fields(result: object) -> Display:
+    """The sentence of a result or its first facts, then all its facts and notes."""
+    facts = tuple(facts_of(result))
+    sentence = next((text for name in SENTENCES if (text := _sentence(result, name))), "")
+    notes = tuple(str(note) for note in getattr(result, "notes", ()) or ())
+    return Display(sentence or joined_facts(facts) or "no fields", facts, sentences=notes)
+
+
+@singledispatch
+def display(result: object) -> Display:
+    """What is shown of a result; registered per class, `by_fields` otherwise."""
+    return by_fields(result)
+
+
+@singledispatch
+def plot(result: object, ax: Any = None, **options: Any) -> Any:  # noqa: ANN401
+    """Draw a result on ``ax`` or on axes of its own, which are returned; registered per class.
+
+    Raises
+    ------
+    TypeError
+        No figure is registered for the class.
+    """
+    raise TypeError(f"{type(result).__name__} has no figure; see summary().")
+
+
+class HasRepr:
+    """Base of what has a one-line ``repr`` and a notebook view from its `Display`."""
+
+    __slots__ = ()
+
+    def _display(self) -> Display:
+        _load("display", type(self).__module__)
+        return display(self)
+
+    def __repr__(self) -> str:
+        return "\n".join(wrap(f"{type(self).__name__}: {self._display().head}", WIDTH, max_lines=LINES) or [""])
+
+    def _repr_html_(self) -> str:
+        shown = self._display()
+        parts = [f"<p><strong>{escape(_spaced(type(self).__name__))}</strong>: {escape(shown.head)}</p>"]
+        if shown.table is not None:
+            parts.append(shown.table.html())
+        if shown.facts:
+            parts.append(TextTable(("", ""), shown.facts).html())
+        parts += [f"<p>{escape(sentence)}</p>" for sentence in shown.sentences]
+        return f"<div>{''.join(parts)}</div>"
+
+
+class Displayable(HasRepr):
+    """Base of results: ``repr``, notebook view, ``summary()``.
+
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True, slots=True, repr=False)
+    ... class Stop(Displayable):
+    ...     minutes: float
+    ...     worn: bool
+    >>> Stop(12.34567, True)
+    Stop: minutes 12.35, worn yes
+    """
+
+    __slots__ = ()
+
+    def summary(self) -> str:
+        """The result as plain text."""
+        shown = self._display()
+        table = [shown.table.text()] if shown.table is not None else []
+        facts = [TextTable(("", ""), shown.facts).text()] if shown.facts else []
+        lines = (f"{_spaced(type(self).__name__)}: {shown.head}", *shown.sentences)
+        head, *sentences = (fill(text, WIDTH) for text in lines)
+        return "\n".join([head, *table, *facts, *sentences])
+
+
+class Plottable(Displayable):
+    """Base of results with a figure, registered with `plot`."""
+
+    __slots__ = ()
+
+    def plot(self, ax: Any = None, **options: Any) -> Any:  # noqa: ANN401
+        """Draw the figure of the result on ``ax``, or on axes of its own; the axes are returned."""
+        _load("figures", type(self).__module__)
+        return plot(self, ax, **options)
+
+
+@lru_cache(maxsize=256)
+def _load(kind: str, module: str) -> None:
+    """Import the modules ``kind`` of the packages that hold a result; they register its classes."""
+    *packages, _ = module.split(".")
+    for depth in range(2, len(packages) + 1):
+        name = ".".join([*packages[:depth], kind])
+        if packages[0] == __name__.partition(".")[0] and find_spec(name) is not None:
+            import_module(name)
+
+
+def facts_of(result: object) -> Iterator[tuple[str, str]]:
+    """Names and values of the public fields that fit in a few words; longer ones are left out."""
+    for name, value in _public(result):
+        text = format_value(value)
+        if text and len(text) <= LONG and name not in (*SENTENCES, "notes"):
+            yield name.replace("_", " "), text
+
+
+def as_columns(result: object, *names: str, **more: object) -> "DataFrame":
+    """Fields of one length as the columns of a DataFrame."""
+    from pandas import DataFrame
+
+    return DataFrame({**{name: getattr(result, name) for name in names}, **more})
+
+
+def joined_facts(facts: Iterable[tuple[str, str]]) -> str:
+    """Facts one after the other.
+
+    >>> joined_facts([("V", "250 m/min"), ("f", "0.2 mm/rev")])
+    'V 250 m/min, f 0.2 mm/rev'
+    """
+    return ", ".join(f"{name} {value}" for name, value in facts)
+
+
+def format_value(value: object) -> str:
+    """A value in a few words; empty where it has none.
+
+    >>> format_value((1.0, 2.5)), format_value({"V": 0.57712}), format_value([0.5] * 40), format_value(None)
+    ('1, 2.5', 'V 0.5771', '40 values, 0.5 to 0.5', '')
+    """
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return f"{value[:12]}..." if fullmatch("[0-9a-f]{64}", value) else value
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return format_plain(value)
+    if isinstance(value, HasRepr):
+        return value._display().head
+    if isinstance(value, Mapping):
+        return _mapping(value)
+    return _many(value)
+
+
+def with_error(value: float, error: float | None, unit: str = "") -> str:
+    """A value with its standard error, rounded by it, and its unit.
+
+    >>> with_error(0.577123, 0.0213), with_error(95.1089, 0.0213, "kg"), with_error(2.0, None, "A")
+    ('0.577 ± 0.021', '95.109 ± 0.021 kg', '2 A')
+    """
+    number, plus = format_rounded(value, error)
+    return " ".join(filter(None, (f"{number} ± {plus}" if plus else number, unit)))
+
+
+def estimates(
+    names: Sequence[str],
+    values: Iterable[float],
+    errors: Iterable[float | None],
+    low: Sequence[float] = (),
+    high: Sequence[float] = (),
+    *,
+    units: Sequence[str] | None = None,
+    more: Mapping[str, Sequence[str]] | None = None,
+    level: float = 0.95,
+) -> TextTable:
+    """Estimates as a table: each with its standard error, and its interval where ``low`` and ``high`` are given.
+
+    >>> print(estimates(["V", "f"], [0.577123, 0.33], [0.0213, 0.1], [0.53, 0.1], [0.62, 0.56]).text())
+       estimate     se  95 % low   high
+    V     0.577  0.021     0.530  0.620
+    f      0.33   0.10      0.10   0.56
+    """
+    rows = []
+    for j, (name, value, error) in enumerate(zip(names, values, errors, strict=True)):
+        error = None if error is None else float(error)
+        limits = (low[j], high[j]) if len(low) else ()
+        ends = [format_rounded(end, error)[0] if _known(end) else "" for end in limits]
+        extra = [texts[j] for texts in (more or {}).values()]
+        rows.append((name, *format_rounded(float(value), error), *ends, *([units[j]] if units else []), *extra))
+    interval = [] if not len(low) else [f"{100 * level:g} % low", "high"]
+    return TextTable(("", "estimate", "se", *interval, *(["unit"] if units else []), *(more or {})), tuple(rows))
+
+
+def with_unit(symbol: str, unit: str) -> str:
+    """A symbol with its unit in brackets, where it has one."""
+    return f"{symbol} [{unit}]" if unit else symbol
+
+
+def _known(value: float | None) -> bool:
+    return value is not None and value == value and abs(value) != float("inf")
+
+
+def _public(result: object) -> Iterator[tuple[str, object]]:
+    """Fields of a dataclass or of a pydantic model, private ones left out."""
+    if is_dataclass(result):
+        names: Iterable[str] = [field.name for field in fields(result)]
+    else:
+        names = [*getattr(type(result), "model_fields", {}), *(getattr(result, "model_extra", None) or {})]
+    for name in names:
+        if not name.startswith("_"):
+            yield name, getattr(result, name)
+
+
+def _sentence(result: object, name: str) -> str:
+    """The text of a field or property of this name; empty where it is not text."""
+    own = getattr(type(result), name, None)
+    if own is None and name not in dict(_public(result)):
+        return ""
+    value = getattr(result, name)
+    return value if isinstance(value, str) else ""
+
+
+def _mapping(value: Mapping[Any, Any]) -> str:
+    if len(value) > FEW:
+        return f"{len(value)} items"
+    return joined_facts((str(key), text) for key, item in value.items() if (text := format_value(item)))
+
+
+def _many(value: object) -> str:
+    """Several values: one by one where they are few, else their count; of an array also its range."""
+    shape = getattr(value, "shape", None)
+    if shape == ():
+        return format_value(value.item())  # type: ignore[attr-defined]
+    if shape is not None and len(shape) > 1:
+        return f"{' by '.join(map(str, shape))} values"
+    if isinstance(value, Sequence) or shape is not None:
+        return _row(list(value))  # type: ignore[call-overload]
+    return ""
+
+
+def _row(items: list[Any]) -> str:
+    if not items:
+        return ""
+    if isinstance(items[0], complex):
+        return ", ".join(f"{item:.4g}" for item in items) if len(items) <= FEW else f"{len(items)} values"
+    numbers = [item for item in items if isinstance(item, float | int) or getattr(item, "shape", None) == ()]
+    if len(items) <= FEW:
+        if len(numbers) < len(items):
+            return "; ".join(map(format_value, items))
+        return ", ".join(format_plain(float(item)) for item in items)
+    if len(numbers) == len(items):
+        return f"{len(items)} values, {format_plain(float(min(items)))} to {format_plain(float(max(items)))}"
+    return f"{len(items)} items"
+
+
+def _spaced(name: str) -> str:
+    """``FrequencyResponse`` as it is read: ``Frequency response``."""
+    words = sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name)
+    return words[0] + words[1:].lower()
+
+
+def _cell(kind: str, text: str, left: bool, rule: str = "") -> str:
+    style = CELL.format("left" if left else "right") + rule
+    return f'<{kind} style="{style}">{escape(text)}</{kind}>'

@@ -1,0 +1,57 @@
+"""Exceptions of the project; each message states the object, the value, the limit and the remedy."""
+
+
+class FitmodelsError(Exception):
+    """Base of every error the project raises on purpose; its text is meant for the user.
+
+    ``exit_code`` is what the command ends with when it meets one.
+    """
+
+    exit_code = 1
+
+
+class UsageError(FitmodelsError):
+    """An option, a column or a name does not exist, or takes another value."""
+
+    exit_code = 2
+
+
+class DataError(FitmodelsError):
+    """The data cannot be read or used."""
+
+    exit_code = 3
+
+
+class FitError(FitmodelsError):
+    """A law cannot be fitted to these data."""
+
+    exit_code = 4
+
+
+class IdentError(FitmodelsError):
+    """A model cannot be identified from this record, or no gains exist."""
+
+    exit_code = 4
+
+
+class ParameterError(FitmodelsError):
+    """A parameter file cannot be read, written or used.
+
+    Examples
+    --------
+    >>> from fitmodels.core.errors import ParameterError
+    >>> from fitmodels.parameters import read
+    >>> try:
+    ...     read("nowhere.json")
+    ... except ParameterError as error:
+    ...     print(error)
+    nowhere.json: there is no such file; give the path of a params.json written by fitmodels.
+    """
+
+    exit_code = 3
+
+
+class GateError(ParameterError):
+    """A quality gate refuses to write; the message says what to do first."""
+
+    exit_code = 5
