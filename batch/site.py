@@ -70,11 +70,11 @@ def _brought(card: Path, to: Path, before: str | None) -> str:
 
 def _tells(path: Path) -> bool:
     """Whether a card.toml tells anything: a template tells nothing yet, and what is none is not ours to judge."""
+    from ..cards.gate.publication_metadata import PublicationMetadata
     from ..cards.gate.reading import read_toml
-    from ..cards.gate.told import Displayable
 
     try:
-        return read_toml(path) != Displayable(name=str(path))
+        return read_toml(path) != PublicationMetadata(name=str(path))
     except DataError:
         return True
 

@@ -2,6 +2,7 @@
 
 import argparse
 
+from ..core.errors import FitError
 from .arguments import Parser
 from .output import Printer
 from .reading import read, reading_options
@@ -33,13 +34,13 @@ def run(args: argparse.Namespace) -> int:
     old, new = read(args.data, args), read(args.file, args)
     laws, refused = fit.default_laws(old)
     if not laws:
-        raise fit.FitError("; ".join(item.reason for item in refused) or f"{args.data} holds no law to confirm.")
+        raise FitError("; ".join(item.reason for item in refused) or f"{args.data} holds no law to confirm.")
     out = Printer()
     judged = 0
     for law in laws:
         try:
             out.show(Text(fit.confirm(law, new, args.level).verdict))
             judged += 1
-        except (fit.FitError, UsageError) as reason:
+        except (FitError, UsageError) as reason:
             out.show(Text(f"{law.response} is not judged: {reason}"))
     return 0 if judged else 4

@@ -2,6 +2,7 @@
 
 import argparse
 
+from ..core.errors import FitError
 from .arguments import Parser
 from .plan import target
 from .reading import read, reading_options
@@ -37,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
         there = ", ".join(law.response for law in laws)
         if there:
             raise UsageError(f"--law {args.law}: there are laws of {there}.")
-        raise fit.FitError("; ".join(item.reason for item in refused) or f"{args.file} holds no law to add runs to.")
+        raise FitError("; ".join(item.reason for item in refused) or f"{args.file} holds no law to add runs to.")
     plan = fit.next_runs(chosen[0], args.runs, seed=args.seed)
     notes = [f"plan: {plan.attrs['words']}", f"for the law of {chosen[0].response}; cut in the order of run"]
     write_csv(plan, target(args.out, args.force), notes)

@@ -156,7 +156,7 @@ def _meant(name: str, known: Mapping[str, object]) -> str:
 
 def _told(pf: "ParameterFile", law: "Law", given: Mapping[str, _Value], by: str | None, asked: "Asked") -> "Prediction":
     """One law's answer, its wear from the file's wear law where it is not given."""
-    from ..parameters import ParameterError
+    from ..core.errors import ParameterError
     from ..parameters.prediction import tell
 
     level = by if law.by is not None else None

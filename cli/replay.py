@@ -79,8 +79,7 @@ def _given(file: str) -> "tuple[ParameterFile, Mapping[str, Draws], Path]":
 
 def _chosen(pf: "ParameterFile", name: str | None, file: str) -> list[str]:
     from ..cards import replays
-    from ..core.errors import UsageError
-    from ..parameters import ParameterError
+    from ..core.errors import ParameterError, UsageError
     from .arguments import nearest
 
     if name is not None and name not in SYSTEMS:

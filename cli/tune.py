@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.errors import GateError
 from .arguments import Parser, traced
 from .dynamics import model_of
 from .output import Printer
@@ -95,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
         step.say("tuning")
         tuned = _tuned(pf.dynamics, args)
     if tuned.misses and not args.force:
-        raise parameters.GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, and marks them.")
+        raise GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, and marks them.")
     forced = "kept by --force" if tuned.misses else None
     section = parameters.pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
     changed = parameters.sealed(pf, pi=section, provenance=traced(pf, args))

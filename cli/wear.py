@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.errors import ParameterError
 from ..core.version import __version__
 from .arguments import Parser
 from .output import Printer, complain
@@ -171,7 +172,7 @@ def _holds(folder: Path, runs: "Runs", options: Mapping[str, Any]) -> bool:
 
     try:
         pf = parameters.read(folder / "params.json")
-    except parameters.ParameterError:
+    except ParameterError:
         return False
     if not all((folder / name).is_file() for name in cards.files(pf)):
         return False

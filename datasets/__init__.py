@@ -7,7 +7,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..core.errors import DataError, FitmodelsError, UsageError
     from .bundles import bundled, bundled_names
     from .columns import ColumnUse
     from .design import central_composite
@@ -23,14 +22,11 @@ if TYPE_CHECKING:
 
 _HOME = {
     "ColumnUse": "columns",
-    "DataError": "errors",
-    "FitmodelsError": "errors",
     "Record": "records.record",
     "Runs": "runs",
     "SimulatedLaw": "simulation",
     "Source": "runs",
     "Table": "tables",
-    "UsageError": "errors",
     "bundled": "bundles",
     "bundled_names": "bundles",
     "central_composite": "design",
@@ -49,14 +45,11 @@ _INSIDE = {"join_records": "join"}  # what a name is called in its module, where
 
 __all__ = [
     "ColumnUse",
-    "DataError",
-    "FitmodelsError",
     "Record",
     "Runs",
     "SimulatedLaw",
     "Source",
     "Table",
-    "UsageError",
     "bundled",
     "bundled_names",
     "central_composite",

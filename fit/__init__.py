@@ -6,7 +6,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from ..core.errors import FitError, UsageError
+from ..core.errors import UsageError
 from .available import NotAvailable
 from .bayes.choose import posterior
 from .bayes.joint_posterior import JointPosterior
@@ -60,7 +60,6 @@ __all__ = [
     "Dropped",
     "EdgeBootstrap",
     "EdgeInference",
-    "FitError",
     "Forms",
     "GaugeFit",
     "JointPosterior",

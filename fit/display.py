@@ -227,8 +227,10 @@ def of_beside(found: Beside) -> Display:
 @display.register
 def of_forms(found: Forms) -> Display:
     """The argument; each form with its error of foretelling."""
-    rows = tuple((form.name, *(format_plain(v, n) for v, n in ((form.error, 3), (form.difference, 2), (form.standard_error, 2))))
-                 for form in (found.power, *found.rivals))  # fmt: skip
+    rows = tuple(
+        (form.name, format_plain(form.error, 3), format_plain(form.difference, 2), format_plain(form.standard_error, 2))
+        for form in (found.power, *found.rivals)
+    )
     words = tuple(f"{name}: {reason}." for name, reason in found.not_fitted)
     return Display(
         found.argument, (), TextTable(("", f"error left out, by {found.unit}", "difference", "se"), rows), words

@@ -7,7 +7,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ..core.errors import IdentError
     from .estimators.bias import warn_of_bias
     from .estimators.causality import causality
     from .estimators.instrumental import sriv
@@ -46,7 +45,6 @@ _HOME = {
     "FeasibleMap": "pi.feasible",
     "ForceProcess": "machines.force_process",
     "FrequencyResponse": "judging.frequency",
-    "IdentError": "errors",
     "Identification": "identification",
     "Model": "model",
     "OrderSearch": "estimators.orders",
@@ -95,7 +93,6 @@ __all__ = [
     "FeasibleMap",
     "ForceProcess",
     "FrequencyResponse",
-    "IdentError",
     "Identification",
     "Model",
     "OrderSearch",

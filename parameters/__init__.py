@@ -26,7 +26,6 @@
 'fitmodels.parameters/1'
 """
 
-from ..core.errors import GateError, ParameterError
 from .canonical import content_sha256
 from .check import CheckReport, Finding, check
 from .collect import collect
@@ -83,7 +82,6 @@ __all__ = [
     "Factor",
     "FeedLimit",
     "Finding",
-    "GateError",
     "Given",
     "Identity",
     "Law",
@@ -96,7 +94,6 @@ __all__ = [
     "ModelCovariance",
     "NoCovariance",
     "NoInterval",
-    "ParameterError",
     "ParameterFile",
     "Pi",
     "PiFigures",

@@ -30,8 +30,7 @@ from fitmodels.controllers.adaptive_force.judged import averaged
 from fitmodels.controllers.adaptive_force.reference_model import ReferenceModel
 from fitmodels.controllers.adaptive_force.revolution import Revolution
 from fitmodels.controllers.faults import FAULTS, Faulty, saturated
-from fitmodels.core.errors import UsageError
-from fitmodels.parameters import GateError
+from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.published import published
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.checks.adequacy import adequacy
 from fitmodels.fit.checks.choice import MOST_ROWS
@@ -189,7 +190,7 @@ def test_one_sentence_at_least():
 def test_small_designs_never_give_a_nan(edges, per_edge, noise, seed, named):
     try:
         law = wear(edges, per_edge, noise, between=noise, seed=seed)
-    except fit.FitError:
+    except errors.FitError:
         return
     assert_in_words(adequacy(law if named else replace(law, edge=None)))
 

@@ -22,6 +22,7 @@ from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
 from fitmodels.batch.result import records
 from fitmodels.batch.rows import About, Rows
 from fitmodels.cli import main
+from fitmodels.core import errors
 from fitmodels.datasets import Source
 from fitmodels.fit.defaults import asked_laws, fit_asked
 from hypothesis import Phase, given, settings
@@ -284,7 +285,7 @@ def test_a_criterion_without_a_wear_law_costs_the_tool_life_alone(fitted):
     assert "params.json" in outcome.files
     assert "no tool life" in [c.kind for c in outcome.concerns]
     (_, runs), *_ = rows_of(frame).runs()
-    with pytest.raises(fit.FitError, match="no wear law on time"):
+    with pytest.raises(errors.FitError, match="no wear law on time"):
         fit_pair(runs, criterion=0.2)
 
 
@@ -440,7 +441,7 @@ def streamed(monkeypatch):
             passes.append(1)
             for start in range(0, len(frame), cut):
                 if fail is not None and start >= fail:
-                    raise datasets.DataError("part 2 cannot be read: corrupt.")
+                    raise errors.DataError("part 2 cannot be read: corrupt.")
                 yield frame.iloc[start : start + cut]
 
         monkeypatch.setitem(sys.modules, "fitmodels.batch.source", SimpleNamespace(chunks_of=chunks_of))

@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import parameters
 from fitmodels.batch.how import How
 from fitmodels.batch.law_table import LAW, law_table
 from fitmodels.batch.outcome import NO_LAW, REFUSED, BlockOutcome, Concern, PairOutcome
@@ -250,16 +249,16 @@ def test_a_kill_at_any_write_leaves_what_can_be_gone_on_from(at_which, out, monk
     folders = folder_names([A, B, C])
     record(out, "1" * 64, outcome(C), folders)
     monkeypatch.setattr(records, "WRITERS", 1)
-    real, calls = parameters.file.put_in_place, []
+    real, calls = records.write_whole, []
 
-    def put_in_place(path, content):
+    def write_whole(path, content, **more):
         calls.append(path)
         if len(calls) >= at_which:
             raise KeyboardInterrupt
-        real(path, content)
+        real(path, content, **more)
 
     with monkeypatch.context() as patched:
-        patched.setattr(records, "put_in_place", put_in_place)
+        patched.setattr(records, "write_whole", write_whole)
         with pytest.raises(KeyboardInterrupt):
             record(out, KEY, outcome(A, B), folders)
     assert recorded(out, KEY, folders) is None
@@ -282,13 +281,13 @@ from fitmodels.batch.law_table import LAW, law_table
 from fitmodels.batch.outcome import BlockOutcome, PairOutcome
 from fitmodels.batch.plan import Pair
 from fitmodels.batch.result import place, records
-out, calls, real = Path({str(out)!r}), [], records.put_in_place
-def put_in_place(path, content):
+out, calls, real = Path({str(out)!r}), [], records.write_whole
+def write_whole(path, content, **more):
     calls.append(path)
     if len(calls) == 5:
         os.kill(os.getpid(), signal.SIGKILL)
-    real(path, content)
-records.put_in_place, folders = put_in_place, place.folder_names([Pair("a", "x"), Pair("b", "x")])
+    real(path, content, **more)
+records.write_whole, folders = write_whole, place.folder_names([Pair("a", "x"), Pair("b", "x")])
 with place.prepare(out, "lab", How()):
     for tool in "ab":
         pair = PairOutcome(tool, "x", 1, files={{"params.json": b"{{}}"}})

@@ -21,9 +21,9 @@ from fitmodels.cards.forms.page import page
 from fitmodels.cards.forms.people import author
 from fitmodels.cards.forms.plain_text import text
 from fitmodels.cards.forms.yaml_text import yaml_text
-from fitmodels.core.errors import UsageError
+from fitmodels.core.errors import ParameterError, UsageError
 from fitmodels.ident.model import Model
-from fitmodels.parameters import ParameterError, collect, sealed
+from fitmodels.parameters import collect, sealed
 from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator

@@ -9,8 +9,8 @@ from fitmodels.cards.content.compose import compose
 from fitmodels.cards.forms.markdown import markdown
 from fitmodels.cards.gate import judge, missing, read_toml, template
 from fitmodels.cards.gate.ask import QUESTIONS, SENSOR_EXAMPLE
-from fitmodels.core.errors import DataError
-from fitmodels.parameters import GateError, collect, sealed
+from fitmodels.core.errors import DataError, GateError
+from fitmodels.parameters import collect, sealed
 from hypothesis import given
 from hypothesis import strategies as st
 

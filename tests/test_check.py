@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
+from fitmodels.core.errors import ParameterError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
-from fitmodels.parameters import Dynamics, ParameterError, Pi, check, collect, read, sealed, write
+from fitmodels.parameters import Dynamics, Pi, check, collect, read, sealed, write
 from fitmodels.parameters.checks.loop_figures import closed_loop, figures
 from fitmodels.parameters.file import _parse
 from hypothesis import given, settings

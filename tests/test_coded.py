@@ -6,6 +6,7 @@ Box & Wilson (1951), J. R. Stat. Soc. B 13, 1-45; even in the logarithm as in Al
 import numpy as np
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.datasets.coded import decode, looks_coded
 
 DESIGN = "V,f,AW [mm]\n-1,-1,0.10\n1,-1,0.14\n-1,1,0.12\n1,1,0.17\n0,0,0.13\n0,0,0.135\n"
@@ -69,17 +70,17 @@ def test_missing_levels_stay_missing():
     ],
 )
 def test_ranges_out_of_order_are_refused(given, says):
-    with pytest.raises(datasets.UsageError, match=says):
+    with pytest.raises(errors.UsageError, match=says):
         decode("V", np.array([-1, 0, 1.0]), given)
 
 
 def test_a_range_for_plain_values_is_refused():
-    with pytest.raises(datasets.UsageError, match="--range V: the column holds no coded levels"):
+    with pytest.raises(errors.UsageError, match="--range V: the column holds no coded levels"):
         decode("V", np.array([50, 100, 200.0]), (50.0, 200.0))
 
 
 def test_a_file_of_levels_is_refused_until_the_ranges_are_given(tmp_path):
-    with pytest.raises(datasets.DataError, match=r"V holds coded levels \(-1, 0, 1\).*--range V=50:200"):
+    with pytest.raises(errors.DataError, match=r"V holds coded levels \(-1, 0, 1\).*--range V=50:200"):
         datasets.read_runs(file(tmp_path))
 
 

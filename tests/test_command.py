@@ -302,7 +302,7 @@ def test_a_folder_where_a_file_goes_is_named_before_anything_moves(wear, tmp_pat
     (folder / "params.json" / "kept").mkdir(parents=True)
     result = run(wear, "--out", tmp_path / "out", "--force")
     assert result.code == 2
-    assert "params.json stands where fitmodels writes" in result.err
+    assert "params.json has the name of something that fitmodels writes" in result.err
     assert [path.name for path in folder.iterdir()] == ["params.json"]
     assert not hidden(tmp_path)
 
@@ -715,10 +715,10 @@ def test_progress_is_shown_only_to_a_terminal_that_waits(monkeypatch, patience):
             return True
 
     screen = Terminal()
-    monkeypatch.setattr(fitmodels.cli.output, "PATIENCE", patience)
+    monkeypatch.setattr(fitmodels.core.progress, "PATIENCE", patience)
     monkeypatch.setattr(sys, "stderr", screen)
     with fitmodels.core.progress.progress() as step:
-        step("fitting")
+        step.say("fitting")
         if patience == 0:
             for _ in range(500):
                 if "fitting" in screen.getvalue():

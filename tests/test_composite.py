@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.datasets.published import published
 from fitmodels.fit.composite import composite, substituted, without
 from statsmodels.regression.linear_model import OLS
@@ -146,5 +147,5 @@ def test_as_many_rows_as_parameters():
     ],
 )
 def test_what_cannot_be_combined_is_said(make, words):
-    with pytest.raises(datasets.UsageError, match=words):
+    with pytest.raises(errors.UsageError, match=words):
         make(*both())

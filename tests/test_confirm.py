@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.confirm import confirm
 from fitmodels.fit.joint import quadratic
@@ -98,7 +99,7 @@ def test_rows_outside_the_region_are_named_and_not_judged():
     assert len(found.rows) == 22
     assert "2 rows outside the region of the design are not judged" in found.verdict
     assert "V 900 m/min above the 50 to 200 that was cut" in found.verdict
-    with pytest.raises(fit.FitError, match="none of the 24 new rows lies in the region"):
+    with pytest.raises(errors.FitError, match="none of the 24 new rows lies in the region"):
         confirm(law(), new(V=900.0))
 
 
@@ -117,7 +118,7 @@ def test_a_category():
     fitted = fit.power_law(datasets.runs_from_frame(data), "AW", FACTORS, by="material")
     assert confirm(fitted, new(material="soft")).holds
     assert not confirm(fitted, new(material="hard")).holds
-    with pytest.raises(fit.FitError, match="'brass' is not among"):
+    with pytest.raises(errors.FitError, match="'brass' is not among"):
         confirm(fitted, new(material="brass"))
 
 
@@ -148,12 +149,12 @@ def test_missing_columns_are_refused(drop, words):
 
 def test_other_refusals():
     fitted = law()
-    with pytest.raises(fit.FitError, match="all 144 rows are among those the law was fitted to"):
+    with pytest.raises(errors.FitError, match="all 144 rows are among those the law was fitted to"):
         confirm(fitted, datasets.runs_from_frame(frame(PLAN, 1)))
     with pytest.raises(UsageError, match="level 95"):
         confirm(fitted, new(), level=95)
-    with pytest.raises(fit.FitError, match="no usable row"):
+    with pytest.raises(errors.FitError, match="no usable row"):
         confirm(fitted, new(AW=-1.0))
     two = fit.power_law(datasets.runs_from_frame(pd.DataFrame({"t": [2.0, 4.0], "AW": [0.1, 0.2]})), "AW", ["t"])
-    with pytest.raises(fit.FitError, match="2 observations fix 2 parameters"):
+    with pytest.raises(errors.FitError, match="2 observations fix 2 parameters"):
         confirm(two, new())

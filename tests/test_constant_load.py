@@ -12,8 +12,7 @@ import pytest
 from fitmodels import controllers, parameters
 from fitmodels.controllers.constant_load_milling import MillingCut
 from fitmodels.controllers.faults import FAULTS, Faulty, saturated
-from fitmodels.core.errors import UsageError
-from fitmodels.parameters import GateError
+from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.export.view import view
 from fitmodels.parameters.published import published
 from hypothesis import given, settings

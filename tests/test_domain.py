@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.datasets import region
 from fitmodels.fit.domain import domain
 from hypothesis import given, settings
@@ -104,7 +105,7 @@ def test_words_name_the_factor_and_its_range():
     words = domain(DESIGN).words({"V": 300.0, "f": 0.19, "d": 2.12, "t": 8.0})
     assert "V 300 m/min above the 50 to 200 that was cut" in words
     assert "inside: leverage 0.04" in domain(DESIGN).words({"V": 100.0, "f": 0.19, "d": 2.12, "t": 8.0})
-    with pytest.raises(fit.FitError, match="2 points"):
+    with pytest.raises(errors.FitError, match="2 points"):
         domain(DESIGN).words({"V": [300.0, 100.0], "f": 0.19, "d": 2.12, "t": 8.0})
 
 
@@ -126,7 +127,7 @@ def test_each_level_of_a_category_has_its_own_limit():
     Z = np.column_stack([np.ones(22), np.log(V), material == "soft"])
     np.testing.assert_allclose(ours.leverage({"V": V, "material": material}), hat(Z), rtol=1e-7)
     for bad, words in (({"V": 90.0}, "needs material"), ({"V": 90.0, "material": "x"}, "'x' is not among")):
-        with pytest.raises(fit.FitError, match=words):
+        with pytest.raises(errors.FitError, match=words):
             ours.inside(bad)
 
 
@@ -151,7 +152,7 @@ def test_degenerate_designs():
     [({"V": 100.0}, "needs f, d, t"), (CORNER | {"V": -3.0}, "V -3"), (CORNER | {"t": np.nan}, "t nan")],
 )
 def test_refusals(bad, words):
-    with pytest.raises(fit.FitError, match=words):
+    with pytest.raises(errors.FitError, match=words):
         domain(DESIGN).inside(bad)
 
 

@@ -5,7 +5,8 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from fitmodels.parameters import ParameterError, ParameterFile, read_draws
+from fitmodels.core.errors import ParameterError
+from fitmodels.parameters import ParameterFile, read_draws
 from fitmodels.parameters.draws import Draws, packed, unpacked
 
 IDENTITY = {"tool": "GC435", "work": "709M40", "simulated": False}

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 
 pytest.importorskip("sklearn")
 
@@ -118,5 +119,5 @@ def test_without_scikit_learn_the_package_says_how_to_get_it(monkeypatch):
     monkeypatch.delattr(fit, "estimator")
     for name in [name for name in sys.modules if name == "sklearn" or name.startswith("sklearn.")]:
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(datasets.UsageError, match=r"pip install 'fitmodels\[sklearn\]'"):
+    with pytest.raises(errors.UsageError, match=r"pip install 'fitmodels\[sklearn\]'"):
         _ = fit.PowerLawRegressor

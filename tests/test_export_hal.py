@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels import controllers
-from fitmodels.parameters import GateError
+from fitmodels.core.errors import GateError
 from fitmodels.parameters.export import exporter
 from fitmodels.parameters.export.view import view
 

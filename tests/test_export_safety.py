@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from fitmodels import parameters
 from fitmodels.cli import main
-from fitmodels.core.errors import UsageError
-from fitmodels.parameters import GateError, ParameterError
+from fitmodels.core.errors import GateError, ParameterError, UsageError
 from fitmodels.parameters.export import KINDS, export, exporter
 from fitmodels.parameters.export.names import plain, plain_unit, safe_name
 from fitmodels.parameters.export.view import view

@@ -12,7 +12,7 @@ import re
 import numpy as np
 import pytest
 from fitmodels import controllers
-from fitmodels.parameters import GateError
+from fitmodels.core.errors import GateError
 from fitmodels.parameters.export import exporter
 from fitmodels.parameters.export.st import real
 from fitmodels.parameters.export.view import view

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from fitmodels import datasets
+from fitmodels.core import errors
 from fitmodels.datasets import public_sets
 from fitmodels.datasets.public_sets import SETS, PublicFile, PublicSet
 
@@ -54,7 +55,7 @@ def test_a_local_copy_is_taken_before_anything_is_downloaded(monkeypatch, tmp_pa
 def test_a_local_copy_that_was_changed_is_refused(monkeypatch, tmp_path):
     monkeypatch.setenv("FITMODELS_DATA", str(tmp_path))
     (filled(tmp_path / "made") / "b.csv").write_bytes(b"V,f\n200,0.5\n")
-    with pytest.raises(datasets.DataError, match=r"b\.csv: SHA-256 .* it is not the file that was published\. Restore"):
+    with pytest.raises(errors.DataError, match=r"b\.csv: SHA-256 .* it is not the file that was published\. Restore"):
         datasets.fetch("made")
 
 
@@ -74,7 +75,7 @@ def test_what_was_downloaded_once_is_taken_without_pooch(tmp_path, pooch, monkey
 
 def test_without_pooch_the_sentence_says_how_to_get_either(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "pooch", None)
-    with pytest.raises(datasets.DataError, match=r"pip install 'fitmodels\[fetch\]', or set FITMODELS_DATA .*small/a"):
+    with pytest.raises(errors.DataError, match=r"pip install 'fitmodels\[fetch\]', or set FITMODELS_DATA .*small/a"):
         datasets.fetch("small", tmp_path)
 
 
@@ -92,22 +93,20 @@ def test_a_download_that_fails_names_address_licence_and_cure(pooch, tmp_path, e
         raise error
 
     pooch.retrieve = retrieve
-    with pytest.raises(datasets.DataError) as raised:
+    with pytest.raises(errors.DataError) as raised:
         datasets.fetch("small", tmp_path)
     assert all(part in str(raised.value) for part in ("https://example.org/a.csv", "licence: CC0", said))
 
 
 def test_a_set_that_was_made_says_from_what(pooch, tmp_path):
-    with pytest.raises(
-        datasets.DataError, match=r"was averaged from x\.csv .* cannot be downloaded .* made/a\.csv and "
-    ):
+    with pytest.raises(errors.DataError, match=r"was averaged from x\.csv .* cannot be downloaded .* made/a\.csv and "):
         datasets.fetch("made", tmp_path)
     assert pooch.asked == []
 
 
 @pytest.mark.parametrize(("name", "hint"), [("nasa_millling", "did you mean 'nasa_milling'"), ("zzz", "there are")])
 def test_an_unknown_name_is_told_what_there_is(name, hint):
-    with pytest.raises(datasets.UsageError, match=hint):
+    with pytest.raises(errors.UsageError, match=hint):
         datasets.fetch(name)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.fit.checks.gauge import gauge_corrected
 from fitmodels.fit.checks.sensitivity import sensitivity
 from scipy.linalg import eigh
@@ -173,7 +174,7 @@ def test_what_cannot_be_corrected_says_why(make, words):
     ],
 )
 def test_what_is_asked_wrongly_is_said(make, words):
-    with pytest.raises(datasets.UsageError, match=words):
+    with pytest.raises(errors.UsageError, match=words):
         make(power())
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.fit.identifiable import EXACT, identifiable
 
 
@@ -46,7 +47,7 @@ def test_a_constant_factor_is_left_out_by_name():
 
 def test_nothing_left_is_a_sentence():
     frame = wear().assign(V=100.0, d=2.5)
-    with pytest.raises(fit.FitError, match=r"no factor to fit it on; V is left out: constant \(100 in all"):
+    with pytest.raises(errors.FitError, match=r"no factor to fit it on; V is left out: constant \(100 in all"):
         fitted(frame, ["V", "d"])
 
 

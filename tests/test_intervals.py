@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.core.intervals import tolerance_factor
 from fitmodels.fit.about import same_edge
@@ -262,8 +263,8 @@ def test_an_exact_law_has_no_width():
         ({"centre": "mode"}, UsageError, "median, mean, smeared"),
         ({"level": 95}, UsageError, "level 95"),
         ({"coverage": 1.0}, UsageError, "coverage 1 "),
-        ({"new": {"V": 100.0}}, fit.FitError, "needs f, d, t"),
-        ({"new": AT | {"edge": "E99"}, "edge": "same"}, fit.FitError, "'E99' is not among the 24"),
+        ({"new": {"V": 100.0}}, errors.FitError, "needs f, d, t"),
+        ({"new": AT | {"edge": "E99"}, "edge": "same"}, errors.FitError, "'E99' is not among the 24"),
     ],
 )
 def test_refusals(changed, error, words):
@@ -274,7 +275,7 @@ def test_refusals(changed, error, words):
 
 def test_as_many_rows_as_parameters_have_no_interval():
     law = fit.power_law(datasets.runs_from_frame(pd.DataFrame({"t": [2.0, 4.0], "AW": [0.1, 0.2]})), "AW", ["t"])
-    with pytest.raises(fit.FitError, match="2 observations fix 2 parameters"):
+    with pytest.raises(errors.FitError, match="2 observations fix 2 parameters"):
         interval(law, {"t": 3.0}, "tolerance")
 
 
@@ -296,7 +297,7 @@ def test_where_no_region_can_be_had_the_ranges_tell(monkeypatch):
     law = wear_law()
 
     def none(_):
-        raise fit.FitError("too few settings")
+        raise errors.FitError("too few settings")
 
     monkeypatch.setattr("fitmodels.fit.intervals.domain", none)
     corners = {name: [low, high, high * 1.01] for name, (low, high) in law.domain.items()}
@@ -306,7 +307,7 @@ def test_where_no_region_can_be_had_the_ranges_tell(monkeypatch):
 
 
 def test_a_point_that_is_no_number_is_named():
-    with pytest.raises(fit.FitError, match="t nan"):
+    with pytest.raises(errors.FitError, match="t nan"):
         wear_law().predict(AT | {"t": np.nan}, "prediction")
 
 

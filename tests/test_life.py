@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -105,7 +106,7 @@ def by_material():
     ],
 )
 def test_laws_that_tell_no_life_are_refused(law, criterion, says):
-    with pytest.raises(fit.FitError, match=says):
+    with pytest.raises(errors.FitError, match=says):
         fit.tool_life(law(), criterion)
 
 
@@ -120,5 +121,5 @@ def test_laws_that_tell_no_life_are_refused(law, criterion, says):
     ],
 )
 def test_conditions_without_a_life_are_refused(at, says):
-    with pytest.raises(fit.FitError, match=says):
+    with pytest.raises(errors.FitError, match=says):
         fit.tool_life(wear_law()).predict(**at)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from statsmodels.regression.linear_model import OLS
 
 
@@ -109,13 +110,13 @@ def test_a_sharp_tool_and_an_idle_spindle_are_kept():
     ],
 )
 def test_a_wrong_sign_is_refused_with_the_reason(wrong, says):
-    with pytest.raises(fit.FitError, match=says):
+    with pytest.raises(errors.FitError, match=says):
         fit.load_law(runs(**line(**wrong)))
 
 
 def test_feed_that_rises_with_wear_at_held_current_is_refused():
     VB = np.linspace(0, 0.2, 6)
-    with pytest.raises(fit.FitError, match=r"current is held.*wrong sign too: fm does not fall with VB"):
+    with pytest.raises(errors.FitError, match=r"current is held.*wrong sign too: fm does not fall with VB"):
         fit.load_law(runs(fm=600 + 500 * VB, VB=VB, I=[0.24] * 6))
 
 
@@ -134,19 +135,19 @@ def test_feed_that_rises_with_wear_at_held_current_is_refused():
     ],
 )
 def test_data_that_say_too_little_are_refused(columns, says):
-    with pytest.raises(fit.FitError, match=says):
+    with pytest.raises(errors.FitError, match=says):
         fit.load_law(runs(**columns))
 
 
 def test_wear_and_feed_that_move_together_are_named():
     columns = line()
     columns["VB"] = 0.3 - 2e-4 * columns["fm"]
-    with pytest.raises(fit.FitError, match=r"VB is an exact sum of others \(-0.0002 fm\)"):
+    with pytest.raises(errors.FitError, match=r"VB is an exact sum of others \(-0.0002 fm\)"):
         fit.load_law(runs(**columns))
 
 
 def test_a_missing_column_is_named():
-    with pytest.raises(datasets.UsageError, match="no column 'VB'; there are fm, I"):
+    with pytest.raises(errors.UsageError, match="no column 'VB'; there are fm, I"):
         fit.load_law(runs(fm=[500.0, 600], I=[0.2, 0.3]))
 
 

@@ -479,7 +479,7 @@ class Odd(Displayable):
         (np.array([]), "Odd: text xxx"),
         (np.array(2.5), "many 2.5"),
         (np.array([1 + 2j] * 20), "many 20 values"),
-        (np.array(["a"] * 20, dtype=object), "many 20 of them"),
+        (np.array(["a"] * 20, dtype=object), "many 20 items"),
     ],
     ids=["long", "a matrix", "empty", "one number", "complex", "texts"],
 )

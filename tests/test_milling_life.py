@@ -20,9 +20,9 @@ from fitmodels.controllers.constant_load_milling import (
     mixed_run,
     steady_life,
 )
-from fitmodels.core.errors import UsageError
+from fitmodels.core.errors import ParameterError, UsageError
 from fitmodels.datasets import bundled, read_runs
-from fitmodels.parameters import Draws, ParameterError, ParameterFile
+from fitmodels.parameters import Draws, ParameterFile
 from fitmodels.parameters.published import milling, published
 
 FILES = ("CLM-2023", "CLM-2023-slot")

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.exchange import d_optimal, determinant_gain
 from fitmodels.fit.next_runs import next_runs
@@ -106,9 +107,9 @@ def test_candidates_of_ones_own():
     added = next_runs(law, 1, candidates=corner)
     assert added.loc[0, ["point", "V", "f", "d"]].tolist() == ["new", 200.0, 0.6, 3.0]
     assert added.attrs["determinant_gain"] == pytest.approx(1 + fit.domain(law).leverage({**corner, "t": 8})[1])
-    with pytest.raises(fit.FitError, match="lack d"):
+    with pytest.raises(errors.FitError, match="lack d"):
         next_runs(law, 1, candidates={"V": 100.0, "f": 0.2})
-    with pytest.raises(fit.FitError, match="above zero"):
+    with pytest.raises(errors.FitError, match="above zero"):
         next_runs(law, 1, candidates={"V": -100.0, "f": 0.2, "d": 2.0})
 
 

@@ -16,7 +16,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import fit, parameters
-from fitmodels.parameters import Law, ParameterError, ParameterFile, collect, read, sealed, write
+from fitmodels.core import errors
+from fitmodels.core.errors import ParameterError
+from fitmodels.parameters import Law, ParameterFile, collect, read, sealed, write
 from fitmodels.parameters import file as file_module
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -684,7 +686,7 @@ def test_a_damaged_file_is_refused_or_valid(path):
 
 
 def no_region(law):
-    raise fit.FitError("a stand-in has no design")
+    raise errors.FitError("a stand-in has no design")
 
 
 @pytest.fixture(autouse=True)

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.agreement import agree
 from fitmodels.fit.bayes.priors import Beta, HalfT, Normal, Priors
@@ -174,7 +175,7 @@ def test_draws_that_are_too_sure_are_found_out():
 def test_what_has_no_posterior_is_said(rows, edges, words):
     V, f = np.linspace(50, 200, rows), 0.1 + 0.3 * np.linspace(0, 1, rows) ** 2
     runs = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": f, "AW": 0.001 * V * f**0.5}))
-    with pytest.raises(fit.FitError, match=words) as error:
+    with pytest.raises(errors.FitError, match=words) as error:
         fit.posterior(fit.power_law(runs, "AW", ["V", "f"]))
     assert "\n" not in str(error.value)
 

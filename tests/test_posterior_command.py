@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
+from fitmodels.core import errors
 
 SHORT = datasets.bundled("ac2017_table1")
 GC435 = datasets.bundled("gc435_709m40")
@@ -100,7 +101,7 @@ def test_a_shut_gate_writes_nothing_and_ends_with_5(run, tmp_path, monkeypatch):
 def test_a_posterior_behind_a_shut_gate_is_not_collected(monkeypatch):
     post = fit.posterior(fit.power_law(datasets.read_runs(GC435), "AW", ["V"]))
     monkeypatch.setattr("fitmodels.fit.bayes.gate.R_HAT", 0.5)
-    with pytest.raises(parameters.GateError, match="R-hat") as error:
+    with pytest.raises(errors.GateError, match="R-hat") as error:
         parameters.collect(tool="a", work="b", laws=[post.law], posteriors=[post])
     assert error.value.exit_code == 5
 

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
-from fitmodels.parameters import Law, ParameterError
+from fitmodels.core.errors import ParameterError
+from fitmodels.parameters import Law
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import t as student

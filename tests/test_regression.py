@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import curve_fit
@@ -190,7 +191,7 @@ def test_exact_data_give_their_exponents_back(exponents, c0, error):
 
 
 def test_a_constant_response_is_refused():
-    with pytest.raises(fit.FitError, match=r"AW is 0\.2 in all 20 rows: there is nothing to explain"):
+    with pytest.raises(errors.FitError, match=r"AW is 0\.2 in all 20 rows: there is nothing to explain"):
         fitted(turning(20).assign(AW=0.2))
 
 
@@ -247,14 +248,14 @@ def test_from_as_many_rows_as_parameters_on_there_is_a_law(n):
     assert law.bse.isna().all()
     assert (law.scale_se, law.fvalue, law.f_pvalue, law.rsquared_adj) == (None, None, None, None)
     assert "no interval" in law.summary()
-    with pytest.raises(fit.FitError, match=r"AW: no interval: 4 observations.*Add observations"):
+    with pytest.raises(errors.FitError, match=r"AW: no interval: 4 observations.*Add observations"):
         law.predict({"V": 100, "f": 0.2, "d": 2}, "mean")
 
 
 @pytest.mark.parametrize("error", ["multiplicative", "additive"])
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_fewer_rows_than_parameters_are_counted(n, error):
-    with pytest.raises(fit.FitError, match=rf"AW: {n} usable rows for \d parameters.*Measure at least"):
+    with pytest.raises(errors.FitError, match=rf"AW: {n} usable rows for \d parameters.*Measure at least"):
         fitted(turning(n).assign(d=np.linspace(1.5, 3, n)), error=error)
 
 
@@ -294,14 +295,14 @@ def test_additive_errors_keep_zero_and_negative_responses():
 @pytest.mark.parametrize("error", ["multiplicative", "additive"])
 def test_no_positive_response_is_a_sentence(error):
     frame = turning(20).assign(AW=lambda x: -x.AW)
-    with pytest.raises(fit.FitError, match=r"AW: 0 usable rows for 4 parameters.*20 rows left out: AW zero"):
+    with pytest.raises(errors.FitError, match=r"AW: 0 usable rows for 4 parameters.*20 rows left out: AW zero"):
         fitted(frame, error=error)
 
 
 def test_a_level_without_a_positive_response_has_no_start():
     frame = turning(20).assign(work=["a"] * 17 + ["b"] * 3)
     frame.loc[17:, "AW"] = -0.01
-    with pytest.raises(fit.FitError, match="17 rows above zero do not tell the parameters apart"):
+    with pytest.raises(errors.FitError, match="17 rows above zero do not tell the parameters apart"):
         fitted(frame, error="additive", by="work")
 
 
@@ -317,19 +318,19 @@ def test_an_unequal_scatter_shows_in_the_choice_of_errors():
 @pytest.mark.parametrize(
     ("call", "error", "says"),
     [
-        (lambda f: fitted(f, ["V", "q"]), datasets.UsageError, "no column 'q'; there are V, f, d, AW, note"),
-        (lambda f: fitted(f, ["V"], "VB"), datasets.UsageError, "no column 'VB'"),
-        (lambda f: fitted(f, ["V", "note"]), datasets.UsageError, "column 'note' holds text"),
-        (lambda f: fitted(f, []), datasets.UsageError, "AW: no factor is named"),
-        (lambda f: fitted(f, ["AW", "V"]), datasets.UsageError, "AW is the response and cannot be its own"),
-        (lambda f: fitted(f, by="machine"), datasets.UsageError, "no column 'machine'"),
-        (lambda f: fitted(f, by="note"), fit.FitError, r"hold one level only \(dry\).*Fit without by"),
+        (lambda f: fitted(f, ["V", "q"]), errors.UsageError, "no column 'q'; there are V, f, d, AW, note"),
+        (lambda f: fitted(f, ["V"], "VB"), errors.UsageError, "no column 'VB'"),
+        (lambda f: fitted(f, ["V", "note"]), errors.UsageError, "column 'note' holds text"),
+        (lambda f: fitted(f, []), errors.UsageError, "AW: no factor is named"),
+        (lambda f: fitted(f, ["AW", "V"]), errors.UsageError, "AW is the response and cannot be its own"),
+        (lambda f: fitted(f, by="machine"), errors.UsageError, "no column 'machine'"),
+        (lambda f: fitted(f, by="note"), errors.FitError, r"hold one level only \(dry\).*Fit without by"),
         (
             lambda f: fitted(f, error="additiv"),
-            datasets.UsageError,
+            errors.UsageError,
             "error='additiv': it is 'multiplicative'",
         ),
-        (lambda f: fitted(f, error=None), datasets.UsageError, "error=None"),
+        (lambda f: fitted(f, error=None), errors.UsageError, "error=None"),
     ],
 )
 def test_what_cannot_be_asked_is_a_sentence(call, error, says):
@@ -338,22 +339,22 @@ def test_what_cannot_be_asked_is_a_sentence(call, error, says):
 
 
 def test_the_exponential_law_refuses_in_the_same_words():
-    with pytest.raises(datasets.UsageError, match="error='log': it is 'multiplicative'"):
+    with pytest.raises(errors.UsageError, match="error='log': it is 'multiplicative'"):
         fit.exponential_law(surf(), error="log")
     frame = pd.DataFrame({"Ra": [1.0, 2, 3], "F": [500.0] * 3})
-    with pytest.raises(fit.FitError, match=r"Ra on F: F is constant \(500 in all 3 rows\); nothing to fit"):
+    with pytest.raises(errors.FitError, match=r"Ra on F: F is constant \(500 in all 3 rows\); nothing to fit"):
         fit.exponential_law(datasets.runs_from_frame(frame))
 
 
 @pytest.mark.parametrize(
     ("new", "options", "error", "says"),
     [
-        ({"V": 100}, {}, fit.FitError, "AW needs f, d; given: V"),
-        ({}, {}, fit.FitError, "given: nothing"),
-        ({"V": 0, "f": 0.2, "d": 2}, {}, fit.FitError, "V 0: a power law needs values above zero"),
-        ({"V": [90, 100], "f": [1, 2, 3], "d": 2}, {}, fit.FitError, "V has shape .* a column of [23]"),
-        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "typical"}, datasets.UsageError, "interval='typical'"),
-        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "mean", "level": 95}, datasets.UsageError, "between 0 and 1"),
+        ({"V": 100}, {}, errors.FitError, "AW needs f, d; given: V"),
+        ({}, {}, errors.FitError, "given: nothing"),
+        ({"V": 0, "f": 0.2, "d": 2}, {}, errors.FitError, "V 0: a power law needs values above zero"),
+        ({"V": [90, 100], "f": [1, 2, 3], "d": 2}, {}, errors.FitError, "V has shape .* a column of [23]"),
+        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "typical"}, errors.UsageError, "interval='typical'"),
+        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "mean", "level": 95}, errors.UsageError, "between 0 and 1"),
     ],
 )
 def test_what_cannot_be_predicted_is_a_sentence(new, options, error, says):
@@ -368,9 +369,9 @@ def test_a_category_is_asked_for_and_understood_as_a_number():
     np.testing.assert_allclose(law.predict(runs.data), law.fitted, rtol=1e-12)
     at = {"V": 100, "f": 0.2, "d": 2}
     assert law.predict({**at, "batch": 2}) == law.predict({**at, "batch": "2"})
-    with pytest.raises(fit.FitError, match=r"fitted by batch: say which \(1, 2\)"):
+    with pytest.raises(errors.FitError, match=r"fitted by batch: say which \(1, 2\)"):
         law.predict(at)
-    with pytest.raises(fit.FitError, match="batch '3' is not among the fitted: 1, 2"):
+    with pytest.raises(errors.FitError, match="batch '3' is not among the fitted: 1, 2"):
         law.predict({**at, "batch": 3})
 
 

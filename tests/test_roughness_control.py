@@ -25,8 +25,8 @@ from fitmodels.controllers.roughness import (
     steady,
     turn,
 )
-from fitmodels.core.errors import UsageError
-from fitmodels.parameters import Draws, ParameterError, Roughness, check, read, sealed, write
+from fitmodels.core.errors import ParameterError, UsageError
+from fitmodels.parameters import Draws, Roughness, check, read, sealed, write
 from fitmodels.parameters.published import published
 from fitmodels.parameters.published.roughness import surf, table1
 from hypothesis import given, settings

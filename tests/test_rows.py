@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import errors
 from fitmodels.fit.rows import select
 
 
@@ -74,14 +75,14 @@ def test_a_level_that_only_unusable_rows_hold_is_no_level():
     rows = select(runs(**columns), "AW", ["V"], by="work")
     assert rows.by.levels == ("b",)
     columns["AW"][2:] = 0
-    with pytest.raises(fit.FitError, match=r"by='work': the usable rows hold one level only \(a\); a shift needs"):
+    with pytest.raises(errors.FitError, match=r"by='work': the usable rows hold one level only \(a\); a shift needs"):
         select(runs(**columns), "AW", ["V"], by="work")
 
 
 def test_no_usable_row_at_all_is_a_sentence_with_the_reasons():
     columns = varied(3)
     columns["AW"][:] = np.nan
-    with pytest.raises(fit.FitError, match=r"AW: 0 usable rows for 2 parameters.*3 rows left out: AW missing"):
+    with pytest.raises(errors.FitError, match=r"AW: 0 usable rows for 2 parameters.*3 rows left out: AW missing"):
         fit.power_law(runs(**columns), "AW", ["V"])
 
 

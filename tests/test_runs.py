@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets
+from fitmodels.core import errors
 
 WEAR = "V [m/min],f [mm/rev],AW [mm]\n100,0.2,0.10\n150,0.2,0.14\n200,0.3,0.19\n"
 
@@ -109,14 +110,14 @@ def test_a_column_without_a_role_does_not_answer_to_its_symbol(read, text, optio
 
 
 def test_a_range_for_a_missing_column_is_refused(read):
-    with pytest.raises(datasets.UsageError, match="--range d"):
+    with pytest.raises(errors.UsageError, match="--range d"):
         read(WEAR, ranges={"d": (1, 3)})
 
 
 def test_two_columns_for_one_role_are_asked_about(read):
     text = "V,vc [m/s],AW\n100,2,0.1\n200,3,0.2\n"
     says = r"columns 1 \('V'\) and 2 \('vc \[m/s\]'\) both read as cutting speed V: choose one with --map V=col1"
-    with pytest.raises(datasets.DataError, match=says):
+    with pytest.raises(errors.DataError, match=says):
         read(text)
     assert read(text, map={"V": "col1"}).values("V").tolist() == [100, 200]
 
@@ -126,11 +127,11 @@ def test_two_columns_for_one_role_are_asked_about(read):
     [
         (
             "AW [N]",
-            datasets.DataError,
+            errors.DataError,
             "reads as average wear AW .in mm., but its unit is N: correct the unit",
         ),
-        ("AW [furlong]", datasets.DataError, "unit 'furlong' is not in the table of units;.*--unit AW=mm"),
-        ("AW [mmm]", datasets.DataError, "'mmm' is not in the table of units; did you mean mm"),
+        ("AW [furlong]", errors.DataError, "unit 'furlong' is not in the table of units;.*--unit AW=mm"),
+        ("AW [mmm]", errors.DataError, "'mmm' is not in the table of units; did you mean mm"),
     ],
 )
 def test_units_that_do_not_fit_are_refused(read, header, error, says):
@@ -152,7 +153,7 @@ def test_units_that_do_not_fit_are_refused(read, header, error, says):
     ],
 )
 def test_options_that_name_nothing_are_refused(read, options, says):
-    with pytest.raises(datasets.UsageError, match=says):
+    with pytest.raises(errors.UsageError, match=says):
         read("V,f,smooth\n100,0.2,0.1\n200,0.3,0.2\n", **options)
 
 
@@ -164,14 +165,14 @@ def test_a_header_near_a_role_is_suggested_not_taken(read):
 
 
 def test_a_file_without_any_role_is_refused(read):
-    with pytest.raises(datasets.DataError, match=r"no column is recognised among 'alpha', 'beta'.*--map"):
+    with pytest.raises(errors.DataError, match=r"no column is recognised among 'alpha', 'beta'.*--map"):
         read("alpha,beta\n1,2\n3,4\n")
 
 
 def test_text_among_numbers_is_named_with_its_line(read):
-    with pytest.raises(datasets.DataError, match=r"column 'AW \[mm\]'.*line 3: 'broken'"):
+    with pytest.raises(errors.DataError, match=r"column 'AW \[mm\]'.*line 3: 'broken'"):
         read("V,AW [mm]\n100,0.1\n150,broken\n200,0.2\n250,0.3\n")
-    with pytest.raises(datasets.DataError, match="'AW' reads as average wear AW but holds text, for instance 'low'"):
+    with pytest.raises(errors.DataError, match="'AW' reads as average wear AW but holds text, for instance 'low'"):
         read("V,AW\n100,low\n150,high\n")
 
 
@@ -258,7 +259,7 @@ def test_a_frame_is_read_as_a_file_is():
 
 
 def test_a_frame_with_an_infinite_cell_is_refused():
-    with pytest.raises(datasets.DataError, match="column 'AW' row 1: inf is no measurement"):
+    with pytest.raises(errors.DataError, match="column 'AW' row 1: inf is no measurement"):
         datasets.runs_from_frame(pd.DataFrame({"V": [1.0, 2], "AW": [0.1, np.inf]}))
 
 
@@ -280,7 +281,7 @@ def test_join_keeps_the_columns_of_both(read):
     assert both.lines.tolist() == [2, 3, 4, 0]
     assert (both.source.rows, both.source.name) == (4, "wear.csv + DataFrame")
     assert len(one) == 3
-    with pytest.raises(datasets.UsageError, match="have no column in common"):
+    with pytest.raises(errors.UsageError, match="have no column in common"):
         one.join(datasets.runs_from_frame(pd.DataFrame({"P": [1.0]})))
 
 
@@ -290,9 +291,9 @@ def test_join_of_two_tools_is_several(read):
 
 def test_values_of_text_and_of_nothing_are_refused(read):
     runs = read("V,AW,remark\n100,0.1,good\n150,0.2,bad\n")
-    with pytest.raises(datasets.UsageError, match="column 'remark' holds text; a law needs numbers"):
+    with pytest.raises(errors.UsageError, match="column 'remark' holds text; a law needs numbers"):
         runs.values("remark")
-    with pytest.raises(datasets.UsageError, match="no column 'P'; there are V, AW, remark"):
+    with pytest.raises(errors.UsageError, match="no column 'P'; there are V, AW, remark"):
         runs.labels("P")
     assert runs.has("remark")
     assert not runs.has("P")

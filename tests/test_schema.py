@@ -11,8 +11,9 @@ import jsonschema
 import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
+from fitmodels.core.errors import ParameterError
 from fitmodels.ident.model import Model
-from fitmodels.parameters import ParameterError, collect, read, sealed, write
+from fitmodels.parameters import collect, read, sealed, write
 from fitmodels.parameters.canonical import canonical, content_sha256
 from fitmodels.parameters.json_schema import DIALECT, json_schema, published, text
 from fitmodels.parameters.migrate import migrated

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels import parameters
+from fitmodels.core.errors import GateError, ParameterError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.tuning import tune_pi
@@ -15,10 +16,8 @@ from fitmodels.parameters import (
     Bound,
     Dynamics,
     Engagement,
-    GateError,
     Identity,
     Limits,
-    ParameterError,
     Pi,
     Range,
     Roughness,

@@ -7,10 +7,12 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
-from fitmodels.parameters import LimitInterval, NoInterval, ParameterError, collect, read, write
+from fitmodels.core import errors
+from fitmodels.core.errors import ParameterError
+from fitmodels.parameters import LimitInterval, NoInterval, collect, read, write
 from scipy import stats
 
-UsageError = datasets.UsageError
+UsageError = errors.UsageError
 
 
 def of(*laws):

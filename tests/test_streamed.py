@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
+from fitmodels.core import errors
 from fitmodels.fit.streamed.one_pass import streamed_power_law
 from fitmodels.fit.streamed.triangle import least_squares, merged, summary, triangle_of
 from fitmodels.parameters.gather.law import law_section
@@ -320,9 +321,9 @@ def test_why_there_is_nothing_by_edge_is_told_as_in_memory(frame):
     ],
 )
 def test_what_cannot_be_fitted_is_refused_as_in_memory(frame, options):
-    with pytest.raises(fit.FitError) as memory:
+    with pytest.raises(errors.FitError) as memory:
         fit.power_law(datasets.runs_from_frame(frame), "AW", FACTORS, **options)
-    with pytest.raises(fit.FitError) as streamed:
+    with pytest.raises(errors.FitError) as streamed:
         streamed_power_law(cut(frame, len(frame) // 2), "AW", FACTORS, **options)
     numbers = r"(?<=exp\()[-\d.e+]+|(?<=out as )[-\d.e+]+(?=\. )"  # of a runaway exponent no digit is certain
     assert re.sub(numbers, "", str(streamed.value)) == re.sub(numbers, "", str(memory.value))
@@ -331,17 +332,17 @@ def test_what_cannot_be_fitted_is_refused_as_in_memory(frame, options):
 @pytest.mark.parametrize(
     ("chunks", "error", "words"),
     [
-        (lambda: table(9), datasets.UsageError, "chunks is one table"),
+        (lambda: table(9), errors.UsageError, "chunks is one table"),
         (
             lambda: [table(9), table(9).drop(columns="d")],
-            datasets.UsageError,
+            errors.UsageError,
             "chunk 2 has no column 'd'; it has V, f, t",
         ),
-        (lambda: [table(9), table(9).drop(columns="edge")], datasets.UsageError, "chunk 2 has no column 'edge'"),
-        (lambda: [table(9).assign(V="fast")], datasets.UsageError, "column 'V' holds text"),
-        (lambda: [{**dict(table(9)), "t": [1.0, 2.0]}], datasets.DataError, "'t' has 2 rows and 'AW' 9"),
-        (lambda: [table(9), table(9).replace({"t": {table(9).t[4]: np.inf}})], datasets.DataError, "'t' row 13: inf"),
-        (list, fit.FitError, "0 usable rows for 5 parameters"),
+        (lambda: [table(9), table(9).drop(columns="edge")], errors.UsageError, "chunk 2 has no column 'edge'"),
+        (lambda: [table(9).assign(V="fast")], errors.UsageError, "column 'V' holds text"),
+        (lambda: [{**dict(table(9)), "t": [1.0, 2.0]}], errors.DataError, "'t' has 2 rows and 'AW' 9"),
+        (lambda: [table(9), table(9).replace({"t": {table(9).t[4]: np.inf}})], errors.DataError, "'t' row 13: inf"),
+        (list, errors.FitError, "0 usable rows for 5 parameters"),
     ],
 )
 def test_a_chunk_that_cannot_be_read_is_named(chunks, error, words):

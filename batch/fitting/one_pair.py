@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ...core.errors import FitError
+
 if TYPE_CHECKING:
     from ...datasets import Runs
     from ...fit import LawFit, NotAvailable, Posterior, Refused, ToolLife
@@ -197,7 +199,7 @@ def _draw(laws: "Sequence[LawFit]", step: Callable[[str], None], **how: Any) -> 
 
         try:
             post = fit.posterior(law, progress=tell, **how)
-        except fit.FitError as error:
+        except FitError as error:
             none[law.response] = fit.NotAvailable(str(error).removeprefix(f"{law.response}: ").rstrip("."))
             continue
         posteriors.append(post)

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from ...parameters import Law, ParameterError, ParameterFile
+from ...core.errors import ParameterError
+from ...parameters import Law, ParameterFile
 from .middle import at_words, middle, reference
 from .numbers import figure, number, percent, quantity
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ...core.errors import ParameterError
 from ...core.rounding import format_rounded
-from ...parameters import Covariance, Law, ParameterError, ParameterFile, ToolLifeSection
+from ...parameters import Covariance, Law, ParameterFile, ToolLifeSection
 from ...parameters.evaluate import parameter_names
 from .coefficients import LEVEL
 from .middle import at_words, middle, reference

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from ...parameters import ParameterError
+from ...core.errors import ParameterError
 from ...parameters.errors import in_words, short
 from ...parameters.json_schema import DIALECT
 from ...parameters.strict_json import strict_json

@@ -3,7 +3,8 @@
 import os
 from dataclasses import dataclass
 
-from ...parameters import GateError, ParameterFile, check
+from ...core.errors import GateError
+from ...parameters import ParameterFile, check
 from ..content.parts import Card
 from .ask import QUESTIONS, Missing
 from .missing import missing

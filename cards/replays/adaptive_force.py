@@ -27,7 +27,7 @@ def lacks(pf: "ParameterFile") -> str:
     'the file has no adaptive_force section: give '
     """
     from ...controllers.adaptive_force.settings import lacking, machine, settings_for
-    from ...parameters import GateError
+    from ...core.errors import GateError
 
     why = lacking(pf)
     if why or pf.adaptive_force is None:
