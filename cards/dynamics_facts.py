@@ -5,15 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..core.rounding import format_plain
-from ..parameters import Dynamics
+from ..parameters import DynamicsSection
 
 
-def transfer_function_words(d: Dynamics) -> str:
+def transfer_function_words(d: DynamicsSection) -> str:
     """``G(z) = (...) / (...)`` to the digits one computes with."""
     return f"G(z) = ({_polynomial(d.b)}) / ({_polynomial(d.a)})"
 
 
-def model_words(d: Dynamics) -> list[str]:
+def model_words(d: DynamicsSection) -> list[str]:
     """Gain, poles and noise in sentences."""
     unit = f"{d.unit_y or 'output'}/{d.unit_u or 'input'}"
     radius = float(np.abs(d.poles).max(initial=0.0))
@@ -29,7 +29,7 @@ def model_words(d: Dynamics) -> list[str]:
     return said
 
 
-def wrong_way(d: Dynamics) -> list[str]:
+def wrong_way(d: DynamicsSection) -> list[str]:
     """That the output first turns the wrong way, where it does."""
     zeros = np.roots(np.trim_zeros(np.asarray(d.b)))
     outside = zeros[(np.abs(zeros) > 1) & (zeros.real > 0)]  # others come from sampling alone

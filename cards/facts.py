@@ -3,13 +3,13 @@
 import math
 
 from ..core.rounding import format_plain, format_rounded, p_value
-from ..parameters import Covariance, DroppedRows, Law, ParameterFile
+from ..parameters import Covariance, DroppedRows, LawSection, ParameterFile
 from .content.coefficients import degrees, lacking
 
 CONDITIONS = ("V", "f", "fz", "d", "ae")  # what is usually set once for an edge
 
 
-def statistics_line(law: Law) -> str:
+def statistics_line(law: LawSection) -> str:
     """R2, F, residual standard error and count in one line, as a paper prints them."""
     s = law.statistics
     parts = []
@@ -25,7 +25,7 @@ def statistics_line(law: Law) -> str:
     return "; ".join(parts)
 
 
-def residual_words(law: Law) -> str:
+def residual_words(law: LawSection) -> str:
     """Residual standard error, and what it means for one measurement."""
     se = law.residual_se or 0.0
     if law.error == "additive":
@@ -33,7 +33,7 @@ def residual_words(law: Law) -> str:
     return f"residual SE {format_plain(se, 3)} in ln (one row scatters by about {100 * math.expm1(se):.2g} %)"
 
 
-def structure_words(law: Law) -> str:
+def structure_words(law: LawSection) -> str:
     """Which fit this is, in words."""
     if law.form in ("load_line", "feed_line"):
         return "straight line, least squares"
@@ -42,7 +42,7 @@ def structure_words(law: Law) -> str:
     return f"errors add: least squares of {law.response} itself, started from the fit of its logarithm"
 
 
-def other_words(law: Law) -> str:
+def other_words(law: LawSection) -> str:
     """Heading of the column that holds the other fit."""
     other = law.alternative
     if other is None:
@@ -50,7 +50,7 @@ def other_words(law: Law) -> str:
     return "natural units" if other.error == "additive" else "log-linear"
 
 
-def cautions(law: Law) -> list[str]:
+def cautions(law: LawSection) -> list[str]:
     """What a reader must know before using the law, one sentence each."""
     out = []
     if not isinstance(law.uncertainty, Covariance):
@@ -95,7 +95,7 @@ def about_intervals(pf: ParameterFile) -> str:
     return "Standard errors, t, p, F and intervals take rows as independent."
 
 
-def published_words(law: Law) -> str:
+def published_words(law: LawSection) -> str:
     """How far the rows lie from the printed law."""
     p = law.published
     if p is None:
@@ -112,7 +112,7 @@ def published_words(law: Law) -> str:
     )
 
 
-def edge_words(law: Law) -> str:
+def edge_words(law: LawSection) -> str:
     """What the edges say of the law: where the scatter lies, and what the papers' F is worth."""
     e = law.edges
     if e is None:
@@ -137,7 +137,7 @@ def edge_words(law: Law) -> str:
     return "; ".join(parts) + "."
 
 
-def composite_words(law: Law) -> str:
+def composite_words(law: LawSection) -> str:
     """The law with wear put in from its own law, exponents with their standard errors."""
     c = law.composite
     if c is None:

@@ -1,18 +1,18 @@
 """What is told of a posterior, once for screen and paper."""
 
 from ..core.rounding import format_plain, format_rounded
-from ..parameters import Law, LawPosterior, ParameterFile
+from ..parameters import LawPosterior, LawSection, ParameterFile
 
 APART = 1.5  # standard error by edge over sd of the draws, beyond which it is said
 MOVED = 0.2  # sd: what halving or doubling of priors may move without a word
 
 
-def posterior_of(pf: ParameterFile, law: Law) -> LawPosterior | None:
+def posterior_of(pf: ParameterFile, law: LawSection) -> LawPosterior | None:
     """The posterior of a law, where the file has one."""
     return None if pf.posterior is None else pf.posterior.laws.get(law.response)
 
 
-def posterior_words(law: Law, of: LawPosterior | None) -> list[str]:
+def posterior_words(law: LawSection, of: LawPosterior | None) -> list[str]:
     """The posterior in at most three sentences: intervals, what priors do, where the jackknife is wider."""
     if of is None:
         return []
@@ -30,7 +30,7 @@ def posterior_words(law: Law, of: LawPosterior | None) -> list[str]:
     return [*said, *wider(law, of), *_moved(of), *(f"Of the draws: {note}." for note in of.notes)]
 
 
-def wider(law: Law, of: LawPosterior) -> list[str]:
+def wider(law: LawSection, of: LawPosterior) -> list[str]:
     """Where single edges move the estimate more than a level of each edge explains."""
     ratio = {
         name: se / of.parameters[name].sd

@@ -11,7 +11,7 @@ from ..core.rounding import format_plain
 from ..datasets import ColumnUse, Runs
 from ..datasets.vocabulary import ROLES
 from ..fit import Refused
-from ..parameters import Law, LawPosterior, ParameterFile
+from ..parameters import LawPosterior, LawSection, ParameterFile
 from ..parameters.gather.understood import column_words, idle
 from ..parameters.gather.understood import understood as sayings
 from .content.coefficients import between, law_coefficients
@@ -53,7 +53,7 @@ def understood(runs: Runs) -> RenderableType:
     return Group(Text("What was understood", style="bold"), Padding(table, (0, 0, 1, 2)))
 
 
-def law_block(law: Law, posterior: LawPosterior | None = None) -> RenderableType:
+def law_block(law: LawSection, posterior: LawPosterior | None = None) -> RenderableType:
     """One law: equation, coefficients, statistics, and what to beware of."""
     head = Text.assemble(
         (f"{law.response}  {law.quantity}" + (f", {law.unit}" if law.unit else ""), "bold"),
@@ -141,7 +141,7 @@ def _short(sentences: Iterable[str], most: int = 8) -> list[str]:
     return lines if len(lines) <= most else [*lines[:most], f"... and {len(lines) - most} more"]
 
 
-def _coefficients(law: Law) -> Table:
+def _coefficients(law: LawSection) -> Table:
     lines = law_coefficients(law)
     columns = {
         "": [c.name for c in lines],

@@ -7,10 +7,10 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ..ident import Model
-    from ..parameters import Dynamics
+    from ..parameters import DynamicsSection
 
 
-def model_of(d: "Dynamics") -> "Model":
+def model_of(d: "DynamicsSection") -> "Model":
     """A dynamics section as a model, with its covariance where it has one."""
     from ..ident import Model
     from ..parameters import ModelCovariance

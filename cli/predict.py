@@ -16,8 +16,8 @@ from .arguments import Parser, pairs
 from .output import Printer
 
 if TYPE_CHECKING:
-    from ..parameters import Factor, Law, ParameterFile, Prediction
-    from ..parameters.intervals import Asked
+    from ..parameters import Factor, LawSection, ParameterFile, Prediction
+    from ..parameters.intervals import IntervalOptions
 
 WEAR = ("AW", "VB")
 NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.text import Text
 
     from .. import parameters
-    from ..parameters.intervals import Asked
+    from ..parameters.intervals import IntervalOptions
 
     for option in ("level", "coverage"):
         if not 0 < getattr(args, option) < 1:
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     pf = parameters.read(args.file)
     laws, given = _chosen(pf, args.law), _given(args.at)
     _all_known(pf, given, args.by)
-    asked = Asked(args.interval, args.level, "new", args.coverage)
+    asked = IntervalOptions(args.interval, args.level, "new", args.coverage)
     told: list[Prediction] = []
     untold: dict[str, FitmodelsError] = {}
     for law in laws:
@@ -110,7 +110,7 @@ def _report(pf: "ParameterFile", file: str, told: "Sequence[Prediction]", reason
     }
 
 
-def _chosen(pf: "ParameterFile", name: str | None) -> "list[Law]":
+def _chosen(pf: "ParameterFile", name: str | None) -> "list[LawSection]":
     if not pf.laws:
         raise UsageError("the parameter file holds no law; fit one with `fitmodels data.csv`.")
     if name is not None and name not in pf.laws:
@@ -154,7 +154,9 @@ def _meant(name: str, known: Mapping[str, object]) -> str:
     return f" (did you mean {found}?)" if found else ""
 
 
-def _told(pf: "ParameterFile", law: "Law", given: Mapping[str, _Value], by: str | None, asked: "Asked") -> "Prediction":
+def _told(
+    pf: "ParameterFile", law: "LawSection", given: Mapping[str, _Value], by: str | None, asked: "IntervalOptions"
+) -> "Prediction":
     """One law's answer, its wear from the file's wear law where it is not given."""
     from ..core.errors import ParameterError
     from ..parameters.prediction import tell
@@ -186,7 +188,7 @@ def _gives(pf: "ParameterFile", wear: "Factor", given: Mapping[str, _Value]) -> 
     return law is not None and law.unit == wear.unit and not _lacks(law, given)
 
 
-def _lacks(law: "Law", given: Mapping[str, _Value]) -> list[str]:
+def _lacks(law: "LawSection", given: Mapping[str, _Value]) -> list[str]:
     return [f.symbol for f in law.factors if f.symbol not in given]
 
 

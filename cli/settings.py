@@ -13,7 +13,7 @@ from .arguments import Parser, traced
 from .output import Printer
 
 if TYPE_CHECKING:
-    from ..parameters import FeedLimit, LoadLine, ParameterFile
+    from ..parameters import FeedLimit, LoadLineSection, ParameterFile
 
 
 def parser() -> Parser:
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _worked_out(pf: "ParameterFile", args: argparse.Namespace) -> "LoadLine":
+def _worked_out(pf: "ParameterFile", args: argparse.Namespace) -> "LoadLineSection":
     from .. import parameters
 
     unit = next((law.factors[-1].unit for law in pf.laws.values() if law.form in ("load_line", "feed_line")), "mm")
@@ -104,7 +104,7 @@ def _wears(text: str, unit: str, option: str, example: str, count: int) -> list[
     return [float(f"{value:.12g}") for value in convert(np.array(values), found[2], unit)]
 
 
-def _words(line: "LoadLine") -> list[str]:
+def _words(line: "LoadLineSection") -> list[str]:
     rounded = "" if line.rounded_to is None else f", rounded to {line.rounded_to:g}"
     low, high = line.window
     said = [
@@ -126,7 +126,7 @@ def _words(line: "LoadLine") -> list[str]:
     return [*said, *line.notes]
 
 
-def _limit(limit: "FeedLimit", line: "LoadLine") -> str:
+def _limit(limit: "FeedLimit", line: "LoadLineSection") -> str:
     from ..parameters import LimitInterval
 
     held = limit.interval

@@ -12,7 +12,7 @@ from .output import Printer
 
 if TYPE_CHECKING:
     from ..ident.pi.tuned import TunedPi
-    from ..parameters import Dynamics, ParameterFile
+    from ..parameters import DynamicsSection, ParameterFile
 
 LIMITS = {
     "rise": "rise_time",
@@ -116,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _tuned(d: "Dynamics", args: argparse.Namespace) -> "TunedPi":
+def _tuned(d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
     from ..ident import tune_pi
 
     limits = {name: value for key, name in LIMITS.items() if (value := getattr(args, key)) is not None}

@@ -27,85 +27,85 @@
 """
 
 from .canonical import content_sha256
-from .check import CheckReport, Finding, check
+from .check import CheckReport, FileFinding, check
 from .collect import collect
 from .draws import Draws, read_draws
 from .file import ParameterFile, read, sealed, write
 from .gather.design import design_section
 from .gather.dynamics import dynamics_section, pi_section
 from .gather.posterior import draws_of
-from .prediction import Given, Prediction
-from .sections.adaptive_force import AdaptiveForce, SetPoint
+from .prediction import GivenFactor, Prediction
+from .sections.adaptive_force import AdaptiveForceSection, SetPoint
 from .sections.base import Section
 from .sections.covariance import Covariance, ModelCovariance, NoCovariance
-from .sections.design import Criterion, Design, DesignFactor, DesignLevel, EdgeFacts, LeftOutRows
-from .sections.dynamics import Dynamics
-from .sections.identity import Identity, Provenance, Sensor
-from .sections.law import Law
+from .sections.design import Criterion, DesignFactor, DesignLevel, DesignSection, EdgeFacts, LeftOutRows
+from .sections.dynamics import DynamicsSection
+from .sections.identity import IdentitySection, ProvenanceSection, Sensor
+from .sections.law import LawSection
 from .sections.law_parts import (
-    By,
-    Check,
     DroppedRows,
     Edges,
     Factor,
-    LeftOut,
+    LawCheck,
+    LeftOutFactor,
+    LevelShifts,
     Published,
     Region,
     Statistics,
     ToolLifeSection,
 )
-from .sections.limits import Bound, Limits, Range
-from .sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLine, NoInterval
-from .sections.pi import Pi, PiFigures, PiSpecification
-from .sections.posterior import Drawn, LawPosterior, Posterior, Prior
-from .sections.roughness import Roughness
+from .sections.limits import Bound, LimitsSection, Range
+from .sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection, NoInterval
+from .sections.pi import PiFigures, PiSection, PiSpecification
+from .sections.posterior import LawPosterior, PosteriorSection, PosteriorSummary, Prior
+from .sections.roughness import RoughnessSection
 from .setting_rules import settings
 
 __all__ = [
-    "AdaptiveForce",
+    "AdaptiveForceSection",
     "Bound",
-    "By",
-    "Check",
     "CheckReport",
     "Covariance",
     "Criterion",
-    "Design",
     "DesignFactor",
     "DesignLevel",
-    "Drawn",
+    "DesignSection",
     "Draws",
     "DroppedRows",
-    "Dynamics",
+    "DynamicsSection",
     "EdgeFacts",
     "Edges",
     "Engagement",
     "Factor",
     "FeedLimit",
-    "Finding",
-    "Given",
-    "Identity",
-    "Law",
+    "FileFinding",
+    "GivenFactor",
+    "IdentitySection",
+    "LawCheck",
     "LawPosterior",
-    "LeftOut",
+    "LawSection",
+    "LeftOutFactor",
     "LeftOutRows",
+    "LevelShifts",
     "LimitInterval",
-    "Limits",
-    "LoadLine",
+    "LimitsSection",
+    "LoadLineSection",
     "ModelCovariance",
     "NoCovariance",
     "NoInterval",
     "ParameterFile",
-    "Pi",
     "PiFigures",
+    "PiSection",
     "PiSpecification",
-    "Posterior",
+    "PosteriorSection",
+    "PosteriorSummary",
     "Prediction",
     "Prior",
-    "Provenance",
+    "ProvenanceSection",
     "Published",
     "Range",
     "Region",
-    "Roughness",
+    "RoughnessSection",
     "Section",
     "Sensor",
     "SetPoint",

@@ -9,7 +9,7 @@ from ..core.display import Displayable
 from ..core.errors import ParameterError
 from .canonical import content_sha256
 from .checks.estimates import estimates
-from .checks.finding import Finding
+from .checks.finding import FileFinding
 from .checks.loop import loop
 from .checks.settings import settings_in_order
 from .checks.units import units
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from .file import ParameterFile
 
-__all__ = ["CheckReport", "Finding", "check"]
+__all__ = ["CheckReport", "FileFinding", "check"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -29,14 +29,14 @@ class CheckReport(Displayable):
 
     Attributes
     ----------
-    findings : tuple of Finding
+    findings : tuple of FileFinding
         In the order they were asked.
     """
 
-    findings: tuple[Finding, ...]
+    findings: tuple[FileFinding, ...]
 
     @property
-    def failed(self) -> tuple[Finding, ...]:
+    def failed(self) -> tuple[FileFinding, ...]:
         """Findings that stand against the file."""
         return tuple(f for f in self.findings if f.passed is False)
 
@@ -87,13 +87,15 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     return CheckReport(tuple(found))
 
 
-def _checksum(pf: "ParameterFile") -> Finding:
+def _checksum(pf: "ParameterFile") -> FileFinding:
     if pf.content_sha256 is None:
-        return Finding("checksum", None, "The file holds no content_sha256, so nobody can tell whether it was changed.")
+        return FileFinding(
+            "checksum", None, "The file holds no content_sha256, so nobody can tell whether it was changed."
+        )
     found = content_sha256(pf.model_dump(exclude_unset=True))
     if found == pf.content_sha256:
-        return Finding("checksum", True, "The content is what was written.")
-    return Finding(
+        return FileFinding("checksum", True, "The content is what was written.")
+    return FileFinding(
         "checksum",
         False,
         f"The content was changed after it was written (SHA-256 {found[:12]}..., not {pf.content_sha256[:12]}...): "
@@ -101,17 +103,17 @@ def _checksum(pf: "ParameterFile") -> Finding:
     )
 
 
-def _draws(pf: "ParameterFile", folder: str | os.PathLike[str] | None) -> Iterator[Finding]:
+def _draws(pf: "ParameterFile", folder: str | os.PathLike[str] | None) -> Iterator[FileFinding]:
     post = pf.posterior
     if post is None or post.draws_file is None:
         return
     if folder is None:
-        yield Finding("draws", None, f"The draws in {post.draws_file} were not looked at: no folder was given.")
+        yield FileFinding("draws", None, f"The draws in {post.draws_file} were not looked at: no folder was given.")
         return
     try:
         read = read_draws(pf, folder)
     except ParameterError as error:
-        yield Finding("draws", False, str(error))
+        yield FileFinding("draws", False, str(error))
         return
     odd = [name for name, law in post.laws.items() if law.method is not None and name not in read]
     counted = [n for n, law in post.laws.items() if n in read and law.draws not in (None, len(read[n].values))]
@@ -119,4 +121,4 @@ def _draws(pf: "ParameterFile", folder: str | os.PathLike[str] | None) -> Iterat
     words = f"{post.draws_file} holds no or other draws of {wrong[0]}; fit again." if wrong else (
         f"{post.draws_file} is the file of draws that was written."
     )  # fmt: skip
-    yield Finding("draws", not wrong, words)
+    yield FileFinding("draws", not wrong, words)

@@ -18,40 +18,40 @@ from .gather.dynamics import Gains, as_data, dynamics_section, pi_section
 from .gather.law import laws_by_response, tool_life_section
 from .gather.posterior import posterior_section
 from .gather.settings import limits_section
-from .sections.limits import Limits
+from .sections.limits import LimitsSection
 
 if TYPE_CHECKING:
     from ..datasets import Runs
     from ..fit import LawFit, NotAvailable, Posterior, StreamedLaw, ToolLife
     from ..ident.model import Model
-    from .sections.adaptive_force import AdaptiveForce
-    from .sections.design import Design
-    from .sections.dynamics import Dynamics
+    from .sections.adaptive_force import AdaptiveForceSection
+    from .sections.design import DesignSection
+    from .sections.dynamics import DynamicsSection
     from .sections.identity import Sensor
-    from .sections.load_line import LoadLine
-    from .sections.roughness import Roughness
+    from .sections.load_line import LoadLineSection
+    from .sections.roughness import RoughnessSection
 
 
 def collect(
     *,
     tool: str,
     work: str,
-    design: "Runs | Design | Mapping[str, Any] | None" = None,
+    design: "Runs | DesignSection | Mapping[str, Any] | None" = None,
     laws: "Sequence[LawFit | StreamedLaw]" = (),
     tool_life: "ToolLife | None" = None,
     posteriors: Sequence["Posterior"] = (),
     no_posterior: "Mapping[str, NotAvailable] | None" = None,
     draws_kept: bool = True,
     gauge_sd: float | None = None,
-    dynamics: "Model | Dynamics | Mapping[str, Any] | None" = None,
+    dynamics: "Model | DynamicsSection | Mapping[str, Any] | None" = None,
     held_out_fit: float | None = None,
     pi: "Gains | None" = None,
     scaling_u: float = 1.0,
     pi_forced: str | None = None,
-    load_line: "LoadLine | Mapping[str, Any] | None" = None,
-    limits: "Limits | Mapping[str, Any] | None" = None,
-    roughness: "Roughness | Mapping[str, Any] | None" = None,
-    adaptive_force: "AdaptiveForce | Mapping[str, Any] | None" = None,
+    load_line: "LoadLineSection | Mapping[str, Any] | None" = None,
+    limits: "LimitsSection | Mapping[str, Any] | None" = None,
+    roughness: "RoughnessSection | Mapping[str, Any] | None" = None,
+    adaptive_force: "AdaptiveForceSection | Mapping[str, Any] | None" = None,
     machine: str | None = None,
     iso513: str | None = None,
     iso13399: Mapping[str, float | str] | None = None,
@@ -73,14 +73,14 @@ def collect(
     Parameters
     ----------
     tool, work, machine, iso513, iso13399, setup, sensors, note
-        Whose parameters these are; see `Identity`.
+        Whose parameters these are; see `IdentitySection`.
     design : Runs, optional
         The tests behind the laws, or their section.
     laws : sequence of LawFit or StreamedLaw
         At most one for each response. Where a paper prints the law of this tool and work, it is set beside.
     tool_life : ToolLife, optional
         Solved from one of the laws.
-    posteriors : sequence of Posterior
+    posteriors : sequence of PosteriorSection
         At most one for each response, of one seed, every gate open.
     no_posterior : mapping of str to NotAvailable, optional
         Why a response has none.

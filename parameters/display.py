@@ -7,8 +7,8 @@ from ..core.rounding import format_plain
 from .check import CheckReport
 from .draws import Draws
 from .file import ParameterFile
-from .sections.dynamics import Dynamics
-from .sections.law import Law
+from .sections.dynamics import DynamicsSection
+from .sections.law import LawSection
 
 SECTIONS = ("design", "tool_life", "posterior", "dynamics", "pi", "load_line", "limits", "roughness", "adaptive_force")
 MARKS = {True: "passed", False: "AGAINST", None: "not asked"}
@@ -26,7 +26,7 @@ def of_file(pf: ParameterFile) -> Display:
     return Display(head, made, TextTable(("", "law", ""), rows) if rows else None)
 
 
-def law_in_short(law: "Law") -> str:
+def law_in_short(law: "LawSection") -> str:
     """The equation with four digits a number."""
     first, *rest = (f"{value:.4g}" for value in law.coefficients.values())
     left = with_unit(law.response, law.unit)
@@ -36,7 +36,7 @@ def law_in_short(law: "Law") -> str:
 
 
 @display.register
-def of_law(law: Law) -> Display:
+def of_law(law: LawSection) -> Display:
     """Equation, scatter and rows; coefficients with their standard errors."""
     rows = f"{law.n} rows" + ("" if law.n_edges is None else f" of {law.n_edges} edges")
     se = "" if law.residual_se is None else f", residual SE {format_plain(law.residual_se, 3)} {law.residual_scale}"
@@ -65,7 +65,7 @@ def of_draws(draws: Draws) -> Display:
 
 
 @display.register
-def of_dynamics(model: Dynamics) -> Display:
+def of_dynamics(model: DynamicsSection) -> Display:
     """Orders, gain and sample time; what else is told of it."""
     below = sum(model.a)
     gain = f"gain {format_plain(sum(model.b) / below)}" if below else "an integrator"

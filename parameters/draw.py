@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from .draws import Draws
     from .file import ParameterFile
     from .prediction import Prediction
-    from .sections.dynamics import Dynamics
-    from .sections.law import Law
+    from .sections.dynamics import DynamicsSection
+    from .sections.law import LawSection
 
 STEP = 200  # samples
 Rows = dict[str, tuple[float, float, float]]
 
 
-def _slopes(law: "Law", name: str = "") -> Rows:
+def _slopes(law: "LawSection", name: str = "") -> Rows:
     """Coefficients but the constant, within two standard errors."""
     rows: Rows = {}
     for symbol, value in list(law.coefficients.items())[1:]:
@@ -29,7 +29,7 @@ def _slopes(law: "Law", name: str = "") -> Rows:
     return rows
 
 
-def law_picture(law: "Law", ax: "Axes | None" = None) -> "Axes":
+def law_picture(law: "LawSection", ax: "Axes | None" = None) -> "Axes":
     """What each factor does."""
     return whiskers(_slopes(law), ax, label="coefficient ± 2 standard errors", title=law.equation)
 
@@ -58,7 +58,7 @@ def draws_picture(draws: "Draws", ax: "Axes | None" = None) -> "Axes":
     return whiskers(rows, ax, label="middle 95 % of the draws")
 
 
-def dynamics_picture(model: "Dynamics", ax: "Axes | None" = None) -> "Axes":
+def dynamics_picture(model: "DynamicsSection", ax: "Axes | None" = None) -> "Axes":
     """Response to a unit step of the input, from rest."""
     ax = new_axes(ax)
     time = model.sample_time * np.arange(STEP)

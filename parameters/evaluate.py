@@ -25,7 +25,7 @@ from ..core.errors import ParameterError
 from .errors import short
 
 if TYPE_CHECKING:
-    from .sections.law import Law
+    from .sections.law import LawSection
 
 Array = NDArray[np.float64]
 
@@ -44,14 +44,14 @@ def coefficient_names(form: str, symbols: Iterable[str]) -> tuple[str, ...]:
     return COEFFICIENTS[form] + (tuple(symbols) if form == "power" else ())
 
 
-def parameter_names(law: "Law") -> tuple[str, ...]:
+def parameter_names(law: "LawSection") -> tuple[str, ...]:
     """Names of theta: the constant by its logarithm where the law is logarithmic, shifts last."""
     constant, *others = coefficient_names(law.form, (factor.symbol for factor in law.factors))
     head = f"ln {constant}" if law.form in LOGARITHMIC else constant
     return (head, *others, *(law.by.names if law.by else ()))
 
 
-def theta(law: "Law") -> Array:
+def theta(law: "LawSection") -> Array:
     """Give the parameters, shape (p,), in the order of `parameter_names`."""
     constant, *others = coefficient_names(law.form, (factor.symbol for factor in law.factors))
     first = law.coefficients[constant]
@@ -60,7 +60,7 @@ def theta(law: "Law") -> Array:
     return np.array([head, *(law.coefficients[name] for name in others), *shifts])
 
 
-def terms(law: "Law", level: str | None, given: Mapping[str, ArrayLike]) -> Array:
+def terms(law: "LawSection", level: str | None, given: Mapping[str, ArrayLike]) -> Array:
     """Lay out the terms, shape (..., p), at the given factors; refuse what the law cannot take."""
     values = checked_values(law, given)
     columns = [np.log(x) if law.form == "power" else x for x in values]
@@ -70,7 +70,7 @@ def terms(law: "Law", level: str | None, given: Mapping[str, ArrayLike]) -> Arra
     return np.stack([np.ones(shape), *columns, *shifts], axis=-1)
 
 
-def checked_values(law: "Law", given: Mapping[str, ArrayLike]) -> list[Array]:
+def checked_values(law: "LawSection", given: Mapping[str, ArrayLike]) -> list[Array]:
     """Put the factors in the law's order, broadcast to one shape."""
     symbols = [factor.symbol for factor in law.factors]
     for name in given:
@@ -91,7 +91,7 @@ def checked_values(law: "Law", given: Mapping[str, ArrayLike]) -> list[Array]:
         raise ParameterError(f"the factors do not broadcast to one shape: {shapes}.") from None
 
 
-def _number(law: "Law", symbol: str, unit: str, given: ArrayLike) -> Array:
+def _number(law: "LawSection", symbol: str, unit: str, given: ArrayLike) -> Array:
     try:
         value = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -104,7 +104,7 @@ def _number(law: "Law", symbol: str, unit: str, given: ArrayLike) -> Array:
     return value
 
 
-def _level(law: "Law", level: str | None) -> str | None:
+def _level(law: "LawSection", level: str | None) -> str | None:
     if law.by is None:
         if level is not None:
             raise ParameterError(f"the law of {law.response} has no levels; leave {short(level)} out.")
@@ -118,13 +118,13 @@ def _level(law: "Law", level: str | None) -> str | None:
     return str(level)
 
 
-def response(law: "Law", eta: Array) -> Array:
+def response(law: "LawSection", eta: Array) -> Array:
     """Invert the link."""
     with np.errstate(over="ignore", under="ignore"):  # `as_given` refuses what overflows
         return np.exp(eta) if law.form in LOGARITHMIC else eta
 
 
-def as_given(law: "Law", value: Array) -> Array | float:
+def as_given(law: "LawSection", value: Array) -> Array | float:
     """Return a float for a single point, an array otherwise; refuse a number too large to be one."""
     if not np.isfinite(value).all():
         raise ParameterError(

@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 
 from ..core.errors import ParameterError
 from .evaluate import parameter_names, theta
-from .intervals import Asked, band
+from .intervals import IntervalOptions, band
 from .sections.covariance import Covariance
-from .sections.law import Law
+from .sections.law import LawSection
 from .sections.load_line import FeedLimit, LimitInterval, NoInterval
 
 Array = NDArray[np.float64]
 
 
-def feed_limit(law: Law, load: float, wear: float, *, by: str | None = None, level: float = 0.95) -> FeedLimit:
+def feed_limit(law: LawSection, load: float, wear: float, *, by: str | None = None, level: float = 0.95) -> FeedLimit:
     """The feed at which a tool of this wear draws the load.
 
     Parameters
     ----------
-    law : Law
+    law : LawSection
         Of the form ``load_line`` or ``feed_line``.
     load, wear : float
         In the units of the law; a feed_line has its load by itself.
@@ -40,7 +40,7 @@ def feed_limit(law: Law, load: float, wear: float, *, by: str | None = None, lev
 
 
 def wear_in_window(
-    law: Law, load: float, feed: float, window: tuple[float, float], *, by: str | None = None
+    law: LawSection, load: float, feed: float, window: tuple[float, float], *, by: str | None = None
 ) -> tuple[float | None, str]:
     """Probability that the wear of a further tool lies in a window when it draws the load at this feed.
 
@@ -60,12 +60,12 @@ def wear_in_window(
     return float(np.clip(below[1] - below[0], 0.0, 1.0)), f"t of the law's prediction of one further tool ({scatter})"
 
 
-def _below(law: Law, load: float, feed: float, wear: float, by: str | None) -> float:
+def _below(law: LawSection, load: float, feed: float, wear: float, by: str | None) -> float:
     """P(wear <= w) at this load and feed."""
     from scipy.special import stdtr, stdtrit
 
     at = _at(law, feed, wear)
-    found = band(law, Asked("prediction", 0.5), by, at)
+    found = band(law, IntervalOptions("prediction", 0.5), by, at)
     half = float(found.high - found.low) / 2
     df = float(law.uncertainty.df) if isinstance(law.uncertainty, Covariance) else 1.0
     sd = half / float(stdtrit(df, 0.75))
@@ -73,12 +73,12 @@ def _below(law: Law, load: float, feed: float, wear: float, by: str | None) -> f
     return float(stdtr(df, off / sd)) if sd > 0 else float(off >= 0)
 
 
-def _at(law: Law, feed: float, wear: float) -> dict[str, float]:
+def _at(law: LawSection, feed: float, wear: float) -> dict[str, float]:
     symbols = [factor.symbol for factor in law.factors]
     return dict(zip(symbols, (feed, wear) if law.form == "load_line" else (wear,), strict=True))
 
 
-def _feed(law: Law, load: float, wear: float, by: str | None) -> float:
+def _feed(law: LawSection, load: float, wear: float, by: str | None) -> float:
     if law.form == "feed_line":
         return float(law.predict(by, **_at(law, 0.0, wear)))
     B = law.coefficients["B"]
@@ -92,12 +92,12 @@ def _feed(law: Law, load: float, wear: float, by: str | None) -> float:
     return value
 
 
-def _interval(law: Law, load: float, wear: float, by: str | None, level: float) -> LimitInterval | NoInterval:
+def _interval(law: LawSection, load: float, wear: float, by: str | None, level: float) -> LimitInterval | NoInterval:
     held = law.uncertainty
     if not isinstance(held, Covariance):
         return NoInterval(reason=_reason(law))
     if law.form == "feed_line":
-        found = band(law, Asked("mean", level), by, _at(law, 0.0, wear))
+        found = band(law, IntervalOptions("mean", level), by, _at(law, 0.0, wear))
         return LimitInterval(low=float(found.low), high=float(found.high), level=level, method="t of the line's mean")
     ends = _fieller(law, held, load, wear, by, level)
     if ends is None:
@@ -106,7 +106,7 @@ def _interval(law: Law, load: float, wear: float, by: str | None, level: float) 
 
 
 def _fieller(
-    law: Law, held: Covariance, load: float, wear: float, by: str | None, level: float
+    law: LawSection, held: Covariance, load: float, wear: float, by: str | None, level: float
 ) -> tuple[float, float] | None:
     """Feeds f with (load - m(f))^2 <= t^2 var m(f); both sides are quadratic in f. None where they have no end."""
     from scipy.special import stdtrit
@@ -129,7 +129,7 @@ def _fieller(
     return (float(ends[0]), float(ends[1])) if np.isfinite(ends).all() else None
 
 
-def _reason(law: Law) -> str:
+def _reason(law: LawSection) -> str:
     if isinstance(law.uncertainty, Covariance):
         return f"the law of {law.response} has no residual standard error"
     return f"no interval: {law.uncertainty.reason.removeprefix('no interval: ').rstrip('.')}"

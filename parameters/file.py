@@ -12,18 +12,18 @@ from ..core.files import cause, write_whole
 from .canonical import content_sha256
 from .errors import in_words
 from .migrate import SCHEMA, migrated
-from .sections.adaptive_force import AdaptiveForce
+from .sections.adaptive_force import AdaptiveForceSection
 from .sections.base import Section, Sha256
-from .sections.design import Design
-from .sections.dynamics import Dynamics
-from .sections.identity import Identity, Provenance
-from .sections.law import Law
+from .sections.design import DesignSection
+from .sections.dynamics import DynamicsSection
+from .sections.identity import IdentitySection, ProvenanceSection
+from .sections.law import LawSection
 from .sections.law_parts import ToolLifeSection
-from .sections.limits import Limits
-from .sections.load_line import LoadLine
-from .sections.pi import Pi
-from .sections.posterior import Posterior
-from .sections.roughness import Roughness
+from .sections.limits import LimitsSection
+from .sections.load_line import LoadLineSection
+from .sections.pi import PiSection
+from .sections.posterior import PosteriorSection
+from .sections.roughness import RoughnessSection
 from .strict_json import CURE, strict_json
 
 if TYPE_CHECKING:
@@ -39,10 +39,10 @@ class ParameterFile(Section):
     ----------
     schema_version : str
         ``fitmodels.parameters/1``.
-    identity : Identity
+    identity : IdentitySection
     design : Design or None
         The tests behind the laws. It came later: a file without it is valid, and so says nothing of its tests.
-    laws : dict of Law
+    laws : dict of LawSection
         By the symbol of the response.
     tool_life : ToolLifeSection or None
         Solved from the wear law at a criterion.
@@ -60,7 +60,7 @@ class ParameterFile(Section):
         Settings of turning at constant roughness.
     adaptive_force : AdaptiveForce or None
         Estimates and rates of adaptive force control.
-    provenance : Provenance
+    provenance : ProvenanceSection
     content_sha256 : str or None
         Checksum of everything else (see ``canonical``), as of the writing; it does not count when files are compared.
 
@@ -75,18 +75,18 @@ class ParameterFile(Section):
     """
 
     schema_version: Literal["fitmodels.parameters/1"] = SCHEMA
-    identity: Identity
-    design: Design | None = None
-    laws: dict[str, Law] = Field(default_factory=dict)
+    identity: IdentitySection
+    design: DesignSection | None = None
+    laws: dict[str, LawSection] = Field(default_factory=dict)
     tool_life: ToolLifeSection | None = None
-    posterior: Posterior | None = None
-    dynamics: Dynamics | None = None
-    pi: Pi | None = None
-    load_line: LoadLine | None = None
-    limits: Limits | None = None
-    roughness: Roughness | None = None
-    adaptive_force: AdaptiveForce | None = None
-    provenance: Provenance
+    posterior: PosteriorSection | None = None
+    dynamics: DynamicsSection | None = None
+    pi: PiSection | None = None
+    load_line: LoadLineSection | None = None
+    limits: LimitsSection | None = None
+    roughness: RoughnessSection | None = None
+    adaptive_force: AdaptiveForceSection | None = None
+    provenance: ProvenanceSection
     content_sha256: Sha256 | None = None
 
     __hash__ = None  # type: ignore[assignment]  # it holds dictionaries

@@ -31,14 +31,14 @@ from .sections.covariance import Covariance, NoCovariance
 from .sections.law_parts import Edges
 
 if TYPE_CHECKING:
-    from .sections.law import Law
+    from .sections.law import LawSection
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """Which interval is asked for; what the options mean stands at ``Law.interval``."""
+class IntervalOptions:
+    """Which interval is asked for; what the options mean stands at ``LawSection.interval``."""
 
     kind: Kind = "mean"
     level: float = 0.95
@@ -87,7 +87,7 @@ class _About:
     words: str | None
 
 
-def band(law: "Law", asked: Asked, by: str | None, factors: Mapping[str, ArrayLike]) -> Band:
+def band(law: "LawSection", asked: IntervalOptions, by: str | None, factors: Mapping[str, ArrayLike]) -> Band:
     """Value and ends at the given factors, by the delta method.
 
     Raises
@@ -120,20 +120,20 @@ def band(law: "Law", asked: Asked, by: str | None, factors: Mapping[str, ArrayLi
     return Band(median * factor, low, high, of, about.edge, centre)
 
 
-def _covariance(law: "Law") -> Covariance:
+def _covariance(law: "LawSection") -> Covariance:
     if isinstance(law.uncertainty, NoCovariance):
         reason = law.uncertainty.reason.removeprefix("no interval: ").rstrip(".")
         raise ParameterError(f"the law of {law.response} has no interval: {reason}.")
     return law.uncertainty
 
 
-def _quadratic(law: "Law", covariance: Covariance, G: Array) -> Array:
+def _quadratic(law: "LawSection", covariance: Covariance, G: Array) -> Array:
     order = [covariance.of.index(name) for name in parameter_names(law)]
     C = np.array(covariance.matrix)[np.ix_(order, order)]
     return np.asarray(np.einsum("...i,ij,...j->...", G, C, G), dtype=float)
 
 
-def _about(law: "Law", covariance: Covariance, asked: Asked, *, parts: bool) -> _About:
+def _about(law: "LawSection", covariance: Covariance, asked: IntervalOptions, *, parts: bool) -> _About:
     """Of rows by edge where the file splits their scatter, else of rows as independent."""
     e, df = law.edges, float(covariance.df)
     if e is None or e.sd_between is None or e.sd_within is None:
@@ -151,13 +151,13 @@ def _about(law: "Law", covariance: Covariance, asked: Asked, *, parts: bool) -> 
     return _About("new", between_and_within(e.sd_between, e.sd_within, m, between, within), df, "a new edge")
 
 
-def _smearing(law: "Law", about: _About) -> float:
+def _smearing(law: "LawSection", about: _About) -> float:
     if about.edge == "same" and law.edges is not None:
         return _held(law, law.edges, "smearing_within", of="the smeared mean")[0]
     return _held(law, law, "smearing", of="the smeared mean")[0]
 
 
-def _held(law: "Law", section: "Edges | Law", *names: str, of: str) -> list[float]:
+def _held(law: "LawSection", section: "Edges | LawSection", *names: str, of: str) -> list[float]:
     """Fields that earlier files lack."""
     values = [getattr(section, name) for name in names]
     lacking = [name for name, value in zip(names, values, strict=True) if value is None]

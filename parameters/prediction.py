@@ -12,19 +12,19 @@ from ..core.rounding import format_plain as plain
 from ..core.rounding import format_rounded
 from ..datasets import region
 from .evaluate import as_given, checked_values
-from .intervals import Asked, band
+from .intervals import IntervalOptions, band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-    from .sections.law import Law
+    from .sections.law import LawSection
 
 SIDES = {-1: "below", 1: "above"}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Given(Displayable):
+class GivenFactor(Displayable):
     """A factor at which a law was asked.
 
     Attributes
@@ -67,7 +67,7 @@ class Prediction(Displayable):
         Of the interval: mean, prediction or tolerance; new, same or independent rows; what ``value`` is.
     level, coverage : float
         Coverage is None of anything but a tolerance interval.
-    given : tuple of Given
+    given : tuple of GivenFactor
         The factors, in the order of the law.
     by : tuple of str, or None
         Column and level, where the law has levels.
@@ -87,7 +87,7 @@ class Prediction(Displayable):
     centre: str
     level: float
     coverage: float | None
-    given: tuple[Given, ...]
+    given: tuple[GivenFactor, ...]
     by: tuple[str, str] | None
     error: str
 
@@ -187,8 +187,8 @@ class Prediction(Displayable):
 
 
 def tell(
-    law: "Law",
-    asked: Asked,
+    law: "LawSection",
+    asked: IntervalOptions,
     by: str | None,
     factors: Mapping[str, ArrayLike],
     sources: Mapping[str, Prediction] | None = None,
@@ -198,7 +198,7 @@ def tell(
     Raises
     ------
     ParameterError
-        As ``Law.interval``.
+        As ``LawSection.interval``.
     """
     taken = dict(sources or {})
     by = None if by is None else str(by)
@@ -209,7 +209,7 @@ def tell(
     for source in taken.values():
         inside = inside & source.inside
     given = tuple(
-        Given(f.symbol, f.unit, _item(value), f.low, f.high, _item(beyond), taken.get(f.symbol))
+        GivenFactor(f.symbol, f.unit, _item(value), f.low, f.high, _item(beyond), taken.get(f.symbol))
         for f, value, beyond in zip(law.factors, values, _beyond(law, values), strict=True)
     )
     return Prediction(
@@ -231,8 +231,8 @@ def tell(
     )
 
 
-def _beyond(law: "Law", values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:
-    """For each factor, -1 below its tested range, 1 above it: as strictly as ``Law.inside`` takes it."""
+def _beyond(law: "LawSection", values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:
+    """For each factor, -1 below its tested range, 1 above it: as strictly as ``LawSection.inside`` takes it."""
     if law.region is None:
         pairs = zip(values, law.factors, strict=True)
         return [(value > f.high).astype(np.intp) - (value < f.low) for value, f in pairs]

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import ParameterError, UsageError
 from .errors import short
 from .feed_limits import feed_limit, wear_in_window
-from .sections.load_line import FeedLimit, LoadLine
+from .sections.load_line import FeedLimit, LoadLineSection
 
 if TYPE_CHECKING:
     from .file import ParameterFile
-    from .sections.law import Law
+    from .sections.law import LawSection
 
 SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm
@@ -42,7 +42,7 @@ def settings(
     level: float = 0.95,
     dwell: float | None = None,
     engagement: Mapping[str, Any] | None = None,
-) -> LoadLine:
+) -> LoadLineSection:
     """Settings of milling at constant load, by the paper's rules.
 
     Parameters
@@ -71,7 +71,7 @@ def settings(
 
     Returns
     -------
-    LoadLine
+    LoadLineSection
 
     Raises
     ------
@@ -97,7 +97,7 @@ def settings(
     upper, lower = (feed_limit(found, reference, wear, by=by, level=level) for wear in (0.0, limit))
     _check_order(found, reference, lower, upper)
     probability, words = wear_in_window(found, reference, lower.value, window, by=by)
-    return LoadLine.model_validate({
+    return LoadLineSection.model_validate({
         "reference": reference,
         "worn": float(worn),
         "safety_factor": float(safety_factor),
@@ -119,7 +119,7 @@ def settings(
     })  # fmt: skip
 
 
-def _law(pf: "ParameterFile", name: str | None) -> "Law":
+def _law(pf: "ParameterFile", name: str | None) -> "LawSection":
     if name is not None and name not in pf.laws:
         raise UsageError(f"--law {name}: the file holds laws of {', '.join(pf.laws) or 'nothing'}.")
     found = [law for key, law in pf.laws.items() if law.form in FORMS and name in (None, key)]
@@ -159,7 +159,7 @@ def _rounded(value: float, step: float | None) -> float:
     return found
 
 
-def _check_held(law: "Law", reference: float) -> list[str]:
+def _check_held(law: "LawSection", reference: float) -> list[str]:
     """A line of feed on wear is true at one load alone; the fit's notes say at which."""
     if law.form != "feed_line":
         return []
@@ -177,7 +177,7 @@ def _check_held(law: "Law", reference: float) -> list[str]:
     return [f"The limits come from feeds held at {held:g} {told[0][2]}, and are true there alone."]
 
 
-def _check_order(law: "Law", reference: float, lower: FeedLimit, upper: FeedLimit) -> None:
+def _check_order(law: "LawSection", reference: float, lower: FeedLimit, upper: FeedLimit) -> None:
     if not 0 < lower.value < upper.value:
         raise ParameterError(
             f"the feed limits come out as {lower.value:.4g} and {upper.value:.4g} at load {reference:g}: the lower "
@@ -185,7 +185,7 @@ def _check_order(law: "Law", reference: float, lower: FeedLimit, upper: FeedLimi
         )
 
 
-def _beyond(law: "Law", limit: float) -> list[str]:
+def _beyond(law: "LawSection", limit: float) -> list[str]:
     wear = law.factors[-1]
     if limit <= wear.high:
         return []

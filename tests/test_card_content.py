@@ -378,7 +378,7 @@ GUM_G2 = {1: 12.71, 2: 4.30, 3: 3.18, 5: 2.57, 10: 2.23, 14: 2.14, 20: 2.09, 50:
 
 def line_law(df, se=0.3):
     """A line of feed on wear whose uncertainty is known by its making."""
-    return parameters.Law.model_validate({
+    return parameters.LawSection.model_validate({
         "form": "feed_line", "response": "fm", "quantity": "feed rate", "unit": "mm/min", "equation": "fm = 2 + 1 VB",
         "error": "additive", "coefficients": {"fm0": 2.0, "slope": 1.0},
         "factors": [{"symbol": "VB", "quantity": "wear", "unit": "mm", "low": 0.0, "high": 2.0}],
@@ -464,7 +464,7 @@ def test_the_profiler_computes_what_the_law_predicts(files, name, data):
 
 
 def test_an_exponential_law_is_profiled_too():
-    law = parameters.Law.model_validate({
+    law = parameters.LawSection.model_validate({
         "form": "exponential", "response": "Ra", "quantity": "roughness", "unit": "um", "equation": "", "n": 9, "df": 7,
         "error": "multiplicative", "coefficients": {"a": 0.24, "b": 0.0034}, "residual_se": 0.1, "residual_scale": "ln",
         "factors": [{"symbol": "F", "quantity": "force", "unit": "N", "low": 100.0, "high": 700.0}],
@@ -492,7 +492,7 @@ def test_wear_is_put_in_from_its_own_law(pf):
 
 def test_a_law_without_covariance_has_a_value_and_no_band(pf):
     none = {"kind": "none", "reason": "4 observations, 4 parameters"}
-    law = parameters.Law.model_validate({**pf.laws["AW"].model_dump(), "uncertainty": none})
+    law = parameters.LawSection.model_validate({**pf.laws["AW"].model_dump(), "uncertainty": none})
     bare = pf.model_copy(update={"laws": {"AW": law}})
     value, low, high = profile(profiled(law, bare), {"V": 100.0, "f": 0.2, "d": 2.0, "t": 8.0})
     assert value == pytest.approx(law.predict(V=100.0, f=0.2, d=2.0, t=8.0))

@@ -12,7 +12,7 @@ from fitmodels.core.errors import ParameterError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
-from fitmodels.parameters import Dynamics, Pi, check, collect, read, sealed, write
+from fitmodels.parameters import DynamicsSection, PiSection, check, collect, read, sealed, write
 from fitmodels.parameters.checks.loop_figures import closed_loop, figures
 from fitmodels.parameters.file import _parse
 from hypothesis import given, settings
@@ -208,7 +208,7 @@ def loop_by_control(kp, ki):
 
 @pytest.mark.parametrize(("kp", "ki"), [(0.3, 4.5), (0.05, 2.0), (2.0, 8.0)])
 def test_margins_are_those_of_python_control(kp, ki):
-    found = figures(closed_loop(Dynamics(**PLANT, uncertainty=NONE), Pi(kp=kp, ki=ki, sample_time=0.02)))
+    found = figures(closed_loop(DynamicsSection(**PLANT, uncertainty=NONE), PiSection(kp=kp, ki=ki, sample_time=0.02)))
     gm, pm, *_ = control.stability_margins(loop_by_control(kp, ki), method="poly")
     assert found["gain_margin"] == pytest.approx(gm, rel=1e-5)
     assert found["phase_margin"] == pytest.approx(pm, rel=1e-4)
@@ -216,8 +216,8 @@ def test_margins_are_those_of_python_control(kp, ki):
 
 def test_the_gain_where_the_published_loop_becomes_unstable():
     """A gain alone above 7.868 V/A is unstable at 50 Hz, from the printed decimals."""
-    model = Dynamics(**PLANT, uncertainty=NONE)
-    inside, outside = (closed_loop(model, Pi(kp=kp, ki=0.0, sample_time=0.02)).radius for kp in (7.86, 7.88))
+    model = DynamicsSection(**PLANT, uncertainty=NONE)
+    inside, outside = (closed_loop(model, PiSection(kp=kp, ki=0.0, sample_time=0.02)).radius for kp in (7.86, 7.88))
     assert inside < 1 < outside
 
 
@@ -226,7 +226,9 @@ def test_the_step_is_that_of_scipy():
     num, den = T.num[0][0], T.den[0][0]
     _, y = dlsim((num, den, 0.02), np.ones(2000))
     y = y[:, 0]
-    found = figures(closed_loop(Dynamics(**PLANT, uncertainty=NONE), Pi(kp=0.3, ki=4.5, sample_time=0.02)))
+    found = figures(
+        closed_loop(DynamicsSection(**PLANT, uncertainty=NONE), PiSection(kp=0.3, ki=4.5, sample_time=0.02))
+    )
     assert found["rise_time"] == pytest.approx((np.argmax(y >= 0.9) - np.argmax(y >= 0.1)) * 0.02, abs=0.02)
     assert found["settling_time"] == pytest.approx((np.flatnonzero(abs(y - 1) > 0.02)[-1] + 1) * 0.02, abs=0.02)
     assert found["overshoot"] == pytest.approx(max(y.max() - 1, 0), abs=1e-6)
@@ -249,7 +251,7 @@ def test_figures_are_those_of_the_tuner(changes):
     """Two programs, polynomials here and a recursion there; times, peaks and margins agree."""
     given_ = {**GAINS, **changes}
     theirs = loop_of(Model(**PLANT), PiGains(**given_)).figures()
-    ours = figures(closed_loop(Dynamics(**PLANT, uncertainty=NONE), Pi(**given_)))
+    ours = figures(closed_loop(DynamicsSection(**PLANT, uncertainty=NONE), PiSection(**given_)))
     for name, value in ours.items():
         other = getattr(theirs, "disturbance_peak" if name == "disturbance" else name)
         assert value == pytest.approx(other, rel=2e-3, abs=1e-5), name
@@ -258,8 +260,8 @@ def test_figures_are_those_of_the_tuner(changes):
 @settings(max_examples=60, deadline=None)
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_units_of_command_and_load_do_not_matter(u, y):
-    model, gains = Dynamics(**PLANT, uncertainty=NONE), Pi(**GAINS)
-    scaled = Pi(**{**GAINS, "kp": 0.3 * u / y, "ki": 4.5 * u / y, "scaling_u": u, "scaling_y": y})
+    model, gains = DynamicsSection(**PLANT, uncertainty=NONE), PiSection(**GAINS)
+    scaled = PiSection(**{**GAINS, "kp": 0.3 * u / y, "ki": 4.5 * u / y, "scaling_u": u, "scaling_y": y})
     one, other = figures(closed_loop(model, gains)), figures(closed_loop(model, scaled))
     for name in ("rise_time", "settling_time", "ms", "gain_margin", "phase_margin"):
         assert other[name] == pytest.approx(one[name], rel=1e-6)
@@ -268,9 +270,9 @@ def test_units_of_command_and_load_do_not_matter(u, y):
 @pytest.mark.slow
 def test_a_long_average_does_not_take_long():
     """Of 1000 samples: the characteristic polynomial is too long for its roots, and stable or not all the same."""
-    model = Dynamics(**PLANT, uncertainty=NONE)
+    model = DynamicsSection(**PLANT, uncertainty=NONE)
     slow, fast = (
-        closed_loop(model, Pi(kp=0.0, ki=ki, sample_time=0.02, average=1000, delay=1000)) for ki in (0.01, 5.0)
+        closed_loop(model, PiSection(kp=0.0, ki=ki, sample_time=0.02, average=1000, delay=1000)) for ki in (0.01, 5.0)
     )
     assert slow.radius < 1 < fast.radius
     assert figures(slow)["settling_time"] > 20.0

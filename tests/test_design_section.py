@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards import terminal
-from fitmodels.parameters import Design, collect, design_section, read, write
+from fitmodels.parameters import DesignSection, collect, design_section, read, write
 from fitmodels.parameters.gather.plan import kind_of_plan
 from fitmodels.parameters.gather.scan import labels, numbers, stands
 from hypothesis import given
@@ -226,4 +226,4 @@ def test_plans_that_are_none(levels):
 )  # fmt: skip
 def test_sections_that_cannot_be(section):
     with pytest.raises(ValidationError):
-        Design.model_validate(section)
+        DesignSection.model_validate(section)

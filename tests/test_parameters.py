@@ -18,7 +18,7 @@ import pytest
 from fitmodels import fit, parameters
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
-from fitmodels.parameters import Law, ParameterFile, collect, read, sealed, write
+from fitmodels.parameters import LawSection, ParameterFile, collect, read, sealed, write
 from fitmodels.parameters import file as file_module
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -67,7 +67,7 @@ PROVENANCE = {"fitmodels": "0.1.0", "data_file": "data.csv", "n_rows": 18, "crea
 
 
 def law(**changes):
-    return Law.model_validate({**copy.deepcopy(POWER), **changes})
+    return LawSection.model_validate({**copy.deepcopy(POWER), **changes})
 
 
 def line(**changes):

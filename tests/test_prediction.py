@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.core.errors import ParameterError
-from fitmodels.parameters import Law
+from fitmodels.parameters import LawSection
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import t as student
@@ -165,7 +165,7 @@ def earlier(section):
     for part in (data, data["edges"] or {}):
         for name in LATER:
             part.pop(name, None)
-    return Law.model_validate({**data, "alternative": None})
+    return LawSection.model_validate({**data, "alternative": None})
 
 
 def test_an_earlier_file_tells_what_it_can_and_names_what_it_lacks(tmp_path):
@@ -220,7 +220,7 @@ def hand_made(**changes):
     """AW = 0.01 V^0.5, of eight rows."""
     from fitmodels.parameters.sections.law import EXAMPLE
 
-    return Law.model_validate({**EXAMPLE, **changes})
+    return LawSection.model_validate({**EXAMPLE, **changes})
 
 
 def test_a_sentence_with_numbers_by_hand():

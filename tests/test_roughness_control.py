@@ -26,7 +26,7 @@ from fitmodels.controllers.roughness import (
     turn,
 )
 from fitmodels.core.errors import ParameterError, UsageError
-from fitmodels.parameters import Draws, Roughness, check, read, sealed, write
+from fitmodels.parameters import Draws, RoughnessSection, check, read, sealed, write
 from fitmodels.parameters.published import published
 from fitmodels.parameters.published.roughness import surf, table1
 from hypothesis import given, settings
@@ -84,9 +84,9 @@ def test_table_1_has_eight_rows_and_no_ninth():
 def test_a_reference_force_that_is_not_that_of_its_regression_is_refused(pf):
     fields = {**surf(force_from="regression").roughness.model_dump(), "force": 600.0}
     with pytest.raises(ValidationError, match=r"600 is not that of its regression, 572\.761"):
-        Roughness(**fields)
+        RoughnessSection(**fields)
     with pytest.raises(ValidationError, match="the regression is in 'kN', the force in 'N'"):
-        Roughness(**{**fields, "regression": {"constant": 0.45, "slope": 0.26, "unit": "kN"}})
+        RoughnessSection(**{**fields, "regression": {"constant": 0.45, "slope": 0.26, "unit": "kN"}})
 
 
 # --- the reference force ------------------------------------------------------------------------------

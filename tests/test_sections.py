@@ -12,15 +12,15 @@ from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.tuning import tune_pi
 from fitmodels.parameters import (
-    AdaptiveForce,
+    AdaptiveForceSection,
     Bound,
-    Dynamics,
+    DynamicsSection,
     Engagement,
-    Identity,
-    Limits,
-    Pi,
+    IdentitySection,
+    LimitsSection,
+    PiSection,
     Range,
-    Roughness,
+    RoughnessSection,
     Sensor,
     collect,
     read,
@@ -37,7 +37,7 @@ CLM = {"b": [0.0, 0.0611, -0.1338, 0.0752], "a": [1.0, -2.0311, 1.2104, -0.1655]
 
 
 def published(**changes):
-    return Dynamics.model_validate({**CLM, "uncertainty": NONE, "unit_u": "V", "unit_y": "A", **changes})
+    return DynamicsSection.model_validate({**CLM, "uncertainty": NONE, "unit_u": "V", "unit_y": "A", **changes})
 
 
 def model(**changes):
@@ -86,7 +86,7 @@ def test_a_model_is_handed_over_number_for_number(tmp_path):
 
 @given(st.lists(st.floats(-0.4, 0.4), min_size=1, max_size=2), st.lists(st.floats(-5, 5), min_size=1, max_size=4))
 def test_a_simulation_scales_with_its_input(a, b):
-    made = Dynamics(b=[0.0, *b], a=[1.0, *a], nk=1, sample_time=0.1, uncertainty=NONE)
+    made = DynamicsSection(b=[0.0, *b], a=[1.0, *a], nk=1, sample_time=0.1, uncertainty=NONE)
     u = np.arange(20.0)
     np.testing.assert_allclose(made.simulate(3 * u), 3 * made.simulate(u), rtol=1e-9, atol=1e-9)
 
@@ -180,7 +180,7 @@ def test_gains_that_miss_are_handed_over_only_with_a_reason():
 )
 def test_gains_that_cannot_be(changes, words):
     with pytest.raises(ValidationError, match=words):
-        Pi.model_validate({"kp": 0.1, "ki": 0.2, "sample_time": 0.02, **changes})
+        PiSection.model_validate({"kp": 0.1, "ki": 0.2, "sample_time": 0.02, **changes})
 
 
 # --- identity, limits and settings --------------------------------------------------------------------
@@ -188,13 +188,13 @@ def test_gains_that_cannot_be(changes, words):
 
 @pytest.mark.parametrize("group", ["P", "M", "K", "N", "S", "H", "P01", "K20", "M50"])
 def test_groups_of_iso_513(group):
-    assert Identity(tool="a", work="b", simulated=False, iso513=group).iso513 == group
+    assert IdentitySection(tool="a", work="b", simulated=False, iso513=group).iso513 == group
 
 
 @pytest.mark.parametrize("group", ["p20", "X", "P51", "P00", "P1", "P20\n", "steel", ""])
 def test_no_group_of_iso_513(group):
     with pytest.raises(ValidationError, match="no group of ISO 513"):
-        Identity(tool="a", work="b", simulated=False, iso513=group)
+        IdentitySection(tool="a", work="b", simulated=False, iso513=group)
 
 
 def test_properties_of_iso_13399_and_sensors_go_along(tmp_path):
@@ -212,7 +212,7 @@ def test_properties_of_iso_13399_and_sensors_go_along(tmp_path):
 @pytest.mark.parametrize("name", ["../../x", "..", "a/b", "a\\b", "", "nul\0l"])
 def test_a_data_file_is_a_name_alone(name):
     with pytest.raises(ValidationError, match="not the name of a file alone"):
-        parameters.Provenance(fitmodels="1", data_file=name)
+        parameters.ProvenanceSection(fitmodels="1", data_file=name)
 
 
 @pytest.mark.parametrize("given_", ["/some/where/data.csv", "..\\where\\data.csv", "data.csv"])
@@ -226,7 +226,7 @@ def test_limits_may_be_said_as_bare_numbers():
         work="b",
         limits={"power": 7, "force": {"value": 1500.0, "unit": "N", "of": "Fxz"}, "speed": (50, 200)},
     ).limits
-    assert limits == Limits(
+    assert limits == LimitsSection(
         power=Bound(value=7.0, unit="kW"), force=Bound(value=1500.0, unit="N", of="Fxz"),
         speed=Range(low=50.0, high=200.0, unit="m/min"),
     )  # fmt: skip
@@ -248,16 +248,18 @@ def test_limits_that_cannot_be(limits, words):
 
 def test_roughness_settings_in_order():
     """Force for Ra 1.0 from Ra = 0.2401 exp(0.0034 F): ln(1/0.2401)/0.0034 = 419.6 N."""
-    section = Roughness(law="Ra", roughness=1.0, force=np.log(1 / 0.2401) / 0.0034, threshold=100.0, override_high=1.5)
+    section = RoughnessSection(
+        law="Ra", roughness=1.0, force=np.log(1 / 0.2401) / 0.0034, threshold=100.0, override_high=1.5
+    )
     assert section.force == pytest.approx(419.6, abs=0.1)
     with pytest.raises(ValidationError, match="not below the reference force"):
-        Roughness(law="Ra", roughness=1.0, force=90.0, threshold=100.0, override_high=1.5)
+        RoughnessSection(law="Ra", roughness=1.0, force=90.0, threshold=100.0, override_high=1.5)
     with pytest.raises(ValidationError, match="leaves no range"):
-        Roughness(law="Ra", roughness=1.0, force=420.0, threshold=100.0, override_high=0.5, override_low=0.5)
+        RoughnessSection(law="Ra", roughness=1.0, force=420.0, threshold=100.0, override_high=0.5, override_low=0.5)
 
 
 def test_every_section_goes_there_and_back(tmp_path):
-    force = AdaptiveForce(
+    force = AdaptiveForceSection(
         m=0.01, alpha=0.2, beta=1.0, g1=1e-5, g2=1e-4, g3=1e-4, Kd=0.5, lam=10.0,
         set_points=[{"depth": d, "force": f} for d, f in ((1.0, 150.0), (2.0, 200.0), (4.0, 320.0))],
     )  # fmt: skip
@@ -270,9 +272,9 @@ def test_every_section_goes_there_and_back(tmp_path):
         "engagement": Engagement(engage_at=0.15, hysteresis=0.02, engage_after=0.1).model_dump(),
     }  # fmt: skip
     pf = collect(
-        tool="a", work="b", dynamics=published(), pi=Pi(kp=0.1, ki=0.2, sample_time=0.02), load_line=line,
+        tool="a", work="b", dynamics=published(), pi=PiSection(kp=0.1, ki=0.2, sample_time=0.02), load_line=line,
         limits={"wear": 0.3}, adaptive_force=force,
-        roughness=Roughness(law="Ra", roughness=1.0, force=420.0, threshold=100.0, override_high=1.5),
+        roughness=RoughnessSection(law="Ra", roughness=1.0, force=420.0, threshold=100.0, override_high=1.5),
     )  # fmt: skip
     assert read(write(pf, tmp_path / "params.json")) == pf
     assert pf.adaptive_force.set_points[2].force == 320.0

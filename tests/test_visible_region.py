@@ -14,7 +14,7 @@ from fitmodels.cards.replays import region as replay_of_region
 from fitmodels.controllers.region import best_point, feasibility, visible_region, wear_front
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.published import PUBLISHED
-from fitmodels.parameters import Draws, Limits, ParameterFile
+from fitmodels.parameters import Draws, LimitsSection, ParameterFile
 from fitmodels.parameters.published import published
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -335,7 +335,7 @@ def test_where_the_ranges_come_from_is_said():
 def test_limits_given_stand_in_place_of_the_file_s(paper):
     assert visible_region(paper, limits={"force": None}).best.held_by == ("P 7 kW", "f 0.6 mm/rev")
     assert visible_region(paper, limits={"force": 1500.0}).limits[1].name == "Fxz 1500 N"
-    assert visible_region(paper, limits=Limits(wear={"value": 0.2, "unit": "mm"})).best.values["AW"] <= 0.2 * (
+    assert visible_region(paper, limits=LimitsSection(wear={"value": 0.2, "unit": "mm"})).best.values["AW"] <= 0.2 * (
         1 + ROUND
     )
     assert visible_region(paper, limits={"speed": (50, 120)}).best.V <= 120.0
@@ -366,7 +366,9 @@ def test_a_measured_wear_takes_the_place_of_its_law():
     pf = file(OF_WEAR, WEAR, limits=kW(5.0))
     best = visible_region(pf, at={"AW": 0.25}).best
     assert best.values["P"] == pytest.approx(5.0)
-    assert parameters.Law.model_validate(OF_WEAR).predict(V=best.V, f=best.f, d=2.5, AW=0.25) == pytest.approx(5.0)
+    assert parameters.LawSection.model_validate(OF_WEAR).predict(V=best.V, f=best.f, d=2.5, AW=0.25) == pytest.approx(
+        5.0
+    )
 
 
 def test_spindle_and_feed_rate_limit_through_the_diameter():

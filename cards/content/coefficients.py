@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ...core.rounding import EXACT
-from ...parameters import Covariance, Dynamics, Law, ModelCovariance
+from ...parameters import Covariance, DynamicsSection, LawSection, ModelCovariance
 from .numbers import NONE, figure, number, probability, spread
 from .parts import Coefficient, Number
 
@@ -14,7 +14,7 @@ WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one s
 NORMAL = 1.96  # quantile that the intervals of a model are told with
 
 
-def law_coefficients(law: Law, level: float = LEVEL) -> tuple[Coefficient, ...]:
+def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient, ...]:
     """A line for each coefficient, the constant first and the shifts of a category last.
 
     The constant of a power or exponential law has no t: it is positive by its form, and its value only says
@@ -46,7 +46,7 @@ def law_coefficients(law: Law, level: float = LEVEL) -> tuple[Coefficient, ...]:
     return tuple(lines)
 
 
-def model_coefficients(d: Dynamics) -> tuple[Coefficient, ...]:
+def model_coefficients(d: DynamicsSection) -> tuple[Coefficient, ...]:
     """A line for each coefficient of a model, with its 95 % interval."""
     errors: dict[str, float] = {}
     if isinstance(d.uncertainty, ModelCovariance):
@@ -74,23 +74,23 @@ def between(low: Number, high: Number) -> str:
     return f"{low.text} … {high.text}" if low.text else ""
 
 
-def lacking(law: Law) -> list[str]:
+def lacking(law: LawSection) -> list[str]:
     """Factors of the printed law that the fit does without."""
     printed = law.published.coefficients if law.published is not None else {}
     return [name for name in printed if name not in law.coefficients]
 
 
-def degrees(law: Law) -> int:
+def degrees(law: LawSection) -> int:
     """Degrees of freedom of the law's t."""
     return law.uncertainty.df if isinstance(law.uncertainty, Covariance) else law.df
 
 
-def _values(law: Law) -> dict[str, float]:
+def _values(law: LawSection) -> dict[str, float]:
     shifts = {} if law.by is None else {f"{law.by.column}[{k}]": v for k, v in law.by.shifts.items()}
     return {**law.coefficients, **shifts}
 
 
-def _half_widths(law: Law, level: float) -> dict[str, float]:
+def _half_widths(law: LawSection, level: float) -> dict[str, float]:
     """Half width of the interval of each parameter, on the scale it was fitted."""
     cov = law.uncertainty
     if not isinstance(cov, Covariance):

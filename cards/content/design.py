@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from ...parameters import Design as DesignSection
-from ...parameters import EdgeFacts, LeftOutRows
+from ...parameters import DesignSection, EdgeFacts, LeftOutRows
 from .numbers import NONE, count, fact, figure, quantity
 from .parts import Design, FactorRange, Named, Number
 

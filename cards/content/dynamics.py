@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ...parameters import Dynamics
+from ...parameters import DynamicsSection
 from ..dynamics_facts import transfer_function_words, wrong_way
 from .coefficients import model_coefficients
 from .numbers import ENDLESS, NONE, count, fact, figure, places
@@ -13,7 +13,7 @@ from .parts import Named, Transfer
 FREE_RUN = "of samples it was not fitted to, by a free run"
 
 
-def transfer_part(d: Dynamics | None) -> Transfer | None:
+def transfer_part(d: DynamicsSection | None) -> Transfer | None:
     """Transfer function, its coefficients and how far it may be trusted."""
     if d is None:
         return None
@@ -27,7 +27,7 @@ def transfer_part(d: Dynamics | None) -> Transfer | None:
     )
 
 
-def facts(d: Dynamics) -> tuple[Named, ...]:
+def facts(d: DynamicsSection) -> tuple[Named, ...]:
     """The figures of a model by name."""
     gain = d.dc_gain
     unit = f"{d.unit_y or 'output'}/{d.unit_u or 'input'}"
@@ -58,7 +58,7 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
 
 
-def _trust(d: Dynamics) -> list[str]:
+def _trust(d: DynamicsSection) -> list[str]:
     said = []
     if d.band:
         said.append(f"trust it from {d.band[0]:.3g} to {d.band[1]:.3g} Hz, where the input had power")

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...parameters import Dynamics, Law, ParameterFile, Pi
+from ...parameters import DynamicsSection, LawSection, ParameterFile, PiSection
 from ...parameters.evaluate import LOGARITHMIC
 from .coefficients import law_coefficients
 from .middle import at_words, middle, reference
@@ -63,7 +63,7 @@ DYNAMICS = "Gain and phase of the identified model over frequency"
 LOOP = "Step of the reference: the loop of these gains on the identified model"
 
 
-def _exponents(law: Law) -> list[Coefficient]:
+def _exponents(law: LawSection) -> list[Coefficient]:
     names = {f.symbol for f in law.factors}
     return [c for c in law_coefficients(law) if c.name in names and c.low.text]
 
@@ -77,7 +77,7 @@ def _of_exponents(tables: dict[str, list[Coefficient]]) -> str:
     return f"Exponents as points with bars. {'; '.join(said)}."
 
 
-def _of_response(pf: ParameterFile, law: Law) -> str:
+def _of_response(pf: ParameterFile, law: LawSection) -> str:
     """A law at both ends of its first factor, in a sentence."""
     first, rest, of = law.factors[0], middle(law), profiled(law, pf)
     low, high = ({**rest, first.symbol: end} for end in (first.low, first.high))
@@ -97,7 +97,7 @@ def _value(law: ProfiledLaw, at: dict[str, float]) -> str:
     return f"{quantity(figure(value, 3, law.unit))}{band}"
 
 
-def _of_dynamics(d: Dynamics) -> str:
+def _of_dynamics(d: DynamicsSection) -> str:
     unit = f"{d.unit_y or 'output'}/{d.unit_u or 'input'}"
     rest = f"{figure(d.dc_gain).text} {unit}" if math.isfinite(d.dc_gain) else "without end"
     ends = d.band or (0.05 / d.sample_time, 0.25 / d.sample_time)
@@ -109,7 +109,7 @@ def _of_dynamics(d: Dynamics) -> str:
     return f"Bode diagram: gain at rest {rest}, {', '.join(at)}{excited}."
 
 
-def _of_loop(pi: Pi) -> str:
+def _of_loop(pi: PiSection) -> str:
     f = pi.figures
     parts = ["The output follows a unit step"]
     if f is not None and f.rise_time is not None:
@@ -121,7 +121,7 @@ def _of_loop(pi: Pi) -> str:
     return ", ".join(parts) + "."
 
 
-def _scale(law: Law) -> str:
+def _scale(law: LawSection) -> str:
     return "in ln" if law.residual_scale == "ln" else law.residual_scale
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from ...parameters import Dynamics, Pi, PiFigures
+from ...parameters import DynamicsSection, PiFigures, PiSection
 from .dynamics import sentence
 from .numbers import ENDLESS, NONE, count, fact, figure, percent
 from .parts import Gains, Named, Number
@@ -44,7 +44,7 @@ CHOSEN = {  # ways of choosing that need more than their name
 UNBOUNDED = ("rise_time", "settling_time", "gain_margin", "delay_margin")
 
 
-def gains_part(pi: Pi | None, dynamics: Dynamics | None) -> Gains | None:
+def gains_part(pi: PiSection | None, dynamics: DynamicsSection | None) -> Gains | None:
     """Gains with all that a controller needs to run them."""
     if pi is None:
         return None
@@ -56,7 +56,7 @@ def gains_part(pi: Pi | None, dynamics: Dynamics | None) -> Gains | None:
     )
 
 
-def as_they_run(pi: Pi) -> tuple[Named, ...]:
+def as_they_run(pi: PiSection) -> tuple[Named, ...]:
     """Kp, Ki and Ti with their units, form and limits."""
     per = f"{pi.unit_u or 'command'}/{pi.unit_y or 'measurement'}"
     return (
@@ -95,7 +95,7 @@ def reached(figures: PiFigures | None) -> tuple[Named, ...]:
     return tuple(out)
 
 
-def asked(pi: Pi) -> tuple[Named, ...]:
+def asked(pi: PiSection) -> tuple[Named, ...]:
     """The specification: a limit for each figure that was asked for."""
     limits = {} if pi.specification is None else pi.specification.asked
     out: list[Named] = []
@@ -109,14 +109,14 @@ def _number(value: float | None, unit: str) -> Number:
     return percent(value) if unit == "%" else figure(value, 3, unit)
 
 
-def _held(pi: Pi) -> tuple[Named, ...]:
+def _held(pi: PiSection) -> tuple[Named, ...]:
     words = "" if pi.draws is None else f"share of {pi.draws} models that the uncertainty of the dynamics allows"
     return fact("probability that the whole specification holds", percent(pi.probability), words) if (
         pi.probability is not None
     ) else ()  # fmt: skip
 
 
-def _sentences(pi: Pi, dynamics: Dynamics | None) -> list[str]:
+def _sentences(pi: PiSection, dynamics: DynamicsSection | None) -> list[str]:
     said = [CHOSEN.get(pi.method, f"chosen by {pi.method}")] if pi.method else []
     if pi.forced:
         said.append(f"FORCED: these gains miss their specification and are kept all the same ({pi.forced})")

@@ -3,8 +3,7 @@
 import math
 
 from ...core.rounding import format_plain
-from ...parameters import Law as LawSection
-from ...parameters import ParameterFile
+from ...parameters import LawSection, ParameterFile
 from ..facts import cautions, composite_words, edge_words, other_words, published_words, structure_words
 from ..posterior_facts import posterior_of
 from .coefficients import LEVEL, degrees, lacking, law_coefficients

@@ -2,15 +2,15 @@
 
 from collections.abc import Mapping
 
-from ...parameters import Law
+from ...parameters import LawSection
 from .numbers import figure, quantity
 
 
-def middle(law: Law) -> dict[str, float]:
+def middle(law: LawSection) -> dict[str, float]:
     """Middle of each factor's range: geometric where the law takes logarithms of it.
 
     >>> from fitmodels.parameters.sections.law import EXAMPLE
-    >>> middle(Law.model_validate(EXAMPLE))
+    >>> middle(LawSection.model_validate(EXAMPLE))
     {'V': 100.0}
     """
     return {f.symbol: middle_of(f.low, f.high, logs=law.form == "power") for f in law.factors}
@@ -23,12 +23,12 @@ def middle_of(low: float, high: float, *, logs: bool) -> float:
     return short if low <= short <= high else exact
 
 
-def at_words(law: Law, at: Mapping[str, float], by: str | None = None, digits: int = 6) -> str:
+def at_words(law: LawSection, at: Mapping[str, float], by: str | None = None, digits: int = 6) -> str:
     """``V 100 m/min, f 0.19 mm/rev``."""
     parts = [f"{f.symbol} {quantity(figure(at[f.symbol], digits, f.unit))}" for f in law.factors if f.symbol in at]
     return ", ".join([*parts, *([f"{law.by.column} {by}"] if law.by is not None and by is not None else [])])
 
 
-def reference(law: Law) -> str | None:
+def reference(law: LawSection) -> str | None:
     """The level at which a law with levels is told."""
     return None if law.by is None else law.by.reference

@@ -1,6 +1,6 @@
 """The posterior of a law as a part of a card: priors, gate, table, what to make of it."""
 
-from ...parameters import Law, LawPosterior
+from ...parameters import LawPosterior, LawSection
 from ...parameters.checks.estimates import ESS, K_HAT, R_HAT
 from ..posterior_facts import posterior_words
 from .drawn import drawn_parameters
@@ -14,7 +14,7 @@ ROWS = "sd is the scatter of rows."
 EDGES = "sd is the scatter of rows within an edge, icc the share of the whole variance that lies between edges."
 
 
-def posterior_part(law: Law, of: LawPosterior | None) -> Posterior | None:
+def posterior_part(law: LawSection, of: LawPosterior | None) -> Posterior | None:
     """The posterior, its reason where there is none, None where nobody drew one."""
     if of is None:
         return None

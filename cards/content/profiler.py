@@ -4,8 +4,7 @@ import math
 from collections.abc import Mapping
 
 from ...datasets.region import ROUNDING, SLACK
-from ...parameters import Covariance, ParameterFile
-from ...parameters import Law as LawSection
+from ...parameters import Covariance, LawSection, ParameterFile
 from ...parameters.evaluate import LOGARITHMIC, parameter_names, theta
 from .coefficients import LEVEL
 from .design import factor_ranges

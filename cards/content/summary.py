@@ -3,7 +3,7 @@
 from typing import Any
 
 from ...core.errors import ParameterError
-from ...parameters import Law, ParameterFile
+from ...parameters import LawSection, ParameterFile
 from .middle import at_words, middle, reference
 from .numbers import figure, number, percent, quantity
 
@@ -59,7 +59,7 @@ def _said(pf: ParameterFile) -> list[str]:
     return []
 
 
-def _of_law(law: Law) -> str:
+def _of_law(law: LawSection) -> str:
     at: dict[str, Any] = dict(middle(law))
     by = reference(law)
     where = f"At {at_words(law, at, by)}" if at else "At these conditions"

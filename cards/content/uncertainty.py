@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.errors import ParameterError
 from ...core.rounding import format_rounded
-from ...parameters import Covariance, Law, ParameterFile, ToolLifeSection
+from ...parameters import Covariance, LawSection, ParameterFile, ToolLifeSection
 from ...parameters.evaluate import parameter_names
 from .coefficients import LEVEL
 from .middle import at_words, middle, reference
@@ -48,7 +48,7 @@ def statements(pf: ParameterFile) -> tuple[Uncertain, ...]:
     return (*found, *(of_life(pf.tool_life, pf.laws.get(pf.tool_life.wear)) if pf.tool_life else ()))
 
 
-def of_law(law: Law) -> tuple[Uncertain, ...]:
+def of_law(law: LawSection) -> tuple[Uncertain, ...]:
     """What the law itself, and one further row, are at the middle of the tests."""
     at: dict[str, Any] = dict(middle(law))
     by = reference(law)
@@ -66,7 +66,7 @@ def of_law(law: Law) -> tuple[Uncertain, ...]:
     return tuple(out)
 
 
-def of_life(life: ToolLifeSection, law: Law | None) -> tuple[Uncertain, ...]:
+def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[Uncertain, ...]:
     """Tool life at the middle of the tests: ln T = (ln W - z'theta) / h, by the delta method (GUM 5.1.2).
 
     With a new edge, whose own level is b off the law, ln T moves by b / h more.
@@ -97,7 +97,7 @@ def of_life(life: ToolLifeSection, law: Law | None) -> tuple[Uncertain, ...]:
     return tuple(out)
 
 
-def _of_an_edge(law: Law, life: ToolLifeSection) -> tuple[str, float | None]:
+def _of_an_edge(law: LawSection, life: ToolLifeSection) -> tuple[str, float | None]:
     """What scatters from edge to edge, in ln of the wear: the level of an edge, or a row where none is known."""
     e = law.edges
     of, sd = (OF["edge"], e.sd_between) if e is not None and e.sd_between is not None else (
@@ -108,7 +108,7 @@ def _of_an_edge(law: Law, life: ToolLifeSection) -> tuple[str, float | None]:
     return of, sd if law.error == "multiplicative" else sd / life.criterion
 
 
-def _df(law: Law) -> int:
+def _df(law: LawSection) -> int:
     return law.uncertainty.df if isinstance(law.uncertainty, Covariance) else law.df
 
 

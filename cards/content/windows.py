@@ -3,16 +3,16 @@
 from typing import Any
 
 from ...parameters import (
-    AdaptiveForce,
+    AdaptiveForceSection,
     Bound,
     Covariance,
     FeedLimit,
     LimitInterval,
-    Limits,
-    LoadLine,
+    LimitsSection,
+    LoadLineSection,
     ParameterFile,
     Range,
-    Roughness,
+    RoughnessSection,
 )
 from .dynamics import sentence
 from .numbers import fact, figure, percent, quantity
@@ -37,7 +37,7 @@ def windows(pf: ParameterFile) -> tuple[Window, ...]:
     return tuple(each for each in found if each is not None)
 
 
-def limits_window(limits: Limits, *, alone: bool = False) -> Window:
+def limits_window(limits: LimitsSection, *, alone: bool = False) -> Window:
     """What machine, tool and work allow; ``alone`` where no window of operation goes with them."""
     facts: list[Named] = []
     for name, words in BOUNDS.items():
@@ -54,7 +54,7 @@ def limits_window(limits: Limits, *, alone: bool = False) -> Window:
     )
 
 
-def load_line_window(line: LoadLine) -> Window:
+def load_line_window(line: LoadLineSection) -> Window:
     """Settings of milling at constant load."""
     wear, feed, load = line.unit_wear, line.unit_feed, line.unit_load
     low, high = line.window
@@ -82,7 +82,7 @@ def load_line_window(line: LoadLine) -> Window:
     return Window(title=title, facts=facts, sentences=tuple(sentence(text) for text in sentences))
 
 
-def roughness_window(r: Roughness, pf: ParameterFile) -> Window:
+def roughness_window(r: RoughnessSection, pf: ParameterFile) -> Window:
     """Settings of turning at constant roughness."""
     facts = (
         *fact("roughness asked for", figure(r.roughness, 6, r.unit_roughness)),
@@ -104,7 +104,7 @@ def roughness_window(r: Roughness, pf: ParameterFile) -> Window:
     return Window(title="Constant roughness", facts=facts, sentences=tuple(sentence(text) for text in sentences))
 
 
-def adaptive_force_window(a: AdaptiveForce) -> Window:
+def adaptive_force_window(a: AdaptiveForceSection) -> Window:
     """Settings of adaptive force control."""
     points = (
         fact(f"force at depth {quantity(figure(p.depth, 6, a.unit_depth))}", figure(p.force, 6, a.unit_force))
@@ -143,7 +143,7 @@ def _feed(name: str, limit: FeedLimit, unit: str, unit_wear: str) -> tuple[Named
     return fact(name, figure(limit.value, 4, unit), f"{at}; no interval: {ends.reason}")
 
 
-def _reaches(r: Roughness, pf: ParameterFile) -> list[str]:
+def _reaches(r: RoughnessSection, pf: ParameterFile) -> list[str]:
     """What the roughness law says of the reference force, where it can say it."""
     law = pf.laws.get(r.law)
     if law is None or law.by is not None or len(law.factors) != 1 or not isinstance(law.uncertainty, Covariance):

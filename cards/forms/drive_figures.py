@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ...parameters import Dynamics
+from ...parameters import DynamicsSection
 from ...parameters.checks.loop_figures import ClosedLoop
 from ..content.parts import Figure
 from .svg_panel import LINE, SOFT, TESTED, Drawing, Panel, decades, even
@@ -20,7 +20,7 @@ DRAWN = 300  # of which are drawn
 SETTLED = 0.02
 
 
-def bode(figure: Figure, model: Dynamics) -> Iterator[Drawing]:
+def bode(figure: Figure, model: DynamicsSection) -> Iterator[Drawing]:
     """Gain and phase of the model up to half the sampling rate, the excited band marked."""
     nyquist = 0.5 / model.sample_time
     least = model.band[0] / BELOW if model.band and model.band[0] > 0 else nyquist / (20 * BELOW)

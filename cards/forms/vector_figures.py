@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import ParameterError
-from ...parameters import Law as LawSection
-from ...parameters import ParameterFile
+from ...parameters import LawSection, ParameterFile
 from ...parameters.checks.loop_figures import closed_loop
 from ...parameters.evaluate import LOGARITHMIC
 from ..content.middle import middle, reference

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ...core.errors import DataError
-from ...parameters import Identity
+from ...parameters import IdentitySection
 from ...parameters.errors import in_words, short
 from ..content.parts import Publication
 from .publication_metadata import NO_SENSORS, SENSOR_KEYS, PublicationMetadata
@@ -141,7 +141,7 @@ def _of_identity(data: Mapping[str, Any], texts: Mapping[str, str], name: str) -
     properties = data.get("tool_properties", {})
     told = {"sensors": _floats(sensors), "tool_properties": properties, "iso513": texts["iso513"] or None}
     try:
-        made = Identity.model_validate({
+        made = IdentitySection.model_validate({
             "tool": "x", "work": "x", "simulated": False, "iso513": told["iso513"], "iso13399": properties,
             "sensors": told["sensors"],
         })  # fmt: skip

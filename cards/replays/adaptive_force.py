@@ -11,7 +11,7 @@ from .adaptive_force_proof import of_estimates, of_proof, of_steps, percent
 if TYPE_CHECKING:
     from ...controllers.adaptive_force import ForceRun, Held, StepSize
     from ...controllers.adaptive_force.runs import By
-    from ...parameters import AdaptiveForce, Draws, ParameterFile
+    from ...parameters import AdaptiveForceSection, Draws, ParameterFile
 
 TITLE = "Adaptive force control in end milling (LYAP, eq. 2.1-10), held against a fixed PI"
 RIPPLE, NOISE = 0.3, 2.0  # share of the force, and N
@@ -89,7 +89,7 @@ def _s(value: float | None) -> str:
     return "never" if value is None else f"{value:.2g} s"
 
 
-def _at_depths(runs: "Sequence[ForceRun]", section: "AdaptiveForce") -> str:
+def _at_depths(runs: "Sequence[ForceRun]", section: "AdaptiveForceSection") -> str:
     told = [
         f"{run.settings.set_point:g} {section.unit_force} at {run.settings.depth:g} {section.unit_depth}: settled "
         f"after {_s(held.settling)}, then within {percent(held.steady)}, at {_late(run):.0f} {section.unit_u}"
@@ -185,7 +185,7 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _assumed(pf: "ParameterFile", section: "AdaptiveForce", draws: "Mapping[str, Draws]") -> tuple[str, ...]:
+def _assumed(pf: "ParameterFile", section: "AdaptiveForceSection", draws: "Mapping[str, Draws]") -> tuple[str, ...]:
     from ...controllers.adaptive_force.settings import tooth_frequency
     from ...parameters import ModelCovariance
 

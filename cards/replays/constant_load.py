@@ -15,8 +15,8 @@ from . import Replayed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...parameters import Draws, LoadLine, ParameterFile
-    from ...parameters.export.loop import Loop
+    from ...parameters import Draws, LoadLineSection, ParameterFile
+    from ...parameters.export.loop import LoadLoop
 
 TITLE = "Milling at constant load (Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587)"
 LEVEL = 0.90
@@ -57,7 +57,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     return Replayed("constant-load", TITLE, lines, _assumed(pf, cut), facts, _figures(run, fixed, pf))
 
 
-def _change(run: ToolRun, line: "LoadLine") -> str:
+def _change(run: ToolRun, line: "LoadLineSection") -> str:
     at = f"VB {run.wear:.0f} {line.unit_wear} after {run.length:.0f} mm and {run.time / 60:.2f} min in the cut"
     low, high = line.window
     if not run.worn:
@@ -66,14 +66,14 @@ def _change(run: ToolRun, line: "LoadLine") -> str:
     return f"Change the tool at {at}: {where} the window of {low:g} to {high:g} {line.unit_wear}."
 
 
-def _settings(line: "LoadLine") -> str:
+def _settings(line: "LoadLineSection") -> str:
     return (
         f"The loop holds {line.reference:g} {line.unit_load}, {line.safety_factor:g} times the {line.worn:g} that a "
         f"worn tool stands, with feeds from {line.lower.value:.4g} to {line.upper.value:.4g} {line.unit_feed}."
     )
 
 
-def _held(run: ToolRun, line: "LoadLine") -> str:
+def _held(run: ToolRun, line: "LoadLineSection") -> str:
     if run.worst_mean is None:
         return "No whole pass was long enough to judge how well the load is held: 4 s of each do not count."
     shares = [abs(p.mean_load / run.reference - 1) for p in run.regulated if p.mean_load is not None]
@@ -87,7 +87,7 @@ def _held(run: ToolRun, line: "LoadLine") -> str:
     )
 
 
-def _gain(run: ToolRun, fixed: ToolRun, pf: "ParameterFile", line: "LoadLine") -> tuple[str, ...]:
+def _gain(run: ToolRun, fixed: ToolRun, pf: "ParameterFile", line: "LoadLineSection") -> tuple[str, ...]:
     if not (run.worn and fixed.worn):
         return ("A gain over constant feed cannot be told: a tool did not reach its end.",)
     beside = f"{fixed.mean_feed:.0f} {line.unit_feed}, stopped at {criterion(pf):.4g} {line.unit_wear}"
@@ -103,7 +103,7 @@ def _gain(run: ToolRun, fixed: ToolRun, pf: "ParameterFile", line: "LoadLine") -
     return (f"Against a constant feed of {beside}: {life}, {rate}.",)
 
 
-def _limit(pf: "ParameterFile", run: ToolRun, line: "LoadLine") -> str:
+def _limit(pf: "ParameterFile", run: ToolRun, line: "LoadLineSection") -> str:
     dwell = ConstantLoad.from_parameters(pf).dwell
     reached = next((p.number for p in run.passes if p.limited), None)
     if reached is None:
@@ -114,7 +114,7 @@ def _limit(pf: "ParameterFile", run: ToolRun, line: "LoadLine") -> str:
     )
 
 
-def _overload(loop: "Loop", cut: CutModel, line: "LoadLine") -> str:
+def _overload(loop: "LoadLoop", cut: CutModel, line: "LoadLineSection") -> str:
     """What the programmed feed draws at the end: a loop that gives it back out of the cut begins a pass with it."""
     worst = cut.A + cut.B * loop.feed_programmed + cut.k1 * line.lower.wear
     tool = f"a tool worn by {line.lower.wear:.0f} {line.unit_wear}"

@@ -16,7 +16,7 @@ from .roughness_table import table_lines
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...parameters import Draws, Law, ParameterFile, Roughness
+    from ...parameters import Draws, LawSection, ParameterFile, RoughnessSection
 
 TITLE = "Turning at constant roughness through constant force (SURF)"
 FINER = 1.6  # times: the paper's change along the run, from 1.6 to 1.0 um
@@ -57,7 +57,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     return Replayed("roughness", TITLE, tuple(lines), _assumed(pf), facts, figures)
 
 
-def _section(pf: "ParameterFile") -> "Roughness":
+def _section(pf: "ParameterFile") -> "RoughnessSection":
     if pf.roughness is None:
         raise UsageError(lacks(pf))
     return pf.roughness
@@ -106,7 +106,7 @@ def _limited(pf: "ParameterFile", cut: Turned, on: Steady, facts: dict[str, obje
     )
 
 
-def _loop(section: "Roughness", facts: dict[str, object]) -> str:
+def _loop(section: "RoughnessSection", facts: dict[str, object]) -> str:
     loop = loop_figures(section.process_time or 0.0, section.servo_time or 0.0, section.sample_time or 0.0)
     facts |= {"crossover_Hz": loop.crossover, "enlarged": loop.enlarged, "damping": loop.damping}
     return (
@@ -227,7 +227,7 @@ def _assumed(pf: "ParameterFile") -> tuple[str, ...]:
     )
 
 
-def _inside(law: "Law", force: float) -> bool:
+def _inside(law: "LawSection", force: float) -> bool:
     given: dict[str, Any] = {law.factors[0].symbol: force}
     return bool(law.inside(**given))
 

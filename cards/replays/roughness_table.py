@@ -8,10 +8,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...controllers.roughness import Simulated
-    from ...parameters import Roughness
+    from ...parameters import RoughnessSection
 
 
-def table_lines(section: "Roughness", seed: int, facts: dict[str, object], figures: "dict[str, Figure]") -> list[str]:
+def table_lines(
+    section: "RoughnessSection", seed: int, facts: dict[str, object], figures: "dict[str, Figure]"
+) -> list[str]:
     """Mean roughness with and without control, and how far the feed ripples; facts and the figure are put in."""
     from ...controllers.roughness import simulated_table
     from ...controllers.roughness.draw import table_picture

@@ -9,7 +9,7 @@ from ...core.display import Displayable
 from ...core.errors import GateError, UsageError
 
 if TYPE_CHECKING:
-    from ...parameters import AdaptiveForce, ParameterFile
+    from ...parameters import AdaptiveForceSection, ParameterFile
 
 TEETH = 2  # assumed
 NEEDED = (
@@ -20,7 +20,7 @@ NEEDED = (
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Settings(Displayable):
-    """The section's numbers, without a None among them; units as in `fitmodels.parameters.AdaptiveForce`.
+    """The section's numbers, without a None among them; units as in `fitmodels.parameters.AdaptiveForceSection`.
 
     Attributes
     ----------
@@ -139,13 +139,13 @@ def tooth_frequency(pf: "ParameterFile") -> float:
     return TEETH / average if average else 100.0
 
 
-def _section(pf: "ParameterFile") -> "AdaptiveForce":
+def _section(pf: "ParameterFile") -> "AdaptiveForceSection":
     if pf.adaptive_force is None:
         raise GateError(lacking(pf))
     return pf.adaptive_force
 
 
-def _set_point(section: "AdaptiveForce", depth: float) -> float:
+def _set_point(section: "AdaptiveForceSection", depth: float) -> float:
     found = {point.depth: point.force for point in section.set_points}
     if depth not in found:
         there = ", ".join(f"{known:g}" for known in found)

@@ -19,7 +19,7 @@ from .position_law import PositionLaw
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
-    from ...parameters.export.loop import Loop
+    from ...parameters.export.loop import LoadLoop
 
 DWELL = 4.0  # s: as long as the published loop may take to settle, so that no transient is taken for a worn tool
 REST = 0.01  # of the range between the feed limits: a command so near the lower one rests on it
@@ -42,7 +42,7 @@ class ConstantLoad(Displayable):
 
     Attributes
     ----------
-    loop : Loop
+    loop : LoadLoop
         Gains, limits and settings; see `fitmodels.parameters.export.loop.Loop`.
     enabled : bool
         The operator's switch.
@@ -63,8 +63,8 @@ class ConstantLoad(Displayable):
 
     Examples
     --------
-    >>> from fitmodels.parameters.export.loop import Loop
-    >>> loop = Loop(
+    >>> from fitmodels.parameters.export.loop import LoadLoop
+    >>> loop = LoadLoop(
     ...     kp=0.0, ki=8000.0, sample_time=0.02, reference=0.24, feed_low=600.0, feed_high=1000.0,
     ...     feed_programmed=1000.0, unit_load="A", unit_feed="mm/min", filter_time=0.0, engage_at=0.15,
     ...     hysteresis=0.02, engage_after=0.04, disengage_after=0.2, back_off=1.0, recover=0.5, load_low=-1.0,
@@ -74,7 +74,7 @@ class ConstantLoad(Displayable):
     [1.0, 0.99, 0.981, 0.971]
     """
 
-    loop: "Loop"
+    loop: "LoadLoop"
     enabled: bool = True
     command: float = 0.0
     dwell: float = DWELL

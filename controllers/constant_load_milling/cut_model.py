@@ -19,7 +19,7 @@ from ...core.errors import ParameterError, UsageError
 from .settings import line_of
 
 if TYPE_CHECKING:
-    from ...parameters import Law, LoadLine, ParameterFile
+    from ...parameters import LawSection, LoadLineSection, ParameterFile
 
 FACTORS = ("t", "fm")  # of a wear law: what changes in a cut at constant load
 
@@ -109,7 +109,7 @@ class CutModel(Displayable):
         return replace(self, **{name: getattr(self, name) * factor for name, factor in by.items()})
 
 
-def _load_law(pf: "ParameterFile", line: "LoadLine") -> "Law":
+def _load_law(pf: "ParameterFile", line: "LoadLineSection") -> "LawSection":
     law = pf.laws.get(line.law)
     if law is None or law.form not in ("load_line", "feed_line"):
         raise ParameterError(
@@ -126,7 +126,7 @@ def _load_law(pf: "ParameterFile", line: "LoadLine") -> "Law":
     return law
 
 
-def _line(law: "Law", line: "LoadLine", pf: "ParameterFile") -> tuple[float, float, float]:
+def _line(law: "LawSection", line: "LoadLineSection", pf: "ParameterFile") -> tuple[float, float, float]:
     shift = law.by.shifts.get(line.by or "", 0.0) if law.by else 0.0
     c = law.coefficients
     if law.form == "load_line":
@@ -139,7 +139,7 @@ def _line(law: "Law", line: "LoadLine", pf: "ParameterFile") -> tuple[float, flo
     return A, B, k1
 
 
-def _gain_of_dynamics(pf: "ParameterFile", line: "LoadLine") -> float:
+def _gain_of_dynamics(pf: "ParameterFile", line: "LoadLineSection") -> float:
     """Load per unit of feed by the drive's gain and the scaling of the gains."""
     pi, model = pf.pi, pf.dynamics
     if model is not None and model.unit_u == line.unit_feed and model.unit_y == line.unit_load:
@@ -152,7 +152,7 @@ def _gain_of_dynamics(pf: "ParameterFile", line: "LoadLine") -> float:
     return model.dc_gain * pi.scaling_y / pi.scaling_u
 
 
-def _wear(pf: "ParameterFile", symbol: str, line: "LoadLine") -> tuple[float, float, float, dict[str, float]]:
+def _wear(pf: "ParameterFile", symbol: str, line: "LoadLineSection") -> tuple[float, float, float, dict[str, float]]:
     """c0 for time in s, exponents of time and feed, and what was held in the tests: ``area``, ``fm``."""
     law = pf.laws.get(symbol)
     cure = f"fit wear tests that have the columns t and {symbol}."
@@ -175,7 +175,7 @@ def _wear(pf: "ParameterFile", symbol: str, line: "LoadLine") -> tuple[float, fl
     return c0, n, law.coefficients.get("fm", 0.0), _tested(factors)
 
 
-def _same_units(law: "Law", factors: dict[str, Any], line: "LoadLine") -> None:
+def _same_units(law: "LawSection", factors: dict[str, Any], line: "LoadLineSection") -> None:
     if law.unit != line.unit_wear or ("fm" in factors and factors["fm"].unit != line.unit_feed):
         raise ParameterError(
             f"the law of {law.response} is in {law.unit}, the settings in {line.unit_wear} and {line.unit_feed}; give "

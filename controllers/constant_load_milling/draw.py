@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from ...core.plotting import NotebookFigure
 
 if TYPE_CHECKING:
-    from ...parameters import LoadLine
+    from ...parameters import LoadLineSection
     from .run import ToolRun
 
 LOAD, FEED, OTHER = "#1f5fa8", "#b5541c", "#5a7d3a"
@@ -17,7 +17,7 @@ MOST = 6000  # points of a line
 LABEL = {"I": "spindle current"}
 
 
-def run_figure(run: "ToolRun", line: "LoadLine", beside: "ToolRun | None" = None, work: str = "") -> Figure:
+def run_figure(run: "ToolRun", line: "LoadLineSection", beside: "ToolRun | None" = None, work: str = "") -> Figure:
     """Load and feed over cutting length, with the mean of each pass, the limits, and a run at constant feed beside."""
     figure = NotebookFigure(figsize=(8.0, 6.2), layout="constrained")
     load, feed = figure.subplots(2, 1, sharex=True)
@@ -50,7 +50,7 @@ def run_figure(run: "ToolRun", line: "LoadLine", beside: "ToolRun | None" = None
     return figure
 
 
-def pass_figure(run: "ToolRun", line: "LoadLine", number: int = 2, settle: float = 4.0) -> Figure:
+def pass_figure(run: "ToolRun", line: "LoadLineSection", number: int = 2, settle: float = 4.0) -> Figure:
     """One pass in time: load with the band of 1 % about the reference, and feed; the settling time shaded."""
     figure = NotebookFigure(figsize=(8.0, 5.2), layout="constrained")
     load, feed = figure.subplots(2, 1, sharex=True)

@@ -10,7 +10,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ...parameters.export.loop import Loop
+    from ...parameters.export.loop import LoadLoop
 
 
 class IncrementalLaw:
@@ -29,7 +29,7 @@ class IncrementalLaw:
 
     __slots__ = ("_back_off", "_high", "_i", "_kept", "_last", "_low", "_p", "_recover", "_sum", "command", "limited")
 
-    def __init__(self, loop: "Loop", command: float) -> None:
+    def __init__(self, loop: "LoadLoop", command: float) -> None:
         self._low, self._high, self._p, self._i = loop.low, loop.high, loop.p, loop.i * loop.sample_time
         self._back_off, self._recover = loop.back_off * loop.sample_time, loop.recover * loop.sample_time
         self.command = self._last = min(max(command, loop.low), loop.high)

@@ -4,7 +4,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ...parameters.export.loop import Loop
+    from ...parameters.export.loop import LoadLoop
 
 
 class PositionLaw:
@@ -21,7 +21,7 @@ class PositionLaw:
     __slots__ = ("_back_off", "_falling", "_half", "_high", "_i", "_kept", "_low", "_middle", "_p", "_recover", "_sum",
                  "_time", "command", "limited")  # fmt: skip
 
-    def __init__(self, loop: "Loop", command: float) -> None:
+    def __init__(self, loop: "LoadLoop", command: float) -> None:
         self.command, self.limited = command, 0
         self._sum, self._falling, self._time = 0.0, False, loop.sample_time
         self._low, self._high, self._p, self._i = loop.low, max(loop.high, 1.0), loop.p, loop.i  # properties take time

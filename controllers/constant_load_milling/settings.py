@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 from ...core.errors import GateError, ParameterError
 
 if TYPE_CHECKING:
-    from ...parameters import LoadLine, ParameterFile
-    from ...parameters.export.loop import Loop
+    from ...parameters import LoadLineSection, ParameterFile
+    from ...parameters.export.loop import LoadLoop
 
 
-def line_of(pf: "ParameterFile") -> "LoadLine":
+def line_of(pf: "ParameterFile") -> "LoadLineSection":
     """Settings of milling at constant load.
 
     Raises
@@ -24,7 +24,7 @@ def line_of(pf: "ParameterFile") -> "LoadLine":
     return pf.load_line
 
 
-def loop_of(pf: "ParameterFile") -> "Loop":
+def loop_of(pf: "ParameterFile") -> "LoadLoop":
     """Gains, limits and settings.
 
     Raises

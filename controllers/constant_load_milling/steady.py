@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ...core.display import Frame
-    from ...parameters import Law, LoadLine, ParameterFile
+    from ...parameters import LawSection, LoadLineSection, ParameterFile
 
 STEPS = 400  # of the wear, for the integrals
 
@@ -47,13 +47,13 @@ class SteadyLife(Displayable):
         return steady_picture(self, ax)
 
 
-def steady_life(cut: CutModel, line: "LoadLine", **changed: Array) -> SteadyLife:
+def steady_life(cut: CutModel, line: "LoadLineSection", **changed: Array) -> SteadyLife:
     """Life of tools at constant load.
 
     Parameters
     ----------
     cut : CutModel
-    line : LoadLine
+    line : LoadLineSection
         Reference and feed limits.
     **changed : ndarray, shape (n,)
         Coefficients that differ from tool to tool: A, B, k1, c0, n, m.
@@ -94,17 +94,17 @@ def drawn_life(pf: "ParameterFile", draws: Mapping[str, Draws]) -> tuple[SteadyL
     return steady_life(cut, line, **changed), tuple(found)
 
 
-def _columns(law: "Law", of: Draws) -> dict[str, Array]:
+def _columns(law: "LawSection", of: Draws) -> dict[str, Array]:
     return {name: of.values[:, of.names.index(name)] for name in parameter_names(law) if name in of.names}
 
 
-def _load(columns: dict[str, Array], cut: CutModel, line: "LoadLine") -> dict[str, Array]:
+def _load(columns: dict[str, Array], cut: CutModel, line: "LoadLineSection") -> dict[str, Array]:
     if "fm0" in columns:
         return {"A": line.reference - cut.B * columns["fm0"], "k1": -cut.B * columns["slope"]}
     return columns
 
 
-def _wear(columns: dict[str, Array], cut: CutModel, law: "Law") -> dict[str, Array]:
+def _wear(columns: dict[str, Array], cut: CutModel, law: "LawSection") -> dict[str, Array]:
     """c0 for time in s: what the file's constant became, times what each draw moves it by."""
     per_min = {"n": columns.get("t"), "m": columns.get("fm")}
     out = {name: values for name, values in per_min.items() if values is not None}

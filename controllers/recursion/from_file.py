@@ -11,7 +11,7 @@ from ...datasets.units import convert, same_dimension
 from .laws import LifeLaws, Terms
 
 if TYPE_CHECKING:
-    from ...parameters import Bound, Law, Limits, ParameterFile, Range
+    from ...parameters import Bound, LawSection, LimitsSection, ParameterFile, Range
 
 DEPTH = 2.5  # mm, of both papers
 PAPER = "AC-2017"  # provenance.options["paper"] of its own file
@@ -92,7 +92,7 @@ def depth(pf: "ParameterFile") -> float:
     return DEPTH if low <= DEPTH <= high or low > high else round(math.sqrt(low * high), 3)
 
 
-def _limits(pf: "ParameterFile") -> "tuple[Limits, Bound]":
+def _limits(pf: "ParameterFile") -> "tuple[LimitsSection, Bound]":
     """The limits, and the wear criterion among them."""
     if pf.limits is None or pf.limits.wear is None:
         raise UsageError(
@@ -112,7 +112,7 @@ def _response(pf: "ParameterFile", what: str, bound: "Bound") -> str:
     return found
 
 
-def _need_wear(law: "Law") -> None:
+def _need_wear(law: "LawSection") -> None:
     symbols = {factor.symbol for factor in law.factors}
     missing = [name for name in MOVING if name not in symbols]
     if missing:
@@ -141,7 +141,7 @@ def _limited(
 
 
 def _terms(
-    law: "Law", wear: str, bound: "Bound", fixed: Mapping[str, float], by: str | None, notes: list[str]
+    law: "LawSection", wear: str, bound: "Bound", fixed: Mapping[str, float], by: str | None, notes: list[str]
 ) -> Terms:
     put_in = [*_constants(law, wear, fixed), *_shift(law, by, notes)]
     levels = law.by.shifts if law.by else {}
@@ -160,7 +160,7 @@ def _terms(
     )
 
 
-def _constants(law: "Law", wear: str, fixed: Mapping[str, float]) -> list[tuple[str, float]]:
+def _constants(law: "LawSection", wear: str, fixed: Mapping[str, float]) -> list[tuple[str, float]]:
     """Factors that do not move, each with the logarithm of its value; refuse a unit that is another."""
     out = []
     for factor in law.factors:
@@ -178,7 +178,7 @@ def _constants(law: "Law", wear: str, fixed: Mapping[str, float]) -> list[tuple[
     return out
 
 
-def _shift(law: "Law", by: str | None, notes: list[str]) -> list[tuple[str, float]]:
+def _shift(law: "LawSection", by: str | None, notes: list[str]) -> list[tuple[str, float]]:
     if law.by is None:
         return []
     level = law.by.reference if by is None else by
@@ -190,13 +190,13 @@ def _shift(law: "Law", by: str | None, notes: list[str]) -> list[tuple[str, floa
     return [] if level == law.by.reference else [(f"{law.by.column}[{level}]", 1.0)]
 
 
-def _in_unit(law: "Law", bound: "Bound") -> float:
+def _in_unit(law: "LawSection", bound: "Bound") -> float:
     if not same_dimension(bound.unit, law.unit):
         raise UsageError(f"the limit of {law.response} is in {bound.unit!r}, its law in {law.unit!r}; give it in that.")
     return bound.value if bound.unit == law.unit else float(convert(np.array([bound.value]), bound.unit, law.unit)[0])
 
 
-def _range(given: "Range | None", wear: "Law", name: str) -> tuple[float, float]:
+def _range(given: "Range | None", wear: "LawSection", name: str) -> tuple[float, float]:
     """What the machine can be set to, or else what was tested."""
     if given is None:
         factor = next(factor for factor in wear.factors if factor.symbol == name)

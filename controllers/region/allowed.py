@@ -12,7 +12,7 @@ from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...parameters.errors import in_words
 from ...parameters.gather.settings import limits_section
-from ...parameters.sections.limits import Bound, Limits, Range
+from ...parameters.sections.limits import Bound, LimitsSection, Range
 from .clipping import Array, HalfPlane
 from .points import plain
 from .surfaces import WEARS, Plane, Setting, ratio
@@ -44,7 +44,7 @@ class Box(Displayable):
         return tuple(out)
 
 
-def merged(pf: "ParameterFile", given: Limits | Mapping[str, Any] | None) -> Limits:
+def merged(pf: "ParameterFile", given: LimitsSection | Mapping[str, Any] | None) -> LimitsSection:
     """The file's limits with those given in their places; one given as None is dropped.
 
     Raises
@@ -53,20 +53,22 @@ def merged(pf: "ParameterFile", given: Limits | Mapping[str, Any] | None) -> Lim
         A limit that does not exist, or is no limit.
     """
     data = {} if pf.limits is None else pf.limits.model_dump()
-    new = given.model_dump(exclude_unset=True) if isinstance(given, Limits) else dict(given or {})
-    if unknown := [name for name in new if name not in Limits.model_fields]:
-        raise UsageError(f"limits: there is no limit {unknown[0]!r}; there are {', '.join(Limits.model_fields)}.")
+    new = given.model_dump(exclude_unset=True) if isinstance(given, LimitsSection) else dict(given or {})
+    if unknown := [name for name in new if name not in LimitsSection.model_fields]:
+        raise UsageError(
+            f"limits: there is no limit {unknown[0]!r}; there are {', '.join(LimitsSection.model_fields)}."
+        )
     for name, value in new.items():
         bare = isinstance(value, int | float) and not isinstance(value, bool)
         data[name] = {**limits_section({name: value})[name], "of": (data.get(name) or {}).get("of")} if bare else value
     data = limits_section(data)
     try:
-        return Limits.model_validate(data)
+        return LimitsSection.model_validate(data)
     except ValidationError as error:
         raise UsageError(f"limits: {in_words(error, data)}.") from None
 
 
-def limited(pf: "ParameterFile", limits: Limits) -> dict[str, Bound]:
+def limited(pf: "ParameterFile", limits: LimitsSection) -> dict[str, Bound]:
     """Response -> its bound.
 
     Raises
@@ -107,7 +109,7 @@ def half_planes(bounds: Mapping[str, Bound], planes: Mapping[str, Plane]) -> tup
     return tuple(out)
 
 
-def box(pf: "ParameterFile", limits: Limits) -> Box:
+def box(pf: "ParameterFile", limits: LimitsSection) -> Box:
     """The machine's ranges of V and f, or what was tested where the file names none.
 
     Raises
@@ -152,7 +154,7 @@ def _tested(pf: "ParameterFile", symbol: str, unit: str) -> tuple[float, float] 
     return max(f.low * k for f, k in held), min(f.high * k for f, k in held)
 
 
-def of_spindle(limits: Limits, setting: Setting) -> tuple[tuple[HalfPlane, ...], tuple[str, ...]]:
+def of_spindle(limits: LimitsSection, setting: Setting) -> tuple[tuple[HalfPlane, ...], tuple[str, ...]]:
     """Limits of n and fm: ``n = 1000 V / (pi D)``, ``fm = f n``; they need the diameter, D in mm."""
     stated = [(symbol, each) for symbol, each in (("n", limits.spindle_speed), ("fm", limits.feed_rate)) if each]
     if not stated:

@@ -8,10 +8,10 @@ from .allowed import FORCES
 from .surfaces import USUAL, Setting, plane, wear_law
 
 if TYPE_CHECKING:
-    from ...parameters import Law, ParameterFile
+    from ...parameters import LawSection, ParameterFile
 
 
-def wear_needed(pf: "ParameterFile", setting: Setting, named: str | None) -> "Law | None":
+def wear_needed(pf: "ParameterFile", setting: Setting, named: str | None) -> "LawSection | None":
     """The law of wear; None where the file has none that the setting can answer, as one of a further factor."""
     wear = wear_law(pf, named)
     if wear is not None and wear.response in setting.at and named is None:
@@ -21,7 +21,7 @@ def wear_needed(pf: "ParameterFile", setting: Setting, named: str | None) -> "La
     return wear
 
 
-def also_told(pf: "ParameterFile", setting: Setting, wear: "Law | None") -> tuple[str, ...]:
+def also_told(pf: "ParameterFile", setting: Setting, wear: "LawSection | None") -> tuple[str, ...]:
     """Power and forces without a limit, where their laws can be asked: they are told, no more."""
     out = []
     for name in ("P", *FORCES):

@@ -8,14 +8,14 @@ from .points import Point
 from .visible import visible_region
 
 if TYPE_CHECKING:
-    from ...parameters import Draws, Limits, ParameterFile
+    from ...parameters import Draws, LimitsSection, ParameterFile
     from .probability import Kind
 
 
 def best_point(
     pf: "ParameterFile",
     *,
-    limits: "Limits | Mapping[str, Any] | None" = None,
+    limits: "LimitsSection | Mapping[str, Any] | None" = None,
     d: float = 2.5,
     t: float = 10.0,
     by: str | None = None,

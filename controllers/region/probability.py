@@ -17,7 +17,7 @@ from .visible import VisibleRegion, visible_region
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...parameters import Draws, Limits, ParameterFile
+    from ...parameters import Draws, LimitsSection, ParameterFile
 
 __all__ = ["Chance", "Kind", "feasibility"]
 
@@ -91,7 +91,7 @@ def feasibility(
     pf: "ParameterFile",
     *,
     draws: "Mapping[str, Draws] | None" = None,
-    limits: "Limits | Mapping[str, Any] | None" = None,
+    limits: "LimitsSection | Mapping[str, Any] | None" = None,
     d: float = 2.5,
     t: float = 10.0,
     by: str | None = None,

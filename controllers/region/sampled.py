@@ -21,7 +21,7 @@ from .clipping import Array
 from .surfaces import Plane, Setting, plane, ratio, with_wear
 
 if TYPE_CHECKING:
-    from ...parameters import Draws, Law
+    from ...parameters import Draws, LawSection
     from .visible import VisibleRegion
 
 Kind = Literal["prediction", "mean"]
@@ -129,9 +129,9 @@ def sampling(region: "VisibleRegion", draws: "Mapping[str, Draws]", kind: Kind, 
 
 
 def _sampled(
-    law: "Law",
+    law: "LawSection",
     setting: Setting,
-    wear: "Law | None",
+    wear: "LawSection | None",
     draws: "Draws | None",
     kind: Kind,
     count: int,
@@ -152,7 +152,7 @@ def _sampled(
 
 
 def _from_draws(
-    law: "Law", draws: "Draws", rows: "np.ndarray[tuple[int], np.dtype[np.int64]]"
+    law: "LawSection", draws: "Draws", rows: "np.ndarray[tuple[int], np.dtype[np.int64]]"
 ) -> tuple[Array, Array, Array | None]:
     """Parameters (S, p), sd of a row of a new edge (S,), degrees of freedom of heavy tails (S,) or None."""
     column = dict(zip(draws.names, draws.values[rows].T, strict=True))
@@ -169,7 +169,7 @@ def _from_draws(
     )
 
 
-def _from_covariance(law: "Law", count: int, rng: np.random.Generator) -> tuple[Array, str]:
+def _from_covariance(law: "LawSection", count: int, rng: np.random.Generator) -> tuple[Array, str]:
     """Parameters (S, p) from the file's covariance as a multivariate t; as they stand where it has none."""
     centre, held = theta(law), law.uncertainty
     if not isinstance(held, Covariance):
@@ -181,7 +181,7 @@ def _from_covariance(law: "Law", count: int, rng: np.random.Generator) -> tuple[
     return centre + z * heavy[:, None], f"{law.response} by its covariance (no draws of it)"
 
 
-def _scatter(law: "Law") -> Array:
+def _scatter(law: "LawSection") -> Array:
     """Standard deviation of a row of a new edge about the law, shape (1,)."""
     e = law.edges
     if e is not None and e.sd_between is not None and e.sd_within is not None:

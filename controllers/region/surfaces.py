@@ -19,7 +19,7 @@ from ...datasets.units import canonical, convert
 from ...parameters.evaluate import parameter_names, theta
 
 if TYPE_CHECKING:
-    from ...parameters import Law, ParameterFile
+    from ...parameters import LawSection, ParameterFile
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class Plane(Displayable):
         return np.asarray(np.exp(self.intercept + x @ self.slopes))
 
 
-def plane(law: "Law", setting: Setting, wear: "Law | None" = None, of: Array | None = None) -> Plane:
+def plane(law: "LawSection", setting: Setting, wear: "LawSection | None" = None, of: Array | None = None) -> Plane:
     """A law in ln V and ln f, the wear still a factor of it; ``of`` its parameters, (..., p), unless as in the file.
 
     Raises
@@ -134,13 +134,15 @@ def with_wear(plane: Plane, wear: Plane) -> Plane:
     )
 
 
-def wear_law(pf: "ParameterFile", of: str | None = None) -> "Law | None":
+def wear_law(pf: "ParameterFile", of: str | None = None) -> "LawSection | None":
     """The file's law of wear: the one named, or else of AW, or of VB."""
     names = WEARS if of is None else (of,)
     return next((pf.laws[name] for name in names if name in pf.laws and pf.laws[name].form == "power"), None)
 
 
-def planes(pf: "ParameterFile", responses: tuple[str, ...], setting: Setting, wear: "Law | None") -> dict[str, Plane]:
+def planes(
+    pf: "ParameterFile", responses: tuple[str, ...], setting: Setting, wear: "LawSection | None"
+) -> dict[str, Plane]:
     """The responses asked for, and the wear, as planes of V and f alone."""
     own = {} if wear is None else {wear.response: plane(wear, setting)}
     for name in responses:
@@ -161,7 +163,7 @@ def _ln_ratio(of: str, to: str) -> float:
     return log(ratio(of, to))
 
 
-def _ln_known(law: "Law", symbol: str, unit: str, setting: Setting) -> float:
+def _ln_known(law: "LawSection", symbol: str, unit: str, setting: Setting) -> float:
     if symbol not in setting.known:
         cure = "give the file its law, or" if symbol in WEARS else "give"
         raise UsageError(f"the law of {law.response} needs {symbol} ({unit}); {cure} at={{{symbol!r}: ...}}.")
@@ -169,7 +171,7 @@ def _ln_known(law: "Law", symbol: str, unit: str, setting: Setting) -> float:
     return log(value * ratio(given or unit, unit))
 
 
-def _shift(law: "Law", by: str | None, places: Mapping[str, Array]) -> Array | float:
+def _shift(law: "LawSection", by: str | None, places: Mapping[str, Array]) -> Array | float:
     if law.by is None:
         return 0.0
     known = (law.by.reference, *law.by.shifts)

@@ -7,10 +7,10 @@ from .points import SAME
 from .surfaces import Setting, ratio
 
 if TYPE_CHECKING:
-    from ...parameters import Law
+    from ...parameters import LawSection
 
 
-def tested(laws: Mapping[str, "Law"], setting: Setting, wear: str | None, at: Mapping[str, float]) -> bool:
+def tested(laws: Mapping[str, "LawSection"], setting: Setting, wear: str | None, at: Mapping[str, float]) -> bool:
     """Whether every law was tested at a pair of V and f; ``at`` holds these, and the wear there by its symbol."""
     known: dict[str, tuple[float, str | None]] = {"V": (at["V"], "m/min"), "f": (at["f"], "mm/rev")}
     if wear is not None:
@@ -19,7 +19,7 @@ def tested(laws: Mapping[str, "Law"], setting: Setting, wear: str | None, at: Ma
     return all(_inside(law, setting.by, known) for law in laws.values())
 
 
-def _inside(law: "Law", by: str | None, known: Mapping[str, tuple[float, str | None]]) -> bool:
+def _inside(law: "LawSection", by: str | None, known: Mapping[str, tuple[float, str | None]]) -> bool:
     given = {}
     for factor in law.factors:
         value, unit = known[factor.symbol]
@@ -29,12 +29,12 @@ def _inside(law: "Law", by: str | None, known: Mapping[str, tuple[float, str | N
     return bool(law.inside(None if law.by is None else by, **given))
 
 
-def untested(laws: Mapping[str, "Law"], setting: Setting) -> tuple[str, ...]:
+def untested(laws: Mapping[str, "LawSection"], setting: Setting) -> tuple[str, ...]:
     """A sentence for each held factor that lies outside what was tested."""
     return tuple(dict.fromkeys(words for law in laws.values() for words in _outside(law, setting)))
 
 
-def _outside(law: "Law", setting: Setting) -> Iterator[str]:
+def _outside(law: "LawSection", setting: Setting) -> Iterator[str]:
     for factor in law.factors:
         if factor.symbol in setting.known:
             value, unit = setting.known[factor.symbol]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-    from ...parameters import Law, Limits, ParameterFile
+    from ...parameters import LawSection, LimitsSection, ParameterFile
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -49,7 +49,7 @@ class VisibleRegion(Displayable):
         The machine's ranges.
     setting : Setting
         Depth, time, level, further factors.
-    laws : dict of Law
+    laws : dict of LawSection
     wear : str or None
         Symbol of the wear, where the file has a law of it.
     notes : tuple of str
@@ -69,7 +69,7 @@ class VisibleRegion(Displayable):
     polygon: Array
     box: Box
     setting: Setting
-    laws: Mapping[str, "Law"]
+    laws: Mapping[str, "LawSection"]
     wear: str | None
     notes: tuple[str, ...]
 
@@ -184,7 +184,7 @@ class VisibleRegion(Displayable):
 def visible_region(
     pf: "ParameterFile",
     *,
-    limits: "Limits | Mapping[str, Any] | None" = None,
+    limits: "LimitsSection | Mapping[str, Any] | None" = None,
     d: float = 2.5,
     t: float = 10.0,
     by: str | None = None,

@@ -16,7 +16,7 @@ from ..sensing import KNOWN, Sensing
 from .reference import reference_force, settings_of
 
 if TYPE_CHECKING:
-    from ...parameters import ParameterFile, Roughness
+    from ...parameters import ParameterFile, RoughnessSection
 
 FLOOR = 0.1  # of the programmed feed: from feed 0 a law that multiplies never comes back, and the edge would rub
 WAIT = 0.3  # s above the threshold, for a file that says nothing
@@ -214,7 +214,7 @@ def feed_limits(pf: "ParameterFile") -> tuple[float, float]:
     return low, high
 
 
-def _needed(section: "Roughness", name: str) -> float:
+def _needed(section: "RoughnessSection", name: str) -> float:
     value: float | None = getattr(section, name)
     if value is None:
         raise ParameterError(f"The roughness section has no {name}; add it, the controller needs it.")

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Literal
 from ...core.errors import ParameterError, UsageError
 
 if TYPE_CHECKING:
-    from ...parameters import Law, ParameterFile, Roughness
+    from ...parameters import LawSection, ParameterFile, RoughnessSection
 
 Reading = Literal["inverse", "regression"]
 
 
-def settings_of(pf: "ParameterFile") -> "Roughness":
+def settings_of(pf: "ParameterFile") -> "RoughnessSection":
     """The roughness section of a file.
 
     Raises
@@ -36,7 +36,7 @@ def settings_of(pf: "ParameterFile") -> "Roughness":
     return section
 
 
-def law_of(pf: "ParameterFile") -> "Law":
+def law_of(pf: "ParameterFile") -> "LawSection":
     """The law Ra = a exp(b F) of a file with a roughness section.
 
     Raises

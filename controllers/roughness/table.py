@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...parameters.published.roughness import FEED, Row, surf, table1
+from ...parameters.published.roughness import FEED, TableRow, surf, table1
 from .cuts import Steady, steady, turn
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ class Simulated:
     goes to 150 %.
     """
 
-    row: Row
+    row: TableRow
     force: float
     controlled: Steady
     without: Steady

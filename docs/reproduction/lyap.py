@@ -11,7 +11,7 @@ from fitmodels.parameters.published import published
 
 if TYPE_CHECKING:
     from fitmodels.controllers.adaptive_force import ForceRun, StepSize
-    from fitmodels.parameters import AdaptiveForce, ParameterFile
+    from fitmodels.parameters import AdaptiveForceSection, ParameterFile
 
 RADIUS = 0.005  # m, of the 10 mm tool
 TEETH = 2  # assumed: the paper does not say
@@ -36,7 +36,7 @@ def entries() -> list[Entry]:
     ]
 
 
-def _set_points(section: "AdaptiveForce", runs: "Mapping[float, ForceRun]") -> Iterator[Entry]:
+def _set_points(section: "AdaptiveForceSection", runs: "Mapping[float, ForceRun]") -> Iterator[Entry]:
     for point in section.set_points:
         run, figure = runs[point.depth], FIGURES[point.depth]
         held = float(run.force[-round(LATE * len(run.force)) :].mean())
@@ -56,7 +56,7 @@ def _set_points(section: "AdaptiveForce", runs: "Mapping[float, ForceRun]") -> I
         )  # fmt: skip
 
 
-def _speed(section: "AdaptiveForce") -> Iterator[Entry]:
+def _speed(section: "AdaptiveForceSection") -> Iterator[Entry]:
     turns = 1 / (section.average_time or np.nan)
     yield Entry("Section 4", "spindle speed", "3000", 60 * turns, "1/min", "reproduced", "the file averages over 20 ms")
     yield Entry(
@@ -123,7 +123,7 @@ def _rise(run: "ForceRun", times: tuple[float, float, float]) -> float:
     return lyapunov.rise_of(V, found.free)[0]
 
 
-def _not_printed(section: "AdaptiveForce") -> Iterator[Entry]:
+def _not_printed(section: "AdaptiveForceSection") -> Iterator[Entry]:
     why = (
         "No value is printed. Identified by ident.force_process_fit from a simulated run of an assumed plant (drive "
         "0.08 s, process 0.02 s, 0.4 N per mm/min and mm), seed 1; at 2 mm."

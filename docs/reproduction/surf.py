@@ -22,7 +22,7 @@ from fitmodels.parameters.published.roughness import (
     A,
     B,
     Reading,
-    Row,
+    TableRow,
     surf,
     table1,
 )
@@ -114,7 +114,7 @@ def _table() -> Iterator[Entry]:
         yield _by_equation_5(place, row)
 
 
-def _controlled(place: str, row: Row, reading: Reading, run: Steady) -> Iterator[Entry]:
+def _controlled(place: str, row: TableRow, reading: Reading, run: Steady) -> Iterator[Entry]:
     rests = f"; {100 * run.at_high:.0f} % of the time at 150 % of 0.2 mm/rev" if run.at_high else ""
     why = f"{reading} for F_ref, roughness by {LAWS[reading]}; {PLANT}{rests}"
     ratio = (
@@ -125,7 +125,7 @@ def _controlled(place: str, row: Row, reading: Reading, run: Steady) -> Iterator
     yield Entry(place, f"Ra with control, {reading}", f"{row.Ra}", run.Ra, "um", "reconstructed", why)
 
 
-def _by_equation_5(place: str, row: Row) -> Entry:
+def _by_equation_5(place: str, row: TableRow) -> Entry:
     ours = A * math.exp(B * row.F)
     what = "Ra with control, eq. 5 at the printed F"
     if round(ours, 2) == row.Ra:

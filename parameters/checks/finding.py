@@ -6,7 +6,7 @@ from ...core.display import Displayable
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Finding(Displayable):
+class FileFinding(Displayable):
     """One answer.
 
     Attributes

@@ -7,13 +7,13 @@ import numpy as np
 
 from ...datasets.units import canonical
 from ..errors import short_name
-from .finding import Finding
+from .finding import FileFinding
 from .loop_figures import closed_loop, figures
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
-    from ..sections.dynamics import Dynamics
-    from ..sections.pi import Pi
+    from ..sections.dynamics import DynamicsSection
+    from ..sections.pi import PiSection
 
 SLACK = 2e-3  # of a limit: figures are read off a grid here, off refined extremes by the tuner
 AGREES = 0.01  # of a stated figure
@@ -33,22 +33,22 @@ WORDS = {
 }
 
 
-def loop(pf: "ParameterFile") -> Iterator[Finding]:
+def loop(pf: "ParameterFile") -> Iterator[FileFinding]:
     """Findings on the gains; none where the file has none."""
     pi, model = pf.pi, pf.dynamics
     if pi is None:
         return
     if model is None:
-        yield Finding("gains", None, "pi: the file holds no dynamics, so the gains could not be tried.")
+        yield FileFinding("gains", None, "pi: the file holds no dynamics, so the gains could not be tried.")
         return
     stop = _fit_together(model, pi)
     if stop:
-        yield Finding("gains", False, stop)
+        yield FileFinding("gains", False, stop)
         return
     yield from _tried(model, pi)
 
 
-def _fit_together(model: "Dynamics", pi: "Pi") -> str:
+def _fit_together(model: "DynamicsSection", pi: "PiSection") -> str:
     if not np.isclose(model.sample_time, pi.sample_time, rtol=1e-9, atol=0):
         return f"pi: the gains run at {pi.sample_time:g} s and the dynamics at {model.sample_time:g} s; tune again."
     for name, scaling, ours, theirs in (
@@ -65,7 +65,7 @@ def _fit_together(model: "Dynamics", pi: "Pi") -> str:
     return ""
 
 
-def _tried(model: "Dynamics", pi: "Pi") -> Iterator[Finding]:
+def _tried(model: "DynamicsSection", pi: "PiSection") -> Iterator[FileFinding]:
     closed = closed_loop(model, pi)
     radius = closed.radius
     if not radius < 1:
@@ -73,13 +73,15 @@ def _tried(model: "Dynamics", pi: "Pi") -> Iterator[Finding]:
         why = " (gains and dynamics have opposite signs)" if sign < 0 else ""
         marked = f"; they are marked as forced: {pi.forced}" if pi.forced else ""
         words = f"pi: the loop is not stable on the file's dynamics, a pole at radius {radius:.6g}{why}"
-        yield Finding("gains", False, f"{words}; tune again{marked.rstrip('.')}.")
+        yield FileFinding("gains", False, f"{words}; tune again{marked.rstrip('.')}.")
         return
-    yield Finding("gains", True, f"pi: the loop is stable on the file's dynamics, every pole within {radius:.6g}.")
+    yield FileFinding("gains", True, f"pi: the loop is stable on the file's dynamics, every pole within {radius:.6g}.")
     found = {**figures(closed), "integral_time": np.inf if pi.ti is None else abs(pi.ti)}
     asked = {} if pi.specification is None else pi.specification.asked
     if not asked:
-        yield Finding("specification", None, "pi: no specification is stated, so none could be held against the gains.")
+        yield FileFinding(
+            "specification", None, "pi: no specification is stated, so none could be held against the gains."
+        )
     else:
         yield _held(asked, found, pi.forced)
     further = (
@@ -89,11 +91,11 @@ def _tried(model: "Dynamics", pi: "Pi") -> Iterator[Finding]:
     )
     if further:
         names = ", ".join(map(short_name, further))
-        yield Finding("specification", None, f"pi: limits that this version does not know were not tried: {names}.")
+        yield FileFinding("specification", None, f"pi: limits that this version does not know were not tried: {names}.")
     yield from _as_stated(pi, found)
 
 
-def _held(asked: Mapping[str, float], found: Mapping[str, float], forced: str | None) -> Finding:
+def _held(asked: Mapping[str, float], found: Mapping[str, float], forced: str | None) -> FileFinding:
     missed = [
         f"{WORDS.get(name, name)} {found[name]:.4g} {'below' if name in LEAST else 'above'} the {limit:.4g} asked for"
         for name, limit in asked.items()
@@ -101,9 +103,9 @@ def _held(asked: Mapping[str, float], found: Mapping[str, float], forced: str | 
     ]
     if not missed:
         told = ", ".join(f"{WORDS.get(name, name)} {found[name]:.4g} ({limit:.4g})" for name, limit in asked.items())
-        return Finding("specification", True, f"pi: the specification is met, computed again: {told}.")
+        return FileFinding("specification", True, f"pi: the specification is met, computed again: {told}.")
     marked = f"; they are marked as forced: {forced.rstrip('.')}" if forced else ""
-    return Finding("specification", None if forced else False, f"pi: the gains miss {', '.join(missed)}{marked}.")
+    return FileFinding("specification", None if forced else False, f"pi: the gains miss {', '.join(missed)}{marked}.")
 
 
 def _met(name: str, value: float, limit: float) -> bool:
@@ -112,7 +114,7 @@ def _met(name: str, value: float, limit: float) -> bool:
     return abs(value) <= limit * (1 + SLACK) + (1e-6 if name in ("overshoot", "undershoot", "steady_error") else 0.0)
 
 
-def _as_stated(pi: "Pi", found: Mapping[str, float]) -> Iterator[Finding]:
+def _as_stated(pi: "PiSection", found: Mapping[str, float]) -> Iterator[FileFinding]:
     """Whether stated figures are those of these gains on these dynamics."""
     if pi.figures is None:
         return
@@ -123,4 +125,6 @@ def _as_stated(pi: "Pi", found: Mapping[str, float]) -> Iterator[Finding]:
             odd.append(f"{WORDS[name]} {stated:.4g} is {found[name]:.4g}")
     if odd or not pi.figures.stable:
         why = "; ".join(odd) or "they are stated to be unstable"
-        yield Finding("figures", False, f"pi: stated figures are not those of these gains on these dynamics ({why}).")
+        yield FileFinding(
+            "figures", False, f"pi: stated figures are not those of these gains on these dynamics ({why})."
+        )

@@ -13,8 +13,8 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sections.dynamics import Dynamics
-from ..sections.pi import Pi
+from ..sections.dynamics import DynamicsSection
+from ..sections.pi import PiSection
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -70,7 +70,7 @@ class ClosedLoop:
             return np.asarray(np.polyval(above[::-1], z) / np.polyval(below[::-1], z), dtype=np.complex128)
 
 
-def closed_loop(dynamics: Dynamics, pi: Pi) -> ClosedLoop:
+def closed_loop(dynamics: DynamicsSection, pi: PiSection) -> ClosedLoop:
     """The loop of a file's gains round its dynamics, in the units of the gains."""
     with np.errstate(all="ignore"):
         b = np.array(dynamics.b) * (pi.scaling_y / pi.scaling_u)
@@ -104,7 +104,7 @@ def figures(loop: ClosedLoop) -> dict[str, float]:
     return {name: float(value) if np.isfinite(value) else np.inf for name, value in found.items()}
 
 
-def _controller(pi: Pi) -> tuple[Array, Array]:
+def _controller(pi: PiSection) -> tuple[Array, Array]:
     extra = DIFFERENCE if pi.form == "incremental_sum" else np.ones(1)
     path = np.r_[np.zeros(pi.delay), _mean(pi.average if pi.average_of == "command" else 1)]
     if pi.ki == 0:

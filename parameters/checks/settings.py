@@ -5,17 +5,17 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ..sections.load_line import LimitInterval
-from .finding import Finding
+from .finding import FileFinding
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
-    from ..sections.adaptive_force import AdaptiveForce
-    from ..sections.load_line import Engagement, FeedLimit, LoadLine
+    from ..sections.adaptive_force import AdaptiveForceSection
+    from ..sections.load_line import Engagement, FeedLimit, LoadLineSection
 
 EXCEEDS = 1 + 1e-9
 
 
-def settings_in_order(pf: "ParameterFile") -> Iterator[Finding]:
+def settings_in_order(pf: "ParameterFile") -> Iterator[FileFinding]:
     """A finding for each thing out of order, and one for each section that is in order."""
     if (line := pf.load_line) is not None:
         yield from _told("feed limits", "load_line", [*_feed(line), *_feed_of_machine(pf, line)])
@@ -30,13 +30,13 @@ def settings_in_order(pf: "ParameterFile") -> Iterator[Finding]:
         yield from _told("set points", "adaptive_force", list(_set_points(force)))
 
 
-def _told(name: str, where: str, complaints: list[str]) -> Iterator[Finding]:
-    yield from (Finding(name, False, f"{where}: {words}.") for words in complaints)
+def _told(name: str, where: str, complaints: list[str]) -> Iterator[FileFinding]:
+    yield from (FileFinding(name, False, f"{where}: {words}.") for words in complaints)
     if not complaints:
-        yield Finding(name, True, f"{where}: {name} in order.")
+        yield FileFinding(name, True, f"{where}: {name} in order.")
 
 
-def _feed(line: "LoadLine") -> Iterator[str]:
+def _feed(line: "LoadLineSection") -> Iterator[str]:
     low, high = line.lower.value, line.upper.value
     if not low > 0:
         yield f"the lower feed limit is {low:g} {line.unit_feed}; a feed lies above zero"
@@ -52,7 +52,7 @@ def _inside(limit: "FeedLimit") -> bool:
     return not isinstance(held, LimitInterval) or held.low <= limit.value <= held.high
 
 
-def _feed_of_machine(pf: "ParameterFile", line: "LoadLine") -> Iterator[str]:
+def _feed_of_machine(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
     allowed = None if pf.limits is None else pf.limits.feed_rate
     if allowed is not None and allowed.unit == line.unit_feed:
         for name, value in (("lower", line.lower.value), ("upper", line.upper.value)):
@@ -63,7 +63,7 @@ def _feed_of_machine(pf: "ParameterFile", line: "LoadLine") -> Iterator[str]:
         yield f"the gains may command a feed of {pi.low:g} {line.unit_feed}; a feed lies above zero"
 
 
-def _window(line: "LoadLine") -> Iterator[str]:
+def _window(line: "LoadLineSection") -> Iterator[str]:
     low, high = line.window
     if not low < high:
         yield f"the tool-change window {low:g} to {high:g} {line.unit_wear} has its ends the wrong way round"
@@ -73,14 +73,14 @@ def _window(line: "LoadLine") -> Iterator[str]:
         yield f"the upper feed limit stands for more wear than the lower: {line.upper.wear:g} and {line.lower.wear:g}"
 
 
-def _criterion(pf: "ParameterFile", line: "LoadLine") -> Iterator[str]:
+def _criterion(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
     worn = None if pf.limits is None else pf.limits.wear
     wear = line.lower.wear
     if worn is not None and worn.unit == line.unit_wear and wear > worn.value * EXCEEDS:
         yield f"the wear at the lower feed limit, {wear:g} {worn.unit}, is above the criterion, {worn.value:g}"
 
 
-def _reference(line: "LoadLine") -> Iterator[str]:
+def _reference(line: "LoadLineSection") -> Iterator[str]:
     unit = line.unit_load
     if not 0 < line.reference < line.worn:
         yield f"the reference {line.reference:g} is not between 0 and what a worn tool stands, {line.worn:g} {unit}"
@@ -91,12 +91,12 @@ def _reference(line: "LoadLine") -> Iterator[str]:
         yield f"the reference {line.reference:g} is not {line.safety_factor:g} x {line.worn:g} = {product:g} {unit}"
 
 
-def _source(pf: "ParameterFile", line: "LoadLine") -> Iterator[str]:
+def _source(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
     if pf.laws and line.law not in pf.laws:
         yield f"the law of {line.law[:40]!r} that the limits come from is not in the file"
 
 
-def _engagement(e: "Engagement", line: "LoadLine") -> Iterator[str]:
+def _engagement(e: "Engagement", line: "LoadLineSection") -> Iterator[str]:
     if e.load_low is not None and e.load_high is not None and not e.load_low < e.load_high:
         yield f"readings from {e.load_low:g} to {e.load_high:g} leave no range"
     at, half = e.engage_at, (e.hysteresis or 0.0) / 2
@@ -110,7 +110,7 @@ def _engagement(e: "Engagement", line: "LoadLine") -> Iterator[str]:
         yield f"the programmed feed {e.feed_programmed:g} is below the lower feed limit {line.lower.value:g}"
 
 
-def _set_points(force: "AdaptiveForce") -> Iterator[str]:
+def _set_points(force: "AdaptiveForceSection") -> Iterator[str]:
     depths = [point.depth for point in force.set_points]
     if any(a >= b for a, b in pairwise(depths)):
         yield "the set points are not in order of depth, each once"

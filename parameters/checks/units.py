@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from ...datasets.units import is_unit, same_dimension, suggest
 from ...datasets.vocabulary import ROLES, fits
 from ..errors import short, short_name
-from .finding import Finding
+from .finding import FileFinding
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
-    from ..sections.law import Law
+    from ..sections.law import LawSection
 
 KINDS = {  # of each limit: a unit of its kind
     "power": "kW",
@@ -31,16 +31,16 @@ class Stated(NamedTuple):
     kind: str | None
 
 
-def units(pf: "ParameterFile") -> Iterator[Finding]:
+def units(pf: "ParameterFile") -> Iterator[FileFinding]:
     """A finding for each unit that is wrong, or one that all are right."""
     stated = [*_of_laws(pf), *_of_sections(pf)]
     complaints = [words for item in stated if (words := _complaint(item))]
-    yield from (Finding("units", False, words) for words in complaints)
+    yield from (FileFinding("units", False, words) for words in complaints)
     if stated and not complaints:
-        yield Finding("units", True, f"All {len(stated)} units are known and of the right kind.")
+        yield FileFinding("units", True, f"All {len(stated)} units are known and of the right kind.")
     silent = [item.where for item in stated if item.kind is None and not item.unit]
     if silent:
-        yield Finding("units", None, f"No unit is stated for {', '.join(silent)}.")
+        yield FileFinding("units", None, f"No unit is stated for {', '.join(silent)}.")
 
 
 def _of_laws(pf: "ParameterFile") -> Iterator[Stated]:
@@ -51,7 +51,7 @@ def _of_laws(pf: "ParameterFile") -> Iterator[Stated]:
         yield Stated("tool_life (wear)", pf.tool_life.unit_of_wear, "mm")
 
 
-def _of_law(law: "Law", where: str) -> Iterator[Stated]:
+def _of_law(law: "LawSection", where: str) -> Iterator[Stated]:
     for symbol, unit in ((law.response, law.unit), *((f.symbol, f.unit) for f in law.factors)):
         place = f"{where} ({short_name(symbol)})"
         if symbol in ROLES and ROLES[symbol].unit:

@@ -12,7 +12,7 @@ their middle.
 import math
 
 from ...core.errors import GateError
-from .loop import Loop
+from .loop import LoadLoop
 from .view import View
 
 SERVO_PERIOD = 0.002  # s: a longer period than this is no servo thread; the loop then gets a thread of its own
@@ -93,17 +93,17 @@ def render(view: View) -> str:
     return f"{_head(view, loop, thread)}\n{_LOAD}{made}\n{settings}\n{_NETS}\n{calls}"
 
 
-def _thread(loop: Loop) -> tuple[str, str]:
+def _thread(loop: LoadLoop) -> tuple[str, str]:
     if loop.sample_time <= SERVO_PERIOD:
         return "servo-thread", ""
     return "fm-thread", f"loadrt threads name1=fm-thread period1={_period(loop)} fp1=1\n"
 
 
-def _period(loop: Loop) -> int:
+def _period(loop: LoadLoop) -> int:
     return round(loop.sample_time * 1e9)
 
 
-def _settings(loop: Loop) -> list[tuple[str, str]]:
+def _settings(loop: LoadLoop) -> list[tuple[str, str]]:
     """Pin or parameter -> value, in full precision."""
     middle, half = (loop.low + loop.high) / 2, (loop.high - loop.low) / 2
     gain = -math.expm1(-loop.sample_time / loop.filter_time) if loop.filter_time else 1.0
@@ -124,7 +124,7 @@ def _settings(loop: Loop) -> list[tuple[str, str]]:
     return [*out, ("fm.pid.error-previous-target", "FALSE")]
 
 
-def _head(view: View, loop: Loop, thread: str) -> str:
+def _head(view: View, loop: LoadLoop, thread: str) -> str:
     servo = (
         f"The period of servo-thread must be {_period(loop)} ns: SERVO_PERIOD of the machine's ini file."
         if thread == "servo-thread"

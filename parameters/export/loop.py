@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Loop:
+class LoadLoop:
     """The PI loop on load: gains, limits and settings, each in the unit that its comment says.
 
     A command of a controller is ``feed / feed_programmed``, the feed override: ``low`` and ``high`` are its limits.

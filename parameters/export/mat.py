@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .view import Gains, Plant, View
+from .view import PlantModel, TunedGains, View
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,7 +63,7 @@ def _about(view: View) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _plant(plant: Plant) -> dict[str, Any]:
+def _plant(plant: PlantModel) -> dict[str, Any]:
     num, den = _level(plant.b, plant.a)
     return {
         "num": num, "den": den, "nk": float(plant.nk), "Ts": plant.sample_time, "unit_Ts": "s",
@@ -72,7 +72,7 @@ def _plant(plant: Plant) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _pi(gains: Gains) -> dict[str, Any]:
+def _pi(gains: TunedGains) -> dict[str, Any]:
     from ...ident.pi.gains import PiGains
 
     pi = PiGains(**asdict(gains))

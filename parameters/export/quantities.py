@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from ..sections.base import Section
-from .loop import Loop
+from .loop import LoadLoop
 from .names import plain, plain_unit, safe_name
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ _UNIT_OF = {
 }
 
 
-def quantities(pf: "ParameterFile", loop: Loop | None) -> tuple[Quantity, ...]:
+def quantities(pf: "ParameterFile", loop: LoadLoop | None) -> tuple[Quantity, ...]:
     """The numbers of a file in a fixed order: the loop, the load line, dynamics, laws, limits, the rest."""
     found = [*_of_loop(loop), *_of_load_line(pf), *_of_dynamics(pf), *_of_pi(pf), *_of_laws(pf), *_of_sections(pf)]
     taken: set[str] = set()
@@ -89,7 +89,7 @@ def _unlike(name: str, taken: set[str]) -> str:
     return free
 
 
-def _of_loop(loop: Loop | None) -> Found:
+def _of_loop(loop: LoadLoop | None) -> Found:
     if loop is None:
         return
     units = {"f": loop.unit_feed, "l": loop.unit_load}

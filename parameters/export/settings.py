@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from ...datasets.units import convert, is_unit, same_dimension
-from ..sections.load_line import Engagement, LoadLine
-from ..sections.pi import Pi
-from .loop import Loop
+from ..sections.load_line import Engagement, LoadLineSection
+from ..sections.pi import PiSection
+from .loop import LoadLoop
 from .names import plain_unit
 
 if TYPE_CHECKING:
@@ -24,10 +24,10 @@ _EARLY = {"backward": 0.0, "trapezoidal": 0.5, "forward": 1.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class LoopSettings:
     """The loop, or why there is none; and what was assumed for want of a setting in the file."""
 
-    loop: Loop | None
+    loop: LoadLoop | None
     lacking: str = ""
     assumed: tuple[str, ...] = ()
 
@@ -36,23 +36,23 @@ class _Lacking(Exception):  # noqa: N818  it ends in a sentence of the view, not
     """Why there is no loop."""
 
 
-def settings(pf: "ParameterFile", *, own_form: bool = False) -> Settings:
+def settings(pf: "ParameterFile", *, own_form: bool = False) -> LoopSettings:
     """The loop of a parameter file, in the units of its feed limits and reference load.
 
     ``own_form`` keeps the form ``incremental_sum``, which no export can write.
     """
     if pf.pi is None:
-        return Settings(None, "has no PI gains; find them with `fitmodels tune params.json`.")
+        return LoopSettings(None, "has no PI gains; find them with `fitmodels tune params.json`.")
     if pf.load_line is None:
-        return Settings(None, "has gains but no reference load; set it with `fitmodels settings params.json`.")
+        return LoopSettings(None, "has gains but no reference load; set it with `fitmodels settings params.json`.")
     assumed: list[str] = []
     try:
-        return Settings(_loop(pf, pf.pi, pf.load_line, assumed, own_form), assumed=tuple(assumed))
+        return LoopSettings(_loop(pf, pf.pi, pf.load_line, assumed, own_form), assumed=tuple(assumed))
     except _Lacking as reason:
-        return Settings(None, str(reason))
+        return LoopSettings(None, str(reason))
 
 
-def _loop(pf: "ParameterFile", pi: Pi, line: LoadLine, assumed: list[str], own_form: bool) -> Loop:
+def _loop(pf: "ParameterFile", pi: PiSection, line: LoadLineSection, assumed: list[str], own_form: bool) -> LoadLoop:
     form = "incremental_sum" if own_form and pi.form == "incremental_sum" and pi.ki else "position"
     given = line.engagement or Engagement()
     programmed = given.feed_programmed or line.upper.value
@@ -70,7 +70,7 @@ def _loop(pf: "ParameterFile", pi: Pi, line: LoadLine, assumed: list[str], own_f
         return float(instead if value is None else value)
 
     half, why = _threshold(pf, line, low)
-    loop = Loop(
+    loop = LoadLoop(
         kp=kp, ki=ki, sample_time=_period(pi, given), reference=reference,
         feed_low=low, feed_high=high, feed_programmed=programmed,
         unit_load=load, unit_feed=plain_unit(line.unit_feed),
@@ -91,7 +91,7 @@ def _loop(pf: "ParameterFile", pi: Pi, line: LoadLine, assumed: list[str], own_f
     return loop
 
 
-def _gains(pi: Pi, form: str) -> tuple[float, float]:
+def _gains(pi: PiSection, form: str) -> tuple[float, float]:
     """Gains of the same controller in a form, its sum ending now, ki per second."""
     if pi.form == "incremental_sum" and form == "position":
         if pi.ki:
@@ -103,7 +103,7 @@ def _gains(pi: Pi, form: str) -> tuple[float, float]:
     return pi.kp - _EARLY[pi.integration] * pi.ki * pi.sample_time, pi.ki
 
 
-def _feed_per_unit(pi: Pi, line: LoadLine, programmed: float) -> float:
+def _feed_per_unit(pi: PiSection, line: LoadLineSection, programmed: float) -> float:
     """Unit of the feed limits in one unit of the command."""
     if pi.unit_u in ("%", "1", "override"):
         return programmed / 100 if pi.unit_u == "%" else programmed
@@ -111,7 +111,7 @@ def _feed_per_unit(pi: Pi, line: LoadLine, programmed: float) -> float:
     return _factor(pi.unit_u, line.unit_feed, "commands", "feed limits", cure)
 
 
-def _load_per_unit(pi: Pi, line: LoadLine) -> float:
+def _load_per_unit(pi: PiSection, line: LoadLineSection) -> float:
     return _factor(pi.unit_y, line.unit_load, "measures", "a reference load", "give both in one unit")
 
 
@@ -124,7 +124,7 @@ def _factor(unit: str, to: str, does: str, what: str, cure: str) -> float:
 
 
 def _feeds(
-    pf: "ParameterFile", pi: Pi, line: LoadLine, programmed: float, per_u: float, assumed: list[str]
+    pf: "ParameterFile", pi: PiSection, line: LoadLineSection, programmed: float, per_u: float, assumed: list[str]
 ) -> tuple[float, float]:
     """The narrowest of the settings, the gains' own limits and the machine's; above zero, no more than programmed."""
     machine = pf.limits.feed_rate if pf.limits else None
@@ -143,7 +143,7 @@ def _feeds(
     return low, high
 
 
-def _threshold(pf: "ParameterFile", line: LoadLine, low: float) -> tuple[float, str]:
+def _threshold(pf: "ParameterFile", line: LoadLineSection, low: float) -> tuple[float, str]:
     """Load by which a cut is known: halfway up a sharp tool's at the lowest feed, or half of the reference."""
     law = pf.laws.get(line.law)
     if law is not None and law.form == "load_line" and law.unit == line.unit_load:
@@ -153,13 +153,13 @@ def _threshold(pf: "ParameterFile", line: LoadLine, low: float) -> tuple[float, 
     return line.reference / 2, "half of the reference"
 
 
-def _filter_time(pi: Pi, given: Engagement) -> float:
+def _filter_time(pi: PiSection, given: Engagement) -> float:
     if pi.filter_time or given.filter_corner is None:
         return pi.filter_time
     return 1 / (2 * math.pi * given.filter_corner)
 
 
-def _period(pi: Pi, given: Engagement) -> float:
+def _period(pi: PiSection, given: Engagement) -> float:
     """Period of the thread: that of the gains, or a shorter one."""
     thread = given.sample_time or pi.sample_time
     if thread > pi.sample_time * (1 + 1e-9):
@@ -180,7 +180,7 @@ def _period(pi: Pi, given: Engagement) -> float:
     return thread
 
 
-def _check_order(loop: Loop) -> None:
+def _check_order(loop: LoadLoop) -> None:
     if not loop.feed_low < loop.feed_high:
         raise _Lacking(
             f"has feed limits {loop.feed_low:g} to {loop.feed_high:g} {loop.unit_feed}, which leave the loop no range; "

@@ -8,7 +8,7 @@ is enabled, outside the cut and with a load that is no reading the override is t
 import math
 
 from ...core.errors import GateError
-from .loop import Loop
+from .loop import LoadLoop
 from .view import View
 
 LONGEST_NAME = 30  # characters of a name that older controllers tell apart
@@ -155,7 +155,7 @@ def real(value: float) -> str:
     return (mantissa if "." in mantissa else f"{mantissa}.0") + (f"E{exponent}" if exponent else "")
 
 
-def _law(loop: Loop) -> str:
+def _law(loop: LoadLoop) -> str:
     """The statements, with the moving average where the loop has one."""
     of = {"measurement": "average_load", "command": "average_command"}.get(loop.average_of) if loop.average > 1 else ""
     return _LAW.format(
@@ -164,7 +164,7 @@ def _law(loop: Loop) -> str:
     )
 
 
-def _average_variables(loop: Loop) -> str:
+def _average_variables(loop: LoadLoop) -> str:
     if loop.average == 1:
         return ""
     at_rest = real(1.0 if loop.average_of == "command" else 0.0)
@@ -174,7 +174,7 @@ def _average_variables(loop: Loop) -> str:
     )
 
 
-def _constants(loop: Loop) -> str:
+def _constants(loop: LoadLoop) -> str:
     load, middle = loop.unit_load, (loop.low + loop.high) / 2
     gain = -math.expm1(-loop.sample_time / loop.filter_time) if loop.filter_time else 1.0
     reals = {
@@ -196,7 +196,7 @@ def _constants(loop: Loop) -> str:
     return f"VAR CONSTANT\n{''.join(lines)}END_VAR\n"
 
 
-def _head(view: View, loop: Loop) -> str:
+def _head(view: View, loop: LoadLoop) -> str:
     lines = (
         f"{view.made_by}: constant load, PI with limits, engagement and anti-windup",
         f"tool {view.tool}, work {view.work}, machine {view.machine}",

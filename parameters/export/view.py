@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ...core.errors import GateError
 from ..canonical import content_sha256
 from .gate import passed
-from .loop import Loop
+from .loop import LoadLoop
 from .names import plain, plain_unit, safe_name
 from .quantities import Quantity, quantities
 from .settings import settings
@@ -18,11 +18,11 @@ from .settings import settings
 if TYPE_CHECKING:
     from ..file import ParameterFile
 
-__all__ = ["Gains", "Loop", "Plant", "Quantity", "View", "view"]
+__all__ = ["LoadLoop", "PlantModel", "Quantity", "TunedGains", "View", "view"]
 
 
 @dataclass(frozen=True, slots=True)
-class Plant:
+class PlantModel:
     """The identified feed drive: polynomials in z^-1 as the file has them (b keeps its nk leading zeros)."""
 
     b: tuple[float, ...]
@@ -34,8 +34,8 @@ class Plant:
 
 
 @dataclass(frozen=True, slots=True)
-class Gains:
-    """The PI as it was tuned, in the units of the dynamics: with `Plant` it closes the loop that was judged.
+class TunedGains:
+    """The PI as it was tuned, in the units of the dynamics: with `PlantModel` it closes the loop that was judged.
 
     Forms and integration rules are those of `fitmodels.ident.pi.gains`.
     """
@@ -69,14 +69,14 @@ class View:
     simulated: bool
     made_by: str  # "fitmodels 0.1.0"
     checksum: str  # SHA-256 of the parameter file's content
-    loop: Loop | None
-    gains: Gains | None
-    plant: Plant | None
+    loop: LoadLoop | None
+    gains: TunedGains | None
+    plant: PlantModel | None
     quantities: tuple[Quantity, ...]
     assumed: tuple[str, ...]
     lacking: str = "has no PI gains; find them with `fitmodels tune params.json`."
 
-    def needed_loop(self) -> Loop:
+    def needed_loop(self) -> LoadLoop:
         """Give the loop, or refuse: for an export that is nothing without gains.
 
         Raises
@@ -116,21 +116,21 @@ def view(pf: "ParameterFile") -> View:
     )  # fmt: skip
 
 
-def _gains(pf: "ParameterFile") -> Gains | None:
+def _gains(pf: "ParameterFile") -> TunedGains | None:
     pi, model = pf.pi, pf.dynamics
     if pi is None:
         return None
     by = pi.scaling_y / pi.scaling_u  # of the dynamics' units
     unit_u, unit_y = (pi.unit_u, pi.unit_y) if model is None else (model.unit_u, model.unit_y)
-    return Gains(
+    return TunedGains(
         kp=pi.kp * by, ki=pi.ki * by, sample_time=pi.sample_time, form=pi.form, integration=pi.integration,
         delay=pi.delay, filter_time=pi.filter_time, average=pi.average, average_of=pi.average_of,
         unit_u=plain_unit(unit_u), unit_y=plain_unit(unit_y),
     )  # fmt: skip
 
 
-def _plant(pf: "ParameterFile") -> Plant | None:
+def _plant(pf: "ParameterFile") -> PlantModel | None:
     model = pf.dynamics
     if model is None:
         return None
-    return Plant(model.b, model.a, model.nk, model.sample_time, plain_unit(model.unit_u), plain_unit(model.unit_y))
+    return PlantModel(model.b, model.a, model.nk, model.sample_time, plain_unit(model.unit_u), plain_unit(model.unit_y))

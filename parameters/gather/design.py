@@ -15,7 +15,7 @@ from .understood import understood
 
 if TYPE_CHECKING:
     from ...datasets import Runs
-    from ..sections.law import Law
+    from ..sections.law import LawSection
 
 NAMED = 10  # short edges that are named
 ISO_3685 = 0.3  # mm, average flank wear
@@ -23,7 +23,7 @@ ISO_3685 = 0.3  # mm, average flank wear
 
 def design_section(
     design: "Runs | Section | Mapping[str, Any]",
-    laws: "Mapping[str, Law]",
+    laws: "Mapping[str, LawSection]",
     criterion: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The section of the tests that laws were fitted to.
@@ -31,7 +31,7 @@ def design_section(
     Parameters
     ----------
     design : Runs, or a section as it is
-    laws : mapping of Law
+    laws : mapping of LawSection
         By response.
     criterion : mapping, optional
         Wear at which an edge is worn out: wear, value, unit, source.
@@ -84,7 +84,7 @@ def criterion_of(
     return {"wear": wear["of"], "value": wear["value"], "unit": wear["unit"], "source": "limit of the file"}
 
 
-def _factors(runs: "Runs", laws: "Mapping[str, Law]") -> list[str]:
+def _factors(runs: "Runs", laws: "Mapping[str, LawSection]") -> list[str]:
     """Conditions and time, and other factors of a law that are no response."""
     from ...datasets.vocabulary import ROLES
 
@@ -176,7 +176,7 @@ def _levels(level: Labels, edge: Labels | None) -> list[dict[str, Any]]:
     ]
 
 
-def _left_out(laws: "Mapping[str, Law]") -> list[dict[str, Any]]:
+def _left_out(laws: "Mapping[str, LawSection]") -> list[dict[str, Any]]:
     """Rows that laws do without, the same ones told once."""
     found: dict[tuple[str, int, tuple[int, ...]], list[str]] = {}
     for name, law in laws.items():

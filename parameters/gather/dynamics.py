@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ...core.errors import GateError
 from ..sections.base import Section
-from ..sections.pi import Pi, PiFigures, PiSpecification
+from ..sections.pi import PiFigures, PiSection, PiSpecification
 
 if TYPE_CHECKING:
     from ...ident.model import Model
     from ...ident.pi.gains import PiGains
     from ...ident.pi.tuned import TunedPi
 
-Gains: TypeAlias = "PiGains | TunedPi | Pi | Mapping[str, Any]"
+Gains: TypeAlias = "PiGains | TunedPi | PiSection | Mapping[str, Any]"
 
 
 def dynamics_section(model: "Model | Section | Mapping[str, Any]", held_out_fit: float | None = None) -> dict[str, Any]:

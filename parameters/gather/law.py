@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from ...core.errors import ParameterError
 from ..errors import in_words
-from ..sections.law import Law
-from ..sections.law_parts import Composite
+from ..sections.law import LawSection
+from ..sections.law_parts import CompositeLaw
 from .law_facts import finite, known
 from .moments import edge_moments, moments
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 def laws_by_response(
     laws: "Sequence[LawFit | StreamedLaw]", tool: str, work: str, gauge_sd: float | None
-) -> dict[str, Law]:
+) -> dict[str, LawSection]:
     """Sections of laws by response; one of wear is put into the others, where both were fitted to rows in memory."""
     from ...fit import StreamedLaw
 
-    found: dict[str, Law] = {}
+    found: dict[str, LawSection] = {}
     whole = [law for law in laws if not isinstance(law, StreamedLaw)]
     for law in laws:
         if law.response in found:
@@ -41,7 +41,7 @@ def laws_by_response(
     return found
 
 
-def _composite(law: "LawFit", wear: "LawFit") -> Composite | None:
+def _composite(law: "LawFit", wear: "LawFit") -> CompositeLaw | None:
     from ...core.errors import UsageError
     from ...fit import composite
 
@@ -50,7 +50,7 @@ def _composite(law: "LawFit", wear: "LawFit") -> Composite | None:
     except UsageError:  # another unit or another category: nothing to put in
         return None
     se = {name: value for name, value in finite(found.bse).items() if name in found.params}
-    return Composite(
+    return CompositeLaw(
         wear=wear.response,
         coefficients={str(name): float(value) for name, value in found.params.items()},
         standard_errors=se,
@@ -58,7 +58,7 @@ def _composite(law: "LawFit", wear: "LawFit") -> Composite | None:
     )
 
 
-def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float | None = None) -> Law:
+def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float | None = None) -> LawSection:
     """Turn a fitted law of this tool and work into its section of the file.
 
     Raises
@@ -75,7 +75,7 @@ def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float |
         "alternative": None if other is None else _section(other),
     }
     try:
-        return Law.model_validate(data)
+        return LawSection.model_validate(data)
     except ValidationError as error:
         raise ParameterError(f"the law of {law.response} cannot be handed over: {in_words(error, data)}.") from None
 

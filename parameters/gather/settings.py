@@ -5,14 +5,14 @@ from typing import Any
 
 from ...core.errors import ParameterError
 from ..errors import short
-from ..sections.limits import Limits
+from ..sections.limits import LimitsSection
 from .dynamics import as_data
 
 BOUNDS = {"power": "kW", "force": "N", "wear": "mm"}
 RANGES = {"feed": "mm/rev", "feed_rate": "mm/min", "speed": "m/min", "spindle_speed": "1/min"}
 
 
-def limits_section(limits: Limits | Mapping[str, Any]) -> dict[str, Any]:
+def limits_section(limits: LimitsSection | Mapping[str, Any]) -> dict[str, Any]:
     """The section of limits; a bare number or pair is in the usual unit: kW, N, mm, mm/rev, mm/min, m/min, 1/min.
 
     Raises

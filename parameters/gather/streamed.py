@@ -6,14 +6,14 @@ from pydantic import ValidationError
 
 from ...core.errors import ParameterError
 from ..errors import in_words
-from ..sections.law import Law
+from ..sections.law import LawSection
 from .moments import edge_moments, moments
 
 if TYPE_CHECKING:
     from ...fit import StreamedLaw
 
 
-def streamed_section(law: "StreamedLaw") -> Law:
+def streamed_section(law: "StreamedLaw") -> LawSection:
     """Turn a law of a stream into its section of the file.
 
     The region is the range of each factor; checks, smearing, the published law beside it and the fit with additive
@@ -35,7 +35,7 @@ def streamed_section(law: "StreamedLaw") -> Law:
     """
     data = _section(law)
     try:
-        return Law.model_validate(data)
+        return LawSection.model_validate(data)
     except ValidationError as error:
         raise ParameterError(f"the law of {law.response} cannot be handed over: {in_words(error, data)}.") from None
 

@@ -7,19 +7,19 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ...datasets import ColumnUse, Runs
-    from ..sections.law import Law
+    from ..sections.law import LawSection
 
 NAMED = 4  # labels of a column that are named
 Labels = Callable[[str], list[str]]
 
 
-def understood(runs: "Runs", laws: Mapping[str, "Law"], labels: Labels | None = None) -> list[str]:
+def understood(runs: "Runs", laws: Mapping[str, "LawSection"], labels: Labels | None = None) -> list[str]:
     """Columns, units, what was assumed, mended and noted, and conditions that stand in no law.
 
     Parameters
     ----------
     runs : Runs
-    laws : mapping of Law
+    laws : mapping of LawSection
         By response.
     labels : callable, optional
         Different names of a column of labels, in their order, where somebody has them already.
@@ -52,7 +52,7 @@ def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -
     return role.symbol, role.quantity, f"{head}: {span}{unit}{missing}"
 
 
-def idle(runs: "Runs", laws: Mapping[str, "Law"]) -> list[str]:
+def idle(runs: "Runs", laws: Mapping[str, "LawSection"]) -> list[str]:
     """Conditions that change in the file and stand in no law of it, a sentence each."""
     from ...datasets.vocabulary import ROLES
     from ...fit.defaults import CONDITIONS

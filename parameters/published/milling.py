@@ -28,7 +28,7 @@ NONE = {"kind": "none", "reason": "the paper prints points, no scatter of one to
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class MillingCase:
     """What the paper prints of one kind of milling; ``held`` are feed and wear at 0.24 A, ``criterion`` is assumed."""
 
     name: str
@@ -42,11 +42,11 @@ class Cut:
     criterion: float  # um
 
 
-END = Cut(
+END = MillingCase(
     "end milling (down), ae 1.4 mm", 1000.0, 600.0, 1000.0, 1.4,
     ((700.0, 167.3), *((600.0, VB) for VB in (214.30, 175.29, 192.34, 198.59, 205.80))), 700.0, 1800.0, 200.0,
 )  # fmt: skip
-SLOT = Cut(
+SLOT = MillingCase(
     "slot milling", 600.0, 500.0, 700.0, 2.0,
     tuple((500.0, VB) for VB in (185.0, 194.53, 178.89, 195.69)), 400.0, 1350.0, 185.0,
 )  # fmt: skip
@@ -76,7 +76,7 @@ def slot_milling() -> ParameterFile:
     return _file(SLOT, SLOT.high)
 
 
-def _file(cut: Cut, upper: float) -> ParameterFile:
+def _file(cut: MillingCase, upper: float) -> ParameterFile:
     A = idle()
     B = (REFERENCE - A) / cut.sharp
     slope = feed_lost(cut)
@@ -110,12 +110,12 @@ def idle() -> float:
     return I0 - B * f0
 
 
-def feed_lost(cut: Cut) -> float:
+def feed_lost(cut: MillingCase) -> float:
     """k1/B in mm/min per um: least squares through the sharp tool's feed, over the points held at 0.24 A."""
     return sum((cut.sharp - feed) * VB for feed, VB in cut.held) / sum(VB * VB for _, VB in cut.held)
 
 
-def _load(cut: Cut, A: float, B: float, k1: float) -> dict[str, Any]:
+def _load(cut: MillingCase, A: float, B: float, k1: float) -> dict[str, Any]:
     own = cut is END
     return {
         "form": "load_line", "response": "I", "quantity": "spindle current", "unit": "A",
@@ -136,7 +136,7 @@ def _load(cut: Cut, A: float, B: float, k1: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _wear(cut: Cut) -> dict[str, Any]:
+def _wear(cut: MillingCase) -> dict[str, Any]:
     minutes = cut.length / cut.feed
     return {
         "form": "power", "response": "VB", "quantity": "flank wear", "unit": "um",
@@ -160,7 +160,7 @@ def _factor(symbol: str, quantity: str, unit: str, low: float, high: float) -> d
     return {"symbol": symbol, "quantity": quantity, "unit": unit, "low": low, "high": high}
 
 
-def _life(cut: Cut) -> dict[str, Any]:
+def _life(cut: MillingCase) -> dict[str, Any]:
     minutes = cut.length / cut.feed
     return {
         "wear": "VB", "criterion": cut.criterion, "unit_of_wear": "um", "unit": "min", "coefficients": {"c0": minutes},
@@ -196,7 +196,7 @@ def _pi(B: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _settings(cut: Cut, upper: float, slope: float) -> dict[str, Any]:
+def _settings(cut: MillingCase, upper: float, slope: float) -> dict[str, Any]:
     exact = {"kind": "none", "reason": "printed as a setting"}
     return {
         "reference": REFERENCE, "worn": WORN, "safety_factor": SAFETY, "rounded_to": 0.01,

@@ -32,7 +32,7 @@ SOURCE = "constant-roughness paper (SURF), Table 1 and eq. 5"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class TableRow:
     """A row of Table 1: roughness in um, force in N, feed in mm/rev; ``F_without`` and ``f_without`` are one cut."""
 
     number: int
@@ -44,7 +44,7 @@ class Row:
     Ra: float
 
 
-def table1() -> tuple[Row, ...]:
+def table1() -> tuple[TableRow, ...]:
     """The eight simulations of the paper, from the bundled set ``surf_table1``.
 
     Examples
@@ -54,7 +54,7 @@ def table1() -> tuple[Row, ...]:
     """
     lines = bundled("surf_table1").read_text(encoding="utf-8").splitlines()
     rows = [[float(cell) for cell in line.split(",")] for line in lines if line[:1].isdigit()]
-    return tuple(Row(int(number), *rest) for number, *rest in rows)
+    return tuple(TableRow(int(number), *rest) for number, *rest in rows)
 
 
 def surf(simulation: int = 3, *, force_from: Reading = "inverse", feed: float = FEED) -> ParameterFile:
@@ -105,7 +105,7 @@ def surf(simulation: int = 3, *, force_from: Reading = "inverse", feed: float = 
     return sealed(ParameterFile.model_validate(sections))
 
 
-def _line(what: Literal["ln Ra", "F"], rows: tuple[Row, ...]) -> tuple[float, float]:
+def _line(what: Literal["ln Ra", "F"], rows: tuple[TableRow, ...]) -> tuple[float, float]:
     """Least squares over the controlled columns: (a, b) of Ra = a exp(b F), or F on ln Ra_ref as (constant, slope)."""
     F = np.array([row.F for row in rows])
     if what == "F":
@@ -116,7 +116,7 @@ def _line(what: Literal["ln Ra", "F"], rows: tuple[Row, ...]) -> tuple[float, fl
 
 
 def _settings(
-    row: Row, force_from: Reading, feed: float, law: tuple[float, float], line: tuple[float, float]
+    row: TableRow, force_from: Reading, feed: float, law: tuple[float, float], line: tuple[float, float]
 ) -> dict[str, object]:
     a, b = law
     constant, slope = line
@@ -149,7 +149,7 @@ def _settings(
 _READING = {"inverse": "the inverse of eq. 5", "regression": "the regression of Table 1's controlled F on ln Ra_ref"}
 
 
-def _equation_5(rows: dict[int, Row]) -> dict[str, Any]:
+def _equation_5(rows: dict[int, TableRow]) -> dict[str, Any]:
     forces = [row.F_without for row in rows.values()]
     return _law(
         A, B, forces, n=EXPERIMENTS, uncertainty="the paper prints none",
@@ -161,7 +161,7 @@ def _equation_5(rows: dict[int, Row]) -> dict[str, Any]:
     )  # fmt: skip
 
 
-def _controlled(a: float, b: float, rows: dict[int, Row]) -> dict[str, Any]:
+def _controlled(a: float, b: float, rows: dict[int, TableRow]) -> dict[str, Any]:
     forces = [row.F for row in rows.values()]
     why = "the eight points are results of a simulation: their scatter is no error of measurement"
     how = "least squares of ln Ra on F over the controlled columns of Table 1, where eq. 5 is up to 16 % high"

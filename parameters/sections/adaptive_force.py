@@ -26,7 +26,7 @@ class SetPoint(Section):
     force: Positive
 
 
-class AdaptiveForce(Section):
+class AdaptiveForceSection(Section):
     """Everything an adaptive force controller starts with.
 
     Attributes
@@ -60,7 +60,7 @@ class AdaptiveForce(Section):
 
     Examples
     --------
-    >>> section = AdaptiveForce(m=0.01, alpha=0.2, beta=1.0, g1=0.0, g2=0.0, g3=1e-4, Kd=0.5, lam=10.0,
+    >>> section = AdaptiveForceSection(m=0.01, alpha=0.2, beta=1.0, g1=0.0, g2=0.0, g3=1e-4, Kd=0.5, lam=10.0,
     ...                         set_points=[{"depth": 1.0, "force": 150.0}])
     >>> section.set_points[0].force
     150.0

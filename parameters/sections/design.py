@@ -90,7 +90,7 @@ class Criterion(Section):
     source: str = ""
 
 
-class Design(Section):
+class DesignSection(Section):
     """The tests behind the laws.
 
     Files of earlier versions lack this section; it came with schema version 1 and is optional, so that they stay
@@ -116,7 +116,8 @@ class Design(Section):
 
     Examples
     --------
-    >>> Design(rows=12, factors=[{"symbol": "f", "quantity": "feed", "unit": "mm/rev", "low": 0.1, "high": 0.4}]).rows
+    >>> feed = {"symbol": "f", "quantity": "feed", "unit": "mm/rev", "low": 0.1, "high": 0.4}
+    >>> DesignSection(rows=12, factors=[feed]).rows
     12
     """
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
 
 
-class Dynamics(Section):
+class DynamicsSection(Section):
     """An identified model of the feed drive and the cut.
 
     Attributes
@@ -54,7 +54,7 @@ class Dynamics(Section):
     Examples
     --------
     >>> given = {"kind": "none", "reason": "given"}
-    >>> model = Dynamics(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1, uncertainty=given)
+    >>> model = DynamicsSection(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1, uncertainty=given)
     >>> model.simulate([1.0, 1.0, 1.0]).tolist(), model.dc_gain, model.stable
     ([0.0, 0.5, 0.75], 1.0, True)
     """

@@ -29,7 +29,7 @@ class Sensor(Section):
     sd: Annotated[float, Field(strict=True, ge=0)] | None = None  # of one reading, in ``unit``
 
 
-class Identity(Section):
+class IdentitySection(Section):
     """Whose parameters these are; ``simulated`` when the data came from a simulation.
 
     Attributes
@@ -44,7 +44,7 @@ class Identity(Section):
 
     Examples
     --------
-    >>> Identity(tool="GC435", work="709M40", simulated=False, iso513="P35").iso513
+    >>> IdentitySection(tool="GC435", work="709M40", simulated=False, iso513="P35").iso513
     'P35'
     """
 
@@ -74,7 +74,7 @@ class Identity(Section):
         return properties
 
 
-class Provenance(Section):
+class ProvenanceSection(Section):
     """Where the numbers come from: the data, the program and how it was called.
 
     Attributes
@@ -94,7 +94,7 @@ class Provenance(Section):
 
     Examples
     --------
-    >>> Provenance(fitmodels="0.1.0", data_file="data.csv", n_rows=120).n_rows
+    >>> ProvenanceSection(fitmodels="0.1.0", data_file="data.csv", n_rows=120).n_rows
     120
     """
 

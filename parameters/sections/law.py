@@ -21,11 +21,22 @@ from ..evaluate import (
     terms,
     theta,
 )
-from ..intervals import Asked, band
+from ..intervals import IntervalOptions, band
 from ..prediction import Prediction, tell
 from .base import Count, NotNegative, Number, Positive, Section, Text
 from .covariance import Covariance, NoCovariance
-from .law_parts import By, Check, Composite, DroppedRows, Edges, Factor, LeftOut, Published, Region, Statistics
+from .law_parts import (
+    CompositeLaw,
+    DroppedRows,
+    Edges,
+    Factor,
+    LawCheck,
+    LeftOutFactor,
+    LevelShifts,
+    Published,
+    Region,
+    Statistics,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +66,7 @@ EXAMPLE: Mapping[str, object] = {  # the law of the examples below
 }
 
 
-class Law(Section):
+class LawSection(Section):
     """One fitted equation, able to predict from the file alone.
 
     Attributes
@@ -89,7 +100,7 @@ class Law(Section):
         Where the design lies: the window of operation.
     edges : Edges or None
         What the cutting edges say: variance split, and F of what only edges can tell.
-    checks : dict of Check
+    checks : dict of LawCheck
         Adequacy of the law, check by check.
     verdicts : tuple of str
         What the checks say, worst first, in at most six plain sentences.
@@ -104,7 +115,7 @@ class Law(Section):
 
     Examples
     --------
-    >>> law = Law.model_validate(EXAMPLE)
+    >>> law = LawSection.model_validate(EXAMPLE)
     >>> round(law.predict(V=100.0), 9)
     0.1
     """
@@ -117,7 +128,7 @@ class Law(Section):
     error: Literal["multiplicative", "additive"]
     coefficients: dict[str, Number]
     factors: tuple[Factor, ...]
-    by: By | None = None
+    by: LevelShifts | None = None
     uncertainty: Annotated[Covariance | NoCovariance, Field(discriminator="kind")]
     residual_se: NotNegative | None = None
     residual_scale: str
@@ -128,16 +139,16 @@ class Law(Section):
     statistics: Statistics = Statistics()
     region: Region | None = None
     edges: Edges | None = None
-    checks: dict[str, Check] = Field(default_factory=dict)
+    checks: dict[str, LawCheck] = Field(default_factory=dict)
     verdicts: tuple[str, ...] = ()
     checked_rows: Count | None = None
     row_standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
     standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[LeftOutFactor, ...] = ()
     dropped_rows: tuple[DroppedRows, ...] = ()
-    alternative: "Law | None" = None
+    alternative: "LawSection | None" = None
     published: Published | None = None
-    composite: Composite | None = None
+    composite: CompositeLaw | None = None
     notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")
@@ -177,7 +188,7 @@ class Law(Section):
 
         Examples
         --------
-        >>> law = Law.model_validate(EXAMPLE)
+        >>> law = LawSection.model_validate(EXAMPLE)
         >>> law.predict(V=[100.0, 200.0]).round(6).tolist()
         [0.1, 0.141421]
         """
@@ -231,12 +242,12 @@ class Law(Section):
 
         Examples
         --------
-        >>> law = Law.model_validate(EXAMPLE)
+        >>> law = LawSection.model_validate(EXAMPLE)
         >>> low, high = law.interval(V=100.0)
         >>> print(f"{low:.3f} {high:.3f}")
         0.079 0.126
         """
-        found = band(self, Asked(kind, level, edge, coverage, centre), by, factors)
+        found = band(self, IntervalOptions(kind, level, edge, coverage, centre), by, factors)
         return as_given(self, found.low), as_given(self, found.high)
 
     def tell(
@@ -264,11 +275,11 @@ class Law(Section):
 
         Examples
         --------
-        >>> law = Law.model_validate(EXAMPLE)
+        >>> law = LawSection.model_validate(EXAMPLE)
         >>> print(law.tell(V=100.0).words)
         AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row 0.071 to 0.140 mm; inside the tested region.
         """
-        return tell(self, Asked(kind, level, edge, coverage, centre), by, factors)
+        return tell(self, IntervalOptions(kind, level, edge, coverage, centre), by, factors)
 
     def inside(self, by: str | None = None, **factors: ArrayLike) -> Any:  # noqa: ANN401
         """Tell which points lie in the region of the design: a law says nothing about where nobody cut.
@@ -295,7 +306,7 @@ class Law(Section):
 
         Examples
         --------
-        >>> law = Law.model_validate(EXAMPLE)
+        >>> law = LawSection.model_validate(EXAMPLE)
         >>> law.inside(V=[100.0, 300.0]).tolist()
         [True, False]
         """
@@ -320,7 +331,7 @@ class Law(Section):
         return law_picture(self, ax)
 
 
-def _check_coefficients(law: Law) -> None:
+def _check_coefficients(law: LawSection) -> None:
     symbols = [factor.symbol for factor in law.factors]
     if len(set(symbols)) < len(symbols):
         raise ValueError(f"the law of {law.response} names a factor twice: {_listed(symbols)}")
@@ -338,7 +349,7 @@ def _check_coefficients(law: Law) -> None:
         raise ValueError(f"the law of {law.response} has no parameter {_listed(sorted(unknown))} for a standard error")
 
 
-def _check_form(law: Law) -> None:
+def _check_form(law: LawSection) -> None:
     if law.form not in LOGARITHMIC and law.error == "multiplicative":
         raise ValueError(f"a {law.form} has additive errors")
     if law.error == "multiplicative" and law.residual_se is not None and law.residual_scale != "ln":

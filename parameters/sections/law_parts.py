@@ -31,12 +31,12 @@ class Factor(Section):
         return self
 
 
-class By(Section):
+class LevelShifts(Section):
     """Levels of a column that share the exponents: times exp(shift), or plus the shift of a line.
 
     Examples
     --------
-    >>> By(column="material", reference="1", shifts={"2": 0.1}).names
+    >>> LevelShifts(column="material", reference="1", shifts={"2": 0.1}).names
     {'material[2]': '2'}
     """
 
@@ -56,12 +56,12 @@ class By(Section):
         return self
 
 
-class LeftOut(Section):
+class LeftOutFactor(Section):
     """A factor that was asked for and is not in the law.
 
     Examples
     --------
-    >>> LeftOut(factor="d", reason="the same in every row").factor
+    >>> LeftOutFactor(factor="d", reason="the same in every row").factor
     'd'
     """
 
@@ -178,14 +178,14 @@ class Edges(Section):
     random_level: dict[str, NotNegative] = Field(default_factory=dict)
 
 
-class Check(Section):
+class LawCheck(Section):
     """One check of a law: what it takes for granted, its figures and its verdict in words, or why there is none.
 
     ``concern`` is 0 where all is well, 1 where one should look, 2 where one should act.
 
     Examples
     --------
-    >>> Check(reason="no replicated edges: pure error unknown").verdict is None
+    >>> LawCheck(reason="no replicated edges: pure error unknown").verdict is None
     True
     """
 
@@ -198,7 +198,7 @@ class Check(Section):
     verdict: str | None = None
 
 
-class Space(Section):
+class LeverageSpace(Section):
     """Columns of a law over which leverage is judged: their matrix, and the largest leverage of the design."""
 
     of: str
@@ -218,10 +218,10 @@ class Region(Section):
     half_range: tuple[Number, ...]
     largest_radius: NotNegative
     levels: tuple[str, ...] = ()
-    spaces: tuple[Space, ...] = ()
+    spaces: tuple[LeverageSpace, ...] = ()
 
 
-class Composite(Section):
+class CompositeLaw(Section):
     """A law with its wear put in from the wear law: what the conditions alone do to the response.
 
     ``assumption`` says how the standard errors of the two laws were taken together.

@@ -42,7 +42,7 @@ class Range(Section):
         return self
 
 
-class Limits(Section):
+class LimitsSection(Section):
     """Limits that a controller or a choice of V and f keeps to; each may be left out.
 
     Attributes
@@ -54,7 +54,7 @@ class Limits(Section):
 
     Examples
     --------
-    >>> limits = Limits(power={"value": 7.0, "unit": "kW"}, force={"value": 1500.0, "unit": "N", "of": "Fxz"})
+    >>> limits = LimitsSection(power={"value": 7.0, "unit": "kW"}, force={"value": 1500.0, "unit": "N", "of": "Fxz"})
     >>> limits.force.value, limits.wear
     (1500.0, None)
     """

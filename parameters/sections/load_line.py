@@ -92,7 +92,7 @@ class Engagement(Section):
     sample_time: Positive | None = None
 
 
-class LoadLine(Section):
+class LoadLineSection(Section):
     """Settings of CLM-2023: reference load, feed limits and the wear at which the tool is changed.
 
     The tool is changed when the feed command rests on the lower limit.
@@ -124,7 +124,7 @@ class LoadLine(Section):
     Examples
     --------
     >>> exact = {"kind": "none", "reason": "3 points, 3 parameters"}
-    >>> line = LoadLine(
+    >>> line = LoadLineSection(
     ...     reference=0.24, worn=0.28, safety_factor=0.85, rounded_to=0.01, unit_load="A", unit_feed="mm/min",
     ...     upper={"value": 1000.0, "wear": 0.0, "interval": exact},
     ...     lower={"value": 605.0, "wear": 0.22, "interval": exact},

@@ -67,7 +67,7 @@ class PiFigures(Section):
     integral_time: NotNegative | None = None
 
 
-class Pi(Section):
+class PiSection(Section):
     """A digital PI as it runs.
 
     With e = reference - filtered measurement, T the sample time, S the sum by its rule:
@@ -111,7 +111,7 @@ class Pi(Section):
 
     Examples
     --------
-    >>> gains = Pi(kp=0.8, ki=1.6, sample_time=0.02, unit_u="V", unit_y="A")
+    >>> gains = PiSection(kp=0.8, ki=1.6, sample_time=0.02, unit_u="V", unit_y="A")
     >>> gains.form, gains.ti
     ('position', 0.5)
     """

@@ -22,12 +22,12 @@ class Prior(Section):
     source: str = ""
 
 
-class Drawn(Section):
+class PosteriorSummary(Section):
     """Draws of one parameter: mean, standard deviation, median and ends of the equal-tailed interval.
 
     Examples
     --------
-    >>> Drawn(mean=0.53, sd=0.05, median=0.53, low=0.44, high=0.63).high
+    >>> PosteriorSummary(mean=0.53, sd=0.05, median=0.53, low=0.44, high=0.63).high
     0.63
     """
 
@@ -56,7 +56,7 @@ class LawPosterior(Section):
         ``normal`` or ``student``.
     draws, level
         Number of draws, and level of the intervals.
-    parameters : dict of Drawn
+    parameters : dict of PosteriorSummary
         As the draws name them: ``ln c0``, exponents, ``sd``, ``icc``.
     priors : dict of Prior
         ``level`` is that of the linear form at the middle of the tests, ``level_at`` tells where.
@@ -85,7 +85,7 @@ class LawPosterior(Section):
     errors: Literal["normal", "student"] | None = None
     draws: Count | None = None
     level: Annotated[float, Field(strict=True, gt=0, lt=1)] = 0.95
-    parameters: dict[str, Drawn] = Field(default_factory=dict)
+    parameters: dict[str, PosteriorSummary] = Field(default_factory=dict)
     priors: dict[str, Prior] = Field(default_factory=dict)
     prior_set: str | None = None
     level_at: dict[str, Number] = Field(default_factory=dict)
@@ -100,7 +100,7 @@ class LawPosterior(Section):
     notes: tuple[str, ...] = ()
 
 
-class Posterior(Section):
+class PosteriorSection(Section):
     """Posteriors of the laws, by response, and the file that holds their draws.
 
     ``draws_file`` stands beside the parameter file, ``draws_sha256`` is of its bytes; both are None where there are no
@@ -108,7 +108,7 @@ class Posterior(Section):
 
     Examples
     --------
-    >>> Posterior(seed=1, laws={"AW": {"reason": "the law meets every row exactly"}}).draws_file is None
+    >>> PosteriorSection(seed=1, laws={"AW": {"reason": "the law meets every row exactly"}}).draws_file is None
     True
     """
 

@@ -28,7 +28,7 @@ class ForceRegression(Section):
     unit: Text = "N"
 
 
-class Roughness(Section):
+class RoughnessSection(Section):
     """Reference force for a roughness, and what the override may do to hold it.
 
     Attributes
@@ -58,7 +58,7 @@ class Roughness(Section):
 
     Examples
     --------
-    >>> Roughness(law="Ra", roughness=1.0, force=420.0, threshold=100.0, override_high=1.5).override_low
+    >>> RoughnessSection(law="Ra", roughness=1.0, force=420.0, threshold=100.0, override_high=1.5).override_low
     0.0
     """
 
