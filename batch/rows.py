@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..datasets import Runs, Source
+from ..datasets import Runs
 from ..datasets.columns import ColumnUse
-from ..datasets.runs import disclaimers
+from ..datasets.runs import Source, disclaimers
 from .plan import Pair
 
 NO_LINES = "Parquet"  # dialect of a source whose rows have no lines: they are counted within their pair, from 1

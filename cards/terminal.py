@@ -8,7 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.rounding import format_plain
-from ..datasets import ColumnUse, Runs
+from ..datasets import Runs
+from ..datasets.columns import ColumnUse
 from ..datasets.vocabulary import ROLES
 from ..fit import Refused
 from ..parameters import LawPosterior, LawSection, ParameterFile

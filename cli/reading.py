@@ -29,9 +29,8 @@ def reading_options(parser: Parser) -> None:
 
 def recognise(file: str, args: argparse.Namespace) -> tuple["str | Table", "Look | None"]:
     """What a file looks like, with its table where that was read; None where the options say that it holds tests."""
-    from ..datasets import looks_like_record
     from ..datasets.records.formats import kind_of
-    from ..datasets.records.look import Look
+    from ..datasets.records.look import Look, looks_like_record
     from ..datasets.tables import read_table
     from ..datasets.tables.decode import load_bytes
     from ..datasets.units import is_unit

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ..core.display import Displayable
 from ..core.errors import IdentError
 from ..core.threads import one_thread
-from ..datasets.records.record import Record, join
+from ..datasets.records.record import Record, join_records
 from .estimators.bias import warn_of_bias
 from .estimators.causality import causality
 from .estimators.instrumental import sriv
@@ -173,7 +173,7 @@ def identify(
     >>> found.model.na, found.model.nk
     (2, 1)
     """
-    whole = (rec if isinstance(rec, Record) else join(rec)).centred(trend)
+    whole = (rec if isinstance(rec, Record) else join_records(rec)).centred(trend)
     check_moves(whole)
     notes = tuple(whole.notes)
     band = excited_band(whole)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
-from fitmodels.datasets.records.record import Record, join
+from fitmodels.datasets.records.record import Record, join_records
 from fitmodels.ident.estimators.filters import is_stable
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.prediction_error import armax
@@ -84,7 +84,7 @@ def test_standard_errors_are_those_of_a_monte_carlo():
 
 def test_a_record_joined_to_itself_fits_the_same_with_smaller_errors():
     rec = record()
-    once, twice = armax(rec, 2, 2, 2), armax(join([rec, rec]), 2, 2, 2)
+    once, twice = armax(rec, 2, 2, 2), armax(join_records([rec, rec]), 2, 2, 2)
     np.testing.assert_allclose(twice.theta, once.theta, rtol=1e-5)
     np.testing.assert_allclose(twice.bse / once.bse, np.sqrt((1498 - 6) / (2996 - 6)), rtol=1e-3)
 

@@ -23,7 +23,7 @@ from fitmodels.batch.result import records
 from fitmodels.batch.rows import About, Rows
 from fitmodels.cli import main
 from fitmodels.core import errors
-from fitmodels.datasets import Source
+from fitmodels.datasets.runs import Source
 from fitmodels.fit.defaults import asked_laws, fit_asked
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st

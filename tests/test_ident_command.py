@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fitmodels import ident, parameters
 from fitmodels.cli import main
+from fitmodels.datasets.records.look import looks_like_record
 from fitmodels.ident import Model
 
 pytestmark = pytest.mark.slow  # of its kind: left out where other versions of Python are tried
@@ -104,7 +105,6 @@ def test_a_table_of_tests_is_still_one(run):
 
 
 def test_an_excitation_is_written_and_read_back(run, tmp_path):
-    from fitmodels import datasets
 
     code, out, _ = run("excite", "--out", "u.csv")
     assert code == 0
@@ -112,7 +112,7 @@ def test_an_excitation_is_written_and_read_back(run, tmp_path):
     table = np.loadtxt(tmp_path / "u.csv", delimiter=",", skiprows=2)
     np.testing.assert_array_equal(table[:, 1], ident.chirp())
     assert "# sample rate: 50 Hz" in (tmp_path / "u.csv").read_text()
-    assert datasets.looks_like_record(tmp_path / "u.csv").kind in ("record", "table")
+    assert looks_like_record(tmp_path / "u.csv").kind in ("record", "table")
     assert run("excite", "--out", "u.csv")[0] == 2
 
 

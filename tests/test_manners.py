@@ -21,6 +21,7 @@ import pytest
 from fitmodels import batch, controllers, datasets, fit, ident, parameters
 from fitmodels.controllers.constant_load_milling.steady import steady_life
 from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value, with_error
+from fitmodels.datasets.records.look import looks_like_record
 from fitmodels.parameters.published import published
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -179,7 +180,7 @@ RESULTS: dict[str, Callable[[], object]] = {
     "SimulatedLaw": lambda: datasets.SimulatedLaw("AW", "mm", 0.01, {"V": 0.5, "t": 0.25}, 0.07, 0.07),
     "ColumnUse": lambda: runs().columns[0],
     "Source": lambda: runs().source,
-    "Look": lambda: datasets.looks_like_record(datasets.bundled("gc435_709m40")),
+    "Look": lambda: looks_like_record(datasets.bundled("gc435_709m40")),
     "LawFit": law,
     "StreamedLaw": lambda: fit.streamed_power_law([runs().data], "AW", ["V", "f", "d", "t"]),
     "ManyLaws": many,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
-from fitmodels.datasets.records.record import Record, join
+from fitmodels.datasets.records.record import Record, join_records
 from fitmodels.ident.estimators.instrumental import sriv
 from fitmodels.ident.estimators.levenberg_marquardt import minimise
 from fitmodels.ident.estimators.prediction_error import output_error
@@ -108,7 +108,7 @@ def test_other_structures_come_back(b, a, nk):
 def test_initial_states_of_joined_runs():
     u = chirp(1500)
     whole = Record(u=u, y=PUBLISHED.simulate(u), sample_time=0.02)
-    parts = join([whole.part(800, 1500), whole.part(300, 700)])
+    parts = join_records([whole.part(800, 1500), whole.part(300, 700)])
     model = output_error(parts, 3, 3)
     np.testing.assert_allclose(model.theta, PUBLISHED.theta, atol=EXACT)
     assert "initial state of each stretch estimated" in model.notes

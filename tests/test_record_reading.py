@@ -8,8 +8,9 @@ import openpyxl
 import pytest
 from fitmodels import datasets
 from fitmodels.core.errors import DataError, UsageError
-from fitmodels.datasets import looks_like_record, read_record
+from fitmodels.datasets import read_record
 from fitmodels.datasets.records.clock import clock_seconds
+from fitmodels.datasets.records.look import looks_like_record
 from fitmodels.datasets.records.sampling import time_axis
 from hypothesis import given, settings
 from hypothesis import strategies as st

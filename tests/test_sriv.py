@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
-from fitmodels.datasets.records.record import Record, join
+from fitmodels.datasets.records.record import Record, join_records
 from fitmodels.ident.estimators.bias import warn_of_bias
 from fitmodels.ident.estimators.coloured import whitening
 from fitmodels.ident.estimators.filters import is_stable, reflected
@@ -74,7 +74,7 @@ def test_runs_from_different_states_are_joined_without_crossing():
     """Two runs begin in the middle of a movement; a state carried over the join, or taken as rest, would be seen."""
     u = chirp(1500)
     whole = Record(u=u, y=PUBLISHED.simulate(u), sample_time=0.02)
-    parts = join([whole.part(800, 1500), whole.part(300, 700)])
+    parts = join_records([whole.part(800, 1500), whole.part(300, 700)])
     model = sriv(parts, 3, 3)
     np.testing.assert_allclose(model.theta, PUBLISHED.theta, atol=EXACT)
     assert "initial state of each stretch estimated" in model.notes
@@ -88,12 +88,12 @@ def test_a_record_from_rest_keeps_its_state_at_rest():
 
 def test_several_records_are_taken_as_one_joined():
     rec = record(snr=30)
-    np.testing.assert_array_equal(sriv([rec, rec], 3, 3).theta, sriv(join([rec, rec]), 3, 3).theta)
+    np.testing.assert_array_equal(sriv([rec, rec], 3, 3).theta, sriv(join_records([rec, rec]), 3, 3).theta)
 
 
 def test_a_record_joined_to_itself_fits_the_same_with_smaller_errors():
     rec = record(snr=20)
-    once, twice = sriv(rec, 3, 3), sriv(join([rec, rec]), 3, 3)
+    once, twice = sriv(rec, 3, 3), sriv(join_records([rec, rec]), 3, 3)
     np.testing.assert_allclose(twice.theta, once.theta, rtol=1e-5)
     # variance of the mean of two, and n - p in place of n
     np.testing.assert_allclose(twice.bse / once.bse, np.sqrt(744 / 1494), rtol=1e-3)

@@ -17,7 +17,7 @@ def groups_of_pairs(of: PairsOfRows, headers: Sequence[str]) -> tuple[list[dict[
 
     Examples
     --------
-    >>> from fitmodels.datasets import Source
+    >>> from fitmodels.datasets.runs import Source
     >>> from fitmodels.batch.plan import Pair
     >>> from fitmodels.batch.rows import Rows
     >>> from fitmodels.batch.fitting.pairs_of_rows import looked_over

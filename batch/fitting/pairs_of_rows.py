@@ -57,7 +57,7 @@ def looked_over(rows: Rows, wanted: Collection[Pair]) -> PairsOfRows:
 
     Examples
     --------
-    >>> from fitmodels.datasets import Source
+    >>> from fitmodels.datasets.runs import Source
     >>> frame = pd.DataFrame({"tool": ["B", "A", "B"], "work": ["W"] * 3, "V": [1.0, np.nan, 2.0]})
     >>> found = looked_over(Rows(frame, np.arange(3), {}, (), Source("", "", 3, "")), {Pair("A", "W"), Pair("B", "W")})
     >>> [str(pair) for pair in found.pairs], found.number.tolist(), found.held["V"].tolist()

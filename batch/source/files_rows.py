@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from ...core.errors import DataError, FitmodelsError
-from ...datasets import Runs, Source
+from ...datasets import Runs
+from ...datasets.runs import Source
 from ...datasets.vocabulary import ROLES
 from ..plan import Block, Pair, Piece, Plan, Reading
 from ..rows import About, Rows

@@ -14,7 +14,7 @@ from ..tables import Table
 from .checks import findings
 from .columns import Head, choose, find, heads, in_unit, is_counter, is_label, time_column, times
 from .formats import record_tables
-from .record import Record, join
+from .record import Record, join_records
 from .sampling import FEWEST, sample_time_of
 from .timing import Asked, Samples, timed, untimed
 
@@ -93,7 +93,7 @@ def read_record(
                 f"{table.path.name} gives {other.input} and {other.output}, {tables[0].path.name} gives {first.input} "
                 f"and {first.output}: runs of one record hold the same signals. Name them with --input and --output."
             )
-    return first if len(records) == 1 else join(records)
+    return first if len(records) == 1 else join_records(records)
 
 
 def _record(table: Table, asked: Asked) -> Record:

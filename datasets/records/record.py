@@ -231,13 +231,13 @@ class Record(Displayable):
         )
 
 
-def join(records: Sequence[Record]) -> Record:
+def join_records(records: Sequence[Record]) -> Record:
     """Several records of one machine as one, each a stretch of its own.
 
     Examples
     --------
     >>> rec = Record(u=[0.0, 1.0], y=[0.0, 0.5], sample_time=0.1)
-    >>> join([rec, rec]).starts
+    >>> join_records([rec, rec]).starts
     (0, 2)
     """
     if not records:

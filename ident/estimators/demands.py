@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import IdentError
-from ...datasets.records.record import Record, join
+from ...datasets.records.record import Record, join_records
 from .refusals import check_moves
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ def demand(rec: Record | Sequence[Record], orders: dict[str, int], nk: int) -> R
             low = True
         if low:
             raise IdentError(f"{name} {order!r}: a whole number, {least} or more.")
-    rec = rec if isinstance(rec, Record) else join(rec)
+    rec = rec if isinstance(rec, Record) else join_records(rec)
     check_moves(rec)
     check_samples(rec, orders, nk)
     return rec

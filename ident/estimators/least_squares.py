@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.records.record import Record, join
+from ...datasets.records.record import Record, join_records
 from ..model import Model
 from .gram import Lags, gram
 from .refusals import (
@@ -87,7 +87,7 @@ def arx(rec: Record | Sequence[Record], na: int, nb: int, nk: int = 1, *, solver
     {'a1': -0.8, 'b1': 0.5}
     """
     check_orders(na, nb, nk)
-    rec = rec if isinstance(rec, Record) else join(rec)
+    rec = rec if isinstance(rec, Record) else join_records(rec)
     rows = check_length(rec, na, nb, nk)
     check_moves(rec)
     solved = _solve(rec, na, nb, nk, solver)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...core.display import Displayable
 from ...core.errors import IdentError
-from ...datasets.records.record import Record, join
+from ...datasets.records.record import Record, join_records
 from .causality import causality_of
 from .criteria import CRITERIA
 from .gram import Gram, Lags, grams
@@ -107,7 +107,7 @@ def choose_order(
     """
     import pandas as pd
 
-    rec = rec if isinstance(rec, Record) else join(rec)
+    rec = rec if isinstance(rec, Record) else join_records(rec)
     ranges = _ranges(na, nb, nk)
     lags = Lags(max(ranges[0]), 0, max(ranges[2]) + max(ranges[1]) - 1)
     _check(rec, ranges, lags, criterion)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ...datasets import Record
-from ...datasets.records.record import join
+from ...datasets.records.record import join_records
 from .block_jackknife import COUNTS, widest
 from .dry_friction import velocity_and_travel
 from .motion import Motion, Rows, motion_of, rows_of
@@ -123,7 +123,7 @@ class DriveFit(Displayable):
 
         Each stretch starts at its measured speed. The fit is 100 (1 - |v - simulated| / |v - mean v|).
         """
-        rec = rec if isinstance(rec, Record) else join(rec)
+        rec = rec if isinstance(rec, Record) else join_records(rec)
         known = unit or rec.unit_y or self.motion.unit
         motion = motion_of(rec, self.motion.factor, known, self.cutoff, self.motion.held)
         return motion.v, *self._run(motion)
@@ -202,7 +202,7 @@ def drive_fit(
     """
     if not 0 <= slow < 0.5:
         raise IdentError(f"slow {slow!r}: a part of the top speed, from 0 up to 0.5.")
-    rec = rec if isinstance(rec, Record) else join(rec)
+    rec = rec if isinstance(rec, Record) else join_records(rec)
     motion = motion_of(rec, force, unit, cutoff, held)
     rows = rows_of(motion, slow)
     _demand(rows)

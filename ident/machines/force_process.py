@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ...datasets import Record
-from ...datasets.records.record import join
+from ...datasets.records.record import join_records
 from ..estimators.prediction_error import output_error
 from ..model import Model
 from .continuous import ContinuousModel, to_continuous
@@ -182,7 +182,7 @@ def force_process_fit(
         raise IdentError(f"drive {drive!r}: 'faster' or 'slower', its pole d/m beside the process pole c.")
     from .lyap_parameters import basis_of, parameters_of
 
-    rec = rec if isinstance(rec, Record) else join(rec)
+    rec = rec if isinstance(rec, Record) else join_records(rec)
     discrete = output_error(rec, nb=2, nf=2, nk=1)
     ratios, cov, zero = _ratios(discrete)
     values, errors = parameters_of(ratios, cov, given, drive)

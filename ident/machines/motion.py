@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ...datasets import Record
-from ...datasets.records.record import join
+from ...datasets.records.record import join_records
 
 Array = NDArray[np.float64]
 MOTION_UNITS = {  # to SI, and how often it must be differentiated to be a velocity
@@ -78,7 +78,7 @@ def motion_of(
     rec: Record | Sequence[Record], factor: float | None, unit: str | None, cutoff: float | None, held: bool
 ) -> Motion:
     """The record in SI units, its offsets put back: friction depends on the speed, not on its change."""
-    rec = rec if isinstance(rec, Record) else join(rec)
+    rec = rec if isinstance(rec, Record) else join_records(rec)
     gain, size, times = _units(rec, factor, unit)
     rate = rec.rate
     low = PART * rate if cutoff is None else float(cutoff)

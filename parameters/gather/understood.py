@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ...datasets import ColumnUse, Runs
+    from ...datasets import Runs
+    from ...datasets.columns import ColumnUse
     from ..sections.law import LawSection
 
 NAMED = 4  # labels of a column that are named
