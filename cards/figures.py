@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..fit import LawFit, Posterior
-from ..fit.draw import normal_quantiles, observed_against_predicted, residuals, response_surface
+from ..fit.law_figures import normal_quantiles, observed_against_predicted, residuals, response_surface
 
 NAMES = ("response_surfaces.png", "observed_predicted.png", "residuals.png")
 Panel = Callable[[LawFit, Axes], Axes]

@@ -2,20 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from ..datasets.published import published
 from .lawfit import LawFit
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Beside(Displayable):
+class Beside(Plottable):
     """The printed law, and how far the measured rows lie from it.
 
     Attributes
@@ -38,12 +34,6 @@ class Beside(Displayable):
     rms_percent: float | None
     worst_percent: float | None
     worst_line: int | None
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The exponents as printed."""
-        from .draw_results import beside_picture
-
-        return beside_picture(self, ax)
 
 
 def beside_published(law: LawFit, tool: str, work: str) -> Beside | None:

@@ -6,27 +6,23 @@ Source: Davison & Hinkley 1997, Bootstrap Methods and their Application, section
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from ..core.threads import one_thread
 from .available import NotAvailable
 from .edges import EdgeInference
 from .jackknife import gradient
 from .lawfit import LawFit
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class EdgeBootstrap(Displayable):
+class EdgeBootstrap(Plottable):
     """Refits of a law to edges drawn with replacement.
 
     Attributes
@@ -56,12 +52,6 @@ class EdgeBootstrap(Displayable):
     def to_frame(self) -> pd.DataFrame:
         """The draws, a column a parameter."""
         return pd.DataFrame(self.draws, columns=list(self.names))
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each parameter in its 95 % interval."""
-        from .draw_results import table_picture
-
-        return table_picture(self.interval().assign(mean=self.draws.mean(axis=0)), "mean", ax)
 
 
 @one_thread

@@ -10,13 +10,12 @@ Source: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006, eq. 4-11.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from ..core.errors import UsageError
 from .available import NotAvailable
 from .jackknife import edge_inference
@@ -24,16 +23,13 @@ from .lawfit import LawFit
 from .laws import power
 from .linear import linear
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 Array = NDArray[np.float64]
 
 HIGH = 5.0  # variance inflation above which a factor's exponent is told mostly by what the others leave
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Composite(Displayable):
+class Composite(Plottable):
     """A law with its wear substituted, beside the law fitted without it.
 
     Attributes
@@ -112,12 +108,6 @@ class Composite(Displayable):
             f"the errors of the laws of {self.law.response} and {self.wear_law.response} are taken as independent; "
             "rows of the same edges may share some"
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each parameter within two standard errors."""
-        from .draw_results import estimates_picture
-
-        return estimates_picture(self.names, self.theta, self.bse, ax)
 
 
 def substituted(law: Mapping[str, float], wear_law: Mapping[str, float], wear: str) -> dict[str, float]:

@@ -5,13 +5,13 @@ the levels of the edges, each once, and one of the rows about them (``joint``), 
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.display import Displayable
+from ..core.display import Displayable, Plottable
 from ..core.errors import FitError, UsageError
 from ..datasets import Runs
 from .about import gradient_at, new_edge
@@ -21,9 +21,6 @@ from .edges import EdgeInference
 from .joint import JointTest, by_edge, no_edges, of_rows, over
 from .lawfit import LawFit
 from .rows import Dropped, select
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -37,7 +34,7 @@ class Unjudged(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Confirmation(Displayable):
+class Confirmation(Plottable):
     """New runs beside what a law foretold.
 
     Attributes
@@ -128,12 +125,6 @@ class Confirmation(Displayable):
             f"; {n} row{'s' if n > 1 else ''} outside the region of the design {'are' if n > 1 else 'is'} not judged "
             f"(line{'s' if n > 1 else ''} {lines}; line {first.line} is {first.reason.split('; ')[0]})"
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """New rows in the intervals that the law foretold."""
-        from .draw_results import confirmation_picture
-
-        return confirmation_picture(self, ax)
 
 
 def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:

@@ -1,6 +1,5 @@
 """Display of the results of this package: one registered function per class."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,13 +8,13 @@ import pandas as pd
 from ..core.display import Display, TextTable, display, estimates, joined_facts, with_error, with_unit
 from ..core.rounding import decimals, format_plain, p_value
 from .available import NotAvailable
-from .bayes.posterior import Posterior
-from .bayes.priors import Priors
 from .beside import Beside
 from .bootstrap import EdgeBootstrap
-from .checks.check import Check
+from .checks.adequacy import Adequacy
 from .checks.forms import Forms
-from .checks.refit import Refit
+from .checks.gauge import GaugeFit
+from .checks.judgement import Judgement
+from .checks.robust import RobustFit
 from .composite import Composite
 from .confirm import Confirmation
 from .domain import Domain
@@ -24,7 +23,8 @@ from .lawfit import LawFit
 from .life import ToolLife
 from .linear import LinearFit
 
-CONCERN = ("fine", "mind", "serious")
+CONCERN = ("passed", "warning", "failed")
+ERRORS = {"multiplicative": "multiplicative errors (log scale)", "additive": "additive errors (original scale)"}
 
 
 def equation(law: "LawFit") -> str:
@@ -42,20 +42,39 @@ def equation(law: "LawFit") -> str:
 
 @display.register
 def of_law(law: LawFit) -> Display:
-    """Equation, R2, residual standard error and rows; the coefficients with their intervals."""
+    """Equation, R2, residual standard error and rows; inference, F and the coefficients with their intervals."""
     se, ends = law.scale_se, law.conf_int()
     rows = f"{law.nobs} rows" + ("" if law.n_edges is None else f" of {law.n_edges} edges")
     scatter = f"residual SE {format_plain(se, 3)} {law.scale_unit}".rstrip() if se is not None else str(law.no_interval)
     more = {"t": [_number(v) for v in law.tvalues], "p": [p_value(float(v)) for v in law.pvalues]}
-    by = "by edge" if not isinstance(law.edges, NotAvailable) else "rows taken as independent"
-    facts = (("form", f"{law.form.replace('_', ' ')}, {law.error} errors"), ("standard errors", f"{by}, df {law.df}"))
-    words = [f"Left out: {item.factor}, {item.reason}." for item in law.left_out] + list(law.notes)
+    facts = [("form", f"{law.form.replace('_', ' ')}, {ERRORS[law.error]}"), ("standard errors", inference(law))]
+    if law.fvalue is not None:
+        facts.append(("F test", f_test(law)))
+    left_out = [f"Left out: {item.factor}, {item.reason}." for item in law.left_out]
     return Display(
         f"{equation(law)}, R2 {law.rsquared:.3f}, {scatter}, {rows}",
-        facts,
+        tuple(facts),
         estimates(law.names, law.params, law.bse, list(ends["low"]), list(ends["high"]), more=more),
-        tuple(words),
+        (*left_out, *law.notes),
     )
+
+
+def inference(law: LawFit) -> str:
+    """The inference that standard errors, t, p and intervals stand on, with its degrees of freedom."""
+    if isinstance(law.edges, EdgeInference):
+        return f"cluster-robust by edge (CR3), df {law.df}"
+    return f"rows assumed independent, df {law.df} ({law.edges.reason})"
+
+
+def f_test(law: LawFit) -> str:
+    """F of the factors: cluster-robust where inference is by edge, beside that of independent rows."""
+    if isinstance(law.edges, EdgeInference) and law.edges.fvalue is not None and law.edges.row_fvalue is not None:
+        between = [name for name, within in zip(law.names[1:], law.edges.within[1:], strict=True) if not within]
+        return (
+            f"cluster-robust F({law.edges.f_df}, {law.edges.df}) = {format_plain(law.edges.fvalue, 3)} of "
+            f"{', '.join(between)}; assuming independent rows it would be {format_plain(law.edges.row_fvalue, 4)}"
+        )
+    return f"F({law.df_model}, {law.df_resid}) = {format_plain(law.fvalue or 0.0, 4)}, rows assumed independent"
 
 
 @display.register
@@ -88,45 +107,6 @@ def of_bootstrap(found: EdgeBootstrap) -> Display:
     return Display(f"{len(found.draws)} refits to edges drawn with replacement{lost}", (), grid)
 
 
-def of_draws(head: str, table: "pd.DataFrame", words: Sequence[str] = ()) -> Display:
-    """Draws of parameters: mean, sd, interval, R-hat and effective draws of each."""
-    least = np.minimum(table["ess_bulk"], table["ess_tail"])
-    more = {"r_hat": [f"{v:.3f}" for v in table["r_hat"]], "ess": [f"{v:.0f}" for v in least]}
-    grid = estimates(list(table.index), table["mean"], table["sd"], list(table["low"]), list(table["high"]), more=more)
-    return Display(head, (), TextTable(("", "mean", "sd", *grid.header[3:]), grid.rows), tuple(words))
-
-
-@display.register
-def of_posterior(post: Posterior) -> Display:
-    """Draws and route, the gate, the parameters."""
-    names = ", ".join(
-        f"{name} {with_error(float(m), float(s))}"
-        for name, m, s in zip(post.names, post.draws.mean(axis=0), post.draws.std(axis=0, ddof=1), strict=True)
-    )
-    gate = post.gate
-    state = "gate open" if gate.open else "gate SHUT"
-    head = f"{post.response}, {len(post.draws)} {post.method} draws, {state}: {names}"
-    return of_draws(head, post.table(), (*gate.reasons, *post.notes))
-
-
-@display.register
-def of_priors(priors: Priors) -> Display:
-    """Name, and what each parameter was taken to be."""
-    rows = tuple(
-        (
-            name,
-            f"{prior.name} {prior._display().head}".strip(),
-            priors.units.get(name, ""),
-            priors.sources.get(name, ""),
-        )
-        for name, prior in priors.of.items()
-    )
-    proper = "proper" if priors.proper else "improper"
-    return Display(
-        f"{priors.name}, {proper}, of {', '.join(priors.of)}", (), TextTable(("", "prior", "unit", "source"), rows)
-    )
-
-
 @display.register
 def of_life(life: ToolLife) -> Display:
     """Life as an equation, at the middle of the tests, and Taylor's n."""
@@ -145,8 +125,11 @@ def of_life(life: ToolLife) -> Display:
     return Display(f"{head}; {format_plain(life.typical, 3)} {life.unit} at {at}", tuple(facts), grid)
 
 
-def of_checks(checks: Mapping[str, "Check | NotAvailable"], verdicts: Sequence[str], nobs: int) -> Display:
-    """How many checks found something, the worst first; each check on a row."""
+@display.register(Adequacy)
+@display.register(Judgement)
+def of_checks(found: Adequacy | Judgement) -> Display:
+    """Each check with its result."""
+    checks, verdicts, nobs = found.checks, found.verdicts(), found.nobs
     there = {name: check for name, check in checks.items() if not isinstance(check, NotAvailable)}
     worst = sum(check.concern > 0 for check in there.values())
     rows = tuple(
@@ -160,26 +143,15 @@ def of_checks(checks: Mapping[str, "Check | NotAvailable"], verdicts: Sequence[s
     )
 
 
-def frame_of_checks(checks: Mapping[str, "Check | NotAvailable"]) -> "pd.DataFrame":
-    """A row a check; of one that cannot be had, the reason."""
-    import pandas as pd
-
-    rows = {
-        name: (None, None, None, check.reason)
-        if isinstance(check, NotAvailable)
-        else (check.concern, check.statistic, check.pvalue, check.verdict)
-        for name, check in checks.items()
-    }
-    return pd.DataFrame.from_dict(rows, orient="index", columns=["concern", "statistic", "pvalue", "verdict"])
-
-
-def of_refit(fit: "Refit", verdict: str) -> Display:
+@display.register(RobustFit)
+@display.register(GaugeFit)
+def of_refit(fit: RobustFit | GaugeFit) -> Display:
     """The verdict; both fits side by side."""
     errors = np.sqrt(np.diag(fit.law.covariance()))
     plainly = [with_error(float(v), float(s)) for v, s in zip(fit.law.theta, errors, strict=True)]
     again = [with_error(float(v), float(s)) for v, s in zip(fit.theta, fit.bse, strict=True)]
     rows = tuple(zip(fit.law.theta_names, plainly, again, strict=True))
-    return Display(verdict, (), TextTable(("", "plain fit", "this fit"), rows))
+    return Display(fit.verdict, (), TextTable(("", "least squares", "this fit"), rows))
 
 
 @display.register

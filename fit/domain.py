@@ -10,20 +10,16 @@ variance); Belsley, Kuh & Welsch 1980, Regression Diagnostics, section 2.1 (leve
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.display import Displayable
+from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from ..datasets import region
 from .lawfit import LawFit, as_table
 from .linear import linear
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -54,7 +50,7 @@ class Space(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Domain(Displayable):
+class Domain(Plottable):
     """The region of a design.
 
     Attributes
@@ -167,12 +163,6 @@ class Domain(Displayable):
         if strange:
             raise FitError(f"{self.by} {strange[0]!r} is not among the fitted: {', '.join(self.levels)}.")
         return X, np.array(level, dtype=object)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """What was tested of each factor."""
-        from .draw_results import domain_picture
-
-        return domain_picture(self, ax)
 
 
 def domain(law: LawFit) -> Domain:

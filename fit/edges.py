@@ -5,23 +5,19 @@ stands beside it as a cross-check and splits the variance.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from .mixed import Mixed
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class EdgeInference(Displayable):
+class EdgeInference(Plottable):
     """Standard errors of a law that hold for repeated measures on an edge.
 
     Attributes
@@ -90,9 +86,3 @@ class EdgeInference(Displayable):
     def icc(self) -> float:
         """Share of the residual variance that lies between edges."""
         return self.mixed.icc
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """How far each parameter moves without one edge."""
-        from .draw_results import moved_picture
-
-        return moved_picture(self, ax)

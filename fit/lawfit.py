@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, get_args, overload
+from typing import get_args, overload
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from ..core.errors import FitError, UsageError
 from ..core.intervals import Centre, Edge, Kind
 from .available import NotAvailable
@@ -16,9 +16,6 @@ from .edges import EdgeInference
 from .identifiable import LeftOut
 from .laws import Error, Form, Law
 from .rows import By, Dropped
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -36,7 +33,7 @@ def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.Data
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LawFit(Displayable):
+class LawFit(Plottable):
     """A fitted law. Names of results follow statsmodels, letters the papers.
 
     Attributes
@@ -305,25 +302,6 @@ class LawFit(Displayable):
         from .intervals import interval as of_law
 
         return of_law(self, new, interval, edge=edge, level=level, coverage=coverage, centre=centre)
-
-    def summary(self) -> str:
-        """The fit as plain text: coefficients with their row statistics, then R2, F and residual error."""
-        table, se = self.table()[["estimate", "se", "t", "p"]], self.scale_se
-        tail = [
-            f"R2 {self.rsquared:.4f}",
-            f"F {self.fvalue:.4g}" if self.fvalue is not None else "no F",
-            f"residual standard error {se:.4g} {self.scale_unit}" if se is not None else str(self.no_interval),
-            f"n {self.nobs}",
-        ]
-        left = [f"left out: {item.factor}, {item.reason}" for item in self.left_out]
-        head = f"{self.response} [{self.units.get(self.response, '')}], {self.form}, {self.error} errors"
-        return "\n".join([head, table.to_string(float_format="{:.5g}".format), ", ".join(tail), *left])
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Observed against predicted, on ``ax`` or on axes of its own, which are returned."""
-        from .draw import observed_against_predicted
-
-        return observed_against_predicted(self, ax)
 
     def covariance(self) -> Array:
         """Covariance of ``theta`` that standard errors and intervals stand on, shape (p, p); NaN if there is none."""

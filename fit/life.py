@@ -6,25 +6,21 @@ Taylor's ``V T^n = C`` with ``n = k/a``. Source: ISO 3685:1993, annex on tool-li
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from ..core.errors import FitError
 from .lawfit import LawFit
 from .laws import LARGEST_LOG
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ToolLife(Displayable):
+class ToolLife(Plottable):
     """Tool life T, in the unit of t, at a wear criterion.
 
     Attributes
@@ -62,12 +58,6 @@ class ToolLife(Displayable):
             if not factors[name] > 0:
                 raise FitError(f"{name} {factors[name]:g}: a power law needs values above zero.")
         return _life(self.coefficients, factors)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Life over each factor in turn, the others at the middle of the tests."""
-        from .draw_results import life_picture
-
-        return life_picture(self, ax)
 
 
 def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:

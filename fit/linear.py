@@ -8,16 +8,12 @@ Source: Golub & Van Loan, Matrix Computations, section 5.3 (QR of the augmented 
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from ..core.errors import FitError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -27,7 +23,7 @@ DEPENDENT = 1e-13
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LinearFit(Displayable):
+class LinearFit(Plottable):
     """A linear least-squares fit ``y = X params + e`` and its row statistics.
 
     Attributes
@@ -80,12 +76,6 @@ class LinearFit(Displayable):
         if self.rss == 0:
             return float("inf")
         return (self.tss - self.rss) / self.df_model / self.scale
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each coefficient within two standard errors."""
-        from .draw_results import estimates_picture
-
-        return estimates_picture([f"x{j}" for j in range(len(self.params))], self.params, self.bse, ax)
 
 
 def linear(X: ArrayLike, y: ArrayLike) -> LinearFit:

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from fitmodels.datasets import runs_from_frame
 from fitmodels.fit.condense import BLOCK, Condensed
-from fitmodels.fit.draw import MOST, normal_quantiles, observed_against_predicted, residuals
 from fitmodels.fit.identifiable import SOME, identifiable
+from fitmodels.fit.law_figures import MOST, normal_quantiles, observed_against_predicted, residuals
 from fitmodels.fit.laws import power
 from fitmodels.fit.regression import power_law
 from fitmodels.fit.rows import select

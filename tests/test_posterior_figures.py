@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.bayes.figures.draw import draw
+from fitmodels.fit.bayes.figures import draw
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.display import Display, Displayable
+from ...core.display import Displayable
 from .diagnostics import Diagnostics
 from .psis import K_HAT
 
@@ -43,9 +43,6 @@ class Gate(Displayable):
     open: bool
     reasons: tuple[str, ...] = ()
 
-    def _display(self) -> Display:
-        return Display("open" if self.open else "SHUT", sentences=self.reasons)
-
 
 def gate(diagnostics: Diagnostics, agreement: Verdict | None = None, interrupted: bool = False) -> Gate:
     """The gate for draws.
@@ -67,7 +64,7 @@ def gate(diagnostics: Diagnostics, agreement: Verdict | None = None, interrupted
     >>> from fitmodels.fit.bayes.sample import Sample
     >>> draws = np.random.default_rng(1).normal(size=(4000, 2))
     >>> gate(diagnose(("V", "f"), draws, Sample(draws, 1, "exact", "drawn independently")))
-    Gate: open
+    Gate: convergence checks passed
     >>> gate(diagnose(("V", "f"), draws, Sample(draws, 1, "importance", "reweighted", k_hat=0.83))).reasons[0][:46]
     'k-hat 0.83 of the importance weights is above '
     """

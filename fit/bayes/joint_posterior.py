@@ -7,11 +7,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.display import Display, Displayable
+from ...core.display import Plottable
 from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..checks.gauge import GaugeFit
-from ..display import of_draws
 from .diagnostics import Diagnostics
 from .gate import Gate, gate
 from .latent_density import LatentDensity
@@ -19,15 +18,13 @@ from .priors import Priors
 from .sample import Sample
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ..lawfit import LawFit
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class JointPosterior(Displayable):
+class JointPosterior(Plottable):
     """Draws of the parameters of a law of wear and of laws of loads that act on the true wear.
 
     Attributes
@@ -60,9 +57,6 @@ class JointPosterior(Displayable):
     coarse: int
     seed: int
     notes: tuple[str, ...] = ()
-
-    def _display(self) -> Display:
-        return of_draws(self.words, self.table(), (*self.gate.reasons, *self.notes))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -120,20 +114,6 @@ class JointPosterior(Displayable):
             )
         return f"With a gauge error of {self.gauge_sd:g} {self.unit}, {'; '.join(told)}."
 
-    def summary(self) -> str:
-        """The draws as plain text."""
-        table = self.table()[["mean", "sd", "low", "high", "r_hat", "ess_bulk"]]
-        state = "gate open" if self.gate.open else "gate SHUT: " + " ".join(self.gate.reasons)
-        return "\n".join(
-            [self.words, self.sample.words, table.to_string(float_format="{:.5g}".format), state, *self.notes]
-        )
-
     def to_frame(self) -> pd.DataFrame:
         """The draws, a column a parameter."""
         return pd.DataFrame(self.draws, columns=list(self.names))
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each parameter in its 95 % interval."""
-        from ..draw_results import table_picture
-
-        return table_picture(self.table(), "mean", ax)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.display import Displayable
+from ...core.display import Plottable
 from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..lawfit import LawFit, as_table
@@ -34,7 +34,7 @@ FINITE_VARIANCE = 0.5  # k-hat up to which a weighted mean has one
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Posterior(Displayable):
+class Posterior(Plottable):
     """Draws of the parameters of one law.
 
     Attributes
@@ -247,25 +247,12 @@ class Posterior(Displayable):
 
         return to_arviz(self)
 
-    def plot(
-        self, what: str = "marginals", ax: "Axes | None" = None, *, banner: str = ""
-    ) -> "Axes | NDArray[np.object_]":
+    def plot(self, what: str = "marginals", ax: "Axes | None" = None, *, banner: str = "") -> Any:  # noqa: ANN401
         """Draw ``marginals``, ``pairs``, ``predictive`` (by edge) or ``curves``; the axes are returned.
 
-        ``banner`` is told on the figure, "simulated" say.
+        ``banner`` is text above the figure, for instance "simulated".
         """
-        from .figures.draw import draw
-
-        return draw(self, what, ax, banner=banner)
-
-    def summary(self) -> str:
-        """The draws as plain text."""
-        head = (
-            f"{self.response} [{self.law.units.get(self.response, '')}], {self.sample.words}; {len(self.draws)} draws"
-        )
-        table = self.table()[["mean", "sd", "low", "high", "r_hat", "ess_bulk"]]
-        state = "gate open" if self.gate.open else "gate SHUT: " + " ".join(self.gate.reasons)
-        return "\n".join([head, table.to_string(float_format="{:.5g}".format), state, *self.notes])
+        return Plottable.plot(self, ax, what=what, banner=banner)
 
     def to_frame(self) -> pd.DataFrame:
         """The draws, a column a parameter."""

@@ -24,12 +24,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.display import Displayable
+from ...core.display import Displayable, Plottable
 from ...core.errors import UsageError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ..lawfit import LawFit
 
 Array = NDArray[np.float64]
@@ -144,7 +142,7 @@ Prior = Normal | HalfT | Beta | Flat
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Priors(Displayable):
+class Priors(Plottable):
     """Priors of a law's parameters.
 
     Attributes
@@ -175,12 +173,6 @@ class Priors(Displayable):
     def with_(self, name: str, **changed: Prior) -> "Priors":
         """The same with some of them replaced, under a new name."""
         return replace(self, of={**self.of, **changed}, name=name)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The middle 95 % of each proper prior."""
-        from ..draw_results import densities_picture
-
-        return densities_picture(self.of, ax)
 
 
 def weak(law: "LawFit", edges: bool) -> Priors:

@@ -16,14 +16,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.display import Display, Displayable
+from ...core.display import Plottable
 from ...core.errors import UsageError
 from ...core.threads import one_thread
 from ..available import NotAvailable
 from ..checks.evidence import no_scatter
 from ..checks.rivals import FittedForm, rival_makers
 from ..checks.slopes import TIME
-from ..display import of_draws
 from .additive_wear import additive_wear
 from .diagnostics import Diagnostics
 from .edge_slopes import edge_slopes
@@ -36,8 +35,6 @@ from .route import Progress
 from .sample import Sample
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ..lawfit import LawFit
 
 Array = NDArray[np.float64]
@@ -50,7 +47,7 @@ CURVATURE = Normal(0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class RivalPosterior(Displayable):
+class RivalPosterior(Plottable):
     """Draws of a rival form, and how it foretells edges beside the power law.
 
     Attributes
@@ -82,9 +79,6 @@ class RivalPosterior(Displayable):
     difference: float
     standard_error: float
     notes: tuple[str, ...] = ()
-
-    def _display(self) -> Display:
-        return of_draws(self.words, self.table(), (*self.gate.reasons, *self.notes))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -121,12 +115,6 @@ class RivalPosterior(Displayable):
     def to_frame(self) -> pd.DataFrame:
         """The draws, a column a parameter."""
         return pd.DataFrame(self.draws, columns=list(self.names))
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each parameter in its 95 % interval."""
-        from ..draw_results import table_picture
-
-        return table_picture(self.table(), "mean", ax)
 
 
 @one_thread

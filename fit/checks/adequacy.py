@@ -6,13 +6,12 @@ Whatever leaves out, resamples or compares does it by edge where edges gave seve
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...core.display import Display, Displayable
+from ...core.display import Plottable
 from ...core.threads import one_thread
 from ..available import NotAvailable
-from ..display import of_checks
 from ..lawfit import LawFit
 from .boxcox import BoxCox, box_cox
-from .check import Check, worst_first
+from .check import Check, frame_of_checks, worst_first
 from .choice import MOST_ROWS, even_choice
 from .collinearity import Collinearity, collinearity
 from .deletion import Deletion, deletion
@@ -28,12 +27,11 @@ from .spread import Spread, spread
 from .strata import Strata, split
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from pandas import DataFrame
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Adequacy(Displayable):
+class Adequacy(Plottable):
     """All checks of one law; each is there, or is the reason why it cannot be had.
 
     Attributes
@@ -76,9 +74,6 @@ class Adequacy(Displayable):
     rows_are_independent: bool
     nobs: int
 
-    def _display(self) -> Display:
-        return of_checks(self.checks, self.verdicts(), self.nobs)
-
     @property
     def checks(self) -> dict[str, Check | NotAvailable]:
         """Every check by what it is of, most telling first."""
@@ -108,15 +103,7 @@ class Adequacy(Displayable):
 
     def to_frame(self) -> "DataFrame":
         """A row a check: concern, statistic, p, and its verdict."""
-        from ..display import frame_of_checks
-
         return frame_of_checks(self.checks)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each check at its concern."""
-        from ..draw_results import checks_picture
-
-        return checks_picture(self.checks, ax)
 
 
 @one_thread

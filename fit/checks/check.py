@@ -1,10 +1,13 @@
 """What every check of a law says of itself, and how it is told: p-values in words, the worst check first."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from ...core.errors import UsageError
 from ..available import NotAvailable
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 SIGNIFICANT, STRONG = 0.05, 0.001  # p-values below which a test is of concern
 
@@ -97,3 +100,16 @@ def _unknown(checks: Mapping[str, Check | NotAvailable], rows_are_independent: b
         if isinstance(check, NotAvailable) and not (rows_are_independent and name in by_edge):
             reasons.setdefault(check.reason, []).append(name)
     return [f"Not known ({', '.join(names)}): {reason}." for reason, names in reasons.items()]
+
+
+def frame_of_checks(checks: Mapping[str, Check | NotAvailable]) -> "DataFrame":
+    """A row a check; of one that cannot be had, the reason."""
+    import pandas as pd
+
+    rows = {
+        name: (None, None, None, check.reason)
+        if isinstance(check, NotAvailable)
+        else (check.concern, check.statistic, check.pvalue, check.verdict)
+        for name, check in checks.items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index", columns=["concern", "statistic", "pvalue", "verdict"])

@@ -4,12 +4,11 @@ Source: Belsley, Kuh & Welsch 1980, Regression Diagnostics, chapter 2.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from ...core.display import Displayable
+from ...core.display import Plottable
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..jackknife import edge_inference
@@ -18,9 +17,6 @@ from ..linear import linear
 from .columns import Array
 from .refit import tangent
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 # Standard errors of the law without it that an edge must move some parameter by: the largest over edges and parameters
 # stays below it in 97 of 100 sound composite designs of 12 edges, in 99 of 100 of 24.
 DOMINANT = 2.5
@@ -28,7 +24,7 @@ FEW = 10  # edges below which that happens by chance too often
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class DominantEdge(Displayable):
+class DominantEdge(Plottable):
     """The edge that a law leans on most.
 
     Attributes
@@ -73,12 +69,6 @@ class DominantEdge(Displayable):
         if self.n_edges < FEW:
             return f"With {self.n_edges} edges each of them counts much: {found}."
         return f"No edge dominates: at most, {found}."
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """How far each parameter moves without the edge."""
-        from ..draw_results import dominant_picture
-
-        return dominant_picture(self, ax)
 
 
 def dominant_edge(law: LawFit) -> DominantEdge | NotAvailable:

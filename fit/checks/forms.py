@@ -10,11 +10,10 @@ error); Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.2
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.display import Displayable
+from ...core.display import Displayable, Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..linear import linear
@@ -23,9 +22,6 @@ from .deletion import ALONE
 from .evidence import no_scatter, units_of
 from .rivals import FittedForm, power_form, rival_makers
 from .slopes import CommonExponent, common_exponent
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -57,7 +53,7 @@ class RivalForm(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Forms(Displayable):
+class Forms(Plottable):
     """Rival forms of one law.
 
     Attributes
@@ -108,12 +104,6 @@ class Forms(Displayable):
         if best.difference < 0:
             return f"{first} That is better by {gap}, not more than one standard error, so the power law is kept."
         return f"{first} The best rival is worse by {gap}, so the power law is kept."
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """How much worse than the power law each rival foretells."""
-        from ..draw_results import forms_picture
-
-        return forms_picture(self, ax)
 
 
 def rival_forms(law: LawFit) -> Forms | NotAvailable:

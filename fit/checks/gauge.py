@@ -16,23 +16,18 @@ Nonlinear Models, section 3.4.
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.display import Display, Displayable
+from ...core.display import Plottable
 from ...core.errors import UsageError
 from ..available import NotAvailable
-from ..display import of_refit
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..linear import linear
 from .columns import Array, Codes
 from .evidence import no_scatter, units_of
 from .refit import Refit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 LITTLE = 0.5  # reliability below which the correction more than doubles the exponent of wear
 ALONE = 1e-8  # relative eigenvalue of the corrected cross-products without a unit, below which it holds the fit
@@ -41,7 +36,7 @@ BLOCK = 4096  # units at a time
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class GaugeFit(Displayable, Refit):
+class GaugeFit(Plottable, Refit):
     """A law corrected for the gauge error of its wear; its standard errors take that error as known.
 
     Attributes
@@ -65,9 +60,6 @@ class GaugeFit(Displayable, Refit):
     reliability: float
     coarse: int
 
-    def _display(self) -> Display:
-        return of_refit(self, self.verdict)
-
     @property
     def concern(self) -> int:
         """0 fine, 1 more than half of what tells the exponent of wear is gauge error. Cure: a better gauge."""
@@ -85,12 +77,6 @@ class GaugeFit(Displayable, Refit):
         if self.concern:
             return f"{told}; only {100 * self.reliability:.0f} % of what tells it is wear, so lean on it little."
         return f"{told}."
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each parameter within two standard errors."""
-        from ..draw_results import estimates_picture
-
-        return estimates_picture(self.law.theta_names, self.theta, self.bse, ax)
 
 
 def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = "ln") -> GaugeFit | NotAvailable:

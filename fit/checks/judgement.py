@@ -7,13 +7,12 @@ are told worst first, in at most six plain sentences.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...core.display import Display, Displayable
+from ...core.display import Plottable
 from ...core.threads import one_thread
 from ..available import NotAvailable
-from ..display import of_checks
 from ..lawfit import LawFit
 from .adequacy import adequacy
-from .check import Check, worst_first
+from .check import Check, frame_of_checks, worst_first
 from .choice import even_choice
 from .dominant import dominant_edge
 from .forms import rival_forms
@@ -23,7 +22,6 @@ from .slopes import common_exponent
 from .structure import error_structure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from pandas import DataFrame
 
 
@@ -41,7 +39,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Judgement(Displayable):
+class Judgement(Plottable):
     """What is judged of a law.
 
     Attributes
@@ -57,24 +55,13 @@ class Judgement(Displayable):
     rows_are_independent: bool
     nobs: int
 
-    def _display(self) -> Display:
-        return of_checks(self.checks, self.verdicts(), self.nobs)
-
     def verdicts(self, most: int = 6) -> tuple[str, ...]:
         """Plain sentences, worst first, at most ``most``."""
         return worst_first(self.checks, self.rows_are_independent, most)
 
     def to_frame(self) -> "DataFrame":
         """A row a check: concern, statistic, p, and its verdict."""
-        from ..display import frame_of_checks
-
         return frame_of_checks(self.checks)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each check at its concern."""
-        from ..draw_results import checks_picture
-
-        return checks_picture(self.checks, ax)
 
 
 @one_thread

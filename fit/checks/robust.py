@@ -9,14 +9,12 @@ of regression M-estimates).
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from ...core.display import Display, Displayable
+from ...core.display import Plottable
 from ..available import NotAvailable
-from ..display import of_refit
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..linear import linear
@@ -24,9 +22,6 @@ from .columns import Array
 from .dominant import DominantEdge, dominant_edge
 from .evidence import no_scatter, units_of
 from .refit import Refit, tangent
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 K = 1.345  # 95 % efficiency with normal errors
 NORMAL = 0.6744897501960817  # of a normal distribution's standard deviation: its median absolute deviation
@@ -37,7 +32,7 @@ MOVED = 1.0  # standard errors
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class RobustFit(Displayable, Refit):
+class RobustFit(Plottable, Refit):
     """Huber's refit of a law.
 
     Its covariance is the jackknife by edge where the law has one, else Huber's for independent rows.
@@ -56,9 +51,6 @@ class RobustFit(Displayable, Refit):
     weights: Array
     scale: float
     dominant: DominantEdge | NotAvailable
-
-    def _display(self) -> Display:
-        return of_refit(self, self.verdict)
 
     @property
     def in_bse(self) -> "pd.Series[float]":
@@ -92,12 +84,6 @@ class RobustFit(Displayable, Refit):
         if self.concern:
             return f"Outliers move the law: refitted robustly, {gap}{rows}."
         return f"A robust refit agrees: at most, {gap}{rows}."
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each parameter within two standard errors."""
-        from ..draw_results import estimates_picture
-
-        return estimates_picture(self.law.theta_names, self.theta, self.bse, ax)
 
 
 def robust(law: LawFit) -> RobustFit | NotAvailable:

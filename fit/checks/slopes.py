@@ -8,19 +8,15 @@ Source: Draper & Smith 1998, Applied Regression Analysis, section 14.4.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from ...core.display import Displayable
+from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT
 from .columns import Array, Codes, sums_by
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 TIME = "t"
 FLAT = 1e-9  # spread of ln t within an edge below which the edge tells no exponent
@@ -28,7 +24,7 @@ ROUNDING = 1e-20  # of the within-edge sum of squares: below it rows lie on thei
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class CommonExponent(Displayable):
+class CommonExponent(Plottable):
     """Test of one time exponent for all edges.
 
     Attributes
@@ -67,12 +63,6 @@ class CommonExponent(Displayable):
             return f"One time exponent serves all {len(self.exponents)} edges ({found})."
         low, high = self.exponents.min(), self.exponents.max()
         return f"A common time exponent is rejected ({found}): edges range from {low:.2f} to {high:.2f}."
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The time exponent of each edge."""
-        from ..draw_results import slopes_picture
-
-        return slopes_picture(self, ax)
 
 
 def common_exponent(law: LawFit) -> CommonExponent | NotAvailable:

@@ -9,19 +9,15 @@ laws); Vuong 1989, Econometrica 57, 307 (standard error of the difference, here 
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.display import Displayable
+from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..laws import Error
 from .evidence import no_scatter, units_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -30,7 +26,7 @@ SURE = 2.0  # standard errors
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ErrorStructure(Displayable):
+class ErrorStructure(Plottable):
     """Multiplicative against additive errors of one law on the same rows.
 
     Attributes
@@ -94,12 +90,6 @@ class ErrorStructure(Displayable):
             told = f"Errors seem to {word}: {found}, with a standard error of {self.standard_error:.2g}"
             told += f" over {self.units} {self.unit}s"
         return f"{told}; fit with error='{self.preferred}'." if self.concern else f"{told}."
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """How much better one structure foretells than the other."""
-        from ..draw_results import structure_picture
-
-        return structure_picture(self, ax)
 
 
 def error_structure(law: LawFit, other: LawFit | None = None) -> ErrorStructure | NotAvailable:

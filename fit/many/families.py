@@ -2,20 +2,16 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.display import Display, Displayable, TextTable, with_error
+from ...core.display import Display, Plottable, TextTable, with_error
 from ...core.errors import UsageError
 from .errors_of_family import moderated
 from .laws_of_pairs import ManyLaws
 from .random_effects import Family, family, half_t, moments, of_pairs, quantiles, reml, tau_quantile, thinned
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -27,7 +23,7 @@ WHOLE = "all pairs"  # the family where none is asked for
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PooledExponents(Displayable):
+class PooledExponents(Plottable):
     """One exponent over families of pairs.
 
     Attributes
@@ -56,12 +52,6 @@ class PooledExponents(Displayable):
     def to_frame(self) -> pd.DataFrame:
         """A copy of ``table``."""
         return self.table.copy()
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each pair alone and with its family."""
-        from .draw_pairs import shrinkage_picture
-
-        return shrinkage_picture(self, ax)
 
     def _display(self) -> Display:
         pooled = self.table["pooled"].notna()

@@ -1,24 +1,21 @@
 """What fitting many pairs returns: a table with a row a pair, and the reasons of those that have no law."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.display import Display, Displayable, TextTable
+from ...core.display import Display, Plottable, TextTable
 from ...core.errors import UsageError
 from .estimates import Estimates
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ManyLaws(Displayable):
+class ManyLaws(Plottable):
     """Power laws of many pairs, fitted to ln response.
 
     Attributes
@@ -127,12 +124,6 @@ class ManyLaws(Displayable):
     def to_frame(self) -> pd.DataFrame:
         """``table``."""
         return self.table
-
-    def plot(self, ax: "Axes | None" = None, factor: str | None = None) -> "Axes":
-        """The exponent of a factor (the first, if none is named) over the pairs, with 95 % intervals."""
-        from .draw_pairs import exponents_picture
-
-        return exponents_picture(self, ax, factor)
 
     def _whole(self) -> dict[str, Array]:
         """Statistics of each law as a whole; NaN where ``LawFit`` gives None."""

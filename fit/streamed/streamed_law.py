@@ -247,6 +247,6 @@ class StreamedLaw(Displayable):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Each parameter but the constant, within two standard errors."""
-        from ..draw_results import estimates_picture
+        from ..figures import coefficients
 
-        return estimates_picture(list(self.theta_names[1:]), self.theta[1:], self.bse.to_numpy()[1:], ax)
+        return coefficients(list(self.theta_names[1:]), self.theta[1:], self.bse.to_numpy()[1:], ax)

@@ -1,23 +1,30 @@
-"""What was learnt of each parameter, beside what was taken to be likely before; and which hang together."""
+"""Figures of posteriors and priors, registered with `plot`: marginals, pairs, predictive bands, curves."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from math import inf, lgamma, log, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
-from ...draw import BLUE, GREY, ORANGE
-from ...edges import EdgeInference
-from ..law_density import NU
-from ..priors import Beta, HalfT, Normal, units_of_priors
-from .bands import WHOLE
-from .sheet import MOST_PANELS, Sheet
-
-if TYPE_CHECKING:
-    from ..posterior import Posterior
+from ...core.display import plot
+from ...core.errors import UsageError
+from ...core.plotting import whiskers
+from ...core.suggestions import did_you_mean
+from ...datasets.runs import NOT_MEASURED
+from ..edges import EdgeInference
+from ..figures import intervals
+from ..law_figures import BLUE, GREY, ORANGE, even
+from .curve_figures import curves, predictive
+from .joint_posterior import JointPosterior
+from .law_density import NU
+from .panels import MOST_PANELS, WHOLE, Sheet, alone, laid_out
+from .posterior import Posterior
+from .priors import Beta, HalfT, Normal, Priors, units_of_priors
+from .rival_posterior import RivalPosterior
 
 Array = NDArray[np.float64]
 
@@ -27,7 +34,7 @@ BOUNDS = {"sd": (0.0, inf), "icc": (0.0, 1.0), "nu": (0.0, inf)}
 STRONG = 0.7  # correlation that is marked
 
 
-def marginals(posterior: "Posterior") -> Sheet:
+def marginals(posterior: Posterior) -> Sheet:
     """Each parameter with its prior."""
     names = posterior.names[:MOST_PANELS]
     some = f", the first {len(names)} of {len(posterior.names)}" if len(names) < len(posterior.names) else ""
@@ -36,7 +43,7 @@ def marginals(posterior: "Posterior") -> Sheet:
     return Sheet(title, panels, min(4, len(names)), (2.7, 2.3), (0.42, 0.45))
 
 
-def _marginal(posterior: "Posterior", name: str, ax: Axes) -> None:
+def _marginal(posterior: Posterior, name: str, ax: Axes) -> None:
     """Draws of one parameter, with the prior density on the same scale."""
     x = posterior.draws[:, posterior.names.index(name)]
     low, high = np.quantile(x, WHOLE)
@@ -64,14 +71,14 @@ def _marginal(posterior: "Posterior", name: str, ax: Axes) -> None:
     ax.set_ylabel(f"density [{_inverse(unit)}]", fontsize=9)
 
 
-def _told(posterior: "Posterior", name: str) -> str:
+def _told(posterior: Posterior, name: str) -> str:
     """A parameter's name, with what it is where the letter alone does not tell."""
     exponent = posterior.law.form == "power" and name in posterior.law.factors
     words = {"sd": "scatter sd", "icc": "share between edges icc", "nu": "degrees of freedom nu"}
     return f"exponent of {name}" if exponent else words.get(name, name)
 
 
-def _unit(posterior: "Posterior", name: str) -> str:
+def _unit(posterior: Posterior, name: str) -> str:
     return units_of_priors(posterior.law).get("level" if name == posterior.names[0] else name, "1") or "1"
 
 
@@ -81,7 +88,7 @@ def _inverse(unit: str) -> str:
     return "1" if unit == "1" else f"1/({unit})" if "/" in unit else f"1/{unit}"
 
 
-def _estimates(posterior: "Posterior") -> dict[str, float]:
+def _estimates(posterior: Posterior) -> dict[str, float]:
     """What least squares, and the mixed model by edge, say of the same parameters."""
     law = posterior.law
     told = dict(zip(law.theta_names, map(float, law.theta), strict=True))
@@ -94,7 +101,7 @@ def _estimates(posterior: "Posterior") -> dict[str, float]:
     return told
 
 
-def _prior(posterior: "Posterior", name: str, x: Array) -> Array | None:
+def _prior(posterior: Posterior, name: str, x: Array) -> Array | None:
     """Prior density of a parameter as it is told; None where it is flat, or has no density in closed form."""
     if name == "nu":
         a, b = NU
@@ -112,7 +119,7 @@ def _prior(posterior: "Posterior", name: str, x: Array) -> Array | None:
     return None
 
 
-def _of_constant(posterior: "Posterior") -> Normal | None:
+def _of_constant(posterior: Posterior) -> Normal | None:
     """Prior of the constant, which follows from those of the level at the middle of the tests and of the slopes."""
     of, names = posterior.priors.of, ("level", *posterior.law.theta_names[1:])
     step = np.concatenate([[1.0], -posterior.density.centre[1:]])
@@ -124,7 +131,7 @@ def _of_constant(posterior: "Posterior") -> Normal | None:
     )
 
 
-def pairs(posterior: "Posterior") -> Sheet:
+def pairs(posterior: Posterior) -> Sheet:
     """Each pair of parameters with its correlation; of many parameters those that hang together most."""
     r: Array = np.asarray(np.corrcoef(posterior.draws.T))
     q = len(r)
@@ -138,7 +145,7 @@ def pairs(posterior: "Posterior") -> Sheet:
     return Sheet(title, panels, across, (side, side), (0.08, 0.08), shared=True)
 
 
-def _pair(posterior: "Posterior", i: int, j: int, r: float, ax: Axes) -> None:
+def _pair(posterior: Posterior, i: int, j: int, r: float, ax: Axes) -> None:
     shown = posterior.draws[:: -(-len(posterior.draws) // PAIRED)]
     ax.plot(shown[:, i], shown[:, j], "o", ms=1.6, color=BLUE, alpha=0.3, mew=0)
     ax.text(
@@ -160,3 +167,81 @@ def _inner_ticks(low: float, high: float) -> list[float]:
         if len(ticks) > 1:
             break
     return ticks
+
+
+SHEETS: dict[str, Callable[[Posterior], Sheet]] = {
+    "marginals": marginals,
+    "pairs": pairs,
+    "predictive": predictive,
+    "curves": curves,
+}
+
+
+@plot.register
+def posterior_figure(
+    posterior: Posterior, ax: Axes | None = None, *, what: str = "marginals", banner: str = ""
+) -> Axes | NDArray[np.object_]:
+    """Marginals, pairs of parameters, predictive bands by edge, or curves along the factors.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    ax : Axes, optional
+        Axes to draw on; only for figures of one panel: curves of one factor, or the predictive of rows without edges.
+    what : {"marginals", "pairs", "predictive", "curves"}
+        Each parameter with its prior; each pair of parameters; rows of each edge in the band of a row of a new edge;
+        the law along each factor, the others at the middle of their range and the rows moved there along the law.
+    banner : str
+        Text above the figure, for instance ``not measured``; by default the note that the data are simulated.
+
+    Returns
+    -------
+    Axes, or ndarray of Axes in reading order where there are several panels.
+
+    Raises
+    ------
+    UsageError
+        An unknown figure, or several panels for one ``ax``.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> [ax.get_xlabel() for ax in posterior_figure(fit.posterior(law), what="curves")]
+    ['V [m/min]', 'f [mm/rev]', 'd [mm]', 't [min]']
+    """
+    if what not in SHEETS:
+        raise UsageError(
+            f"no figure {what!r} of a posterior: there are {', '.join(SHEETS)}. {did_you_mean(what, SHEETS)}"
+        )
+    sheet = SHEETS[what](replace(posterior, draws=posterior.draws[even(len(posterior.draws))]))
+    if ax is not None and len(sheet.panels) > 1:
+        n = sum(panel is not None for panel in sheet.panels)
+        raise UsageError(f"{what} of {posterior.response} has {n} panels, and ax is one: omit ax.")
+    text = banner or _not_measured(posterior)
+    axes = laid_out(sheet, text) if ax is None else alone(sheet, text, ax)
+    return axes if len(axes) > 1 else axes[0]
+
+
+def _not_measured(posterior: Posterior) -> str:
+    """The note of law or posterior that the data were not measured; empty where they were."""
+    notes = (*posterior.law.notes, *posterior.notes)
+    return next((note.split(";")[0] for note in notes if any(word in note.lower() for word in NOT_MEASURED)), "")
+
+
+@plot.register(JointPosterior)
+@plot.register(RivalPosterior)
+def intervals_figure(posterior: JointPosterior | RivalPosterior, ax: Axes | None = None) -> Axes:
+    """Mean and 95 % interval of each parameter."""
+    return intervals(posterior.table(), "mean", ax)
+
+
+@plot.register
+def priors_figure(priors: Priors, ax: Axes | None = None) -> Axes:
+    """Central 95 % of each proper prior, from draws, as that serves every distribution."""
+    rows = {}
+    for name, prior in priors.of.items():
+        if prior.name != "flat":
+            low, middle, high = np.quantile(prior.draw(np.random.default_rng(1), 20_000), [0.025, 0.5, 0.975])
+            rows[name] = (float(middle), float(low), float(high))
+    return whiskers(rows, ax, label="central 95 % of the prior")

@@ -1,52 +1,61 @@
-"""Pictures of what is found beside a law: estimates with their intervals, checks, draws of a bootstrap, tool life."""
+"""Figures of the results of this package, registered with `plot`; panels of one law in ``law_figures``."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
+from ..core.display import plot
 from ..core.plotting import BLUE, GREY, ORANGE, new_axes, whiskers
 from .available import NotAvailable
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .beside import Beside
-    from .checks.check import Check
-    from .checks.dominant import DominantEdge
-    from .checks.forms import Forms
-    from .checks.slopes import CommonExponent
-    from .checks.structure import ErrorStructure
-    from .confirm import Confirmation
-    from .domain import Domain
-    from .edges import EdgeInference
-    from .life import ToolLife
+from .beside import Beside
+from .bootstrap import EdgeBootstrap
+from .checks.adequacy import Adequacy
+from .checks.check import Check
+from .checks.dominant import DominantEdge
+from .checks.forms import Forms
+from .checks.gauge import GaugeFit
+from .checks.judgement import Judgement
+from .checks.robust import RobustFit
+from .checks.slopes import CommonExponent
+from .checks.structure import ErrorStructure
+from .composite import Composite
+from .confirm import Confirmation
+from .domain import Domain
+from .edges import EdgeInference
+from .law_figures import observed_against_predicted
+from .lawfit import LawFit
+from .life import ToolLife
+from .linear import LinearFit
 
 TWO = 2.0  # standard errors to each side, where there is no better interval
 
 
-def estimates_picture(
+def coefficients(
     names: Sequence[str], values: Iterable[float], errors: Iterable[float], ax: Axes | None = None, title: str = ""
 ) -> Axes:
     """Coefficients within two standard errors."""
     rows = {n: (v, v - TWO * s, v + TWO * s) for n, v, s in zip(names, values, errors, strict=True)}
-    return whiskers(_slopes(rows), ax, label="estimate ± 2 standard errors", title=title)
+    return whiskers(_without_constant(rows), ax, label="estimate ± 2 standard errors", title=title)
 
 
-def table_picture(table: "pd.DataFrame", value: str, ax: Axes | None = None, title: str = "") -> Axes:
+def intervals(table: pd.DataFrame, value: str, ax: Axes | None = None, title: str = "") -> Axes:
     """Rows of a table with ``low`` and ``high``, about one of its columns."""
     rows = {str(name): (row[value], row["low"], row["high"]) for name, row in table.iterrows()}
-    return whiskers(_slopes(rows), ax, label="95 % interval", title=title)
+    return whiskers(_without_constant(rows), ax, label="95 % interval", title=title)
 
 
-def _slopes(rows: dict[str, tuple[float, float, float]]) -> dict[str, tuple[float, float, float]]:
-    """Without the logarithm of the constant, beside which exponents would be dots."""
+def _without_constant(rows: dict[str, tuple[float, float, float]]) -> dict[str, tuple[float, float, float]]:
+    """Rows without the logarithm of the constant, whose range would hide those of the exponents."""
     return {name: row for name, row in rows.items() if "ln " not in name} or rows
 
 
-def checks_picture(checks: Mapping[str, "Check | NotAvailable"], ax: Axes | None = None) -> Axes:
-    """Each check at its concern; what cannot be had is hollow."""
+@plot.register(Adequacy)
+@plot.register(Judgement)
+def checks_figure(found: Adequacy | Judgement, ax: Axes | None = None) -> Axes:
+    """Each check at its level; checks that are not available are hollow."""
+    checks: Mapping[str, Check | NotAvailable] = found.checks
     ax = new_axes(ax, 4.8, 1.1 + 0.3 * len(checks))
     for at, check in enumerate(checks.values()):
         known = not isinstance(check, NotAvailable)
@@ -61,7 +70,8 @@ def checks_picture(checks: Mapping[str, "Check | NotAvailable"], ax: Axes | None
     return ax
 
 
-def confirmation_picture(found: "Confirmation", ax: Axes | None = None) -> Axes:
+@plot.register
+def confirmation_figure(found: Confirmation, ax: Axes | None = None) -> Axes:
     """New rows over what the law foretold, each with its prediction interval."""
     ax, rows = new_axes(ax), found.rows
     order = np.argsort(rows["predicted"].to_numpy())
@@ -77,7 +87,8 @@ def confirmation_picture(found: "Confirmation", ax: Axes | None = None) -> Axes:
     return ax
 
 
-def moved_picture(edges: "EdgeInference", ax: Axes | None = None) -> Axes:
+@plot.register
+def influence_of_edges_figure(edges: EdgeInference, ax: Axes | None = None) -> Axes:
     """How far each parameter moves without one edge, in its standard errors."""
     ax = new_axes(ax, 4.8, 3.6)
     share = edges.moved / edges.bse.to_numpy()
@@ -89,13 +100,15 @@ def moved_picture(edges: "EdgeInference", ax: Axes | None = None) -> Axes:
     return ax
 
 
-def dominant_picture(found: "DominantEdge", ax: Axes | None = None) -> Axes:
+@plot.register
+def dominant_edge_figure(found: DominantEdge, ax: Axes | None = None) -> Axes:
     """How far each parameter moves without the edge that the law leans on most."""
     rows = {str(name): (float(v), 0.0, float(v)) for name, v in found.in_bse.items()}
     return whiskers(rows, ax, label=f"moved without edge {found.edge} [standard errors]")
 
 
-def slopes_picture(found: "CommonExponent", ax: Axes | None = None) -> Axes:
+@plot.register
+def time_exponents_figure(found: CommonExponent, ax: Axes | None = None) -> Axes:
     """The time exponent of each edge, and the common one."""
     ax = whiskers({str(edge): (float(v), np.nan, np.nan) for edge, v in found.exponents.items()}, ax)
     ax.axvline(found.common, color=ORANGE, lw=1.2)
@@ -103,14 +116,16 @@ def slopes_picture(found: "CommonExponent", ax: Axes | None = None) -> Axes:
     return ax
 
 
-def structure_picture(found: "ErrorStructure", ax: Axes | None = None) -> Axes:
+@plot.register
+def error_structure_figure(found: ErrorStructure, ax: Axes | None = None) -> Axes:
     """How much better errors that multiply foretell than errors that add."""
     half = TWO * (found.standard_error or np.nan)
     rows = {"multiply - add": (found.difference, found.difference - half, found.difference + half)}
     return whiskers(rows, ax, label="log-likelihood, ± 2 standard errors", title=f"{found.response}: {found.preferred}")
 
 
-def forms_picture(found: "Forms", ax: Axes | None = None) -> Axes:
+@plot.register
+def competing_models_figure(found: Forms, ax: Axes | None = None) -> Axes:
     """Error of each rival form on left-out units, less that of the power law."""
     rows = {form.name: (form.difference, form.difference - form.standard_error, form.difference + form.standard_error)
             for form in found.rivals}  # fmt: skip
@@ -119,7 +134,8 @@ def forms_picture(found: "Forms", ax: Axes | None = None) -> Axes:
     return ax
 
 
-def domain_picture(domain: "Domain", ax: Axes | None = None) -> Axes:
+@plot.register
+def domain_figure(domain: Domain, ax: Axes | None = None) -> Axes:
     """What was tested of each factor, as multiples of its middle (of a law in logs), or as it is."""
     rows = {}
     for name, unit, centre, half in zip(domain.factors, domain.units, domain.centre, domain.half_range, strict=True):
@@ -130,7 +146,8 @@ def domain_picture(domain: "Domain", ax: Axes | None = None) -> Axes:
     return whiskers(rows, ax, label=label, title=domain.response)
 
 
-def life_picture(life: "ToolLife", ax: Axes | None = None) -> Axes:
+@plot.register
+def tool_life_figure(life: ToolLife, ax: Axes | None = None) -> Axes:
     """Life over each factor in turn from half to twice its middle, the others held there."""
     ax = new_axes(ax)
     for name, middle in life.typical_at.items():
@@ -145,17 +162,39 @@ def life_picture(life: "ToolLife", ax: Axes | None = None) -> Axes:
     return ax
 
 
-def beside_picture(found: "Beside", ax: Axes | None = None) -> Axes:
+@plot.register
+def published_figure(found: Beside, ax: Axes | None = None) -> Axes:
     """The printed exponents."""
     exponents = {name: (v, np.nan, np.nan) for name, v in list(found.coefficients.items())[1:]}
     return whiskers(exponents, ax, label="exponent as printed", title=found.source)
 
 
-def densities_picture(of: Mapping[str, Any], ax: Axes | None = None) -> Axes:
-    """Each prior's middle 95 %, flat ones left out; drawn, as that serves every kind."""
-    rows = {}
-    for name, prior in of.items():
-        if hasattr(prior, "draw") and prior.name != "flat":
-            low, middle, high = np.quantile(prior.draw(np.random.default_rng(1), 20_000), [0.025, 0.5, 0.975])
-            rows[name] = (float(middle), float(low), float(high))
-    return whiskers(rows, ax, label="middle 95 % of the prior")
+@plot.register
+def law_figure(law: LawFit, ax: Axes | None = None) -> Axes:
+    """Observed values against predicted ones."""
+    return observed_against_predicted(law, ax)
+
+
+@plot.register
+def linear_figure(fit: LinearFit, ax: Axes | None = None) -> Axes:
+    """Each coefficient with two standard errors."""
+    return coefficients([f"x{j}" for j in range(len(fit.params))], fit.params, fit.bse, ax)
+
+
+@plot.register
+def composite_figure(found: Composite, ax: Axes | None = None) -> Axes:
+    """Each parameter with two standard errors."""
+    return coefficients(found.names, found.theta, found.bse, ax)
+
+
+@plot.register(RobustFit)
+@plot.register(GaugeFit)
+def refit_figure(found: RobustFit | GaugeFit, ax: Axes | None = None) -> Axes:
+    """Each parameter of the refit with two standard errors."""
+    return coefficients(found.law.theta_names, found.theta, found.bse, ax)
+
+
+@plot.register
+def bootstrap_figure(found: EdgeBootstrap, ax: Axes | None = None) -> Axes:
+    """Mean and 95 % interval of each parameter over the refits."""
+    return intervals(found.interval().assign(mean=found.draws.mean(axis=0)), "mean", ax)

@@ -1,19 +1,15 @@
 """Pictures of many pairs: an exponent over all of them, and how far a family draws each towards its mean."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ...core.display import plot
 from ...core.errors import UsageError
 from ...core.plotting import BLUE, GREY, ORANGE, new_axes
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .families import PooledExponents
-    from .laws_of_pairs import ManyLaws
+from .families import PooledExponents
+from .laws_of_pairs import ManyLaws
 
 Array = NDArray[np.float64]
 
@@ -21,7 +17,8 @@ NAMED = 16  # families whose names have room beside each other
 MOST = 60  # pairs drawn one by one; of more, evenly chosen ones in their order
 
 
-def exponents_picture(laws: "ManyLaws", ax: Axes | None = None, factor: str | None = None) -> Axes:
+@plot.register
+def exponents_figure(laws: ManyLaws, ax: Axes | None = None, factor: str | None = None) -> Axes:
     """One exponent of the pairs in rising order, within 95 % intervals."""
     name = laws.factors[0] if factor is None else factor
     if name not in laws.factors:
@@ -37,7 +34,8 @@ def exponents_picture(laws: "ManyLaws", ax: Axes | None = None, factor: str | No
     return ax
 
 
-def shrinkage_picture(found: "PooledExponents", ax: Axes | None = None) -> Axes:
+@plot.register
+def shrinkage_figure(found: PooledExponents, ax: Axes | None = None) -> Axes:
     """Each pair alone and with its family, by families, and their means; wide intervals alone run out of the panel."""
     ax, table = new_axes(ax), found.table[found.table["pooled"].notna()]
     table = table.sort_values(["family", "estimate"])
@@ -69,7 +67,7 @@ def _name_families(ax: Axes, names: NDArray[np.object_]) -> None:
         )  # fmt: skip
 
 
-def _reach(some: "pd.DataFrame") -> dict[str, tuple[float, float]]:
+def _reach(some: pd.DataFrame) -> dict[str, tuple[float, float]]:
     """Limits that hold all estimates and pooled intervals: one pair of three edges would flatten all the rest."""
     if some.empty:
         return {}
