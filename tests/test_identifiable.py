@@ -42,7 +42,7 @@ def test_a_constant_factor_is_left_out_by_name():
     law = fitted(wear().assign(d=2.5), ["V", "f", "d"])
     assert law.factors == ("V", "f")
     assert [(item.factor, item.reason) for item in law.left_out] == [("d", "constant (2.5 in all 30 rows)")]
-    assert "left out: d, constant (2.5" in law.summary()
+    assert "Left out: d, constant (2.5" in law.summary()
 
 
 def test_nothing_left_is_a_sentence():

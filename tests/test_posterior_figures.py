@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.bayes.figures import draw
+from fitmodels.fit.bayes.figures import posterior_figure
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -82,7 +82,7 @@ LOOKED_AT = [
 
 
 def panels(posterior, what, **options):
-    drawn = draw(posterior, what, **options)
+    drawn = posterior_figure(posterior, what=what, **options)
     return [drawn] if isinstance(drawn, Axes) else list(drawn)
 
 
@@ -305,7 +305,7 @@ def test_edges_are_chosen_evenly_in_their_order_and_the_title_says_so(posteriors
 
 
 def test_rows_without_edges_are_one_panel_in_the_order_of_the_prediction(posteriors):
-    ax = draw(posteriors["independent rows"], "predictive")
+    ax = posteriors["independent rows"].plot("predictive")
     assert (np.diff(line_of(ax, "median").get_ydata()) > -1e-3).all()
     outside = line_of(ax, "rows outside")
     assert ax.get_title() == f"{len(outside.get_xdata())} of 239 outside"
@@ -340,7 +340,7 @@ def test_rows_keep_their_distance_from_the_law_when_they_are_moved(posteriors, n
 
 def test_rows_of_a_law_of_one_factor_stay_where_they_are(posteriors):
     law = posteriors["one factor"].law
-    x, y = line_of(draw(posteriors["one factor"], "curves"), "rows").get_data()
+    x, y = line_of(posteriors["one factor"].plot("curves"), "rows").get_data()
     assert np.array_equal(x, law.X[:, 0])
     assert y == pytest.approx(law.observed, rel=1e-12)
 
@@ -375,15 +375,15 @@ def test_one_panel_is_drawn_on_axes_that_are_given(posteriors):
 
 @pytest.mark.parametrize("what", ["marginals", "pairs", "predictive", "curves"])
 def test_several_panels_are_not_drawn_on_one(posteriors, what):
-    with pytest.raises(UsageError, match=rf"^{what} of AW are \d+ panels and ax is one: leave ax out"):
-        draw(posteriors["bundled"], what, Figure().subplots())
+    with pytest.raises(UsageError, match=rf"^{what} of AW has \d+ panels, and ax is one: omit ax"):
+        posteriors["bundled"].plot(what, Figure().subplots())
 
 
 @pytest.mark.parametrize(
     ("what", "hint"), [("pair", "Did you mean 'pairs'"), ("predictiv", "Did you mean 'predictive'"), ("", "curves.$")]
 )
 def test_a_picture_that_there_is_not(posteriors, what, hint):
-    with pytest.raises(UsageError, match=f"no picture '{what}' of a posterior: there are marginals, .*{hint}"):
+    with pytest.raises(UsageError, match=f"no figure '{what}' of a posterior. .*{hint}"):
         posteriors["bundled"].plot(what)
 
 
@@ -404,7 +404,7 @@ def test_a_long_banner_finds_room(posteriors):
 
 
 def test_a_banner_is_written_on_axes_that_are_given(posteriors):
-    ax = draw(posteriors["one factor"], "curves", Figure().subplots(), banner="not measured")
+    ax = posteriors["one factor"].plot("curves", Figure().subplots(), banner="not measured")
     assert "not measured" in [text.get_text() for text in ax.texts]
 
 
@@ -412,5 +412,5 @@ def test_the_posterior_stays_as_it_was(posteriors):
     post = posteriors["exponential"]
     kept = post.draws.copy()
     for what in KINDS:
-        draw(post, what)
+        post.plot(what)
     assert np.array_equal(post.draws, kept)

@@ -211,9 +211,7 @@ def posterior_figure(
     ['V [m/min]', 'f [mm/rev]', 'd [mm]', 't [min]']
     """
     if what not in SHEETS:
-        raise UsageError(
-            f"no figure {what!r} of a posterior: there are {', '.join(SHEETS)}. {did_you_mean(what, SHEETS)}"
-        )
+        raise UsageError(f"no figure {what!r} of a posterior. {did_you_mean(what, SHEETS, names='There are ')}")
     sheet = SHEETS[what](replace(posterior, draws=posterior.draws[even(len(posterior.draws))]))
     if ax is not None and len(sheet.panels) > 1:
         n = sum(panel is not None for panel in sheet.panels)
