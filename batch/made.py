@@ -16,7 +16,7 @@ from .result.comparison import Comparison
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..cards.publishing import Report
+    from ..cards.publishing import PublicationReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Batch(Displayable):
     effort: Effort
     written: tuple[str, ...]
     changed: bool
-    site: "Report | None"
+    site: "PublicationReport | None"
 
     @property
     def pairs(self) -> int:

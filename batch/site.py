@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
-from ..cards.publishing import TITLE, Report, publish
+from ..cards.publishing import TITLE, PublicationReport, publish
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
 from .engine import Meter
@@ -27,7 +27,7 @@ def check_card(card: str | os.PathLike[str]) -> None:
     UsageError, DataError
         There is no such file; it is no TOML, or a key of it is not known.
     """
-    from ..cards.gate.reading import read_toml
+    from ..cards.publishing.card_toml import read_toml
 
     if not Path(card).is_file():
         raise UsageError(f"{card}: there is no such file; --card names a card.toml that holds for all pairs.")
@@ -36,7 +36,7 @@ def check_card(card: str | os.PathLike[str]) -> None:
 
 def site_of(
     out: Path, card: str | os.PathLike[str] | None, title: str, jobs: int, meter: Meter, keys: Sequence[str]
-) -> Report | None:
+) -> PublicationReport | None:
     """Publish the cards in ``out``, unless the site of these very blocks stands there already.
 
     None where no pair has a parameter file. What is asked for in a ``card.toml`` is the user's from then on: no batch
@@ -51,7 +51,7 @@ def site_of(
         stamp["card"] = _brought(Path(card), pairs / TOML, stamp["card"])
     stamp["of"] = _of(pairs, title, keys)
     if before is not None and before.get("of") == stamp["of"] and (out / SITE / "cards.json").is_file():
-        return Report(site=out / SITE, unchanged=True, found=sum(1 for _ in pairs.glob("*/params.json")))
+        return PublicationReport(site=out / SITE, unchanged=True, found=sum(1 for _ in pairs.glob("*/params.json")))
     report = publish(pairs, out / SITE, title=title, jobs=jobs, force=True, told=meter.say)
     published = report.ok and report.site is not None
     write_whole(out / STAMP, json.dumps(stamp if published else {**stamp, "of": None}).encode(), parents=True)
@@ -70,8 +70,7 @@ def _brought(card: Path, to: Path, before: str | None) -> str:
 
 def _tells(path: Path) -> bool:
     """Whether a card.toml tells anything: a template tells nothing yet, and what is none is not ours to judge."""
-    from ..cards.gate.publication_metadata import PublicationMetadata
-    from ..cards.gate.reading import read_toml
+    from ..cards.publishing.card_toml import PublicationMetadata, read_toml
 
     try:
         return read_toml(path) != PublicationMetadata(name=str(path))

@@ -20,7 +20,7 @@ from .result.comparison import Comparison
 from .result.telling import comparison_block
 
 if TYPE_CHECKING:
-    from ..cards.publishing.report import Problem
+    from ..cards.publishing.pair import PublicationProblem
 
 MOST = 8  # kinds of attention, sentences on the source
 NAMED = 20  # parts that cannot be read, beside those whose reason is told
@@ -225,7 +225,7 @@ def _against(made: Batch) -> list[str]:
     return _shortened(said)
 
 
-def _problems(made: Batch) -> "tuple[Problem, ...]":
+def _problems(made: Batch) -> "tuple[PublicationProblem, ...]":
     return made.site.problems if made.site is not None else ()
 
 

@@ -1,29 +1,13 @@
-"""What is told: the model card, its figures, and what the command prints.
+"""Model cards, their figures, the output of the command, and a site of many cards.
 
-content/    what a card holds: parameter file -> Card, every number with its text
+content/    parameter file -> Card: facts with numbers and texts, shown by every form and by the command
 forms/      Card -> README.md, card.html, card.json, linked data, citation
-gate/       what a card must tell before it is published, and the card.toml that asks for it
-publishing/ many cards -> a static site
-replays/    what a replay of a controller tells
-card        a parameter file as README.md, in one step
+publishing/ requirements for publishing, card.toml, and a static site of many cards
+replays/    output of a replay of a controller
 folder      the folder of a pair, all of it or none
+terminal    output of the main job and of an identification
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from .card import markdown
-from .folder import FILES, files, write
-
-if TYPE_CHECKING:
-    from .publishing import publish as site
-
-__all__ = ["FILES", "files", "markdown", "site", "write"]
-
-
-def __getattr__(name: str) -> object:
-    if name != "site":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from .publishing import publish
-
-    globals()[name] = publish
-    return publish
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,8 @@
-"""The three figures of a card: every law of the pair as a panel, drawn by the room that fitted it."""
+"""Figures written beside a card: laws as panels, posteriors, and an identification."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -11,6 +11,9 @@ from matplotlib.ticker import MaxNLocator
 
 from ..fit import LawFit, Posterior
 from ..fit.law_figures import normal_quantiles, observed_against_predicted, residuals, response_surface
+
+if TYPE_CHECKING:
+    from ..ident.identification import Identification
 
 NAMES = ("response_surfaces.png", "observed_predicted.png", "residuals.png")
 Panel = Callable[[LawFit, Axes], Axes]
@@ -68,3 +71,24 @@ def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Fi
 
 def _save(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> None:
+    """Write them into ``folder``; ``caption`` is told on each."""
+    from ..ident import frequency_response
+    from ..ident.draw import bode, order_map, residual_correlations, simulated_fit
+
+    folder.mkdir(parents=True, exist_ok=True)
+    axes = {
+        "simulated": simulated_fit(found.validation),
+        "bode": bode(found.model, frequency_response(found.record))[0],
+        "residuals": residual_correlations(found.validation)[0],
+        "orders": order_map(found.one_step),
+    }
+    for name, ax in axes.items():
+        figure = ax.get_figure()
+        if figure is None:
+            continue
+        if caption:
+            figure.text(0.99, 0.005, caption, ha="right", va="bottom", fontsize=7, color="0.4")
+        figure.savefig(folder / f"{name}.png", dpi=110)  # type: ignore[union-attr]

@@ -6,20 +6,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
-from ..core.files import move_folder, staged
+from ..core.files import cause, move_folder, staged
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
-from .dynamics_figures import DYNAMICS_FIGURES, draw_dynamics
+from .content.parts import Card, DesignPart, PublicationPart
 
 if TYPE_CHECKING:
     from ..fit import LawFit, Posterior
     from ..ident.identification import Identification
-    from .content.parts import Card, Publication
 
-PARAMETERS = "params.json"
-DRAWS = "draws.npz"
-FORMS = ("README.md", "card.json", "card.html")
+PARAMETERS, DRAWS = "params.json", "draws.npz"
+FORMS = README, PROGRAM, PAGE = "README.md", "card.json", "card.html"
 FIGURES = ("figures/response_surfaces.png", "figures/observed_predicted.png", "figures/residuals.png")
+DYNAMICS_FIGURES = ("figures/simulated.png", "figures/bode.png", "figures/residuals.png", "figures/orders.png")
 FILES = (PARAMETERS, *FORMS, *FIGURES)
 
 
@@ -31,6 +30,56 @@ def files(pf: ParameterFile) -> tuple[str, ...]:
     return (PARAMETERS, DRAWS, *FORMS, *FIGURES) if drawn else FILES
 
 
+def markdown(pf: ParameterFile, *, folder: Path | None = None, publication: PublicationPart | None = None) -> str:
+    """The card of a parameter file as README.md, schema ``fitmodels.card/1``: Markdown with YAML front matter.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    folder : path, optional
+        Folder of the card, for the pictures in its ``figures``.
+    publication : PublicationPart, optional
+        Licence, authors and so on, as in ``card.toml``.
+
+    Examples
+    --------
+    >>> from fitmodels import cards, parameters
+    >>> "# GC435 on 709M40" in cards.markdown(parameters.collect(tool="GC435", work="709M40"))
+    True
+    """
+    from .content.card import compose
+    from .forms.markdown import card_markdown
+
+    return card_markdown(compose(pf, publication=publication, folder=folder))
+
+
+def card_files(card: Card, pf: ParameterFile, beside: Sequence[str] = ()) -> dict[str, bytes]:
+    """The card in its three forms: name of each file -> its bytes.
+
+    Parameters
+    ----------
+    card, pf
+        The card, and the parameter file that it was composed from, for figures.
+    beside : sequence of str
+        Files in the folder of the page, in a site: the page then links to them and back to the site.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> from fitmodels.cards.content.card import compose
+    >>> pf = parameters.collect(tool="GC435", work="709M40", limits={"power": 7})
+    >>> list(card_files(compose(pf), pf))
+    ['README.md', 'card.json', 'card.html']
+    """
+    from .forms.card_json import as_json
+    from .forms.linked_data import json_ld
+    from .forms.markdown import card_markdown
+    from .forms.page import page_html
+
+    page = page_html(card, pf, json_ld=json_ld(card), beside=beside)
+    return {README: card_markdown(card).encode(), PROGRAM: as_json(card).encode(), PAGE: page.encode()}
+
+
 def write(
     pf: ParameterFile,
     folder: str | os.PathLike[str],
@@ -40,15 +89,15 @@ def write(
     posterior_figures: bool = False,
     identification: "Identification | None" = None,
     data_lines: Sequence[str] = (),
-    publication: "Publication | None" = None,
+    publication: PublicationPart | None = None,
     force: bool = False,
 ) -> Path:
     """Write ``params.json``, its card in three forms, figures of ``laws`` and draws of ``posteriors``.
 
     The card is ``README.md`` to read, ``card.html`` to browse and ``card.json`` for programs.
 
-    Everything is made in a hidden folder beside the target first, so that a failure or an interrupt on the
-    way leaves the target as it was. Files of other names in the folder stay.
+    Everything is written to a hidden folder next to the target first, so that a failure or an interrupt leaves the
+    target as it was. Files of other names in the folder stay.
 
     Parameters
     ----------
@@ -57,15 +106,15 @@ def write(
     laws : sequence of LawFit
         The fits behind ``pf``; without them there are no figures.
     posteriors : sequence of Posterior
-        Those that ``pf`` was collected with; ``posterior_figures`` asks for four pictures of each.
+        Those that ``pf`` was collected with; ``posterior_figures`` adds four figures of each.
     identification : Identification, optional
         Behind the dynamics of ``pf``, for its figures.
     data_lines : sequence of str
-        What was understood of the data, for the card of a file that does not tell it.
-    publication : Publication, optional
+        How the data file was read, for the card of a file without a section on its tests.
+    publication : PublicationPart, optional
         Licence, authors and so on, for the card.
     force : bool
-        Replace files that are there.
+        Replace files that exist.
 
     Raises
     ------
@@ -92,40 +141,24 @@ def write(
             if posteriors:
                 (made / DRAWS).write_bytes(draws_of(posteriors))
             _draw(made / "figures", pf, laws, posteriors if posterior_figures else (), identification)
-            write_forms(pf, made, publication=publication, data_lines=data_lines)
+            _write_forms(pf, made, publication, data_lines)
             move_folder(made, folder)
     except OSError as error:
-        raise UsageError(
-            f"{folder} cannot be written: {error.strerror or error}; choose another place with --out."
-        ) from None
+        raise UsageError(f"{folder} cannot be written: {cause(error)}; choose another place with --out.") from None
     return folder
 
 
-def write_forms(
-    pf: ParameterFile,
-    folder: Path,
-    *,
-    publication: "Publication | None" = None,
-    data_lines: Sequence[str] = (),
-) -> "Card":
-    """Write the card in its three forms into a folder that holds its figures, over what is there."""
-    from .content.compose import compose
-    from .forms.together import forms
+def _write_forms(
+    pf: ParameterFile, folder: Path, publication: PublicationPart | None, data_lines: Sequence[str]
+) -> None:
+    from .content.card import compose
 
-    card = _with_lines(compose(pf, publication=publication, folder=folder), data_lines)
-    for name, content in forms(card, pf).items():
+    card = compose(pf, publication=publication, folder=folder)
+    if card.design is None and data_lines:
+        empty = {name: why for name, why in card.empty.items() if name != "design"}
+        card = card.model_copy(update={"design": DesignPart(understood=tuple(data_lines)), "empty": empty})
+    for name, content in card_files(card, pf).items():
         (folder / name).write_bytes(content)
-    return card
-
-
-def _with_lines(card: "Card", data_lines: Sequence[str]) -> "Card":
-    """What was understood of the data, in a card whose file does not tell its tests."""
-    if card.design is not None or not data_lines:
-        return card
-    from .content.parts import Design
-
-    empty = {name: why for name, why in card.empty.items() if name != "design"}
-    return card.model_copy(update={"design": Design(understood=tuple(data_lines)), "empty": empty})
 
 
 def _draw(
@@ -137,6 +170,8 @@ def _draw(
 ) -> None:
     banner = "not measured" if pf.identity.simulated else ""
     if identification is not None:
+        from .figures import draw_dynamics
+
         draw_dynamics(identification, folder, banner)
     if laws:
         from .figures import draw_figures, draw_posteriors

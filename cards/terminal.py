@@ -1,6 +1,7 @@
-"""What the command prints: what was understood, each law, and where things were written."""
+"""Terminal output of the main job and of an identification, from the same parts as the card."""
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.padding import Padding
@@ -15,8 +16,9 @@ from ..fit import Refused
 from ..parameters import LawPosterior, LawSection, ParameterFile
 from ..parameters.gather.understood import column_words, idle
 from ..parameters.gather.understood import understood as sayings
-from .content.coefficients import between, law_coefficients
-from .facts import (
+from .content.coefficients import between, law_coefficients, model_coefficients
+from .content.dynamics import model_words, transfer_function_words
+from .content.laws import (
     about_intervals,
     cautions,
     composite_words,
@@ -28,7 +30,10 @@ from .facts import (
     statistics_line,
     structure_words,
 )
-from .posterior_facts import posterior_of, posterior_words
+from .content.posterior import posterior_of, posterior_words
+
+if TYPE_CHECKING:
+    from ..ident.identification import Identification
 
 NOTHING = (
     "no law can be fitted to these columns. A wear law needs AW or VB beside V, f, d or t; a force or power "
@@ -162,3 +167,21 @@ def _coefficients(law: LawSection) -> Table:
     for cells in zip(*shown.values(), strict=True):
         table.add_row(*(Text(cell) for cell in cells))
     return table
+
+
+def identification_block(found: "Identification", pf: ParameterFile) -> RenderableType:
+    """Everything about one identification."""
+    d = pf.dynamics
+    assert d is not None  # noqa: S101  collected from a model
+    rec = found.record
+    runs = f", {len(rec.starts)} stretches" if len(rec.starts) > 1 else ""
+    head = Text(f"{d.output} from {d.input}", style="bold")
+    head.append(f"   {len(rec)} samples at {rec.rate:g} Hz{runs}", style="not bold")
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("", "estimate", "SE", "95 % interval"):
+        table.add_column(name, justify="right" if name else "left", no_wrap=True)
+    for c in model_coefficients(d):
+        table.add_row(c.name, c.estimate.text, c.se.text, between(c.low, c.high))
+    lines = [*model_words(d), found.argument, *found.verdicts]
+    words = [Text(line if line.endswith(".") else f"{line}.") for line in lines]
+    return Group(head, Padding(Group(Text(transfer_function_words(d)), table, *words), (0, 0, 1, 2)))

@@ -36,23 +36,23 @@ def run(args: argparse.Namespace) -> int:
     """Write the forms of the card, say what it does not tell, and return the exit code."""
     from rich.text import Text
 
-    from ..cards.gate import missing
     from ..cards.publishing.pair import read_pair
+    from ..cards.publishing.requirements import missing_fields
 
     file = Path(args.file)
     _, pf, card = read_pair(file.parent, file.name, None if args.toml is None else Path(args.toml))
     if args.json:
-        from ..cards.forms.program import as_json
+        from ..cards.forms.card_json import as_json
 
         print(as_json(card), end="")  # noqa: T201
         return 0
-    from ..cards.forms.together import forms
+    from ..cards.folder import card_files
 
-    made = {**forms(card, pf), **_cited(card, args)}
+    made = {**card_files(card, pf), **_cited(card, args)}
     new = {name: content for name, content in made.items() if _differs(file.parent / name, content)}
     _write(file.parent, new, force=args.force)
     lines = [f"wrote {file.parent / name}" for name in new] or [f"unchanged: {', '.join(made)}"]
-    lacking = ", ".join(item.field for item in missing(card))
+    lacking = ", ".join(item.field for item in missing_fields(card))
     lines += [f"not told: {lacking}; fitmodels publish asks for it in card.toml"] if lacking else []
     Printer().show(Text("\n".join(lines)))
     return 0

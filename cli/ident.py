@@ -51,7 +51,7 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Identify, print and write."""
-    from ..cards import terminal_dynamics
+    from ..cards import terminal
     from ..core.progress import progress
     from ..ident import identify
 
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         report = {"schema": "fitmodels.report/1", "dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}
         print(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
     else:
-        Printer().show(terminal_dynamics.block(found, pf))
+        Printer().show(terminal.identification_block(found, pf))
     written = _written(found, pf, target, args)
     if written and not args.json:
         from rich.text import Text

@@ -13,7 +13,7 @@ from .output import Printer
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..cards.publishing import Report
+    from ..cards.publishing import PublicationReport
 
 
 def parser() -> Parser:
@@ -59,13 +59,13 @@ def run(args: argparse.Namespace) -> int:
     return 0 if report.ok else 5
 
 
-def _say(report: "Report") -> None:
+def _say(report: "PublicationReport") -> None:
     from rich.text import Text
 
     Printer().show(Text("\n".join(_lines(report))))
 
 
-def _lines(report: "Report") -> "Iterator[str]":
+def _lines(report: "PublicationReport") -> "Iterator[str]":
     pairs = f"{report.found} pair{'s' if report.found != 1 else ''}"
     for one in report.problems:
         yield f"FAIL {one.folder}: {one.words}"

@@ -10,9 +10,9 @@ import warnings
 
 import pytest
 from fitmodels import datasets, fit, parameters
-from fitmodels.cards.content.compose import compose
+from fitmodels.cards.content.card import compose
 from fitmodels.cards.content.profiler import profile_all
-from fitmodels.cards.forms.page import page, tell
+from fitmodels.cards.forms.page import page_html, tell
 from fitmodels.core.rounding import format_plain
 
 pytestmark = pytest.mark.browser
@@ -70,7 +70,7 @@ def opened(chromium, tmp_path):
 
     def open_page(pf, **options):
         file = tmp_path / f"{len(contexts)}.html"
-        file.write_text(page(compose(pf), pf), encoding="utf-8")
+        file.write_text(page_html(compose(pf), pf), encoding="utf-8")
         context = chromium.new_context(**options)
         contexts.append(context)
         tab = context.new_page()

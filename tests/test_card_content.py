@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
-from fitmodels.cards.card import markdown
-from fitmodels.cards.content.compose import compose
+from fitmodels.cards.content.card import compose
 from fitmodels.cards.content.identity import slug
 from fitmodels.cards.content.numbers import count, figure, number, percent, places, probability, spread
-from fitmodels.cards.content.parts import Card, Number, Publication
+from fitmodels.cards.content.parts import Card, NumberPart, PublicationPart
 from fitmodels.cards.content.profiler import inside, profile, profile_all, profiled, profiler_part
 from fitmodels.cards.content.uncertainty import of_law, statements
+from fitmodels.cards.folder import markdown
 from fitmodels.core.rounding import decimals
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect, read, sealed, write
@@ -95,7 +95,7 @@ def card(pf):
 
 def parts(value):
     """Every `Number` in a card."""
-    if isinstance(value, Number):
+    if isinstance(value, NumberPart):
         yield value
     elif isinstance(value, tuple):
         for item in value:
@@ -150,7 +150,7 @@ def test_shares_are_told_in_per_cent(share):
 
 def test_what_cannot_be_had_has_neither_number_nor_text():
     nan = float("nan")
-    assert [number(None, 1.0), spread(1.0, None), figure(nan), places(nan, 2), probability(nan)] == [Number()] * 5
+    assert [number(None, 1.0), spread(1.0, None), figure(nan), places(nan, 2), probability(nan)] == [NumberPart()] * 5
 
 
 def test_the_card_tells_the_law_as_the_file_has_it(pf, card):
@@ -255,8 +255,8 @@ def test_the_card_of_a_drive_with_gains(files):
     assert facts["Ki"] == (0.5, "V/A/s")
     assert facts["Ti"] == (0.8, "s")
     reached = {n.name: n.number for n in gains.reached}
-    assert reached["overshoot"] == Number(value=4.3, text="4.3", unit="%")
-    assert reached["gain margin, as a factor"] == Number(text="without end")
+    assert reached["overshoot"] == NumberPart(value=4.3, text="4.3", unit="%")
+    assert reached["gain margin, as a factor"] == NumberPart(text="without end")
     assert reached["probability that the whole specification holds"].text == "93"
     assert [(n.number.text, n.words) for n in gains.asked] == [("2", "at most"), ("45", "at least")]
     told = {n.name: n.number.text for n in card.dynamics.facts}
@@ -310,7 +310,7 @@ def test_hostile_names_stay_as_they_are(name):
     law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
     file = name.replace("/", "")  # no name of a file
     pf = collect(tool=name, work=name, machine=name, setup=name, note=name, laws=[law], data_file=file)
-    card = compose(pf, publication=Publication(authors=(name,), license=name))
+    card = compose(pf, publication=PublicationPart(authors=(name,), license=name))
     assert (card.identity.tool, card.identity.machine, card.provenance.data_file) == (name, name, file)
     assert card.title == f"{name} on {name}"
     assert card.publication.authors == (name,)
@@ -365,7 +365,7 @@ def test_the_summary_tells_the_rows_of_the_laws_and_not_those_of_the_file():
 
 
 def test_a_publication_is_told_and_what_it_lacks_is_said(pf):
-    card = compose(pf, publication=Publication(title="My wear tests", license="CC-BY-4.0"))
+    card = compose(pf, publication=PublicationPart(title="My wear tests", license="CC-BY-4.0"))
     assert card.title == "My wear tests"
     assert card.empty["publication"] == "Not told: authors, contact; say it in card.toml."
 

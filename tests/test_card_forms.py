@@ -10,17 +10,14 @@ from dataclasses import replace
 import pytest
 import yaml
 from fitmodels import cards, datasets, fit, parameters
-from fitmodels.cards.content.compose import compose
-from fitmodels.cards.content.parts import Card, Figure, Number, Part, Publication, Sensor
-from fitmodels.cards.forms import program
-from fitmodels.cards.forms.citation import citation_cff, zenodo_json
-from fitmodels.cards.forms.hub_metadata import hub_metadata
+from fitmodels.cards.content.card import compose
+from fitmodels.cards.content.parts import Card, FigurePart, NumberPart, Part, PublicationPart, SensorPart
+from fitmodels.cards.forms import card_json
+from fitmodels.cards.forms.citation import author, citation_cff, zenodo_json
+from fitmodels.cards.forms.front_matter import hub_metadata, yaml_text
 from fitmodels.cards.forms.linked_data import json_ld
-from fitmodels.cards.forms.markdown import markdown
-from fitmodels.cards.forms.page import page
-from fitmodels.cards.forms.people import author
-from fitmodels.cards.forms.plain_text import text
-from fitmodels.cards.forms.yaml_text import yaml_text
+from fitmodels.cards.forms.markdown import card_markdown, text
+from fitmodels.cards.forms.page import page_html
 from fitmodels.core.errors import ParameterError, UsageError
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect, sealed
@@ -52,7 +49,7 @@ HOSTILE = (
     "=",
     "\u202eabc",
 )
-PUBLISHED = Publication(
+PUBLISHED = PublicationPart(
     license="CC-BY-4.0", authors=("Doe, Jane (0000-0002-1825-0097)", "Institute of Machining"), contact="j@example.org",
     doi="10.5281/zenodo.1", keywords=("turning",),
 )  # fmt: skip
@@ -115,11 +112,13 @@ def pf(files):
 def card(pf):
     """A card with every part in it."""
     made = compose(pf, publication=PUBLISHED)
-    sensor = Sensor(symbol="AW", unit="mm", model="microscope", words="SD of a reading 0.005 mm")
+    sensor = SensorPart(symbol="AW", unit="mm", model="microscope", words="SD of a reading 0.005 mm")
     identity = made.identity.model_copy(
         update={"machine": "lathe", "setup": "dry", "iso513": "P20", "sensors": (sensor,)}
     )
-    picture = Figure(name="residuals", caption="Residuals", alternative="they scatter", file="figures/residuals.png")
+    picture = FigurePart(
+        name="residuals", caption="Residuals", alternative="they scatter", file="figures/residuals.png"
+    )
     return made.model_copy(update={"identity": identity, "figures": (*made.figures, picture)})
 
 
@@ -131,7 +130,7 @@ def small(card):
 
 def numbers(value):
     """Every `Number` in a card."""
-    if isinstance(value, Number):
+    if isinstance(value, NumberPart):
         yield value
     elif isinstance(value, tuple):
         for item in value:
@@ -147,7 +146,7 @@ def renamed(value, name):
         return f"{name}{value}{name}"
     if isinstance(value, tuple):
         return tuple(renamed(item, name) for item in value)
-    if isinstance(value, Number):
+    if isinstance(value, NumberPart):
         return value.model_copy(update={"unit": renamed(value.unit, name)})
     if isinstance(value, Part):
         kept = ("schema_", "profiler") if isinstance(value, Card) else ("file",)
@@ -177,7 +176,7 @@ def shown(tree):
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_name_of_any_letters_changes_no_element_of_the_readme(small, name):
-    tame, wild = (rendered(body(markdown(renamed(small, n)))) for n in ("x", name))
+    tame, wild = (rendered(body(card_markdown(renamed(small, n)))) for n in ("x", name))
     assert [e.tag for e in wild.iter()] == [e.tag for e in tame.iter()]
     assert {e.tag for e in wild.iter()} <= ELEMENTS
     for element in wild.iter():
@@ -187,14 +186,14 @@ def test_a_name_of_any_letters_changes_no_element_of_the_readme(small, name):
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_name_of_any_letters_is_read_as_it_is(small, name):
-    seen = shown(rendered(body(markdown(small.model_copy(update={"title": f"a{name}b"})))))
+    seen = shown(rendered(body(card_markdown(small.model_copy(update={"title": f"a{name}b"})))))
     unseen = {ord(c): "\N{REPLACEMENT CHARACTER}" for c in "\x00\x1b\u202e"}
     assert " ".join(f"a{name}b".split()).translate(unseen) in seen
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_the_head_is_no_html_for_a_reader_that_does_not_know_it(small, name):
-    tree = rendered(markdown(renamed(small, name)))
+    tree = rendered(card_markdown(renamed(small, name)))
     assert not {e.tag for e in tree.iter()} & {"a", "script", "iframe", "svg", "form", "input"}
     assert len(list(tree.iter("img"))) == 1
 
@@ -207,13 +206,13 @@ def test_text_of_any_kind_stays_one_paragraph_of_text(words):
 
 
 def test_pictures_beside_the_card_have_a_text_alternative(card):
-    assert "![Residuals. they scatter](figures/residuals.png)" in markdown(card)
+    assert "![Residuals. they scatter](figures/residuals.png)" in card_markdown(card)
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_what_a_card_does_not_say_it_gives_a_reason_for(files, name):
     card = compose(files[name])
-    seen = shown(rendered(body(markdown(card))))
+    seen = shown(rendered(body(card_markdown(card))))
     assert all(" ".join(why.split()) in seen for why in card.empty.values())
     assert card.end in seen
 
@@ -227,11 +226,11 @@ def test_the_python_of_a_readme_runs(files, name, tmp_path, monkeypatch):
 
 
 def test_simulated_stands_before_everything_else(card):
-    lines = body(markdown(card)).splitlines()
+    lines = body(card_markdown(card)).splitlines()
     assert lines[1].startswith("# ")
     assert lines[3].startswith("> **Not measured.**")
     measured = card.model_copy(update={"identity": card.identity.model_copy(update={"simulated": False})})
-    assert "> **Not measured.**" not in markdown(measured)
+    assert "> **Not measured.**" not in card_markdown(measured)
 
 
 # --- the head -----------------------------------------------------------------------------------------
@@ -242,7 +241,7 @@ def test_the_hub_reads_the_head_and_gives_it_back(files, name, tmp_path):
     hub = pytest.importorskip("huggingface_hub")
     card = compose(files[name], publication=PUBLISHED)
     path = tmp_path / "README.md"
-    path.write_text(markdown(card), encoding="utf-8")
+    path.write_text(card_markdown(card), encoding="utf-8")
     loaded = hub.ModelCard.load(path)
     assert loaded.data.to_dict() == hub_metadata(card)
     assert loaded.data.license == "cc-by-4.0"
@@ -258,7 +257,7 @@ def test_the_hub_reads_the_head_and_gives_it_back(files, name, tmp_path):
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_of_any_letters_come_back_from_the_head(small, name):
     wild = renamed(small, name)
-    head = markdown(wild).split("---\n")[1]
+    head = card_markdown(wild).split("---\n")[1]
     assert yaml.safe_load(head) == json.loads(json.dumps(hub_metadata(wild)))
     assert yaml.safe_load(head)["tool"] == f"{name}GC435{name}"
 
@@ -273,7 +272,7 @@ def test_names_of_any_letters_come_back_from_the_head(small, name):
     ],
 )
 def test_a_licence_is_told_in_the_words_of_the_hub(card, spdx, said):
-    head = hub_metadata(card.model_copy(update={"publication": Publication(license=spdx)}))
+    head = hub_metadata(card.model_copy(update={"publication": PublicationPart(license=spdx)}))
     assert {name: value for name, value in head.items() if name.startswith("license")} == said
 
 
@@ -295,16 +294,16 @@ def test_yaml_of_anything_reads_back(data):
 def test_card_json_obeys_its_schema_and_reads_back(files, name, tmp_path):
     card = compose(files[name], publication=PUBLISHED)
     path = tmp_path / "card.json"
-    path.write_text(program.as_json(card), encoding="utf-8")
-    Draft202012Validator(program.published()).validate(json.loads(path.read_text("utf-8")))
-    assert program.read_card(path) == card
+    path.write_text(card_json.as_json(card), encoding="utf-8")
+    Draft202012Validator(card_json.published()).validate(json.loads(path.read_text("utf-8")))
+    assert card_json.read_card(path) == card
     assert path.read_bytes().endswith(b"}\n")
 
 
 def test_the_published_schema_is_that_of_the_code():
-    Draft202012Validator.check_schema(program.published())
-    assert program.published() == json.loads(program.schema_text())
-    assert program.published()["$id"] == "fitmodels.card/1"
+    Draft202012Validator.check_schema(card_json.published())
+    assert card_json.published() == json.loads(card_json.schema_text())
+    assert card_json.published()["$id"] == "fitmodels.card/1"
 
 
 @pytest.mark.parametrize(
@@ -318,12 +317,12 @@ def test_the_published_schema_is_that_of_the_code():
     ],
 )
 def test_what_is_no_card_is_refused_in_a_sentence(card, change, word, tmp_path):
-    data = json.loads(program.as_json(card))
+    data = json.loads(card_json.as_json(card))
     change(data)
     path = tmp_path / "card.json"
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(ParameterError, match=re.escape(word)) as caught:
-        program.read_card(path)
+        card_json.read_card(path)
     assert "\n" not in str(caught.value)
 
 
@@ -332,7 +331,7 @@ def test_what_is_no_json_is_refused_in_a_sentence(content, tmp_path):
     path = tmp_path / "card.json"
     path.write_bytes(content)
     with pytest.raises(ParameterError, match=r"card\.json: ") as caught:
-        program.read_card(path)
+        card_json.read_card(path)
     assert "\n" not in str(caught.value)
 
 
@@ -340,8 +339,8 @@ def test_what_is_no_json_is_refused_in_a_sentence(content, tmp_path):
 def test_names_of_any_letters_come_back_from_json(small, name, tmp_path):
     wild = renamed(small, name)
     path = tmp_path / "card.json"
-    path.write_text(program.as_json(wild), encoding="utf-8", newline="\n")
-    assert program.read_card(path) == wild
+    path.write_text(card_json.as_json(wild), encoding="utf-8", newline="\n")
+    assert card_json.read_card(path) == wild
 
 
 # --- linked data, citation ----------------------------------------------------------------------------
@@ -434,12 +433,15 @@ def test_authors_are_persons_where_both_names_are_told(written, family, orcid):
 @pytest.mark.parametrize("name", FILES)
 def test_every_number_is_told_by_the_same_text_in_all_forms(files, name):
     card = compose(files[name])
-    readme, browsed = shown(rendered(body(markdown(card)))), shown(html.document_fromstring(page(card, files[name])))
+    readme, browsed = (
+        shown(rendered(body(card_markdown(card)))),
+        shown(html.document_fromstring(page_html(card, files[name]))),
+    )
     told = {" ".join(n.text.split()) for n in numbers(card) if n.text}
     assert {words for words in told if words not in readme} == set()
     assert {words for words in told if words not in browsed} == set()
     found = []
-    json.loads(program.as_json(card), object_pairs_hook=lambda pairs: found.append(dict(pairs)) or dict(pairs))
+    json.loads(card_json.as_json(card), object_pairs_hook=lambda pairs: found.append(dict(pairs)) or dict(pairs))
     in_json = [(d["value"], d["text"]) for d in found if set(d) == {"value", "text", "unit"}]
     assert in_json == [(n.value, n.text) for n in numbers(card)]
 
@@ -461,10 +463,10 @@ def test_no_form_tells_where_it_was_written(files, name, tmp_path):
 
 def test_lines_of_a_caller_stand_where_the_file_does_not_tell_its_tests(files, tmp_path):
     cards.write(files["drive"], tmp_path / "a", data_lines=["a record"])
-    card = program.read_card(tmp_path / "a" / "card.json")
+    card = card_json.read_card(tmp_path / "a" / "card.json")
     assert card.design.understood == ("a record",)
     assert "design" not in card.empty
 
 
 def test_the_public_name_tells_a_file_in_markdown(pf):
-    assert cards.markdown(pf) == markdown(compose(pf))
+    assert cards.markdown(pf) == card_markdown(compose(pf))

@@ -5,10 +5,16 @@ import tomllib
 
 import pytest
 from fitmodels import datasets, fit, parameters
-from fitmodels.cards.content.compose import compose
-from fitmodels.cards.forms.markdown import markdown
-from fitmodels.cards.gate import judge, missing, read_toml, template
-from fitmodels.cards.gate.ask import QUESTIONS, SENSOR_EXAMPLE
+from fitmodels.cards.content.card import compose
+from fitmodels.cards.forms.markdown import card_markdown
+from fitmodels.cards.publishing.card_toml import read_toml
+from fitmodels.cards.publishing.requirements import (
+    QUESTIONS,
+    SENSOR_EXAMPLE,
+    card_toml_template,
+    check_publication,
+    missing_fields,
+)
 from fitmodels.core.errors import DataError, GateError
 from fitmodels.parameters import collect, sealed
 from hypothesis import given
@@ -63,8 +69,8 @@ def published(pf, told):
 
 
 def test_all_that_is_missing_is_said_in_one_go(pf):
-    assert [item.field for item in missing(compose(pf))] == ASKED
-    report = judge(compose(pf), pf)
+    assert [item.field for item in missing_fields(compose(pf))] == ASKED
+    report = check_publication(compose(pf), pf)
     assert not report.ok
     assert [words.partition(":")[0] for words in report.sentences()] == ASKED
     with pytest.raises(GateError, match="7 things stand against it") as caught:
@@ -76,7 +82,7 @@ def test_all_that_is_missing_is_said_in_one_go(pf):
 def test_a_complete_card_passes(pf, toml):
     told = read_toml(toml(COMPLETE))
     card = published(pf, told)
-    report = judge(card, pf)
+    report = check_publication(card, pf)
     assert (report.missing, report.refusals, report.ok) == ((), (), True)
     report.raise_if_shut()
     assert "identity" not in card.empty
@@ -86,20 +92,20 @@ def test_a_complete_card_passes(pf, toml):
 @pytest.mark.parametrize("line", ["license", "authors", "contact", "machine", "iso513", "setup"])
 def test_each_field_is_missed_alone(pf, toml, line):
     text = re.sub(rf"^{line} = .*$", "", COMPLETE, flags=re.M)
-    assert [item.field for item in missing(published(pf, read_toml(toml(text))))] == [line]
+    assert [item.field for item in missing_fields(published(pf, read_toml(toml(text))))] == [line]
 
 
 def test_a_reason_stands_for_sensors(pf, toml):
     text = COMPLETE.partition("[tool_properties]")[0]
-    assert [item.field for item in missing(published(pf, read_toml(toml(text))))] == ["sensors"]
+    assert [item.field for item in missing_fields(published(pf, read_toml(toml(text))))] == ["sensors"]
     card = published(pf, read_toml(toml(f'{text}no_sensors = "read by eye"\n')))
-    assert missing(card) == []
-    assert "read by eye" in markdown(card)
+    assert missing_fields(card) == []
+    assert "read by eye" in card_markdown(card)
 
 
 def test_the_checksum_of_the_data_comes_from_a_fit_alone(toml):
     pf = collect(tool="a", work="b", limits={"power": 7.0})
-    (item,) = missing(published(pf, read_toml(toml(COMPLETE))))
+    (item,) = missing_fields(published(pf, read_toml(toml(COMPLETE))))
     assert (item.field, item.field in QUESTIONS) == ("data_sha256", False)
     assert "Fit the data file again" in item.ask
 
@@ -107,7 +113,7 @@ def test_the_checksum_of_the_data_comes_from_a_fit_alone(toml):
 def test_what_is_wrong_with_the_file_refuses(pf, toml):
     card = published(pf, read_toml(toml(COMPLETE)))
     changed = pf.model_copy(update={"content_sha256": "0" * 64})
-    (words,) = judge(card, changed).refusals
+    (words,) = check_publication(card, changed).refusals
     assert "changed after it was written" in words
 
 
@@ -117,7 +123,7 @@ def test_a_shut_gate_of_the_posterior_refuses(pf, toml):
     drawn = collect(tool="a", work="b", laws=[law], posteriors=[fit.posterior(law, draws=1000, seed=1)]).model_dump()
     drawn["posterior"]["laws"]["AW"]["r_hat"] = 1.3
     shut = sealed(parameters.ParameterFile.model_validate(drawn))
-    report = judge(published(shut, read_toml(toml(COMPLETE))), shut)
+    report = check_publication(published(shut, read_toml(toml(COMPLETE))), shut)
     assert any("R-hat 1.3" in words for words in report.refusals)
 
 
@@ -125,29 +131,29 @@ def test_a_shut_gate_of_the_posterior_refuses(pf, toml):
 
 
 def test_the_template_asks_for_exactly_what_is_missing(pf, toml):
-    text = template(compose(pf))
+    text = card_toml_template(compose(pf))
     asked = ["no_sensors" if name == "sensors" else name for name in ASKED]
     assert list(tomllib.loads(text)) == asked
     partly = re.sub(r"^(contact|setup) = .*$", "", COMPLETE, flags=re.M)
-    assert list(tomllib.loads(template(published(pf, read_toml(toml(partly)))))) == ["contact", "setup"]
-    assert tomllib.loads(template(published(pf, read_toml(toml(COMPLETE))))) == {}
+    assert list(tomllib.loads(card_toml_template(published(pf, read_toml(toml(partly)))))) == ["contact", "setup"]
+    assert tomllib.loads(card_toml_template(published(pf, read_toml(toml(COMPLETE))))) == {}
 
 
 def test_a_template_that_nobody_filled_in_tells_nothing(pf, toml):
-    told = read_toml(toml(template(compose(pf))))
+    told = read_toml(toml(card_toml_template(compose(pf))))
     assert told.applied(pf) is pf
-    assert [item.field for item in missing(published(pf, told))] == ASKED
+    assert [item.field for item in missing_fields(published(pf, told))] == ASKED
 
 
 def test_the_examples_of_the_template_pass_the_gate(pf, toml):
     lines = [QUESTIONS[name].example for name in ASKED if name != "sensors"]
-    assert missing(published(pf, read_toml(toml("\n".join([*lines, *SENSOR_EXAMPLE]))))) == []
-    assert missing(published(pf, read_toml(toml("\n".join(QUESTIONS[name].example for name in ASKED))))) == []
+    assert missing_fields(published(pf, read_toml(toml("\n".join([*lines, *SENSOR_EXAMPLE]))))) == []
+    assert missing_fields(published(pf, read_toml(toml("\n".join(QUESTIONS[name].example for name in ASKED))))) == []
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=40))
 def test_no_name_gets_out_of_a_comment_of_the_template(name):
-    text = template(EMPTY.model_copy(update={"title": f'{name}\nmachine = "x"'}))
+    text = card_toml_template(EMPTY.model_copy(update={"title": f'{name}\nmachine = "x"'}))
     assert all(not value for value in tomllib.loads(text).values())
 
 
@@ -158,7 +164,7 @@ def test_what_card_toml_tells_stands_in_the_card_and_is_marked(pf, toml):
     assert [(s.symbol, s.words) for s in i.sensors] == [("AW", "SD of a reading 0.005 mm")]
     assert [(p.name, p.number.text or p.words) for p in i.tool_properties] == [("RE", "0.8"), ("ISOC", "SNMG 120408")]
     assert i.note.startswith("From card.toml, not from the parameter file: machine, ISO 513 group, set-up, sensors")
-    assert "From card.toml" in markdown(card)
+    assert "From card.toml" in card_markdown(card)
     assert i.content_sha256 == pf.content_sha256 == compose(pf).identity.content_sha256
 
 
@@ -239,6 +245,6 @@ def test_a_doi_is_read_in_its_usual_spellings(toml, written):
 
 
 def test_a_pair_without_names_is_not_published():
-    lacking = missing(compose(collect(tool="unnamed-tool", work="S45C")))
+    lacking = missing_fields(compose(collect(tool="unnamed-tool", work="S45C")))
     assert [item.field for item in lacking if item.field in ("tool", "work")] == ["tool"]
     assert "--tool NAME" in lacking[-2].ask

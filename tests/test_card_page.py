@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
-from fitmodels.cards.content.compose import compose
-from fitmodels.cards.content.parts import Publication
+from fitmodels.cards.content.card import compose
+from fitmodels.cards.content.parts import PublicationPart
 from fitmodels.cards.content.profiler import profile_all
 from fitmodels.cards.forms import page as module
-from fitmodels.cards.forms.page import page, points, tell
-from fitmodels.cards.forms.typeset import equation, prose
+from fitmodels.cards.forms.page import equation, page_html, points, prose, tell
 from fitmodels.parameters import ParameterFile
 from hypothesis import given
 from hypothesis import strategies as st
@@ -103,7 +102,7 @@ def drive():
     """Dynamics with gains, of a machine."""
     return parameters.collect(
         tool="end mill", work="S45C", dynamics=MODEL, limits={"power": 7}, machine="TMV-510"
-    ).model_copy(update={"pi": parameters.file.Pi.model_validate(GAINS)})
+    ).model_copy(update={"pi": parameters.file.PiSection.model_validate(GAINS)})
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +114,7 @@ def bare():
 def either(request):
     pf = request.getfixturevalue(request.param)
     card = compose(pf)
-    return card, pf, page(card, pf)
+    return card, pf, page_html(card, pf)
 
 
 def numbers(value):
@@ -219,15 +218,17 @@ def named(gc435, name):
     d["laws"] = {name: {**json.loads(law), **more}}
     d.update(tool_life=None, content_sha256=None)
     pf = ParameterFile.model_validate(json.loads(json.dumps(d)))
-    return pf, compose(pf, publication=Publication(title=name, license=name, authors=(name,), contact=name, doi=name))
+    return pf, compose(
+        pf, publication=PublicationPart(title=name, license=name, authors=(name,), contact=name, doi=name)
+    )
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_name_that_is_markup_comes_out_as_text(gc435, name):
     """The page has the elements and attributes of one with a harmless name: none comes from the name."""
     pf, card = named(gc435, name)
-    parsed = Page(page(card, pf, json_ld=json.dumps({"name": name})))
-    harmless = Page(page(*reversed(named(gc435, "x")), json_ld=json.dumps({"name": "x"})))
+    parsed = Page(page_html(card, pf, json_ld=json.dumps({"name": name})))
+    harmless = Page(page_html(*reversed(named(gc435, "x")), json_ld=json.dumps({"name": "x"})))
     assert not parsed.faults
     assert parsed.skeleton == harmless.skeleton
     assert parsed.text.count(" ".join(name.split())) > 20
@@ -241,9 +242,9 @@ def test_a_name_that_is_markup_comes_out_as_text(gc435, name):
 
 
 def test_a_simulated_card_says_so_before_all_else_and_a_measured_one_does_not(gc435, drive):
-    body = page(compose(gc435), gc435).split("<body>")[1]
+    body = page_html(compose(gc435), gc435).split("<body>")[1]
     assert Page(body).text.startswith("Not measured.")
-    assert "Not measured" not in Page(page(compose(drive), drive)).text
+    assert "Not measured" not in Page(page_html(compose(drive), drive)).text
 
 
 def test_safety_is_linked_from_the_head_of_the_page(either):
@@ -257,15 +258,15 @@ def test_the_page_is_small(either):
 
 
 def test_the_same_card_gives_the_same_bytes_whatever_was_drawn_before(gc435, drive):
-    first = page(compose(gc435), gc435)
-    page(compose(drive), drive)
+    first = page_html(compose(gc435), gc435)
+    page_html(compose(drive), drive)
     again = ParameterFile.model_validate(json.loads(gc435.model_dump_json()))
-    assert page(compose(again), again) == first
+    assert page_html(compose(again), again) == first
 
 
 def test_without_a_parameter_file_figures_are_told_in_words(drive):
     card = compose(drive)
-    text = page(card)
+    text = page_html(card)
     assert "<svg" not in text
     for figure in card.figures:
         assert re.sub(r"\s", "", figure.alternative) in re.sub(r"\s", "", Page(text).text)
@@ -273,7 +274,7 @@ def test_without_a_parameter_file_figures_are_told_in_words(drive):
 
 def test_every_figure_has_a_name_and_a_description(gc435, drive):
     for pf, panels in ((gc435, 4), (drive, 3)):
-        text = page(compose(pf), pf)
+        text = page_html(compose(pf), pf)
         svgs = re.findall(r"<svg.*?</svg>", text, re.S)
         assert len(svgs) == panels
         for svg in svgs:
@@ -286,7 +287,7 @@ def test_every_figure_has_a_name_and_a_description(gc435, drive):
 
 def test_a_law_is_drawn_where_its_axes_say(gc435):
     """Ends of the thick line, read off the ticks, are the law at the ends of the tested range."""
-    svg = re.search(r"<title[^>]*>AW over V</title>.*?</svg>", page(compose(gc435), gc435), re.S)[0]
+    svg = re.search(r"<title[^>]*>AW over V</title>.*?</svg>", page_html(compose(gc435), gc435), re.S)[0]
     ticks = re.findall(r'x="([\d.]+)" y="([\d.]+)" text-anchor="(middle|end)">([\d.]+)<', svg)
     x = np.polyfit(*np.array([(float(px), float(label)) for px, _, anchor, label in ticks if anchor == "middle"]).T, 1)
     y = np.polyfit(*np.array([(float(py), float(label)) for _, py, anchor, label in ticks if anchor == "end"]).T, 1)
@@ -330,7 +331,7 @@ def test_a_doi_is_a_link_and_anything_else_is_not(bare):
         ("https://doi.org/10.5281/zenodo.1", True),
         ("javascript:x", False),
     ):
-        text = page(compose(bare, publication=Publication(doi=given_doi)))
+        text = page_html(compose(bare, publication=PublicationPart(doi=given_doi)))
         assert ('href="https://doi.org/10.5281/zenodo.1"' in text) is link
 
 

@@ -14,8 +14,8 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
-import fitmodels.cards.card
 import fitmodels.cards.figures
+import fitmodels.cards.folder
 import fitmodels.cli.output
 import fitmodels.fit
 import numpy as np
@@ -124,7 +124,7 @@ def test_a_run_prints_results_and_writes_one_folder(fitted):
 
 
 def test_the_three_figures_are_pictures(fitted):
-    for name in (name for name in cards.FILES if name.endswith(".png")):
+    for name in (name for name in fitmodels.cards.folder.FILES if name.endswith(".png")):
         picture = (fitted.folder / name).read_bytes()
         assert picture.startswith(b"\x89PNG\r\n\x1a\n")
         assert len(picture) > 10_000
@@ -325,7 +325,7 @@ def test_a_full_disk_leaves_nothing(wear, tmp_path, monkeypatch):
     monkeypatch.setattr(fitmodels.cards.figures, "draw_figures", full)
     result = run(wear, "--out", tmp_path / "a" / "b")
     assert result.code == 2
-    assert "No space left on device" in result.err
+    assert "no space left on device" in result.err
     assert [path.name for path in tmp_path.iterdir()] == ["wear.csv"]
 
 

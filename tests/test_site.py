@@ -12,9 +12,9 @@ from xml.etree import ElementTree as ET
 import pytest
 from fitmodels import parameters
 from fitmodels.cards import publishing
-from fitmodels.cards.publishing import place, pool
-from fitmodels.cards.publishing.entry import Entry, with_slugs
-from fitmodels.cards.publishing.feed import updated
+from fitmodels.cards.publishing import pool, site_folder
+from fitmodels.cards.publishing.entries import CardEntry, with_slugs
+from fitmodels.cards.publishing.feeds import updated
 from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -289,7 +289,7 @@ def test_filters_hold_names_as_they_are(made):
 @given(st.lists(st.tuples(st.sampled_from(["a", "a-b", "a-00000000"]), st.integers(0, 3)), unique=True, max_size=8))
 def test_slugs_are_always_different(named):
     entries = [
-        Entry(slug=slug, title="x", summary="", tool="x", work="x", simulated=True,
+        CardEntry(slug=slug, title="x", summary="", tool="x", work="x", simulated=True,
               content_sha256=f"{k:08d}{number:056d}")
         for number, (slug, k) in enumerate(named)
     ]  # fmt: skip
@@ -361,10 +361,10 @@ def test_an_interrupt_leaves_the_old_site_and_nothing_beside_it(tmp_path, when):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pairs", "site"]
 
 
-@pytest.mark.parametrize("lacking", place.NAMES)
+@pytest.mark.parametrize("lacking", site_folder.NAMES)
 def test_a_failure_while_the_site_is_put_in_its_place_puts_the_old_one_back(tmp_path, lacking):
     for name in ("made", "site"):
-        for one in place.NAMES:
+        for one in site_folder.NAMES:
             path = tmp_path / name / one
             path.parent.mkdir(exist_ok=True)
             path.write_text(name)
@@ -372,7 +372,7 @@ def test_a_failure_while_the_site_is_put_in_its_place_puts_the_old_one_back(tmp_
     (tmp_path / "aside").mkdir()
     before = content(tmp_path / "site")
     with pytest.raises(FileNotFoundError):
-        place.put(tmp_path / "made", tmp_path / "site", tmp_path / "aside")
+        site_folder.put(tmp_path / "made", tmp_path / "site", tmp_path / "aside")
     assert content(tmp_path / "site") == before
     assert list((tmp_path / "aside").iterdir()) == []
 

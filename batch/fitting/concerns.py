@@ -101,7 +101,7 @@ def concerns_of_file(pf: "ParameterFile") -> tuple[Concern, ...]:
     >>> concerns_of_file(parameters.collect(tool="GC435", work="709M40"))
     ()
     """
-    from ...cards.posterior_facts import wider
+    from ...cards.content.posterior import wider
 
     found = []
     for response, law in pf.laws.items():

@@ -7,14 +7,14 @@ import numpy as np
 from ...core.rounding import EXACT
 from ...parameters import Covariance, DynamicsSection, LawSection, ModelCovariance
 from .numbers import NONE, figure, number, probability, spread
-from .parts import Coefficient, Number
+from .parts import CoefficientPart, NumberPart
 
 LEVEL = 0.95
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one says nothing
 NORMAL = 1.96  # quantile that the intervals of a model are told with
 
 
-def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient, ...]:
+def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[CoefficientPart, ...]:
     """A line for each coefficient, the constant first and the shifts of a category last.
 
     The constant of a power or exponential law has no t: it is positive by its form, and its value only says
@@ -30,7 +30,7 @@ def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient
         t = value / se if se and not scale else None
         low, high = _ends(value, half.get(name), se, scale)
         lines.append(
-            Coefficient(
+            CoefficientPart(
                 name=name,
                 estimate=number(value, se),
                 se=spread(value, se),
@@ -46,7 +46,7 @@ def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient
     return tuple(lines)
 
 
-def model_coefficients(d: DynamicsSection) -> tuple[Coefficient, ...]:
+def model_coefficients(d: DynamicsSection) -> tuple[CoefficientPart, ...]:
     """A line for each coefficient of a model, with its 95 % interval."""
     errors: dict[str, float] = {}
     if isinstance(d.uncertainty, ModelCovariance):
@@ -57,7 +57,7 @@ def model_coefficients(d: DynamicsSection) -> tuple[Coefficient, ...]:
         low, high = (value - NORMAL * se, value + NORMAL * se) if se else (None, None)
         blank = dict.fromkeys(("t", "p", "row_se", "other", "printed"), NONE)
         lines.append(
-            Coefficient(
+            CoefficientPart(
                 name=name,
                 estimate=number(value, se),
                 se=spread(value, se),
@@ -69,7 +69,7 @@ def model_coefficients(d: DynamicsSection) -> tuple[Coefficient, ...]:
     return tuple(lines)
 
 
-def between(low: Number, high: Number) -> str:
+def between(low: NumberPart, high: NumberPart) -> str:
     """Both ends of an interval, or nothing."""
     return f"{low.text} … {high.text}" if low.text else ""
 
@@ -102,7 +102,7 @@ def _half_widths(law: LawSection, level: float) -> dict[str, float]:
     return {name.removeprefix("ln "): float(q * s) for name, s in zip(cov.of, se, strict=True)}
 
 
-def _ends(value: float, half: float | None, se: float | None, is_scale: bool) -> tuple[Number, Number]:
+def _ends(value: float, half: float | None, se: float | None, is_scale: bool) -> tuple[NumberPart, NumberPart]:
     if half is None or not se or (is_scale and half > WIDEST) or half <= abs(value) * EXACT:
         return NONE, NONE
     low, high = (value * math.exp(-half), value * math.exp(half)) if is_scale else (value - half, value + half)

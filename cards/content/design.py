@@ -1,11 +1,11 @@
-"""The tests behind the laws as a part of a card."""
+"""The tests behind the laws as a part of a card: ranges of the factors, their middle, counts."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from ...parameters import DesignSection, EdgeFacts, LeftOutRows
+from ...parameters import DesignSection, EdgeFacts, LawSection, LeftOutRows
 from .numbers import NONE, count, fact, figure, quantity
-from .parts import Design, FactorRange, Named, Number
+from .parts import DesignPart, FactorRangePart, FactPart, NumberPart
 
 
 class _Ranged(Protocol):
@@ -21,18 +21,18 @@ class _Ranged(Protocol):
     def high(self) -> float: ...
 
 
-def design_part(design: DesignSection | None) -> Design | None:
+def design_part(design: DesignSection | None) -> DesignPart | None:
     """Factors, counts and what was understood; None where the file does not tell its tests."""
     if design is None:
         return None
-    return Design(factors=factor_ranges(design.factors, design), facts=facts(design), understood=design.understood)
+    return DesignPart(factors=factor_ranges(design.factors, design), facts=facts(design), understood=design.understood)
 
 
-def factor_ranges(factors: Sequence[_Ranged], design: DesignSection | None) -> tuple[FactorRange, ...]:
+def factor_ranges(factors: Sequence[_Ranged], design: DesignSection | None) -> tuple[FactorRangePart, ...]:
     """Range of each factor, with the levels of the tests inside it where they are few."""
     levels = {} if design is None else {f.symbol: f.levels for f in design.factors}
     return tuple(
-        FactorRange(
+        FactorRangePart(
             symbol=f.symbol,
             quantity=f.quantity,
             unit=f.unit,
@@ -44,7 +44,7 @@ def factor_ranges(factors: Sequence[_Ranged], design: DesignSection | None) -> t
     )
 
 
-def facts(design: DesignSection) -> tuple[Named, ...]:
+def facts(design: DesignSection) -> tuple[FactPart, ...]:
     """Counts of the tests by name."""
     criterion = design.criterion
     where = "" if criterion is None else f"{criterion.wear}{f', {criterion.source}' if criterion.source else ''}"
@@ -59,7 +59,7 @@ def facts(design: DesignSection) -> tuple[Named, ...]:
     )
 
 
-def _edges(e: EdgeFacts) -> tuple[Named, ...]:
+def _edges(e: EdgeFacts) -> tuple[FactPart, ...]:
     held = ", ".join(e.set_by_edge)
     names = ", ".join(e.short_edges) + (", ..." if e.short > len(e.short_edges) else "")
     short = f"fewer than half the median rows: {names}" if e.short else "none has fewer than half the median rows"
@@ -81,16 +81,44 @@ def _replicates(e: EdgeFacts) -> str:
     return f"{e.replicated_edges} edges stand there, and tell how far edges differ at one setting"
 
 
-def _level(name: str, rows: int, edges: int | None) -> tuple[Named, ...]:
+def _level(name: str, rows: int, edges: int | None) -> tuple[FactPart, ...]:
     return fact(f"rows of {name}", count(rows), "" if edges is None else f"{edges} edge{'s' if edges != 1 else ''}")
 
 
-def _left_out(rows: LeftOutRows) -> tuple[Named, ...]:
+def _left_out(rows: LeftOutRows) -> tuple[FactPart, ...]:
     lines = ", ".join(map(str, rows.lines)) + (", ..." if rows.count > len(rows.lines) else "")
     where = f" (line {lines})" if rows.lines else ""
     return fact(f"rows left out of {', '.join(rows.laws)}", count(rows.count), f"{rows.reason}{where}")
 
 
-def span(low: Number, high: Number) -> str:
+def span(low: NumberPart, high: NumberPart) -> str:
     """``50 to 200 m/min``."""
     return f"{low.text} to {quantity(high)}"
+
+
+def middle(law: LawSection) -> dict[str, float]:
+    """Middle of each factor's range: geometric where the law takes logarithms of it.
+
+    >>> from fitmodels.parameters.sections.law import EXAMPLE
+    >>> middle(Law.model_validate(EXAMPLE))
+    {'V': 100.0}
+    """
+    return {f.symbol: middle_of(f.low, f.high, logs=law.form == "power") for f in law.factors}
+
+
+def middle_of(low: float, high: float, *, logs: bool) -> float:
+    """Middle of a range, to three digits where those lie inside it: a number that a person would set."""
+    exact = (low * high) ** 0.5 if logs and low > 0 else (low + high) / 2
+    short = float(f"{exact:.3g}")
+    return short if low <= short <= high else exact
+
+
+def at_words(law: LawSection, at: Mapping[str, float], by: str | None = None, digits: int = 6) -> str:
+    """``V 100 m/min, f 0.19 mm/rev``."""
+    parts = [f"{f.symbol} {quantity(figure(at[f.symbol], digits, f.unit))}" for f in law.factors if f.symbol in at]
+    return ", ".join([*parts, *([f"{law.by.column} {by}"] if law.by is not None and by is not None else [])])
+
+
+def reference(law: LawSection) -> str | None:
+    """The level at which a law with levels is told."""
+    return None if law.by is None else law.by.reference

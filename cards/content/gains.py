@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from ...parameters import DynamicsSection, PiFigures, PiSection
 from .dynamics import sentence
 from .numbers import ENDLESS, NONE, count, fact, figure, percent
-from .parts import Gains, Named, Number
+from .parts import FactPart, GainsPart, NumberPart
 
 FORMS = {
     "position": "position: u_k = kp e_k + ki S_k",
@@ -44,11 +44,11 @@ CHOSEN = {  # ways of choosing that need more than their name
 UNBOUNDED = ("rise_time", "settling_time", "gain_margin", "delay_margin")
 
 
-def gains_part(pi: PiSection | None, dynamics: DynamicsSection | None) -> Gains | None:
+def gains_part(pi: PiSection | None, dynamics: DynamicsSection | None) -> GainsPart | None:
     """Gains with all that a controller needs to run them."""
     if pi is None:
         return None
-    return Gains(
+    return GainsPart(
         facts=as_they_run(pi),
         reached=(*reached(pi.figures), *_held(pi)),
         asked=asked(pi),
@@ -56,7 +56,7 @@ def gains_part(pi: PiSection | None, dynamics: DynamicsSection | None) -> Gains 
     )
 
 
-def as_they_run(pi: PiSection) -> tuple[Named, ...]:
+def as_they_run(pi: PiSection) -> tuple[FactPart, ...]:
     """Kp, Ki and Ti with their units, form and limits."""
     per = f"{pi.unit_u or 'command'}/{pi.unit_y or 'measurement'}"
     return (
@@ -83,11 +83,11 @@ def as_they_run(pi: PiSection) -> tuple[Named, ...]:
     )
 
 
-def reached(figures: PiFigures | None) -> tuple[Named, ...]:
+def reached(figures: PiFigures | None) -> tuple[FactPart, ...]:
     """What the loop does on the dynamics of the file."""
     if figures is None:
         return ()
-    out: list[Named] = []
+    out: list[FactPart] = []
     for name, (words, unit, _) in FIGURES.items():
         value = getattr(figures, name, None)
         endless = value is None and name in UNBOUNDED and name in figures.model_fields_set
@@ -95,21 +95,21 @@ def reached(figures: PiFigures | None) -> tuple[Named, ...]:
     return tuple(out)
 
 
-def asked(pi: PiSection) -> tuple[Named, ...]:
+def asked(pi: PiSection) -> tuple[FactPart, ...]:
     """The specification: a limit for each figure that was asked for."""
     limits = {} if pi.specification is None else pi.specification.asked
-    out: list[Named] = []
+    out: list[FactPart] = []
     for name, value in limits.items():
         words, unit, least = FIGURES[name]
         out += fact(words, _number(value, unit), "at least" if least else "at most")
     return tuple(out)
 
 
-def _number(value: float | None, unit: str) -> Number:
+def _number(value: float | None, unit: str) -> NumberPart:
     return percent(value) if unit == "%" else figure(value, 3, unit)
 
 
-def _held(pi: PiSection) -> tuple[Named, ...]:
+def _held(pi: PiSection) -> tuple[FactPart, ...]:
     words = "" if pi.draws is None else f"share of {pi.draws} models that the uncertainty of the dynamics allows"
     return fact("probability that the whole specification holds", percent(pi.probability), words) if (
         pi.probability is not None

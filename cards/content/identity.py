@@ -6,15 +6,15 @@ import unicodedata
 
 from ...parameters import ParameterFile, content_sha256
 from .numbers import figure, quantity
-from .parts import Identity, Named, Number, Provenance, Sensor
+from .parts import FactPart, IdentityPart, NumberPart, ProvenancePart, SensorPart
 
 LONGEST = 40  # characters of tool and of work in a slug
 
 
-def identity_part(pf: ParameterFile) -> Identity:
+def identity_part(pf: ParameterFile) -> IdentityPart:
     """Identity with checksum and versions; what the file does not tell is empty."""
     i = pf.identity
-    return Identity(
+    return IdentityPart(
         tool=i.tool,
         work=i.work,
         machine=i.machine or "",
@@ -22,7 +22,7 @@ def identity_part(pf: ParameterFile) -> Identity:
         setup=i.setup or "",
         tool_properties=tuple(_property(name, value) for name, value in i.iso13399.items()),
         sensors=tuple(
-            Sensor(symbol=s.symbol, unit=s.unit, model=s.model or "", words=_sensor(s.sample_rate, s.sd, s.unit))
+            SensorPart(symbol=s.symbol, unit=s.unit, model=s.model or "", words=_sensor(s.sample_rate, s.sd, s.unit))
             for s in i.sensors
         ),
         simulated=i.simulated,
@@ -33,10 +33,10 @@ def identity_part(pf: ParameterFile) -> Identity:
     )
 
 
-def provenance_part(pf: ParameterFile) -> Provenance:
+def provenance_part(pf: ParameterFile) -> ProvenancePart:
     """What repeats it."""
     p = pf.provenance
-    return Provenance(
+    return ProvenancePart(
         data_file=p.data_file or "",
         data_sha256=p.data_sha256 or "",
         rows=p.n_rows,
@@ -62,7 +62,7 @@ def slug(pf: ParameterFile) -> str:
     return "-".join(_slug(name) for name in (pf.identity.tool, pf.identity.work))
 
 
-def missing(identity: Identity) -> list[str]:
+def missing(identity: IdentityPart) -> list[str]:
     """What a reader would want to know of the set-up and the file does not tell."""
     told = {
         "machine": identity.machine,
@@ -80,10 +80,10 @@ def _slug(name: str) -> str:
     return kept or "x" + hashlib.sha256(name.encode()).hexdigest()[:8]  # a name in letters that no link takes
 
 
-def _property(name: str, value: float | str) -> Named:
+def _property(name: str, value: float | str) -> FactPart:
     if isinstance(value, str):
-        return Named(name=name, number=Number(), words=value)
-    return Named(name=name, number=figure(value, 6))
+        return FactPart(name=name, number=NumberPart(), words=value)
+    return FactPart(name=name, number=figure(value, 6))
 
 
 def _sensor(rate: float | None, sd: float | None, unit: str) -> str:

@@ -3,14 +3,14 @@
 import math
 
 from ...core.rounding import format_plain, format_rounded, p_value
-from .parts import Named, Number
+from .parts import FactPart, NumberPart
 
-NONE = Number()
+NONE = NumberPart()
 LARGE = 1e7  # from here on a number is told with its power of ten
-ENDLESS = Number(text="without end")
+ENDLESS = NumberPart(text="without end")
 
 
-def number(value: float | None, uncertainty: float | None, unit: str = "") -> Number:
+def number(value: float | None, uncertainty: float | None, unit: str = "") -> NumberPart:
     """A number to the decimals that its uncertainty deserves.
 
     >>> number(0.577123, 0.0213, "mm").text
@@ -18,10 +18,10 @@ def number(value: float | None, uncertainty: float | None, unit: str = "") -> Nu
     """
     if value is None or not math.isfinite(value):
         return NONE
-    return Number(value=value, text=format_rounded(value, uncertainty)[0], unit=unit)
+    return NumberPart(value=value, text=format_rounded(value, uncertainty)[0], unit=unit)
 
 
-def spread(value: float, uncertainty: float | None, unit: str = "") -> Number:
+def spread(value: float, uncertainty: float | None, unit: str = "") -> NumberPart:
     """The uncertainty of a value, to its own two digits.
 
     >>> spread(0.577123, 0.0213).text
@@ -29,20 +29,20 @@ def spread(value: float, uncertainty: float | None, unit: str = "") -> Number:
     """
     if uncertainty is None or not math.isfinite(uncertainty):
         return NONE
-    return Number(value=uncertainty, text=format_rounded(value, uncertainty)[1], unit=unit)
+    return NumberPart(value=uncertainty, text=format_rounded(value, uncertainty)[1], unit=unit)
 
 
-def figure(value: float | None, digits: int = 4, unit: str = "") -> Number:
+def figure(value: float | None, digits: int = 4, unit: str = "") -> NumberPart:
     """A number without an uncertainty, to so many significant digits."""
     if value is None or not math.isfinite(value):
         return NONE
     text = format_plain(value, digits)
     if "e+" in text and abs(value) < LARGE:
         text = f"{float(text):.0f}"  # 1170, not 1.17e+03
-    return Number(value=value, text=text, unit=unit)
+    return NumberPart(value=value, text=text, unit=unit)
 
 
-def places(value: float | None, decimals: int, unit: str = "") -> Number:
+def places(value: float | None, decimals: int, unit: str = "") -> NumberPart:
     """A number to so many decimals.
 
     >>> places(0.98765, 3).text
@@ -50,15 +50,15 @@ def places(value: float | None, decimals: int, unit: str = "") -> Number:
     """
     if value is None or not math.isfinite(value):
         return NONE
-    return Number(value=value, text=f"{round(value, decimals) + 0.0:.{decimals}f}", unit=unit)
+    return NumberPart(value=value, text=f"{round(value, decimals) + 0.0:.{decimals}f}", unit=unit)
 
 
-def count(value: float | None, unit: str = "") -> Number:
+def count(value: float | None, unit: str = "") -> NumberPart:
     """A number of things."""
-    return NONE if value is None else Number(value=value, text=f"{value:.15g}", unit=unit)
+    return NONE if value is None else NumberPart(value=value, text=f"{value:.15g}", unit=unit)
 
 
-def percent(share: float | None, digits: int = 3) -> Number:
+def percent(share: float | None, digits: int = 3) -> NumberPart:
     """A share, in per cent.
 
     >>> percent(0.95).text
@@ -67,21 +67,21 @@ def percent(share: float | None, digits: int = 3) -> Number:
     return NONE if share is None else figure(100 * share, digits, "%")
 
 
-def probability(p: float | None) -> Number:
+def probability(p: float | None) -> NumberPart:
     """A p value: three decimals, or below the last of them."""
-    return NONE if p is None or not math.isfinite(p) else Number(value=p, text=p_value(p))
+    return NONE if p is None or not math.isfinite(p) else NumberPart(value=p, text=p_value(p))
 
 
-def fact(name: str, told_as: Number, words: str = "") -> tuple[Named, ...]:
+def fact(name: str, told_as: NumberPart, words: str = "") -> tuple[FactPart, ...]:
     """A number under its name; nothing where there is neither number nor text nor words.
 
     >>> fact("edges", NONE)
     ()
     """
-    return (Named(name=name, number=told_as, words=words),) if told_as.text or words else ()
+    return (FactPart(name=name, number=told_as, words=words),) if told_as.text or words else ()
 
 
-def quantity(told_as: Number) -> str:
+def quantity(told_as: NumberPart) -> str:
     """Text and unit, as they stand in a sentence.
 
     >>> quantity(figure(0.15, unit="mm"))

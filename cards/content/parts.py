@@ -11,7 +11,7 @@ class Part(HasRepr, BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Number(Part):
+class NumberPart(Part):
     """A number and how it is told: ``text`` is ``value`` rounded by its uncertainty, without its unit.
 
     Markdown and HTML show ``text``, and no number of their own. A share in per cent has its per cent as ``value``.
@@ -22,15 +22,15 @@ class Number(Part):
     unit: str = ""
 
 
-class Named(Part):
+class FactPart(Part):
     """A number under a name a reader knows."""
 
     name: str
-    number: Number
+    number: NumberPart
     words: str = ""  # what it is, where the name does not say it
 
 
-class Sensor(Part):
+class SensorPart(Part):
     """What measured, in words and as numbers."""
 
     symbol: str
@@ -39,7 +39,7 @@ class Sensor(Part):
     words: str = ""
 
 
-class Identity(Part):
+class IdentityPart(Part):
     """Whose card it is; an empty string is said to be missing."""
 
     tool: str
@@ -47,8 +47,8 @@ class Identity(Part):
     machine: str = ""
     iso513: str = ""
     setup: str = ""
-    tool_properties: tuple[Named, ...] = ()  # ISO 13399 symbols
-    sensors: tuple[Sensor, ...] = ()
+    tool_properties: tuple[FactPart, ...] = ()  # ISO 13399 symbols
+    sensors: tuple[SensorPart, ...] = ()
     simulated: bool
     note: str = ""
     content_sha256: str
@@ -56,7 +56,7 @@ class Identity(Part):
     fitmodels: str
 
 
-class Publication(Part):
+class PublicationPart(Part):
     """Who publishes it, and what one may do with it: from ``card.toml``."""
 
     license: str = ""  # SPDX
@@ -67,65 +67,65 @@ class Publication(Part):
     keywords: tuple[str, ...] = ()
 
 
-class FactorRange(Part):
+class FactorRangePart(Part):
     """A factor of the tests: its range, and its levels where there are few."""
 
     symbol: str
     quantity: str
     unit: str
-    low: Number
-    high: Number
-    levels: tuple[Number, ...] = ()
+    low: NumberPart
+    high: NumberPart
+    levels: tuple[NumberPart, ...] = ()
 
 
-class Design(Part):
+class DesignPart(Part):
     """The tests behind the laws."""
 
-    factors: tuple[FactorRange, ...] = ()
-    facts: tuple[Named, ...] = ()  # rows, edges, rows an edge, replicates, failed runs, wear criterion ...
+    factors: tuple[FactorRangePart, ...] = ()
+    facts: tuple[FactPart, ...] = ()  # rows, edges, rows an edge, replicates, failed runs, wear criterion ...
     understood: tuple[str, ...] = ()  # what was understood of the file, a sentence each
 
 
-class Coefficient(Part):
+class CoefficientPart(Part):
     """A line of a law's table."""
 
     name: str
-    estimate: Number
-    se: Number
-    t: Number
-    p: Number
-    low: Number
-    high: Number
-    row_se: Number  # rows as independent: the papers' statistics
-    other: Number  # the fit with the other error structure
-    printed: Number  # as the paper prints it
+    estimate: NumberPart
+    se: NumberPart
+    t: NumberPart
+    p: NumberPart
+    low: NumberPart
+    high: NumberPart
+    row_se: NumberPart  # rows as independent: the papers' statistics
+    other: NumberPart  # the fit with the other error structure
+    printed: NumberPart  # as the paper prints it
 
 
-class DrawnParameter(Part):
+class DrawnParameterPart(Part):
     """A line of a posterior's table."""
 
     name: str
-    median: Number
-    sd: Number
-    low: Number
-    high: Number
+    median: NumberPart
+    sd: NumberPart
+    low: NumberPart
+    high: NumberPart
     prior: str
     moved: str  # by priors half and twice as wide, in sd
 
 
-class Posterior(Part):
+class PosteriorPart(Part):
     """What the draws say; ``reason`` where there are none."""
 
     reason: str = ""
     method: str = ""
     priors: str = ""
-    gate: tuple[Named, ...] = ()  # R-hat, effective draws, k-hat
-    level: Number = Number()
-    parameters: tuple[DrawnParameter, ...] = ()
+    gate: tuple[FactPart, ...] = ()  # R-hat, effective draws, k-hat
+    level: NumberPart = NumberPart()
+    parameters: tuple[DrawnParameterPart, ...] = ()
     sentences: tuple[str, ...] = ()
 
 
-class Law(Part):
+class LawPart(Part):
     """One fitted equation."""
 
     response: str
@@ -134,30 +134,30 @@ class Law(Part):
     equation: str  # to the digits one computes with
     form: str
     structure: str  # which fit this is, in words
-    level: Number  # of the intervals
-    statistics: tuple[Named, ...]  # R2, F, SE, n: the papers'
-    by_edge: tuple[Named, ...] = ()  # F by edge, ICC ...
+    level: NumberPart  # of the intervals
+    statistics: tuple[FactPart, ...]  # R2, F, SE, n: the papers'
+    by_edge: tuple[FactPart, ...] = ()  # F by edge, ICC ...
     edge_words: str = ""
-    coefficients: tuple[Coefficient, ...]
+    coefficients: tuple[CoefficientPart, ...]
     other_heading: str = ""
     has_row_se: bool = False
     has_printed: bool = False
-    domain: tuple[FactorRange, ...]
+    domain: tuple[FactorRangePart, ...]
     verdicts: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     printed_words: str = ""
     composite_words: str = ""
-    posterior: Posterior | None = None
+    posterior: PosteriorPart | None = None
 
 
-class ToolLife(Part):
+class ToolLifePart(Part):
     """Tool life at a criterion."""
 
     equation: str
     words: tuple[str, ...]
 
 
-class Uncertain(Part):
+class UncertaintyPart(Part):
     """One statement in the manner of the GUM: value, u, expanded uncertainty U = k u, coverage factor and level.
 
     ``low`` and ``high`` are the same interval where it is not symmetric (errors that multiply).
@@ -167,45 +167,45 @@ class Uncertain(Part):
     symbol: str
     at: str  # where: ``V 100 m/min, f 0.19 mm/rev, t 10 min``
     of: str  # the law itself, or one further row on a new edge
-    value: Number
-    standard: Number  # u, and U of it: first order where errors multiply
-    expanded: Number
-    k: Number
-    df: Number  # of the t that k is a quantile of
-    level: Number
-    low: Number
-    high: Number
+    value: NumberPart
+    standard: NumberPart  # u, and U of it: first order where errors multiply
+    expanded: NumberPart
+    k: NumberPart
+    df: NumberPart  # of the t that k is a quantile of
+    level: NumberPart
+    low: NumberPart
+    high: NumberPart
     words: str  # the whole statement
 
 
-class Transfer(Part):
+class DynamicsPart(Part):
     """The identified dynamics."""
 
     title: str
     equation: str
-    coefficients: tuple[Coefficient, ...]
-    facts: tuple[Named, ...] = ()  # band, sample time, held-out fit, gain at rest, delay ...
+    coefficients: tuple[CoefficientPart, ...]
+    facts: tuple[FactPart, ...] = ()  # band, sample time, held-out fit, gain at rest, delay ...
     sentences: tuple[str, ...] = ()
 
 
-class Gains(Part):
+class GainsPart(Part):
     """The PI as it runs: gains with form and units, and what they reach."""
 
-    facts: tuple[Named, ...]  # Kp, Ki, Ti, sample time, form ...
-    reached: tuple[Named, ...] = ()  # rise, settling, Ms, margins, probability
-    asked: tuple[Named, ...] = ()
+    facts: tuple[FactPart, ...]  # Kp, Ki, Ti, sample time, form ...
+    reached: tuple[FactPart, ...] = ()  # rise, settling, Ms, margins, probability
+    asked: tuple[FactPart, ...] = ()
     sentences: tuple[str, ...] = ()
 
 
-class Window(Part):
+class WindowPart(Part):
     """The operation window and its best point, or the settings of a controller."""
 
     title: str
-    facts: tuple[Named, ...] = ()
+    facts: tuple[FactPart, ...] = ()
     sentences: tuple[str, ...] = ()
 
 
-class Figure(Part):
+class FigurePart(Part):
     """A figure: its name, caption, and a text alternative that says what it shows."""
 
     name: str
@@ -214,7 +214,7 @@ class Figure(Part):
     file: str = ""  # a picture beside the card; empty: HTML draws it inline
 
 
-class Provenance(Part):
+class ProvenancePart(Part):
     """What repeats it."""
 
     data_file: str = ""
@@ -226,7 +226,7 @@ class Provenance(Part):
     versions: dict[str, str] = Field(default_factory=dict)
 
 
-class Space(Part):
+class LeverageSpacePart(Part):
     """Columns of z = (1, coded factors) in which leverage z' M z is judged, and the largest of the design."""
 
     columns: tuple[int, ...]
@@ -234,7 +234,7 @@ class Space(Part):
     largest: float
 
 
-class ProfiledRegion(Part):
+class ProfiledRegionPart(Part):
     """Where the tests lie: what the profiler greys outside of.
 
     coded_i = (x_i - centre_i) / half_range_i, x_i = ln factor where ``logs``. Inside is |coded_i| <= 1 + rounding of
@@ -245,12 +245,12 @@ class ProfiledRegion(Part):
     centre: tuple[float, ...]
     half_range: tuple[float, ...]
     radius: float
-    spaces: tuple[Space, ...]
+    spaces: tuple[LeverageSpacePart, ...]
     rounding: float
     slack: float
 
 
-class ProfiledLaw(Part):
+class ProfiledLawPart(Part):
     """What the profiler computes a response and its band from, and nothing else.
 
     eta = sum(theta_i z_i), z = (1, ln factor ...) of a power law, (1, factor) of an exponential one; the response is
@@ -266,7 +266,7 @@ class ProfiledLaw(Part):
     factors: tuple[str, ...]
     low: tuple[float, ...]  # tested range of each factor
     high: tuple[float, ...]
-    region: ProfiledRegion | None = None  # None: the ranges alone
+    region: ProfiledRegionPart | None = None  # None: the ranges alone
     by: str = ""  # the level that is shown, where the law has levels: ``material 1``
     theta: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...] = ()  # empty: no band
@@ -275,12 +275,12 @@ class ProfiledLaw(Part):
     wear: str = ""  # the factor that is another law's response, put in
 
 
-class Profiler(Part):
+class ProfilerPart(Part):
     """Sliders and the laws they move."""
 
-    factors: tuple[FactorRange, ...] = ()
+    factors: tuple[FactorRangePart, ...] = ()
     start: dict[str, float] = Field(default_factory=dict)
-    laws: tuple[ProfiledLaw, ...] = ()
+    laws: tuple[ProfiledLawPart, ...] = ()
     of: str = "one further row"  # what the bands are of
     level: float = 0.95
     removal: bool = False  # MRR = 1000 V f d can be told
@@ -296,22 +296,22 @@ class Card(Part):
     slug: str
     title: str
     summary: str  # the card in one or two sentences
-    identity: Identity
-    publication: Publication = Publication()
-    design: Design | None = None
+    identity: IdentityPart
+    publication: PublicationPart = PublicationPart()
+    design: DesignPart | None = None
     about_intervals: str = ""
-    laws: tuple[Law, ...] = ()
-    tool_life: ToolLife | None = None
-    uncertainty: tuple[Uncertain, ...] = ()
-    dynamics: Transfer | None = None
-    gains: Gains | None = None
-    windows: tuple[Window, ...] = ()
-    figures: tuple[Figure, ...] = ()
+    laws: tuple[LawPart, ...] = ()
+    tool_life: ToolLifePart | None = None
+    uncertainty: tuple[UncertaintyPart, ...] = ()
+    dynamics: DynamicsPart | None = None
+    gains: GainsPart | None = None
+    windows: tuple[WindowPart, ...] = ()
+    figures: tuple[FigurePart, ...] = ()
     intended: tuple[str, ...]
     out_of_scope: tuple[str, ...]
     safety: tuple[str, ...]
-    provenance: Provenance
-    profiler: Profiler | None = None
+    provenance: ProvenancePart
+    profiler: ProfilerPart | None = None
     empty: dict[str, str] = Field(default_factory=dict)
     end: str  # the end mark
 

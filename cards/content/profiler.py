@@ -7,9 +7,8 @@ from ...datasets.region import ROUNDING, SLACK
 from ...parameters import Covariance, LawSection, ParameterFile
 from ...parameters.evaluate import LOGARITHMIC, parameter_names, theta
 from .coefficients import LEVEL
-from .design import factor_ranges
-from .middle import middle_of
-from .parts import FactorRange, ProfiledLaw, ProfiledRegion, Profiler, Space
+from .design import factor_ranges, middle_of
+from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
 
 ROW, ON_NEW_EDGE = "one further row", "one further row on a new edge"
 WEARS = ("AW", "VB")
@@ -19,13 +18,13 @@ MILLING = ("fz", "fm", "ae", "n")  # with one of these, V f d is no removal rate
 Value = tuple[float, float | None, float | None]
 
 
-def profiler_part(pf: ParameterFile) -> Profiler | None:
+def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
     """Sliders and laws; None where no law can be moved by a slider."""
     laws = tuple(profiled(law, pf) for law in pf.laws.values() if law.form in LOGARITHMIC)
     if not laws:
         return None
     sliders = _sliders(pf, laws)
-    return Profiler(
+    return ProfilerPart(
         factors=sliders,
         start={f.symbol: _start(f) for f in sliders},
         laws=laws,
@@ -43,11 +42,11 @@ def band_of(pf: ParameterFile) -> str:
     return f"{ROW}, on a new edge where edges are known" if any(split) else ROW
 
 
-def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLaw:
+def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLawPart:
     """A law as the profiler takes it; of levels the reference."""
     covariance, scatter, t = _band(law)
     wear = next((f.symbol for f in law.factors if f.symbol in WEARS and _driven(pf, f.symbol)), "")
-    return ProfiledLaw(
+    return ProfiledLawPart(
         response=law.response,
         quantity=law.quantity,
         unit=law.unit,
@@ -66,7 +65,7 @@ def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLaw:
     )
 
 
-def profile(law: ProfiledLaw, at: Mapping[str, float]) -> Value:
+def profile(law: ProfiledLawPart, at: Mapping[str, float]) -> Value:
     """A law's answer for one further row on a new edge: value, low and high, the ends None without a band.
 
     Parameters
@@ -95,7 +94,7 @@ def profile(law: ProfiledLaw, at: Mapping[str, float]) -> Value:
     return value, value - half, value + half
 
 
-def inside(law: ProfiledLaw, at: Mapping[str, float]) -> bool:
+def inside(law: ProfiledLawPart, at: Mapping[str, float]) -> bool:
     """Whether a point lies where the law was tested, as the profiler greys it."""
     points = [at[name] for name in law.factors]
     region = law.region
@@ -110,7 +109,7 @@ def inside(law: ProfiledLaw, at: Mapping[str, float]) -> bool:
     return all(_leverage(space, [1.0, *coded]) <= space.largest * (1 + region.slack) for space in region.spaces)
 
 
-def profile_all(profiler: Profiler, at: Mapping[str, float]) -> dict[str, Value]:
+def profile_all(profiler: ProfilerPart, at: Mapping[str, float]) -> dict[str, Value]:
     """Every law at the sliders; a law on wear takes it from the wear's own law, as the script does."""
     laws = {law.response: law for law in profiler.laws}
     out: dict[str, Value] = {}
@@ -146,7 +145,7 @@ def _split(law: LawSection) -> bool:
     return e is not None and e.sd_between is not None and e.sd_within is not None
 
 
-def _region(law: LawSection) -> ProfiledRegion | None:
+def _region(law: LawSection) -> ProfiledRegionPart | None:
     r = law.region
     if r is None:
         return None
@@ -156,8 +155,8 @@ def _region(law: LawSection) -> ProfiledRegion | None:
         kept = [i for i, column in enumerate(space.columns) if column < known]
         matrix = tuple(tuple(space.matrix[i][j] for j in kept) for i in kept)
         columns = tuple(space.columns[i] for i in kept)
-        spaces.append(Space(columns=columns, matrix=matrix, largest=space.largest[0]))
-    return ProfiledRegion(
+        spaces.append(LeverageSpacePart(columns=columns, matrix=matrix, largest=space.largest[0]))
+    return ProfiledRegionPart(
         logs=r.logs,
         centre=r.centre,
         half_range=r.half_range,
@@ -168,15 +167,15 @@ def _region(law: LawSection) -> ProfiledRegion | None:
     )
 
 
-def _leverage(space: Space, z: list[float]) -> float:
+def _leverage(space: LeverageSpacePart, z: list[float]) -> float:
     part = [z[column] for column in space.columns]
     return sum(a * c * b for a, row in zip(part, space.matrix, strict=True) for b, c in zip(part, row, strict=True))
 
 
-def _sliders(pf: ParameterFile, laws: tuple[ProfiledLaw, ...]) -> tuple[FactorRange, ...]:
+def _sliders(pf: ParameterFile, laws: tuple[ProfiledLawPart, ...]) -> tuple[FactorRangePart, ...]:
     """A slider for each factor that no law of the profiler answers for, over all that any law was tested at."""
     put_in = {law.wear for law in laws}
-    found: dict[str, FactorRange] = {}
+    found: dict[str, FactorRangePart] = {}
     for law in pf.laws.values():
         if law.form not in LOGARITHMIC:
             continue
@@ -187,18 +186,18 @@ def _sliders(pf: ParameterFile, laws: tuple[ProfiledLaw, ...]) -> tuple[FactorRa
     return tuple(found.values())
 
 
-def _widest(a: FactorRange, b: FactorRange) -> FactorRange:
+def _widest(a: FactorRangePart, b: FactorRangePart) -> FactorRangePart:
     low = min(a.low, b.low, key=lambda n: n.value or 0.0)
     high = max(a.high, b.high, key=lambda n: n.value or 0.0)
     return a.model_copy(update={"low": low, "high": high, "levels": max(a.levels, b.levels, key=len)})
 
 
-def _start(f: FactorRange) -> float:
+def _start(f: FactorRangePart) -> float:
     low, high = f.low.value or 0.0, f.high.value or 0.0
     return middle_of(low, high, logs=low > 0)
 
 
-def _removes(pf: ParameterFile, sliders: tuple[FactorRange, ...]) -> bool:
+def _removes(pf: ParameterFile, sliders: tuple[FactorRangePart, ...]) -> bool:
     """Whether 1000 V f d is a removal rate here: turning, in these units."""
     units = {f.symbol: f.unit for f in sliders}
     known = {f.symbol for f in pf.design.factors} if pf.design else set()

@@ -15,9 +15,9 @@ from ...core.rounding import format_rounded
 from ...parameters import Covariance, LawSection, ParameterFile, ToolLifeSection
 from ...parameters.evaluate import parameter_names
 from .coefficients import LEVEL
-from .middle import at_words, middle, reference
+from .design import at_words, middle, reference
 from .numbers import count, percent
-from .parts import Number, Uncertain
+from .parts import NumberPart, UncertaintyPart
 from .profiler import ON_NEW_EDGE, ROW
 
 OF = {
@@ -42,13 +42,13 @@ class _Found:
     multiplies: bool
 
 
-def statements(pf: ParameterFile) -> tuple[Uncertain, ...]:
+def statements(pf: ParameterFile) -> tuple[UncertaintyPart, ...]:
     """Two statements a law, and two of the tool life; none of what has no covariance."""
     found = [item for law in pf.laws.values() for item in of_law(law)]
     return (*found, *(of_life(pf.tool_life, pf.laws.get(pf.tool_life.wear)) if pf.tool_life else ()))
 
 
-def of_law(law: LawSection) -> tuple[Uncertain, ...]:
+def of_law(law: LawSection) -> tuple[UncertaintyPart, ...]:
     """What the law itself, and one further row, are at the middle of the tests."""
     at: dict[str, Any] = dict(middle(law))
     by = reference(law)
@@ -66,7 +66,7 @@ def of_law(law: LawSection) -> tuple[Uncertain, ...]:
     return tuple(out)
 
 
-def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[Uncertain, ...]:
+def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyPart, ...]:
     """Tool life at the middle of the tests: ln T = (ln W - z'theta) / h, by the delta method (GUM 5.1.2).
 
     With a new edge, whose own level is b off the law, ln T moves by b / h more.
@@ -129,7 +129,7 @@ def _from_ln(value: float, u_ln: float, df: int) -> _Found:
     return _Found(value, value * u_ln, k, df, value * math.exp(-k * u_ln), value * math.exp(k * u_ln), multiplies=True)
 
 
-def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _Found, more: str) -> Uncertain:
+def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _Found, more: str) -> UncertaintyPart:
     U = f.k * f.u
     value, expanded = format_rounded(f.value, U)
     standard = format_rounded(f.value, f.u)[1]
@@ -143,18 +143,18 @@ def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _F
     )
     if f.multiplies:
         words += f" Errors multiply, so take the interval, which is not symmetric: {low} to {high}{in_unit}."
-    return Uncertain(
+    return UncertaintyPart(
         quantity=quantity,
         symbol=symbol,
         at=where,
         of=of,
-        value=Number(value=f.value, text=value, unit=unit),
-        standard=Number(value=f.u, text=standard, unit=unit),
-        expanded=Number(value=U, text=expanded, unit=unit),
-        k=Number(value=f.k, text=k),
+        value=NumberPart(value=f.value, text=value, unit=unit),
+        standard=NumberPart(value=f.u, text=standard, unit=unit),
+        expanded=NumberPart(value=U, text=expanded, unit=unit),
+        k=NumberPart(value=f.k, text=k),
         df=count(f.df),
         level=level,
-        low=Number(value=f.low, text=low, unit=unit),
-        high=Number(value=f.high, text=high, unit=unit),
+        low=NumberPart(value=f.low, text=low, unit=unit),
+        high=NumberPart(value=f.high, text=high, unit=unit),
         words=words + more,
     )

@@ -1,7 +1,8 @@
-"""Windows of operation and settings of controllers as parts of a card."""
+"""Limits, window of operation and controller settings as parts of a card."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ...core.errors import FitmodelsError
 from ...parameters import (
     AdaptiveForceSection,
     Bound,
@@ -14,17 +15,20 @@ from ...parameters import (
     Range,
     RoughnessSection,
 )
+from .design import middle_of, reference
 from .dynamics import sentence
 from .numbers import fact, figure, percent, quantity
-from .parts import Named, Window
-from .region import operation_window
+from .parts import FactPart, NumberPart, WindowPart
+
+if TYPE_CHECKING:
+    from ...controllers.region import Point, VisibleRegion
 
 ALONE = "The file has no power law in V and f of what they limit, so no window of operation is told from them."
 BOUNDS = {"power": "power", "force": "force", "wear": "wear"}
 RANGES = {"feed": "feed", "feed_rate": "feed rate", "speed": "cutting speed", "spindle_speed": "spindle speed"}
 
 
-def windows(pf: ParameterFile) -> tuple[Window, ...]:
+def windows(pf: ParameterFile) -> tuple[WindowPart, ...]:
     """Limits, window of operation, and the settings of each controller that the file has some for."""
     window = operation_window(pf)
     found = (
@@ -37,9 +41,9 @@ def windows(pf: ParameterFile) -> tuple[Window, ...]:
     return tuple(each for each in found if each is not None)
 
 
-def limits_window(limits: LimitsSection, *, alone: bool = False) -> Window:
+def limits_window(limits: LimitsSection, *, alone: bool = False) -> WindowPart:
     """What machine, tool and work allow; ``alone`` where no window of operation goes with them."""
-    facts: list[Named] = []
+    facts: list[FactPart] = []
     for name, words in BOUNDS.items():
         bound: Bound | None = getattr(limits, name)
         if bound is not None:
@@ -49,12 +53,12 @@ def limits_window(limits: LimitsSection, *, alone: bool = False) -> Window:
         if each is not None:
             facts += fact(f"{words}, lowest", figure(each.low, 6, each.unit))
             facts += fact(f"{words}, highest", figure(each.high, 6, each.unit))
-    return Window(
+    return WindowPart(
         title="Limits", facts=tuple(facts), sentences=("Limits as given, not fitted.", *([ALONE] if alone else []))
     )
 
 
-def load_line_window(line: LoadLineSection) -> Window:
+def load_line_window(line: LoadLineSection) -> WindowPart:
     """Settings of milling at constant load."""
     wear, feed, load = line.unit_wear, line.unit_feed, line.unit_load
     low, high = line.window
@@ -79,10 +83,10 @@ def load_line_window(line: LoadLineSection) -> Window:
     ]  # fmt: skip
     by = f", {line.by}" if line.by else ""
     title = f"Constant load, from the law of {line.law}{by}"
-    return Window(title=title, facts=facts, sentences=tuple(sentence(text) for text in sentences))
+    return WindowPart(title=title, facts=facts, sentences=tuple(sentence(text) for text in sentences))
 
 
-def roughness_window(r: RoughnessSection, pf: ParameterFile) -> Window:
+def roughness_window(r: RoughnessSection, pf: ParameterFile) -> WindowPart:
     """Settings of turning at constant roughness."""
     facts = (
         *fact("roughness asked for", figure(r.roughness, 6, r.unit_roughness)),
@@ -101,10 +105,10 @@ def roughness_window(r: RoughnessSection, pf: ParameterFile) -> Window:
         *_reaches(r, pf),
         *r.notes,
     ]
-    return Window(title="Constant roughness", facts=facts, sentences=tuple(sentence(text) for text in sentences))
+    return WindowPart(title="Constant roughness", facts=facts, sentences=tuple(sentence(text) for text in sentences))
 
 
-def adaptive_force_window(a: AdaptiveForceSection) -> Window:
+def adaptive_force_window(a: AdaptiveForceSection) -> WindowPart:
     """Settings of adaptive force control."""
     points = (
         fact(f"force at depth {quantity(figure(p.depth, 6, a.unit_depth))}", figure(p.force, 6, a.unit_force))
@@ -127,10 +131,10 @@ def adaptive_force_window(a: AdaptiveForceSection) -> Window:
         *fact("lowest command", figure(a.low, 6, a.unit_u)),
         *fact("highest command", figure(a.high, 6, a.unit_u)),
     )
-    return Window(title="Adaptive force", facts=facts, sentences=tuple(sentence(note) for note in a.notes))
+    return WindowPart(title="Adaptive force", facts=facts, sentences=tuple(sentence(note) for note in a.notes))
 
 
-def _feed(name: str, limit: FeedLimit, unit: str, unit_wear: str) -> tuple[Named, ...]:
+def _feed(name: str, limit: FeedLimit, unit: str, unit_wear: str) -> tuple[FactPart, ...]:
     at = f"at a wear of {quantity(figure(limit.wear, 6, unit_wear))}"
     ends = limit.interval
     if isinstance(ends, LimitInterval):
@@ -152,3 +156,83 @@ def _reaches(r: RoughnessSection, pf: ParameterFile) -> list[str]:
         return []
     at: dict[str, Any] = {law.factors[0].symbol: r.force}
     return [law.tell("prediction", **at).words]
+
+
+TITLE = "Window of operation"
+
+
+def operation_window(pf: ParameterFile) -> WindowPart | None:
+    """Corners and optimum at the middle depth and time of the tests; None where limits or laws of V and f lack.
+
+    Where the limits do not fit the laws the window says so in a sentence.
+    """
+    if not _can(pf):
+        return None
+    from ...controllers.region import visible_region
+
+    d, t = (_middle(pf, symbol) for symbol in ("d", "t"))
+    by = next((reference(law) for law in pf.laws.values() if law.by is not None), None)
+    at: dict[str, Any] = {name: value for name, value in (("d", d), ("t", t)) if value is not None}
+    try:
+        found = visible_region(pf, by=by, **at)
+        return _window(found)
+    except FitmodelsError as error:
+        return WindowPart(title=TITLE, sentences=(sentence(f"no window of operation: {error}"),))
+
+
+def _can(pf: ParameterFile) -> bool:
+    limits = pf.limits
+    if limits is None or not (limits.power or limits.force or limits.wear):
+        return False
+    powers = [law for law in pf.laws.values() if law.form == "power"]
+    return any({"V", "f"} <= {f.symbol for f in law.factors} for law in powers)
+
+
+def _middle(pf: ParameterFile, symbol: str) -> float | None:
+    ranges = [(f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol == symbol]
+    if not ranges:
+        return None
+    return middle_of(max(low for low, _ in ranges), min(high for _, high in ranges), logs=True)
+
+
+def _window(found: "VisibleRegion") -> WindowPart:
+    at = f"at d {quantity(figure(found.setting.d, 6, 'mm'))} and t {quantity(figure(found.setting.t, 6, 'min'))}"
+    if found.empty:
+        return WindowPart(title=TITLE, sentences=(sentence(f"nothing is allowed {at}: {found.conflict}"),))
+    best = found.best
+    corners = (
+        item
+        for corner in found.corners
+        for item in (
+            *fact(f"corner {corner.letter}, V", figure(corner.V, 4, "m/min"), " and ".join(corner.limits)),
+            *fact(f"corner {corner.letter}, f", figure(corner.f, 4, "mm/rev")),
+        )
+    )
+    held = ", held there by " + " and ".join(best.held_by) if best.held_by else ""
+    tested = "" if best.tested else "; the laws were not tested there, so try it with care before it is relied on"
+    said = [
+        f"{at}, the greatest metal removal rate within the limits is {quantity(_removal(best.MRR))}{held}{tested}",
+        "the laws are taken as they stand: on a limit, about every second tool exceeds it, so stay inside by as much "
+        "as the intervals say",
+        *found.notes,
+    ]
+    return WindowPart(title=TITLE, facts=(*_best(best), *corners), sentences=tuple(sentence(text) for text in said))
+
+
+def _best(best: "Point") -> tuple[FactPart, ...]:
+    responses = (
+        item
+        for name, value in best.values.items()
+        for item in fact(f"{name} at the optimum", figure(value, 4, best.units[name]))
+    )
+    return (
+        *fact("V of the optimum", figure(best.V, 4, "m/min")),
+        *fact("f of the optimum", figure(best.f, 4, "mm/rev")),
+        *fact("metal removal rate of the optimum", _removal(best.MRR), "MRR = 1000 V f d"),
+        *responses,
+        *fact("wear rate at the optimum", figure(best.wear_rate, 4, "um/min")),
+    )
+
+
+def _removal(value: float) -> NumberPart:
+    return figure(value, 4, "mm3/min")

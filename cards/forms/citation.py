@@ -1,17 +1,45 @@
-"""How to cite a card: CITATION.cff (version 1.2.0) and .zenodo.json, made when they are asked for."""
+"""Citation of a card: CITATION.cff (version 1.2.0) and .zenodo.json."""
 
 import html
 import json
 import re
+from dataclasses import dataclass
 from typing import Any
 
 from ...core.errors import UsageError
 from ..content.parts import Card
-from .people import Author, author
-from .yaml_text import yaml_text
+from .front_matter import yaml_text
 
 MESSAGE = "If you use this card, please cite it, and the papers whose laws it refits."
 DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
+
+
+ORCID = re.compile(r"\s*\(?(?:https?://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX])\)?\s*$")
+
+
+@dataclass(frozen=True, slots=True)
+class Author:
+    """A person with both names, or an institution with ``name`` alone; ORCID where it is told."""
+
+    name: str
+    family: str = ""
+    given: str = ""
+    orcid: str = ""
+
+
+def author(written: str) -> Author:
+    """What an entry of ``authors`` says.
+
+    >>> author("Doe, Jane (0000-0002-1825-0097)")
+    Author(name='Doe, Jane', family='Doe', given='Jane', orcid='0000-0002-1825-0097')
+    >>> author("Laboratory of Machining").family
+    ''
+    """
+    found = ORCID.search(written)
+    name = " ".join((written[: found.start()] if found else written).split())
+    family, comma, given = (part.strip() for part in name.partition(","))
+    both = bool(comma and family and given)
+    return Author(name, family if both else "", given if both else "", found[1] if found else "")
 
 
 def citation_cff(card: Card) -> str:
@@ -25,10 +53,10 @@ def citation_cff(card: Card) -> str:
     Examples
     --------
     >>> from fitmodels import parameters
-    >>> from fitmodels.cards.content.compose import compose
-    >>> from fitmodels.cards.content.parts import Publication
+    >>> from fitmodels.cards.content.card import compose
+    >>> from fitmodels.cards.content.parts import PublicationPart
     >>> pf = parameters.collect(tool="GC435", work="709M40")
-    >>> print(citation_cff(compose(pf, publication=Publication(authors=("Doe, Jane",)))).splitlines()[2])
+    >>> print(citation_cff(compose(pf, publication=PublicationPart(authors=("Doe, Jane",)))).splitlines()[2])
     title: "GC435 on 709M40"
     """
     p = card.publication

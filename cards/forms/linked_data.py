@@ -5,8 +5,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from ..content.parts import Card, FactorRange
-from .people import author
+from ..content.parts import Card, FactorRangePart
+from .citation import author
 
 CONTEXT = "https://schema.org"  # a name, never fetched
 SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*")
@@ -17,7 +17,7 @@ def json_ld(card: Card) -> str:
     """JSON-LD that may stand in a script element as it is.
 
     >>> from fitmodels import parameters
-    >>> from fitmodels.cards.content.compose import compose
+    >>> from fitmodels.cards.content.card import compose
     >>> "<" in json_ld(compose(parameters.collect(tool="</script>", work="709M40")))
     False
     """
@@ -109,7 +109,7 @@ def _creator(written: str) -> dict[str, str]:
 
 def _variables(card: Card) -> Iterator[dict[str, Any]]:
     """Factors with their ranges, then what was measured over them."""
-    factors: dict[str, FactorRange] = {f.symbol: f for law in card.laws for f in law.domain}
+    factors: dict[str, FactorRangePart] = {f.symbol: f for law in card.laws for f in law.domain}
     factors.update({f.symbol: f for f in card.design.factors} if card.design else {})
     for f in factors.values():
         ends = {"minValue": f.low.value, "maxValue": f.high.value}

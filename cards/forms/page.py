@@ -1,4 +1,4 @@
-"""The card as a page: one HTML file that asks nothing of the outside, reads on a phone and prints on A4."""
+"""The card as a page: one self-contained HTML file that makes no requests."""
 
 import base64
 import hashlib
@@ -7,29 +7,29 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
 from typing import NamedTuple
+from urllib.parse import quote
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from ...core.rounding import format_plain, format_rounded
 from ...parameters import ParameterFile
-from ..content.parts import Card, Profiler
+from ..content.parts import Card, CoefficientPart, FactorRangePart, NumberPart, ProfilerPart
 from ..content.profiler import Value, inside, profile_all
-from .typeset import anchor, data_block, doi, equation, interval, number, prose, spread
-from .vector_figures import vector_figures
+from .page_figures import vector_figures
 
 SPACES = re.compile(r"\s+")
 
 
-class Point(NamedTuple):
+class ProfiledPoint(NamedTuple):
     """A line of the table that stands in for the profiler: where, and what each law says there."""
 
     at: tuple[str, ...]
-    values: tuple["Prediction", ...]
+    values: tuple["ProfiledValue", ...]
     removal: str
 
 
-class Prediction(NamedTuple):
+class ProfiledValue(NamedTuple):
     """A prediction as text, and whether the point was tested."""
 
     value: str
@@ -38,7 +38,7 @@ class Prediction(NamedTuple):
     inside: bool
 
 
-def page(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "", beside: Sequence[str] = ()) -> str:
+def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "", beside: Sequence[str] = ()) -> str:
     """The page of a card: everything that it tells, in one HTML file.
 
     Parameters
@@ -61,8 +61,8 @@ def page(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "", besi
     Examples
     --------
     >>> from fitmodels import parameters
-    >>> from fitmodels.cards.content.compose import compose
-    >>> text = page(compose(parameters.collect(tool="<b>", work="709M40")))
+    >>> from fitmodels.cards.content.card import compose
+    >>> text = page_html(compose(parameters.collect(tool="<b>", work="709M40")))
     >>> "&lt;b&gt; on 709M40</h1>" in text, "http-equiv" in text
     (True, True)
     """
@@ -83,7 +83,7 @@ def page(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "", besi
     )
 
 
-def points(profiler: Profiler) -> Iterator[Point]:
+def points(profiler: ProfilerPart) -> Iterator[ProfiledPoint]:
     """Predictions at the start of the sliders, and with one of them at either end of its range."""
     yield _point(profiler, profiler.start)
     for factor in profiler.factors:
@@ -92,17 +92,17 @@ def points(profiler: Profiler) -> Iterator[Point]:
                 yield _point(profiler, {**profiler.start, factor.symbol: end.value})
 
 
-def _point(profiler: Profiler, at: Mapping[str, float]) -> Point:
+def _point(profiler: ProfilerPart, at: Mapping[str, float]) -> ProfiledPoint:
     answers = profile_all(profiler, at)
     wears = {law.wear: answers[law.wear][0] for law in profiler.laws if law.wear}
     laws = {law.response: law for law in profiler.laws}
     known = {law.response: inside(law, {**at, **wears}) for law in profiler.laws}
     values = tuple(
-        Prediction(*tell(answers[name]), known[name] and (not law.wear or known[law.wear]))
+        ProfiledValue(*tell(answers[name]), known[name] and (not law.wear or known[law.wear]))
         for name, law in laws.items()
     )
     removal = f"{float(format_plain(1000 * at['V'] * at['f'] * at['d'], 4)):.12g}" if profiler.removal else ""
-    return Point(tuple(format_plain(at[f.symbol], 4) for f in profiler.factors), values, removal)
+    return ProfiledPoint(tuple(format_plain(at[f.symbol], 4) for f in profiler.factors), values, removal)
 
 
 def tell(answer: Value) -> tuple[str, str, str]:
@@ -151,3 +151,95 @@ def _template() -> Template:
         n=number, interval=interval, spread=spread, equation=equation, prose=prose, doi=doi, anchor=anchor
     )
     return environment.get_template("page.html")
+
+
+UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"
+WORTH = re.compile(
+    r"(?P<doi>\b10\.\d{4,9}/[\w.;()/:-]*\w)"
+    rf"|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
+    r"|(?P<probability>\bp (?:[<=] ?)?\d?\.\d+(?:e-\d+)?)"
+    r"|(?P<power_of_ten>[-−]?\d[\d.]*e-?\d+)"
+    rf"|(?P<letters>\bU = k u\b|\b[uk] = \d[\d.e-]*(?: (?:{UNITS})(?![\w/]))?)"
+)
+LEVELS = " for "  # from here on an equation tells which level of a category it is of
+TOKEN = re.compile(r"(?P<number>\d+\.?\d*(?:e[+-]?\d+)?)|(?P<function>exp|ln)(?=\()|(?P<name>[^\W\d]\w*)")
+POWER = re.compile(r"\^(-?[\d.]+(?:e[+-]?\d+)?)")
+DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/)?(10\.\d{4,9}/\S+)")
+LONGEST = 24  # characters
+
+
+def number(n: NumberPart) -> Markup:
+    """A number with its unit, which no line break parts."""
+    unit = Markup('\u00a0<span class="unit">{}</span>').format(n.unit) if n.unit and n.text else Markup()
+    return Markup('<span class="number{}">{}{}</span>').format(_kept(n.text + n.unit), n.text, unit)
+
+
+def interval(c: CoefficientPart) -> str:
+    """Both ends, or nothing."""
+    return f"{c.low.text} … {c.high.text}" if c.low.text else ""
+
+
+def spread(f: FactorRangePart) -> Markup:
+    """A factor's range: symbol, both ends, unit."""
+    return Markup('<span class="number{}"><var>{}</var> {} to {}\u00a0<span class="unit">{}</span></span>').format(
+        _kept(f.symbol + f.unit), f.symbol, f.low.text, f.high.text, f.unit
+    )
+
+
+def _kept(text: str) -> str:
+    """Class of what no line break parts: not of a name longer than a line of a phone."""
+    return " kept" if len(text) <= LONGEST else ""
+
+
+def equation(text: str) -> Markup:
+    """An equation typeset: names as variables, powers raised; what is read and copied is the text as it was.
+
+    >>> print(equation("AW = 0.5 V^0.3"))
+    <var>AW</var> = 0.5 <var>V</var><span class="hat">^</span><sup>0.3</sup>
+    """
+    text, told, level = text.partition(LEVELS)
+    out, at = [], 0
+    for power in POWER.finditer(text):
+        out += [_names(text[at : power.start()]), Markup('<span class="hat">^</span><sup>{}</sup>').format(power[1])]
+        at = power.end()
+    return Markup().join([*out, _names(text[at:]), escape(told + level)])
+
+
+def prose(text: str) -> Markup:
+    """A sentence: numbers stay with their units, a p with its value, and a DOI is a link."""
+    out, at = [], 0
+    for found in WORTH.finditer(text):
+        out.append(escape(text[at : found.start()]))
+        out.append(doi(found[0]) if found["doi"] else Markup('<span class="kept">{}</span>').format(found[0]))
+        at = found.end()
+    return Markup().join([*out, escape(text[at:])])
+
+
+def doi(text: str) -> Markup:
+    """A DOI as a link to its resolver; anything else as it is."""
+    found = DOI.fullmatch(text.strip())
+    if found is None:
+        return escape(text)
+    address = f"https://doi.org/{quote(found[1], safe='/.:;()-_')}"
+    return Markup('<a href="{}" rel="noopener noreferrer">{}</a>').format(address, text)
+
+
+def anchor(index: int, prefix: str) -> str:
+    """An id that holds no name from the file."""
+    return f"{prefix}-{index}"
+
+
+def data_block(text: str) -> Markup:
+    """JSON that stands in a script element: nothing in it can end the element or begin a comment."""
+    for letter in "<>&\u2028\u2029":
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
+    return Markup(text)  # noqa: S704
+
+
+def _names(text: str) -> Markup:
+    out, at = [], 0
+    for token in TOKEN.finditer(text):
+        if token["name"]:
+            out += [escape(text[at : token.start()]), Markup("<var>{}</var>").format(token[0])]
+            at = token.end()
+    return Markup().join([*out, escape(text[at:])])

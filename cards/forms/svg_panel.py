@@ -35,7 +35,7 @@ REFERENCE = re.compile(r'( id="|url\(#|xlink:href="#)')
 BLANK = re.compile(r"\s*\n\s*")
 
 
-class Axis(NamedTuple):
+class PanelAxis(NamedTuple):
     """Ends of an axis, its ticks with their labels, and its name."""
 
     low: float
@@ -45,7 +45,7 @@ class Axis(NamedTuple):
     name: str = ""
 
 
-class Room(NamedTuple):
+class Margins(NamedTuple):
     """Height of a panel and what is left for words at its sides, px."""
 
     height: float = 210.0
@@ -55,10 +55,10 @@ class Room(NamedTuple):
     bottom: float = 40.0
 
 
-ROOM = Room()
+MARGINS = Margins()
 
 
-class Panel:
+class PanelCanvas:
     """What a figure is drawn on: ``ax`` for shapes in data, `text` for words in px.
 
     Attributes
@@ -69,7 +69,7 @@ class Panel:
         ``text`` elements.
     """
 
-    def __init__(self, ax: "Axes", x: Axis, y: Axis, room: Room) -> None:
+    def __init__(self, ax: "Axes", x: PanelAxis, y: PanelAxis, room: Margins) -> None:
         self.ax, self.x, self.y, self.room = ax, x, y, room
         self.words: list[str] = []
 
@@ -91,15 +91,15 @@ class Panel:
         self.text(self.at(x, 0.0)[0], self.room.top - 3, words, "middle", "f-soft")
 
 
-class Drawing(NamedTuple):
+class PanelDrawing(NamedTuple):
     """A panel to be drawn: title, text alternative, axes, what to put on them, and room."""
 
     title: str
     alternative: str
-    x: Axis
-    y: Axis
-    draw: Callable[[Panel], None]
-    room: Room = ROOM
+    x: PanelAxis
+    y: PanelAxis
+    draw: Callable[[PanelCanvas], None]
+    room: Margins = MARGINS
 
 
 @contextmanager
@@ -111,7 +111,7 @@ def settings() -> Iterator[None]:
         yield
 
 
-def svg(number: int, drawing: Drawing) -> str:
+def svg(number: int, drawing: PanelDrawing) -> str:
     """Draw a panel and return it as an ``svg`` element with its text alternative.
 
     ``number`` sets its ids apart from those of other figures in the page. Called within `settings`.
@@ -126,7 +126,7 @@ def svg(number: int, drawing: Drawing) -> str:
     ax.set_position(place)
     ax.set_xlim(x.low, x.high)
     ax.set_ylim(y.low, y.high)
-    panel = Panel(ax, x, y, room)
+    panel = PanelCanvas(ax, x, y, room)
     draw(panel)
     _frame(panel)
     buffer: Any = StringIO()
@@ -148,33 +148,33 @@ def cleaned(drawn: str, prefix: str) -> str:
     return BLANK.sub("\n", body).lstrip()
 
 
-def even(low: float, high: float, name: str = "", steps: int = 4) -> Axis:
+def even(low: float, high: float, name: str = "", steps: int = 4) -> PanelAxis:
     """An axis with a few round ticks."""
     from matplotlib.ticker import MaxNLocator
 
     round_ones = MaxNLocator(steps, steps=[1, 2, 5, 10]).tick_values(low, high)
     ticks = [float(t) for t in round_ones if low <= t <= high]
-    return Axis(low, high, ticks, [f"{t:.4g}".replace("-", MINUS) for t in ticks], name)
+    return PanelAxis(low, high, ticks, [f"{t:.4g}".replace("-", MINUS) for t in ticks], name)
 
 
-def decades(low: float, high: float, name: str = "") -> Axis:
+def decades(low: float, high: float, name: str = "") -> PanelAxis:
     """An axis of decimal logarithms, its ticks at decades, or at 1, 2 and 5 where it has less than two of them."""
     steps = (0.0,) if high - low >= 2 else (0.0, 0.30103, 0.69897)
     every = max(1, round((high - low) / 4))
     ticks = [k + s for k in range(int(low) - 2, int(high) + 2, every) for s in steps if low <= k + s <= high]
-    return Axis(low, high, ticks, [f"{float(f'{10**t:.1g}'):g}" for t in ticks], name)
+    return PanelAxis(low, high, ticks, [f"{float(f'{10**t:.1g}'):g}" for t in ticks], name)
 
 
-def at_levels(low: float, high: float, levels: Sequence[tuple[float, str]], name: str = "") -> Axis:
+def at_levels(low: float, high: float, levels: Sequence[tuple[float, str]], name: str = "") -> PanelAxis:
     """An axis with ticks at levels of the tests, the ends first, without those whose labels would touch."""
     kept: list[tuple[float, str]] = []
     for value, label in (levels[0], levels[-1], *levels[1:-1]):
         if all(abs(value - other) > NEAR * (high - low) for other, _ in kept):
             kept.append((value, label))
-    return Axis(low, high, [value for value, _ in kept], [label for _, label in kept], name)
+    return PanelAxis(low, high, [value for value, _ in kept], [label for _, label in kept], name)
 
 
-def _frame(panel: Panel) -> None:
+def _frame(panel: PanelCanvas) -> None:
     """Two lines with ticks, their labels, and the names of the axes."""
     x, y, r = panel.x, panel.y, panel.room
     end, base = WIDTH - r.right, r.height - r.bottom

@@ -1,7 +1,18 @@
-"""The static site of many cards: found, judged, written, compared."""
+"""The static site of many cards: found, checked, written, compared."""
 
-from .build import TITLE, check, publish
-from .entry import Entry, Exponent, LawEntry
-from .report import Problem, Report
+from .build import TITLE, PublicationReport, check, publish
+from .build import publish as site
+from .entries import CardEntry, ExponentEntry, LawEntry
+from .pair import PublicationProblem
 
-__all__ = ["TITLE", "Entry", "Exponent", "LawEntry", "Problem", "Report", "check", "publish"]
+__all__ = [
+    "TITLE",
+    "CardEntry",
+    "ExponentEntry",
+    "LawEntry",
+    "PublicationProblem",
+    "PublicationReport",
+    "check",
+    "publish",
+    "site",
+]

@@ -10,9 +10,9 @@ from importlib.resources import files
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from ..forms.typeset import data_block
-from .compare import comparison, tables
-from .entry import Entry
+from ..forms.page import data_block
+from .comparison import comparison, tables
+from .entries import CardEntry
 
 GROUPS = {
     "P": "P, steel",
@@ -24,7 +24,7 @@ GROUPS = {
 }
 
 
-def index_page(entries: Sequence[Entry], title: str) -> str:
+def index_page(entries: Sequence[CardEntry], title: str) -> str:
     """``index.html``: a table of links, which a script lets one search, filter and sort.
 
     Examples
@@ -35,7 +35,7 @@ def index_page(entries: Sequence[Entry], title: str) -> str:
     return _page("site_index", title, entries, choices=_choices(entries))
 
 
-def compare_page(entries: Sequence[Entry], title: str) -> str:
+def compare_page(entries: Sequence[CardEntry], title: str) -> str:
     """``compare.html``: exponents with their intervals in tables, which a script draws on one axis.
 
     Examples
@@ -49,7 +49,7 @@ def compare_page(entries: Sequence[Entry], title: str) -> str:
     )
 
 
-def _page(name: str, title: str, entries: Sequence[Entry], **more: object) -> str:
+def _page(name: str, title: str, entries: Sequence[CardEntry], **more: object) -> str:
     style = _asset("page.css") + _asset("site.css")
     script = _asset(f"{name}.js")
     return (
@@ -68,7 +68,7 @@ def _page(name: str, title: str, entries: Sequence[Entry], **more: object) -> st
     )
 
 
-def _choices(entries: Sequence[Entry]) -> dict[str, list[tuple[str, str]]]:
+def _choices(entries: Sequence[CardEntry]) -> dict[str, list[tuple[str, str]]]:
     """Value and words of each filter, in order; one that would leave nothing to choose is empty."""
     found = {
         "tool": [(name, name) for name in {e.tool for e in entries}],

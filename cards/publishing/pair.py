@@ -1,4 +1,4 @@
-"""A folder of a pair: read, judged, and written as the folder of a card."""
+"""A folder of a pair: found, read, checked, and written as the folder of a card."""
 
 import hashlib
 import os
@@ -6,22 +6,33 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...core.errors import FitmodelsError
+from ...core.errors import DataError, FitmodelsError, UsageError
 from ...parameters import ParameterFile, read
-from ..content.compose import compose
+from ..content.card import compose
 from ..content.parts import Card
-from ..forms.together import PAGE, PROGRAM, README, forms
-from ..gate import GateReport, judge, read_toml, template
-from ..gate.ask import QUESTIONS
-from .entry import Entry, entry
-from .find import PARAMETERS
-from .report import Problem
+from ..folder import PAGE, PARAMETERS, PROGRAM, README, card_files
+from .card_toml import read_toml
+from .entries import CardEntry, card_entry
+from .requirements import QUESTIONS, PublicationCheck, card_toml_template, check_publication
 
 TOML = "card.toml"
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class PublicationProblem:
+    """One thing that stands against publishing a pair: its folder within FOLDER, and a sentence.
+
+    ``kind`` is ``unreadable``, ``field``, ``check`` or ``twice``; ``fields`` are those that are empty.
+    """
+
+    folder: str
+    kind: str
+    words: str
+    fields: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PairTask:
     """A pair to be looked at.
 
     Attributes
@@ -42,28 +53,66 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True)
-class Looked:
+class PairReview:
     """What came of a pair: its entry, or what stands against it and the ``card.toml`` to fill in."""
 
-    task: Task
-    entry: Entry | None
-    problems: tuple[Problem, ...] = ()
+    task: PairTask
+    entry: CardEntry | None
+    problems: tuple[PublicationProblem, ...] = ()
     template: str = ""
 
 
-def look(task: Task) -> Looked:
+def pair_folders(folder: Path, site: Path | None = None) -> tuple[Path, ...]:
+    """Folders that hold a ``params.json``, sorted by their path; hidden ones and the site itself are passed by.
+
+    Raises
+    ------
+    UsageError
+        There is no such folder.
+    DataError
+        It holds no ``params.json``.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as place:
+    ...     (Path(place) / "a").mkdir()
+    ...     _ = (Path(place) / "a" / "params.json").write_text("{}")
+    ...     [path.name for path in pair_folders(Path(place))]
+    ['a']
+    """
+    if not folder.is_dir():
+        raise UsageError(f"{folder}: is no folder; give the one that holds the pairs, each with its {PARAMETERS}.")
+    own = None if site is None else site.resolve()
+    found = []
+    for place, below, names in os.walk(folder):
+        below[:] = sorted(n for n in below if not n.startswith(".") and (own is None or _real(place, n) != own))
+        if PARAMETERS in names:
+            found.append(Path(place))
+    if not found:
+        raise DataError(f"{folder}: holds no {PARAMETERS}; fit first: fitmodels data.csv --out {folder}.")
+    return tuple(sorted(found, key=lambda path: path.relative_to(folder).parts))
+
+
+def _real(place: str, name: str) -> Path:
+    return Path(place, name).resolve()
+
+
+def look(task: PairTask) -> PairReview:
     """Read a pair and judge it; where nothing stands against it write its card."""
     try:
         pf, whole, card = read_pair(task.folder, above=task.above)
-        report = judge(card, pf, task.folder)
+        report = check_publication(card, pf, task.folder)
     except FitmodelsError as error:
-        return Looked(task, None, (Problem(task.name, "unreadable", str(error).replace(f"{task.folder}/", "")),))
+        return PairReview(
+            task, None, (PublicationProblem(task.name, "unreadable", str(error).replace(f"{task.folder}/", "")),)
+        )
     problems = tuple(_against(task, report))
     if problems:
         asks = any(p.kind == "field" for p in problems) and not os.path.lexists(task.folder / TOML)
-        return Looked(task, None, problems, template(card) if asks else "")
+        return PairReview(task, None, problems, card_toml_template(card) if asks else "")
     hashes = {} if task.to is None else _write(task.folder, task.to, whole, card)
-    return Looked(task, entry(card, whole, hashes))
+    return PairReview(task, card_entry(card, whole, hashes))
 
 
 def read_pair(
@@ -97,16 +146,16 @@ def read_pair(
     return pf, whole, compose(whole, publication=told.publication, folder=folder)
 
 
-def _against(task: Task, report: GateReport) -> Iterator[Problem]:
+def _against(task: PairTask, report: PublicationCheck) -> Iterator[PublicationProblem]:
     """What is empty, in one sentence; what only a new fit brings; then each refusal."""
     asked = tuple(m.field for m in report.missing if m.field in QUESTIONS)
     if asked:
-        yield Problem(task.name, "field", f"not told: {', '.join(asked)}; say it in {TOML}.", asked)
+        yield PublicationProblem(task.name, "field", f"not told: {', '.join(asked)}; say it in {TOML}.", asked)
     for m in report.missing:
         if m.field not in QUESTIONS:
-            yield Problem(task.name, "field", f"not told: {m.field}; {m.why}. {m.ask}", (m.field,))
+            yield PublicationProblem(task.name, "field", f"not told: {m.field}; {m.why}. {m.ask}", (m.field,))
     for words in report.refusals:
-        yield Problem(task.name, "check", words)
+        yield PublicationProblem(task.name, "check", words)
 
 
 def _write(folder: Path, to: Path, pf: ParameterFile, card: Card) -> dict[str, str]:
@@ -116,7 +165,7 @@ def _write(folder: Path, to: Path, pf: ParameterFile, card: Card) -> dict[str, s
         beside.append(pf.posterior.draws_file)  # without them the file that is published fails its own check
     made = {name: (folder / name).read_bytes() for name in beside}
     named = sorted(name for name in (*made, README, PROGRAM) if "/" not in name)
-    for name, content in forms(card, pf, named).items():
+    for name, content in card_files(card, pf, named).items():
         made["index.html" if name == PAGE else name] = content
     for name, content in made.items():
         (to / name).parent.mkdir(parents=True, exist_ok=True)

@@ -1,10 +1,11 @@
-"""The head of README.md: metadata as the Hugging Face hub reads them, and our own."""
+"""The YAML front matter of README.md: metadata as the Hugging Face hub reads them, and our own."""
 
+import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ..content.parts import Card, Named
+from ..content.parts import Card, FactPart
 
 UNSAFE = re.compile(r"[^\w.-]+", re.ASCII)
 LONGEST = 96  # characters of a name on the hub
@@ -30,7 +31,7 @@ def hub_metadata(card: Card) -> dict[str, Any]:
     Examples
     --------
     >>> from fitmodels import parameters
-    >>> from fitmodels.cards.content.compose import compose
+    >>> from fitmodels.cards.content.card import compose
     >>> hub_metadata(compose(parameters.collect(tool="GC435", work="709M40")))["tags"]
     ['machining', 'measured']
     """
@@ -87,7 +88,7 @@ def _result(task: str, name: str, config: str, metrics: list[dict[str, Any]], ca
     }
 
 
-def _metric(kind: str, name: str, item: Named, of: str) -> dict[str, Any]:
+def _metric(kind: str, name: str, item: FactPart, of: str) -> dict[str, Any]:
     unit = f", {item.number.unit}" if item.number.unit else ""
     return {"type": kind, "value": float(item.number.text), "name": f"{name} of {of}{unit}"}
 
@@ -109,3 +110,54 @@ def _own(card: Card) -> dict[str, Any]:
 def _hub_name(name: str) -> str:
     """A name in the letters that the hub takes."""
     return UNSAFE.sub("-", name).strip("-.")[:LONGEST].strip("-.") or "unnamed"
+
+
+READ_OTHERWISE = "<>&[]`{}"
+
+
+def yaml_text(data: Mapping[str, Any]) -> str:
+    r"""A mapping as YAML in blocks: numbers, truth, texts, and lists and mappings of them.
+
+    >>> print(yaml_text({"tool": "<b>", "simulated": True, "metrics": [{"value": 1e-05}]}), end="")
+    tool: "\u003cb\u003e"
+    simulated: true
+    metrics:
+      - value: 1.0e-05
+    """
+    return "".join(f"{line}\n" for line in _lines(data))
+
+
+def _lines(value: Mapping[str, Any] | Sequence[Any]) -> Iterator[str]:
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            if isinstance(item, Mapping | list | tuple) and item:
+                yield f"{key}:"
+                yield from (f"  {line}" for line in _lines(item))
+            else:
+                yield f"{key}: {_scalar(item)}"
+        return
+    for item in value:
+        first, *rest = _lines(item) if isinstance(item, Mapping) else [_scalar(item)]
+        yield f"- {first}"
+        yield from (f"  {line}" for line in rest)
+
+
+def _scalar(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{"".join(map(_letter, value))}"'
+    if isinstance(value, float):
+        return _number(value)
+    return json.dumps(value)
+
+
+def _letter(letter: str) -> str:
+    if letter in READ_OTHERWISE or not letter.isprintable():
+        code = ord(letter)
+        return f"\\U{code:08x}" if code > 0xFFFF else f"\\u{code:04x}"
+    return f"\\{letter}" if letter in '\\"' else letter
+
+
+def _number(value: float) -> str:
+    """YAML 1.1 takes 1e-05 for a text: it wants a point in a number with a power."""
+    mantissa, e, power = repr(value).partition("e")
+    return f"{mantissa}.0e{power}" if e and "." not in mantissa else repr(value)

@@ -1,4 +1,4 @@
-"""Figures of a card: pictures beside it, and those that are drawn from the file alone, each told in words as well."""
+"""Figures of a card with captions and text alternatives: drawn from the file, or pictures in its folder."""
 
 import math
 from collections.abc import Iterator
@@ -7,9 +7,9 @@ from pathlib import Path
 from ...parameters import DynamicsSection, LawSection, ParameterFile, PiSection
 from ...parameters.evaluate import LOGARITHMIC
 from .coefficients import law_coefficients
-from .middle import at_words, middle, reference
+from .design import at_words, middle, reference
 from .numbers import figure, percent, quantity
-from .parts import Coefficient, Figure, ProfiledLaw
+from .parts import CoefficientPart, FigurePart, ProfiledLawPart
 from .profiler import band_of, profile, profiled
 
 FOLDER = "figures"
@@ -24,37 +24,37 @@ BESIDE = {  # pictures that fitmodels writes beside a card
 }
 
 
-def figures(pf: ParameterFile, folder: Path | None = None) -> tuple[Figure, ...]:
+def figures(pf: ParameterFile, folder: Path | None = None) -> tuple[FigurePart, ...]:
     """Figures that can be drawn from the file, then the pictures in ``figures`` of ``folder``, by name."""
     return (*drawn(pf), *beside(pf, folder))
 
 
-def drawn(pf: ParameterFile) -> Iterator[Figure]:
+def drawn(pf: ParameterFile) -> Iterator[FigurePart]:
     """Those that need nothing but the file."""
     powers = [law for law in pf.laws.values() if law.form == "power"]
     tables = {law.response: _exponents(law) for law in powers}
     if any(tables.values()):
-        yield Figure(name="exponents", caption=EXPONENTS, alternative=_of_exponents(tables))
+        yield FigurePart(name="exponents", caption=EXPONENTS, alternative=_of_exponents(tables))
     moved = [law for law in pf.laws.values() if law.form in LOGARITHMIC and law.factors]
     if moved:
-        yield Figure(
+        yield FigurePart(
             name="responses",
             caption=RESPONSES.format(band_of(pf)),
             alternative=" ".join(_of_response(pf, law) for law in moved),
         )
     if pf.dynamics is not None:
-        yield Figure(name="dynamics", caption=DYNAMICS, alternative=_of_dynamics(pf.dynamics))
+        yield FigurePart(name="dynamics", caption=DYNAMICS, alternative=_of_dynamics(pf.dynamics))
     if pf.dynamics is not None and pf.pi is not None and pf.pi.figures is not None and pf.pi.figures.stable:
-        yield Figure(name="loop", caption=LOOP, alternative=_of_loop(pf.pi))
+        yield FigurePart(name="loop", caption=LOOP, alternative=_of_loop(pf.pi))
 
 
-def beside(pf: ParameterFile, folder: Path | None) -> Iterator[Figure]:
+def beside(pf: ParameterFile, folder: Path | None) -> Iterator[FigurePart]:
     """Pictures in ``figures`` of the folder that the card stands in."""
     place = None if folder is None else folder / FOLDER
     names = sorted(path.name for path in place.glob("*.png")) if place is not None and place.is_dir() else []
     for name in names:
         stem = name.removesuffix(".png")
-        yield Figure(name=stem, caption=_caption(stem), alternative=_of_picture(pf, stem), file=f"{FOLDER}/{name}")
+        yield FigurePart(name=stem, caption=_caption(stem), alternative=_of_picture(pf, stem), file=f"{FOLDER}/{name}")
 
 
 EXPONENTS = "Exponents of the power laws with their 95 % intervals"
@@ -63,12 +63,12 @@ DYNAMICS = "Gain and phase of the identified model over frequency"
 LOOP = "Step of the reference: the loop of these gains on the identified model"
 
 
-def _exponents(law: LawSection) -> list[Coefficient]:
+def _exponents(law: LawSection) -> list[CoefficientPart]:
     names = {f.symbol for f in law.factors}
     return [c for c in law_coefficients(law) if c.name in names and c.low.text]
 
 
-def _of_exponents(tables: dict[str, list[Coefficient]]) -> str:
+def _of_exponents(tables: dict[str, list[CoefficientPart]]) -> str:
     said = [
         f"{name}: " + ", ".join(f"{c.name} {c.estimate.text} ({c.low.text} to {c.high.text})" for c in lines)
         for name, lines in tables.items()
@@ -91,7 +91,7 @@ def _of_response(pf: ParameterFile, law: LawSection) -> str:
     return f"{law.response} {turn} from {ends[0]} to {ends[1]}{f', with {at}' if at else ''}."
 
 
-def _value(law: ProfiledLaw, at: dict[str, float]) -> str:
+def _value(law: ProfiledLawPart, at: dict[str, float]) -> str:
     value, low, high = profile(law, at)
     band = "" if low is None else f" ({figure(low, 3).text} to {figure(high, 3).text})"
     return f"{quantity(figure(value, 3, law.unit))}{band}"

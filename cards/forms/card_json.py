@@ -1,6 +1,6 @@
 """The card for programs: card.json under a versioned schema, written and read back strictly.
 
-``python -m fitmodels.cards.forms.program`` prints the schema, as it is kept in ``cards/schema/card-1.json``.
+``python -m fitmodels.cards.forms.card_json`` prints the schema, as it is kept in ``cards/schema/card-1.json``.
 """
 
 import json
@@ -28,7 +28,7 @@ def as_json(card: Card) -> str:
     """The card as JSON: fields in the order they are declared, numbers with value and text.
 
     >>> from fitmodels import parameters
-    >>> from fitmodels.cards.content.compose import compose
+    >>> from fitmodels.cards.content.card import compose
     >>> as_json(compose(parameters.collect(tool="GC435", work="709M40"))).splitlines()[1]
     ' "schema": "fitmodels.card/1",'
     """

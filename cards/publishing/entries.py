@@ -8,10 +8,10 @@ from pydantic import Field
 from ...parameters import ParameterFile
 from ...parameters.evaluate import LOGARITHMIC
 from ..content.coefficients import degrees
-from ..content.parts import Card, Law, Number, Part
+from ..content.parts import Card, LawPart, NumberPart, Part
 
 
-class Exponent(Part):
+class ExponentEntry(Part):
     """An exponent of a law, or the rate of an exponential one, with what compares it to another.
 
     ``se`` and ``df`` are None where the law has no interval; ``unit`` is empty of an exponent.
@@ -19,9 +19,9 @@ class Exponent(Part):
 
     factor: str
     unit: str = ""
-    estimate: Number
-    low: Number
-    high: Number
+    estimate: NumberPart
+    low: NumberPart
+    high: NumberPart
     se: float | None = None
     df: int | None = None
 
@@ -34,10 +34,10 @@ class LawEntry(Part):
     unit: str
     form: str
     equation: str
-    exponents: tuple[Exponent, ...] = ()
+    exponents: tuple[ExponentEntry, ...] = ()
 
 
-class Entry(Part):
+class CardEntry(Part):
     """A card in the list of a site, as ``cards.json`` (schema ``fitmodels.site/1``) has it.
 
     ``slug`` names the folder of the card; ``files`` are paths in it -> SHA-256.
@@ -71,19 +71,19 @@ class Entry(Part):
         return self.iso513[:1]
 
 
-def entry(card: Card, pf: ParameterFile, files: dict[str, str]) -> Entry:
+def card_entry(card: Card, pf: ParameterFile, files: dict[str, str]) -> CardEntry:
     """The entry of a card.
 
     Examples
     --------
     >>> from fitmodels import parameters
-    >>> from fitmodels.cards.content.compose import compose
+    >>> from fitmodels.cards.content.card import compose
     >>> pf = parameters.collect(tool="GC435", work="709M40", limits={"power": 7})
-    >>> entry(compose(pf), pf, {}).href
+    >>> card_entry(compose(pf), pf, {}).href
     'cards/gc435-709m40/index.html'
     """
     i = card.identity
-    return Entry(
+    return CardEntry(
         slug=card.slug,
         title=card.title,
         summary=card.summary,
@@ -103,7 +103,7 @@ def entry(card: Card, pf: ParameterFile, files: dict[str, str]) -> Entry:
     )
 
 
-def with_slugs(entries: Sequence[Entry]) -> list[Entry]:
+def with_slugs(entries: Sequence[CardEntry]) -> list[CardEntry]:
     """Entries whose slugs are all different: those of one tool and work get eight digits of their content.
 
     Examples
@@ -123,7 +123,7 @@ def with_slugs(entries: Sequence[Entry]) -> list[Entry]:
     return named
 
 
-def _law(law: Law, pf: ParameterFile) -> LawEntry:
+def _law(law: LawPart, pf: ParameterFile) -> LawEntry:
     return LawEntry(
         response=law.response,
         quantity=law.quantity,
@@ -134,7 +134,7 @@ def _law(law: Law, pf: ParameterFile) -> LawEntry:
     )
 
 
-def _exponents(law: Law, pf: ParameterFile) -> Iterator[Exponent]:
+def _exponents(law: LawPart, pf: ParameterFile) -> Iterator[ExponentEntry]:
     """Of a power law one a factor; of an exponential law its rate; a line has none."""
     section = pf.laws[law.response]
     if section.form not in LOGARITHMIC:
@@ -146,7 +146,7 @@ def _exponents(law: Law, pf: ParameterFile) -> Iterator[Exponent]:
         if factor not in symbols or c.estimate.value is None:
             continue
         known = c.low.value is not None and c.high.value is not None and bool(c.se.value)
-        yield Exponent(
+        yield ExponentEntry(
             factor=factor,
             unit=f"1/({symbols[factor].unit})" if rate and symbols[factor].unit else "",
             estimate=c.estimate,

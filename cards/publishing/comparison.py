@@ -9,29 +9,29 @@ p values (Holm 1979, Scand. J. Statist. 6, 65) keep the chance of a single wrong
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from .entry import Entry, Exponent, LawEntry
+from .entries import CardEntry, ExponentEntry, LawEntry
 
 Key = tuple[str, str, str]  # response, quantity, form
 
 
-class Row(NamedTuple):
+class ComparisonRow(NamedTuple):
     """A card in a table: its exponents in the order of the table's factors, None where its law lacks one."""
 
-    entry: Entry
-    exponents: tuple[Exponent | None, ...]
+    entry: CardEntry
+    exponents: tuple[ExponentEntry | None, ...]
 
 
-class Table(NamedTuple):
+class ComparisonTable(NamedTuple):
     """A law over all cards that hold it."""
 
     response: str
     quantity: str
     form: str
     factors: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[ComparisonRow, ...]
 
 
-def tables(entries: Sequence[Entry]) -> list[Table]:
+def tables(entries: Sequence[CardEntry]) -> list[ComparisonTable]:
     """A table a law, those that most cards hold first.
 
     Examples
@@ -39,7 +39,7 @@ def tables(entries: Sequence[Entry]) -> list[Table]:
     >>> tables([])
     []
     """
-    found: dict[Key, list[tuple[Entry, LawEntry]]] = {}
+    found: dict[Key, list[tuple[CardEntry, LawEntry]]] = {}
     for e in entries:
         for law in e.laws:
             if law.exponents:
@@ -48,7 +48,7 @@ def tables(entries: Sequence[Entry]) -> list[Table]:
     return [_table(key, held) for key, held in ordered]
 
 
-def comparison(entries: Sequence[Entry]) -> dict[str, Any]:
+def comparison(entries: Sequence[CardEntry]) -> dict[str, Any]:
     """What the script needs: pairs, and for each law and factor the exponents.
 
     An exponent is a list: place of its pair, value, standard error, degrees of freedom, low, high, then the three
@@ -67,21 +67,21 @@ def comparison(entries: Sequence[Entry]) -> dict[str, Any]:
     return {"pairs": pairs, "sets": [one for table in tables(entries) for one in _sets(table, place)]}
 
 
-def _table(key: Key, held: Sequence[tuple[Entry, LawEntry]]) -> Table:
+def _table(key: Key, held: Sequence[tuple[CardEntry, LawEntry]]) -> ComparisonTable:
     factors = {_name(x): None for _, law in held for x in law.exponents}  # in the order of the laws
     rows = []
     for e, law in held:
         own = {_name(x): x for x in law.exponents}
-        rows.append(Row(e, tuple(own.get(name) for name in factors)))
-    return Table(*key, tuple(factors), tuple(rows))
+        rows.append(ComparisonRow(e, tuple(own.get(name) for name in factors)))
+    return ComparisonTable(*key, tuple(factors), tuple(rows))
 
 
-def _name(x: Exponent) -> str:
+def _name(x: ExponentEntry) -> str:
     """Rates in different units are different things."""
     return f"{x.factor}, {x.unit}" if x.unit else x.factor
 
 
-def _sets(table: Table, place: dict[str, int]) -> Iterator[dict[str, Any]]:
+def _sets(table: ComparisonTable, place: dict[str, int]) -> Iterator[dict[str, Any]]:
     for column, factor in enumerate(table.factors):
         rows = [
             [place[row.entry.slug], *_numbers(x), x.estimate.text, x.low.text, x.high.text]
@@ -96,6 +96,6 @@ def _sets(table: Table, place: dict[str, int]) -> Iterator[dict[str, Any]]:
         }
 
 
-def _numbers(x: Exponent) -> list[float | int | None]:
+def _numbers(x: ExponentEntry) -> list[float | int | None]:
     values = (x.estimate.value, x.se, x.df, x.low.value, x.high.value)
     return [float(f"{v:.7g}") if isinstance(v, float) else v for v in values]

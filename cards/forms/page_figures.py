@@ -1,6 +1,6 @@
-"""The figures of a page, inline: each law with its band, and exponents with intervals; the drive has its own file."""
+"""Inline SVG figures of a page: laws with bands, exponents with intervals, Bode diagram and step response."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from typing import Any
 
@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import ParameterError
-from ...parameters import LawSection, ParameterFile
-from ...parameters.checks.loop_figures import closed_loop
+from ...parameters import DynamicsSection, LawSection, ParameterFile
+from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
 from ...parameters.evaluate import LOGARITHMIC
-from ..content.middle import middle, reference
-from ..content.parts import Card, Coefficient, Figure, Law
-from .drive_figures import bode, step
+from ..content.design import middle, reference
+from ..content.parts import Card, CoefficientPart, FigurePart, LawPart
 from .svg_panel import (
     BAND,
     INK,
@@ -21,11 +20,12 @@ from .svg_panel import (
     SIZE,
     SOFT,
     TESTED,
-    Axis,
-    Drawing,
-    Panel,
-    Room,
+    Margins,
+    PanelAxis,
+    PanelCanvas,
+    PanelDrawing,
     at_levels,
+    decades,
     even,
     settings,
     svg,
@@ -56,7 +56,7 @@ def vector_figures(card: Card, pf: ParameterFile | None = None) -> dict[str, tup
     Examples
     --------
     >>> from fitmodels import parameters
-    >>> from fitmodels.cards.content.compose import compose
+    >>> from fitmodels.cards.content.card import compose
     >>> model = {"b": [0, 0.5], "a": [1, -0.5], "nk": 1, "sample_time": 0.1,
     ...          "uncertainty": {"kind": "none", "reason": "given"}}
     >>> pf = parameters.collect(tool="GC435", work="709M40", dynamics=model)
@@ -72,7 +72,7 @@ def vector_figures(card: Card, pf: ParameterFile | None = None) -> dict[str, tup
     return {name: panels for name, panels in drawn.items() if panels}
 
 
-def _drawings(figure: Figure, card: Card, pf: ParameterFile | None) -> Iterator[Drawing]:
+def _drawings(figure: FigurePart, card: Card, pf: ParameterFile | None) -> Iterator[PanelDrawing]:
     if figure.name == "exponents":
         yield from exponents(figure, card.laws)
     elif pf is None:
@@ -85,7 +85,7 @@ def _drawings(figure: Figure, card: Card, pf: ParameterFile | None) -> Iterator[
         yield from step(figure, closed_loop(pf.dynamics, pf.pi))
 
 
-def exponents(figure: Figure, laws: Sequence[Law]) -> Iterator[Drawing]:
+def exponents(figure: FigurePart, laws: Sequence[LawPart]) -> Iterator[PanelDrawing]:
     """Exponents of all power laws on one axis, with their intervals: point and bar a line, a law under its name."""
     groups = [(law.response, lines) for law in laws if law.form == "power" and (lines := _exponents(law))]
     ends = [n.value for _, lines in groups for c in lines for n in (c.estimate, c.low, c.high) if n.value is not None]
@@ -94,17 +94,17 @@ def exponents(figure: Figure, laws: Sequence[Law]) -> Iterator[Drawing]:
     rows = sum(len(lines) + 1 for _, lines in groups)
     margin = 0.05 * (max(*ends, 0.0) - min(*ends, 0.0))
     axis = even(min(*ends, 0.0) - margin, max(*ends, 0.0) + margin, "exponent")
-    down = Axis(rows - 0.5, -0.7)
-    room = Room(height=ROW * rows + 46, left=64.0, right=56.0, top=6.0)
-    yield Drawing(figure.caption, figure.alternative, axis, down, lambda panel: _forest(panel, groups), room)
+    down = PanelAxis(rows - 0.5, -0.7)
+    room = Margins(height=ROW * rows + 46, left=64.0, right=56.0, top=6.0)
+    yield PanelDrawing(figure.caption, figure.alternative, axis, down, lambda panel: _forest(panel, groups), room)
 
 
-def _exponents(law: Law) -> list[Coefficient]:
+def _exponents(law: LawPart) -> list[CoefficientPart]:
     factors = {f.symbol for f in law.domain}
     return [c for c in law.coefficients if c.name in factors and c.estimate.value is not None]
 
 
-def _forest(panel: Panel, groups: Sequence[tuple[str, Sequence[Coefficient]]]) -> None:
+def _forest(panel: PanelCanvas, groups: Sequence[tuple[str, Sequence[CoefficientPart]]]) -> None:
     ax, y = panel.ax, 0
     ax.axvline(0.0, color=SOFT, lw=0.8)
     bars, points = [], []
@@ -125,11 +125,11 @@ def _forest(panel: Panel, groups: Sequence[tuple[str, Sequence[Coefficient]]]) -
     ax.plot(*zip(*points, strict=True), "o", color=INK, ms=4.5, mew=0)
 
 
-def _line(panel: Panel, row: float) -> float:
+def _line(panel: PanelCanvas, row: float) -> float:
     return panel.at(0.0, row)[1] + 0.35 * SIZE
 
 
-def responses(figure: Figure, card: Card, pf: ParameterFile) -> Iterator[Drawing]:
+def responses(figure: FigurePart, card: Card, pf: ParameterFile) -> Iterator[PanelDrawing]:
     """Each law over its first factor, the others at the middle of their ranges, with the tested range marked."""
     laws = [law for law in pf.laws.values() if law.form in LOGARITHMIC and law.factors]
     levels = {law.response: law.domain[0].levels for law in card.laws if law.domain}
@@ -154,7 +154,7 @@ def _sentences(text: str, responses: Sequence[str]) -> list[str]:
     return [text[a:b].strip() for a, b in zip(starts, [*starts[1:], len(text)], strict=True)]
 
 
-def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tuple[float, str]]) -> Drawing:
+def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tuple[float, str]]) -> PanelDrawing:
     first = law.factors[0]
     low, high = first.low, first.high
     margin = BEYOND * (high - low) if high > low else BEYOND * abs(high)
@@ -166,7 +166,7 @@ def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tup
     up = even(bottom, 1.04 * top, f"{law.response}, {law.unit}".rstrip(", "))
     inside = (x >= low) & (x <= high)
 
-    def draw(panel: Panel) -> None:
+    def draw(panel: PanelCanvas) -> None:
         ax = panel.ax
         ax.axvspan(low, high, color=TESTED, lw=0)
         if band is not None:
@@ -177,7 +177,7 @@ def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tup
         ax.plot(x[inside], value[inside], color=LINE, lw=2)
         panel.above((low + high) / 2, "tested")
 
-    return Drawing(title, alternative, across, up, draw)
+    return PanelDrawing(title, alternative, across, up, draw)
 
 
 def _over(law: LawSection, symbol: str, x: Array) -> tuple[Array, tuple[Array, Array] | None]:
@@ -189,3 +189,66 @@ def _over(law: LawSection, symbol: str, x: Array) -> tuple[Array, tuple[Array, A
     except ParameterError:
         return np.asarray(law.predict(by=level, **at)), None
     return np.asarray(told.value), (np.asarray(told.low), np.asarray(told.high))
+
+
+Array = NDArray[np.float64]
+
+FREQUENCIES = 80
+BELOW = 10.0  # times below the excited band, or 200 below Nyquist, where a frequency axis begins
+STILL = 1e-3  # what the slowest pole has died down to where a step ends
+LONGEST = 5000  # samples of a step
+DRAWN = 300  # of which are drawn
+SETTLED = 0.02
+
+
+def bode(figure: FigurePart, model: DynamicsSection) -> Iterator[PanelDrawing]:
+    """Gain and phase of the model up to half the sampling rate, the excited band marked."""
+    nyquist = 0.5 / model.sample_time
+    least = model.band[0] / BELOW if model.band and model.band[0] > 0 else nyquist / (20 * BELOW)
+    f = np.geomspace(min(least, nyquist / BELOW), 0.999 * nyquist, FREQUENCIES)
+    with np.errstate(all="ignore"):
+        G = model.response(f)
+        f, G = f[np.isfinite(G) & (G != 0)], G[np.isfinite(G) & (G != 0)]
+    if not len(f):
+        return
+    gain, phase = np.log10(np.abs(G)), np.degrees(np.unwrap(np.angle(G)))
+    across = decades(float(np.log10(f[0])), float(np.log10(nyquist)), "frequency, Hz")
+    unit = f"{model.unit_y or 'output'}/{model.unit_u or 'input'}"
+    room = 0.08 * float(np.ptp(gain)) + 0.05
+    for name, values, up in (
+        ("gain", gain, decades(float(gain.min()) - room, float(gain.max()) + room, f"gain, {unit}")),
+        ("phase", phase, even(float(phase.min()) - 10, float(phase.max()) + 10, "phase, degrees")),
+    ):
+        title = f"{name.capitalize()} over frequency"
+        yield PanelDrawing(title, figure.alternative, across, up, _over_frequency(np.log10(f), values, model.band))
+
+
+def _over_frequency(f: Array, values: Array, band: tuple[float, float] | None) -> Callable[[PanelCanvas], None]:
+    def draw(panel: PanelCanvas) -> None:
+        if band is not None and band[0] > 0:
+            low, high = np.log10(band)
+            panel.ax.axvspan(low, high, color=TESTED, lw=0)
+            panel.above((low + high) / 2, "excited")
+        panel.ax.plot(f, values, color=LINE, lw=2)
+
+    return draw
+
+
+def step(figure: FigurePart, loop: ClosedLoop) -> Iterator[PanelDrawing]:
+    """Output of the loop after a unit step of the reference, from rest, with the lines it settles between."""
+    radius = loop.radius
+    if not radius < 1:
+        return
+    n = int(np.clip(np.log(STILL) / np.log(max(radius, 1e-3)), 30, LONGEST))
+    y = loop.run(np.convolve(np.convolve(loop.b, loop.pn), loop.hd), np.ones(n))
+    time = np.arange(n) * loop.sample_time
+    every = slice(None, None, -(-n // DRAWN))
+    across = even(0.0, float(time[-1]), "time, s")
+    up = even(min(0.0, float(y.min())), 1.06 * max(1.0, float(y.max())), "output per unit of reference")
+
+    def draw(panel: PanelCanvas) -> None:
+        panel.ax.axhspan(1 - SETTLED, 1 + SETTLED, color=TESTED, lw=0)
+        panel.ax.axhline(1.0, color=SOFT, lw=0.8, ls=(0, (3, 3)))
+        panel.ax.plot(time[every], y[every], color=LINE, lw=2)
+
+    yield PanelDrawing("Step of the reference", figure.alternative, across, up, draw)

@@ -1,9 +1,10 @@
-"""card.toml read at the door: keys that are known, values of the right kind, one sentence for anything else."""
+"""card.toml: metadata of a publication read, validated and merged into the identity of a parameter file."""
 
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,92 @@ from typing import Any
 from pydantic import ValidationError
 
 from ...core.errors import DataError
-from ...parameters import IdentitySection
-from ...parameters.errors import in_words, short
-from ..content.parts import Publication
-from .publication_metadata import NO_SENSORS, SENSOR_KEYS, PublicationMetadata
+from ...parameters import IdentitySection, ParameterFile, Sensor
+from ...parameters.errors import in_words, short, short_name
+from ..content.identity import checksum
+from ..content.parts import PublicationPart
+
+SENSOR_KEYS = ("symbol", "unit", "model", "sample_rate", "sd")
+NO_SENSORS = "none"  # symbol of the entry that holds why there was no sensor
+
+
+@dataclass(frozen=True, slots=True)
+class PublicationMetadata:
+    """What card.toml tells.
+
+    Attributes
+    ----------
+    publication : Publication
+        Licence, authors, contact, DOI, title, keywords.
+    machine, iso513, setup : str
+        Empty where it does not say.
+    sensors : tuple of Sensor
+        One with the symbol ``none`` holds why there was none.
+    tool_properties : dict
+        By the symbols of ISO 13399.
+    name : str
+        The file, for sentences.
+    """
+
+    publication: PublicationPart = field(default_factory=PublicationPart)
+    machine: str = ""
+    iso513: str = ""
+    setup: str = ""
+    sensors: tuple[Sensor, ...] = ()
+    tool_properties: Mapping[str, float | str] = field(default_factory=dict)
+    name: str = "card.toml"
+
+    def applied(self, pf: ParameterFile) -> ParameterFile:
+        """The file with this identity, for a card: its checksum stays that of the file on disk, so it is not written.
+
+        The note says what comes from card.toml.
+
+        Raises
+        ------
+        DataError
+            Both tell something, and not the same.
+        """
+        given = {"machine": self.machine, "iso513": self.iso513, "setup": self.setup}
+        new: dict[str, Any] = {k: v for k, v in given.items() if v and not self._same(k, getattr(pf.identity, k), v)}
+        sensors = tuple(self._sensors(pf.identity.sensors))
+        properties = {k: v for k, v in self.tool_properties.items()
+                      if not self._same(f"tool_properties.{k}", pf.identity.iso13399.get(k), v)}  # fmt: skip
+        new |= {"sensors": sensors} if sensors != pf.identity.sensors else {}
+        new |= {"iso13399": {**pf.identity.iso13399, **properties}} if properties else {}
+        if not new:
+            return pf
+        note = f"From {Path(self.name).name}, not from the parameter file: {', '.join(map(_words, new))}."
+        new["note"] = f"{pf.identity.note.rstrip('.')}. {note}" if pf.identity.note else note
+        identity = pf.identity.model_copy(update=new)
+        return pf.model_copy(update={"identity": identity, "content_sha256": checksum(pf)})
+
+    def _same(self, name: str, there: object, here: object) -> bool:
+        """Whether the file tells it already; that it tells something else is refused."""
+        if there in (None, ""):
+            return False
+        if there != here:
+            raise DataError(
+                f"{self.name}: {short_name(name)} is {short(here)}, but the parameter file says {short(there)}; leave "
+                "it out here, or fit again with what is right."
+            )
+        return True
+
+    def _sensors(self, there: tuple[Sensor, ...]) -> Iterator[Sensor]:
+        """Sensors of the file, with what it leaves open filled in, then further ones."""
+        if there and any(s.symbol == NO_SENSORS for s in self.sensors):
+            raise DataError(f"{self.name}: no_sensors is told, but the parameter file has {len(there)}; leave it out.")
+        here = {s.symbol: s for s in self.sensors}
+        for old in there:
+            new = here.pop(old.symbol, old)
+            more = {name: value for name in SENSOR_KEYS if (value := getattr(new, name)) is not None
+                    and not self._same(f"{name} of sensor {old.symbol}", getattr(old, name), value)}  # fmt: skip
+            yield old.model_copy(update=more) if more else old
+        yield from here.values()
+
+
+def _words(key: str) -> str:
+    return {"iso513": "ISO 513 group", "iso13399": "properties of the tool", "setup": "set-up"}.get(key, key)
+
 
 LARGEST = 1_000_000  # bytes
 TEXTS = ("license", "contact", "doi", "title", "machine", "iso513", "setup", "no_sensors")
@@ -55,7 +138,7 @@ def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None
         data = _laid_over(_parsed(Path(above), str(above)), data)
     texts = {key: _text(data, key, name) for key in TEXTS}
     return PublicationMetadata(
-        publication=Publication(
+        publication=PublicationPart(
             license=_matched(texts["license"], SPDX, "license", "an SPDX identifier such as CC-BY-4.0", name),
             authors=_texts(data, "authors", name),
             contact=texts["contact"],

@@ -1,18 +1,21 @@
-"""The Atom feed of a site (RFC 4287): an entry a card, newest first."""
+"""The Atom feed of a site (RFC 4287) and its list of cards for programs."""
 
+import json
 import uuid
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from xml.etree import ElementTree as ET
 
-from .entry import Entry
+from ...core.version import __version__
+from .entries import CardEntry
+from .site_folder import SCHEMA
 
 ATOM = "http://www.w3.org/2005/Atom"
 UNDATED = "1970-01-01T00:00:00Z"  # of a card that tells no date: the feed has no clock
 NAMESPACE = uuid.uuid5(uuid.NAMESPACE_URL, "fitmodels.site/1")
 
 
-def feed(entries: Sequence[Entry], title: str) -> bytes:
+def atom_feed(entries: Sequence[CardEntry], title: str) -> bytes:
     """The feed as XML.
 
     An entry's id comes from the content of its parameter file, the feed's from its title: the same content keeps its
@@ -29,7 +32,7 @@ def feed(entries: Sequence[Entry], title: str) -> bytes:
 
     Examples
     --------
-    >>> feed([], "Cards").split()[-1]
+    >>> atom_feed([], "Cards").split()[-1]
     b'</feed>'
     """
     dated = sorted(((updated(e.created), e) for e in entries), key=lambda pair: pair[1].slug)
@@ -64,7 +67,7 @@ def updated(created: str) -> str:
     return date.replace(tzinfo=None, microsecond=0).isoformat() + "Z"
 
 
-def _entry(top: ET.Element, e: Entry, date: str) -> None:
+def _entry(top: ET.Element, e: CardEntry, date: str) -> None:
     item = _add(top, "entry")
     _add(item, "id", f"urn:uuid:{uuid.uuid5(NAMESPACE, e.content_sha256)}")
     _add(item, "title", f"{'Simulated: ' if e.simulated else ''}{e.title}")
@@ -84,3 +87,16 @@ def _add(parent: ET.Element, name: str, text: str | None = None, **attributes: s
 def _clean(text: str) -> str:
     """Without the characters that XML 1.0 has no way to write."""
     return "".join(c if (c >= " " and c not in "\ufffe\uffff") or c in "\t\n\r" else "\ufffd" for c in text)
+
+
+def card_list(entries: Sequence[CardEntry], title: str) -> bytes:
+    """The list, schema ``fitmodels.site/1``.
+
+    Examples
+    --------
+    >>> json.loads(card_list([], "Cards"))["cards"]
+    []
+    """
+    cards = [{"href": e.href, **e.model_dump(mode="json")} for e in entries]
+    facts = {"schema": SCHEMA, "title": title, "fitmodels": __version__, "cards": cards}
+    return (json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
