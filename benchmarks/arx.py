@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 from fitmodels.datasets import Record
 from fitmodels.ident.estimators.least_squares import arx
-from fitmodels.ident.estimators.orders import choose_order
+from fitmodels.ident.estimators.order_selection import choose_order
 from fitmodels.ident.estimators.regressors import arx_regressors
 from scipy.signal import lfilter
 

@@ -11,12 +11,11 @@ import sys
 import numpy as np
 from fitmodels.datasets import Record
 from fitmodels.ident.estimators.prediction_error import output_error
-from fitmodels.ident.excite.predicted_precision import predicted_errors
-from fitmodels.ident.excite.signals import chirp
-from fitmodels.ident.judging.bands import response_band
-from fitmodels.ident.judging.frequency import frequency_response
-from fitmodels.ident.judging.step_bands import step_band
+from fitmodels.ident.excitation.predicted_precision import predicted_errors
+from fitmodels.ident.excitation.signals import chirp
 from fitmodels.ident.model import Model
+from fitmodels.ident.responses.confidence_bands import response_band, step_band
+from fitmodels.ident.responses.frequency import frequency_response
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 FREQUENCIES = np.array([0.1, 0.5, 1.0, 2.0])

@@ -11,12 +11,11 @@ from statistics import median
 
 import numpy as np
 from fitmodels.ident.model import Model
+from fitmodels.ident.pi.figures_of_merit import figures_on_grid
 from fitmodels.ident.pi.gains import PiGains
-from fitmodels.ident.pi.loop import figures_on_grid
-from fitmodels.ident.pi.loops import loops_of, split
+from fitmodels.ident.pi.loops import loops_of, noise_size, split, stable_columns
 from fitmodels.ident.pi.margins import margin_figures
-from fitmodels.ident.pi.norms import noise_size, stable_columns
-from fitmodels.ident.pi.steps import step_figures
+from fitmodels.ident.pi.step_metrics import step_figures
 
 B, A = [0, 0.0611, -0.1338, 0.0752], [1, -2.0311, 1.2104, -0.1655]  # CLM-2023 eq. 18
 MODEL, KIND, DURATION = Model(b=B, a=A, nk=1, sample_time=0.02), PiGains(1.0, 1.0, 0.02), 12.0

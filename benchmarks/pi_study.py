@@ -15,10 +15,10 @@ import time
 import numpy as np
 from fitmodels.datasets.records.record import Record
 from fitmodels.ident.estimators.prediction_error import output_error
-from fitmodels.ident.excite.signals import chirp
+from fitmodels.ident.excitation.signals import chirp
 from fitmodels.ident.model import Model
-from fitmodels.ident.pi.feasible import feasible_map
-from fitmodels.ident.pi.robust import Plants, draws_of_models, outcomes, robustness
+from fitmodels.ident.pi.feasible_region import feasible_map
+from fitmodels.ident.pi.robust_design import Plants, draws_of_models, outcomes, robustness
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
 

@@ -12,10 +12,10 @@ import numpy as np
 from fitmodels.datasets import Record
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.prediction_error import output_error
-from fitmodels.ident.excite.signals import chirp, prbs
-from fitmodels.ident.judging.residual_tests import whiteness
-from fitmodels.ident.judging.validation import validate
+from fitmodels.ident.excitation.signals import chirp, prbs
 from fitmodels.ident.model import Model
+from fitmodels.ident.validation.model_validation import validate
+from fitmodels.ident.validation.residual_tests import whiteness
 from scipy.signal import lfilter
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)

@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 from fitmodels.datasets.records.record import Record
-from fitmodels.ident.estimators.bias import warn_of_bias
+from fitmodels.ident.estimators.bias_checks import warn_of_bias
 from fitmodels.ident.estimators.instrumental import sriv
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.prediction_error import output_error

@@ -14,7 +14,8 @@ from collections import Counter
 import numpy as np
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
-from fitmodels.ident import Model, chirp, identify, loop_of, tune_pi
+from fitmodels.ident import Model, chirp, identify, tune_pi
+from fitmodels.ident.pi.loop import loop_of
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 FREQUENCIES = np.array([0.1, 0.5, 1.0, 2.0])

@@ -76,7 +76,7 @@ def _save(figure: Figure, path: Path) -> None:
 def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> None:
     """Write them into ``folder``; ``caption`` is told on each."""
     from ..ident import frequency_response
-    from ..ident.draw import bode, order_map, residual_correlations, simulated_fit
+    from ..ident.figures import bode, order_map, residual_correlations, simulated_fit
 
     folder.mkdir(parents=True, exist_ok=True)
     axes = {

@@ -11,7 +11,7 @@ from .dynamics import model_of
 from .output import Printer
 
 if TYPE_CHECKING:
-    from ..ident.pi.tuned import TunedPi
+    from ..ident.pi.tuning import TunedPi
     from ..parameters import DynamicsSection, ParameterFile
 
 LIMITS = {

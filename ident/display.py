@@ -5,22 +5,21 @@ from numpy.typing import NDArray
 
 from ..core.display import Display, TextTable, by_fields, display, estimates, facts_of, with_error
 from ..core.rounding import format_plain as plain
-from .excite.predicted_precision import PredictedErrors
+from .continuous import ContinuousModel
+from .excitation.predicted_precision import PredictedErrors
 from .identification import Identification
-from .judging.bands import ResponseBand
-from .judging.frequency import FrequencyResponse
-from .judging.step_bands import StepBand
-from .machines.continuous import ContinuousModel
-from .machines.drive import DriveFit
-from .machines.force_process import ForceProcess
-from .machines.step_response import StepFit
 from .model import Model
-from .pi.check import PiCheck
-from .pi.feasible import FeasibleMap
+from .physical_models.drive import DriveFit
+from .physical_models.force_process import ForceProcess
+from .physical_models.step_response import StepFit
+from .pi.controller import LoopTrace
+from .pi.feasible_region import FeasibleMap
 from .pi.gains import PiGains
 from .pi.loop import Loop
-from .pi.simulation import LoopTrace
-from .pi.tuned import TunedPi
+from .pi.published_gains import PiCheck
+from .pi.tuning import TunedPi
+from .responses.confidence_bands import ResponseBand, StepBand
+from .responses.frequency import FrequencyResponse
 
 MOST_ROWS = 8
 

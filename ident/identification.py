@@ -16,31 +16,25 @@ Source: Schwarz 1978, Ann. Stat. 6, 461; Ljung 1999, System Identification, sect
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from ..core.errors import IdentError
 from ..core.threads import one_thread
 from ..datasets.records.record import Record, join_records
-from .estimators.bias import warn_of_bias
-from .estimators.causality import causality
+from .estimators.bias_checks import causality, feedback_detected, warn_of_bias
+from .estimators.input_checks import check_moves
 from .estimators.instrumental import sriv
 from .estimators.least_squares import arx
-from .estimators.orders import OrderSearch, choose_order
+from .estimators.order_selection import OrderSearch, choose_order
 from .estimators.prediction_error import armax, output_error
-from .estimators.refusals import check_moves
-from .judging.excited import excited_band
-from .judging.feedback import feedback_detected
-from .judging.simulated_fit import simulated
-from .judging.validation import Validation, validate
 from .model import Model
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from .responses.spectra import excited_band
+from .validation.model_validation import Validation, validate
+from .validation.prediction import simulated
 
 Array = NDArray[np.float64]
 
@@ -55,7 +49,7 @@ MOST_SAMPLES = 10_000  # in the search: of longer records the middle stretch of 
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Identification(Displayable):
+class Identification(Plottable):
     """What a record tells of a machine.
 
     Attributes
@@ -124,10 +118,6 @@ class Identification(Displayable):
     def concern(self) -> int:
         """0 none, 1 read the verdicts, 2 do not tune on it."""
         return max(self.validation.concern, int(bool(self.feedback)), 2 * int(bool(self.causality)))
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Measured and simulated output of the samples that judge."""
-        return self.validation.plot(ax)
 
 
 @one_thread

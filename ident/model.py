@@ -13,19 +13,18 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.display import Displayable
+from ..core.display import Plottable
 from ..core.errors import IdentError
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Structure = Literal["arx", "sriv", "output_error", "armax", "given"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Model(Displayable):
+class Model(Plottable):
     """One identified (or given) model.
 
     Attributes
@@ -184,9 +183,3 @@ class Model(Displayable):
             raise IdentError("python-control is not installed: pip install 'fitmodels[control]'.") from None
         num, den, dt = self.transfer_function
         return control.TransferFunction(num, den, dt, inputs=self.input, outputs=self.output)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Response to a unit step of the input, in its band where the covariance is known."""
-        from .draw_responses import step_picture
-
-        return step_picture(self, ax)

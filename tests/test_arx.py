@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records
-from fitmodels.ident.estimators.causality import causality
+from fitmodels.ident.estimators.bias_checks import causality
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.regressors import arx_regressors
 from hypothesis import given, settings

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
-from fitmodels.ident.excite.predicted_precision import predicted_errors
-from fitmodels.ident.excite.signals import chirp
-from fitmodels.ident.judging.bands import response_band, response_slope
-from fitmodels.ident.judging.pole_bands import pole_band
-from fitmodels.ident.judging.step_bands import step_and_slope, step_band
+from fitmodels.ident.excitation.predicted_precision import predicted_errors
+from fitmodels.ident.excitation.signals import chirp
 from fitmodels.ident.model import Model
+from fitmodels.ident.responses.confidence_bands import response_band, response_slope, step_and_slope, step_band
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 
@@ -34,21 +32,6 @@ def test_derivatives_are_differences(k):
     assert response_slope(PLANT, F)[:, k] == pytest.approx(by_response, rel=1e-5)
     by_step = (up.simulate(np.ones(100)) - down.simulate(np.ones(100))) / 2e-6
     assert step_and_slope(PLANT, 100)[1][:, k] == pytest.approx(by_step, rel=1e-4, abs=1e-6)
-
-
-def test_errors_of_poles_are_those_of_drawn_models():
-    sure = replace(CERTAIN, cov_params=CERTAIN.cov_params / 100)
-    draws = np.random.default_rng(1).multivariate_normal(sure.theta, sure.cov_params, 4000)
-    slow = np.array([np.roots(np.r_[1.0, th[:3]])[0] for th in draws])
-    slow = np.where(slow.imag < 0, slow.conj(), slow)
-    found = pole_band(sure).iloc[0]
-    s = np.log(slow) / 0.02
-    assert found.radius == pytest.approx(abs(0.9187 + 0.1025j), abs=1e-4)  # shared with the published roots
-    expected = [np.abs(slow), np.angle(slow), np.abs(s) / 2 / np.pi, -s.real / np.abs(s)]
-    for name, values in zip(["radius", "angle", "hertz", "damping"], expected, strict=True):
-        # 4000 draws give a standard deviation to 1.1 %
-        assert np.abs(found[name]) == pytest.approx(np.mean(np.abs(values)), rel=0.01), name
-        assert found[f"{name}_error"] == pytest.approx(np.std(values), rel=0.06), name
 
 
 def test_response_and_step_are_those_of_python_control():

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
-from fitmodels.ident.machines.continuous import ContinuousModel, NoContinuousForm, to_continuous
-from fitmodels.ident.machines.zero_order_hold import sampled
+from fitmodels.ident.continuous import ContinuousModel, NoContinuousForm, sampled, to_continuous
 from fitmodels.ident.model import Model
 from hypothesis import given, settings
 from hypothesis import strategies as st

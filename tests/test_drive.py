@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records, read_record
-from fitmodels.ident.machines.block_jackknife import jackknife, widest
-from fitmodels.ident.machines.drive import drive_fit
-from fitmodels.ident.machines.dry_friction import velocity_and_travel
+from fitmodels.ident.physical_models.drive import drive_fit, jackknife, widest
+from fitmodels.ident.physical_models.equation_of_motion import velocity_and_travel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp

@@ -5,9 +5,9 @@ import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.datasets import Record, read_record
 from fitmodels.ident.estimators.prediction_error import output_error
-from fitmodels.ident.excite.files import write_excitation
-from fitmodels.ident.excite.predicted_precision import predicted_errors
-from fitmodels.ident.excite.signals import TAPS, chirp, crest_factor, multisine, prbs, shift_register, steps
+from fitmodels.ident.excitation.files import write_excitation
+from fitmodels.ident.excitation.predicted_precision import predicted_errors
+from fitmodels.ident.excitation.signals import TAPS, chirp, crest_factor, multisine, prbs, shift_register, steps
 from fitmodels.ident.model import Model
 from hypothesis import given, settings
 from hypothesis import strategies as st

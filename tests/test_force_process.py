@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
-from fitmodels.ident.machines.force_process import RATIOS, force_process_fit
-from fitmodels.ident.machines.zero_order_hold import sampled
+from fitmodels.ident.continuous import sampled
+from fitmodels.ident.physical_models.force_process import RATIOS, force_process_fit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records
-from fitmodels.ident.excite.signals import chirp, multisine, prbs
-from fitmodels.ident.judging.excited import excited_band
-from fitmodels.ident.judging.feedback import feedback_detected
-from fitmodels.ident.judging.frequency import frequency_response
+from fitmodels.ident.estimators.bias_checks import feedback_detected
+from fitmodels.ident.excitation.signals import chirp, multisine, prbs
 from fitmodels.ident.model import Model
+from fitmodels.ident.responses.frequency import frequency_response
+from fitmodels.ident.responses.spectra import excited_band
 from scipy.signal import csd, lfilter, welch
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried

@@ -5,8 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from fitmodels.datasets import Record
-from fitmodels.ident.estimators.gram import PIECE, Lags, gram, grams
-from fitmodels.ident.estimators.regressors import arx_regressors, triangle
+from fitmodels.ident.estimators.regressors import PIECE, Lags, arx_regressors, gram, grams, triangle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

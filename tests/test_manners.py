@@ -22,6 +22,10 @@ from fitmodels import batch, controllers, datasets, fit, ident, parameters
 from fitmodels.controllers.constant_load_milling.steady import steady_life
 from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value, with_error
 from fitmodels.datasets.records.look import looks_like_record
+from fitmodels.ident.continuous import sampled, to_continuous
+from fitmodels.ident.pi.controller import simulate_loop
+from fitmodels.ident.pi.loop import loop_of
+from fitmodels.ident.responses.confidence_bands import response_band, step_band
 from fitmodels.parameters.published import published
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -127,7 +131,7 @@ def drive():
 
 def force():
     u = 1 + np.sin(0.0003 * np.arange(900.0) ** 2)
-    y = ident.sampled([400.0], [2.0, 76.0, 480.0], 0.01).simulate(u)
+    y = sampled([400.0], [2.0, 76.0, 480.0], 0.01).simulate(u)
     rec = datasets.Record(u=u, y=y + 0.01 * np.random.default_rng(1).normal(size=len(u)), sample_time=0.01, unit_y="N")
     return ident.force_process_fit(rec, m=2.0, drive="faster")
 
@@ -213,14 +217,14 @@ RESULTS: dict[str, Callable[[], object]] = {
     "DominantEdge": lambda: fit.dominant_edge(law()),
     "ErrorStructure": lambda: fit.error_structure(law()),
     "Model": plant,
-    "ContinuousModel": lambda: ident.to_continuous(plant()),
-    "NoContinuousForm": lambda: ident.to_continuous(ident.Model(b=[0, 1], a=[1, 0.5], nk=1, sample_time=0.1)),
+    "ContinuousModel": lambda: to_continuous(plant()),
+    "NoContinuousForm": lambda: to_continuous(ident.Model(b=[0, 1], a=[1, 0.5], nk=1, sample_time=0.1)),
     "Identification": found,
     "Validation": lambda: found().validation,
     "OrderSearch": lambda: found().one_step,
     "FrequencyResponse": lambda: ident.frequency_response(record()),
-    "ResponseBand": lambda: ident.response_band(found().model, [0.5, 1.0, 2.0]),
-    "StepBand": lambda: ident.step_band(found().model, 2.0),
+    "ResponseBand": lambda: response_band(found().model, [0.5, 1.0, 2.0]),
+    "StepBand": lambda: step_band(found().model, 2.0),
     "PredictedErrors": lambda: ident.predicted_errors(plant(), record().u, 0.05),
     "StepFit": step,
     "DriveFit": drive,
@@ -229,10 +233,9 @@ RESULTS: dict[str, Callable[[], object]] = {
     "PiGains": lambda: tuned().gains,
     "FeasibleMap": lambda: tuned().map,
     "Specification": lambda: tuned().specification,
-    "Loop": lambda: ident.loop_of(plant(), tuned().gains),
-    "LoopTrace": lambda: ident.simulate_loop(plant(), tuned().gains, np.ones(100)),
+    "Loop": lambda: loop_of(plant(), tuned().gains),
+    "LoopTrace": lambda: simulate_loop(plant(), tuned().gains, np.ones(100)),
     "PiCheck": lambda: ident.check_pi(plant(), 100.0, 1800.0, rise_time=1.0),
-    "Design": lambda: ident.pi_by_margin(plant(), 2.0),
     "ParameterFile": pf,
     "Law": lambda: pf().laws["AW"],
     "Dynamics": lambda: pf().dynamics,
@@ -275,7 +278,7 @@ GIVEN = "what is asked for, not what is found"
 PICTURELESS = {
     **dict.fromkeys(("ColumnUse", "Source", "Look", "By", "Dropped", "LeftOut", "Refused", "Event"), SENTENCE),
     **dict.fromkeys(("NotAvailable", "NoContinuousForm", "CheckReport", "Finding", "Given", "Pair"), SENTENCE),
-    **dict.fromkeys(("Corner", "Point", "Choice", "FixedLife", "Design", "StepSize"), POINT),
+    **dict.fromkeys(("Corner", "Point", "Choice", "FixedLife", "StepSize"), POINT),
     **dict.fromkeys(("SimulatedLaw", "Specification", "LifeLaws", "Rules", "CutModel"), GIVEN),
     **dict.fromkeys(("Plan", "How", "Reading"), GIVEN),
 }

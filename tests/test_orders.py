@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
-from fitmodels.ident.estimators.orders import choose_order
+from fitmodels.ident.estimators.order_selection import choose_order
 from matplotlib.axes import Axes
 from scipy.signal import lfilter
 

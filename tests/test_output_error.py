@@ -7,8 +7,7 @@ import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets.records.record import Record, join_records
 from fitmodels.ident.estimators.instrumental import sriv
-from fitmodels.ident.estimators.levenberg_marquardt import minimise
-from fitmodels.ident.estimators.prediction_error import output_error
+from fitmodels.ident.estimators.prediction_error import minimise, output_error
 from fitmodels.ident.model import Model
 from hypothesis import given, settings
 from hypothesis import strategies as st

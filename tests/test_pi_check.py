@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
-from fitmodels.ident.pi.check import check_pi
+from fitmodels.ident.pi.published_gains import check_pi
 from fitmodels.ident.pi.specification import Specification
 
 PUBLISHED = Model(

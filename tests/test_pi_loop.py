@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
+from fitmodels.ident.pi.figures_of_merit import figures_on_grid
 from fitmodels.ident.pi.gains import PiGains
-from fitmodels.ident.pi.loop import Figures, figures_on_grid, loop_of
+from fitmodels.ident.pi.loop import Figures, loop_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter

@@ -7,7 +7,7 @@ import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
-from fitmodels.ident.pi.robust import draws_of_models, robustness, share_error
+from fitmodels.ident.pi.robust_design import draws_of_models, robustness, share_error
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
-from fitmodels.ident.pi.controller import Controller
+from fitmodels.ident.pi.controller import Controller, simulate_loop
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
-from fitmodels.ident.pi.simulation import simulate_loop
 
 # CLM-2023 eq. 18, doi 10.1109/ACCESS.2023.3330587
 PAPER = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)

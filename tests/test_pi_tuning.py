@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
-from fitmodels.ident.pi.feasible import evaluate, feasible_map
-from fitmodels.ident.pi.gain_range import gain_range
+from fitmodels.ident.pi.feasible_region import evaluate, feasible_map
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
 from fitmodels.ident.pi.specification import Specification
+from fitmodels.ident.pi.stability_region import gain_range
 from fitmodels.ident.pi.tuning import tune_pi
 from hypothesis import given, settings
 from hypothesis import strategies as st

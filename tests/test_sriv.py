@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets.records.record import Record, join_records
-from fitmodels.ident.estimators.bias import warn_of_bias
-from fitmodels.ident.estimators.coloured import whitening
-from fitmodels.ident.estimators.filters import is_stable, reflected
+from fitmodels.ident.estimators.bias_checks import warn_of_bias
+from fitmodels.ident.estimators.filters import is_stable, reflected, whitening
 from fitmodels.ident.estimators.instrumental import sriv
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.model import Model

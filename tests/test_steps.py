@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records
-from fitmodels.ident.machines.step_forms import unit_response
-from fitmodels.ident.machines.step_response import step_response_fit
-from fitmodels.ident.machines.zero_order_hold import sampled
+from fitmodels.ident.continuous import sampled
+from fitmodels.ident.physical_models.step_response import step_response_fit
+from fitmodels.ident.physical_models.step_shapes import unit_response
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter, step

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records
-from fitmodels.ident import draw
+from fitmodels.ident import figures
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.prediction_error import armax, output_error
-from fitmodels.ident.excite.signals import chirp, prbs
-from fitmodels.ident.judging.ahead import k_steps, one_step
-from fitmodels.ident.judging.frequency import frequency_response
-from fitmodels.ident.judging.plausibility import implausible, settling_time
-from fitmodels.ident.judging.residual_tests import independence, whiteness
-from fitmodels.ident.judging.simulated_fit import simulated
-from fitmodels.ident.judging.validation import validate
+from fitmodels.ident.excitation.signals import chirp, prbs
 from fitmodels.ident.model import Model
+from fitmodels.ident.responses.frequency import frequency_response
+from fitmodels.ident.validation.model_validation import implausible, settling_time, validate
+from fitmodels.ident.validation.prediction import k_steps, one_step, simulated
+from fitmodels.ident.validation.residual_tests import independence, whiteness
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
@@ -227,12 +225,16 @@ def test_figures_can_be_drawn():
     rec, other = recorded(chirp(), 30, 1), recorded(chirp(), 30, 2)
     model, measured = output_error(rec, 3, 3), frequency_response(rec)
     found = validate(model, other)
-    axes = [found.plot(), *draw.bode(replace(model, band=measured.band), measured), *draw.residual_correlations(found)]
+    axes = [
+        found.plot(),
+        *figures.bode(replace(model, band=measured.band), measured),
+        *figures.residual_correlations(found),
+    ]
     for figure in {id(ax.figure): ax.figure for ax in axes}.values():
         assert isinstance(figure, Figure)
         figure.canvas.draw()
     assert [ax.get_xlabel() for ax in axes[:3]] == ["time [s]", "", "frequency [Hz]"]
-    draw.bode(PLANT)
+    figures.bode(PLANT)
 
 
 def test_independence_flags_what_is_left_of_the_input():

@@ -1,1 +1,1 @@
-"""From a record to coefficients: regressors, least squares, instruments, prediction errors, orders."""
+"""Estimators of discrete transfer functions: ARX, SRIV, output error, ARMAX; selection of their orders."""

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ...core.threads import one_thread
 from ...datasets.records.record import Record
 from ..model import Model
-from .demands import demand
+from .build_model import output_error_model, told
 from .filters import ROUNDING, filtered, is_stable, lagged, reflected, squares
-from .free_run import (
+from .free_simulation import (
     FreeRun,
     by_a_and_b,
     free_responses,
@@ -29,7 +29,7 @@ from .free_run import (
     with_initial_states,
     without,
 )
-from .hand_over import output_error_model, told
+from .input_checks import demand
 
 Array = NDArray[np.float64]
 Initial = Literal["auto", "zero", "estimate", "offset"]

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from ...datasets.records.record import Record, join_records
 from ..model import Model
-from .gram import Lags, gram
-from .refusals import (
+from .input_checks import (
     check_length,
     check_moves,
     check_orders,
@@ -26,7 +25,7 @@ from .refusals import (
     short_stretches,
     tellable,
 )
-from .regressors import r_of, triangle
+from .regressors import Lags, gram, r_of, triangle
 
 Array = NDArray[np.float64]
 Solver = Literal["auto", "gram", "qr"]

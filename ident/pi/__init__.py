@@ -1,1 +1,1 @@
-"""PI gains: their forms, the loop they close, and the specification that chooses them."""
+"""PI control: gains, loops, figures of merit, tuning to a specification, simulation."""

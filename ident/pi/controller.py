@@ -1,8 +1,24 @@
-"""The controller as it runs, a sample at a time: form, limits, anti-windup, and entry into and exit from the cut."""
+"""The controller as it runs, a sample at a time: form, limits, anti-windup, and entry into and exit from the cut.
+
+A loop run in time with what the linear analysis leaves out: limits, rounding, noise, and the edges of the cut.
+"""
 
 from collections import deque
+from dataclasses import dataclass
+from operator import mul
+from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.display import Plottable, as_columns
+from ...core.errors import UsageError
+from ..model import Model
 from .gains import PiGains
+from .loops import check_pair
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _WEIGHTS = {"backward": (1.0, 0.0), "forward": (0.0, 1.0), "trapezoidal": (0.5, 0.5)}
 
@@ -99,3 +115,161 @@ class Controller:
         self.sent.append(u)
         mean = sum(self.sent) / len(self.sent)
         return round(mean / self.quantum) * self.quantum if self.quantum else mean
+
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LoopTrace(Plottable):
+    """One run of a loop; every array has shape (n,).
+
+    Attributes
+    ----------
+    time : ndarray, s
+    reference, output, measurement : ndarray, unit_y
+        ``output`` is the truth; ``measurement`` adds the noise and is what the controller reads.
+    command : ndarray, unit_u
+        As sent; the plant gets it ``gains.delay`` samples later.
+    limited : ndarray of int
+        1 where a limit or the rate held the command down, -1 where it held it up, else 0.
+    engaged : ndarray of bool
+        In the cut.
+    unit_u, unit_y : str
+    """
+
+    time: Array
+    reference: Array
+    output: Array
+    measurement: Array
+    command: Array
+    limited: NDArray[np.int8]
+    engaged: Mask
+    unit_u: str = ""
+    unit_y: str = ""
+
+    @property
+    def saturated(self) -> Mask:
+        """Where a limit or the rate held the command."""
+        return np.asarray(self.limited != 0)
+
+    def to_frame(self) -> "DataFrame":
+        """A row a sample, time in s."""
+        return as_columns(
+            self, "time", "reference", "output", "measurement", "command", "limited", "engaged"
+        ).set_index("time")
+
+
+def simulate_loop(
+    model: Model,
+    gains: PiGains,
+    reference: ArrayLike,
+    *,
+    load: ArrayLike = 0.0,
+    load_at: Literal["output", "input"] = "output",
+    engaged: ArrayLike | None = None,
+    idle: float = 0.0,
+    noise: float = 0.0,
+    quantum: float = 0.0,
+    rng: int | np.random.Generator | None = None,
+) -> LoopTrace:
+    """Run a loop from rest; delay, limits, rate and anti-windup are those of the gains.
+
+    Without limits, rounding, noise and a cut that ends it is the linear ``Loop.step`` to rounding.
+
+    Parameters
+    ----------
+    model : Model
+        Plant.
+    gains : PiGains
+    reference : array-like, shape (n,), unit_y
+    load : array-like, shape (n,), or float
+        Disturbance at the plant output (unit_y, as wear raises a current) or input (unit_u).
+    load_at : str
+        ``output`` or ``input``.
+    engaged : array-like of bool, shape (n,), or None
+        In the cut; None is always. Outside it neither command nor load reaches the plant, the controller sends
+        ``idle``, and on entry it goes on from the last command sent, without a bump.
+    idle : float
+        Command outside the cut, unit_u.
+    noise : float
+        Standard deviation of white measurement noise, unit_y.
+    quantum : float
+        Step to which the command is rounded, unit_u (an override of whole percents); 0 for none.
+    rng : int or Generator, or None
+        Seed of the noise; needed with noise.
+
+    Raises
+    ------
+    UsageError, IdentError
+        Shapes or numbers that do not fit; another sample time, a loop without delay.
+
+    Examples
+    --------
+    >>> model = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1)
+    >>> trace = simulate_loop(model, PiGains(0.5, 2.0, 0.1, high=0.6), np.ones(4))
+    >>> trace.command.round(3).tolist(), trace.saturated.tolist()
+    ([0.6, 0.55, 0.6, 0.559], [True, False, True, False])
+    """
+    check_pair(model, gains)
+    r = np.asarray(reference, dtype=np.float64)
+    if r.ndim != 1 or not np.isfinite(r).all():
+        raise UsageError(f"reference of shape {r.shape}: one row of finite numbers, one a sample.")
+    n = len(r)
+    loads, cut = _row("load", load, n), _engaged(engaged, n)
+    for name, value in (("noise", noise), ("quantum", quantum)):
+        if not (value >= 0 and np.isfinite(value)):
+            raise UsageError(f"{name} {value!r}: 0 for none, or above.")
+    if not np.isfinite(idle):
+        raise UsageError(f"idle {idle!r}: the command outside the cut is a finite number.")
+    if load_at not in ("output", "input"):
+        raise UsageError(f"load_at {load_at!r}: output or input.")
+    if noise and rng is None:
+        raise UsageError(f"noise {noise:g} without rng: give a seed, so that the same call gives the same run.")
+    e = noise * np.random.default_rng(rng).standard_normal(n) if noise else np.zeros(n)
+    inside, outside = (loads, np.zeros(n)) if load_at == "input" else (np.zeros(n), loads)
+    controller = Controller(gains, idle, quantum, last=0.0 if n == 0 or cut[0] else idle)
+    y, u, limited = _run(model, controller, r, inside * cut, outside * cut, cut, e)
+    time = np.arange(n, dtype=np.float64) * model.sample_time
+    return LoopTrace(time, r, y, y + e, u, limited, cut, gains.unit_u or model.unit_u, gains.unit_y or model.unit_y)
+
+
+def _run(
+    model: Model, controller: Controller, r: Array, inside: Array, outside: Array, cut: Mask, e: Array
+) -> tuple[Array, Array, NDArray[np.int8]]:
+    """Output, command sent, and whether it was limited."""
+    b, a = model.b.tolist(), model.a[1:].tolist()
+    past_x, past_y = deque([0.0] * len(b), len(b)), deque([0.0] * len(a), len(a))
+    delay = controller.gains.delay
+    waiting = deque([controller.last] * delay)
+    out, sent, limited = np.empty(len(r)), np.empty(len(r)), np.empty(len(r), dtype=np.int8)
+    # b_0 u of this sample acts only where the command has waited; it is then known before the measurement is taken
+    for k, (ref, load, more, on, off) in enumerate(
+        zip(*(v.tolist() for v in (r, inside, outside, cut, e)), strict=True)
+    ):
+        arriving = waiting.popleft() if delay else 0.0
+        past_x.appendleft((arriving + load) * on)
+        y = sum(map(mul, b, past_x)) - sum(map(mul, a, past_y))
+        past_y.appendleft(y)
+        u = controller.step(ref, y + more + off, on)
+        if delay:
+            waiting.append(u)
+        else:
+            past_x[0] = (u + load) * on
+        out[k], sent[k], limited[k] = y + more, u, controller.limited
+    return out, sent, limited
+
+
+def _row(name: str, values: ArrayLike, n: int) -> Array:
+    row = np.asarray(values, dtype=np.float64)
+    if row.shape not in ((), (n,)) or not np.isfinite(row).all():
+        raise UsageError(f"{name} of shape {row.shape}: one finite number, or one for each of the {n} samples.")
+    return np.array(np.broadcast_to(row, n))
+
+
+def _engaged(values: ArrayLike | None, n: int) -> Mask:
+    row = np.ones(n, dtype=bool) if values is None else np.asarray(values)
+    if row.shape != (n,) or row.dtype != np.bool_:
+        raise UsageError(f"engaged of shape {row.shape}, {row.dtype}: True or False for each of the {n} samples.")
+    return row

@@ -7,22 +7,16 @@ L = G C H. All figures are those of the unit step of the reference, from rest, u
 """
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.display import Displayable
+from ...core.display import Displayable, Plottable
 from ..estimators.filters import is_stable
 from ..model import Model
+from .figures_of_merit import figures_on_grid
 from .gains import PiGains, product, summed
 from .loops import check_pair
-from .maps import figures_on_grid
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-__all__ = ["Figures", "Loop", "figures_on_grid", "loop_of"]
 
 Array = NDArray[np.float64]
 Fraction = tuple[Array, Array]
@@ -101,7 +95,7 @@ class Figures(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Loop(Displayable):
+class Loop(Plottable):
     """A closed loop: its transfer functions in z^-1, from which all else follows."""
 
     model: Model
@@ -179,12 +173,6 @@ class Loop(Displayable):
         length = _until_still(self) if duration is None else duration
         table = figures_on_grid(self.model, [self.gains.kp], [self.gains.ki], self.gains, length)
         return Figures(**{f.name: table[f.name][0].item() for f in fields(Figures)})
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Output in a unit step of the reference."""
-        from ..draw_responses import loop_picture
-
-        return loop_picture(self, ax)
 
 
 def loop_of(model: Model, gains: PiGains) -> Loop:

@@ -12,7 +12,7 @@ from ..sections.pi import PiFigures, PiSection, PiSpecification
 if TYPE_CHECKING:
     from ...ident.model import Model
     from ...ident.pi.gains import PiGains
-    from ...ident.pi.tuned import TunedPi
+    from ...ident.pi.tuning import TunedPi
 
 Gains: TypeAlias = "PiGains | TunedPi | PiSection | Mapping[str, Any]"
 

@@ -1,0 +1,68 @@
+"""From an estimate to the model that is handed over: covariance, noise variance, record, and how the search ended."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...datasets.records.record import Record
+from ..model import Model, Structure
+from .filters import ROUNDING, covariance, inverse_of_squares, squares
+from .free_simulation import FreeRun, constants, sensitivities
+from .input_checks import check_tellable, not_centred
+
+Array = NDArray[np.float64]
+
+
+def described(rec: Record) -> dict[str, Any]:
+    """What a model keeps of its record."""
+    lengths = [s.stop - s.start for s in rec.stretches]
+    mean = np.average(np.asarray(rec.offsets), axis=0, weights=lengths)
+    return {
+        "n": len(rec), "record": rec.sha256, "sample_time": rec.sample_time, "input": rec.input, "output": rec.output,
+        "unit_u": rec.unit_u, "unit_y": rec.unit_y, "operating_point": (float(mean[0]), float(mean[1])),
+    }  # fmt: skip
+
+
+def slow_pole(a: Array, longest: int) -> tuple[str, ...]:
+    """A note where a pole is slower than the longest stretch: it then stands for an integrator or a drift."""
+    radius = float(np.abs(np.roots(a)).max(initial=0.0))
+    if (1 - radius) * longest > 1:
+        return ()
+    return (
+        f"a pole at radius {radius:.7g} is slower than {longest} samples are long: the machine integrates, or the "
+        "output drifts. Identify from input to the change of the output, or take the drift off "
+        "(rec.centred(trend=True)).",
+    )
+
+
+def told(steps: int, converged: bool, method: str) -> str:
+    """How the search ended, for ``notes``."""
+    count = f"{steps} {method} step{'s' if steps != 1 else ''}"
+    return f"converged after {count}" if converged else f"not converged: stopped after {count}"
+
+
+def output_error_model(rec: Record, run: FreeRun, theta: Array, structure: Structure, notes: tuple[str, ...]) -> Model:
+    """The estimate with its covariance, as every caller takes it."""
+    e, J = sensitivities(run, theta)
+    check_tellable(J, {"na" if structure == "sriv" else "nf": run.na, "nb": run.nb})
+    variance = squares(e) / max(len(e) - len(theta) - run.hidden, 1)
+    cov, colour = variance * inverse_of_squares(J), 0
+    if squares(e) > 1e4 * ROUNDING * squares(run.y):  # rounding has a colour too, and nothing to tell
+        cov, colour = covariance(J, e, run.stretches, run.hidden)
+    notes += (*rec.notes, *not_centred(rec))
+    if run.free:
+        notes += (f"initial state {'and offset ' if run.constant else ''}of each stretch estimated",)
+    if colour:
+        notes += (f"noise is coloured (autoregression of order {colour}): the standard errors allow for it",)
+    b, a = run.polynomials(theta)
+    notes += slow_pole(a, max(s.stop - s.start for s in run.stretches))
+    from_record = described(rec)
+    if run.constant:
+        weights = [s.stop - s.start for s in run.stretches]
+        u0, y0 = from_record["operating_point"]
+        from_record["operating_point"] = (u0, y0 + float(np.average(constants(run, theta), weights=weights)))
+    return Model(
+        b=b, a=a, nk=run.nk, structure=structure, cov_params=cov, notes=notes,
+        noise_variance=variance, **from_record,
+    )  # fmt: skip

@@ -1,1 +1,0 @@
-"""What to play on the machine, and what it would tell."""

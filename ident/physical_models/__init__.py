@@ -1,0 +1,1 @@
+"""Physical models fitted to records: feed drive, cutting force process, step responses."""

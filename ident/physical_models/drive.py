@@ -1,0 +1,284 @@
+"""Inertia and friction of a feed drive from its force and its motion.
+
+    F = M a + Fv v + Fc sign(v) + offset
+
+Inverse-model least squares: position differentiated centrally, every column of the equation and the force through one
+zero-phase low-pass, then every k-th row. Source: Gautier 1997, doi 10.1109/ROBOT.1997.619069; Janot, Vandanjon &
+Gautier 2014, doi 10.1109/TCST.2013.2248366. Two rules here are stricter: a force held between samples acts on a second
+difference with the mean of two samples, and rows near a reversal, where friction is not Coulomb's, are left out.
+
+Standard errors where residuals hang together and no law of their correlation is known: leave out block by block.
+
+The estimate is made again without each block of samples; what it moves by is its covariance (Kunsch 1989,
+doi 10.1214/aos/1176347265, section 2; blocks do not overlap here). For least squares the estimate without block i is
+
+    theta_i = theta - (J'J - Ji'Ji)^-1 Ji' e_i
+
+so that nothing is fitted twice. Blocks as long as the residuals hang together make this honest, also where the error is
+a fault of the model (friction that is not quite Coulomb's) and not noise. A machine that repeats its movement is the
+trap: blocks in step with it all hold the same error, and the standard error comes out several times too small. So
+several lengths of block are taken, and the widest answer.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.display import Plottable
+from ...core.errors import IdentError
+from ...datasets import Record
+from ...datasets.records.record import join_records
+from .equation_of_motion import Motion, Rows, motion_of, rows_of, velocity_and_travel
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+NAMES = ("M", "Fv", "Fc", "offset")
+ALONE = 0.02  # share of a column that the others cannot make: below it nothing tells it apart from them
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class DriveFit(Plottable):
+    """Inertia and friction of a drive.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (4,)
+        M kg, Fv N s/m, Fc N, offset N (kg m^2, N m s/rad, N m, N m of a rotary drive).
+    cov_params : ndarray, shape (4, 4)
+        By leaving out blocks of the record: it allows for coloured residuals and for friction that is not Coulomb's;
+        about 13 degrees of freedom, so that 95 % lies at 2.2 standard errors.
+    relative_error : float
+        Length of the residual force over that of the force, behind the filter.
+    rows, left_out : int
+        Rows used, and left out near reversals.
+    motion : Motion
+        Force and motion in SI units, as the record gave them.
+    rate, cutoff : float
+        Hz: of the rows, and of the low-pass.
+    predicted : ndarray, shape (rows, 2)
+        Force measured and force of the model, N, behind the filter.
+    notes : tuple of str
+    """
+
+    theta: Array
+    cov_params: Array
+    relative_error: float
+    rows: int
+    left_out: int
+    motion: Motion
+    rate: float
+    cutoff: float
+    predicted: Array
+    notes: tuple[str, ...] = ()
+
+    @property
+    def M(self) -> float:
+        """Inertia, kg."""
+        return float(self.theta[0])
+
+    @property
+    def Fv(self) -> float:
+        """Viscous friction, N s/m."""
+        return float(self.theta[1])
+
+    @property
+    def Fc(self) -> float:
+        """Coulomb friction, N."""
+        return float(self.theta[2])
+
+    @property
+    def offset(self) -> float:
+        """Force that holds the drive in balance, N."""
+        return float(self.theta[3])
+
+    @property
+    def params(self) -> "pd.Series[float]":
+        """``theta`` by name."""
+        import pandas as pd
+
+        return pd.Series(self.theta, index=list(NAMES))
+
+    @property
+    def bse(self) -> "pd.Series[float]":
+        """Standard errors by name."""
+        import pandas as pd
+
+        return pd.Series(np.sqrt(np.diag(self.cov_params)), index=list(NAMES))
+
+    def simulate(
+        self, force: ArrayLike, sample_time: float | None = None, v0: float = 0.0, x0: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Velocity (N,) m/s and position (N,) m from force (N,) in N alone, held between samples; sticking included.
+
+        ``sample_time`` in s is that of the record unless given.
+        """
+        if not (self.M > 0 and self.Fc >= 0):
+            raise IdentError(
+                f"inertia {self.M:.4g}, Coulomb friction {self.Fc:.4g}: a mass with friction does not run so. Look "
+                "at the sign of force (force=-...) and at the units."
+            )
+        dt = self.motion.sample_time if sample_time is None else float(sample_time)
+        F = np.asarray(force, dtype=np.float64)
+        v, x = velocity_and_travel(F, dt, self.M, self.Fv, self.Fc, self.offset, v0)
+        return v, x + x0
+
+    def free_run(self, rec: Record | Sequence[Record], unit: str | None = None) -> tuple[Array, Array, float]:
+        """Velocity measured and simulated from the force alone (N,), m/s, and the fit in %.
+
+        Each stretch starts at its measured speed. The fit is 100 (1 - |v - simulated| / |v - mean v|).
+        """
+        rec = rec if isinstance(rec, Record) else join_records(rec)
+        known = unit or rec.unit_y or self.motion.unit
+        motion = motion_of(rec, self.motion.factor, known, self.cutoff, self.motion.held)
+        return motion.v, *self._run(motion)
+
+    @property
+    def own_run(self) -> tuple[Array, float]:
+        """Velocity simulated on the record that was fitted (N,), m/s, and the fit in %."""
+        return self._run(self.motion)
+
+    def _run(self, motion: Motion) -> tuple[Array, float]:
+        runs = [self.simulate(motion.force[s], motion.sample_time, float(motion.v[s][0]))[0] for s in motion.stretches]
+        simulated = np.concatenate(runs)
+        spread = float(np.linalg.norm(motion.v - motion.v.mean()))
+        return simulated, 100 * (1 - float(np.linalg.norm(motion.v - simulated)) / spread)
+
+    @property
+    def verdict(self) -> str:
+        """What was found and how far to trust it."""
+        told = ", ".join(f"{n} {v:.5g} +- {s:.2g}" for n, v, s in zip(NAMES, self.theta, self.bse, strict=True))
+        weak = [n for n, v, s in zip(NAMES[:3], self.theta, self.bse, strict=False) if abs(v) < 2 * s]
+        text = f"{told}; the model leaves {100 * self.relative_error:.2g} % of the force."
+        if self.relative_error > 0.2:
+            text += " That is much: another force acts, or force and motion are not of one time or unit."
+        if weak:
+            text += f" {' and '.join(weak)} cannot be told from zero: move at more speeds, or faster."
+        if (self.theta[:3] < -2 * self.bse.to_numpy()[:3]).any():
+            text += " A negative value means that the force counts against the motion: give force with a minus."
+        return text
+
+
+def drive_fit(
+    rec: Record | Sequence[Record],
+    force: float | None = None,
+    *,
+    unit: str | None = None,
+    held: bool = True,
+    cutoff: float | None = None,
+    slow: float = 0.05,
+) -> DriveFit:
+    """Inertia M, viscous Fv, Coulomb Fc and offset of a drive from a record of force and position (or velocity).
+
+    Parameters
+    ----------
+    rec : Record or sequence of Record
+        Input: force, or what is proportional to it (current, control voltage). Output: position or velocity. Closed
+        loop is allowed. Moving both ways, with phases of acceleration and of steady speed.
+    force : float or None
+        N (or N m) for one unit of the input; None where the input is in N, kN or N m already.
+    unit : str or None
+        Of the output (m, mm, um, mm/s, mm/min, m/s, m/min, rad, deg, rad/s, rpm), where the record names none.
+    held : bool
+        The force is a command that holds until the next sample; False: it was measured at the sample.
+    cutoff : float or None
+        Low-pass, Hz; by default 0.04 of the sample rate. Well above the motion, below resonances.
+    slow : float
+        Rows within the filter's reach of a speed below this part of the top speed are left out.
+
+    Raises
+    ------
+    IdentError
+        Units unknown; too short a record; a drive that stands, moves one way only, or at one speed only.
+
+    Examples
+    --------
+    >>> t = np.arange(8000) * 1e-3
+    >>> F = 40 * np.sign(np.sin(2.5 * t)) + 30 * np.sin(9 * t)
+    >>> x = velocity_and_travel(F, 1e-3, M=20.0, Fv=50.0, Fc=8.0, offset=1.0)[1]
+    >>> drive_fit(Record(u=F, y=x, sample_time=1e-3, unit_u="N", unit_y="m")).params.round(1).to_dict()
+    {'M': 20.0, 'Fv': 50.0, 'Fc': 8.0, 'offset': 1.0}
+    """
+    if not 0 <= slow < 0.5:
+        raise IdentError(f"slow {slow!r}: a part of the top speed, from 0 up to 0.5.")
+    rec = rec if isinstance(rec, Record) else join_records(rec)
+    motion = motion_of(rec, force, unit, cutoff, held)
+    rows = rows_of(motion, slow)
+    _demand(rows)
+    scale = np.linalg.norm(rows.X, axis=0)
+    theta = np.linalg.lstsq(rows.X / scale, rows.F, rcond=None)[0] / scale
+    e = rows.F - rows.X @ theta
+    return DriveFit(
+        theta=theta, cov_params=widest(rows.X, e, rows.time), rows=len(e), left_out=rows.left_out,
+        relative_error=float(np.linalg.norm(e) / np.linalg.norm(rows.F)), motion=motion, rate=rows.rate,
+        cutoff=motion.cutoff, predicted=np.column_stack([rows.F, rows.F - e]), notes=(*rec.notes, *motion.notes),
+    )  # fmt: skip
+
+
+def _demand(rows: Rows) -> None:
+    """Rows that tell the four columns apart, or IdentError."""
+    fewest = 4 * max(COUNTS)
+    if len(rows.F) < fewest:
+        raise IdentError(
+            f"{len(rows.F)} rows at {rows.rate:.4g} Hz are left of the record beside {rows.left_out} near reversals; "
+            f"{fewest} are needed. Record longer, raise cutoff or lower slow."
+        )
+    if not ((rows.X[:, 2] > 0.9).any() and (rows.X[:, 2] < -0.9).any()):
+        raise IdentError(
+            "the drive moves one way only: Coulomb friction and offset push alike and cannot be told apart. Record "
+            "movements both ways."
+        )
+    X = rows.X / np.linalg.norm(rows.X, axis=0)
+    alone = 1 / np.sqrt(np.diag(np.linalg.pinv(X.T @ X)))
+    if alone.min() < ALONE:
+        name = NAMES[int(np.argmin(alone))]
+        raise IdentError(
+            f"{name} is not told by this record: {100 * alone.min():.2g} % of its column is its own, "
+            f"{100 * ALONE:.0f} % are needed. Move at several speeds and with clear acceleration."
+        )
+
+
+COUNTS = (12, 16, 20, 24)  # of blocks: no movement is in step with all of them
+
+
+def jackknife(J: Array, e: Array, blocks: Sequence[NDArray[np.intp]]) -> Array:
+    """Covariance (p, p) of a least-squares estimate with regressors J (N, p) and residuals e (N,).
+
+    Examples
+    --------
+    >>> e = np.array([1.0, -1.0, 0.5, -0.5])
+    >>> jackknife(np.ones((4, 1)), e, [np.array([k]) for k in range(4)]).round(6).item()  # s^2 / n
+    0.208333
+    """
+    scale = np.linalg.norm(J, axis=0)
+    J = J / scale
+    G = J.T @ J
+    moved = np.array([np.linalg.solve(G - J[i].T @ J[i], J[i].T @ e[i]) for i in blocks])
+    moved -= moved.mean(axis=0)
+    m = len(blocks)
+    return np.asarray((m - 1) / m * (moved.T @ moved) / np.outer(scale, scale), dtype=np.float64)
+
+
+def widest(J: Array, e: Array, time: Array, counts: Sequence[int] = COUNTS) -> Array:
+    """Covariance (p, p) with each coefficient's largest standard error over several numbers of blocks.
+
+    Parameters
+    ----------
+    J, e : ndarray, shape (N, p) and (N,)
+    time : ndarray, shape (N,)
+        Rising; blocks are equal parts of it.
+    counts : sequence of int
+        Correlations are those of the last.
+    """
+    place = (time - time[0]) / ((time[-1] - time[0]) * (1 + 1e-9))
+    covs = []
+    for count in counts:
+        block = np.floor(count * place).astype(int)
+        covs.append(jackknife(J, e, [np.flatnonzero(block == b) for b in np.unique(block)]))
+    variance = np.array([np.diag(cov) for cov in covs])
+    up = np.sqrt(variance.max(axis=0) / np.maximum(variance[-1], np.finfo(float).tiny))
+    return covs[-1] * np.outer(up, up)

@@ -1,0 +1,299 @@
+"""Drive and milling process of LYAP from a run of feed command and cutting force.
+
+    drive      m x'' + d x' = f_r                                   (2.1)
+    process    F' + c F = k v                                       (2.2)
+    together   k f_r = m F'' + (m c + d) F' + d c F                 (2.3, 2.4)
+
+From f_r to F that is (k/m) / ((s + c)(s + d/m)). A record of f_r and F tells three numbers, k/m and the two poles as a
+pair: which of them is the process (c) and which the drive (d/m) it does not tell, and m, d, k only up to one factor.
+With one of m, k, d known from elsewhere and ``drive`` saying which pole is the drive's, the rest follow.
+
+m, d, c and k of LYAP from the three ratios that a record tells and one value known from elsewhere.
+
+With r = (m/k, (mc+d)/k, dc/k) the poles -c and -d/m are the roots of r0 s^2 + r1 s + r2, and k = m / r0.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.display import Plottable
+from ...core.errors import IdentError
+from ...datasets import Record
+from ...datasets.records.record import join_records
+from ..continuous import ContinuousModel, to_continuous
+from ..estimators.prediction_error import output_error
+from ..model import Model
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+Faster = Literal["faster", "slower"]
+RATIOS = ("m/k", "(mc+d)/k", "dc/k")
+PARAMETERS = ("m", "d", "c", "k")
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ForceProcess(Plottable):
+    """What a run of command and force tells of drive and process.
+
+    Attributes
+    ----------
+    ratios : ndarray, shape (3,)
+        m/k, (mc+d)/k, dc/k: what LYAP's adaptation looks for, in s^2, s and 1 times unit_u per unit_y.
+    cov_params : ndarray, shape (3, 3)
+        Of ``ratios``, by the delta method from the discrete model.
+    parameters : mapping
+        m, d, c, k as far as they follow from what was given; else empty.
+    parameter_errors : mapping
+        Their standard errors (0: given).
+    identifiable : mapping
+        What each of m, d, c, k and the ratios rests on, in words.
+    zero_test : float
+        z of the coefficient that (2.3) says is zero (s^1 of the numerator): beyond 3 the record is not of this form.
+    discrete : Model
+        The output-error model behind it.
+    fit : float
+        100 (1 - |F - simulated| / |F - mean F|), %, of the reduced model, behind the state before the record.
+    time, measured, simulated : ndarray, shape (n,)
+        Of the longest stretch; the simulation includes what the past before the record left in it.
+    """
+
+    ratios: Array
+    cov_params: Array
+    parameters: dict[str, float]
+    parameter_errors: dict[str, float]
+    identifiable: dict[str, str]
+    zero_test: float
+    discrete: Model
+    fit: float
+    time: Array
+    measured: Array
+    simulated: Array
+    input: str
+    output: str
+    unit_u: str
+    unit_y: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def params(self) -> "pd.Series[float]":
+        """``ratios`` by name."""
+        import pandas as pd
+
+        return pd.Series(self.ratios, index=list(RATIOS))
+
+    @property
+    def bse(self) -> "pd.Series[float]":
+        """Standard errors of ``ratios``."""
+        import pandas as pd
+
+        return pd.Series(np.sqrt(np.diag(self.cov_params)), index=list(RATIOS))
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Both poles, rad/s: -c and -d/m in the order of their size, the slower first."""
+        roots = np.roots(self.ratios).astype(np.complex128)
+        return roots[np.argsort(np.abs(roots))]
+
+    @property
+    def continuous(self) -> ContinuousModel:
+        """F over f_r."""
+        return ContinuousModel(np.ones(1), self.ratios, 0.0, self.input, self.output, self.unit_u, self.unit_y)
+
+    def simulate(self, command: ArrayLike, sample_time: float | None = None) -> Array:
+        """Force (N,) from rest on a command (N,) that is held between samples."""
+        return self.continuous.sampled(sample_time or self.discrete.sample_time).simulate(command)
+
+    @property
+    def verdict(self) -> str:
+        """What was found, on what it rests, and what speaks against it."""
+        told = ", ".join(f"{name} {v:.4g} +- {s:.2g}" for name, v, s in zip(RATIOS, self.ratios, self.bse, strict=True))
+        text = f"{told}; fit {self.fit:.1f} %."
+        if self.parameters:
+            errors = self.parameter_errors
+            text += " " + ", ".join(f"{n} {v:.4g} +- {errors[n]:.2g}" for n, v in self.parameters.items()) + "."
+        else:
+            text += f" m, d, c, k are {self.identifiable['m']}."
+        if abs(self.zero_test) > 3:
+            text += (
+                f" The numerator has a term in s, {self.zero_test:.1f} standard errors from zero: drive or process "
+                "have another form than (2.1) and (2.2), or there is a delay."
+            )
+        if np.abs(self.poles.imag).max() > 0:
+            text += " The poles are a swinging pair, which no positive m, d, c gives: the form does not hold."
+        return text
+
+
+def force_process_fit(
+    rec: Record | Sequence[Record],
+    *,
+    m: float | None = None,
+    k: float | None = None,
+    d: float | None = None,
+    drive: Faster | None = None,
+) -> ForceProcess:
+    """Fit LYAP's drive and process (eq. 2.1-2.4) to a run of feed command f_r and cutting force F.
+
+    Parameters
+    ----------
+    rec : Record or sequence of Record
+        Input f_r, output F, at one depth of cut (k scales with it), sampled well above both poles. F is 0 at f_r 0 by
+        (2.3): take the force of idle running off (``rec.less``), or the operating point (``rec.centred()``).
+    m, k, d : float or None
+        At most one, known from elsewhere, in units that agree with the record.
+    drive : {"faster", "slower"} or None
+        Whether the drive's pole d/m is the faster of the two; needed beside m, k or d, since the record does
+        not tell.
+
+    Raises
+    ------
+    IdentError
+        More than one value given; a record too short, still or without a continuous form of second order.
+
+    Notes
+    -----
+    Output error with two poles is brought to continuous time; its numerator's term in s, zero by (2.3), is set to zero
+    and the other coefficients move with it as their covariance says (the estimate under the constraint).
+
+    Examples
+    --------
+    >>> from .zero_order_hold import sampled
+    >>> u = np.sin(0.0005 * np.arange(1500.0) ** 2)
+    >>> F = sampled([400.0], [2.0, 2.0 * 8 + 60, 60 * 8.0], 0.01).simulate(u)  # k 400, m 2, c 8, d 60
+    >>> fit = force_process_fit(Record(u=u, y=F, sample_time=0.01), m=2.0, drive="faster")
+    >>> {name: round(value, 4) for name, value in fit.parameters.items()}
+    {'m': 2.0, 'd': 60.0, 'c': 8.0, 'k': 400.0}
+    """
+    given = {name: value for name, value in (("m", m), ("k", k), ("d", d)) if value is not None}
+    if len(given) > 1:
+        raise IdentError(f"{' and '.join(given)} given: the record fixes the rest from one of them; give one.")
+    for name, value in given.items():
+        if not (np.isfinite(value) and value > 0):
+            raise IdentError(f"{name} {value!r}: above zero.")
+    if drive not in (None, "faster", "slower"):
+        raise IdentError(f"drive {drive!r}: 'faster' or 'slower', its pole d/m beside the process pole c.")
+
+    rec = rec if isinstance(rec, Record) else join_records(rec)
+    discrete = output_error(rec, nb=2, nf=2, nk=1)
+    ratios, cov, zero = _ratios(discrete)
+    values, errors = parameters_of(ratios, cov, given, drive)
+    simulated, fit = _free_run(rec, ratios)
+    s = max(rec.stretches, key=lambda s: s.stop - s.start)
+    return ForceProcess(
+        ratios, cov, values, errors, basis_of(ratios, given, drive), zero, discrete, fit,
+        np.arange(s.stop - s.start) * rec.sample_time, rec.y[s], simulated[s],
+        rec.input, rec.output, rec.unit_u, rec.unit_y, discrete.notes,
+    )  # fmt: skip
+
+
+def _ratios(model: Model) -> tuple[Array, Array, float]:
+    """m/k, (mc+d)/k, dc/k, their covariance, and z of the term that is zero by (2.3)."""
+    p = _continuous(model, model.theta)
+    if isinstance(p, str):
+        raise IdentError(f"the force process has no continuous form: {p}.")
+    J = np.empty((4, 4))
+    bse = np.sqrt(np.diag(model.cov_params)) if model.cov_params is not None else np.zeros(4)
+    for j in range(4):
+        h = np.zeros(4)
+        h[j] = max(1e-3 * bse[j], 1e-7 * abs(model.theta[j]))
+        up, down = _continuous(model, model.theta + h), _continuous(model, model.theta - h)
+        for end in (up, down):
+            if isinstance(end, str):
+                raise IdentError(f"the force process lies at the edge of having a continuous form: {end}.")
+        J[:, j] = np.subtract(up, down) / (2 * h[j])
+    cov = J @ (np.zeros((4, 4)) if model.cov_params is None else model.cov_params) @ J.T
+    zero, known = 0.0, cov[0, 0] > (1e-9 * max(abs(p[0]), abs(p[1]) * model.sample_time)) ** 2
+    if known:
+        zero = float(p[0] / np.sqrt(cov[0, 0]))
+        pull = cov[:, 0] / cov[0, 0]
+        p, cov = p - pull * p[0], cov - np.outer(pull, cov[0])
+    n0, a1, a0 = p[1:]
+    back = np.array([[-1, 0, 0], [-a1, n0, 0], [-a0, 0, n0]]) / n0**2
+    return np.array([1.0, a1, a0]) / n0, back @ cov[1:, 1:] @ back.T, zero
+
+
+def _continuous(model: Model, theta: Array) -> Array | str:
+    """n1, n0, a1, a0 of (n1 s + n0) / (s^2 + a1 s + a0), or why there is none."""
+    form = to_continuous(Model(b=np.r_[0.0, theta[2:]], a=np.r_[1.0, theta[:2]], nk=1, sample_time=model.sample_time))
+    if not isinstance(form, ContinuousModel):
+        return form.reason
+    return np.asarray(np.r_[np.zeros(2 - len(form.num)), form.num, form.den[1:]], dtype=np.float64)
+
+
+def _free_run(rec: Record, ratios: Array) -> tuple[Array, float]:
+    """Simulated force (N,), what the past before each stretch left in it included, and its fit in %."""
+    from ..estimators.free_simulation import free_run, simulation_error
+
+    model = ContinuousModel(np.ones(1), ratios).sampled(rec.sample_time)
+    e = simulation_error(free_run(rec, 2, 2, 1, free=True), model.theta)
+    return rec.y - e, 100 * (1 - float(np.linalg.norm(e) / np.linalg.norm(rec.y - rec.y.mean())))
+
+
+def parameters_of(
+    ratios: Array, cov: Array, given: Mapping[str, float], drive: str | None
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Values and standard errors (delta method) of m, d, c, k; both empty where they do not follow.
+
+    >>> r = np.array([2.0, 76.0, 480.0]) / 400
+    >>> values, _ = parameters_of(r, np.zeros((3, 3)), {"k": 400.0}, "faster")
+    >>> {name: round(value, 9) for name, value in values.items()}
+    {'m': 2.0, 'd': 60.0, 'c': 8.0, 'k': 400.0}
+    """
+    if _open(ratios, given, drive):
+        return {}, {}
+    values = _values(ratios, given, drive)
+    J = np.empty((4, 3))
+    for j in range(3):
+        h = np.zeros(3)
+        h[j] = 1e-6 * abs(ratios[j])
+        J[:, j] = (_values(ratios + h, given, drive) - _values(ratios - h, given, drive)) / (2 * h[j])
+    errors = np.sqrt(np.maximum(np.diag(J @ cov @ J.T), 0.0))
+    names = ("m", "d", "c", "k")
+    told = dict(zip(names, errors.tolist(), strict=True)) | dict.fromkeys(given, 0.0)
+    return dict(zip(names, values.tolist(), strict=True)), told
+
+
+def basis_of(ratios: Array, given: Mapping[str, float], drive: str | None) -> dict[str, str]:
+    """What each of m, d, c, k and the ratios rests on."""
+    told = dict.fromkeys(("m/k", "(mc+d)/k", "dc/k"), "from the record alone")
+    slow, fast = np.sort(np.abs(np.roots(ratios)))
+    pair = f"c and d/m are {slow:.4g} and {fast:.4g} rad/s, the record does not tell which is which"
+    why = _open(ratios, given, drive)
+    for name in ("m", "d", "c", "k"):
+        if name in given:
+            told[name] = "given"
+        else:
+            told[name] = f"not identifiable: {why}" if why else f"from the record, with {_with(given, drive)}"
+    if "swinging" not in why:
+        told["c, d/m"] = pair if not drive else f"from the record, with the drive taken as {drive}"
+    return told
+
+
+def _with(given: Mapping[str, float], drive: str | None) -> str:
+    return " and ".join([*(f"{n} {v:g} given" for n, v in given.items()), f"the drive taken as {drive}"])
+
+
+def _open(ratios: Array, given: Mapping[str, float], drive: str | None) -> str:
+    """Why m, d, c, k do not follow; empty where they do."""
+    roots = np.roots(ratios)
+    if np.abs(np.imag(roots)).max() > 0 or not (ratios > 0).all():
+        return "the poles are a swinging or unstable pair, which no positive m, d, c gives"
+    if not given:
+        return "m, d and k only as the products m/k, (mc+d)/k and dc/k; give one of m, k, d"
+    if not drive:
+        return "which pole is the drive's is open; say drive='faster' or 'slower'"
+    return ""
+
+
+def _values(ratios: Array, given: Mapping[str, float], drive: str | None) -> Array:
+    """m, d, c, k."""
+    slow, fast = np.sort(np.abs(np.roots(ratios)))
+    pole, c = (fast, slow) if drive == "faster" else (slow, fast)
+    ((name, value),) = given.items()
+    m = {"m": value, "k": value * ratios[0], "d": value / pole}[name]
+    return np.array([m, m * pole, c, m / ratios[0]])

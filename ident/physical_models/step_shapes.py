@@ -1,0 +1,230 @@
+"""Where an input steps, by how much, and whether it is made of steps at all.
+
+Unit step responses of first and second order, and first guesses of their coefficients read off the curve.
+
+    order 1    1 / (T s + 1)                           T
+    order 2    1 / (s^2 / wn^2 + 2 zeta s / wn + 1)    wn, zeta
+
+Guesses: area method and overshoot, Astrom & Hagglund 1995, PID Controllers, sections 2.4 and 2.5.
+
+Does the output rise in straight lines? Then a rate limit answers the step, and no time constant describes it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.display import Displayable
+from ...core.errors import IdentError
+from ...datasets import Record
+from ..estimators.filters import ROUNDING
+
+Array = NDArray[np.float64]
+PLATEAU = 8  # samples between edges, on average: below it the input is a signal, not steps
+LEFTOVER = 0.05  # of the input's range may stay beside its plateaus: noise of a measured input
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Stretch(Displayable):
+    """One run of steps: time (n,) s, output y (n,), edges at times ``at`` (k,) s by ``size`` (k,)."""
+
+    time: Array
+    y: Array
+    at: Array
+    size: Array
+
+
+def stretches_of(rec: Record) -> list[Stretch]:
+    """The stretches that hold an edge, or IdentError: the input is constant, or no steps."""
+    span = float(np.ptp(rec.u))
+    if span == 0:
+        raise IdentError(f"input {rec.input} is {rec.u[0]:g} throughout: no step. Record from before the step on.")
+    runs = [run for s in rec.stretches if (run := _stretch(rec.u[s], rec.y[s], rec.sample_time, span)) is not None]
+    edges = sum(len(run.at) for run in runs)
+    left = np.concatenate([rec.u[s] - _plateaus(rec.u[s], span) for s in rec.stretches])
+    off = float(np.sqrt(np.mean(left**2))) / span
+    if off > LEFTOVER or not edges or edges * PLATEAU > len(rec):
+        why = f"it changes {edges} times in {len(rec)} samples" if off <= LEFTOVER else "it moves between its edges"
+        raise IdentError(
+            f"input {rec.input} is not made of steps: {why} (at most one change in {PLATEAU} samples, "
+            f"and {LEFTOVER:.0%} of its range beside the plateaus). Fit arx or output_error instead."
+        )
+    return runs
+
+
+def one_step(time: Array, y: Array, step: float, at: float) -> Stretch:
+    """A response given as times and values, at any times, to one step of the input."""
+    time, y = (np.asarray(x, dtype=np.float64) for x in (time, y))
+    if time.ndim != 1 or time.shape != y.shape or len(time) < PLATEAU:
+        raise IdentError(f"times have shape {time.shape}, values {y.shape}: one row of each, {PLATEAU} or more.")
+    if not (np.isfinite(time).all() and np.isfinite(y).all() and (np.diff(time) > 0).all()):
+        raise IdentError("times and values of a step response: finite numbers, and times that rise.")
+    if not (np.isfinite(step) and step != 0):
+        raise IdentError(f"step {step!r}: the change of the input, not zero.")
+    if not time[0] <= at < time[-PLATEAU // 2]:
+        raise IdentError(f"the step at {at:g} s lies outside the record, {time[0]:g} to {time[-1]:g} s: give at=.")
+    return Stretch(time, y, np.array([float(at)]), np.array([float(step)]))
+
+
+def _edges(u: Array, span: float) -> NDArray[np.intp]:
+    """Samples whose input differs from the one before by more than noise does."""
+    change = np.abs(np.diff(u))
+    noise = 1.4826 * float(np.median(change)) / np.sqrt(2) if change.size else 0.0
+    return np.flatnonzero(change > max(6 * noise, 1e-6 * span)) + 1
+
+
+def _plateaus(u: Array, span: float) -> Array:
+    """The input as its mean between edges."""
+    parts = np.split(u, _edges(u, span))
+    return np.concatenate([np.full(len(part), part.mean()) for part in parts])
+
+
+def _stretch(u: Array, y: Array, dt: float, span: float) -> Stretch | None:
+    at = _edges(u, span)
+    if not at.size:
+        return None
+    level = _plateaus(u, span)
+    time = dt * np.arange(len(u), dtype=np.float64)
+    return Stretch(time, y, time[at], level[at] - level[at - 1])
+
+
+SHAPES = {1: ("time_constant",), 2: ("natural_frequency", "damping")}
+
+
+def unit_response(order: int, t: Array, shape: Sequence[float]) -> Array:
+    """Response at times t (n,) after the delay; zero before.
+
+    >>> unit_response(1, np.array([-1.0, 0.5]), [0.5]).round(3).tolist()
+    [0.0, 0.632]
+    """
+    t = np.maximum(t, 0.0)
+    if order == 1:
+        return np.asarray(-np.expm1(-t / shape[0]))
+    wn, zeta = shape
+    if zeta > 1 + 1e-3:
+        slow, fast = time_constants(wn, zeta)
+        return np.asarray(-(slow * np.expm1(-t / slow) - fast * np.expm1(-t / fast)) / (slow - fast))
+    damp = np.exp(-zeta * wn * t)
+    x = (zeta**2 - 1) * (wn * t) ** 2
+    # cosh(sqrt x) and sinh(sqrt x) / sqrt x, also for x < 0: no division by what is zero at zeta = 1
+    root = np.sqrt(x.astype(np.complex128))
+    sine = np.where(np.abs(x) < 1e-8, 1 + x / 6, np.real(np.sinh(root) / np.where(root == 0, 1, root)))
+    return np.asarray(1 - damp * (np.real(np.cosh(root)) + zeta * wn * t * sine))
+
+
+def time_constants(wn: float, zeta: float) -> tuple[float, float]:
+    """The slow and the fast one of a second order with zeta >= 1, s; their product is 1 / wn^2."""
+    slow = (zeta + np.sqrt(max(zeta**2 - 1, 0.0))) / wn
+    return float(slow), float(1 / (wn**2 * slow))
+
+
+def guesses(order: int, runs: Sequence[Stretch], delay: float | None) -> list[tuple[list[float], float]]:
+    """Shapes and delays to start from: ([T] or [wn, zeta], delay) each."""
+    z, t, dt = _longest(runs)
+    area = max(float(np.trapezoid(1 - z, t)), dt)  # mean residence time: delay and time constants together
+    T = float(math.e * np.trapezoid(z[t <= area], t[t <= area])) if (t <= area).sum() > 1 else area
+    dead = min(max(area - T, 0.0), 0.9 * area)
+    delays = [dead, dead / 2, 0.0] if delay is None else [delay]
+    out: list[tuple[list[float], float]] = []
+    for late in delays:
+        lag = max(area - late, dt)
+        if order == 1:
+            out.append(([lag], late))
+        else:
+            out += [([2 * zeta / lag, zeta], late) for zeta in (0.5, 1.0, 2.0)]
+            out += _from_overshoot(z, t, late)
+    return out
+
+
+def overshoot(runs: Sequence[Stretch]) -> float:
+    """How far the longest response passes its end value, as a part of the step."""
+    return max(float(_longest(runs)[0].max()) - 1, 0.0)
+
+
+def _from_overshoot(z: Array, t: Array, late: float) -> list[tuple[list[float], float]]:
+    """Zeta from the height of the first peak, wn from its time."""
+    peak = int(np.argmax(z))
+    over = float(z[peak]) - 1
+    if over < 0.01 or t[peak] <= late:
+        return []
+    decrement = np.log(over) / np.pi
+    zeta = float(min(max(-decrement / np.hypot(1, decrement), 0.02), 0.95))
+    return [([float(np.pi / (t[peak] - late) / np.sqrt(1 - zeta**2)), zeta], late)]
+
+
+def _longest(runs: Sequence[Stretch]) -> tuple[Array, Array, float]:
+    """The response to the edge with the longest plateau behind it, brought to 0 ... 1; times from the edge; spacing."""
+    best = (np.zeros(2), np.arange(2.0), 1.0)
+    for run in runs:
+        ends = [*run.at[1:], run.time[-1] + 1e-9]
+        for at, end in zip(run.at, ends, strict=True):
+            inside = (run.time >= at) & (run.time < end)
+            y, t = run.y[inside], run.time[inside] - at
+            if len(y) < 4 or (t[-1] <= best[1][-1] and len(best[0]) > 2):
+                continue
+            before = run.y[run.time <= at]
+            start = float(before[-3:].mean()) if before.size else float(y[0])
+            final = float(np.mean(y[-max(len(y) // 10, 1) :]))
+            if final != start:
+                best = ((y - start) / (final - start), t, float(np.median(np.diff(t))))
+    return best
+
+
+BETTER = 0.5  # the ramps' squared error below this part of the linear fit's: then the ramps are believed
+
+
+def ramp_rate(runs: Sequence[Stretch], gain: float, levels: Sequence[float], loss: float) -> float | None:
+    """Slope of the ramps, unit_y/s, where ramps describe the record clearly better than a loss; else None.
+
+    Parameters
+    ----------
+    runs : sequence of Stretch
+    gain : float
+        unit_y per unit_u, of the linear fit; the ramps find their own from there.
+    levels : sequence of float
+        Output before the first edge of each stretch.
+    loss : float
+        Squared error of the linear fit.
+    """
+    from scipy.optimize import minimize
+
+    run = runs[0]
+    dt = float(np.median(np.diff(run.time)))
+    steep = float(np.percentile(np.abs(np.diff(run.y)) / np.diff(run.time), 90))
+    if not steep > 0 or loss <= ROUNDING * sum(float(run.y @ run.y) for run in runs):
+        return None
+
+    def error(p: Array) -> float:
+        rate, late, own = steep * np.exp(p[0]), dt * abs(p[1]), gain * np.exp(p[2])
+        return sum(
+            float(np.sum((run.y - ramps(run, own, level, rate, late)) ** 2))
+            for run, level in zip(runs, levels, strict=True)
+        )
+
+    # rate, delay and gain move by a factor 1.6, two samples and a tenth
+    simplex = np.array([[0.0, 1.0, 0.0], [0.5, 1.0, 0.0], [0.0, 3.0, 0.0], [0.0, 1.0, 0.1]])
+    best = minimize(error, simplex[0], method="Nelder-Mead", options={"maxiter": 150, "initial_simplex": simplex})
+    return steep * float(np.exp(best.x[0])) if float(best.fun) < BETTER * loss else None
+
+
+def ramps(run: Stretch, gain: float, level: float, rate: float, delay: float) -> Array:
+    """Output (n,) that runs to gain times the input at a rate, from ``level``, a delay behind it.
+
+    >>> run = Stretch(np.arange(5.0), np.zeros(5), at=np.array([1.0]), size=np.array([2.0]))
+    >>> ramps(run, gain=1.0, level=0.0, rate=0.8, delay=0.0).round(9).tolist()
+    [0.0, 0.0, 0.8, 1.6, 2.0]
+    """
+    out = np.full(len(run.time), level)
+    here = target = level
+    begins = run.at + delay
+    for k, begin in enumerate(begins):
+        target += gain * run.size[k]
+        after = run.time >= begin
+        out[after] = here + np.clip(target - here, -rate * (run.time[after] - begin), rate * (run.time[after] - begin))
+        if k + 1 < len(begins):
+            reach = rate * (begins[k + 1] - begin)
+            here += float(np.clip(target - here, -reach, reach))
+    return out

@@ -1,0 +1,153 @@
+"""The map over Kp and Ki: where a specification holds, by how much it is missed elsewhere, and why."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.display import Plottable
+from ..model import Model
+from .figures_of_merit import MARGINS, specified_figures
+from .gains import PiGains
+from .specification import Specification
+from .stability_region import DECADES_KI, GainRange, decades, gain_range, grid
+
+Array = NDArray[np.float64]
+CLOSER = 24  # gains a side while the region is sought
+ROUNDS = 4
+NEAR = 0.15  # of a limit: settling jumps, so the nearest point of a coarse grid need not lie by the nearest of all
+MOST = 6e7  # samples simulated for one map, weighed by the order of the loop: above it the map is coarser
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class FeasibleMap(Plottable):
+    """Figures of loops over a grid of gains.
+
+    Attributes
+    ----------
+    kp : ndarray, shape (P,)
+    ki : ndarray, shape (I,), per second
+    figures : dict of ndarray, each shape (P, I)
+        As in `Figures`, by name.
+    feasible : ndarray of bool, shape (P, I)
+        Stable, and every limit met.
+    worst : ndarray, shape (P, I)
+        Largest violation, as a share of its limit; 0 where feasible, infinite where unstable.
+    specification : Specification
+    range : GainRange
+        The largest stable gains of the model; the map shows the part of it that matters.
+    duration : float
+        Of the simulated steps, s.
+    """
+
+    kp: Array
+    ki: Array
+    figures: dict[str, Array]
+    feasible: NDArray[np.bool_]
+    worst: Array
+    specification: Specification
+    range: GainRange
+    duration: float
+
+    @property
+    def any(self) -> bool:
+        """Whether any gains on the map meet the specification."""
+        return bool(self.feasible.any())
+
+
+def feasible_map(
+    model: Model,
+    specification: Specification,
+    template: PiGains | None = None,
+    n: int = 200,
+    *,
+    duration: float | None = None,
+    range_: GainRange | None = None,
+) -> FeasibleMap:
+    """Figures of n x n loops over the gains where a specification holds, or comes nearest to holding.
+
+    Parameters
+    ----------
+    model : Model
+    specification : Specification
+    template : PiGains, optional
+        All but its gains; by default a position form by the backward rule at the sample time of the model.
+    n : int
+        Gains a side, fewer where the simulated steps are very long.
+    duration : float, optional
+        Of the simulated steps, s; by default several times what is asked.
+    range_ : GainRange, optional
+        Found from the model by default.
+
+    Returns
+    -------
+    FeasibleMap
+        Its limits hold the whole feasible region, or the surroundings of the nearest point.
+
+    Raises
+    ------
+    IdentError
+        No PI makes a stable loop with the model.
+
+    Examples
+    --------
+    >>> model = Model(b=[0.0, 0.02], a=[1.0, -0.98], nk=1, sample_time=0.02)
+    >>> found = feasible_map(model, Specification(rise_time=0.5, overshoot=0.02), n=50)
+    >>> found.any, found.feasible.shape
+    (True, (50, 50))
+    """
+    template = PiGains(0.0, 0.0, model.sample_time) if template is None else template
+    widest = gain_range(model, template) if range_ is None else range_
+    time = horizon(model, specification) if duration is None else duration
+    kp, ki = closing_in(model, specification, template, widest, time)
+    order = max(len(model.a), len(model.b)) + template.delay + template.average
+    n = max(2, min(n, int(np.sqrt(MOST / (time / model.sample_time * (1 + order / 4))))))
+    across, up = np.linspace(*kp, n), np.linspace(*ki, n)
+    figures, worst = evaluate(model, specification, template, across, up, time, *MARGINS)
+    return FeasibleMap(across, up, figures, worst <= 0, worst, specification, widest, time)
+
+
+def evaluate(
+    model: Model, specification: Specification, template: PiGains, kp: Array, ki: Array, duration: float, *more: str
+) -> tuple[dict[str, Array], Array]:
+    """Figures and largest violations of every pair, each shape (len(kp), len(ki)); see `specified_figures`."""
+    table = specified_figures(model, *grid(kp, ki), template, duration, specification, *more)
+    figures = {name: values.reshape(len(kp), len(ki)) for name, values in table.items()}
+    return figures, specification.worst(figures)
+
+
+def horizon(model: Model, specification: Specification) -> float:
+    """How long steps are simulated while gains are sought, s: several times what is asked, or what the model takes."""
+    asked = [3 * (specification.settling_time or 0.0), 6 * (specification.rise_time or 0.0)]
+    if max(asked) > 0:
+        return max(*asked, 50 * model.sample_time)
+    slow = min(max(float(np.abs(p)) for p in [*model.poles, 0.5] if abs(p) < 1), 1 - 1e-3)
+    return float(np.clip(-12 / np.log(slow), 100, 4000)) * model.sample_time
+
+
+def closing_in(
+    model: Model, specification: Specification, template: PiGains, widest: GainRange, duration: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Limits of kp and of ki that hold the feasible gains, or the nearest ones: over decades first, then closer."""
+    p = np.r_[0.0, decades(widest.kp)] if widest.kp else np.zeros(1)
+    i = decades(widest.ki, DECADES_KI)
+    for _ in range(ROUNDS):
+        worst = evaluate(model, specification, template, p, i, duration)[1]
+        (p_low, p_high), (i_low, i_high) = around(p, i, worst)
+        if (worst <= 0).sum() >= 4:
+            break
+        p, i = np.linspace(p_low, p_high, CLOSER), np.linspace(i_low, i_high, CLOSER)
+    return (p_low, p_high), (i_low, i_high)
+
+
+def around(p: Array, i: Array, worst: Array) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Limits of the feasible pairs, or of those about as near as the nearest, and one step of the grid beyond."""
+    least = float(worst.min())
+    rows, columns = np.nonzero(worst <= (1.4 * least + NEAR if least > 0 else 0.0))
+    return beyond(p, rows), beyond(i, columns)
+
+
+def beyond(values: Array, found: NDArray[np.intp]) -> tuple[float, float]:
+    """The values at the first and the last index found, one index further out."""
+    low, high = max(found.min() - 1, 0), min(found.max() + 1, len(values) - 1)
+    return float(values[low]), float(values[high])

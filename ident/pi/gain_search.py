@@ -1,0 +1,144 @@
+"""The best gains off the grid: a small grid that closes in on the best point, round by round."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import IdentError, UsageError
+from ..model import Model
+from .feasible_region import FeasibleMap
+from .figures_of_merit import MARGINS, specified_figures
+from .gains import PiGains
+from .specification import Specification
+
+Array = NDArray[np.float64]
+Aim = Literal["ms", "iae", "disturbance_iae", "travel", "noise_gain", "rise_time", "settling_time", "largest_ki"]
+SIDE = 9  # gains a side of the small grid
+ROUNDS = 40
+SHRINK = 0.4
+ENOUGH, IDLE = 1e-5, 8  # a round that gains less shrinks the grid; so many of them in a row end the search
+STEPS = 2.0  # of the map to each side, where the search begins
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Gains, the largest violation they leave, and the value of the aim."""
+
+    kp: float
+    ki: float
+    worst: float
+    aim: float
+
+
+def check_aim(aim: str) -> None:
+    """An aim that there is."""
+    if aim not in get_args(Aim):
+        raise UsageError(f"aim {aim!r} of PI gains: one of {', '.join(get_args(Aim))}.")
+
+
+def aim_of(figures: dict[str, Array], ki: Array, aim: Aim) -> Array:
+    """What is to be small, in the shape of the figures; ki in a shape that fits."""
+    if aim == "largest_ki":
+        return np.asarray(np.broadcast_to(-np.abs(ki), figures["stable"].shape))
+    return figures[aim]
+
+
+def best_of(worst: Array, aim: Array) -> int:
+    """Flat index of the smallest aim among feasible points, or of the smallest violation where there is none."""
+    if (worst <= 0).any():
+        return int(np.argmin(np.where(worst <= 0, aim, np.inf)))
+    return int(np.argmin(worst))
+
+
+def refined(model: Model, specification: Specification, template: PiGains, found: FeasibleMap, aim: Aim) -> Point:
+    """The best gains near the best point of a map; where nothing is feasible, the nearest.
+
+    Small grids along the axes and along the ray of one integral time take turns; both shrink where they gain nothing.
+    """
+    steps = [STEPS / max(len(v) - 1, 1) * float(abs(v[-1] - v[0])) for v in (found.kp, found.ki)]
+    starts = starts_of(found, aim)
+    if not starts:
+        raise IdentError(
+            f"no PI settles with this model: its largest pole has radius {model.radius:.4g}, and no gains on the map "
+            "end its ringing. Identify with lower orders, or on a longer record."
+        )
+    ends = [closed_in(model, specification, template, found, aim, start, steps) for start in starts]
+    return min(ends, key=lambda end: (end.worst, end.aim))
+
+
+def starts_of(found: FeasibleMap, aim: Aim) -> list[Point]:
+    """The best point of a map; where nothing is feasible, the nearest of each quarter too: there may be valleys."""
+    shape = found.worst.shape
+    kp, ki = np.broadcast_to(found.kp[:, None], shape), np.broadcast_to(found.ki, shape)
+    halves = [(slice(None), slice(None))]
+    if not found.any:
+        cuts = [(slice(0, n // 2), slice(n // 2, None)) for n in shape]
+        halves += [(p, i) for p in cuts[0] for i in cuts[1]]
+    points = []
+    for half in halves:
+        table = {name: values[half].ravel() for name, values in found.figures.items()}
+        worst = found.worst[half].ravel()
+        if worst.size and np.isfinite(worst).any():
+            points.append(point_of(table, worst, kp[half].ravel(), ki[half].ravel(), aim))
+    return list({(p.kp, p.ki): p for p in points}.values())
+
+
+def closed_in(
+    model: Model,
+    specification: Specification,
+    template: PiGains,
+    found: FeasibleMap,
+    aim: Aim,
+    best: Point,
+    steps: list[float],
+) -> Point:
+    """The best gains near one point."""
+    sizes = [*steps, STEPS / len(found.ki), STEPS / len(found.ki)]
+    more = (aim,) if aim in MARGINS else ()
+    offsets, sign, idle = np.linspace(-1, 1, SIDE), float(np.sign(found.range.ki)), 0
+    for k in range(ROUNDS):
+        along_axes = k % 2 == 0
+        first, second = (offsets * s for s in (sizes[:2] if along_axes else sizes[2:]))
+        kp, ki = in_quadrant(*(axes_grid if along_axes else ray_grid)(best, first, second), sign)
+        table = specified_figures(model, kp, ki, template, found.duration, specification, *more)
+        trial = point_of(table, specification.worst(table), kp, ki, aim)
+        gained = better(trial, best, ENOUGH)
+        best = trial if better(trial, best, 0.0) else best
+        idle = 0 if gained else idle + 1
+        sizes = [s if gained or (j < 2) != along_axes else SHRINK * s for j, s in enumerate(sizes)]
+        if idle >= IDLE:
+            break
+    return best
+
+
+def better(one: Point, other: Point, by: float) -> bool:
+    """Whether a point misses less, or meets as much with a smaller aim, by more than a share of it."""
+    if one.worst != other.worst:
+        return one.worst < other.worst * (1 - by)
+    return one.aim < other.aim - by * abs(other.aim)
+
+
+def axes_grid(at: Point, kp: Array, ki: Array) -> tuple[Array, Array]:
+    """Gains about a point, as two flat arrays."""
+    return np.repeat(at.kp + kp, len(ki)), np.tile(at.ki + ki, len(kp))
+
+
+def ray_grid(at: Point, size: Array, angle: Array) -> tuple[Array, Array]:
+    """Both gains scaled by one share, and ki by another: along a line of one integral time and beside it."""
+    scale, turn = 1 + np.repeat(size, len(angle)), 1 + np.tile(angle, len(size))
+    return at.kp * scale, at.ki * scale * turn
+
+
+def in_quadrant(kp: Array, ki: Array, sign: float) -> tuple[Array, Array]:
+    """Gains of one sign with an integral; a kp of the other sign becomes zero."""
+    kp = sign * np.maximum(sign * kp, 0.0)
+    return kp[sign * ki > 0], ki[sign * ki > 0]
+
+
+def point_of(table: dict[str, Array], worst: Array, kp: Array, ki: Array, aim: Aim) -> Point:
+    """The best of a row of gains."""
+    score = aim_of(table, ki, aim)
+    k = best_of(worst, score)
+    return Point(float(kp[k]), float(ki[k]), float(worst[k]), float(score[k]))

@@ -1,0 +1,220 @@
+"""What given gains are: the readings of two bare numbers, where each is stable and where it meets a specification.
+
+Kp 160 and Ki 0.006 say nothing without form, units, sample time and scaling: each reading is another controller.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.display import Displayable, Plottable
+from ...core.errors import IdentError, UsageError
+from ...core.threads import one_thread
+from ..model import Model
+from .feasible_region import horizon
+from .figures_of_merit import specified_figures
+from .gains import Form, PiGains
+from .loops import loops_of, stable_columns
+from .specification import Specification
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+Good = NDArray[np.bool_]
+Interval = tuple[float, float]
+SCALES = 600  # scalings looked at, evenly in the logarithm
+BISECTIONS = 16  # of a step of that grid: to 1e-6
+DECADES = (
+    4.0  # of scalings to each side of the one that makes kp G at its largest 1; beyond, two sums drown in rounding
+)
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Reading(Displayable):
+    """One way to read two numbers.
+
+    Attributes
+    ----------
+    words : str
+        Form, unit of kp and unit of ki.
+    gains : PiGains
+        In units of the command; as printed where that is the unit of the model's input.
+    scaled : bool
+        Whether the command is in another unit than the model's input, so that a scaling is open.
+    stable, meets : tuple of (low, high)
+        Intervals of the scaling, units of the command per unit of the model's input, in which the loop is stable, and
+        meets the specification; for a reading without scaling ((1, 1),) or empty.
+    """
+
+    words: str
+    gains: PiGains
+    scaled: bool
+    stable: tuple[Interval, ...]
+    meets: tuple[Interval, ...]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PiCheck(Plottable):
+    """What two numbers come to, reading by reading.
+
+    Attributes
+    ----------
+    kp, ki : float
+        As printed.
+    specification : Specification
+    readings : tuple of Reading
+    command_unit : str
+        Unit of the scaled readings.
+    input_unit : str
+    duration : float
+        Of the simulated steps, s.
+    """
+
+    kp: float
+    ki: float
+    specification: Specification
+    readings: tuple[Reading, ...]
+    command_unit: str
+    input_unit: str
+    duration: float
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Reading, where it is stable, where it meets the specification, in words."""
+        import pandas as pd
+
+        rows = [(r.words, told(r.stable, r.scaled), told(r.meets, r.scaled)) for r in self.readings]
+        unit = f"{self.command_unit} per {self.input_unit}"
+        return pd.DataFrame(rows, columns=["reading", f"stable ({unit})", f"meets the specification ({unit})"])
+
+    @property
+    def verdict(self) -> str:
+        """One sentence."""
+        good = [r for r in self.readings if r.meets]
+        head = f"Kp {self.kp:g}, Ki {self.ki:g}, {len(self.readings)} readings"
+        if not good:
+            return f"{head}: none meets {self.specification}."
+        scaling = f" {self.command_unit} per {self.input_unit}"
+        ways = "; ".join(f"{r.words}" + (f" at {told(r.meets, True)}{scaling}" if r.scaled else "") for r in good)
+        return f"{head}: {len(good)} can meet {self.specification}: {ways}."
+
+
+def told(intervals: Sequence[Interval], scaled: bool) -> str:
+    """Intervals of a scaling in words."""
+    if not intervals:
+        return "none" if scaled else "no"
+    if not scaled:
+        return "yes"
+    return ", ".join(
+        f"{low:.4g} and above" if np.isinf(high) else f"{low:.4g} to {high:.4g}" for low, high in intervals
+    )
+
+
+@one_thread
+def check_pi(
+    model: Model,
+    kp: float,
+    ki: float,
+    rise_time: float | None = None,
+    settling_time: float | None = None,
+    *,
+    specification: Specification | None = None,
+    controller: PiGains | None = None,
+    command_unit: str = "mm/min",
+) -> PiCheck:
+    """Every reading of a printed Kp and Ki, with the scalings at which it is stable and meets a specification.
+
+    Parameters
+    ----------
+    model : Model
+        From input (V, say) to output (A).
+    kp, ki : float
+        As printed. ``ki`` is read per second, per sample, and as an integral time in seconds and in minutes.
+    rise_time, settling_time : float, optional
+        s; or give a whole ``specification``.
+    controller : PiGains, optional
+        Integration, delay, filter; by default backward at the sample time of the model.
+    command_unit : str
+        Unit of the command where it is not the model's input: its scaling is what is searched.
+
+    Raises
+    ------
+    IdentError
+        No specification, gains that are not above zero.
+
+    Examples
+    --------
+    >>> model = Model(b=[0.0, 0.2], a=[1.0, -0.8], nk=1, sample_time=0.1, unit_u="V", unit_y="A")
+    >>> check = check_pi(model, 100.0, 20.0, rise_time=2.0, settling_time=4.0)
+    >>> check.readings[6].words
+    'position form, Kp in mm/min per A, Ki per second'
+    """
+    if specification is not None and (rise_time is not None or settling_time is not None):
+        raise UsageError("rise_time and settling_time beside a specification: put them into it.")
+    asked = Specification(rise_time, settling_time) if specification is None else specification
+    if not any(True for _ in asked.asked()):
+        raise IdentError("nothing is asked for: give rise_time, settling_time or a specification.")
+    if not (np.isfinite([kp, ki]).all() and kp > 0 and ki > 0):
+        raise IdentError(f"Kp {kp!r}, Ki {ki!r}: two numbers above zero.")
+    base = PiGains(0.0, 0.0, model.sample_time) if controller is None else controller
+    time = horizon(model, asked)
+    u, y = model.unit_u or "input", model.unit_y or "output"
+    readings = []
+    for unit, scaled in ((u, False), (command_unit, True)):
+        for words, gains in ways(kp, ki, base, f"{unit} per {y}"):
+            readings.append(reading(model, asked, words, gains, scaled, time))
+    return PiCheck(kp, ki, asked, tuple(readings), command_unit, u, time)
+
+
+def ways(kp: float, ki: float, base: PiGains, unit: str) -> list[tuple[str, PiGains]]:
+    """Forms and units in which two numbers can be meant."""
+    T = base.sample_time
+    of_ki = {"per second": ki, "per sample": ki / T}
+    of_ti = {f"integral time {ki:g} s": kp / ki, f"integral time {ki:g} min": kp / (60 * ki)}
+    forms: tuple[tuple[str, Form, dict[str, float]], ...] = (
+        ("position form", "position", {f"Ki {k}": v for k, v in of_ki.items()}),
+        ("incremental, u(k) = u(k-1) + Kp e + Ki sum e", "incremental_sum", {f"Ki {k}": v for k, v in of_ki.items()}),
+        ("position form", "position", of_ti),
+    )
+    return [
+        (f"{words}, Kp in {unit}, {how}", replace(base, form=form, kp=kp, ki=value))
+        for words, form, meanings in forms
+        for how, value in meanings.items()
+    ]
+
+
+def reading(model: Model, asked: Specification, words: str, gains: PiGains, scaled: bool, duration: float) -> Reading:
+    """One reading, and where it is stable and meets the specification."""
+
+    def stable(scale: Array) -> Good:
+        kp, ki = gains.kp / scale, gains.ki / scale
+        return stable_columns(loops_of(model, kp, ki, gains).characteristic)
+
+    def meets(scale: Array) -> Good:
+        kp, ki = gains.kp / scale, gains.ki / scale
+        return asked.worst(specified_figures(model, kp, ki, gains, duration, asked)) <= 0
+
+    if not scaled:
+        one = np.ones(1)
+        found = [((1.0, 1.0),) if good(one)[0] else () for good in (stable, meets)]
+        return Reading(words, gains, scaled, *found)
+    heights = np.abs(model.response(np.geomspace(1e-3, 1, 200) / (2 * model.sample_time)))
+    scale = gains.kp * float(heights.max()) * np.logspace(-DECADES, DECADES, SCALES)
+    return Reading(words, gains, scaled, intervals(stable, scale), intervals(meets, scale))
+
+
+def intervals(good: Callable[[Array], Good], scale: Array) -> tuple[Interval, ...]:
+    """Runs of scalings that are good, their ends by bisection between two scalings of the grid."""
+    first = good(scale)
+    change = np.flatnonzero(np.diff(first))
+    inside, outside = (np.where(first[change] == side, scale[change], scale[change + 1]) for side in (True, False))
+    for _ in range(BISECTIONS if len(change) else 0):
+        middle = np.sqrt(inside * outside)
+        fine = good(middle)
+        inside, outside = np.where(fine, middle, inside), np.where(fine, outside, middle)
+    ends = [*([0.0] if first[0] else []), *inside.tolist(), *([np.inf] if first[-1] else [])]
+    return tuple((float(a), float(b)) for a, b in zip(ends[::2], ends[1::2], strict=True))

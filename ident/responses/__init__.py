@@ -1,0 +1,1 @@
+"""Frequency, impulse and step responses with their confidence bands."""

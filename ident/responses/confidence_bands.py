@@ -1,0 +1,259 @@
+"""The covariance of a model carried to gain and phase.
+
+By the first derivatives (delta method) while the error is small, by draws of the coefficients where it is not.
+The gain is carried as its logarithm, so that no band reaches below zero.
+
+The covariance of a model carried to its step response.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.display import Plottable, as_columns
+from ...core.errors import IdentError
+from ..estimators.filters import filtered, is_stable
+from ..estimators.free_simulation import FreeRun, by_a_and_b
+from ..model import Model
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Array = NDArray[np.float64]
+Method = Literal["auto", "delta", "draws"]
+LARGE = 0.25  # standard error of ln G above which the line through the estimate is no longer the curve
+DRAWS = 2000
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ResponseBand(Plottable):
+    """Gain and phase over frequency, each pointwise within its band at ``level``.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (F,), Hz
+    gain, gain_low, gain_high : ndarray, shape (F,), unit_y per unit_u
+    phase, phase_low, phase_high : ndarray, shape (F,), degrees
+        Unwrapped from the lowest frequency on.
+    gain_error, phase_error : ndarray, shape (F,)
+        Standard errors: a share of the gain, and degrees.
+    outside : ndarray of bool, shape (F,)
+        Outside the excited band, where a band tells what the orders presume and not what was measured.
+    level : float
+    method : str
+        ``delta`` or ``draws``.
+    concern : str or None
+        What is to be said before the band is used.
+    """
+
+    frequency: Array
+    gain: Array
+    gain_low: Array
+    gain_high: Array
+    phase: Array
+    phase_low: Array
+    phase_high: Array
+    gain_error: Array
+    phase_error: Array
+    outside: NDArray[np.bool_]
+    level: float
+    method: str
+    concern: str | None = None
+
+    def to_frame(self) -> "DataFrame":
+        """A row a frequency, in Hz."""
+        return as_columns(
+            self, "frequency", "gain", "gain_low", "gain_high", "phase", "phase_low", "phase_high", "outside"
+        ).set_index("frequency")
+
+
+def response_band(
+    model: Model, frequency: ArrayLike, level: float = 0.95, *, method: Method = "auto", seed: int = 1
+) -> ResponseBand:
+    """Gain and phase with the band that the covariance of the coefficients gives them.
+
+    Parameters
+    ----------
+    model : Model
+        With ``cov_params``.
+    frequency : array_like, shape (F,)
+        Hz, above zero to half the sample rate.
+    level : float
+        Of each frequency by itself.
+    method : {"auto", "delta", "draws"}
+        ``auto`` draws where a standard error of ln G passes 25 %.
+    seed : int
+
+    Raises
+    ------
+    IdentError
+        No covariance, a level or a frequency that cannot be.
+
+    Notes
+    -----
+    d ln G / d a_i = -z^-i / A and d ln G / d b_j = z^-j / B: the real part is of ln |G|, the imaginary part of the
+    phase. Source: Ljung 1999, section 9.4.
+
+    Examples
+    --------
+    >>> model = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1, cov_params=np.diag([1e-4, 1e-4]))
+    >>> band = response_band(model, [0.1])
+    >>> [round(float(x[0]), 3) for x in (band.gain_low, band.gain, band.gain_high)]
+    [0.943, 0.996, 1.053]
+    """
+    f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+    nyquist = 0.5 / model.sample_time
+    if f.ndim != 1 or not f.size or not ((f > 0) & (f <= nyquist * (1 + 1e-9))).all():
+        raise IdentError(
+            f"frequencies of a response lie above zero and not above {nyquist:g} Hz, half the sample rate."
+        )
+    cov = covariance_of(model, level)
+    slope = response_slope(model, f)
+    error = np.sqrt(np.stack([np.einsum("fi,ij,fj->f", d, cov, d) for d in (slope.real, slope.imag)]))
+    g = model.response(f)
+    gain, phase = np.abs(g), np.degrees(np.unwrap(np.angle(g)))
+    drawn = method == "draws" or (method == "auto" and error.max() > LARGE)
+    if drawn:
+        low, high = _drawn_response(model, cov, f, g, level, seed)
+    else:
+        spread = normal(level) * error
+        low, high = -spread, spread
+    outside = np.zeros(len(f), dtype=bool) if model.band is None else (f < model.band[0]) | (f > model.band[1])
+    return ResponseBand(
+        f, gain, gain * np.exp(low[0]), gain * np.exp(high[0]), phase, phase + np.degrees(low[1]),
+        phase + np.degrees(high[1]), error[0], np.degrees(error[1]), outside, level, "draws" if drawn else "delta",
+        _unexcited(model, outside),
+    )  # fmt: skip
+
+
+def response_slope(model: Model, frequency: Array) -> NDArray[np.complex128]:
+    """D ln G / d theta at frequencies in Hz, shape (F, na + nb)."""
+    z = np.exp(-2j * np.pi * frequency * model.sample_time)[:, None]
+    a, b = (np.polyval(p[::-1], z) for p in (model.a, model.b))
+    by_b = z ** np.arange(model.nk, model.nk + model.nb) / b
+    return np.hstack([-(z ** np.arange(1, model.na + 1)) / a, by_b]).astype(np.complex128)
+
+
+def covariance_of(model: Model, level: float) -> Array:
+    """The covariance of a model that has one, at a level that can be; else IdentError."""
+    if model.cov_params is None:
+        raise IdentError(
+            f"a model that is {model.structure} has no covariance, so no bands: identify it from a record."
+        )
+    if not 0 < level < 1:
+        raise IdentError(f"level {level!r} of a band: between 0 and 1, for instance 0.95.")
+    return model.cov_params
+
+
+def normal(level: float) -> float:
+    """Quantile of the normal distribution that leaves 1 - level outside both ends."""
+    from statistics import NormalDist
+
+    return NormalDist().inv_cdf((1 + level) / 2)
+
+
+def draws_of(model: Model, cov: Array, seed: int) -> Array:
+    """Coefficients within their covariance, shape (DRAWS, na + nb)."""
+    rng = np.random.default_rng(seed)
+    return rng.multivariate_normal(model.theta, cov, size=DRAWS, method="eigh", check_valid="ignore")
+
+
+def with_theta(model: Model, theta: Array) -> Model:
+    """The model with other coefficients."""
+    b, a = np.r_[np.zeros(model.nk), theta[model.na :]], np.r_[1.0, theta[: model.na]]
+    return Model(b=b, a=a, nk=model.nk, sample_time=model.sample_time)
+
+
+def _drawn_response(
+    model: Model, cov: Array, f: Array, g: NDArray[np.complex128], level: float, seed: int
+) -> tuple[Array, Array]:
+    """Quantiles of ln |G| and of the phase about the estimate, each (2, F)."""
+    ratio = np.log(np.stack([with_theta(model, th).response(f) for th in draws_of(model, cov, seed)]) / g)
+    both = np.stack([ratio.real, ratio.imag], axis=1)
+    low, high = np.quantile(both, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return low, high
+
+
+def _unexcited(model: Model, outside: NDArray[np.bool_]) -> str | None:
+    if model.band is None or not outside.any():
+        return None
+    return (
+        f"outside {model.band[0]:.3g} to {model.band[1]:.3g} Hz the input had next to no power: there the band "
+        "tells what the orders presume, not what was measured."
+    )
+
+
+FEWEST = 0.9  # share of draws that must be stable before a band is told by them
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class StepBand(Plottable):
+    """Response to a unit step of the input within its pointwise band.
+
+    Attributes
+    ----------
+    time : ndarray, shape (T,), s
+    step, low, high, error : ndarray, shape (T,), unit_y per unit_u
+    level : float
+    method : str
+    """
+
+    time: Array
+    step: Array
+    low: Array
+    high: Array
+    error: Array
+    level: float
+    method: str
+
+    def to_frame(self) -> "DataFrame":
+        """A row a sample, time in s."""
+        return as_columns(self, "time", "step", "low", "high", "error").set_index("time")
+
+
+def step_band(
+    model: Model, duration: float, level: float = 0.95, *, method: Method = "auto", seed: int = 1
+) -> StepBand:
+    """Response to a unit step with its band, from 0 to ``duration`` seconds.
+
+    Examples
+    --------
+    >>> model = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1, cov_params=np.diag([1e-4, 1e-4]))
+    >>> band = step_band(model, 0.2)
+    >>> band.step.tolist(), band.error.round(4).tolist()
+    ([0.0, 0.5, 0.75], [0.0, 0.01, 0.0158])
+    """
+    if not (np.isfinite(duration) and duration >= model.sample_time):
+        raise IdentError(f"duration {duration:g} s of a step response: one sample, {model.sample_time:g} s, or more.")
+    if not model.stable:
+        raise IdentError(f"step response of a model with a pole at radius {model.radius:.4g}: it grows without bound.")
+    cov = covariance_of(model, level)
+    n = int(duration / model.sample_time * (1 + 1e-9)) + 1
+    step, slope = step_and_slope(model, n)
+    error = np.sqrt(np.einsum("ti,ij,tj->t", slope, cov, slope))
+    # a slow pole makes the far end bend long before the near end does: both are asked
+    settled = max(float(np.abs(step).max()), np.finfo(float).tiny)
+    drawn = method == "draws" or (method == "auto" and error.max() > LARGE * settled)
+    low, high = step - normal(level) * error, step + normal(level) * error
+    if drawn:
+        draws = [th for th in draws_of(model, cov, seed) if is_stable(np.r_[1.0, th[: model.na]])]
+        if len(draws) < FEWEST * DRAWS:
+            raise IdentError(
+                f"{1 - len(draws) / DRAWS:.0%} of the models within the covariance are unstable: the step response has "
+                "no band. Record longer, excite lower frequencies, or lower the orders."
+            )
+        runs = np.stack([with_theta(model, th).simulate(np.ones(n)) for th in draws])
+        low, high = np.quantile(runs, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return StepBand(
+        model.sample_time * np.arange(n, dtype=np.float64), step, low, high, error, level, "draws" if drawn else "delta"
+    )
+
+
+def step_and_slope(model: Model, n: int) -> tuple[Array, Array]:
+    """Step response (n,) and d step / d theta (n, na + nb)."""
+    ones, whole = np.ones(n), (slice(0, n),)
+    step = model.simulate(ones)
+    run = FreeRun(ones, step, whole, model.na, model.nb, model.nk)
+    return step, by_a_and_b(run, filtered([1.0], model.a, step, whole), filtered([1.0], model.a, ones, whole))

@@ -1,0 +1,231 @@
+"""Frequency response as measured, without a model: gain and phase with error bars, coherence, and the excited band."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.display import Plottable, as_columns
+from ...core.errors import IdentError
+from ..estimators.input_checks import check_moves
+from .impulse_response import Impulse, block_means, smooth_impulse
+from .spectra import averaged, excited_band, input_power
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from ...datasets import Record
+
+Array = NDArray[np.float64]
+Method = Literal["impulse", "welch"]
+MOST = 150  # frequencies by default
+LONGEST = 150  # coefficients of the impulse response; at the rate that is kept, ten periods of the highest frequency
+KEPT = 12  # samples a period of the highest excited frequency: of faster records blocks are averaged
+SHORTEST = 30  # samples of the longest stretch
+DIED_OUT = 1e-3  # variance of the last coefficient over that of the first
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class FrequencyResponse(Plottable):
+    """G at frequencies, as measured.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (F,), Hz
+    response : ndarray of complex, shape (F,), unit_y per unit_u
+    gain_error, phase_error : ndarray, shape (F,)
+        Standard errors: a share of the gain, and degrees.
+    gain_low, gain_high : ndarray, shape (F,), unit_y per unit_u
+    phase_low, phase_high : ndarray, shape (F,), degrees
+        Pointwise, at ``level``, by Student's t with twice ``dof``.
+    coherence : ndarray, shape (F,)
+        Part of the output's power that the input tells of: 1 without noise.
+    dof : ndarray, shape (F,)
+        Complex degrees of freedom that the noise was estimated from.
+    outside : ndarray of bool, shape (F,)
+        Outside the excited band.
+    band : tuple of float
+        Excited band, Hz.
+    resolution : float
+        Hz: what is narrower is smoothed away.
+    level : float
+    method : str
+    notes : tuple of str
+    """
+
+    frequency: Array
+    response: NDArray[np.complex128]
+    gain_error: Array
+    phase_error: Array
+    gain_low: Array
+    gain_high: Array
+    phase_low: Array
+    phase_high: Array
+    coherence: Array
+    dof: Array
+    outside: NDArray[np.bool_]
+    band: tuple[float, float]
+    resolution: float
+    level: float
+    method: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def gain(self) -> Array:
+        """|G|, shape (F,)."""
+        return np.abs(self.response)
+
+    @property
+    def phase(self) -> Array:
+        """Degrees, unwrapped from the lowest frequency on, shape (F,)."""
+        return np.asarray(np.degrees(np.unwrap(np.angle(self.response))))
+
+    def to_frame(self) -> "DataFrame":
+        """A row a frequency, in Hz."""
+        return as_columns(
+            self,
+            "frequency",
+            "gain",
+            "gain_low",
+            "gain_high",
+            "phase",
+            "phase_low",
+            "phase_high",
+            "coherence",
+            "outside",
+        ).set_index("frequency")
+
+
+def frequency_response(
+    rec: "Record",
+    frequency: ArrayLike | None = None,
+    *,
+    method: Method = "impulse",
+    resolution: float | None = None,
+    level: float = 0.95,
+) -> FrequencyResponse:
+    """Measure the frequency response of a record without a model.
+
+    Parameters
+    ----------
+    rec : Record
+        Means are taken off each stretch.
+    frequency : array_like, shape (F,), optional
+        Hz; by default the bins of the longest stretch (of more than 150 an even choice on a logarithmic axis).
+    method : {"impulse", "welch"}
+        ``impulse`` estimates the impulse response under a smooth prior and transforms it: right for one sweep as for
+        many runs. ``welch`` averages half-overlapping windows, as analysers do: for long random inputs, and where the
+        machine rings longer than the impulse response reaches. A sweep is not the same in any two windows, so that the
+        error bars of ``welch`` do not hold there.
+    resolution : float, optional
+        Hz, of ``welch``: twice the distance of its bins.
+    level : float
+        Of the error bars, each frequency by itself.
+
+    Returns
+    -------
+    FrequencyResponse
+
+    Raises
+    ------
+    IdentError
+        An input or output that stands still, too short a record, frequencies or a resolution that cannot be.
+
+    Notes
+    -----
+    In closed loop the measured response is bent towards minus one over the controller: see `feedback_detected`.
+
+    Examples
+    --------
+    >>> from fitmodels.datasets import Record
+    >>> t = np.arange(750) * 0.02
+    >>> u = 2.5 * np.sin(2 * np.pi * (0.1 + 1.9 / 30 * t) * t)
+    >>> from scipy.signal import lfilter
+    >>> found = frequency_response(Record(u=u, y=lfilter([0, 0.1], [1, -0.9], u), sample_time=0.02), [0.5, 1.0])
+    >>> found.gain.round(3).tolist()
+    [0.859, 0.643]
+    """
+    check_moves(rec)
+    if not 0 < level < 1:
+        raise IdentError(f"level {level!r} of error bars: between 0 and 1, for instance 0.95.")
+    if method not in ("impulse", "welch"):
+        raise IdentError(f"method {method!r}: impulse or welch.")
+    band = excited_band(rec)
+    f = _frequencies(rec, frequency)
+    if method == "welch":
+        g, error, coherence, dof, width = averaged(rec, f, resolution)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(np.abs(g) > 0, error / np.sqrt(2) / np.abs(g), np.inf)
+        return _with_bars(f, g, share, share, coherence, dof, band, width, level, method, ())
+    if resolution is not None:
+        raise IdentError('resolution is of method="welch"; the impulse response has the one that the data allow.')
+    g, by_gain, by_phase, coherence, dof, width, notes = _by_impulse(rec, f, band)
+    return _with_bars(f, g, by_gain, by_phase, coherence, dof, band, width, level, method, notes)
+
+
+def _by_impulse(
+    rec: "Record", f: Array, band: tuple[float, float]
+) -> tuple[NDArray[np.complex128], Array, Array, Array, Array, float, tuple[str, ...]]:
+    """G, errors of ln |G| and of the phase, coherence, degrees of freedom, resolution, notes."""
+    longest = max(s.stop - s.start for s in rec.stretches)
+    if longest < SHORTEST:
+        raise IdentError(
+            f"the longest stretch has {longest} samples: a frequency response needs {SHORTEST}. Record longer."
+        )
+    slower = max(int(rec.rate / max(KEPT * band[1], 2.5 * f.max())), 1)
+    slow = block_means(rec.centred(), slower if longest // slower >= SHORTEST else 1)
+    n = min(LONGEST, max(s.stop - s.start for s in slow.stretches) // 3)
+    found = smooth_impulse(slow, n)
+    turn = np.exp(-2j * np.pi * np.outer(f, np.arange(n)) * slow.sample_time)
+    g = np.asarray(turn @ found.g, dtype=np.complex128)
+    g[g == 0] = np.finfo(float).tiny
+    slope = (turn @ found.root) / g[:, None]
+    errors = np.sqrt((slope.real**2).sum(axis=1)), np.sqrt((slope.imag**2).sum(axis=1))
+    notes = () if found.tail < DIED_OUT else (
+        f"the impulse response has not died out in {n * slow.sample_time:.3g} s: peaks narrower than "
+        f"{1 / (n * slow.sample_time):.2g} Hz are smoothed, and their error bars do not say so",
+    )  # fmt: skip
+    dof, width = np.full(len(f), found.dof), 1 / (n * slow.sample_time)
+    return g, errors[0], errors[1], _coherence(slow, found, f, g), dof, width, notes
+
+
+def _coherence(rec: "Record", found: Impulse, f: Array, g: NDArray[np.complex128]) -> Array:
+    """The part of the output's power, |G|^2 S_uu and noise, that the input tells of."""
+    at, power = input_power(rec)
+    signal = np.abs(g) ** 2 * np.interp(f, at, power)
+    h, variance = found.noise
+    noise = variance / np.abs(np.polyval(h[::-1], np.exp(-2j * np.pi * f * rec.sample_time))) ** 2
+    total = signal + noise
+    return np.asarray(np.divide(signal, total, out=np.zeros_like(total), where=total > 0))
+
+
+def _with_bars(
+    f: Array, g: NDArray[np.complex128], by_gain: Array, by_phase: Array, coherence: Array, dof: Array,
+    band: tuple[float, float], width: float, level: float, method: str, notes: tuple[str, ...],
+) -> FrequencyResponse:  # fmt: skip
+    """Error bars from the standard errors of ln |G| and of the phase in radian, by Student's t."""
+    from scipy.stats import t
+
+    gain, phase = np.abs(g), np.degrees(np.unwrap(np.angle(g)))
+    quantile = t.ppf((1 + level) / 2, 2 * dof)
+    spread, turn = quantile * by_gain, np.minimum(np.degrees(quantile * by_phase), 180.0)
+    with np.errstate(over="ignore"):
+        low, high = gain * np.exp(-spread), gain * np.exp(spread)
+    return FrequencyResponse(
+        f, g, by_gain, np.minimum(np.degrees(by_phase), 180.0), low, high, phase - turn, phase + turn, coherence, dof,
+        (f < band[0] * (1 - 1e-9)) | (f > band[1] * (1 + 1e-9)), band, float(width), level, method, notes,
+    )  # fmt: skip
+
+
+def _frequencies(rec: "Record", frequency: ArrayLike | None) -> Array:
+    nyquist, n = rec.rate / 2, max(s.stop - s.start for s in rec.stretches)
+    if frequency is not None:
+        f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+        if f.ndim != 1 or not f.size or not ((f > 0) & (f <= nyquist * (1 + 1e-9))).all():
+            raise IdentError(f"frequencies lie above zero and not above {nyquist:g} Hz, half the sample rate.")
+        return f
+    bins = np.arange(1, n // 2 + 1)
+    if len(bins) > MOST:
+        bins = np.unique(np.round(np.geomspace(1, n // 2, MOST)).astype(np.intp))
+    return np.asarray(bins * rec.rate / n, dtype=np.float64)

@@ -1,0 +1,108 @@
+"""Which band an input excites: outside it no model and no measured response has seen anything.
+
+Frequency response from cross-spectra averaged over half-overlapping windows (Welch 1967).
+
+    G = S_uy / S_uu,    coherence = |S_uy|^2 / (S_uu S_yy),    var |G| / |G|^2 = (1 - coh) / (2 n coh)
+
+n is the number of windows that are worth as much as independent ones. Source: Bendat & Piersol 2010, section 9.1.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import IdentError
+from ..estimators.input_checks import check_moves
+
+if TYPE_CHECKING:
+    from ...datasets import Record
+
+Array = NDArray[np.float64]
+SHARE = 0.1  # of the largest smoothed power: 10 dB down the errors of a response are three times those at its best
+BINS = 5  # of the longest stretch, averaged: a sweep has ripples, a random input has gaps of a single bin
+
+
+def excited_band(rec: "Record", share: float = SHARE) -> tuple[float, float]:
+    """Lowest and highest frequency, Hz, at which the input has a tenth of its largest power or more.
+
+    The rule: periodograms of all stretches, less their means, are added and averaged over 5 bins; the band runs from
+    the first to the last bin with ``share`` or more of the largest.
+
+    Parameters
+    ----------
+    rec : Record
+    share : float
+
+    Returns
+    -------
+    tuple of float
+
+    Raises
+    ------
+    IdentError
+        The input does not vary.
+
+    Notes
+    -----
+    A band may hold gaps: of a square wave it spans the first harmonics, of which only the odd ones are there. An edge
+    is no sharper than one over the length of the longest stretch.
+
+    Examples
+    --------
+    >>> from fitmodels.datasets import Record
+    >>> t = np.arange(750) * 0.02  # CLM-2023 eq. 17, 0.1 to 2 Hz
+    >>> u = 2.5 * np.sin(2 * np.pi * (0.1 + 1.9 / 30 * t) * t)
+    >>> [round(f, 1) for f in excited_band(Record(u=u, y=u, sample_time=0.02))]
+    [0.1, 2.1]
+    """
+    check_moves(rec)
+    f, power = input_power(rec)
+    there = np.flatnonzero(power >= share * power.max())
+    return float(f[there[0]]), float(f[there[-1]])
+
+
+def input_power(rec: "Record") -> tuple[Array, Array]:
+    """Frequencies in Hz and the smoothed power of the input there, in its unit squared, per sample."""
+    n = max(s.stop - s.start for s in rec.stretches)
+    transforms = (np.fft.rfft(rec.u[s] - rec.u[s].mean(), n) for s in rec.stretches)
+    power = sum((np.abs(U) ** 2 for U in transforms), np.zeros(n // 2 + 1))[1:] / len(rec)
+    smooth = np.convolve(power, np.ones(BINS) / BINS, "same") if len(power) > BINS else power
+    return np.arange(1, n // 2 + 1) * rec.rate / n, smooth
+
+
+WINDOWS = 8  # per record by default, and
+FEWEST = 4  # below which a coherence says nothing
+OVERLAPPED = 1 / 36  # squared correlation of spectra from Hann windows that overlap by half
+
+
+def averaged(
+    rec: "Record", frequency: Array, resolution: float | None
+) -> tuple[NDArray[np.complex128], Array, Array, Array, float]:
+    """G, its complex standard error, coherence and degrees of freedom at frequencies, and the resolution in Hz."""
+    from scipy.signal import csd
+
+    lengths = [s.stop - s.start for s in rec.stretches]
+    n = max(int(2 * sum(lengths) / (WINDOWS + 1)), 8) if resolution is None else round(2 * rec.rate / resolution)
+    n = min(n, max(lengths)) if resolution is None else n
+    usable = [s for s in rec.stretches if s.stop - s.start >= n > 3]
+    count = sum((s.stop - s.start - n) // (n - n // 2) + 1 for s in usable)
+    if count < FEWEST:
+        raise IdentError(
+            f"{count} windows of {n} samples: averaging needs {FEWEST} or more. Give a coarser resolution, record "
+            'longer, or use method="impulse".'
+        )
+    f = np.fft.rfftfreq(n, rec.sample_time)
+    uu, uy, yy = np.zeros(len(f)), np.zeros(len(f), dtype=np.complex128), np.zeros(len(f))
+    for s in usable:
+        weight = (s.stop - s.start - n) // (n - n // 2) + 1
+        u, y = rec.u[s] - rec.u[s].mean(), rec.y[s] - rec.y[s].mean()
+        uy = uy + weight * csd(u, y, rec.rate, nperseg=n, noverlap=n // 2)[1]
+        uu, yy = (p + weight * csd(x, x, rec.rate, nperseg=n, noverlap=n // 2)[1].real for p, x in ((uu, u), (yy, y)))
+    at = np.clip(np.rint(frequency / f[1]).astype(np.intp), 1, len(f) - 1)
+    s_uu, s_uy, s_yy = uu[at], uy[at], yy[at]
+    g = s_uy / s_uu
+    coherence = np.clip(np.abs(s_uy) ** 2 / (s_uu * s_yy), 0.0, 1.0)
+    worth = count / (1 + 2 * OVERLAPPED * (count - 1) / count)
+    error = np.sqrt(np.maximum(1 - coherence, 0.0) * s_yy / s_uu / max(worth - 1, 1.0))
+    return g, error, coherence, np.full(len(at), worth - 1), 2 * float(f[1])
