@@ -146,7 +146,7 @@ def test_servo_square_wave_has_a_rate_limit(measurements, order):
     assert fit.rate_limit == pytest.approx(np.median(speed[speed > 30]), rel=0.03)
     assert "rises in straight lines of 45.6" in fit.verdict
     assert fit.fit > (85 if order == 1 else 90)
-    assert fit.plot().get_ylabel() == "position (mm)"
+    assert fit.plot().get_ylabel() == "position [mm]"
 
 
 def test_a_lag_is_no_rate_limit():
