@@ -10,9 +10,11 @@ import sys
 import time
 
 import numpy as np
-from fitmodels.controllers import replay
-from fitmodels.controllers.constant_load_milling import ConstantLoad, CutModel, MillingCut, constant_load_run
-from fitmodels.controllers.constant_load_milling.passes import RECORDED
+from fitmodels.controllers.constant_load_milling.controller import ConstantLoad
+from fitmodels.controllers.constant_load_milling.cut_model import CutModel
+from fitmodels.controllers.constant_load_milling.plant import MillingCut
+from fitmodels.controllers.constant_load_milling.runs import RECORDED, constant_load_run
+from fitmodels.controllers.loop import replay
 from fitmodels.parameters.published import published
 
 STEPS, PERIOD = 1_000_000, 0.02

@@ -10,7 +10,10 @@ import math
 import time
 
 from fitmodels import datasets, fit
-from fitmodels.controllers.recursion import Rules, life_draws, life_laws, whole_life
+from fitmodels.controllers.recursion.distribution import life_draws
+from fitmodels.controllers.recursion.from_file import life_laws
+from fitmodels.controllers.recursion.laws import Rules
+from fitmodels.controllers.recursion.life import whole_life
 from fitmodels.parameters import Draws
 from fitmodels.parameters.published import published
 

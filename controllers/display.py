@@ -4,18 +4,16 @@ import numpy as np
 
 from ..core.display import Display, TextTable, display
 from ..core.rounding import format_plain
-from .constant_load_milling.run import ToolRun
+from .constant_load_milling.runs import ToolRun
 from .constant_load_milling.steady import SteadyLife
 from .loop import Trace
-from .recursion.choice import Choice
 from .recursion.distribution import LifeDraws
-from .recursion.fixed import FixedLife
+from .recursion.interval_optimum import Choice
 from .recursion.laws import LifeLaws, Terms
-from .recursion.life import Life
-from .region.front import WearFront
-from .region.probability import Chance
-from .region.visible import VisibleRegion
-from .roughness.cuts import Turned
+from .recursion.life import FixedLife, Life
+from .region.probability import Feasibility
+from .region.visible import VisibleRegion, WearFront
+from .roughness.simulations import TurningRun
 
 MOST_ROWS = 12
 
@@ -49,7 +47,7 @@ def of_tool_run(run: ToolRun) -> Display:
 
 
 @display.register
-def of_turned(cut: Turned) -> Display:
+def of_turned(cut: TurningRun) -> Display:
     """How long and how rough."""
     Ra = cut.Ra[np.isfinite(cut.Ra)]
     span = f"Ra {format_plain(Ra.min(), 3)} to {format_plain(Ra.max(), 3)} um" if Ra.size else "no roughness known"
@@ -143,7 +141,7 @@ def of_region(region: VisibleRegion) -> Display:
 
 
 @display.register
-def of_chance(found: Chance) -> Display:
+def of_chance(found: Feasibility) -> Display:
     """Where the best pair of the laws stands, from how many draws."""
     low, high = float(found.probability.min()), float(found.probability.max())
     head = (

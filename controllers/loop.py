@@ -1,4 +1,4 @@
-"""One loop for every controller: the plant answers the last command, the controller answers the plant."""
+"""Simulation loop for every controller: the plant answers the last command, the controller answers the plant."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.display import Displayable
+from ..core.display import Displayable, Plottable
 from ..core.errors import UsageError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from pandas import DataFrame
 
 Array = NDArray[np.float64]
+
 LONGEST = 100_000_000  # samples of a replay
 
 C = TypeVar("C", float, tuple[float, ...])
@@ -50,7 +50,7 @@ class Plant(Protocol[Takes]):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Trace(Displayable):
+class Trace(Plottable):
     """What a replay recorded: a simulation, whatever its numbers came from.
 
     Attributes
@@ -80,17 +80,15 @@ class Trace(Displayable):
         """Time of the first event of this name, s; None where there was none."""
         return next((event.time for event in self.events if event.what == what), None)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Measurement with its reference and events, and the command on an axis of its own."""
-        from .draw import trace_picture
-
-        return trace_picture(self, ax)
-
     def to_frame(self) -> "DataFrame":
-        """A row a sample, time in s; what was recorded beside it under its name."""
-        from .frames import trace_frame
+        """One row per sample, time in s; several commands as ``command 1``, ``command 2``; recorded values by name."""
+        from pandas import DataFrame, Index
 
-        return trace_frame(self)
+        commands = self.command.reshape(len(self.time), -1)
+        several = commands.shape[1] > 1
+        columns = {f"command {k + 1}" if several else "command": column for k, column in enumerate(commands.T)}
+        columns |= {"measurement": self.measurement, "reference": self.reference, **self.recorded}
+        return DataFrame(columns, index=Index(self.time, name="time"))
 
 
 def replay(

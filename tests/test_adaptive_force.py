@@ -12,24 +12,17 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from fitmodels import ident, parameters
-from fitmodels.cards.replays import adaptive_force as told
-from fitmodels.controllers import adaptive_force as room
-from fitmodels.controllers import replay
-from fitmodels.controllers.adaptive_force import (
-    AdaptiveForceControl,
-    DriveAndCut,
-    FixedForcePi,
-    depth_step_run,
-    identification_run,
-    lyapunov,
-    steady_run,
-    step_study,
-)
-from fitmodels.controllers.adaptive_force.judged import averaged
-from fitmodels.controllers.adaptive_force.reference_model import ReferenceModel
-from fitmodels.controllers.adaptive_force.revolution import Revolution
-from fitmodels.controllers.faults import FAULTS, Faulty, saturated
+from fitmodels import datasets, ident, parameters
+from fitmodels.cards.replays import adaptive_force as report
+from fitmodels.controllers.adaptive_force import stability
+from fitmodels.controllers.adaptive_force.controller import AdaptiveForceControl
+from fitmodels.controllers.adaptive_force.fixed_pi import FixedForcePi
+from fitmodels.controllers.adaptive_force.plant import DriveAndCut
+from fitmodels.controllers.adaptive_force.runs import depth_step_run, steady_run
+from fitmodels.controllers.adaptive_force.signals import ReferenceModel, Revolution, averaged
+from fitmodels.controllers.adaptive_force.stability import step_study
+from fitmodels.controllers.loop import replay
+from fitmodels.controllers.plants import FAULTS, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.published import published
 from hypothesis import given, settings
@@ -128,6 +121,17 @@ def test_the_file_holds_what_section_4_prints(pf):
     assert parameters.check(pf).ok
     assert pf.identity.simulated
     assert sum("ssumption" in note or "ssumed" in note for note in pf.adaptive_force.notes) >= 3
+
+
+def identification_run(seed: int) -> datasets.Record:
+    """A chirp of the feed at 2 mm depth, 30 % ripple at tooth frequency and 2 N of noise on the force, from rest."""
+    step = 0.004  # s: an odd number of samples in a revolution of 20 ms, the ripple below half the rate
+    u = ident.chirp(100.0, 0.1, 5.0, 20.0, 1 / step, offset=250.0)
+    plant, noise = DriveAndCut(2.0, ripple=0.3, noise=2.0), np.random.default_rng(seed)
+    F = [0.0, *(plant.step(float(command), step, noise) for command in u[:-1])]
+    return datasets.Record(
+        u=u, y=np.array(F), sample_time=step, input="feed command", output="F", unit_u="mm/min", unit_y="N"
+    )
 
 
 def test_its_estimates_are_those_identified_from_the_simulated_run(pf):
@@ -262,7 +266,7 @@ def test_the_derivative_of_v_is_the_one_stated():
     def V(t, s):
         w = wanted(t)
         e = np.array([s[0] - w[2], s[1] - w[1]])
-        P = lyapunov.P(np.array([m]), np.array([a]), np.array([b]), Kd, lam)[0]
+        P = stability.P(np.array([m]), np.array([a]), np.array([b]), Kd, lam)[0]
         return e @ P @ e + ((s[2:] - truth) ** 2 / g).sum(), e
 
     run = solve_ivp(slope, [0, 0.3], [0, 0, *(0.6 * truth)], rtol=1e-11, atol=1e-11, dense_output=True)
@@ -298,13 +302,13 @@ def test_v_with_another_p_would_rise(pf):
     found, r, plant = run.energy(), run.trace.recorded, run.plant
     off_the_diagonal = 2 * run.settings.lam * plant.m / r["k"] * r["error"] * r["error_rate"]
     assert found.rise < ROUNDING
-    assert lyapunov.rise_of(found.V - off_the_diagonal, found.free)[0] > 1e-4
+    assert stability.rise_of(found.V - off_the_diagonal, found.free)[0] > 1e-4
 
 
 def test_v_is_refused_where_it_need_not_fall():
     one = np.ones(1)
     with pytest.raises(UsageError, match=r"alpha . Kd is not above lambda m"):
-        lyapunov.P(one, one, one, Kd=0.5, lam=2.0)
+        stability.P(one, one, one, Kd=0.5, lam=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -315,7 +319,7 @@ def study(pf):
 @pytest.fixture
 def quick(study, monkeypatch):
     """The shorter study in a replay and in the ledger, which ask for 0.1 ms too."""
-    monkeypatch.setattr(room, "step_study", lambda pf: study)
+    monkeypatch.setattr(stability, "step_study", lambda pf: study)
 
 
 def test_the_step_at_which_v_begins_to_rise(study):
@@ -351,7 +355,7 @@ def test_adaptation_stands_still_while_the_command_is_at_its_limit(pf):
 def faulty(pf, fault, depth, end=math.inf, duration=4.0):
     plant = DriveAndCut.from_parameters(pf, depth, ripple=0.3, noise=2.0)
     control = AdaptiveForceControl.from_parameters(pf, depth)
-    trace = replay(control, Faulty(plant, fault, start=2.0, end=end), duration=duration, dt=0.001, seed=3,
+    trace = replay(control, FaultyPlant(plant, fault, start=2.0, end=end), duration=duration, dt=0.001, seed=3,
                    record=("beta", "alpha", "m", "adapting", "closed"))  # fmt: skip
     return trace, plant, control
 
@@ -451,7 +455,7 @@ def test_whatever_is_read_the_command_is_finite_and_within_limits(readings, make
 @pytest.mark.parametrize("name", FAULTS)
 def test_the_fixed_pi_stays_within_limits_too(pf, name):
     control = FixedForcePi.from_parameters(pf, 2.0)
-    trace = replay(control, Faulty(DriveAndCut(2.0, ripple=0.3, noise=2.0), FAULTS[name], start=1.5), duration=3.0,
+    trace = replay(control, FaultyPlant(DriveAndCut(2.0, ripple=0.3, noise=2.0), FAULTS[name], start=1.5), duration=3.0,
                    dt=0.004)  # fmt: skip
     assert (trace.command >= control.settings.low).all()
     assert (trace.command <= control.settings.high).all()
@@ -466,13 +470,13 @@ def test_gains_in_other_units_are_refused(pf):
         FixedForcePi.from_parameters(parameters.sealed(pf, pi=None), 2.0)
 
 
-# --- what is told ---------------------------------------------------------------------------------------------------
+# --- the report ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("quick")
 def test_a_replay_tells_depths_steps_proof_and_what_is_assumed(pf):
-    assert told.lacks(pf) == ""
-    found = told.replayed(pf, {}, 1)
+    assert report.lacks(pf) == ""
+    found = report.replayed(pf, {}, 1)
     assert all(found.facts["depths"][i]["steady_error_share"] < 0.02 for i in range(3))
     text = " ".join(found.lines)
     assert "150 N at 1 mm" in text
@@ -488,15 +492,15 @@ def test_a_replay_tells_depths_steps_proof_and_what_is_assumed(pf):
 
 @pytest.mark.usefixtures("quick")
 def test_a_replay_without_gains_says_so(pf):
-    found = told.replayed(parameters.sealed(pf, pi=None), {}, 1)
+    found = report.replayed(parameters.sealed(pf, pi=None), {}, 1)
     assert not found.facts["pi_depths"]
     assert any("no PI gains" in line for line in found.assumed)
 
 
 def test_a_file_without_what_it_takes_is_told(pf):
-    assert "no adaptive_force section" in told.lacks(parameters.collect(tool="GC435", work="709M40"))
-    assert "no estimates with the depth" in told.lacks(changed(pf, depth=None))
-    assert "alpha + Kd is not above lambda m" in told.lacks(changed(pf, lam=1e3))
+    assert "no adaptive_force section" in report.lacks(parameters.collect(tool="GC435", work="709M40"))
+    assert "no estimates with the depth" in report.lacks(changed(pf, depth=None))
+    assert "alpha + Kd is not above lambda m" in report.lacks(changed(pf, lam=1e3))
 
 
 @pytest.mark.usefixtures("quick")

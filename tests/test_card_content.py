@@ -285,7 +285,7 @@ def test_the_settings_of_constant_load(files):
 
 
 def test_the_window_of_operation_is_the_controllers(pf, card):
-    from fitmodels.controllers.region import best_point
+    from fitmodels.controllers.region.probability import best_point
 
     window = next(w for w in card.windows if w.title == "Window of operation")
     told = {n.name: n.number.value for n in window.facts}

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels import controllers, parameters
-from fitmodels.controllers.constant_load_milling import MillingCut
-from fitmodels.controllers.faults import FAULTS, Faulty, saturated
+from fitmodels.controllers.constant_load_milling.plant import MillingCut
+from fitmodels.controllers.plants import FAULTS, Cut, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.export.view import view
 from fitmodels.parameters.published import published
@@ -22,8 +22,8 @@ B18, A18 = [0.0, 0.0611, -0.1338, 0.0752], [1.0, -2.0311, 1.2104, -0.1655]
 GAIN = 1.2416e-4 * 1000 / (sum(B18) / sum(A18))  # A per override, at rest: CLM-2023's three points, 1000 mm/min
 
 
-def plant(**more) -> controllers.Cut:
-    return controllers.Cut(**{"b": [GAIN * b for b in B18], "a": A18, "offset": 0.1158, **more})
+def plant(**more) -> Cut:
+    return Cut(**{"b": [GAIN * b for b in B18], "a": A18, "offset": 0.1158, **more})
 
 
 @pytest.fixture
@@ -196,7 +196,7 @@ def test_the_plant_is_the_difference_equation_of_the_file(constant_load_file):
     model = constant_load_file().dynamics
     rng = np.random.default_rng(3)
     u = rng.standard_normal(200)
-    cut = controllers.Cut(b=model.b, a=model.a)
+    cut = Cut(b=model.b, a=model.a)
     ours = [cut.step(0.0, 0.02, rng), *(cut.step(value, 0.02, rng) for value in u[:-1])]  # each answers the one before
     assert ours == pytest.approx(model.simulate(u), abs=1e-12)
 
@@ -356,7 +356,7 @@ def test_a_fault_in_the_loop_is_told_and_leaves_the_feed_within_its_limits(paper
         "stuck": lambda reading, told: 0.235
     }  # at the reference itself the command stands still, and nobody can tell
     fails = {**FAULTS, **off, "saturated": saturated(0.21)}[fault]
-    mill = Faulty(MillingCut.from_parameters(paper, noise=0.003), fails, start=25.0, end=40.0)
+    mill = FaultyPlant(MillingCut.from_parameters(paper, noise=0.003), fails, start=25.0, end=40.0)
     c = controllers.ConstantLoad.from_parameters(paper)
     trace = controllers.replay(c, mill, duration=60, dt=0.02)
     assert c.loop.low <= trace.command.min() <= trace.command.max() <= c.loop.high
@@ -369,7 +369,7 @@ def test_a_fault_in_the_loop_is_told_and_leaves_the_feed_within_its_limits(paper
 @pytest.mark.parametrize("fault", list(FAULTS))
 def test_a_fault_in_a_loop_in_position_form_leaves_its_feed_between_its_limits_and_the_programme_s(controller, fault):
     c = controller()
-    mill = Faulty(plant(noise=0.002), FAULTS[fault], start=8.0)
+    mill = FaultyPlant(plant(noise=0.002), FAULTS[fault], start=8.0)
     trace = controllers.replay(c, mill, duration=20, dt=0.02, command=1.0)
     late = trace.time > 2
     assert c.loop.low <= trace.command[late].min() <= trace.command.max() <= 1.0

@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels import controllers
+from fitmodels.controllers.loop import Trace
+from fitmodels.controllers.plants import Cut
 from fitmodels.core.errors import GateError
 from fitmodels.parameters.export import exporter
 from fitmodels.parameters.export.view import view
@@ -42,9 +44,9 @@ def cutting(k: int) -> bool:
     return 100 <= k < 2350
 
 
-def replayed(pf, samples: int = SAMPLES) -> controllers.Trace:
+def replayed(pf, samples: int = SAMPLES) -> Trace:
     dt = pf.pi.sample_time
-    plant = controllers.Cut(
+    plant = Cut(
         b=[GAIN * b for b in B18], a=A18, offset=A, idle=IDLE,
         wear=lambda t: wear(round(t / dt)), cutting=lambda t: cutting(round(t / dt)),
     )  # fmt: skip

@@ -6,7 +6,9 @@ Every controller that reads a sensor meets every fault of `controllers.FAULTS`, 
 import numpy as np
 import pytest
 from fitmodels import controllers
-from fitmodels.controllers.faults import saturated
+from fitmodels.controllers.adaptive_force.plant import DriveAndCut
+from fitmodels.controllers.plants import FAULTS, FaultyPlant, saturated
+from fitmodels.controllers.roughness.plant import TurningForce
 from fitmodels.parameters.published import published
 
 START = 8.0  # s: every loop has settled
@@ -22,7 +24,7 @@ def constant_load():
 def roughness():
     pf = published("SURF")
     c = controllers.ConstantRoughness.from_parameters(pf)
-    return c, controllers.TurningForce.from_parameters(pf), pf.roughness.sample_time, (0.0, 0.3)
+    return c, TurningForce.from_parameters(pf), pf.roughness.sample_time, (0.0, 0.3)
 
 
 def adaptive_force():
@@ -30,7 +32,7 @@ def adaptive_force():
     c = controllers.AdaptiveForceControl.from_parameters(pf, depth=1.0)
     return (
         c,
-        controllers.DriveAndCut.from_parameters(pf, depth=1.0),
+        DriveAndCut.from_parameters(pf, depth=1.0),
         0.001,
         (pf.adaptive_force.low, pf.adaptive_force.high),
     )
@@ -49,16 +51,16 @@ def test_a_reading_may_be_a_number_of_numpys(name):
     commands = []
     for kind in (float, np.float64):
         controller, plant, dt, _ = LOOPS[name]()
-        told = controllers.Faulty(plant, lambda reading, _, kind=kind: kind(reading))
+        told = FaultyPlant(plant, lambda reading, _, kind=kind: kind(reading))
         commands.append(controllers.replay(controller, told, duration=0.5, dt=dt).command.tolist())
     assert commands[0] == commands[1]
 
 
 @pytest.mark.parametrize("lasts", [float("inf"), 0.5])
-@pytest.mark.parametrize("name", controllers.FAULTS)
+@pytest.mark.parametrize("name", FAULTS)
 def test_the_feed_stays_inside_its_limits_and_above_zero(loop, name, lasts):
     controller, plant, dt, (low, high) = loop
-    faulty = controllers.Faulty(plant, controllers.FAULTS[name], START, START + lasts)
+    faulty = FaultyPlant(plant, FAULTS[name], START, START + lasts)
     trace = controllers.replay(controller, faulty, duration=START + 4, dt=dt)
     feed = trace.command[trace.time > 2]  # a limiter may ramp from 0 first
     assert np.isfinite(trace.command).all()
@@ -73,7 +75,7 @@ def test_a_sensor_that_saturates_below_the_set_point_is_told_and_leaves_the_feed
     controller, plant, dt, (low, high) = LOOPS[name]()
     settled = controllers.replay(controller, plant, duration=START, dt=dt).measurement[-1]
     controller, plant, *_ = LOOPS[name]()
-    faulty = controllers.Faulty(plant, saturated(share * settled), START)
+    faulty = FaultyPlant(plant, saturated(share * settled), START)
     trace = controllers.replay(controller, faulty, duration=START + 4, dt=dt)
     feed = trace.command[trace.time > 2]
     assert low - 1e-12 <= feed.min() <= feed.max() <= high + 1e-12
@@ -84,7 +86,7 @@ def test_a_sensor_that_saturates_below_the_set_point_is_told_and_leaves_the_feed
 @pytest.mark.parametrize("name", ["not a number", "infinite", "wrong sign"])
 def test_a_reading_that_cannot_be_is_told_when_it_comes(loop, name):
     controller, plant, dt, _ = loop
-    faulty = controllers.Faulty(plant, controllers.FAULTS[name], START)
+    faulty = FaultyPlant(plant, FAULTS[name], START)
     trace = controllers.replay(controller, faulty, duration=START + 4, dt=dt)
     told = [event for event in trace.events if event.time >= START - 2 * dt]
     assert any("unknown" in event.what or event.what in ("air", "out of cut") for event in told), trace.events
@@ -92,7 +94,7 @@ def test_a_reading_that_cannot_be_is_told_when_it_comes(loop, name):
 
 def test_a_loop_comes_back_after_a_second_without_a_reading(loop):
     controller, plant, dt, _ = loop
-    faulty = controllers.Faulty(plant, controllers.FAULTS["not a number"], START, START + 1)
+    faulty = FaultyPlant(plant, FAULTS["not a number"], START, START + 1)
     trace = controllers.replay(controller, faulty, duration=START + 10, dt=dt)
     assert any(event.what.endswith("known") and event.time > START + 0.9 for event in trace.events)
     before = trace.measurement[(trace.time > START - 1) & (trace.time < START)].mean()

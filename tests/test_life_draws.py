@@ -4,19 +4,14 @@ import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards.replays import replayed
-from fitmodels.controllers import replay
-from fitmodels.controllers.recursion import (
-    Rules,
-    TurningRecursion,
-    WearingEdge,
-    carried_out,
-    drawn_laws,
-    grid_of,
-    life_draws,
-    life_laws,
-    whole_life,
-)
-from fitmodels.controllers.recursion.draw import draws_figure
+from fitmodels.controllers.loop import replay
+from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
+from fitmodels.controllers.recursion.distribution import drawn_laws, life_draws
+from fitmodels.controllers.recursion.figures import draws_figure
+from fitmodels.controllers.recursion.from_file import life_laws
+from fitmodels.controllers.recursion.interval_optimum import grid_of
+from fitmodels.controllers.recursion.laws import Rules
+from fitmodels.controllers.recursion.life import apply_plan, whole_life
 from fitmodels.core.errors import UsageError
 from fitmodels.parameters import Draws
 from fitmodels.parameters.published import published
@@ -78,7 +73,7 @@ def test_a_plan_on_many_edges_is_that_plan_on_one_edge_after_the_other(refit, ru
     pf, draws = refit
     laws, few = life_laws(pf), {name: Draws(of.names, of.values[:40]) for name, of in draws.items()}
     found = life_draws(laws, few, rules=rules)
-    lives = [carried_out(found.plan, drawn_laws(laws, few, k), rules) for k in range(40)]
+    lives = [apply_plan(found.plan, drawn_laws(laws, few, k), rules) for k in range(40)]
     assert found.minutes.tolist() == [life.minutes for life in lives]
     np.testing.assert_allclose(found.removed, [life.removed for life in lives], rtol=1e-12)
     np.testing.assert_allclose(found.peak_power, [life.P.max() for life in lives], rtol=1e-9)

@@ -19,7 +19,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import batch, controllers, datasets, fit, ident, parameters
+from fitmodels.controllers.adaptive_force.stability import step_study
+from fitmodels.controllers.constant_load_milling.cut_model import CutModel
 from fitmodels.controllers.constant_load_milling.steady import steady_life
+from fitmodels.controllers.recursion.interval_optimum import best_exact
+from fitmodels.controllers.recursion.laws import Rules
+from fitmodels.controllers.recursion.life import best_fixed
+from fitmodels.controllers.region.visible import wear_front
+from fitmodels.controllers.roughness.simulations import turn
 from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value, with_error
 from fitmodels.datasets.records.look import looks_like_record
 from fitmodels.ident.continuous import sampled, to_continuous
@@ -115,7 +122,7 @@ def tool_run():
 
 @cache
 def turned():
-    return controllers.turn(published("SURF"), duration=2.0)
+    return turn(published("SURF"), duration=2.0)
 
 
 def drive():
@@ -167,7 +174,7 @@ def latent():
 
 
 @cache
-def many() -> fit.ManyLaws:
+def many() -> fit.DrawnLifeLaws:
     data = runs().data.assign(pair=[f"p{i % 3}" for i in range(len(runs().data))])
     return fit.many_power_laws(data, "AW", ["V", "f", "d", "t"], pair="pair", edge="edge")
 
@@ -187,7 +194,7 @@ RESULTS: dict[str, Callable[[], object]] = {
     "Look": lambda: looks_like_record(datasets.bundled("gc435_709m40")),
     "LawFit": law,
     "StreamedLaw": lambda: fit.streamed_power_law([runs().data], "AW", ["V", "f", "d", "t"]),
-    "ManyLaws": many,
+    "DrawnLifeLaws": many,
     "PooledExponents": lambda: fit.pooled_exponents(many(), "V"),
     "LinearFit": lambda: fit.linear(np.random.default_rng(1).normal(size=(20, 2)), np.arange(20.0)),
     "Adequacy": lambda: fit.adequacy(law()),
@@ -246,24 +253,22 @@ RESULTS: dict[str, Callable[[], object]] = {
     "Given": lambda: pf().laws["AW"].tell(V=150.0, f=0.4, d=2.0, t=10.0).given[0],
     "VisibleRegion": region,
     "Chance": chance,
-    "WearFront": lambda: controllers.wear_front(region(), [0.0, 0.05, 0.1]),
+    "WearFront": lambda: wear_front(region(), [0.0, 0.05, 0.1]),
     "Corner": lambda: region().corners[0],
     "Point": lambda: region().best,
     "Life": lambda: controllers.whole_life(life_laws()),
     "LifeLaws": life_laws,
     "LifeDraws": life_draws,
-    "Rules": controllers.Rules,
-    "FixedLife": lambda: controllers.best_fixed(life_laws()),
-    "Choice": lambda: controllers.best_exact(life_laws(), controllers.Rules(), 0.0, 0.0),
+    "Rules": Rules,
+    "FixedLife": lambda: best_fixed(life_laws()),
+    "Choice": lambda: best_exact(life_laws(), Rules(), 0.0, 0.0),
     "ToolRun": tool_run,
     "Trace": lambda: tool_run().trace,
     "Event": lambda: tool_run().trace.events[0],
-    "CutModel": lambda: controllers.CutModel.from_parameters(published("CLM-2023")),
-    "SteadyLife": lambda: steady_life(
-        controllers.CutModel.from_parameters(published("CLM-2023")), published("CLM-2023").load_line
-    ),
-    "Turned": turned,
-    "StepSize": lambda: controllers.step_study(published("LYAP"), steps=(0.01,), duration=0.2)[0],
+    "CutModel": lambda: CutModel.from_parameters(published("CLM-2023")),
+    "SteadyLife": lambda: steady_life(CutModel.from_parameters(published("CLM-2023")), published("CLM-2023").load_line),
+    "TurningRun": turned,
+    "StepSize": lambda: step_study(published("LYAP"), steps=(0.01,), duration=0.2)[0],
     "Batch": shop,
     "Plan": lambda: shop().plan,
     "Pair": lambda: shop().plan.pairs[0],

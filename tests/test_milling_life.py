@@ -11,15 +11,11 @@ import numpy as np
 import pytest
 from fitmodels import parameters
 from fitmodels.cards import replays
-from fitmodels.controllers.constant_load_milling import (
-    CutModel,
-    MillingCut,
-    constant_feed_run,
-    constant_load_run,
-    drawn_life,
-    mixed_run,
-    steady_life,
-)
+from fitmodels.controllers.constant_load_milling.cut_model import CutModel
+from fitmodels.controllers.constant_load_milling.mixed_path import mixed_run
+from fitmodels.controllers.constant_load_milling.plant import MillingCut
+from fitmodels.controllers.constant_load_milling.runs import constant_feed_run, constant_load_run
+from fitmodels.controllers.constant_load_milling.steady import drawn_life, steady_life
 from fitmodels.core.errors import ParameterError, UsageError
 from fitmodels.datasets import bundled, read_runs
 from fitmodels.parameters import Draws, ParameterFile

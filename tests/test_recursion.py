@@ -10,27 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels import datasets
-from fitmodels.controllers import replay
-from fitmodels.controllers.faults import FAULTS, Faulty
-from fitmodels.controllers.recursion import (
-    Rules,
-    TurningRecursion,
-    WearingEdge,
-    best_exact,
-    best_fixed,
-    by_speed,
-    carried_out,
-    compared,
-    fixed_life,
-    grid_of,
-    life_laws,
-    not_convex,
-    shortfall,
-    surfaces,
-    whole_life,
-)
-from fitmodels.controllers.recursion.draw import life_figure, pairs_figure, plane_figure, speeds_figure
-from fitmodels.controllers.recursion.rules import told, wear_after
+from fitmodels.controllers.loop import replay
+from fitmodels.controllers.plants import FAULTS, FaultyPlant
+from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
+from fitmodels.controllers.recursion.figures import life_figure, pairs_figure, plane_figure, speeds_figure
+from fitmodels.controllers.recursion.from_file import life_laws, shortfall
+from fitmodels.controllers.recursion.interval_optimum import best_exact, grid_of, not_convex, surfaces
+from fitmodels.controllers.recursion.laws import Rules, response_at_end, wear_after
+from fitmodels.controllers.recursion.life import apply_plan, best_fixed, by_speed, fixed_life, life_ratios, whole_life
 from fitmodels.core.errors import UsageError
 from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.published import published
@@ -175,7 +162,7 @@ def test_an_edge_that_wears_faster_than_the_laws_is_changed_earlier_and_kept_und
 @pytest.mark.parametrize("fault", sorted(set(FAULTS) - {"ten times stiffer"}))
 def test_a_gauge_that_fails_leaves_the_laws_in_charge(laws, life, fault):
     controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
-    plant = Faulty(WearingEdge(laws, PUBLISHED), FAULTS[fault], start=300, end=600)
+    plant = FaultyPlant(WearingEdge(laws, PUBLISHED), FAULTS[fault], start=300, end=600)
     trace = replay(controller, plant, duration=7200, dt=60, until="worn out")
     assert trace.first("wear unknown") is not None
     assert trace.first("wear known") is not None
@@ -184,7 +171,7 @@ def test_a_gauge_that_fails_leaves_the_laws_in_charge(laws, life, fault):
 
 def test_a_gauge_that_reads_ten_times_the_wear_stops_the_cut(laws):
     controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
-    plant = Faulty(WearingEdge(laws, PUBLISHED), FAULTS["ten times stiffer"], start=300)
+    plant = FaultyPlant(WearingEdge(laws, PUBLISHED), FAULTS["ten times stiffer"], start=300)
     trace = replay(controller, plant, duration=7200, dt=60, until="worn out")
     assert trace.first("worn out") == 300.0
     assert (trace.command[:-1] > 0).all()
@@ -213,7 +200,7 @@ def test_the_exact_optimum_is_no_worse_than_a_very_fine_grid_and_hardly_better(l
         AW = wear_after(laws, rules, V[:, None], f, before, start, start + 1)
         allowed = laws.wear.most >= AW
         for _, terms in laws.limited:
-            allowed &= told(terms, rules, V[:, None], f, start + 1, AW) <= terms.most
+            allowed &= response_at_end(terms, rules, V[:, None], f, start + 1, AW) <= terms.most
         fine = laws.mrr(V[:, None], f)[allowed].max()
         assert fine <= best.MRR * (1 + 1e-9)
         assert fine >= best.MRR * 0.999
@@ -229,7 +216,9 @@ def test_the_exact_optimum_is_that_of_slsqp(laws, rules):
         def room(z, before=before, start=start):
             V, f = np.exp(z)
             AW = wear_after(laws, rules, V, f, before, start, start + 1)
-            rest = [np.log(terms.most / told(terms, rules, V, f, start + 1, AW)) for _, terms in laws.limited]
+            rest = [
+                np.log(terms.most / response_at_end(terms, rules, V, f, start + 1, AW)) for _, terms in laws.limited
+            ]
             return np.array([np.log(laws.wear.most / AW), *rest])
 
         found = minimize(
@@ -308,7 +297,7 @@ def test_a_fixed_pair_wears_to_the_criterion_at_the_time_its_law_says(laws):
 def test_the_recursion_beats_the_best_fixed_pair_within_the_same_limits(laws, life):
     fixed = best_fixed(laws, PUBLISHED)
     assert fixed.passes == ()
-    ratio = compared(life, fixed)
+    ratio = life_ratios(life, fixed)
     assert ratio.per_minute > 1.5
     assert ratio.removed > 1.4
 
@@ -323,7 +312,7 @@ def test_the_best_fixed_pair_is_the_best_that_a_loop_over_all_pairs_finds(laws, 
 def test_a_plan_carried_out_under_its_own_rules_is_the_plan(laws):
     for rules in ALL_RULES:
         plan = whole_life(laws, rules)
-        again = carried_out(plan, laws, rules)
+        again = apply_plan(plan, laws, rules)
         n = len(plan.time)
         assert pairs(again)[:n] == pairs(plan)
         np.testing.assert_allclose(again.AW[:n], plan.AW, rtol=1e-12)

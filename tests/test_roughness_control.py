@@ -14,17 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels.cards import replays
-from fitmodels.controllers.faults import FAULTS, Faulty, saturated
 from fitmodels.controllers.loop import replay
-from fitmodels.controllers.roughness import (
-    ConstantRoughness,
-    TurningForce,
-    loop_figures,
-    reference_force,
-    simulated_table,
-    steady,
-    turn,
-)
+from fitmodels.controllers.plants import FAULTS, FaultyPlant, saturated
+from fitmodels.controllers.roughness.controller import ConstantRoughness
+from fitmodels.controllers.roughness.plant import TurningForce, loop_theory
+from fitmodels.controllers.roughness.reference import reference_force
+from fitmodels.controllers.roughness.simulations import simulated_table, steady, turn
 from fitmodels.core.errors import ParameterError, UsageError
 from fitmodels.parameters import Draws, RoughnessSection, check, read, sealed, write
 from fitmodels.parameters.published import published
@@ -243,7 +238,7 @@ def test_a_schedule_out_of_order_is_refused(pf, schedule):
 
 def test_the_command_reading_is_an_integrator_of_gain_100_against_a_limit_of_17_9():
     """Routh: s (tc s + 1)(ts s + 1) + k is stable for k < (tc + ts) / (tc ts)."""
-    loop = loop_figures(TC, TS, DT)
+    loop = loop_theory(TC, TS, DT)
     assert (round(loop.gain), round(loop.limit, 1)) == (100, 17.9)
     for k, stable in ((0.999 * loop.limit, True), (1.001 * loop.limit, False)):
         poles = np.roots([TC * TS, TC + TS, 1.0, k])
@@ -253,7 +248,7 @@ def test_the_command_reading_is_an_integrator_of_gain_100_against_a_limit_of_17_
 
 def test_the_poles_of_theory_are_those_of_the_replay(pf):
     """A small deviation dies out as fast as the largest pole says, and grows so in the other reading."""
-    loop = loop_figures(TC, TS, DT)
+    loop = loop_theory(TC, TS, DT)
     for feed, radius in (("servo", loop.servo_radius), ("command", loop.command_radius)):
         pf1 = changed(pf, roughness=1.6, force=pf.roughness.force_per_feed * 0.2 * (1 + 1e-7), threshold_time=3.0)
         trace = turn(pf1, feed=feed, disturbance=0.0, duration=6.0).trace
@@ -289,7 +284,7 @@ def test_the_command_reading_swings_by_itself(pf):
 
 
 def test_slower_changes_than_the_crossover_are_lessened_and_faster_ones_enlarged(pf):
-    loop = loop_figures(TC, TS, DT)
+    loop = loop_theory(TC, TS, DT)
     for times, lessened in ((0.5, True), (2.0, False)):
         hertz = times * loop.crossover
         cut = turn(pf, disturbance=0.0, engaged=lambda t, w=2 * math.pi * hertz: 1 + 0.02 * math.sin(w * t))
@@ -408,7 +403,7 @@ EVENT = {
 
 def broken(pf, name, end=9.0):
     inner = TurningForce.from_parameters(pf)
-    plant = Faulty(inner, BROKEN[name], start=5.0, end=end)
+    plant = FaultyPlant(inner, BROKEN[name], start=5.0, end=end)
     return replay(ConstantRoughness.from_parameters(pf), plant, duration=15, dt=DT, seed=3)
 
 

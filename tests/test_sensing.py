@@ -1,13 +1,13 @@
 """Whether a reading can be believed: range, and a sensor that stands still while the feed moves."""
 
 import pytest
-from fitmodels.controllers.sensing import CREEP, Sensing
+from fitmodels.controllers.sensor_check import CREEP, SensorCheck
 from hypothesis import given
 from hypothesis import strategies as st
 
 
 def states(readings, commands, **more):
-    sensing = Sensing(**{"low": -1.0, "high": 10.0, "least_move": 0.02, **more})
+    sensing = SensorCheck(**{"low": -1.0, "high": 10.0, "least_move": 0.02, **more})
     for reading, command in zip(readings, commands, strict=True):
         sensing.believes(reading, command)
         yield sensing.state
@@ -43,7 +43,7 @@ def test_a_coarse_sensor_that_changes_now_and_then_is_believed():
 
 @given(st.lists(st.floats(), max_size=60), st.floats(0, 1))
 def test_what_is_believed_is_a_number_inside_the_range(readings, command):
-    sensing = Sensing(low=-1.0, high=10.0, least_move=0.02)
+    sensing = SensorCheck(low=-1.0, high=10.0, least_move=0.02)
     for reading in readings:
         if sensing.believes(reading, command):
             assert -1.0 < reading < 10.0

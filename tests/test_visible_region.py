@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from fitmodels import parameters
 from fitmodels.cards.replays import region as replay_of_region
-from fitmodels.controllers.region import best_point, feasibility, visible_region, wear_front
+from fitmodels.controllers.region.probability import best_point, feasibility
+from fitmodels.controllers.region.visible import visible_region, wear_front
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.published import PUBLISHED
 from fitmodels.parameters import Draws, LimitsSection, ParameterFile

@@ -21,7 +21,8 @@ from .numbers import fact, figure, percent, quantity
 from .parts import FactPart, NumberPart, WindowPart
 
 if TYPE_CHECKING:
-    from ...controllers.region import Point, VisibleRegion
+    from ...controllers.region.operating_point import OperatingPoint
+    from ...controllers.region.visible import VisibleRegion
 
 ALONE = "The file has no power law in V and f of what they limit, so no window of operation is told from them."
 BOUNDS = {"power": "power", "force": "force", "wear": "wear"}
@@ -168,7 +169,7 @@ def operation_window(pf: ParameterFile) -> WindowPart | None:
     """
     if not _can(pf):
         return None
-    from ...controllers.region import visible_region
+    from ...controllers.region.visible import visible_region
 
     d, t = (_middle(pf, symbol) for symbol in ("d", "t"))
     by = next((reference(law) for law in pf.laws.values() if law.by is not None), None)
@@ -219,7 +220,7 @@ def _window(found: "VisibleRegion") -> WindowPart:
     return WindowPart(title=TITLE, facts=(*_best(best), *corners), sentences=tuple(sentence(text) for text in said))
 
 
-def _best(best: "Point") -> tuple[FactPart, ...]:
+def _best(best: "OperatingPoint") -> tuple[FactPart, ...]:
     responses = (
         item
         for name, value in best.values.items()

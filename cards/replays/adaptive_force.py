@@ -1,4 +1,4 @@
-"""Adaptive force control (LYAP) told: the three depths, steps of depth, the proof, the step of the law, and a PI."""
+"""Report on adaptive force control (LYAP): depths, steps of depth, Lyapunov function, step size, and a fixed PI."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import Replayed
-from .adaptive_force_proof import of_estimates, of_proof, of_steps, percent
 
 if TYPE_CHECKING:
-    from ...controllers.adaptive_force import ForceRun, Held, StepSize
-    from ...controllers.adaptive_force.runs import By
+    from ...controllers.adaptive_force.runs import By, ForceRun
+    from ...controllers.adaptive_force.signals import RegulationMetrics
+    from ...controllers.adaptive_force.stability import StepSize
     from ...parameters import AdaptiveForceSection, Draws, ParameterFile
 
 TITLE = "Adaptive force control in end milling (LYAP, eq. 2.1-10), held against a fixed PI"
@@ -49,7 +49,9 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     >>> replayed(published("LYAP"), {}, 1).lines[0][:46]
     'Simulated with 30 % ripple of the teeth and 2 '
     """
-    from ...controllers.adaptive_force import depth_step_run, draw, steady_run, step_study
+    from ...controllers.adaptive_force import figures as draw
+    from ...controllers.adaptive_force.runs import depth_step_run, steady_run
+    from ...controllers.adaptive_force.stability import step_study
 
     section = pf.adaptive_force
     assert section is not None  # noqa: S101 - lacks(pf) is asked first
@@ -70,10 +72,10 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
         of_proof(proof, stepped), of_estimates(stepped), *of_steps(rows),
     ]  # fmt: skip
     figures = {
-        "adaptive_force_depths": draw.three_depths(single, rivals),
-        "adaptive_force_steps": draw.depth_steps(stepped, rival),
-        "adaptive_force_energy": draw.energy_and_estimates(proof),
-        "adaptive_force_step_size": draw.step_sizes(rows),
+        "adaptive_force_depths": draw.depths_figure(single, rivals),
+        "adaptive_force_steps": draw.steps_figure(stepped, rival),
+        "adaptive_force_energy": draw.lyapunov_figure(proof),
+        "adaptive_force_step_size": draw.step_size_figure(rows),
     }
     facts = _facts(single, stepped, rivals, rival, proof, rows)
     return Replayed("adaptive-force", TITLE, tuple(lines), _assumed(pf, section, draws), facts, figures)
@@ -106,7 +108,7 @@ def _late(run: "ForceRun") -> float:
     return float(command[-len(command) // 4 :].mean())
 
 
-def _stepped(run: "ForceRun") -> list[tuple[float, float, "Held"]]:
+def _stepped(run: "ForceRun") -> list[tuple[float, float, "RegulationMetrics"]]:
     """Depth before, depth after, and how the force is held after, for each step."""
     held, depths = run.stretches(), [depth for _, depth in run.depths]
     return [(before, after, one) for before, after, one in zip(depths, depths[1:], held[1:], strict=False)]
@@ -134,11 +136,11 @@ def _beside(single: "Sequence[ForceRun]", stepped: "ForceRun", rivals: "Sequence
     )
 
 
-def _worst(held: "Sequence[Held]") -> float:
+def _worst(held: "Sequence[RegulationMetrics]") -> float:
     return max(max(one.overshoot, one.undershoot) for one in held)
 
 
-def _slowest(held: "Sequence[Held]") -> float | None:
+def _slowest(held: "Sequence[RegulationMetrics]") -> float | None:
     times = [one.settling for one in held]
     return None if None in times else max(time for time in times if time is not None)
 
@@ -174,7 +176,7 @@ def _facts(
     }  # fmt: skip
 
 
-def _held(one: "Held") -> dict[str, object]:
+def _held(one: "RegulationMetrics") -> dict[str, object]:
     return {
         "settling_s": one.settling, "overshoot_share": one.overshoot, "undershoot_share": one.undershoot,
         "steady_error_share": one.steady,
@@ -210,3 +212,67 @@ def _assumed(pf: "ParameterFile", section: "AdaptiveForceSection", draws: "Mappi
     if draws:
         said.append("Draws of wear, power or force laws take no part in this system.")
     return tuple(said)
+
+
+ROUNDING = 1e-12  # of V
+
+
+def percent(share: float) -> str:
+    """A share to two digits."""
+    return f"{100 * share:.2g} %"
+
+
+def of_proof(run: "ForceRun", rippled: "ForceRun") -> str:
+    """Whether V falls where it must, and what ripple and noise do to it."""
+    found, shaken = run.energy(), rippled.energy()
+    share = shaken.largest / float(shaken.V[list(shaken.starts)].max(initial=1e-300))
+    rise = "does not rise" if found.rise < ROUNDING else f"rises by up to {percent(found.rise)}"
+    return (
+        f"Without ripple and noise the energy V of the proof {rise} in the {percent(float(found.free.mean()))} of the "
+        "run in which neither depth nor a limit has changed for a revolution. With them it does, by up to "
+        f"{percent(share)} of what the largest step of depth put into it."
+    )
+
+
+def of_estimates(run: "ForceRun") -> str:
+    """Between which values the estimates stay."""
+    recorded = run.trace.recorded
+    told = [
+        f"{name} {recorded[name].min():.3g} to {recorded[name].max():.3g}" for name in ("m", "alpha", "beta")
+    ]  # fmt: skip
+    return (
+        f"The estimates (over k) stay bounded: {', '.join(told)}. A constant set point teaches beta alone; m and alpha "
+        "move only while F_d does, so they are no measurement of the machine."
+    )
+
+
+def of_steps(rows: "Sequence[StepSize]") -> list[str]:
+    """Up to which step V does not rise, as built and as printed, at the gain of the file and at a larger one."""
+    built, printed, stiff = ([r for r in rows if (r.way, r.times == 1) == way] for way in (
+        ("as built", True), ("as printed", True), ("as printed", False)))  # fmt: skip
+    calm = [r.step for r in built if r.rise < ROUNDING and r.settled]
+    risen = [r for r in printed if not r.diverged]
+    lines = []
+    if calm:
+        lines.append(
+            f"Step of the law, deepest cut: as built V does not rise at any step tried up to {1e3 * max(calm):g} ms."
+        )
+    if risen:
+        ends = " and ".join(f"{percent(r.rise)} at {1e3 * r.step:g} ms" for r in (risen[-1], risen[0]))
+        lines.append(
+            f"As printed, one Euler step at a time, V rises at every step: by {ends}{_lost(printed)}."
+        )  # fmt: skip
+    swinging = [r for r in rows if r.way == "as built" and r.times != 1]
+    if swinging and not any(r.settled for r in swinging):
+        lines.append(
+            f"With {swinging[0].times:g} times the gain Kd the law as built never settles: the average over a "
+            "revolution comes too late for it, and the feed swings between its limits."
+        )
+    if lost := _lost(stiff):
+        lines.append(f"With {stiff[0].times:g} times the gain Kd the printed law settles at short steps{lost}.")
+    return lines
+
+
+def _lost(rows: "Sequence[StepSize]") -> str:
+    steps = [r.step for r in rows if r.diverged]
+    return f", and the force runs away from {1e3 * min(steps):g} ms on" if steps else ""

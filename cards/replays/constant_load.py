@@ -1,13 +1,14 @@
-"""Milling at constant load, told: how well the load is held, when the tool is changed, what it gains over one feed."""
+"""Report on milling at constant load: regulation, tool change, and gain over constant feed."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...controllers.constant_load_milling import ConstantLoad, CutModel, ToolRun, constant_feed_run, constant_load_run
-from ...controllers.constant_load_milling.run import criterion
-from ...controllers.constant_load_milling.settings import line_of, loop_of
+from ...controllers.constant_load_milling.control_laws import line_of, loop_of
+from ...controllers.constant_load_milling.controller import ConstantLoad
+from ...controllers.constant_load_milling.cut_model import CutModel
+from ...controllers.constant_load_milling.runs import ToolRun, constant_feed_run, constant_load_run, criterion
 from ...controllers.constant_load_milling.steady import drawn_life
 from ...core.errors import ParameterError
 from . import Replayed
@@ -131,7 +132,7 @@ def _overload(loop: "LoadLoop", cut: CutModel, line: "LoadLineSection") -> str:
 
 def _mixed(pf: "ParameterFile") -> tuple[tuple[str, ...], dict[str, object]]:
     """The paper's path of slot and end milling in turn, which takes both of its files; of another file nothing."""
-    from ...controllers.constant_load_milling import mixed_run
+    from ...controllers.constant_load_milling.mixed_path import mixed_run
     from ...parameters.published import published
     from ...parameters.published.milling import end_milling
 
@@ -209,7 +210,7 @@ def _facts(run: ToolRun, fixed: ToolRun, cut: CutModel) -> dict[str, object]:
 
 
 def _figures(run: ToolRun, fixed: ToolRun, pf: "ParameterFile") -> "dict[str, Figure]":
-    from ...controllers.constant_load_milling.draw import pass_figure, run_figure
+    from ...controllers.constant_load_milling.figures import pass_figure, run_figure
 
     line = line_of(pf)
     number = 2 if len(run.passes) > 1 else 1

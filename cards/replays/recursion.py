@@ -1,25 +1,16 @@
-"""What the recursion of AC-2017 tells from a parameter file: life, metal removed, limits, what each reading costs."""
+"""Report on the recursion of AC-2017: life, metal removed, limits, alternative readings, fixed pair, and draws."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from ...controllers.recursion import (
-    Life,
-    LifeLaws,
-    Rules,
-    TurningRecursion,
-    WearingEdge,
-    carried_out,
-    depth,
-    life_laws,
-    not_convex,
-    shortfall,
-    whole_life,
-)
+from ...controllers.recursion.controller import TurningRecursion, WearingEdge
+from ...controllers.recursion.distribution import LifeDraws, life_draws
+from ...controllers.recursion.from_file import depth, life_laws, shortfall
+from ...controllers.recursion.interval_optimum import not_convex
+from ...controllers.recursion.laws import LifeLaws, Rules
+from ...controllers.recursion.life import Life, apply_plan, best_fixed, life_ratios, whole_life
 from . import Replayed
-from .recursion_draws import LEVEL, Three, draw_lines, drawn, rounded
-from .recursion_fixed import fixed_facts, fixed_lines, listed, metal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,6 +29,8 @@ COUNTED = {
 }
 ENDS = {"most speed": "the greatest speed allowed", "most feed": "the greatest feed allowed"}
 STATE = "Wear from the state reached is a reconstruction: the paper adds wear by the clock (eq. 4)."
+
+Three = tuple[LifeDraws, LifeDraws, LifeDraws]  # plan on the law, plan on new edges, each draw its own
 
 
 def lacks(pf: "ParameterFile") -> str:
@@ -65,7 +58,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
 
 def _agrees(pf: "ParameterFile", life: Life) -> bool:
     """Whether the controller, step by step on an edge of the same laws, chooses the same pairs and ends as the life."""
-    from ...controllers import replay
+    from ...controllers.loop import replay
 
     step, n = 60 * life.rules.interval, len(life.time)
     edge = WearingEdge(life.laws)
@@ -116,7 +109,7 @@ def _reading_lines(life: Life) -> list[str]:
     laws, rules = life.laws, life.rules
     other = Rules("full" if rules.times == "published" else "published", rules.wear, rules.interval)
     beside, state = whole_life(laws, other, life.grid), Rules(rules.times, "wear_state", rules.interval)
-    own, held = whole_life(laws, state, life.grid), carried_out(life, laws, state)
+    own, held = whole_life(laws, state, life.grid), apply_plan(life, laws, state)
     return [
         f"This plan is made {COUNTED[rules.times]}; {COUNTED[other.times]} it would be {_lasts(beside)}, "
         f"{_more(beside, life)}.{_wrong_times(life, beside)}",
@@ -129,7 +122,7 @@ def _reading_lines(life: Life) -> list[str]:
 def _wrong_times(life: Life, beside: Life) -> str:
     """What the plan that counts every time takes if the times do not count after all."""
     full = beside if beside.rules.times == "full" else life
-    taken = carried_out(full, life.laws, Rules("published", life.rules.wear, life.rules.interval))
+    taken = apply_plan(full, life.laws, Rules("published", life.rules.wear, life.rules.interval))
     values = {"power": taken.P, "force": taken.Fxz}
     peaks = [
         f"{rounded(float(values[name].max()))} {terms.unit}" for name, terms in life.laws.limited if len(taken.time)
@@ -189,7 +182,7 @@ def _facts(life: Life, exact: Life | None, found: Three | None) -> dict[str, obj
 
 
 def _figures(life: Life, exact: Life | None, found: Three | None) -> "dict[str, Figure]":
-    from ...controllers.recursion.draw import draws_figure, life_figure, pairs_figure, plane_figure, speeds_figure
+    from ...controllers.recursion.figures import draws_figure, life_figure, pairs_figure, plane_figure, speeds_figure
 
     if not len(life.time):
         return {"recursion_first_plane": plane_figure(life, 0)}
@@ -217,3 +210,117 @@ def _span(life: Life, first: int, end: int) -> str:
     if step != 1:
         return f"{first * step:g} to {end * step:g} min"
     return f"minute {end}" if end == first + 1 else f"minutes {first + 1} to {end}"
+
+
+LEVEL = 0.95
+OWN = 1000  # draws that each run a recursion
+
+
+def drawn(laws: LifeLaws, draws: "Mapping[str, Draws]", rules: Rules, seed: int) -> Three | None:
+    """Plan on the law's draws, plan on new edges, and each draw's own; None without draws of the laws used."""
+    used = {laws.wear.response, *(terms.response for _, terms in laws.limited)} & set(draws)
+    if not used:
+        return None
+    return (
+        life_draws(laws, draws, rules=rules, seed=seed),
+        life_draws(laws, draws, rules=rules, seed=seed, edge="new"),
+        life_draws(laws, draws, rules=rules, seed=seed, of="own", count=OWN),
+    )
+
+
+def draw_lines(found: Three | None, draws: "Mapping[str, Draws]") -> list[str]:
+    """What the draws say of the life, or why they say nothing."""
+    if found is None:
+        had = f"of {', '.join(draws)} only" if draws else "none"
+        told = f"Draws: {had}, so no band of life or metal removed can be told"
+        return [f"{told}; `fitmodels data.csv` makes them as it fits a table of tests."]
+    plan, new, own = found
+    band = f"{100 * LEVEL:g} % band"
+    lines = [
+        f"This plan on edges of {len(plan.minutes)} drawn laws, the last pair held until they are worn out: "
+        f"{_bands(plan)} ({band} of the law, equal-tailed); {_share(plan.ends_early)} are worn out before the plan "
+        "ends.",
+        f"On single new edges, whose own levels scatter: {_bands(new)} ({band} of edges); {_share(new.ends_early)} are "
+        "worn out before the plan ends.",
+        f"If each of {len(own.minutes)} drawn laws chose its own pairs: {_bands(own)} ({band} of the law).",
+        *_peak_lines(plan, band),
+    ]
+    if plan.left_out or plan.unended:
+        lines.append(f"{plan.left_out} draws without growing wear are left out; {plan.unended} lives were cut short.")
+    return lines
+
+
+def _peak_lines(plan: LifeDraws, band: str) -> list[str]:
+    """Power and force of the plan, draw by draw."""
+    lines = []
+    for what, terms in (("peak_power", plan.plan.laws.power), ("peak_force", plan.plan.laws.force)):
+        values = getattr(plan, what)
+        if terms is None or values is None:
+            continue
+        low, middle, high = (rounded(end) for end in plan.band(what, LEVEL))
+        passes = _share(float((values > terms.most).mean()))
+        lines.append(
+            f"The plan's peak {what[5:]} is {low} to {high} {terms.unit}, middle {middle} ({band} of the law), and "
+            f"passes {terms.most:g} {terms.unit} in {passes} of the draws."
+        )
+    return lines
+
+
+def _bands(found: LifeDraws) -> str:
+    low, middle, high = found.band("minutes", LEVEL)
+    least, half, most = (end / 1000 for end in found.band("removed", LEVEL))
+    return (
+        f"life {low:.3g} to {high:.3g} min, middle {middle:.3g}, and {least:.0f} to {most:.0f} cm3 removed, "
+        f"middle {half:.0f}"
+    )
+
+
+def _share(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def rounded(value: float) -> str:
+    """A force to the newton, a power to three digits."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
+
+
+def fixed_lines(life: Life) -> list[str]:
+    """Metal, life, peak power and peak force of the best fixed pair beside the recursion's."""
+    fixed = best_fixed(life.laws, life.rules, life.grid) if len(life.time) else None
+    if fixed is None:
+        return []
+    ratio, peaks = life_ratios(life, fixed), {"power": fixed.peak_power, "force": fixed.peak_force}
+    own = {"power": life.P, "force": life.Fxz}
+    told = [
+        f"{name} {rounded(peaks[name])} {terms.unit} against {rounded(float(own[name].max()))}"
+        for name, terms in life.laws.limited
+    ]
+    return [
+        f"The best fixed pair that keeps its limits to the end, {fixed.V:g} m/min and {fixed.f:g} mm/rev, lasts "
+        f"{fixed.minutes:.1f} min and removes {metal(fixed.removed)}, {metal(fixed.per_minute)} a minute: the "
+        f"recursion removes {ratio.per_minute:.2f} times as much a minute and {ratio.removed:.2f} times as much an edge"
+        f"{f'; at its peak the fixed pair takes {listed(told)}' if told else ''}."
+    ]
+
+
+def fixed_facts(life: Life) -> dict[str, object] | None:
+    """The best fixed pair for a program; power and force where they are limited."""
+    fixed = best_fixed(life.laws, life.rules, life.grid) if len(life.time) else None
+    if fixed is None:
+        return None
+    peaks = {"power": fixed.peak_power, "force": fixed.peak_force}
+    return {
+        "V_m_per_min": fixed.V, "f_mm_per_rev": fixed.f, "life_min": fixed.minutes, "removed_mm3": fixed.removed,
+        "removed_mm3_per_min": fixed.per_minute,
+        **{f"peak_{name}_{terms.unit}": peaks[name] for name, terms in life.laws.limited},
+    }  # fmt: skip
+
+
+def metal(volume: float) -> str:
+    """Metal in cm3; the facts have mm3 in full."""
+    return f"{volume / 1000:.4g} cm3"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names with an ``and`` before the last."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 2 else names)

@@ -1,12 +1,13 @@
-"""Region and optimum, AC-2016: what the limits allow, which pair removes most, what less metal buys, and the risk."""
+"""Report on region and optimum, AC-2016: limits, best pair, wear against removal rate, and probability."""
 
 from collections.abc import Mapping
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from ...controllers.region import Chance, Point, VisibleRegion, WearFront, wear_front
-from ...controllers.region.points import four, three
-from ...controllers.region.usual import Held, usual_setting
+from ...controllers.region.defaults import DefaultSetting, default_setting
+from ...controllers.region.operating_point import OperatingPoint, four, three
+from ...controllers.region.probability import Feasibility
+from ...controllers.region.visible import VisibleRegion, WearFront, wear_front
 from ...core.errors import DataError, UsageError
 from . import Replayed
 
@@ -27,7 +28,7 @@ def lacks(pf: "ParameterFile") -> str:
     if limits is None or (limits.power, limits.force, limits.wear) == (None, None, None):
         return "The file limits neither power, force nor wear: put one in, `fitmodels limits params.json P=7kW`, say."
     try:
-        usual_setting(pf).region(pf)
+        default_setting(pf).region(pf)
     except UsageError as error:
         return str(error)
     return ""
@@ -35,7 +36,7 @@ def lacks(pf: "ParameterFile") -> str:
 
 def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
     """Work out the region of a file, its best pair, and what it risks."""
-    held = usual_setting(pf)
+    held = default_setting(pf)
     region = held.region(pf)
     assumed = [*held.assumed, *region.notes]
     setting = {"d_mm": held.d, "t_min": held.t, "by": held.by, "at": held.at}
@@ -90,8 +91,8 @@ def _less(region: VisibleRegion) -> list[str]:
 
 
 def _risk(
-    region: VisibleRegion, chances: Mapping[str, Chance]
-) -> tuple[list[str], dict[str, object], dict[str, Point]]:
+    region: VisibleRegion, chances: Mapping[str, Feasibility]
+) -> tuple[list[str], dict[str, object], dict[str, OperatingPoint]]:
     """Sentences, facts and the best pairs for a demanded probability: of a new edge, of the laws where unsure."""
     best, lines, found = region.best, [], {}
     facts: dict[str, dict[str, object]] = {}
@@ -115,7 +116,7 @@ def _risk(
     return lines, dict(facts), found
 
 
-def _printed(region: VisibleRegion, marks: Mapping[str, Point], chance: Chance | None) -> list[str]:
+def _printed(region: VisibleRegion, marks: Mapping[str, OperatingPoint], chance: Feasibility | None) -> list[str]:
     """AC-2016's points, read off its charts, with the loads they draw and what they risk."""
     out = []
     for (name, point), words in zip(marks.items(), WORDS.values(), strict=False):
@@ -138,8 +139,8 @@ def _printed(region: VisibleRegion, marks: Mapping[str, Point], chance: Chance |
 
 
 def _chances(
-    pf: "ParameterFile", held: Held, draws: "Mapping[str, Draws]", seed: int
-) -> tuple[dict[str, Chance], list[str]]:
+    pf: "ParameterFile", held: DefaultSetting, draws: "Mapping[str, Draws]", seed: int
+) -> tuple[dict[str, Feasibility], list[str]]:
     """Chances of a new edge, and of the laws themselves where their parameters are uncertain; and what is assumed."""
     try:
         chances = {"new_edge": held.chance(pf, draws, seed, "prediction")}
@@ -164,7 +165,7 @@ def _grouped(sources: tuple[str, ...]) -> str:
     return "; ".join(f"{', '.join(names)} {source}" for source, names in by_source.items())
 
 
-def _is_ac2016(pf: "ParameterFile", held: Held) -> bool:
+def _is_ac2016(pf: "ParameterFile", held: DefaultSetting) -> bool:
     """Whether this is the paper's case: its file, or its tool, work and limits; at its depth and time."""
     if (held.d, held.t) != (2.5, 10.0):
         return False
@@ -180,32 +181,32 @@ def _is_ac2016(pf: "ParameterFile", held: Held) -> bool:
 
 def _figures(
     region: VisibleRegion,
-    marks: Mapping[str, Point],
+    marks: Mapping[str, OperatingPoint],
     front: WearFront | None,
-    chance: Chance | None,
-    safe: Mapping[str, Point],
+    chance: Feasibility | None,
+    safe: Mapping[str, OperatingPoint],
 ) -> "dict[str, Figure]":
-    from ...controllers.region.draw import (
-        chance_picture,
-        close_picture,
-        front_picture,
-        region_picture,
-        surfaces_picture,
-        wear_picture,
+    from ...controllers.region.figures import (
+        plot_front,
+        plot_probability,
+        plot_region,
+        plot_region_detail,
+        plot_wear,
+        surfaces_figure,
     )
 
-    axes = {"region": region_picture(region, marks=marks)}
+    axes = {"region": plot_region(region, marks=marks)}
     if front is not None:
-        axes["region_wear"] = wear_picture(region, front=front)
-        axes["region_less_metal"] = front_picture(front)
+        axes["region_wear"] = plot_wear(region, front=front)
+        axes["region_less_metal"] = plot_front(front)
         if front.wear_rate is not None:
-            axes["region_wear_rate"] = wear_picture(region, front=front, rate=True)
+            axes["region_wear_rate"] = plot_wear(region, front=front, rate=True)
     if marks:
-        axes["region_close"] = close_picture(region, marks)
+        axes["region_close"] = plot_region_detail(region, marks)
     if chance is not None:
-        axes["region_probability"] = chance_picture(chance, marks={**marks, **safe})
+        axes["region_probability"] = plot_probability(chance, marks={**marks, **safe})
     figures: dict[str, Figure] = {name: ax.get_figure(root=True) for name, ax in axes.items()}  # type: ignore[misc]
-    return {**figures, "region_surfaces": surfaces_picture(region)}
+    return {**figures, "region_surfaces": surfaces_figure(region)}
 
 
 def _corners(region: VisibleRegion) -> list[dict[str, object]]:

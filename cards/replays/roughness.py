@@ -1,4 +1,4 @@
-"""Turning at constant roughness (SURF): what the replay of a file says."""
+"""Report on turning at constant roughness (SURF): control, theory, draws, and the simulations of Table 1."""
 
 import math
 from collections.abc import Mapping
@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...controllers.roughness import ConstantRoughness, Steady, Turned, loop_figures, steady, turn
-from ...controllers.roughness.plant import TurningForce
+from ...controllers.roughness.controller import ConstantRoughness
+from ...controllers.roughness.plant import TurningForce, loop_theory
 from ...controllers.roughness.reference import law_of, reference_force
+from ...controllers.roughness.simulations import SteadyCut, TurningRun, steady, turn
 from ...core.errors import ParameterError, UsageError
 from . import Replayed
-from .roughness_table import table_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ...controllers.roughness.simulations import TableSimulation
     from ...parameters import Draws, LawSection, ParameterFile, RoughnessSection
 
 TITLE = "Turning at constant roughness through constant force (SURF)"
@@ -63,7 +64,7 @@ def _section(pf: "ParameterFile") -> "RoughnessSection":
     return pf.roughness
 
 
-def _held(pf: "ParameterFile", on: Steady, off: Steady, facts: dict[str, object]) -> list[str]:
+def _held(pf: "ParameterFile", on: SteadyCut, off: SteadyCut, facts: dict[str, object]) -> list[str]:
     section, law = _section(pf), law_of(pf)
     facts |= {
         "Ra_ref_um": section.roughness, "F_ref_N": section.force, "force_from": section.force_from,
@@ -84,7 +85,7 @@ def _held(pf: "ParameterFile", on: Steady, off: Steady, facts: dict[str, object]
     ]
 
 
-def _limited(pf: "ParameterFile", cut: Turned, on: Steady, facts: dict[str, object]) -> str:
+def _limited(pf: "ParameterFile", cut: TurningRun, on: SteadyCut, facts: dict[str, object]) -> str:
     facts |= {
         "low_mm_per_rev": cut.low,
         "high_mm_per_rev": cut.high,
@@ -107,7 +108,7 @@ def _limited(pf: "ParameterFile", cut: Turned, on: Steady, facts: dict[str, obje
 
 
 def _loop(section: "RoughnessSection", facts: dict[str, object]) -> str:
-    loop = loop_figures(section.process_time or 0.0, section.servo_time or 0.0, section.sample_time or 0.0)
+    loop = loop_theory(section.process_time or 0.0, section.servo_time or 0.0, section.sample_time or 0.0)
     facts |= {"crossover_Hz": loop.crossover, "enlarged": loop.enlarged, "damping": loop.damping}
     return (
         f"The loop lessens changes of force slower than {loop.crossover:.2g} Hz (calculated); faster ones it lets "
@@ -142,7 +143,7 @@ def _of_draws(pf: "ParameterFile", draws: "Mapping[str, Draws]", facts: dict[str
 
 
 def _changed(pf: "ParameterFile", seed: int, facts: dict[str, object], figures: "dict[str, Figure]") -> list[str]:
-    from ...controllers.roughness.draw import run_picture
+    from ...controllers.roughness.figures import comparison_figure
 
     section = _section(pf)
     finer = round(section.roughness / FINER, 6)
@@ -155,7 +156,7 @@ def _changed(pf: "ParameterFile", seed: int, facts: dict[str, object], figures: 
     before, after = steady(cut, end=CHANGE), steady(cut, CHANGE + 3)
     wait = section.threshold_time or 0.0
     sections = [("A", 0.0), ("B", wait), ("C", CHANGE), ("D", CHANGE + 1)]
-    figures["roughness_run"] = run_picture(without, cut, sections)
+    figures["roughness_run"] = comparison_figure(without, cut, sections)
     seconds = _settles(turn(pf, schedule=schedule, disturbance=0.0), force)
     facts |= {
         "changed_Ra_um": finer, "changed_F_ref_N": force, "changed_f_mm_per_rev": after.f,
@@ -168,7 +169,7 @@ def _changed(pf: "ParameterFile", seed: int, facts: dict[str, object], figures: 
     ]
 
 
-def _settles(cut: Turned, force: float) -> float:
+def _settles(cut: TurningRun, force: float) -> float:
     """Seconds after the change from which the force stays within 2 %."""
     off = np.abs(cut.trace.measurement - force) > 0.02 * force
     return float(cut.trace.time[off].max()) - CHANGE
@@ -190,15 +191,15 @@ def _out_of_work(pf: "ParameterFile", facts: dict[str, object]) -> str:
 
 
 def _other_reading(pf: "ParameterFile", seed: int, facts: dict[str, object], figures: "dict[str, Figure]") -> str:
-    from ...controllers.roughness.draw import reading_picture
+    from ...controllers.roughness.figures import readings_figure
 
     section = _section(pf)
-    loop = loop_figures(section.process_time or 0.0, section.servo_time or 0.0, section.sample_time or 0.0)
+    loop = loop_theory(section.process_time or 0.0, section.servo_time or 0.0, section.sample_time or 0.0)
     cut = turn(pf, feed="command", seed=seed)
     found = steady(cut)
     verdict = "not stable" if loop.command_radius > 1 else "stable"
     against = f"an integrator of gain {loop.gain:.0f}/s against a limit of {loop.limit:.3g}/s"
-    figures["roughness_readings"] = reading_picture(turn(pf, seed=seed), cut, f"Last command: {against}, {verdict}")
+    figures["roughness_readings"] = readings_figure(turn(pf, seed=seed), cut, f"Last command: {against}, {verdict}")
     command = cut.trace.command[cut.trace.time >= 3]
     facts |= {
         "command_reading_gain_per_s": loop.gain, "command_reading_limit_per_s": loop.limit,
@@ -234,3 +235,40 @@ def _inside(law: "LawSection", force: float) -> bool:
 
 def _percent(share: float) -> str:
     return f"{100 * share:+.1f} %"
+
+
+def table_lines(
+    section: "RoughnessSection", seed: int, facts: dict[str, object], figures: "dict[str, Figure]"
+) -> list[str]:
+    """Mean roughness with and without control, and how far the feed ripples; facts and the figure are put in."""
+    from ...controllers.roughness.figures import table_figure
+    from ...controllers.roughness.simulations import simulated_table
+
+    found = simulated_table(section.force_from, feed=section.feed, seed=seed)
+    white = simulated_table(section.force_from, feed=section.feed, seed=seed, hold=0.0)
+    figures["roughness_table"] = table_figure(found, f"; reference force by {section.force_from}")
+    facts["table"] = [_fact(run) for run in found]
+    worst = max(found, key=lambda run: abs(run.error))
+    mean, without = (float(np.mean([abs(e) for e in errors])) for errors in
+                     ([run.error for run in found], [run.error_without for run in found]))  # fmt: skip
+    rests = [f"{run.row.number} ({100 * run.controlled.at_high:.0f} % of the time)" for run in found
+             if run.controlled.at_high > 0.05]  # fmt: skip
+    limited = f" Simulations {' and '.join(rests)} rest on the upper limit of the feed." if rests else ""
+    ripple, of_white = (max(run.controlled.ripple for run in runs) for runs in (found, white))
+    facts |= {"table_mean_error": mean, "table_mean_error_without": without, "table_ripple_mm_per_rev": ripple,
+              "table_ripple_drawn_each_sample_mm_per_rev": of_white}  # fmt: skip
+    return [
+        f"The eight simulations of Table 1: mean Ra within {100 * abs(worst.error):.1f} % of each reference with "
+        f"control, {100 * mean:.1f} % off on average, {100 * without:.1f} % at the table's constant feeds.{limited}",
+        f"Largest ripple of the feed among them {ripple:.3f} mm/rev peak-to-peak with the force drawn anew each "
+        f"revolution, {of_white:.3f} drawn every 10 ms.",
+    ]
+
+
+def _fact(run: "TableSimulation") -> dict[str, float]:
+    on, off = run.controlled, run.without
+    return {
+        "simulation": run.row.number, "Ra_ref_um": run.row.Ra_ref, "F_ref_N": run.force, "Ra_um": on.Ra, "F_N": on.F,
+        "f_mm_per_rev": on.f, "f_peak_to_peak_mm_per_rev": on.ripple, "share_at_high": on.at_high,
+        "Ra_without_um": off.Ra, "F_without_N": off.F,
+    }  # fmt: skip

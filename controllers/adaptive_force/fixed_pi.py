@@ -1,14 +1,14 @@
-"""What the adaptive controller is held against: the PI of the file, with gains that stay as they are."""
+"""PI force controller with the fixed gains of the file, for comparison with the adaptive controller."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 from ...core.display import Displayable
 from ...core.errors import GateError, UsageError
-from ..sensing import Sensing
-from .control import MOVES
-from .reference_model import ReferenceModel
-from .settings import Settings, settings_for
+from ..sensor_check import SensorCheck
+from .controller import MOVES
+from .settings import ForceSettings, settings_for
+from .signals import ReferenceModel
 
 if TYPE_CHECKING:
     from ...ident.pi.controller import Controller
@@ -23,7 +23,7 @@ class FixedForcePi(Displayable):
 
     Attributes
     ----------
-    settings : Settings
+    settings : ForceSettings
     pi : Controller
         Of `fitmodels.ident.pi.controller`, with the file's gains.
     command : float
@@ -41,18 +41,18 @@ class FixedForcePi(Displayable):
     (200.0, 250)
     """
 
-    settings: Settings
+    settings: ForceSettings
     pi: "Controller"
     command: float = field(init=False)
     news: tuple[str, ...] = field(default=(), init=False)
     _model: ReferenceModel = field(init=False)
-    _sensing: Sensing = field(init=False)
+    _sensing: SensorCheck = field(init=False)
 
     def __post_init__(self) -> None:
         s = self.settings
         self.command = s.low
         self._model = ReferenceModel(s.reference_time, s.reference_damping, self.pi.gains.sample_time)
-        self._sensing = Sensing(s.force_low, s.force_high, least_move=MOVES * s.high)
+        self._sensing = SensorCheck(s.force_low, s.force_high, least_move=MOVES * s.high)
 
     @classmethod
     def from_parameters(cls, pf: "ParameterFile", depth: float) -> Self:

@@ -1,4 +1,4 @@
-"""The runs that a replay tells: the three depths of the paper, and a cut whose depth steps; each by law and by PI."""
+"""Simulated runs of the adaptive and the PI controller: the three depths of the paper, and steps of depth."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from ...core.errors import UsageError
 from ..loop import Trace, replay
-from .control import AdaptiveForceControl
+from .controller import AdaptiveForceControl
 from .fixed_pi import FixedForcePi
-from .judged import Held, averaged, held
-from .lyapunov import RECORDED, Energy, energy
-from .process import Depth, DriveAndCut, changes
+from .plant import Depth, DriveAndCut, changes
+from .signals import RegulationMetrics, averaged, held
+from .stability import RECORDED, Energy, energy
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
-    from .settings import Settings
+    from .settings import ForceSettings
 
 By = Literal["adaptive", "pi"]
 STEADY = 4.0  # s of a run at one depth
@@ -32,7 +32,7 @@ class ForceRun:
     by : str
         ``adaptive`` or ``pi``.
     trace : Trace
-    settings : Settings
+    settings : ForceSettings
         Of the controller.
     plant : DriveAndCut
     revolution : float
@@ -41,7 +41,7 @@ class ForceRun:
 
     by: By
     trace: Trace
-    settings: "Settings"
+    settings: "ForceSettings"
     plant: DriveAndCut
     revolution: float
 
@@ -56,7 +56,7 @@ class ForceRun:
         """Depths with the times they begin at."""
         return changes(self.plant.depth)
 
-    def stretches(self) -> list[Held]:
+    def stretches(self) -> list[RegulationMetrics]:
         """How the force is held at each depth in its turn."""
         starts = [start for start, _ in self.depths]
         ends = [*starts[1:], np.inf]

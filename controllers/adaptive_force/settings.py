@@ -1,4 +1,4 @@
-"""What the controller takes from a parameter file, checked once at the door."""
+"""ForceSettings of the adaptive force controller from a parameter file, validated on entry."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ NEEDED = (
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Settings(Displayable):
+class ForceSettings(Displayable):
     """The section's numbers, without a None among them; units as in `fitmodels.parameters.AdaptiveForceSection`.
 
     Attributes
@@ -58,8 +58,8 @@ class Settings(Displayable):
         return steps
 
 
-def settings_for(pf: "ParameterFile", depth: float) -> Settings:
-    """Settings for a depth of cut, one of the file's set points.
+def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
+    """ForceSettings for a depth of cut, one of the file's set points.
 
     Raises
     ------
@@ -74,9 +74,9 @@ def settings_for(pf: "ParameterFile", depth: float) -> Settings:
     if not report.ok:
         raise GateError(f"the file fails the check: {report.failed[0].words}")
     section = _section(pf)
-    held = {name: getattr(section, name) for name in Settings.__dataclass_fields__ if hasattr(section, name)}
+    held = {name: getattr(section, name) for name in ForceSettings.__dataclass_fields__ if hasattr(section, name)}
     samples = round((section.average_time or 0.0) / held["sample_time"])
-    return Settings(
+    return ForceSettings(
         **{**held, "depth": depth}, samples=samples, set_point=_set_point(section, depth),
         labels=(f"feed command, {section.unit_u}", f"force, {section.unit_force}"),
     )  # fmt: skip

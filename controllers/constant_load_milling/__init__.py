@@ -19,25 +19,3 @@ Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587. Every
 >>> f"{run.wear:.0f} um after {run.length:.0f} mm"
 '189 um after 1897 mm'
 """
-
-from .controller import ConstantLoad
-from .cut_model import CutModel
-from .mixed import mixed_run
-from .passes import Pass
-from .plant import MillingCut
-from .run import ToolRun, constant_feed_run, constant_load_run
-from .steady import SteadyLife, drawn_life, steady_life
-
-__all__ = [
-    "ConstantLoad",
-    "CutModel",
-    "MillingCut",
-    "Pass",
-    "SteadyLife",
-    "ToolRun",
-    "constant_feed_run",
-    "constant_load_run",
-    "drawn_life",
-    "mixed_run",
-    "steady_life",
-]

@@ -1,9 +1,9 @@
-"""Constant load: a PI on spindle load steers the feed override, inside the cut alone, and tells when the tool is worn.
+"""Constant load: a PI on spindle load sets the feed override inside the cut and signals when the tool is worn.
 
 Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587. Gains in position form run in the arithmetic
-of LinuxCNC's HAL components (near, wcomp, lowpass, comp, timedelay, pid, sum2, mux2, limit2), so that the replay is
-what the HAL export does; the form ``incremental_sum``, eq. 16 as it is worded, runs as itself. A moving average, which
-HAL lacks, is taken of the load before the comparator or of the command, as the file says.
+of LinuxCNC's HAL components (near, wcomp, lowpass, comp, timedelay, pid, sum2, mux2, limit2), so that the replay equals
+the HAL export; the form ``incremental_sum``, eq. 16 as it is worded, runs as itself. A moving average, which HAL lacks,
+is taken of the load before the comparator or of the command, as the file states.
 """
 
 import math
@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Self
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from ..sensing import KNOWN, UNKNOWN, Sensing
-from .incremental_law import IncrementalLaw
-from .position_law import PositionLaw
+from ..sensor_check import KNOWN, UNKNOWN, SensorCheck
+from .control_laws import IncrementalLaw, PositionLaw
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -43,7 +42,7 @@ class ConstantLoad(Displayable):
     Attributes
     ----------
     loop : LoadLoop
-        Gains, limits and settings; see `fitmodels.parameters.export.loop.Loop`.
+        Gains, limits and settings; see `fitmodels.parameters.export.loop.LoadLoop`.
     enabled : bool
         The operator's switch.
     command : float
@@ -85,7 +84,7 @@ class ConstantLoad(Displayable):
     reference: float = field(init=False)
     rest: float = field(init=False)
     _law: PositionLaw | IncrementalLaw = field(init=False)
-    _sensing: Sensing = field(init=False)
+    _sensing: SensorCheck = field(init=False)
     _felt: float = field(default=0.0, init=False)
     _state: str = field(default=KNOWN, init=False)
     _limited: int = field(default=0, init=False)
@@ -113,7 +112,7 @@ class ConstantLoad(Displayable):
         average = loop.average if loop.average_of == "measurement" else 1
         self._kept = deque([0.0] * average, maxlen=average)
         self._at, self._half = loop.engage_at, loop.hysteresis / 2
-        self._sensing = Sensing(loop.load_low, loop.load_high, least_move=STANDS_STILL * span, samples=STILL_FOR)
+        self._sensing = SensorCheck(loop.load_low, loop.load_high, least_move=STANDS_STILL * span, samples=STILL_FOR)
         self.rest, self._dwell = loop.low + REST * span, max(round(self.dwell / loop.sample_time), 1)
 
     @classmethod
@@ -128,7 +127,7 @@ class ConstantLoad(Displayable):
         GateError
             The file has no gains or no settings of the loop, or its gains fail the check.
         """
-        from .settings import loop_of
+        from .control_laws import loop_of
 
         loop = loop_of(pf)
         dwell = None if pf.load_line is None else pf.load_line.dwell

@@ -1,4 +1,4 @@
-"""What a cut draws and how it wears a tool, from the sections of a parameter file.
+"""Load and tool wear of a cut, from the sections of a parameter file.
 
     I = A + B G(q)/G(1) fm + k1 VB    eq. 14 of Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, the feed through
                                       the shape of the identified drive with a gain of 1
@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.display import Displayable
 from ...core.errors import ParameterError, UsageError
-from .settings import line_of
+from .control_laws import line_of
 
 if TYPE_CHECKING:
     from ...parameters import LawSection, LoadLineSection, ParameterFile

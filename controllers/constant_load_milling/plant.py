@@ -1,4 +1,4 @@
-"""The mill: a tool that cuts passes of a length, is out of the cut between them, and wears in it."""
+"""The milling process: a tool that cuts passes of a length, leaves the cut between them, and wears in it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -116,7 +116,7 @@ class MillingCut(Displayable):
         ParameterError, GateError
             See `CutModel.from_parameters` and `ConstantLoad.from_parameters`.
         """
-        from .settings import loop_of
+        from .control_laws import loop_of
 
         cut = CutModel.from_parameters(pf) if cut is None else cut
         load = "I" if pf.load_line is None else pf.load_line.load

@@ -1,9 +1,9 @@
-"""Life at constant load by calculation: the loop held perfectly, the tool changed on reaching the lower limit.
+"""Tool life at constant load by calculation: ideal regulation, tool change on reaching the lower feed limit.
 
     fm(VB) = fm0 - s VB between the limits, fm0 = (I - A)/B, s = k1/B    eq. 15 of Tai, Tsai & Li 2023
     life = integral of dVB / (dVB/dt at fm(VB)),    length = integral of fm dt
 
-A replay adds to it the dwell on the limit and the transients of the loop. It takes one tool or a thousand draws.
+A replay adds the dwell on the limit and the transients of the loop. Computed for one tool or for many draws.
 """
 
 from collections.abc import Mapping
@@ -12,16 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.display import Displayable, as_columns
+from ...core.display import Plottable, as_columns
 from ...parameters import Draws
 from ...parameters.evaluate import parameter_names
 from ..loop import Array
+from .control_laws import line_of
 from .cut_model import CutModel
-from .settings import line_of
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ...core.display import Frame
     from ...parameters import LawSection, LoadLineSection, ParameterFile
 
@@ -29,7 +27,7 @@ STEPS = 400  # of the wear, for the integrals
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SteadyLife(Displayable):
+class SteadyLife(Plottable):
     """Wear at the lower limit, s in the cut and mm to there; shape (n,), one for each tool; NaN never reaches it."""
 
     wear: Array
@@ -39,12 +37,6 @@ class SteadyLife(Displayable):
     def to_frame(self) -> "Frame":
         """A row a tool: wear, s and mm."""
         return as_columns(self, "wear", "time", "length")
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Time to the lower limit over the tools."""
-        from ..draw import steady_picture
-
-        return steady_picture(self, ax)
 
 
 def steady_life(cut: CutModel, line: "LoadLineSection", **changed: Array) -> SteadyLife:

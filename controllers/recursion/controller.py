@@ -1,4 +1,4 @@
-"""Recursive turning: before each interval the pair of speed and feed that removes most metal within the limits.
+"""Recursive turning as a controller, one interval a step, and its plant, an edge that wears by its laws.
 
 Source: A. M. Alaskari and S. E. Oraby, "Adaptive control simulation to optimize metal removal for rough turning",
 Kuwait J. Sci. (accepted June 2017), eq. 4 to 8 and Figure 1.
@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
+import numpy as np
+
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from ..sensing import Sensing
-from .choice import How, choose
+from ..sensor_check import SensorCheck
 from .from_file import life_laws
-from .grid import Grid, grid_of
-from .laws import LifeLaws, Times
-from .rules import Rules, WearRule, wear_after
+from .interval_optimum import Grid, SearchMethod, choose, grid_of
+from .laws import LifeLaws, Rules, Times, WearRule, response_at_end, wear_after
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -59,19 +59,19 @@ class TurningRecursion(Displayable):
     laws: LifeLaws
     rules: Rules
     grid: Grid
-    how: How = "grid"
+    how: SearchMethod = "grid"
     wear: float = field(default=0.0, init=False)
     minutes: float = field(default=0.0, init=False)
     command: tuple[float, ...] = field(default=(0.0, 0.0), init=False)
     news: tuple[str, ...] = field(default=(), init=False)
     labels: tuple[str, str] = field(init=False)
-    _sensing: Sensing = field(init=False)
+    _sensing: SensorCheck = field(init=False)
     _known: bool = field(default=True, init=False)
     _worn: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         # any move counts, and one equal reading is enough: an interval in the cut always adds wear
-        self._sensing = Sensing(low=-1e-9, high=float("inf"), least_move=1e-12, samples=1)
+        self._sensing = SensorCheck(low=-1e-9, high=float("inf"), least_move=1e-12, samples=1)
         self.labels = ("V m/min, f mm/rev", f"{self.laws.wear.response} {self.laws.wear.unit}")
 
     @classmethod
@@ -82,7 +82,7 @@ class TurningRecursion(Displayable):
         times: Times | None = None,
         wear: WearRule = "clock",
         interval: float = 1.0,
-        how: How = "grid",
+        how: SearchMethod = "grid",
         d: float | None = None,
         by: str | None = None,
         at: Mapping[str, float] | None = None,
@@ -152,3 +152,75 @@ class TurningRecursion(Displayable):
             return self.wear
         start = self.minutes - self.rules.interval
         return float(wear_after(self.laws, self.rules, V, f, self.wear, start, self.minutes))
+
+
+@dataclass(slots=True, repr=False)
+class WearingEdge(Displayable):
+    """An edge in the cut: it answers a pair of speed and feed with its wear.
+
+    Its laws may be other ones than the controller's: those of a draw, see `drawn_laws`.
+
+    Attributes
+    ----------
+    laws : LifeLaws
+    rules : Rules, optional
+        As in `whole_life`.
+    gauge_sd : float
+        Standard deviation of the wear gauge, in the unit of the wear.
+    wear : float
+        Wear now.
+    minutes : float
+        Time it has cut.
+    removed : float
+        Metal removed, mm3.
+    power, force : float
+        At the end of the last cut; NaN where the laws have none.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> from fitmodels.controllers.recursion import life_laws
+    >>> edge = WearingEdge(life_laws(published("AC-2017")))
+    >>> noise = np.random.default_rng(1)
+    >>> edge.step((0.0, 0.0), 60.0, noise), round(edge.step((150.0, 0.58), 60.0, noise), 6)
+    (0.0, 0.157219)
+    """
+
+    laws: LifeLaws
+    rules: Rules | None = None
+    gauge_sd: float = 0.0
+    wear: float = field(default=0.0, init=False)
+    minutes: float = field(default=0.0, init=False)
+    removed: float = field(default=0.0, init=False)
+    power: float = field(default=float("nan"), init=False)
+    force: float = field(default=float("nan"), init=False)
+
+    _rules: Rules = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._rules = self.rules or Rules(self.laws.times)
+
+    def step(self, command: tuple[float, ...], dt: float, noise: np.random.Generator) -> float:
+        """Cut ``dt`` s at (V, f), m/min and mm/rev, and tell the wear; at 0 the tool is out of the cut.
+
+        Raises
+        ------
+        UsageError
+            The command is no pair.
+        """
+        if len(command) != 2:
+            raise UsageError(f"a command of {len(command)} numbers; an edge is cut with two, V and f.")
+        V, f = command
+        if V > 0 and f > 0:
+            self._cut(V, f, self.minutes + dt / 60.0)
+        return self.wear + self.gauge_sd * float(noise.standard_normal()) if self.gauge_sd else self.wear
+
+    def _cut(self, V: float, f: float, end: float) -> None:
+        laws, rules = self.laws, self._rules
+        self.wear = float(wear_after(laws, rules, V, f, self.wear, self.minutes, end))
+        if laws.power is not None:
+            self.power = float(response_at_end(laws.power, rules, V, f, end, self.wear))
+        if laws.force is not None:
+            self.force = float(response_at_end(laws.force, rules, V, f, end, self.wear))
+        self.removed += float(laws.mrr(V, f)) * (end - self.minutes)
+        self.minutes = end

@@ -1,4 +1,4 @@
-"""The laws of an edge's life from a parameter file, in the units of the recursion, or what is missing."""
+"""Laws and limits of an edge's life, taken from a parameter file."""
 
 import math
 from collections.abc import Mapping

@@ -1,27 +1,25 @@
-"""The recursion: interval after interval the best pair, until none keeps the wear under its criterion."""
+"""Tool life by the recursion of AC-2017, by a given plan, and at a fixed pair of speed and feed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ...core.display import Displayable, as_columns
+from ...core.display import Displayable, Plottable, as_columns
 from ...core.errors import UsageError
-from .choice import Choice, How, choose, outcome
-from .grid import Grid, Surfaces, grid_of, surfaces
-from .laws import Array, LifeLaws
-from .rules import Rules, wear_after
+from .interval_optimum import Choice, Grid, IntervalSurfaces, SearchMethod, choose, grid_of, outcome, rates, surfaces
+from .laws import Array, LifeLaws, Rules, Terms, response_at_end, wear_after
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from pandas import DataFrame
 
 MOST = 1000  # intervals of a life
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Life(Displayable):
+class Life(Plottable):
     """An edge from new to worn out: a calculation from laws, not a measurement.
 
     Attributes
@@ -74,7 +72,7 @@ class Life(Displayable):
         """Wear at the beginning of interval k, counted from 0."""
         return float(self.AW[k - 1]) if k else 0.0
 
-    def surfaces(self, k: int) -> Surfaces:
+    def surfaces(self, k: int) -> IntervalSurfaces:
         """What every pair of the grid would have done in interval k, counted from 0; the last finds no pair."""
         if not 0 <= k <= len(self.time):
             raise UsageError(f"interval {k}: this life has the intervals 0 to {len(self.time)}.")
@@ -83,12 +81,6 @@ class Life(Displayable):
     def to_frame(self) -> "DataFrame":
         """A row an interval, by its end in min."""
         return as_columns(self, "time", "V", "f", "AW", "P", "Fxz", "MRR").set_index("time")
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Wear and metal removal rate over the life."""
-        from .draw import life_picture
-
-        return life_picture(self, ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +111,7 @@ class BySpeed:
 
 
 def whole_life(
-    laws: LifeLaws, rules: Rules | None = None, grid: Grid | None = None, how: How = "grid", most: int = MOST
+    laws: LifeLaws, rules: Rules | None = None, grid: Grid | None = None, how: SearchMethod = "grid", most: int = MOST
 ) -> Life:
     """Run the recursion of AC-2017 (eq. 4-8) to the end of the edge.
 
@@ -154,7 +146,7 @@ def whole_life(
     return _life(laws, rules, grid, chosen, ended=False)
 
 
-def carried_out(plan: Life, laws: LifeLaws, rules: Rules | None = None, most: int = MOST) -> Life:
+def apply_plan(plan: Life, laws: LifeLaws, rules: Rules | None = None, most: int = MOST) -> Life:
     """Run a life's pairs, whatever comes, on an edge of other laws or rules; the last is held until it is worn out.
 
     Examples
@@ -162,7 +154,7 @@ def carried_out(plan: Life, laws: LifeLaws, rules: Rules | None = None, most: in
     >>> from fitmodels.parameters.published import published
     >>> from fitmodels.controllers.recursion import Rules, life_laws
     >>> laws = life_laws(published("AC-2017"))
-    >>> carried_out(whole_life(laws), laws, Rules(wear="wear_state")).minutes
+    >>> apply_plan(whole_life(laws), laws, Rules(wear="wear_state")).minutes
     13.0
     """
     rules = plan.rules if rules is None else rules
@@ -208,3 +200,126 @@ def _life(laws: LifeLaws, rules: Rules, grid: Grid, chosen: Sequence[Choice], en
     )
     time = rules.interval * np.arange(1.0, len(chosen) + 1)
     return Life(laws, rules, grid, time, V, f, AW, P, Fxz, MRR, tuple(one.stops for one in chosen), ended)
+
+
+EQUAL = 1e-9  # of a limit: a pair on it is within it
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class FixedLife(Displayable):
+    """A fixed pair until the wear criterion: calculated from the laws.
+
+    Attributes
+    ----------
+    V, f : float
+        m/min, mm/rev.
+    minutes : float
+        Life, min: the time at which AW = C V^a f^b t^h meets the criterion, not rounded to intervals.
+    removed, per_minute : float
+        mm3 in the whole life, and mm3/min.
+    peak_power, peak_force : float
+        The largest of the life, in the units of the laws; NaN where they are not limited.
+    passes : tuple of str
+        Limits that it passes on the way: ``power``, ``force``.
+    """
+
+    V: float
+    f: float
+    minutes: float
+    removed: float
+    per_minute: float
+    peak_power: float
+    peak_force: float
+    passes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LifeRatios:
+    """A life over a fixed pair's: metal removed per minute, in the whole life, and the lives themselves, as ratios."""
+
+    per_minute: float
+    removed: float
+    minutes: float
+
+
+def fixed_life(laws: LifeLaws, V: float, f: float, rules: Rules | None = None) -> FixedLife:
+    """Cut at one pair until the edge is worn out, whatever power and force that takes.
+
+    Raises
+    ------
+    UsageError
+        A speed or feed that is not above zero.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> from fitmodels.controllers.recursion import life_laws
+    >>> fixed = fixed_life(life_laws(published("AC-2017")), 145.0, 0.3)
+    >>> round(fixed.minutes, 1), round(fixed.per_minute), fixed.passes
+    (23.8, 108750, ('force',))
+    """
+    if not (V > 0 and f > 0):
+        raise UsageError(f"a fixed pair of {V!r} m/min and {f!r} mm/rev: both lie above zero.")
+    rules = rules or Rules(laws.times)
+    minutes, peaks = _to_the_end(laws, rules, V, f)
+    values = {name: float(peak) for name, peak in peaks.items()}
+    passes = tuple(name for name, terms in laws.limited if values[name] > terms.most * (1 + EQUAL))
+    per_minute, none = float(laws.mrr(V, f)), float("nan")
+    life = float(minutes)
+    power, force = values.get("power", none), values.get("force", none)
+    return FixedLife(V, f, life, per_minute * life, per_minute, power, force, passes)
+
+
+def best_fixed(
+    laws: LifeLaws, rules: Rules | None = None, grid: Grid | None = None, most: str = "per_minute"
+) -> FixedLife | None:
+    """The fixed pair of the grid that keeps power and force within their limits until the edge is worn out, or None.
+
+    Parameters
+    ----------
+    laws, rules, grid
+        As in `whole_life`.
+    most : {"per_minute", "removed"}
+        What is to be largest: metal per minute of cut, or in the life of the edge.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> from fitmodels.controllers.recursion import life_laws
+    >>> best = best_fixed(life_laws(published("AC-2017")))
+    >>> best.V, best.f
+    (200.0, 0.2)
+    """
+    if most not in ("per_minute", "removed"):
+        raise UsageError(f"most={most!r}: it is 'per_minute' or 'removed'.")
+    rules, grid = rules or Rules(laws.times), grid or grid_of(laws)
+    minutes, peaks = _to_the_end(laws, rules, grid.V[:, None], grid.f)
+    keeps = np.full(minutes.shape, True)
+    for name, terms in laws.limited:
+        keeps &= peaks[name] <= terms.most * (1 + EQUAL)
+    score = np.where(keeps, rates(laws, grid) * (minutes if most == "removed" else 1.0), 0.0)
+    i, j = divmod(int(score.argmax()), score.shape[1])
+    return fixed_life(laws, float(grid.V[i]), float(grid.f[j]), rules) if score[i, j] > 0 else None
+
+
+def life_ratios(life: Life, fixed: FixedLife) -> LifeRatios:
+    """Set a life beside a fixed pair's."""
+    return LifeRatios(life.per_minute / fixed.per_minute, life.removed / fixed.removed, life.minutes / fixed.minutes)
+
+
+def _to_the_end(laws: LifeLaws, rules: Rules, V: ArrayLike, f: ArrayLike) -> tuple[Array, dict[str, Array]]:
+    """Time at which the wear of these pairs meets the criterion, and the largest power and force until then.
+
+    At a fixed pair both go with a power of time, so the largest stands at one end: of the life, or of its first
+    interval (the laws are of a cut's end, and a power below zero has no value at time 0).
+    """
+    wear = laws.wear
+    minutes = (wear.most / wear(V, f)) ** (1.0 / wear.t)
+    first = np.minimum(rules.interval, minutes)
+
+    def peak(terms: Terms) -> Array:
+        ends = ((first, wear(V, f, first)), (minutes, np.full_like(minutes, wear.most)))
+        early, late = (response_at_end(terms, rules, V, f, end, AW) for end, AW in ends)
+        return np.maximum(early, late)
+
+    return minutes, {name: peak(terms) for name, terms in laws.limited}

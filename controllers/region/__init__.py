@@ -3,7 +3,7 @@
     clipping         half planes and polygons of ln V and ln f
     surfaces         laws over V and f at a depth and a time, the wear put in
     allowed          limits of a file as half planes
-    corners          corners, lettered, and the best of them
+    corners          corners, label_corners, and the best of them
     tested           whether laws were tested where they are used
     excluded         why a region is empty
     needed           which laws of a file a region needs
@@ -23,22 +23,3 @@ Source: Alaskari & Oraby 2016, ICAESAM'2016, doi 10.15242/IIE.E1216006.
 >>> best_point(published("AC-2016")).words.partition(", P")[0]
 'V 147.9 m/min, f 0.5302 mm/rev: MRR 196028 mm3/min'
 """
-
-from .corners import Corner
-from .front import WearFront, wear_front
-from .optimum import best_point
-from .points import Point
-from .probability import Chance, feasibility
-from .visible import VisibleRegion, visible_region
-
-__all__ = [
-    "Chance",
-    "Corner",
-    "Point",
-    "VisibleRegion",
-    "WearFront",
-    "best_point",
-    "feasibility",
-    "visible_region",
-    "wear_front",
-]

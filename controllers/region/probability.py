@@ -1,29 +1,31 @@
-"""How likely a pair of V and f keeps its limits: over the plane, and for one pair what it risks."""
+"""Probability that a pair of V and f keeps its limits, and the best pair at a required probability.
+
+The search for the best pair uses ``s = ln V + ln f`` (the removal rate) and ``u = ln f - ln V``: on each ray of equal u
+the probability is evaluated over the machine's ranges, and the largest s that reaches the requirement is refined by
+bisection. All pairs are evaluated with the same draws, so the result keeps its limits in exactly that share of them.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from ...core.display import Displayable
-from ...core.errors import UsageError
-from .clipping import Array
-from .demanded import demanded
-from .points import Point, ln
-from .sampled import Kind, Sampling, sampling
+from ...core.display import Plottable
+from ...core.errors import DataError, UsageError
+from .half_planes import TOUCH, Array
+from .operating_point import OperatingPoint, ln
+from .sampled_laws import Kind, LimitSampling, sampling
 from .visible import VisibleRegion, visible_region
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ...parameters import Draws, LimitsSection, ParameterFile
-
-__all__ = ["Chance", "Kind", "feasibility"]
+    from .sampled_laws import LimitSampling
+    from .visible import VisibleRegion
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Chance(Displayable):
+class Feasibility(Plottable):
     """Probability that every limit of power, force and wear is kept, over V and f.
 
     Attributes
@@ -36,7 +38,7 @@ class Chance(Displayable):
         Of one row of an edge not yet cut, or of the law itself (its median, where errors multiply).
     region : VisibleRegion
         The same laws as they stand.
-    sampling : Sampling
+    sampling : LimitSampling
         The draws.
     sources : tuple of str
         Where the draws of each law come from.
@@ -47,7 +49,7 @@ class Chance(Displayable):
     probability: Array
     kind: Kind
     region: VisibleRegion
-    sampling: Sampling
+    sampling: LimitSampling
     sources: tuple[str, ...]
 
     @property
@@ -68,7 +70,7 @@ class Chance(Displayable):
         """Probability that a pair goes over each limit, by response: over one, whatever the others do."""
         return self.sampling.risks(ln(V, f))
 
-    def best(self, demanded_probability: float = 0.95) -> Point:
+    def best(self, probability: float = 0.95) -> OperatingPoint:
         """The pair that removes most metal among those that keep every limit with this probability.
 
         Raises
@@ -78,13 +80,7 @@ class Chance(Displayable):
         DataError
             No pair reaches it.
         """
-        return demanded(self.region, self.sampling, demanded_probability)
-
-    def plot(self, ax: "Axes | None" = None, *, marks: Mapping[str, Point] | None = None) -> "Axes":
-        """Draw the probability over the plane; ``marks`` are further points."""
-        from .draw import chance_picture
-
-        return chance_picture(self, ax, marks)
+        return best_at_probability(self.region, self.sampling, probability)
 
 
 def feasibility(
@@ -100,7 +96,7 @@ def feasibility(
     grid: tuple[int, int] = (60, 60),
     most: int = 2000,
     seed: int = 1,
-) -> Chance:
+) -> Feasibility:
     """Work out how likely each pair of V and f keeps the limits.
 
     Parameters
@@ -140,7 +136,7 @@ def feasibility(
     low, high = np.exp(region.box.low), np.exp(region.box.high)
     V, f = (np.linspace(low[i], high[i], grid[i]) for i in (0, 1))
     x = np.log(np.stack(np.meshgrid(V, f), axis=-1).reshape(-1, 2))
-    return Chance(
+    return Feasibility(
         V=V,
         f=f,
         probability=drawn.keeps(x).reshape(len(f), len(V)),
@@ -149,3 +145,135 @@ def feasibility(
         sampling=drawn,
         sources=tuple(each.words for each in drawn.laws.values()),
     )
+
+
+ROUNDS = ((161, 41), (41, 9), (41, 9), (41, 9))  # rays, and pairs along each: fine first, for draws leave jagged edges
+HALVINGS = 24  # of a step along a ray: one part in 10^8
+NEXT = 1.5  # steps between rays kept on each side of the best
+
+
+def best_at_probability(region: "VisibleRegion", sampling: "LimitSampling", probability: float) -> OperatingPoint:
+    """The pair with the greatest MRR among those that keep every limit with this probability."""
+    if not 0 < probability < 1:
+        raise UsageError(f"probability = {probability:g}: it lies between 0 and 1, as 0.95.")
+    low, high = region.box.low, region.box.high
+    u0, u1 = float(low[1] - high[0]), float(high[1] - low[0])
+    best: tuple[float, float] | None = None
+    for rays, along in ROUNDS:
+        u = np.linspace(u0, u1, rays)
+        s = _farthest(region, sampling, u, along, probability)
+        if np.isneginf(s).all():
+            break
+        i = int(np.argmax(s))
+        if best is None or s[i] > best[0]:
+            best = float(s[i]), float(u[i])
+        half = NEXT * (u1 - u0) / (rays - 1)
+        u0, u1 = max(best[1] - half, float(low[1] - high[0])), min(best[1] + half, float(high[1] - low[0]))
+    if best is None:
+        raise DataError(_unreachable(region, sampling, probability))
+    x = np.clip(_pairs(np.array(best[0]), np.array(best[1])), low, high)
+    return replace(region.at(*np.exp(x).tolist()), probability=float(sampling.keeps(x[None])[0]))
+
+
+def _farthest(region: "VisibleRegion", sampling: "LimitSampling", u: Array, along: int, probability: float) -> Array:
+    """The farthest s of each ray that is allowed, shape of ``u``; minus infinity where none is."""
+    low, high = region.box.low, region.box.high
+    near = np.maximum(2 * low[0] + u, 2 * low[1] - u)
+    far = np.maximum(np.minimum(2 * high[0] + u, 2 * high[1] - u), near)  # a rounding error at the ends
+    S = near + np.linspace(0.0, 1.0, along)[:, None] * (far - near)
+    allowed = _allowed(region, sampling, S, u, probability)
+    last = along - 1 - np.argmax(allowed[::-1], axis=0)
+    any_allowed, ray = allowed.any(axis=0), np.arange(len(u))
+    inside, outside = S[last, ray], S[np.minimum(last + 1, along - 1), ray]
+    for _ in range(HALVINGS):
+        middle = (inside + outside) / 2
+        kept = _allowed(region, sampling, middle, u, probability)
+        inside, outside = np.where(kept, middle, inside), np.where(kept, outside, middle)
+    return np.where(any_allowed, inside, -np.inf)
+
+
+def _allowed(
+    region: "VisibleRegion", sampling: "LimitSampling", s: Array, u: Array, probability: float
+) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+    """Whether pairs are allowed, in the shape of ``s``."""
+    x = _pairs(s, np.broadcast_to(u, s.shape)).reshape(-1, 2)
+    return np.asarray((_machine(region, x) & (sampling.keeps(x) >= probability)).reshape(s.shape))
+
+
+def _pairs(s: Array, u: Array) -> Array:
+    """(ln V, ln f) from s and u."""
+    return np.stack([(s - u) / 2, (s + u) / 2], axis=-1)
+
+
+def _machine(region: "VisibleRegion", x: Array) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+    """Which pairs the machine can be set to."""
+    own = [each for each in region.limits if each.symbol not in region.planes]
+    return np.asarray(np.logical_and.reduce([each.beyond(x) <= TOUCH for each in own]))
+
+
+def _unreachable(region: "VisibleRegion", sampling: "LimitSampling", probability: float) -> str:
+    axes = [np.linspace(region.box.low[i], region.box.high[i], 72) for i in (0, 1)]
+    x = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    x = x[_machine(region, x)]
+    if not len(x):
+        return region.conflict or "the machine's own limits leave no pair of V and f."
+    keeps = sampling.keeps(x)
+    V, f = np.exp(x[int(np.argmax(keeps))])
+    return (
+        f"no pair of V and f keeps the limits with probability {probability:g}: the most is {keeps.max():.3g}, at V "
+        f"{V:.4g} m/min and f {f:.4g} mm/rev; demand less, or raise a limit."
+    )
+
+
+def best_point(
+    pf: "ParameterFile",
+    *,
+    limits: "LimitsSection | Mapping[str, Any] | None" = None,
+    d: float = 2.5,
+    t: float = 10.0,
+    by: str | None = None,
+    at: Mapping[str, float] | None = None,
+    probability: float | None = None,
+    draws: "Mapping[str, Draws] | None" = None,
+    kind: "Kind" = "prediction",
+    seed: int = 1,
+) -> OperatingPoint:
+    """Find the pair of V and f that removes most metal within the limits.
+
+    Without a ``probability`` the laws are taken as they stand, and the answer is exact: a corner of the region. A
+    point on a limit then exceeds it about every second time; with one, the pair keeps all limits that often.
+
+    Parameters
+    ----------
+    pf, limits, d, t, by, at
+        As in `visible_region`.
+    probability : float, optional
+        Demanded of keeping every limit of power, force and wear at once, between 0 and 1.
+    draws, kind, seed
+        As in `feasibility`.
+
+    Returns
+    -------
+    OperatingPoint
+
+    Raises
+    ------
+    UsageError
+        As `visible_region`; or draws without a probability.
+    DataError
+        The limits exclude each other, or no pair reaches the probability: the sentence says how near one comes.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> best = best_point(published("AC-2016"))
+    >>> round(best.V, 1), round(best.f, 3), best.held_by
+    (147.9, 0.53, ('P 7 kW', 'Fxz 1300 N'))
+    """
+    if probability is None:
+        if draws is not None:
+            raise UsageError("draws were given without a probability to keep the limits with: give probability=0.95.")
+        return visible_region(pf, limits=limits, d=d, t=t, by=by, at=at).best
+
+    found = feasibility(pf, draws=draws, limits=limits, d=d, t=t, by=by, at=at, kind=kind, seed=seed)
+    return found.best(probability)

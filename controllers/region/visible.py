@@ -1,4 +1,4 @@
-"""The visible region: every pair of V and f that power, force, wear and the machine allow, with its exact corners.
+"""The visible region: all pairs of V and f within the limits of power, force, wear and machine, with exact corners.
 
 Power laws are linear in ln V and ln f, so the region is a polygon there, and the pair with the greatest metal removal
 rate, ``ln MRR = ln(1000 d) + ln V + ln f``, is one of its corners: a linear programme in two unknowns.
@@ -6,32 +6,38 @@ rate, ``ln MRR = ln(1000 d) + ln V + ln f``, is one of its corners: a linear pro
 Source: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006, section III, whose corners are read off contour charts.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.display import Displayable
+from ...core.display import Plottable, as_columns
 from ...core.errors import DataError, UsageError
-from .allowed import Box, box, half_planes, limited, merged, of_spindle
-from .clipping import TOUCH, Array, HalfPlane, clip, left_by, rectangle
-from .corners import Corner, best_corner, from_best, lettered, worth
-from .excluded import exclusion
-from .needed import also_told, check_held, wear_needed
-from .points import SAME, Point, ln, plain
-from .surfaces import Plane, Setting, planes, ratio
-from .tested import tested, untested
+from .half_planes import SAME, TOUCH, Array, HalfPlane, clip, conflict_sentence, intersect, rectangle
+from .limits import (
+    MachineRange,
+    box,
+    check_fixed_factors,
+    half_planes,
+    limited,
+    merged,
+    of_spindle,
+    required_wear_law,
+    unlimited_responses,
+)
+from .log_planes import CutSetting, LogPlane, outside_tested_ranges, planes, ratio, within_tested_ranges
+from .operating_point import Corner, OperatingPoint, best_corner, label_corners, ln, plain, start_at_best, worth
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from pandas import DataFrame
 
+    from ...core.display import Frame
     from ...parameters import LawSection, LimitsSection, ParameterFile
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class VisibleRegion(Displayable):
+class VisibleRegion(Plottable):
     """What may be set at one depth and time.
 
     Attributes
@@ -41,13 +47,13 @@ class VisibleRegion(Displayable):
         allowed.
     limits : tuple of HalfPlane
         Those of the responses and of the spindle, then the four sides of the machine's ranges.
-    planes : dict of Plane
+    planes : dict of LogPlane
         Limited responses, and the wear, over ln V and ln f.
     polygon : ndarray, shape (n, 2)
         Corners as (ln V, ln f).
-    box : Box
+    box : MachineRange
         The machine's ranges.
-    setting : Setting
+    setting : CutSetting
         Depth, time, level, further factors.
     laws : dict of LawSection
     wear : str or None
@@ -65,10 +71,10 @@ class VisibleRegion(Displayable):
 
     corners: tuple[Corner, ...]
     limits: tuple[HalfPlane, ...]
-    planes: Mapping[str, Plane]
+    planes: Mapping[str, LogPlane]
     polygon: Array
-    box: Box
-    setting: Setting
+    box: MachineRange
+    setting: CutSetting
     laws: Mapping[str, "LawSection"]
     wear: str | None
     notes: tuple[str, ...]
@@ -81,10 +87,10 @@ class VisibleRegion(Displayable):
     @property
     def conflict(self) -> str:
         """Which limits exclude each other, and how far they are from letting anything through; else nothing."""
-        return exclusion(self.limits[:-4], self.limits[-4:], self.planes) if self.empty else ""
+        return conflict_sentence(self.limits[:-4], self.limits[-4:], self.planes) if self.empty else ""
 
     @property
-    def best(self) -> Point:
+    def best(self) -> OperatingPoint:
         """The pair with the greatest metal removal rate: corner B.
 
         Of corners that remove alike, the one that wears least.
@@ -118,14 +124,14 @@ class VisibleRegion(Displayable):
         within = np.logical_and.reduce([each.beyond(x) <= SAME for each in self.limits])
         return within if np.ndim(within) else bool(within)
 
-    def at(self, V: float, f: float) -> Point:
+    def at(self, V: float, f: float) -> OperatingPoint:
         """What the laws say of a pair, inside or outside the region."""
         for name, value in (("V", V), ("f", f)):
             if not (np.isfinite(value) and value > 0):
                 raise UsageError(f"{name} = {value:g}: a power law needs a positive value.")
         return self._at(ln(V, f))
 
-    def least_wear(self, loss: float = 0.05) -> Point:
+    def least_wear(self, loss: float = 0.05) -> OperatingPoint:
         """The pair that wears least among those that give up at most this share of the greatest MRR.
 
         The least wear after t and the least wear rate at t are one pair: at a given t the rate is h/t of the wear.
@@ -147,22 +153,16 @@ class VisibleRegion(Displayable):
         least = np.flatnonzero(worn <= worn.min() + TOUCH)
         return self._at(left[least[np.argmax(left[least].sum(axis=1))]])
 
-    def plot(self, ax: "Axes | None" = None, *, marks: Mapping[str, Point] | None = None) -> "Axes":
-        """Draw the region with its limits, contours of MRR, corners and optimum; ``marks`` are further points."""
-        from .draw import region_picture
-
-        return region_picture(self, ax, marks)
-
     def _best(self) -> int:
         if self.empty:
             raise DataError(self.conflict)
         return best_corner(self.polygon, self.planes.get(self.wear or ""))
 
-    def _at(self, x: Array) -> Point:
+    def _at(self, x: Array) -> OperatingPoint:
         V, f = plain(x[0]), plain(x[1])
         values = {name: float(each.value(x)) for name, each in self.planes.items()}
         over = {each.name: float(each.beyond(x)) for each in self.limits}
-        return Point(
+        return OperatingPoint(
             V=V,
             f=f,
             MRR=1000 * V * f * self.setting.d,
@@ -171,7 +171,7 @@ class VisibleRegion(Displayable):
             wear_rate=None if self.rate_of_wear is None else values[self.wear or ""] * self.rate_of_wear,
             held_by=tuple(name for name, by in over.items() if abs(by) <= SAME),
             exceeds=tuple(name for name, by in over.items() if by > SAME),
-            tested=tested(self.laws, self.setting, self.wear, {**values, "V": V, "f": f}),
+            tested=within_tested_ranges(self.laws, self.setting, self.wear, {**values, "V": V, "f": f}),
         )
 
     def to_frame(self) -> "DataFrame":
@@ -226,21 +226,21 @@ def visible_region(
     >>> print(region.conflict)
     V at least 50 m/min, f at least 0.06 mm/rev and P at most 0.01 kW exclude each other: P is 0.5227 kW there at best.
     """
-    setting = Setting(float(d), float(t), by, dict(at or {}))
-    check_held(pf, setting)
+    setting = CutSetting(float(d), float(t), by, dict(at or {}))
+    check_fixed_factors(pf, setting)
     asked = merged(pf, limits)
     bounds, machine = limited(pf, asked), box(pf, asked)
     worn = None if asked.wear is None else asked.wear.of
-    wear = wear_needed(pf, setting, worn)
-    over = planes(pf, (*bounds, *also_told(pf, setting, wear)), setting, wear)
+    wear = required_wear_law(pf, setting, worn)
+    over = planes(pf, (*bounds, *unlimited_responses(pf, setting, wear)), setting, wear)
     spindle, notes = of_spindle(asked, setting)
     held = (*half_planes(bounds, over), *spindle)
-    polygon = left_by(held, rectangle(machine.low, machine.high))
+    polygon = intersect(held, rectangle(machine.low, machine.high))
     symbol = None if wear is None else wear.response
-    polygon = from_best(polygon, over.get(symbol or ""))
+    polygon = start_at_best(polygon, over.get(symbol or ""))
     laws = {name: pf.laws[name] for name in over}
     return VisibleRegion(
-        corners=lettered(polygon, (*held, *machine.sides)),
+        corners=label_corners(polygon, (*held, *machine.sides)),
         limits=(*held, *machine.sides),
         planes={name: over[name] for name in sorted(over, key=lambda name: name == symbol)},
         polygon=polygon,
@@ -248,5 +248,84 @@ def visible_region(
         setting=setting,
         laws=laws,
         wear=symbol,
-        notes=(*machine.notes, *notes, *untested(laws, setting)),
+        notes=(*machine.notes, *notes, *outside_tested_ranges(laws, setting)),
+    )
+
+
+LOSSES = tuple(np.linspace(0.0, 0.5, 101).tolist())
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class WearFront(Plottable):
+    """The pairs that wear least for the metal they remove.
+
+    At a given time wear and wear rate are least at the same pair, so this front is of both.
+
+    Attributes
+    ----------
+    loss : ndarray, shape (n,)
+        Share of the greatest MRR given up.
+    V, f, MRR, wear : ndarray, shape (n,)
+        m/min, mm/rev, mm3/min, and the unit of the wear.
+    wear_rate : ndarray, shape (n,), or None
+        um/min; None where the wear law has no t.
+    points : tuple of OperatingPoint
+    symbol, unit : str
+        Of the wear.
+    """
+
+    loss: Array
+    V: Array
+    f: Array
+    MRR: Array
+    wear: Array
+    wear_rate: Array | None
+    points: tuple[OperatingPoint, ...]
+    symbol: str
+    unit: str
+
+    def to_frame(self) -> "Frame":
+        """A row a share of the metal given up."""
+        return as_columns(self, "loss", "V", "f", "MRR", "wear")
+
+
+def wear_front(region: VisibleRegion, losses: Sequence[float] = LOSSES) -> WearFront:
+    """The least wear for each share of the greatest MRR that is given up.
+
+    Parameters
+    ----------
+    region : VisibleRegion
+        Of a file with a law of wear.
+    losses : sequence of float
+        From 0 to below 1.
+
+    Raises
+    ------
+    UsageError, DataError
+        As ``VisibleRegion.least_wear``.
+
+    Examples
+    --------
+    >>> from fitmodels.controllers.region import visible_region
+    >>> from fitmodels.parameters.published import published
+    >>> front = wear_front(visible_region(published("AC-2016")), [0.0, 0.05])
+    >>> front.V.round(1).tolist(), front.wear.round(4).tolist()
+    ([147.9, 136.5], [0.27, 0.2591])
+    """
+    points = tuple(region.least_wear(float(loss)) for loss in losses)
+    symbol = region.wear or ""
+
+    def column(name: str) -> Array:
+        return np.array([getattr(point, name) for point in points], dtype=np.float64)
+
+    return WearFront(
+        loss=np.asarray(losses, dtype=np.float64),
+        V=column("V"),
+        f=column("f"),
+        MRR=column("MRR"),
+        wear=np.array([point.values[symbol] for point in points]),  # noqa: PD011  a mapping
+        wear_rate=None if any(point.wear_rate is None for point in points) else column("wear_rate"),
+        points=points,
+        symbol=symbol,
+        unit=region.planes[symbol].unit,
     )

@@ -14,24 +14,3 @@ Made from a parameter file alone; what fills the paper's gaps is called a recons
 >>> roughness.ConstantRoughness.__name__
 'ConstantRoughness'
 """
-
-from .control import ConstantRoughness
-from .cuts import Steady, Turned, steady, turn
-from .plant import TurningForce
-from .reference import reference_force
-from .stability import LoopFigures, loop_figures
-from .table import Simulated, simulated_table
-
-__all__ = [
-    "ConstantRoughness",
-    "LoopFigures",
-    "Simulated",
-    "Steady",
-    "Turned",
-    "TurningForce",
-    "loop_figures",
-    "reference_force",
-    "simulated_table",
-    "steady",
-    "turn",
-]

@@ -1,4 +1,4 @@
-"""The force that gives a roughness: SURF's eq. 4, which the copy used has lost, in two readings.
+"""Reference force of a roughness: SURF's eq. 4, which is missing in the copy used, in two readings.
 
     inverse       F_ref = ln(Ra_ref / a) / b, of the law Ra = a exp(b F) (eq. 5)
     regression    F_ref = constant + slope ln Ra_ref, fitted to forces and desired roughness (Table 1: 450 + 260 ln Ra)

@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator
 
 from entry import Entry, Verdict
-from fitmodels.controllers.region import Point, VisibleRegion, visible_region
+from fitmodels.controllers.region.operating_point import OperatingPoint
+from fitmodels.controllers.region.visible import VisibleRegion, visible_region
 from fitmodels.datasets.design import central_composite
 from fitmodels.datasets.gc435 import DOMAIN
 from fitmodels.parameters import ParameterFile
@@ -112,7 +113,7 @@ def _visible(region: VisibleRegion) -> Iterator[Entry]:
                 "; ".join(f"{c.letter} {c.V:.4g}, {c.f:.4g}" for c in region.corners))  # fmt: skip
 
 
-def _loads(point: Point) -> str:
+def _loads(point: OperatingPoint) -> str:
     return f"P {point.values['P']:.2f} kW and Fxz {point.values['Fxz']:.0f} N there"
 
 
@@ -129,7 +130,7 @@ def _most_metal(region: VisibleRegion) -> Iterator[Entry]:
     yield from _wear_of("Fig. 6", printed, "27", "0.27")
 
 
-def _wear_of(place: str, point: Point, rate: str, wear: str) -> Iterator[Entry]:
+def _wear_of(place: str, point: OperatingPoint, rate: str, wear: str) -> Iterator[Entry]:
     at = f"at V {point.V:g}, f {point.f:g}"
     without = 100 * point.values["AW"]  # AW/t in um/min after 10 min
     yield Entry(place, f"wear rate {at}", rate, point.wear_rate, "um/min", "corrected with proof",

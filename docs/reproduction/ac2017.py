@@ -8,20 +8,11 @@ import csv
 import numpy as np
 from entry import Entry
 from fitmodels import datasets
-from fitmodels.controllers import replay
-from fitmodels.controllers.recursion import (
-    BySpeed,
-    Life,
-    LifeLaws,
-    Rules,
-    TurningRecursion,
-    WearingEdge,
-    by_speed,
-    compared,
-    fixed_life,
-    life_laws,
-    whole_life,
-)
+from fitmodels.controllers.loop import replay
+from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
+from fitmodels.controllers.recursion.from_file import life_laws
+from fitmodels.controllers.recursion.laws import LifeLaws, Rules
+from fitmodels.controllers.recursion.life import BySpeed, Life, by_speed, fixed_life, life_ratios, whole_life
 from fitmodels.parameters.published import published
 
 UNIT = {"V": "m/min", "f": "mm/rev", "P": "kW", "Fxz": "N", "MRR": "mm3/min"}  # the others are wear, mm
@@ -158,7 +149,7 @@ def _sequence(life: Life) -> list[Entry]:
 
 def _verification(laws: LifeLaws, life: Life) -> list[Entry]:
     """The comparison with fixed pairs T1 to T9."""
-    per_minute = {name: compared(life, fixed_life(laws, V, f)).per_minute
+    per_minute = {name: life_ratios(life, fixed_life(laws, V, f)).per_minute
                   for name, V, f in (("T1", 100.0, 0.06), ("T4", 100.0, 0.6), ("T8", 145.0, 0.6))}  # fmt: skip
     assumed = "Assumed pair: V {} m/min, f {} mm/rev, an end of the printed range, d 2.5 mm; the text gives V alone."
     fifteen = "counted with 15 minutes of the recursion, though its minute 15 finds no pair and is not cut"

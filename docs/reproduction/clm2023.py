@@ -1,14 +1,10 @@
 """CLM-2023 in the ledger: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587."""
 
 from entry import Entry
-from fitmodels.controllers.constant_load_milling import (
-    CutModel,
-    MillingCut,
-    ToolRun,
-    constant_feed_run,
-    constant_load_run,
-    mixed_run,
-)
+from fitmodels.controllers.constant_load_milling.cut_model import CutModel
+from fitmodels.controllers.constant_load_milling.mixed_path import mixed_run
+from fitmodels.controllers.constant_load_milling.plant import MillingCut
+from fitmodels.controllers.constant_load_milling.runs import ToolRun, constant_feed_run, constant_load_run
 from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.checks.loop_figures import closed_loop, figures
 from fitmodels.parameters.published import milling

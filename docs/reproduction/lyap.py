@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from entry import Entry
-from fitmodels.controllers import adaptive_force as room
-from fitmodels.controllers.adaptive_force import lyapunov
+from fitmodels.controllers.adaptive_force import stability
+from fitmodels.controllers.adaptive_force.runs import depth_step_run, steady_run
 from fitmodels.parameters.published import published
 
 if TYPE_CHECKING:
-    from fitmodels.controllers.adaptive_force import ForceRun, StepSize
+    from fitmodels.controllers.adaptive_force.runs import ForceRun
+    from fitmodels.controllers.adaptive_force.stability import StepSize
     from fitmodels.parameters import AdaptiveForceSection, ParameterFile
 
 RADIUS = 0.005  # m, of the 10 mm tool
@@ -24,8 +25,8 @@ def entries() -> list[Entry]:
     pf = published("LYAP")
     section = pf.adaptive_force
     assert section is not None  # noqa: S101 - the published file has it
-    runs = {point.depth: room.steady_run(pf, point.depth, ripple=0.3) for point in section.set_points}
-    stepped = room.depth_step_run(pf)
+    runs = {point.depth: steady_run(pf, point.depth, ripple=0.3) for point in section.set_points}
+    stepped = depth_step_run(pf)
     return [
         *_set_points(section, runs),
         *_speed(section),
@@ -117,10 +118,10 @@ def _rise(run: "ForceRun", times: tuple[float, float, float]) -> float:
     found, r, plant, s = run.energy(), run.trace.recorded, run.plant, run.settings
     e = np.column_stack([r["error"], r["error_rate"]])
     k = r["k"]
-    P = lyapunov.P(plant.m / k, (plant.m * plant.c + plant.d) / k, plant.d * plant.c / k, Kd=s.Kd, lam=s.lam)
+    P = stability.P(plant.m / k, (plant.m * plant.c + plant.d) / k, plant.d * plant.c / k, Kd=s.Kd, lam=s.lam)
     changed = P * np.array([[times[0], times[1]], [times[1], times[2]]])
     V = found.V + np.einsum("ni,nij,nj->n", e, changed - P, e)
-    return lyapunov.rise_of(V, found.free)[0]
+    return stability.rise_of(V, found.free)[0]
 
 
 def _not_printed(section: "AdaptiveForceSection") -> Iterator[Entry]:
@@ -143,7 +144,7 @@ def _not_printed(section: "AdaptiveForceSection") -> Iterator[Entry]:
 
 
 def _step_sizes(pf: "ParameterFile") -> Iterator[Entry]:
-    rows = room.step_study(pf)
+    rows = stability.step_study(pf)
     built = [r for r in rows if (r.way, r.times) == ("as built", 1.0) and r.rise < 1e-12 and r.settled]
     printed = [r for r in rows if (r.way, r.times) == ("as printed", 1.0)]
     stiff = [r for r in rows if r.way == "as printed" and r.times != 1]

@@ -6,15 +6,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from entry import Entry
 from fitmodels import fit
-from fitmodels.controllers.roughness import (
-    Steady,
-    TurningForce,
-    loop_figures,
-    reference_force,
-    simulated_table,
-    steady,
-    turn,
-)
+from fitmodels.controllers.roughness.plant import TurningForce, loop_theory
+from fitmodels.controllers.roughness.reference import reference_force
+from fitmodels.controllers.roughness.simulations import SteadyCut, simulated_table, steady, turn
 from fitmodels.parameters.published.roughness import (
     REVOLUTION,
     SAMPLE_TIME,
@@ -66,7 +60,7 @@ def _equations() -> Iterator[Entry]:
 
 def _text() -> Iterator[Entry]:
     found = {reading: _sections(reading) for reading in READINGS}
-    places: tuple[tuple[str, str, str, Callable[[tuple[Steady, Steady]], float], str], ...] = (
+    places: tuple[tuple[str, str, str, Callable[[tuple[SteadyCut, SteadyCut]], float], str], ...] = (
         ("section 3, Fig. 5b", "force held at Ra 1.6 um", "570", lambda run: run[0].F, "N"),
         ("section 3, Fig. 5c", "force after the change to Ra 1.0 um", "448", lambda run: run[1].F, "N"),
         ("section 3, Fig. 5e", "mean Ra with control at 1.6 um", "1.59", lambda run: run[0].Ra, "um"),
@@ -83,13 +77,13 @@ def _text() -> Iterator[Entry]:
                         "eq. 4 is lost in the copy used; printed is the controlled force of Table 1")  # fmt: skip
 
 
-def _sections(reading: Reading) -> tuple[Steady, Steady]:
+def _sections(reading: Reading) -> tuple[SteadyCut, SteadyCut]:
     cut = turn(surf(force_from=reading), schedule=[(7.5, 1.0)])
     return steady(cut, end=7.5), steady(cut, 10.5)
 
 
 def _command_reading() -> Iterator[Entry]:
-    loop = loop_figures(REVOLUTION, SERVO_TIME, SAMPLE_TIME)
+    loop = loop_theory(REVOLUTION, SERVO_TIME, SAMPLE_TIME)
     servo, command = turn(surf()), turn(surf(), feed="command")
     what = "share of its range that the feed command swings over, %, f(t-1) read as"
     shares = [100 * steady(cut).command_ripple / (cut.high - cut.low) for cut in (servo, command)]
@@ -114,7 +108,7 @@ def _table() -> Iterator[Entry]:
         yield _by_equation_5(place, row)
 
 
-def _controlled(place: str, row: TableRow, reading: Reading, run: Steady) -> Iterator[Entry]:
+def _controlled(place: str, row: TableRow, reading: Reading, run: SteadyCut) -> Iterator[Entry]:
     rests = f"; {100 * run.at_high:.0f} % of the time at 150 % of 0.2 mm/rev" if run.at_high else ""
     why = f"{reading} for F_ref, roughness by {LAWS[reading]}; {PLANT}{rests}"
     ratio = (

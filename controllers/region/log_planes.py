@@ -1,0 +1,222 @@
+"""Power laws as planes over ln V and ln f at a given depth and time, with the wear substituted from its own law.
+
+``P = c V^a f^b d^g t^h AW^k`` with ``AW = c' V^a' ...`` is ``ln P = intercept + slopes . (ln V, ln f)`` (AC-2016, eq.
+8-11, as corrected). The same arithmetic takes the parameters of one law, shape (p,), or draws of them, (S, p).
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import log
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.display import Displayable
+from ...core.errors import UsageError
+from ...datasets.units import canonical, convert
+from ...parameters.evaluate import parameter_names, theta
+from .half_planes import SAME
+
+if TYPE_CHECKING:
+    from ...parameters import LawSection, ParameterFile
+
+Array = NDArray[np.float64]
+
+WEARS = ("AW", "VB")
+USUAL = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class CutSetting(Displayable):
+    """What is held while V and f are chosen.
+
+    Attributes
+    ----------
+    d, t : float
+        Depth of cut, mm, and cutting time, min.
+    by : str or None
+        Level of the laws that have levels.
+    at : mapping
+        Further factors in the units of the laws; of the wear, in place of its law.
+
+    Examples
+    --------
+    >>> CutSetting(d=2.5, t=10.0).known["t"]
+    (10.0, 'min')
+    """
+
+    d: float
+    t: float
+    by: str | None = None
+    at: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        for name, value in (("d", self.d), ("t", self.t), *self.at.items()):
+            if not (np.isfinite(value) and value > 0):
+                raise UsageError(f"{name} = {value:g}: a power law needs a positive value.")
+
+    @property
+    def known(self) -> dict[str, tuple[float, str | None]]:
+        """Value and unit by symbol; without a unit: in that of the law."""
+        usual = {"d": (self.d, "mm"), "t": (self.t, "min")}
+        return {**usual, **{name: (value, None) for name, value in self.at.items()}}
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LogPlane(Displayable):
+    """A response over the plane: ``ln R = intercept + slopes . (ln V, ln f) + wear_power ln(wear)``.
+
+    Attributes
+    ----------
+    response, quantity, unit : str
+    intercept, wear_power : ndarray, shape (...,)
+    slopes : ndarray, shape (..., 2)
+        One law, or one for each draw. ``wear_power`` is 0 once the wear is put in.
+    t_power : ndarray, shape (...,)
+        Exponent of t in the law itself.
+    """
+
+    response: str
+    quantity: str
+    unit: str
+    intercept: Array
+    slopes: Array
+    wear_power: Array
+    t_power: Array
+
+    def value(self, x: Array) -> Array:
+        """The response of one law at points (..., 2) of ln V and ln f, in ``unit``."""
+        return np.asarray(np.exp(self.intercept + x @ self.slopes))
+
+
+def plane(
+    law: "LawSection", setting: CutSetting, wear: "LawSection | None" = None, of: Array | None = None
+) -> LogPlane:
+    """A law in ln V and ln f, the wear still a factor of it; ``of`` its parameters, (..., p), unless as in the file.
+
+    Raises
+    ------
+    UsageError
+        The law is no power law, or has a factor that nothing is known of.
+    """
+    if law.form != "power":
+        raise UsageError(f"the law of {law.response} is {law.form.replace('_', ' ')}: a region needs power laws.")
+    of = theta(law) if of is None else of
+    places = dict(zip(parameter_names(law), np.moveaxis(of, -1, 0), strict=True))
+    none = np.zeros(of.shape[:-1])
+    out = {"intercept": places["ln c0"] + _shift(law, setting.by, places), "V": none, "f": none, "wear": none}
+    for factor in law.factors:
+        power = places[factor.symbol]
+        if factor.symbol in ("V", "f"):
+            out[factor.symbol] = power
+            constant = _ln_ratio(USUAL[factor.symbol], factor.unit)
+        elif wear is not None and factor.symbol == wear.response and factor.symbol not in setting.at:
+            out["wear"] = power
+            constant = _ln_ratio(wear.unit, factor.unit)
+        else:
+            constant = _ln_known(law, factor.symbol, factor.unit, setting)
+        out["intercept"] = out["intercept"] + power * constant
+    slopes = np.stack([out["V"], out["f"]], axis=-1)
+    return LogPlane(
+        law.response, law.quantity, law.unit, out["intercept"], slopes, out["wear"], places.get("t", none)
+    )  # fmt: skip
+
+
+def with_wear(plane: LogPlane, wear: LogPlane) -> LogPlane:
+    """A plane with its wear put in: eq. 8 and 9 of AC-2016."""
+    return LogPlane(
+        plane.response,
+        plane.quantity,
+        plane.unit,
+        plane.intercept + plane.wear_power * wear.intercept,
+        plane.slopes + plane.wear_power[..., None] * wear.slopes,
+        np.zeros_like(plane.wear_power),
+        plane.t_power,
+    )
+
+
+def wear_law(pf: "ParameterFile", of: str | None = None) -> "LawSection | None":
+    """The file's law of wear: the one named, or else of AW, or of VB."""
+    names = WEARS if of is None else (of,)
+    return next((pf.laws[name] for name in names if name in pf.laws and pf.laws[name].form == "power"), None)
+
+
+def planes(
+    pf: "ParameterFile", responses: tuple[str, ...], setting: CutSetting, wear: "LawSection | None"
+) -> dict[str, LogPlane]:
+    """The responses asked for, and the wear, as planes of V and f alone."""
+    own = {} if wear is None else {wear.response: plane(wear, setting)}
+    for name in responses:
+        if name not in own:
+            made = plane(pf.laws[name], setting, wear)
+            own[name] = made if wear is None else with_wear(made, own[wear.response])
+    return own
+
+
+def ratio(of: str, to: str) -> float:
+    """What a number in one unit is multiplied by to be in another; the same text needs no table of units."""
+    if of == to or (canonical(of) is not None and canonical(of) == canonical(to)):
+        return 1.0
+    return float(convert(np.ones(1), of, to)[0])
+
+
+def _ln_ratio(of: str, to: str) -> float:
+    return log(ratio(of, to))
+
+
+def _ln_known(law: "LawSection", symbol: str, unit: str, setting: CutSetting) -> float:
+    if symbol not in setting.known:
+        cure = "give the file its law, or" if symbol in WEARS else "give"
+        raise UsageError(f"the law of {law.response} needs {symbol} ({unit}); {cure} at={{{symbol!r}: ...}}.")
+    value, given = setting.known[symbol]
+    return log(value * ratio(given or unit, unit))
+
+
+def _shift(law: "LawSection", by: str | None, places: Mapping[str, Array]) -> Array | float:
+    if law.by is None:
+        return 0.0
+    known = (law.by.reference, *law.by.shifts)
+    if by not in known:
+        seen = "no level was named" if by is None else f"it has no {by!r}"
+        raise UsageError(
+            f"the law of {law.response} is by {law.by.column}: {seen}; give by=, one of {', '.join(known)}."
+        )
+    return 0.0 if by == law.by.reference else places[f"{law.by.column}[{by}]"]
+
+
+def within_tested_ranges(
+    laws: Mapping[str, "LawSection"], setting: CutSetting, wear: str | None, at: Mapping[str, float]
+) -> bool:
+    """Whether every law was tested at a pair of V and f; ``at`` holds these, and the wear there by its symbol."""
+    known: dict[str, tuple[float, str | None]] = {"V": (at["V"], "m/min"), "f": (at["f"], "mm/rev")}
+    if wear is not None:
+        known[wear] = at[wear], laws[wear].unit
+    known |= setting.known
+    return all(_inside(law, setting.by, known) for law in laws.values())
+
+
+def _inside(law: "LawSection", by: str | None, known: Mapping[str, tuple[float, str | None]]) -> bool:
+    given = {}
+    for factor in law.factors:
+        value, unit = known[factor.symbol]
+        value *= ratio(unit or factor.unit, factor.unit)
+        ends = (end for end in (factor.low, factor.high) if abs(value - end) <= SAME * abs(end))  # a corner of the box
+        given[factor.symbol] = next(ends, value)
+    return bool(law.inside(None if law.by is None else by, **given))
+
+
+def outside_tested_ranges(laws: Mapping[str, "LawSection"], setting: CutSetting) -> tuple[str, ...]:
+    """A sentence for each held factor that lies outside what was tested."""
+    return tuple(dict.fromkeys(words for law in laws.values() for words in _outside(law, setting)))
+
+
+def _outside(law: "LawSection", setting: CutSetting) -> Iterator[str]:
+    for factor in law.factors:
+        if factor.symbol in setting.known:
+            value, unit = setting.known[factor.symbol]
+            value *= ratio(unit or factor.unit, factor.unit)
+            if not factor.low <= value <= factor.high:
+                tested_over = f"{factor.low:g} to {factor.high:g} {factor.unit} that {law.response} was tested over"
+                yield f"{factor.symbol} {value:g} lies outside the {tested_over}: do not rely on the region."

@@ -1,0 +1,148 @@
+"""Operating points (pairs of V and f) with their responses, and the corners of a region."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from string import ascii_uppercase
+
+import numpy as np
+
+from ...core.display import Displayable
+from .half_planes import SAME, TOUCH, Array, HalfPlane
+from .log_planes import LogPlane
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class OperatingPoint(Displayable):
+    """A pair of cutting speed and feed at the depth and time of its region.
+
+    Attributes
+    ----------
+    V, f : float
+        m/min and mm/rev.
+    MRR : float
+        Metal removal rate ``1000 V f d``, mm3/min.
+    values, units : dict
+        Each response by its symbol: ``P``, ``Fxz``, ``AW``; the median of a law whose errors multiply.
+    wear_rate : float or None
+        ``dAW/dt = h AW / t`` with h the exponent of t in the wear law, um/min; None without a law of wear over t.
+    held_by, exceeds : tuple of str
+        Limits that the point lies on, and over.
+    tested : bool
+        Whether every law was tested there: ``Law.inside``.
+    probability : float or None
+        Of keeping within the limits of power, force and wear, where it was asked for.
+
+    Examples
+    --------
+    >>> OperatingPoint(150.0, 0.5, 187500.0, {"P": 6.5}, {"P": "kW"}, None, (), (), True).words
+    'V 150 m/min, f 0.5 mm/rev: MRR 187500 mm3/min, P 6.50 kW'
+    """
+
+    V: float
+    f: float
+    MRR: float
+    values: Mapping[str, float]
+    units: Mapping[str, str]
+    wear_rate: float | None
+    held_by: tuple[str, ...]
+    exceeds: tuple[str, ...]
+    tested: bool
+    probability: float | None = None
+
+    @property
+    def words(self) -> str:
+        """The point in a clause."""
+        told = [f"{name} {three(value)} {self.units[name]}" for name, value in self.values.items()]
+        if self.wear_rate is not None:
+            told.append(f"wear rate {three(self.wear_rate)} um/min")
+        return ", ".join([f"{self.where}: MRR {self.MRR:.0f} mm3/min", *told])
+
+    @property
+    def where(self) -> str:
+        """The pair alone."""
+        return f"V {four(self.V)} m/min, f {four(self.f)} mm/rev"
+
+    @property
+    def xy(self) -> tuple[float, float]:
+        """(V, f)."""
+        return self.V, self.f
+
+    def facts(self) -> dict[str, object]:
+        """Plain JSON; each name tells its unit."""
+        return {
+            "V_m_min": self.V,
+            "f_mm_rev": self.f,
+            "MRR_mm3_min": self.MRR,
+            "responses": {name: {"value": v, "unit": self.units[name]} for name, v in self.values.items()},
+            "wear_rate_um_min": self.wear_rate,
+            "held_by": list(self.held_by),
+            "exceeds": list(self.exceeds),
+            "tested": self.tested,
+            "probability": self.probability,
+        }
+
+
+def four(value: float) -> str:
+    """Four digits at most, whole numbers whole: of what one sets."""
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def three(value: float) -> str:
+    """Three digits, whole numbers whole: of what a law says."""
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
+
+
+def ln(V: float, f: float) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+    """(ln V, ln f)."""
+    return np.log(np.array([V, f], dtype=np.float64))
+
+
+def plain(ln_value: float) -> float:
+    """The number behind a logarithm, without the noise of its last digits: 200, not 199.99999999999991."""
+    return float(f"{np.exp(ln_value):.12g}")
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Corner(Displayable):
+    """A corner of the region: ``V`` m/min, ``f`` mm/rev, and ``limits``, the two (or more) that meet there."""
+
+    letter: str
+    V: float
+    f: float
+    limits: tuple[str, ...]
+
+
+def best_corner(polygon: Array, wear: LogPlane | None) -> int:
+    """Corner of the greatest MRR; of those alike, the one that wears least, or else turns slowest."""
+    removed = polygon.sum(axis=1)
+    alike = np.flatnonzero(removed >= removed.max() - TOUCH)
+    cost = polygon[alike] @ wear.slopes if wear is not None else polygon[alike, 0]
+    return int(alike[np.argmin(cost)])
+
+
+def start_at_best(polygon: Array, wear: LogPlane | None) -> Array:
+    """Corners clockwise, so turned that the best is the second."""
+    if len(polygon) < 2:
+        return polygon
+    return np.roll(polygon, 1 - best_corner(polygon, wear), axis=0)
+
+
+def label_corners(polygon: Array, limits: tuple[HalfPlane, ...]) -> tuple[Corner, ...]:
+    """Corners of a polygon, A to Z, with all limits that meet in each."""
+    out = []
+    for letter, x in zip(ascii_uppercase, polygon, strict=False):
+        meet = tuple(each.name for each in limits if abs(float(each.beyond(x))) <= SAME)
+        out.append(Corner(letter, plain(x[0]), plain(x[1]), meet))
+    return tuple(out)
+
+
+def worth(x: Array, limits: tuple[HalfPlane, ...]) -> dict[str, float]:
+    """What 1 % more of each limit that holds a corner is worth, in % of MRR: the multipliers of the linear programme.
+
+    Nothing where more than two limits meet, or fewer.
+    """
+    meet = [each for each in limits if abs(float(each.beyond(x))) <= SAME]
+    if len(meet) != 2:
+        return {}
+    multipliers = np.linalg.solve(np.array([each.a for each in meet]).T, np.ones(2))
+    return {each.name: float(value) for each, value in zip(meet, multipliers, strict=True)}

@@ -1,0 +1,194 @@
+"""Power laws sampled from their draws over ln V and ln f, with the deviation of a new edge for each draw.
+
+A row of a new edge deviates from the law with standard deviation ``sd / sqrt(1 - icc)``, between and within edges
+together. The deviation of its wear propagates into power and force. Assumed: given the data, the laws are independent,
+so their draws are paired at random (draws of one seed share their random numbers and would appear correlated); and the
+deviations of wear, power and force of a row are independent.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import log
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ...core.display import Displayable
+from ...core.errors import UsageError
+from ...parameters.evaluate import parameter_names, theta
+from ...parameters.sections.covariance import Covariance
+from .half_planes import Array
+from .log_planes import CutSetting, LogPlane, plane, ratio, with_wear
+
+if TYPE_CHECKING:
+    from ...parameters import Draws, LawSection
+    from .visible import VisibleRegion
+
+Kind = Literal["prediction", "mean"]
+TINY = 1e-300  # in place of a response that an error which adds makes negative: it is far below any limit
+AT_ONCE = 1_000_000  # looks of a draw at a point: 8 MB
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class SampledLaw(Displayable):
+    """A law by S draws.
+
+    Attributes
+    ----------
+    plane : LogPlane
+        Its numbers of shape (S,).
+    luck : ndarray, shape (S,)
+        How far the row of one further edge lies off the law: in logarithms, or in the response's unit where it
+        ``adds``.
+    adds : bool
+    words : str
+        Where the draws come from.
+    """
+
+    plane: LogPlane
+    luck: Array
+    adds: bool
+    words: str
+
+    def ln(self, x: Array, ln_wear: Array | None, rows: slice) -> Array:
+        """Logarithm of the response of some draws at points (G, 2), shape (s, G)."""
+        p = self.plane
+        constant = p.intercept if self.adds else p.intercept + self.luck
+        # one product: draws times pairs are millions, and each pass over them costs as much as the rest
+        eta = np.column_stack([constant, p.slopes])[rows] @ np.vstack([np.ones(len(x)), x.T])
+        if ln_wear is not None:
+            eta += p.wear_power[rows, None] * ln_wear
+        return np.log(np.maximum(np.exp(eta) + self.luck[rows, None], TINY)) if self.adds else eta
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LimitSampling(Displayable):
+    """What a region is judged by: laws by draws, and the logarithm of each limit in the unit of its law.
+
+    ``wear`` is set where the wear must be worked out at every point, because its errors add.
+    """
+
+    laws: Mapping[str, SampledLaw]
+    ln_limits: Mapping[str, float]
+    wear: SampledLaw | None
+    count: int
+
+    def keeps(self, x: Array) -> Array:
+        """Share of draws that keep every limit at points (G, 2), shape (G,)."""
+        total = np.zeros(len(x))
+        for rows in self._blocks(len(x)):
+            over = list(self._over(x, rows).values())
+            total += np.logical_or.reduce(over).sum(axis=0) if over else 0
+        return np.asarray((self.count - total) / self.count)
+
+    def risks(self, x: Array) -> dict[str, float]:
+        """Share of draws over each limit at one point (2,)."""
+        over = self._over(x[None], slice(0, self.count))
+        return {name: float(each.mean()) for name, each in over.items()}
+
+    def _over(self, x: Array, rows: slice) -> dict[str, "np.ndarray[tuple[int, int], np.dtype[np.bool_]]"]:
+        ln_wear = None if self.wear is None else self.wear.ln(x, None, rows)
+        return {
+            name: self.laws[name].ln(x, ln_wear if self.laws[name].plane.wear_power.any() else None, rows) > limit
+            for name, limit in self.ln_limits.items()
+        }
+
+    def _blocks(self, points: int) -> list[slice]:
+        step = max(1, AT_ONCE // max(points, 1))
+        return [slice(start, min(start + step, self.count)) for start in range(0, self.count, step)]
+
+
+def sampling(region: "VisibleRegion", draws: "Mapping[str, Draws]", kind: Kind, most: int, seed: int) -> LimitSampling:
+    """Draw the laws of a region's limits; ``most`` draws, or as many as the fewest that a law has.
+
+    Raises
+    ------
+    UsageError
+        Draws of other parameters than the law's, or no scatter known of a law that a new edge is asked of.
+    """
+    count = min([most, *(len(draws[name].values) for name in region.laws if name in draws)])
+    rng = np.random.default_rng(seed)
+    wear_law = None if region.wear is None else region.laws[region.wear]
+    laws: dict[str, SampledLaw] = {}
+    for name in sorted(region.laws):  # one order, whatever that of the file
+        wear = None if name == region.wear else wear_law
+        laws[name] = _sampled(region.laws[name], region.setting, wear, draws.get(name), kind, count, rng)
+    wear_drawn = None if region.wear is None else laws[region.wear]
+    adds = wear_drawn is not None and wear_drawn.adds and wear_drawn.luck.any()
+    if wear_drawn is not None and not adds:
+        off = replace(
+            wear_drawn.plane, intercept=wear_drawn.plane.intercept + (0 if wear_drawn.adds else wear_drawn.luck)
+        )
+        laws = {
+            name: law if law is wear_drawn else replace(law, plane=with_wear(law.plane, off))
+            for name, law in laws.items()
+        }
+    limits = {each.symbol: each for each in region.limits if each.symbol in region.planes}
+    ln_limits = {name: log(each.value * ratio(each.unit, region.planes[name].unit)) for name, each in limits.items()}
+    return LimitSampling(laws, ln_limits, wear_drawn if adds else None, count)
+
+
+def _sampled(
+    law: "LawSection",
+    setting: CutSetting,
+    wear: "LawSection | None",
+    draws: "Draws | None",
+    kind: Kind,
+    count: int,
+    rng: np.random.Generator,
+) -> SampledLaw:
+    if draws is not None:
+        of, sd, heavy = _from_draws(law, draws, rng.permutation(len(draws.values))[:count])
+        words = f"{law.response} by {count} of {len(draws.values)} draws"
+    else:
+        of, words = _from_covariance(law, count, rng)
+        sd, heavy = (_scatter(law) if kind == "prediction" else np.zeros(1)), None
+    z = rng.standard_normal(count) * sd
+    if heavy is not None:
+        z *= np.sqrt(heavy / rng.chisquare(heavy))
+    return SampledLaw(
+        plane(law, setting, wear, of), z if kind == "prediction" else np.zeros(count), law.error == "additive", words
+    )
+
+
+def _from_draws(
+    law: "LawSection", draws: "Draws", rows: "np.ndarray[tuple[int], np.dtype[np.int64]]"
+) -> tuple[Array, Array, Array | None]:
+    """Parameters (S, p), sd of a row of a new edge (S,), degrees of freedom of heavy tails (S,) or None."""
+    column = dict(zip(draws.names, draws.values[rows].T, strict=True))
+    if lacking := [name for name in (*parameter_names(law), "sd") if name not in column]:
+        raise UsageError(
+            f"the draws of {law.response} are of {', '.join(draws.names)} and lack {lacking[0]}: they belong to "
+            "another fit; draw again."
+        )
+    within = 1 - np.minimum(column["icc"], 1 - 1e-12) if "icc" in column else 1.0
+    return (
+        np.stack([column[name] for name in parameter_names(law)], axis=-1),
+        column["sd"] / np.sqrt(within),
+        column.get("nu"),
+    )
+
+
+def _from_covariance(law: "LawSection", count: int, rng: np.random.Generator) -> tuple[Array, str]:
+    """Parameters (S, p) from the file's covariance as a multivariate t; as they stand where it has none."""
+    centre, held = theta(law), law.uncertainty
+    if not isinstance(held, Covariance):
+        return np.broadcast_to(centre, (count, len(centre))), f"{law.response} as if exactly known ({held.reason})"
+    order = [held.of.index(name) for name in parameter_names(law)]
+    C = np.array(held.matrix)[np.ix_(order, order)]
+    z = rng.multivariate_normal(np.zeros(len(centre)), C, size=count, method="eigh", check_valid="ignore")
+    heavy = np.sqrt(held.df / rng.chisquare(held.df, count))
+    return centre + z * heavy[:, None], f"{law.response} by its covariance (no draws of it)"
+
+
+def _scatter(law: "LawSection") -> Array:
+    """Standard deviation of a row of a new edge about the law, shape (1,)."""
+    e = law.edges
+    if e is not None and e.sd_between is not None and e.sd_within is not None:
+        return np.array([np.hypot(e.sd_between, e.sd_within)])
+    if law.residual_se is None:
+        raise UsageError(
+            f"the law of {law.response} has no residual standard error, so nothing is known of a further edge; ask of "
+            "the law itself with kind='mean'."
+        )
+    return np.array([law.residual_se])
