@@ -58,7 +58,7 @@ class How(Displayable):
         Traceback (most recent call last):
         fitmodels.core.errors.UsageError: 3 draws: at least 1000, below which no gate opens, and at most 1000000.
         """
-        from ..fit.bayes.choose import FEWEST, MOST
+        from ..fit.bayes.draw_posterior import FEWEST, MOST
 
         if self.error not in get_args(Error):
             raise UsageError(f"error={self.error!r}: it is one of {', '.join(get_args(Error))}.")

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from fitmodels import datasets, fit
 from fitmodels.fit.available import NotAvailable
-from fitmodels.fit.bayes.latent_wear import latent_wear
+from fitmodels.fit.bayes.joint_posterior import latent_wear
 
 TRUE, EDGES, ROWS = 0.35, 24, 6
 

@@ -13,13 +13,11 @@ import time
 import emcee
 import numpy as np
 from fitmodels import datasets, fit
-from fitmodels.fit.bayes.chains import chains
-from fitmodels.fit.bayes.density import log_posterior
+from fitmodels.fit.bayes.density import law_density, log_posterior
 from fitmodels.fit.bayes.diagnostics import ess_bulk
-from fitmodels.fit.bayes.exact import exact
-from fitmodels.fit.bayes.importance import importance
-from fitmodels.fit.bayes.law_density import law_density
-from fitmodels.fit.bayes.mode import find_mode
+from fitmodels.fit.bayes.ensemble_sampler import chains
+from fitmodels.fit.bayes.exact_draws import exact
+from fitmodels.fit.bayes.importance_sampling import find_mode, importance
 from fitmodels.fit.bayes.priors import weak
 
 WANTED = 4000

@@ -8,24 +8,20 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
 from .available import NotAvailable
-from .bayes.choose import posterior
-from .bayes.joint_posterior import JointPosterior
-from .bayes.latent_wear import latent_wear
+from .bayes.competing_posterior import RivalPosterior, rival_posterior
+from .bayes.draw_posterior import posterior
+from .bayes.joint_posterior import JointPosterior, latent_wear
 from .bayes.posterior import Posterior
 from .bayes.priors import Priors
-from .bayes.rival_posterior import RivalPosterior, rival_posterior
-from .bayes.watch import watch
+from .bayes.sampling import watch
 from .beside import Beside, beside_published
 from .bootstrap import EdgeBootstrap, edge_bootstrap
-from .checks.adequacy import Adequacy, adequacy
-from .checks.dominant import dominant_edge
-from .checks.forms import Forms, rival_forms
-from .checks.gauge import GaugeFit, gauge_corrected
-from .checks.judgement import Judgement, judge
-from .checks.robust import RobustFit, robust
-from .checks.sensitivity import sensitivity
-from .checks.slopes import common_exponent
-from .checks.structure import error_structure
+from .checks.competing_models import Forms, rival_forms
+from .checks.gauge_error import GaugeFit, gauge_corrected, sensitivity
+from .checks.judgement import Adequacy, Judgement, adequacy, judge
+from .checks.response_scale import error_structure
+from .checks.robust_fit import RobustFit, dominant_edge, robust
+from .checks.time_exponent import common_exponent
 from .composite import Composite, composite
 from .confirm import Confirmation, confirm
 from .defaults import Refused, default_laws

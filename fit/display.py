@@ -10,11 +10,10 @@ from ..core.rounding import decimals, format_plain, p_value
 from .available import NotAvailable
 from .beside import Beside
 from .bootstrap import EdgeBootstrap
-from .checks.adequacy import Adequacy
-from .checks.forms import Forms
-from .checks.gauge import GaugeFit
-from .checks.judgement import Judgement
-from .checks.robust import RobustFit
+from .checks.competing_models import Forms
+from .checks.gauge_error import GaugeFit
+from .checks.judgement import Adequacy, Judgement
+from .checks.robust_fit import RobustFit
 from .composite import Composite
 from .confirm import Confirmation
 from .domain import Domain

@@ -11,15 +11,13 @@ from ..core.plotting import BLUE, GREY, ORANGE, new_axes, whiskers
 from .available import NotAvailable
 from .beside import Beside
 from .bootstrap import EdgeBootstrap
-from .checks.adequacy import Adequacy
 from .checks.check import Check
-from .checks.dominant import DominantEdge
-from .checks.forms import Forms
-from .checks.gauge import GaugeFit
-from .checks.judgement import Judgement
-from .checks.robust import RobustFit
-from .checks.slopes import CommonExponent
-from .checks.structure import ErrorStructure
+from .checks.competing_models import Forms
+from .checks.gauge_error import GaugeFit
+from .checks.judgement import Adequacy, Judgement
+from .checks.response_scale import ErrorStructure
+from .checks.robust_fit import DominantEdge, RobustFit
+from .checks.time_exponent import CommonExponent
 from .composite import Composite
 from .confirm import Confirmation
 from .domain import Domain

@@ -11,9 +11,8 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.checks.adequacy import adequacy
-from fitmodels.fit.checks.choice import MOST_ROWS
-from fitmodels.fit.checks.strata import split
+from fitmodels.fit.checks.judgement import adequacy
+from fitmodels.fit.checks.strata import MOST_ROWS, split
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fitmodels.fit.bayes.agreement import FIGURES, _compared, agree
+from fitmodels.fit.bayes.convergence import FIGURES, _compared, agree
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.boxcox import DROP, box_cox, profile_of, transformed
+from fitmodels.fit.checks.response_scale import DROP, box_cox, profile_of, transformed
 from fitmodels.fit.checks.strata import split
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import boxcox_llf, chi2

@@ -7,9 +7,8 @@ import emcee
 import numpy as np
 import pytest
 from fitmodels.core.errors import FitError
-from fitmodels.fit.bayes.chains import chains
 from fitmodels.fit.bayes.diagnostics import diagnose, ess_mean
-from fitmodels.fit.bayes.moves import HalfByHalf, along_differences, towards_others
+from fitmodels.fit.bayes.ensemble_sampler import HalfByHalf, along_differences, chains, towards_others
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from fitmodels.core.errors import UsageError
+from fitmodels.fit.bayes.density import Sample
 from fitmodels.fit.bayes.diagnostics import (
     autocorrelation_time,
     diagnose,
@@ -14,7 +15,6 @@ from fitmodels.fit.bayes.diagnostics import (
     mcse_mean,
     r_hat,
 )
-from fitmodels.fit.bayes.sample import Sample
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

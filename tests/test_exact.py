@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.bayes.exact import exact
-from fitmodels.fit.bayes.law_density import law_density
+from fitmodels.fit.bayes.density import law_density
+from fitmodels.fit.bayes.exact_draws import exact
 from fitmodels.fit.bayes.priors import Beta, HalfT, Normal, Priors, reference, weak
 
 # posteriordb (Magnusson, Buerkner, Vehtari and others), reference posterior mesquite-logmesquite_logvash: names, mean

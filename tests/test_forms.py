@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.forms import rival_forms
-from fitmodels.fit.checks.random_slopes import slope_spread
-from fitmodels.fit.checks.slopes import common_exponent
+from fitmodels.fit.checks.competing_models import rival_forms
+from fitmodels.fit.checks.time_exponent import common_exponent, slope_spread
 from scipy.optimize import curve_fit
 from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from fitmodels.fit.bayes.convergence import gate
+from fitmodels.fit.bayes.density import Sample
 from fitmodels.fit.bayes.diagnostics import Diagnostics, diagnose
-from fitmodels.fit.bayes.gate import gate
-from fitmodels.fit.bayes.sample import Sample
 
 GOOD = Diagnostics(
     names=("V", "f", "sd"),

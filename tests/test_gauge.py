@@ -10,8 +10,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
-from fitmodels.fit.checks.gauge import gauge_corrected
-from fitmodels.fit.checks.sensitivity import sensitivity
+from fitmodels.fit.checks.gauge_error import gauge_corrected, sensitivity
 from scipy.linalg import eigh
 
 EXACT = 1e-8

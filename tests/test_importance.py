@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fitmodels.core.errors import FitError
-from fitmodels.fit.bayes.importance import importance
-from fitmodels.fit.bayes.mode import find_mode, root_of
+from fitmodels.fit.bayes.importance_sampling import find_mode, importance, root_of
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 

@@ -10,11 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.collinearity import collinearity
-from fitmodels.fit.checks.deletion import deletion
-from fitmodels.fit.checks.influence import influence
-from fitmodels.fit.checks.precision import precision
-from fitmodels.fit.checks.press import press
+from fitmodels.fit.checks.deletion_diagnostics import deletion, influence, press
+from fitmodels.fit.checks.model_checks import collinearity, precision
 from fitmodels.fit.checks.strata import split
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.fit.checks.check import p_in_words
-from fitmodels.fit.checks.lack_of_fit import lack_of_fit
+from fitmodels.fit.checks.model_checks import lack_of_fit
 from fitmodels.fit.checks.strata import split
 from statsmodels.regression.linear_model import OLS
 

@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.bayes.agreement import agree
-from fitmodels.fit.bayes.latent_density import latent_density
-from fitmodels.fit.bayes.latent_wear import latent_wear
-from fitmodels.fit.bayes.law_density import law_density
+from fitmodels.fit.bayes.convergence import agree
+from fitmodels.fit.bayes.density import law_density
+from fitmodels.fit.bayes.joint_posterior import latent_wear
+from fitmodels.fit.bayes.latent_model import latent_density
 from fitmodels.fit.bayes.priors import Normal, reference, weak
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal, multivariate_t

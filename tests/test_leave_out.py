@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import FitError, UsageError
 from fitmodels.fit.available import NotAvailable
-from fitmodels.fit.bayes.leave_out import leave_one_out
+from fitmodels.fit.bayes.psis_loo import leave_one_out
 from scipy.stats import multivariate_normal
 
 SAME = 1e-10

@@ -6,7 +6,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.bayes.agreement import agree
+from fitmodels.fit.bayes.convergence import agree
 from fitmodels.fit.bayes.priors import Beta, HalfT, Normal, Priors
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
@@ -81,8 +81,8 @@ def test_same_seed_same_draws_bit_for_bit(method):
 
 
 def test_importance_that_fails_hands_over_to_chains(monkeypatch):
-    monkeypatch.setattr("fitmodels.fit.bayes.gate.K_HAT", -10.0)
-    monkeypatch.setattr("fitmodels.fit.bayes.route.K_HAT", -10.0)
+    monkeypatch.setattr("fitmodels.fit.bayes.convergence.K_HAT", -10.0)
+    monkeypatch.setattr("fitmodels.fit.bayes.sampling.K_HAT", -10.0)
     post = fit.posterior(bundled_law(error="additive"), draws=1000)
     assert post.method == "emcee"
     assert any("chains took over" in note for note in post.notes)

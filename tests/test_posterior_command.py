@@ -89,7 +89,7 @@ def test_bad_options_in_a_sentence_and_nothing_written(run, tmp_path, options, c
 
 
 def test_a_shut_gate_writes_nothing_and_ends_with_5(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("fitmodels.fit.bayes.gate.ESS", 1e9)
+    monkeypatch.setattr("fitmodels.fit.bayes.convergence.ESS", 1e9)
     code, out, err = run(GC435, "--out", "a")
     assert code == 5
     assert "effective draws" in err
@@ -100,7 +100,7 @@ def test_a_shut_gate_writes_nothing_and_ends_with_5(run, tmp_path, monkeypatch):
 
 def test_a_posterior_behind_a_shut_gate_is_not_collected(monkeypatch):
     post = fit.posterior(fit.power_law(datasets.read_runs(GC435), "AW", ["V"]))
-    monkeypatch.setattr("fitmodels.fit.bayes.gate.R_HAT", 0.5)
+    monkeypatch.setattr("fitmodels.fit.bayes.convergence.R_HAT", 0.5)
     with pytest.raises(errors.GateError, match="R-hat") as error:
         parameters.collect(tool="a", work="b", laws=[post.law], posteriors=[post])
     assert error.value.exit_code == 5
@@ -128,15 +128,15 @@ def test_verified_draws_say_so(run, tmp_path):
 def test_an_interrupted_run_keeps_its_draws_and_says_so(run, tmp_path, monkeypatch):
     from dataclasses import replace
 
-    from fitmodels.fit.bayes import choose
+    from fitmodels.fit.bayes import draw_posterior
 
-    whole = choose._route
+    whole = draw_posterior._route
 
     def stopped(*arguments):
         found = whole(*arguments)
         return replace(found, sample=replace(found.sample, interrupted=True))
 
-    monkeypatch.setattr(choose, "_route", stopped)
+    monkeypatch.setattr(draw_posterior, "_route", stopped)
     code, _, err = run(GC435, "--out", "a")
     assert code == 5
     assert "stopped before its end" in err

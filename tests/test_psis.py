@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from fitmodels.core.errors import FitError
-from fitmodels.fit.bayes.psis import effective, pareto_fit, pareto_smoothed, resample, smoothed_columns, tail_length
+from fitmodels.fit.bayes.psis_loo import effective, pareto_fit, pareto_smoothed, resample, smoothed_columns, tail_length
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

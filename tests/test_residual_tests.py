@@ -10,10 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.normality import anderson_darling, normality
-from fitmodels.fit.checks.residuals import Residuals, residual_sets
-from fitmodels.fit.checks.serial import serial_correlation
-from fitmodels.fit.checks.spread import spread
+from fitmodels.fit.checks.autocorrelation import serial_correlation
+from fitmodels.fit.checks.residual_tests import Residuals, anderson_darling, normality, residual_sets, spread
 from fitmodels.fit.checks.strata import split
 from statsmodels.stats.diagnostic import het_breuschpagan, normal_ad
 

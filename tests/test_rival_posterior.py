@@ -7,13 +7,12 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.bayes.additive_wear import additive_wear
-from fitmodels.fit.bayes.agreement import agree
-from fitmodels.fit.bayes.chains import chains
-from fitmodels.fit.bayes.edge_slopes import edge_slopes
-from fitmodels.fit.bayes.exact import exact
-from fitmodels.fit.bayes.rival_posterior import rival_posterior
-from fitmodels.fit.checks.rivals import rival_makers
+from fitmodels.fit.bayes.competing_densities import additive_wear, edge_slopes
+from fitmodels.fit.bayes.competing_posterior import rival_posterior
+from fitmodels.fit.bayes.convergence import agree
+from fitmodels.fit.bayes.ensemble_sampler import chains
+from fitmodels.fit.bayes.exact_draws import exact
+from fitmodels.fit.checks.competing_forms import rival_makers
 from scipy.stats import multivariate_normal
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried

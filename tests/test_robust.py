@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.dominant import dominant_edge
-from fitmodels.fit.checks.robust import robust
+from fitmodels.fit.checks.robust_fit import dominant_edge, robust
 from statsmodels.robust.norms import HuberT
 from statsmodels.robust.robust_linear_model import RLM
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.structure import error_structure
+from fitmodels.fit.checks.response_scale import error_structure
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm

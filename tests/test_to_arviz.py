@@ -125,7 +125,7 @@ def test_it_is_what_this_line_of_arviz_works_with(az, post):
 
 
 def test_likelihoods_too_many_to_keep_are_left_out(az, post, monkeypatch):
-    monkeypatch.setattr("fitmodels.fit.bayes.to_arviz.MOST", 1000)
+    monkeypatch.setattr("fitmodels.fit.bayes.arviz_export.MOST", 1000)
     data = post.to_arviz()
     groups = data.groups() if callable(data.groups) else data.groups
     assert {name.strip("/") for name in groups} - {""} == {"posterior", "observed_data"}

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 
 from ...core.display import Display, TextTable, display, estimates, with_error
-from .gate import Gate
+from .competing_posterior import RivalPosterior
+from .convergence import Gate
 from .joint_posterior import JointPosterior
 from .posterior import Posterior
 from .priors import Priors
-from .rival_posterior import RivalPosterior
 
 
 def of_draws(head: str, table: pd.DataFrame, sentences: Sequence[str] = ()) -> Display:

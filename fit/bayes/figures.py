@@ -18,13 +18,13 @@ from ...datasets.runs import NOT_MEASURED
 from ..edges import EdgeInference
 from ..figures import intervals
 from ..law_figures import BLUE, GREY, ORANGE, even
+from .competing_posterior import RivalPosterior
 from .curve_figures import curves, predictive
+from .density import NU
 from .joint_posterior import JointPosterior
-from .law_density import NU
 from .panels import MOST_PANELS, WHOLE, Sheet, alone, laid_out
 from .posterior import Posterior
 from .priors import Beta, HalfT, Normal, Priors, units_of_priors
-from .rival_posterior import RivalPosterior
 
 Array = NDArray[np.float64]
 

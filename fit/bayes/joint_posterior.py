@@ -1,21 +1,29 @@
-"""Draws of laws of wear and loads together, and what they say of the true wear."""
+"""Joint posterior of wear and load laws with an unknown true wear, read with a gauge error.
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+One model of the wear and all loads (``latent_model``), on the rows they share. Where wear is read in mm, its error
+``sd / w`` in ln is evaluated at the fitted wear of each row: a first-order approximation, poor where it exceeds 0.3.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.display import Plottable
-from ...core.errors import UsageError
+from ...core.errors import FitError, UsageError
+from ...core.threads import one_thread
 from ..available import NotAvailable
-from ..checks.gauge import GaugeFit
+from ..checks.gauge_error import COARSE, GaugeFit, gauge_corrected
+from ..checks.strata import no_scatter
+from .convergence import Gate, gate
+from .density import Errors, Sample, law_density
 from .diagnostics import Diagnostics
-from .gate import Gate, gate
-from .latent_density import LatentDensity
-from .priors import Priors
-from .sample import Sample
+from .latent_model import LatentDensity, latent_density
+from .priors import Priors, weak
+from .sampling import Progress, Route, drawn
 
 if TYPE_CHECKING:
     from ..lawfit import LawFit
@@ -117,3 +125,179 @@ class JointPosterior(Plottable):
     def to_frame(self) -> pd.DataFrame:
         """The draws, a column a parameter."""
         return pd.DataFrame(self.draws, columns=list(self.names))
+
+
+Rows = NDArray[np.intp]
+
+FEWEST, MOST = 400, 1_000_000  # draws
+SAME = 1e-9  # relative difference of two readings that are one
+
+
+@one_thread
+def latent_wear(
+    wear_law: "LawFit",
+    load_laws: "Sequence[LawFit]",
+    gauge_sd: float,
+    unit: str = "ln",
+    *,
+    seed: int = 1,
+    draws: int = 4000,
+    priors: Literal["weak"] | Mapping[str, Priors] = "weak",
+    progress: Progress | None = None,
+    errors: Errors = "normal",
+    gauge_df: float | None = None,
+    method: Route | None = None,
+) -> JointPosterior:
+    """Draws of laws of wear and loads, the loads acting on the true wear.
+
+    Parameters
+    ----------
+    wear_law : LawFit
+        Power law of the wear that was read, errors multiplicative.
+    load_laws : sequence of LawFit
+        Power laws of force, power, .. with that wear among their factors, errors multiplicative, of the same runs.
+    gauge_sd : float
+        Standard deviation of one reading, 0 or more.
+    unit : str
+        ``ln`` (a share of the reading), or the unit of the wear.
+    seed, draws : int
+    priors : "weak" or a mapping of response to Priors
+        Responses that the mapping lacks have their weak ones. ``sd`` of the wear is that of the true wear.
+    progress : callable, optional
+        Called by chains with the steps done and the effective draws so far.
+    errors : {"normal", "student"}
+        Student's: all readings of an edge share one heavy tail.
+    gauge_df : float, optional
+        Degrees of freedom ``gauge_sd`` is known from (repeated readings less one): the chi-square of its variance is
+        then its prior. Taken as known otherwise.
+    method : {"importance", "emcee"}, optional
+        Importance sampling, and chains where that leaves the gate shut, unless one is asked for.
+
+    Raises
+    ------
+    UsageError
+        Laws that do not go together, or a gauge error that cannot be.
+    FitError
+        A law that meets its rows exactly, or no rows that all laws have.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> wear = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    >>> power = fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"])
+    >>> joint = latent_wear(wear, [power], 0.03)
+    >>> bool(joint.for_law("P").loc["AW", "mean"] > power.params["AW"]), joint.gate.open
+    (True, True)
+    """
+    laws = (wear_law, *load_laws)
+    _check(laws, draws, errors, gauge_sd, gauge_df)
+    wear = wear_law.response
+    closed_form = tuple(gauge_corrected(law, gauge_sd, wear, unit) for law in load_laws)
+    shared, left_out = _shared(laws)
+    edges = _edges(shared[0])
+    of = [law_density(law, _priors(whole, priors, edges)) for law, whole in zip(shared, laws, strict=True)]
+    tau = np.array([gauge_sd]) if unit == "ln" else gauge_sd / shared[0].fitted
+    density = latent_density(of, tau, gauge_sd, gauge_df, errors)
+    found = drawn(density, seed, draws, progress, method)
+    coarse = int((np.broadcast_to(tau, shared[0].nobs) > COARSE).sum())
+    notes = (*_notes(laws, closed_form, left_out, coarse), *found.notes)
+    return JointPosterior(
+        wear_law, tuple(load_laws), density, found.sample, found.told, found.diagnostics, closed_form, unit, left_out,
+        coarse, seed, notes,
+    )  # fmt: skip
+
+
+def _check(laws: "tuple[LawFit, ...]", draws: int, errors: str, gauge_sd: float, gauge_df: float | None) -> None:
+    wear, names = laws[0].response, [law.response for law in laws]
+    if len(laws) == 1 or len(set(names)) < len(names):
+        raise UsageError(f"laws of {', '.join(names)}: one of the wear and one of each load is what goes together.")
+    for law in laws:
+        if law.form != "power" or law.error != "multiplicative":
+            raise UsageError(
+                f"the law of {law.response} is of the form {law.form}, errors {law.error}: true wear is an unknown of "
+                "power laws fitted with error='multiplicative'."
+            )
+        if reason := no_scatter(law):
+            raise FitError(f"{law.response}: {reason}")
+    for law in laws[1:]:
+        if wear not in law.factors:
+            raise UsageError(
+                f"{wear} is no factor of the law of {law.response} ({', '.join(law.factors)}): leave it out."
+            )
+    if errors not in ("normal", "student"):
+        raise UsageError(f"errors={errors!r}: they are 'normal' or 'student'.")
+    if not FEWEST <= draws <= MOST:
+        raise UsageError(f"{draws} draws: at least {FEWEST}, below which no gate opens, and at most {MOST}.")
+    if gauge_df is not None and not (gauge_df > 0 and gauge_sd > 0):
+        raise UsageError(f"gauge error {gauge_sd:g} from {gauge_df:g} degrees of freedom: both must be above 0.")
+
+
+def _shared(laws: "tuple[LawFit, ...]") -> "tuple[list[LawFit], int]":
+    """Each law on the lines that all of them have, sorted by edge, and the number of lines that some law lacks."""
+    lines = [set(law.lines.tolist()) for law in laws]
+    common = np.array(sorted(set.intersection(*lines)), dtype=np.intp)
+    if not len(common):
+        raise FitError(f"laws of {', '.join(law.response for law in laws)}: no line of the file is in all of them.")
+    shared = [_on(law, common) for law in laws]
+    first, wear = shared[0], laws[0].response
+    for law in shared[1:]:
+        read = law.X[:, law.factors.index(wear)]
+        if not np.allclose(read, first.observed, rtol=SAME, atol=0):
+            raise UsageError(
+                f"the law of {law.response} has another {wear} on the same lines: fit all laws to the same runs."
+            )
+    return shared, len(set.union(*lines)) - len(common)
+
+
+def _on(law: "LawFit", lines: Rows) -> "LawFit":
+    rows = np.argsort(law.lines)
+    rows = rows[np.searchsorted(law.lines[rows], lines)]
+    if law.edge is not None:
+        rows = rows[np.argsort(law.edge[rows].astype(str), kind="stable")]
+    return replace(
+        law,
+        X=law.X[rows],
+        shifts=law.shifts[rows],
+        observed=law.observed[rows],
+        fitted=law.fitted[rows],
+        residuals=law.residuals[rows],
+        lines=law.lines[rows],
+        edge=None if law.edge is None else law.edge[rows],
+    )
+
+
+def _edges(law: "LawFit") -> bool:
+    """Whether edges have levels of their own: several edges, and several rows of some."""
+    return law.n_edges is not None and 1 < law.n_edges < law.nobs
+
+
+def _priors(law: "LawFit", given: Literal["weak"] | Mapping[str, Priors], edges: bool) -> Priors:
+    if isinstance(given, str):
+        if given != "weak":
+            raise UsageError(
+                f"priors={given!r}: 'weak', or Priors of each response (flat ones leave true wear unknown)."
+            )
+        return weak(law, edges)
+    chosen, usual = given.get(law.response), weak(law, edges)
+    if chosen is None:
+        return usual
+    if set(chosen.of) != set(usual.of) or not chosen.proper:
+        raise UsageError(f"{law.response}: {chosen.name} must have a proper prior for each of {', '.join(usual.of)}.")
+    return chosen
+
+
+def _notes(
+    laws: "tuple[LawFit, ...]", closed_form: tuple[GaugeFit | NotAvailable, ...], left_out: int, coarse: int
+) -> tuple[str, ...]:
+    notes = []
+    if left_out:
+        notes.append(f"{left_out} lines left out that are not in all of the laws")
+    if coarse:
+        notes.append(f"in {coarse} rows the gauge error is over {COARSE:g} of the wear, where its first order is rough")
+    if laws[0].edge is None:
+        notes.append("rows are taken as independent: the data name no edges")
+    for law, found in zip(laws[1:], closed_form, strict=True):
+        if isinstance(found, NotAvailable):
+            notes.append(f"{law.response}: the priors speak with the rows: {found.reason}")
+    return tuple(notes)

@@ -1,4 +1,4 @@
-"""Draws of a law's parameters, and all that can be asked of them."""
+"""Draws of the parameters of a law, and inference from them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -6,26 +6,56 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...core.display import Plottable
 from ...core.errors import UsageError
 from ..available import NotAvailable
+from ..jackknife import left_out_moves
 from ..lawfit import LawFit, as_table
-from .agreement import Agreement
+from .convergence import Agreement, Gate, gate
+from .density import Array, Errors, LawDensity, Sample
 from .diagnostics import Diagnostics
-from .edge_check import jackknife_of_level_model
-from .gate import Gate, gate
-from .law_density import Errors, LawDensity
-from .leave_out import LeaveOut, leave_one_out
 from .priors import Priors
-from .psis import pareto_smoothed
-from .sample import Sample
+from .psis_loo import LeaveOut, leave_one_out, pareto_smoothed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
+
+def jackknife_of_level_model(density: LawDensity, phi: Array) -> "pd.Series[float] | None":
+    """Standard errors by edge of the coefficients about which ``phi`` (S, p) is drawn, by the names of the law.
+
+    None where edges have no levels, or where one edge alone holds a coefficient.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> post = fit.posterior(law)
+    >>> se = jackknife_of_level_model(post.density, post.sample.phi)
+    >>> bool(0.7 < se["V"] / post.draws[:, 1].std() < 1.4)
+    True
+    """
+    if not density.edges:
+        return None
+    middle = np.median(phi, axis=0)
+    slopes = density.gradient(middle)
+    k = np.exp(middle[density.p + 1])
+    edge = np.repeat(np.arange(len(density.starts)), density.sizes.astype(int))
+    rows = np.column_stack([slopes, density.residuals(middle[None])[0]])
+    means = np.add.reduceat(rows, density.starts) / density.sizes[:, None]
+    white = rows - ((1 - 1 / np.sqrt(1 + density.sizes * k))[:, None] * means)[edge]
+    W, r = white[:, :-1], white[:, -1]
+    moved = left_out_moves(W, r, np.linalg.inv(W.T @ W), edge, len(density.starts))
+    if isinstance(moved, int):
+        return None
+    to_constant = np.eye(density.p)
+    to_constant[0, 1:] = -density.centre[1:]
+    G = len(density.starts)
+    se = np.sqrt((G - 1) / G * np.sum((moved @ to_constant.T) ** 2, axis=0))
+    return pd.Series(se, index=list(density.theta_names))
+
+
 Kind = Literal["mean", "prediction"]
 Edge = Literal["new", "same"]
 
@@ -221,7 +251,7 @@ class Posterior(Plottable):
         weights, k_hat = pareto_smoothed(change)
         if k_hat <= FINITE_VARIANCE:
             return np.asarray(np.exp(weights) @ self.draws)
-        from .choose import draw_again
+        from .draw_posterior import draw_again
 
         return np.asarray(other.told(draw_again(other, self.sample, self.seed).phi).mean(axis=0))
 
@@ -243,7 +273,7 @@ class Posterior(Plottable):
 
     def to_arviz(self) -> Any:  # noqa: ANN401
         """The draws, log likelihood by edge and observed data for ArviZ, 0.23 or 1.x, whichever is installed."""
-        from .to_arviz import to_arviz
+        from .arviz_export import to_arviz
 
         return to_arviz(self)
 

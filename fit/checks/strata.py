@@ -1,10 +1,10 @@
-"""The two strata of a law: levels of edges, and rows about them.
+"""Strata of a law: levels of edges, and rows about them; the columns and residuals that the checks share.
 
-Rows of one edge share that edge's level, so their scatter says nothing of how two edges cut alike differ.
-Edges of unequal length are weighted by the variance split, estimated from the law itself.
+Rows of one edge share that edge's level, so their scatter carries no information on how two edges at the same setting
+differ. Edges of unequal length are weighted by the variance split, estimated from the law itself.
 
 Sources: Henderson 1953, Biometrics 9, 226, method 3 (variance split); Hurlbert 1984, Ecological Monographs 54, 187
-(why rows will not do).
+(pseudoreplication).
 """
 
 from dataclasses import dataclass, replace
@@ -13,10 +13,113 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.errors import FitError
 from ..available import NotAvailable
+from ..jackknife import gradient, meets_exactly
 from ..lawfit import LawFit
-from .columns import ROUNDING, Array, Codes, linear_columns, orthonormal, without_levels
-from .evidence import has_repeated_edges, no_scatter
+from ..regression import refitted
+
+
+def no_scatter(law: LawFit) -> str | None:
+    """Why a law without scatter cannot be tested, or None where it leaves some.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("ac2017_table1")), "AW", ["V", "f"])
+    >>> no_scatter(law) is None
+    True
+    """
+    if law.df_resid <= 0:
+        return f"{law.nobs} observations fix {len(law.theta)} parameters exactly: nothing is left to judge the law by"
+    return "the law meets every row exactly: there is no scatter to judge it by" if meets_exactly(law) else None
+
+
+def has_repeated_edges(law: LawFit) -> bool:
+    """Whether some edge gave more than one row."""
+    return law.n_edges is not None and law.n_edges < law.nobs
+
+
+def units_of(law: LawFit) -> tuple[str, NDArray[np.intp]]:
+    """What counts as one observation, ``edge`` or ``row``, and the number of each row's unit, shape (n,)."""
+    if law.edge is None:
+        return "row", np.arange(law.nobs)
+    return "edge", np.unique(law.edge, return_inverse=True)[1]
+
+
+MOST_ROWS = 5_000
+
+
+def even_choice(law: LawFit, most: int = MOST_ROWS) -> LawFit:
+    """The same law fitted to at most ``most`` of its rows, evenly chosen; the law itself where it has no more.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> even_choice(law).nobs, even_choice(law, 100).nobs
+    (239, 80)
+    """
+    if law.nobs <= most:
+        return law
+    try:
+        return refitted(law, law.error, slice(None, None, -(-law.nobs // most)))
+    except FitError:  # a level or setting that the choice has missed
+        return law
+
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.intp]
+
+# Of columns scaled to length one: what is left of a column below this is rounding.
+ROUNDING = 1e-9
+
+
+def linear_columns(law: LawFit) -> tuple[Array, Array]:
+    """Columns along which the fit is linear, shape (n, p), that of the constant first, and ``back``.
+
+    All but the first are freed of it and scaled to length one, which keeps the digits that logarithms of
+    narrow ranges lose; ``theta`` moves by ``back`` times what the coefficients of these columns move.
+    """
+    Z = gradient(law)
+    level = Z[:, 0]
+    share = level @ Z[:, 1:] / (level @ level)
+    rest = Z[:, 1:] - np.outer(level, share)
+    length = np.sqrt(np.einsum("ij,ij->j", rest, rest))
+    size = np.linalg.norm(level)
+    back = np.diag(np.concatenate([[1 / size], 1 / length]))
+    back[0, 1:] = -share / length
+    return np.column_stack([level / size, rest / length]), back
+
+
+def sums_by(edge: Codes, A: Array, G: int) -> Array:
+    """Sum of each column of A over the rows of each of G edges, shape (G, k).
+
+    Examples
+    --------
+    >>> sums_by(np.array([0, 1, 1]), np.array([[1.0], [2.0], [3.0]]), 2).tolist()
+    [[1.0], [5.0]]
+    """
+    sums = np.empty((G, A.shape[1]))
+    for j, column in enumerate(A.T):
+        sums[:, j] = np.bincount(edge, weights=column, minlength=G)
+    return sums
+
+
+def without_levels(A: Array, level: Array, edge: Codes, G: int) -> tuple[Array, Array]:
+    """Levels of the columns of A in each edge, shape (G, k), and A without them, shape (n, k)."""
+    weight = np.bincount(edge, weights=level**2, minlength=G)
+    levels = sums_by(edge, level[:, None] * A, G) / weight[:, None]
+    return levels, A - level[:, None] * levels[edge]
+
+
+def orthonormal(A: Array) -> Array:
+    """Orthonormal basis of columns of length about one, shape (n, rank)."""
+    if not A.shape[1]:
+        return A
+    U, s, _ = np.linalg.svd(A, full_matrices=False)
+    return np.asarray(U[:, s > ROUNDING])
+
 
 # Intraclass correlation that stands for one: above it rows of an edge are copies of each other.
 NEARLY_ONE = 1 - 1e-6

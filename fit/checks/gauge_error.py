@@ -1,0 +1,217 @@
+"""Measurement error of the wear: its effect on a law with wear among its factors, and the correction.
+
+A gauge error of variance ``s^2`` adds ``s^2`` to the apparent scatter of the wear, so least squares attenuates its
+exponent and shifts its effect to correlated factors, time first. Subtracting that variance,
+
+    (Z'Z - sum s_i^2 e e') theta = Z'y,    e the column of the wear,
+
+is consistent whatever the distributions, needs no ratio to the error of the response, and is a closed form; where
+that ratio is the one it estimates, orthogonal distance regression gives the same numbers. Standard errors leave
+out one edge at a time (one row, where there is no inference by edge) and treat ``s`` as known.
+
+Sources: Fuller 1987, Measurement Error Models, sections 1.2 and 2.2; Carroll et al. 2006, Measurement Error in
+Nonlinear Models, section 3.4.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+import pandas as pd
+
+from ...core.display import Plottable
+from ...core.errors import UsageError
+from ..available import NotAvailable
+from ..edges import EdgeInference
+from ..lawfit import LawFit
+from ..linear import linear
+from .robust_fit import Refit
+from .strata import Array, Codes, no_scatter, units_of
+
+LITTLE = 0.5  # reliability below which the correction more than doubles the exponent of wear
+ALONE = 1e-8  # relative eigenvalue of the corrected cross-products without a unit, below which it holds the fit
+COARSE = 0.3  # gauge error relative to the wear, beyond which d ln AW = dAW / AW is a poor approximation
+BLOCK = 4096  # units at a time
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class GaugeFit(Plottable, Refit):
+    """A law corrected for the gauge error of its wear; its standard errors take that error as known.
+
+    Attributes
+    ----------
+    law, theta, cov_theta
+        As in :class:`Refit`; in the plain fit the wear is taken as exact.
+    wear : str
+    gauge_sd : float
+        Standard deviation of the gauge error, in ``unit``.
+    unit : str
+        ``ln`` or the unit of the wear.
+    reliability : float
+        Share of the wear's scatter beyond the other factors that is no gauge error, above 0 to 1.
+    coarse : int
+        Rows in which the gauge error is more than 0.3 of the wear, where the correction is rough.
+    """
+
+    wear: str
+    gauge_sd: float
+    unit: str
+    reliability: float
+    coarse: int
+
+    @property
+    def concern(self) -> int:
+        """0 fine, 1 more than half of what tells the exponent of wear is gauge error. Cure: a better gauge."""
+        return int(self.reliability < LITTLE or self.coarse > 0)
+
+    @property
+    def verdict(self) -> str:
+        """One sentence: what the correction does."""
+        j = self.law.factors.index(self.wear)
+        told = f"A gauge error of {self.gauge_sd:g} {self.unit} turns the coefficient of {self.wear} in the law of "
+        told += f"{self.law.response} from {self.law.theta[1 + j]:.3g} into {self.theta[1 + j]:.3g}"
+        told += f" +- {self.bse.iloc[1 + j]:.2g}"
+        if self.coarse:
+            return f"{told}; in {self.coarse} rows it is over {COARSE:g} of the wear, where this is rough."
+        if self.concern:
+            return f"{told}; only {100 * self.reliability:.0f} % of what tells it is wear, so lean on it little."
+        return f"{told}."
+
+
+def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = "ln") -> GaugeFit | NotAvailable:
+    """Correct a law for an independent error in each reading of its wear.
+
+    Parameters
+    ----------
+    law : LawFit
+        With multiplicative errors, or a line.
+    gauge_sd : float
+        Standard deviation of one reading, 0 or more.
+    wear : str
+        Factor that was read.
+    unit : str
+        ``ln`` (a share of the reading), or the unit of the wear, which a power law turns into ``gauge_sd / AW``.
+
+    Returns
+    -------
+    GaugeFit, or NotAvailable where the gauge error is as large as all that tells the exponent of wear.
+
+    Raises
+    ------
+    UsageError
+        ``wear`` is no factor of the law, the unit is another, or ``gauge_sd`` is negative.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "P", ["V", "f", "d", "t", "AW"])
+    >>> bool(gauge_corrected(law, 0.03).params["AW"] > law.params["AW"])
+    True
+    """
+    _check(law, gauge_sd, wear, unit)
+    if reason := _uncorrectable(law):
+        return NotAvailable(reason)
+    Z, at = law.law.design(law.X, law.shifts), 1 + law.factors.index(wear)
+    y = np.log(law.observed) if law.error == "multiplicative" else law.observed
+    sd = gauge_sd / law.X[:, at - 1] if law.form == "power" and unit != "ln" else np.full(len(y), float(gauge_sd))
+    others = linear(np.delete(Z, at, axis=1), Z[:, at])
+    variance = sd**2 * others.df_resid / len(y)  # the others have taken their share of the error
+    reliability = 1.0 - float(variance.sum()) / others.rss
+    if reliability <= 0:
+        return NotAvailable(
+            f"a gauge error of {gauge_sd:g} {unit} is as large as all the scatter of {wear} beyond the other factors "
+            f"({others.scale**0.5:.2g} on the scale of the fit): nothing of the wear itself is left to fit"
+        )
+    unit_of_row = units_of(law)[1] if isinstance(law.edges, EdgeInference) else np.arange(law.nobs)
+    fit = _corrected(Z, y, at, variance, unit_of_row)
+    if isinstance(fit, NotAvailable):
+        return fit
+    coarse = int((sd > COARSE).sum()) if law.form == "power" else 0
+    return GaugeFit(law, *fit, wear, gauge_sd, unit, reliability, coarse)
+
+
+def _check(law: LawFit, gauge_sd: float, wear: str, unit: str) -> None:
+    if wear not in law.factors:
+        raise UsageError(
+            f"{wear} is no factor of the law of {law.response} ({', '.join(law.factors)}): name the wear that was read."
+        )
+    if not (isfinite(gauge_sd) and gauge_sd >= 0):
+        raise UsageError(f"gauge error {gauge_sd:g}: a standard deviation is 0 or more, for instance 0.05.")
+    own = law.units.get(wear, "")
+    if unit == "ln" and law.form != "power":
+        raise UsageError(f"the law of {law.response} has {wear} itself, not its logarithm: give the error in {own}.")
+    if unit not in ("ln", own):
+        raise UsageError(f"gauge error in {unit!r}: {wear} is in {own or 'no unit'}; give it in that, or in 'ln'.")
+
+
+def _uncorrectable(law: LawFit) -> str | None:
+    if reason := no_scatter(law):
+        return reason
+    in_units = law.error == "additive" and law.law.logarithmic
+    return "the correction is exact in logarithms alone: fit with error='multiplicative'" if in_units else None
+
+
+def _corrected(Z: Array, y: Array, at: int, variance: Array, unit: Codes) -> tuple[Array, Array] | NotAvailable:
+    """Parameters and their covariance by units left out.
+
+    In columns Q = Z L, orthonormal, with A = I less the error: leaving unit g out solves
+    ``(A - A_g) move = -(Q_g'y_g - A_g phi)``.
+    """
+    plain = linear(Z, y)
+    L = np.linalg.cholesky(plain.cov_unscaled)
+    Q, e = Z @ L, L[at]
+    r = y - Z @ plain.params
+    whole = np.eye(len(e)) - variance.sum() * np.outer(e, e)
+    phi = np.linalg.solve(whole, variance.sum() * plain.params[at] * e)
+    slope = plain.params[at] + float(e @ phi)
+    scores = Q * (r - Q @ phi)[:, None] + slope * variance[:, None] * e
+    G = int(unit.max()) + 1
+    order = np.argsort(unit, kind="stable")
+    start = np.searchsorted(unit[order], np.arange(G + 1))
+    moved = np.empty((G, len(e)))
+    for g in range(0, G, BLOCK):
+        rows = order[start[g] : start[min(g + BLOCK, G)]]
+        first = start[g : min(g + BLOCK, G)] - start[g]
+        own = Q[rows, :, None] * Q[rows, None, :] - variance[rows, None, None] * np.outer(e, e)
+        left = whole - np.add.reduceat(own, first)
+        if np.linalg.eigvalsh(left)[:, 0].min() < ALONE:
+            return NotAvailable(
+                "without one of its units nothing of the wear itself is left to fit at this gauge error: add edges, or "
+                "read the wear more finely"
+            )
+        sums = np.add.reduceat(scores[rows], first)
+        moved[g : g + BLOCK] = -np.linalg.solve(left, sums[:, :, None])[:, :, 0]
+    cov = (G - 1) / G * moved.T @ moved
+    return plain.params + L @ phi, L @ cov @ L.T
+
+
+def sensitivity(law: LawFit, sds: Sequence[float], wear: str = "AW", unit: str = "ln") -> pd.DataFrame:
+    """Coefficients of a law over assumed gauge errors.
+
+    Returns
+    -------
+    DataFrame, indexed by ``gauge_sd``: a column for each of ``law.names``, the standard error of the wear's as
+    ``se``, and ``reliability``. A gauge error that leaves nothing to fit has no row: ``attrs["left_out"]`` says why.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> curve = sensitivity(fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"]), [0, 0.02, 0.04])
+    >>> bool(curve["AW"].is_monotonic_increasing)
+    True
+    """
+    rows, at, left_out = [], [], {}
+    for sd in sds:
+        found = gauge_corrected(law, sd, wear, unit)
+        if isinstance(found, NotAvailable):
+            left_out[sd] = found.reason
+            continue
+        rows.append([*found.params, found.bse.iloc[1 + law.factors.index(wear)], found.reliability])
+        at.append(sd)
+    index = pd.Index(at, name="gauge_sd", dtype=float)
+    curve = pd.DataFrame(np.array(rows).reshape(len(at), -1) if rows else None, index=index)
+    curve = curve.set_axis([*law.names, "se", "reliability"], axis=1) if rows else curve
+    curve.attrs["left_out"] = left_out
+    return curve
