@@ -1,0 +1,195 @@
+"""A fitted law as an OLS result of statsmodels, and the comparison of both.
+
+statsmodels is imported here alone, and only in the functions that need it: its import takes about as long as all
+else together.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..core.display import Displayable
+from ..core.errors import FitError
+from .available import NotAvailable
+
+if TYPE_CHECKING:
+    from .lawfit import LawFit
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-6  # relative: far above rounding, far below any difference that matters
+COLUMN = "by"  # of the category in the formula
+SMALLEST = 1e-10  # intraclass correlation: statsmodels inverts the variance between edges
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class StatsmodelsComparison(Displayable):
+    """Largest relative differences between a law and statsmodels.
+
+    Attributes
+    ----------
+    response : str
+    version : str
+        Of statsmodels.
+    differences : mapping of str to float
+        Largest relative difference of ``coefficients`` (relative to the larger of coefficient and standard error), of
+        ``standard errors by edge`` (or ``standard errors``, rows independent) and of ``variance components`` (relative
+        to the total variance).
+    not_compared : mapping of str to str
+        What statsmodels was not asked, with the reason.
+    """
+
+    response: str
+    version: str
+    differences: dict[str, float]
+    not_compared: dict[str, str]
+
+    @property
+    def largest(self) -> float:
+        """The largest difference; 0 where nothing was compared."""
+        return max(self.differences.values(), default=0.0)
+
+    @property
+    def agrees(self) -> bool:
+        """True where no difference is above 1e-6."""
+        return all(value <= TOLERANCE for value in self.differences.values())  # NaN does not agree
+
+    @property
+    def sentence(self) -> str:
+        """The comparison in words."""
+        compared = ", ".join(f"{name} {value:.1e}" for name, value in self.differences.items())
+        parts = [f"largest relative differences: {compared}"] if compared else []
+        parts += [f"{name} not compared: {reason}" for name, reason in self.not_compared.items()]
+        return f"{self.response} against statsmodels {self.version}: {'; '.join(parts)}."
+
+
+def ols_results(law: "LawFit") -> Any:  # noqa: ANN401  statsmodels has no types
+    """The law as a results object of ``statsmodels.formula.api.ols``.
+
+    The covariance is ``cluster-crv3`` by edge with t quantiles (``use_t=True``) where the law has inference by edge,
+    and that of independent rows otherwise. Functions of statsmodels apply to the result, with these limits:
+    ``anova_lm`` of type I ignores the cluster covariance, and influence measures are by row, not by edge.
+
+    Parameters
+    ----------
+    law : LawFit
+        With multiplicative error, or a line; with its rows in memory.
+
+    Returns
+    -------
+    statsmodels RegressionResultsWrapper
+        Of a formula such as ``np.log(AW) ~ np.log(V) + np.log(f)``.
+
+    Raises
+    ------
+    FitError
+        A nonlinear law with additive error is no linear model; a law of a stream has no rows.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> results = law.to_statsmodels()
+    >>> results.cov_type, bool(abs(results.params["np.log(V)"] - law.params["V"]) < 1e-9)
+    ('cluster-crv3', True)
+    """
+    import statsmodels.formula.api as smf
+
+    formula, table = _formula(law)
+    model = smf.ols(formula, table)
+    groups = _groups(law)
+    if groups is None or isinstance(law.edges, NotAvailable):
+        return model.fit(use_t=True)
+    return model.fit(cov_type="cluster-crv3", cov_kwds={"groups": groups}, use_t=True)
+
+
+def compare_statsmodels(law: "LawFit") -> StatsmodelsComparison:
+    """Differences between a law and statsmodels' OLS and, for the variance components, its mixed model.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> compare_statsmodels(law).agrees
+    True
+    """
+    import statsmodels
+
+    version = statsmodels.__version__
+    try:
+        results = ols_results(law)
+    except FitError as error:
+        return StatsmodelsComparison(law.response, version, {}, {"the law": str(error).rstrip(".")})
+    bse = np.sqrt(np.diag(law.covariance()))
+    by_edge = not isinstance(law.edges, NotAvailable)
+    name = "standard errors by edge" if by_edge else "standard errors, rows independent"
+    differences = {"coefficients": _largest(results.params - law.theta, np.maximum(np.abs(law.theta), bse))}
+    missing = {}
+    if law.df_resid > 0 and np.isfinite(bse).all() and (bse > 0).all():
+        differences[name] = _largest(results.bse - bse, bse)
+    else:
+        missing[name] = law.no_interval or "the fit is exact"
+    if by_edge:
+        differences["variance components"] = _variance_difference(law)
+    else:
+        missing["variance components"] = str(law.edges).rstrip(".")
+    return StatsmodelsComparison(law.response, version, differences, missing)
+
+
+def _formula(law: "LawFit") -> tuple[str, pd.DataFrame]:
+    """Formula and table of the linear model; a FitError where there is none."""
+    if law.law.logarithmic and law.error == "additive":
+        raise FitError(
+            f"{law.response}: the {law.form} law with error='additive' is nonlinear in its parameters and no OLS of "
+            "statsmodels; fit it with error='multiplicative'."
+        )
+    table = pd.DataFrame(np.asarray(law.X), columns=list(law.factors))
+    table[law.response] = law.observed
+    terms = [f"np.log({name})" if law.form == "power" else name for name in law.factors]
+    if law.by is not None:
+        levels = np.array([law.by.reference, *law.by.levels], dtype=object)
+        table[COLUMN] = levels[np.hstack([1 - law.shifts.sum(axis=1, keepdims=True), law.shifts]).argmax(axis=1)]
+        terms.append(f"C({COLUMN}, Treatment({law.by.reference!r}))")
+    left = f"np.log({law.response})" if law.law.logarithmic else law.response
+    return f"{left} ~ {' + '.join(terms)}", table
+
+
+def _groups(law: "LawFit") -> NDArray[np.intp] | None:
+    return None if law.edge is None else np.asarray(pd.factorize(law.edge)[0])
+
+
+def _largest(difference: Any, scale: Array) -> float:  # noqa: ANN401
+    return float(np.max(np.abs(np.asarray(difference, dtype=float)) / scale))
+
+
+def _variance_difference(law: "LawFit") -> float:
+    """Difference of the REML variance components from those that maximise statsmodels' likelihood, over their sum."""
+    from scipy.optimize import minimize_scalar
+    from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
+
+    assert not isinstance(law.edges, NotAvailable)  # noqa: S101  compare_statsmodels asked
+    mixed = law.edges.mixed
+    y = np.log(law.observed) if law.law.logarithmic else law.observed
+    Z = law.law.design(law.X, law.shifts)
+    model = MixedLM(y, Z, groups=_groups(law))
+    model.cov_pen = None  # set by its fit, which is not called: its optimisers stop far from 1e-6
+
+    def fixed(icc: float) -> tuple[Array, Array]:
+        cov_re = np.array([[icc / (1 - icc)]])
+        return np.asarray(model.get_fe_params(cov_re, np.zeros(0))[0]), cov_re
+
+    def criterion(icc: float) -> float:
+        theta, cov_re = fixed(icc)
+        held = MixedLMParams.from_components(fe_params=theta, cov_re=cov_re, vcomp=np.zeros(0))
+        return -float(model.loglike(held, profile_fe=False))
+
+    found = minimize_scalar(criterion, bounds=(SMALLEST, 1 - 1e-6), method="bounded", options={"xatol": 1e-10})
+    icc = float(found.x) if found.fun < criterion(SMALLEST) else SMALLEST
+    theta, cov_re = fixed(icc)
+    scale = float(model.get_scale(theta, cov_re, np.zeros(0)))
+    theirs = np.array([scale * cov_re[0, 0], scale])
+    ours = np.array([mixed.sd_between, mixed.sd_within]) ** 2
+    return _largest(theirs - ours, np.array(theirs.sum()))
