@@ -17,7 +17,7 @@ from .output import Printer
 
 if TYPE_CHECKING:
     from ..parameters import Factor, LawSection, ParameterFile, Prediction
-    from ..parameters.intervals import IntervalOptions
+    from ..parameters.evaluation import IntervalOptions
 
 WEAR = ("AW", "VB")
 NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.text import Text
 
     from .. import parameters
-    from ..parameters.intervals import IntervalOptions
+    from ..parameters.evaluation import IntervalOptions
 
     for option in ("level", "coverage"):
         if not 0 < getattr(args, option) < 1:
@@ -159,7 +159,7 @@ def _told(
 ) -> "Prediction":
     """One law's answer, its wear from the file's wear law where it is not given."""
     from ..core.errors import ParameterError
-    from ..parameters.prediction import tell
+    from ..parameters.prediction import predict_with_interval
 
     level = by if law.by is not None else None
     if law.by is not None and by is None:
@@ -179,7 +179,7 @@ def _told(
         law.predict(level, **factors, **{name: source.value for name, source in sources.items()})
     except ParameterError as reason:  # what was asked is wrong, not the file
         raise UsageError(str(reason)) from None
-    return tell(law, asked, level, factors, sources)
+    return predict_with_interval(law, asked, level, factors, sources)
 
 
 def _gives(pf: "ParameterFile", wear: "Factor", given: Mapping[str, _Value]) -> bool:

@@ -11,23 +11,23 @@ from .sections.dynamics import DynamicsSection
 from .sections.law import LawSection
 
 SECTIONS = ("design", "tool_life", "posterior", "dynamics", "pi", "load_line", "limits", "roughness", "adaptive_force")
-MARKS = {True: "passed", False: "AGAINST", None: "not asked"}
+MARKS = {True: "passed", False: "FAILED", None: "not tested"}
 
 
 @display.register
 def of_file(pf: ParameterFile) -> Display:
-    """Tool and work, the laws, which sections are there."""
+    """Tool and work, the laws, the sections present."""
     there = [name.replace("_", " ") for name in SECTIONS if getattr(pf, name) is not None]
     simulated = ", simulated" if pf.identity.simulated else ""
     laws = f"laws {', '.join(pf.laws)}" if pf.laws else "no laws"
     head = f"{pf.identity.tool} on {pf.identity.work}{simulated}: {'; '.join([laws, *there])}"
-    rows = tuple((law.response, law_in_short(law), f"n {law.n}") for law in pf.laws.values())
+    rows = tuple((law.response, short_equation(law), f"n {law.n}") for law in pf.laws.values())
     made = (("written with", f"fitmodels {pf.provenance.fitmodels}"),)
     return Display(head, made, TextTable(("", "law", ""), rows) if rows else None)
 
 
-def law_in_short(law: "LawSection") -> str:
-    """The equation with four digits a number."""
+def short_equation(law: LawSection) -> str:
+    """The equation with four digits per number."""
     first, *rest = (f"{value:.4g}" for value in law.coefficients.values())
     left = with_unit(law.response, law.unit)
     if law.form == "power":
@@ -43,21 +43,21 @@ def of_law(law: LawSection) -> Display:
     names = list(law.coefficients)
     grid = estimates(names, law.coefficients.values(), [law.standard_errors.get(name) for name in names])
     tested = tuple((f"tested {f.symbol}", f"{f.low:g} to {f.high:g} {f.unit}") for f in law.factors)
-    return Display(f"{law_in_short(law)}{se}, {rows}", tested, grid, (*law.verdicts, *law.notes))
+    return Display(f"{short_equation(law)}{se}, {rows}", tested, grid, (*law.verdicts, *law.notes))
 
 
 @display.register
-def of_report(report: CheckReport) -> Display:
-    """Whether something stands against the file; each finding."""
+def of_check_report(report: CheckReport) -> Display:
+    """Number of failed checks; each finding."""
     rows = tuple((finding.name, MARKS[finding.passed], finding.words) for finding in report.findings)
-    against = [finding.words for finding in report.failed]
-    said = f"{len(against)} stand against the file: {against[0]}" if against else "nothing stands against the file"
-    return Display(f"{len(report.findings)} findings, {said}", (), TextTable(("", "", ""), rows) if rows else None)
+    failed = [finding.words for finding in report.failed]
+    verdict = f"{len(failed)} failed: {failed[0]}" if failed else "no check failed"
+    return Display(f"{len(report.findings)} findings, {verdict}", (), TextTable(("", "", ""), rows) if rows else None)
 
 
 @display.register
 def of_draws(draws: Draws) -> Display:
-    """How many; mean, sd and interval of each parameter."""
+    """Number of draws; mean, sd and interval of each parameter."""
     low, high = np.quantile(draws.values, [0.025, 0.975], axis=0)
     sd = draws.values.std(axis=0, ddof=1) if len(draws.values) > 1 else [None] * len(draws.names)
     grid = estimates(draws.names, draws.values.mean(axis=0), sd, list(low), list(high))
@@ -66,7 +66,7 @@ def of_draws(draws: Draws) -> Display:
 
 @display.register
 def of_dynamics(model: DynamicsSection) -> Display:
-    """Orders, gain and sample time; what else is told of it."""
+    """Orders, gain and sample time; the other fields."""
     below = sum(model.a)
     gain = f"gain {format_plain(sum(model.b) / below)}" if below else "an integrator"
     head = f"{model.input} to {model.output}, na {len(model.a) - 1}, nb {len(model.b) - model.nk}, nk {model.nk}"

@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.display import Displayable, as_columns
+from ..core.display import Plottable, as_columns
 from ..core.errors import ParameterError
 from .errors import short
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ..core.display import Frame
     from .file import ParameterFile
 
@@ -29,7 +27,7 @@ CURE = "Fit again, or restore the file."
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Draws(Displayable):
+class Draws(Plottable):
     """Draws of one law's parameters.
 
     Attributes
@@ -45,12 +43,6 @@ class Draws(Displayable):
     def to_frame(self) -> "Frame":
         """The draws, a column a parameter."""
         return as_columns(self, **dict(zip(self.names, self.values.T, strict=True)))
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The middle 95 % of each parameter."""
-        from .draw import draws_picture
-
-        return draws_picture(self, ax)
 
 
 def packed(draws: Mapping[str, Draws]) -> bytes:

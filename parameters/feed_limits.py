@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import ParameterError
-from .evaluate import parameter_names, theta
-from .intervals import IntervalOptions, band
+from .evaluation import IntervalOptions, interval_band
 from .sections.covariance import Covariance
 from .sections.law import LawSection
 from .sections.load_line import FeedLimit, LimitInterval, NoInterval
@@ -65,7 +64,7 @@ def _below(law: LawSection, load: float, feed: float, wear: float, by: str | Non
     from scipy.special import stdtr, stdtrit
 
     at = _at(law, feed, wear)
-    found = band(law, IntervalOptions("prediction", 0.5), by, at)
+    found = interval_band(law, IntervalOptions("prediction", 0.5), by, at)
     half = float(found.high - found.low) / 2
     df = float(law.uncertainty.df) if isinstance(law.uncertainty, Covariance) else 1.0
     sd = half / float(stdtrit(df, 0.75))
@@ -97,7 +96,7 @@ def _interval(law: LawSection, load: float, wear: float, by: str | None, level: 
     if not isinstance(held, Covariance):
         return NoInterval(reason=_reason(law))
     if law.form == "feed_line":
-        found = band(law, IntervalOptions("mean", level), by, _at(law, 0.0, wear))
+        found = interval_band(law, IntervalOptions("mean", level), by, _at(law, 0.0, wear))
         return LimitInterval(low=float(found.low), high=float(found.high), level=level, method="t of the line's mean")
     ends = _fieller(law, held, load, wear, by, level)
     if ends is None:
@@ -111,9 +110,9 @@ def _fieller(
     """Feeds f with (load - m(f))^2 <= t^2 var m(f); both sides are quadratic in f. None where they have no end."""
     from scipy.special import stdtrit
 
-    names = parameter_names(law)
+    names = law.parameter_names
     order = [held.of.index(name) for name in names]
-    C, p = np.array(held.matrix)[np.ix_(order, order)], theta(law)
+    C, p = np.array(held.matrix)[np.ix_(order, order)], law.theta
     fixed = np.array([1.0, 0.0, wear, *(float(by is not None and name.endswith(f"[{by}]")) for name in names[3:])])
     moving = np.eye(len(names))[1]
     t2 = float(stdtrit(held.df, (1 + level) / 2)) ** 2

@@ -3,10 +3,11 @@
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
+from ..core.display import Plottable
 from ..core.errors import ParameterError
 from ..core.files import cause, write_whole
 from .canonical import content_sha256
@@ -26,13 +27,10 @@ from .sections.posterior import PosteriorSection
 from .sections.roughness import RoughnessSection
 from .strict_json import CURE, strict_json
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 LARGEST = 50_000_000  # bytes
 
 
-class ParameterFile(Section):
+class ParameterFile(Plottable, Section):
     """Everything handed over for one tool and work material.
 
     Attributes
@@ -96,12 +94,6 @@ class ParameterFile(Section):
             return NotImplemented
         bare = ({**vars(pf), "content_sha256": None} for pf in (self, other))
         return next(bare) == next(bare) and self.model_extra == other.model_extra
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """What each factor does in each law."""
-        from .draw import file_picture
-
-        return file_picture(self, ax)
 
 
 def read(path: str | os.PathLike[str]) -> ParameterFile:

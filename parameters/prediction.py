@@ -1,4 +1,4 @@
-"""What a law of a file says of a point: value, interval, inside or outside the tested region, in one sentence."""
+"""Predictions of a law section: value, interval, and whether the point lies in the tested region, in one sentence."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -7,25 +7,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.display import Displayable
+from ..core.display import Displayable, Plottable
 from ..core.rounding import format_plain as plain
 from ..core.rounding import format_rounded
 from ..datasets import region
-from .evaluate import as_given, checked_values
-from .intervals import IntervalOptions, band
+from .evaluation import IntervalOptions, as_given, checked_values, interval_band, region_contains
+from .sections.law_fields import LawFields
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from pandas import DataFrame
 
-    from .sections.law import LawSection
 
 SIDES = {-1: "below", 1: "above"}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class GivenFactor(Displayable):
-    """A factor at which a law was asked.
+    """Value of a factor at which a law was evaluated.
 
     Attributes
     ----------
@@ -37,7 +35,7 @@ class GivenFactor(Displayable):
     beyond : int or ndarray of int
         -1 below the lowest tested, 1 above the highest, 0 between them.
     source : Prediction or None
-        The law's answer that the value was taken from, where it was not given.
+        Prediction of another law that the value was taken from, where it was not given.
     """
 
     symbol: str
@@ -50,8 +48,8 @@ class GivenFactor(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Prediction(Displayable):
-    """A law's answer at one point or at arrays of points.
+class Prediction(Plottable):
+    """Prediction of a law at one point or at arrays of points.
 
     Attributes
     ----------
@@ -59,14 +57,14 @@ class Prediction(Displayable):
     value, low, high : float or ndarray
         In ``unit``.
     inside : bool or ndarray of bool
-        Whether the point lies in the tested region. Outside it, the law says nothing that was ever tried: cut a
-        test there, or stay inside.
+        Whether the point lies in the tested region. Outside it the law extrapolates: run a test there, or stay
+        inside.
     of : str
-        What ``low`` and ``high`` are of, in words.
+        Description of the interval.
     kind, edge, centre : str
-        Of the interval: mean, prediction or tolerance; new, same or independent rows; what ``value`` is.
+        Of the interval: mean, prediction or tolerance; new, same or independent rows; what ``value`` estimates.
     level, coverage : float
-        Coverage is None of anything but a tolerance interval.
+        ``coverage`` is None unless the interval is a tolerance interval.
     given : tuple of GivenFactor
         The factors, in the order of the law.
     by : tuple of str, or None
@@ -93,11 +91,11 @@ class Prediction(Displayable):
 
     @property
     def words(self) -> str:
-        """One sentence a point, each on a line of its own, every number rounded by its uncertainty."""
+        """One sentence per point, each on its own line, numbers rounded by their uncertainty."""
         return "\n".join(self._sentence(i) for i in range(np.size(self.value)))
 
     def facts(self) -> dict[str, Any]:
-        """The same as plain numbers and texts, for JSON."""
+        """Plain numbers and texts for JSON."""
         return {
             "response": self.response,
             "value": _plain(self.value),
@@ -126,7 +124,7 @@ class Prediction(Displayable):
         }
 
     def _sentence(self, i: int) -> str:
-        value, low, high = self._told(i)
+        value, low, high = self._rounded(i)
         at = ", ".join(self._at(i))
         taken = [g.symbol for g in self.given if g.source]
         less = f" (the scatter of {', '.join(taken)} not counted)" if taken else ""
@@ -136,8 +134,8 @@ class Prediction(Displayable):
             f"{self.of} {ends}{less}; {self._where(i)}."
         )
 
-    def _told(self, i: int) -> tuple[str, ...]:
-        """Value and ends, to the decimals that half the width deserves: or, of a wide one, its lower end."""
+    def _rounded(self, i: int) -> tuple[str, ...]:
+        """Value and ends, rounded by half the width, or by the lower end where that is smaller."""
         value, low, high = (float(np.ravel(number)[i]) for number in (self.value, self.low, self.high))
         width = min((high - low) / 2, low) if low > 0 else (high - low) / 2
         return tuple(format_rounded(number, width)[0] for number in (value, low, high))
@@ -152,7 +150,7 @@ class Prediction(Displayable):
             if g.source is None:
                 yield f"{g.symbol} {_with(plain(_one(g.value, i), 6), g.unit)}"
             else:
-                yield f"{g.symbol} {_with(g.source._told(i)[0], g.unit)} from its own law"
+                yield f"{g.symbol} {_with(g.source._rounded(i)[0], g.unit)} from its own law"
         if self.by is not None:
             yield " ".join(self.by)
 
@@ -174,26 +172,20 @@ class Prediction(Displayable):
         return f"outside the tested region: {cause}; do not rely on it"
 
     def to_frame(self) -> "DataFrame":
-        """A row a point."""
+        """A row per point."""
         from pandas import DataFrame
 
         return DataFrame({k: np.atleast_1d(getattr(self, k)) for k in ("value", "low", "high", "inside")})
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Each point in its interval."""
-        from .draw import prediction_picture
 
-        return prediction_picture(self, ax)
-
-
-def tell(
-    law: "LawSection",
+def predict_with_interval(
+    law: LawFields,
     asked: IntervalOptions,
     by: str | None,
     factors: Mapping[str, ArrayLike],
     sources: Mapping[str, Prediction] | None = None,
 ) -> Prediction:
-    """A law's answer; ``sources`` holds answers of other laws that stand in for factors not given.
+    """Prediction of a law; ``sources`` holds predictions of other laws in place of factors that were not given.
 
     Raises
     ------
@@ -203,9 +195,9 @@ def tell(
     taken = dict(sources or {})
     by = None if by is None else str(by)
     at = {**factors, **{name: source.value for name, source in taken.items()}}
-    found = band(law, asked, by, at)
+    found = interval_band(law, asked, by, at)
     values = checked_values(law, at)
-    inside = np.asarray(law.inside(by, **at))
+    inside = region_contains(law, by, at)
     for source in taken.values():
         inside = inside & source.inside
     given = tuple(
@@ -231,8 +223,8 @@ def tell(
     )
 
 
-def _beyond(law: "LawSection", values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:
-    """For each factor, -1 below its tested range, 1 above it: as strictly as ``LawSection.inside`` takes it."""
+def _beyond(law: LawFields, values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:
+    """For each factor, -1 below its tested range, 1 above it: by the criterion of `region_contains`."""
     if law.region is None:
         pairs = zip(values, law.factors, strict=True)
         return [(value > f.high).astype(np.intp) - (value < f.low) for value, f in pairs]

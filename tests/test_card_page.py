@@ -310,7 +310,7 @@ def test_the_table_of_predictions_says_what_the_parameter_file_says(gc435):
     wear = gc435.laws["AW"].predict(**at)
     for law, told in zip(card.profiler.laws, start.values, strict=True):
         more = {"AW": wear} if law.wear else {}
-        words = gc435.laws[law.response].tell(**at, **more).words
+        words = gc435.laws[law.response].get_prediction(**at, **more).words
         assert f"{law.response} {told.value} {law.unit} at" in words
         assert f"{told.low} to {told.high} {law.unit}" in words
         assert told.inside == ("inside the tested region" in words)

@@ -244,13 +244,13 @@ RESULTS: dict[str, Callable[[], object]] = {
     "LoopTrace": lambda: simulate_loop(plant(), tuned().gains, np.ones(100)),
     "PiCheck": lambda: ident.check_pi(plant(), 100.0, 1800.0, rise_time=1.0),
     "ParameterFile": pf,
-    "Law": lambda: pf().laws["AW"],
-    "Dynamics": lambda: pf().dynamics,
+    "LawSection": lambda: pf().laws["AW"],
+    "DynamicsSection": lambda: pf().dynamics,
     "CheckReport": lambda: parameters.check(pf()),
-    "Finding": lambda: parameters.check(pf()).findings[0],
+    "FileFinding": lambda: parameters.check(pf()).findings[0],
     "Draws": lambda: parameters.Draws(post().names, post().draws),
-    "Prediction": lambda: pf().laws["AW"].tell(V=150.0, f=0.4, d=2.0, t=10.0),
-    "Given": lambda: pf().laws["AW"].tell(V=150.0, f=0.4, d=2.0, t=10.0).given[0],
+    "Prediction": lambda: pf().laws["AW"].get_prediction(V=150.0, f=0.4, d=2.0, t=10.0),
+    "GivenFactor": lambda: pf().laws["AW"].get_prediction(V=150.0, f=0.4, d=2.0, t=10.0).given[0],
     "VisibleRegion": region,
     "Chance": chance,
     "WearFront": lambda: wear_front(region(), [0.0, 0.05, 0.1]),
@@ -282,7 +282,9 @@ POINT = "one point: the region, life or map that it is taken from draws it"
 GIVEN = "what is asked for, not what is found"
 PICTURELESS = {
     **dict.fromkeys(("ColumnUse", "Source", "Look", "By", "Dropped", "LeftOut", "Refused", "Event"), SENTENCE),
-    **dict.fromkeys(("NotAvailable", "NoContinuousForm", "CheckReport", "Finding", "Given", "Pair"), SENTENCE),
+    **dict.fromkeys(
+        ("NotAvailable", "NoContinuousForm", "CheckReport", "FileFinding", "GivenFactor", "Pair"), SENTENCE
+    ),
     **dict.fromkeys(("Corner", "Point", "Choice", "FixedLife", "StepSize"), POINT),
     **dict.fromkeys(("SimulatedLaw", "Specification", "LifeLaws", "Rules", "CutModel"), GIVEN),
     **dict.fromkeys(("Plan", "How", "Reading"), GIVEN),

@@ -161,7 +161,7 @@ def test_units_scale_through_a_power_law(scale, V):
         ({"V": "fast", "f": 0.2}, "V = 'fast' is not a number"),
         ({"V": [1, 2], "f": [1, 2, 3]}, "do not broadcast"),
         ({"V": 1e300, "f": 1e300, "by": "9"}, "no material '9'"),
-        ({"V": 100, "f": 0.2, "by": None}, "say which level"),
+        ({"V": 100, "f": 0.2, "by": None}, "give by= one of its levels"),
     ],
 )
 def test_what_a_law_cannot_take_is_named(arguments, words):
@@ -663,8 +663,8 @@ def complaint(path):
         for one in pf.laws.values():
             at = {"by": one.by and one.by.reference, **{factor.symbol: 1.0 for factor in one.factors}}
             one.interval(**at)
-            one.tell("tolerance", centre="mean", **at)
-            one.tell("mean", centre="mean", **at)
+            one.get_prediction("tolerance", centre="mean", **at)
+            one.get_prediction("mean", centre="mean", **at)
     except ParameterError as error:
         return str(error)
     return None

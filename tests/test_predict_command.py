@@ -72,7 +72,7 @@ def test_each_law_in_one_sentence(params):
     result = run(params, *AT)
     law = parameters.read(params).laws["AW"]
     assert (result.code, result.err) == (0, "")
-    assert law.tell(**POINT).words in result.out
+    assert law.get_prediction(**POINT).words in result.out
     assert re.search(
         r"P 2\.\d+ kW at V 120 m/min, f 0\.2 mm/rev, d 2 mm, AW 0\.176 mm from its own law; 95 % prediction interval "
         r"for one row of a new edge .* kW \(the scatter of AW not counted\); inside the tested region\.",
@@ -120,7 +120,7 @@ def test_units_and_order_do_not_matter(params):
     """400 ft/min is 121.92 m/min and 0.08 in are 2.032 mm, exactly (NIST SP 811)."""
     ours = run(params, "--law", "AW", "V=400ft/min", "f=0.2 mm/rev", "--level", "0.9", "d=0.08in", "t=480s")
     law = parameters.read(params).laws["AW"]
-    assert law.tell("prediction", 0.9, V=121.92, f=0.2, d=2.032, t=8.0).words in ours.out
+    assert law.get_prediction("prediction", 0.9, V=121.92, f=0.2, d=2.032, t=8.0).words in ours.out
 
 
 def test_wear_that_is_given_is_taken(params):

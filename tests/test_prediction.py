@@ -135,7 +135,7 @@ def test_the_file_tells_every_interval_of_the_fit(name, tmp_path):
     for kind, edge, centre in product(KINDS, EDGES, CENTRES):
         options = {"edge": edge, "coverage": 0.9, "centre": centre}
         band = law.predict({**at, **category}, kind, 0.8, **options)
-        told = section.tell(kind, 0.8, by, **options, **at)
+        told = section.get_prediction(kind, 0.8, by, **options, **at)
         np.testing.assert_allclose(told.value, band["value"], rtol=ROUNDING)
         np.testing.assert_allclose([told.low, told.high], [band["low"], band["high"]], rtol=ROUNDING)
         np.testing.assert_array_equal(section.interval(0.8, kind, by, **options, **at), [told.low, told.high])
@@ -210,7 +210,7 @@ def test_an_earlier_file_of_independent_rows_lacks_the_smearing_alone(tmp_path):
 )
 def test_what_cannot_be_told_is_a_sentence(options, words, tmp_path):
     with pytest.raises(ParameterError, match=words):
-        handed_over(wear_law(), tmp_path).tell(**{**CONDITIONS, **options})
+        handed_over(wear_law(), tmp_path).get_prediction(**{**CONDITIONS, **options})
 
 
 # --- in words ---------------------------------------------------------------------------------------------
@@ -227,7 +227,7 @@ def test_a_sentence_with_numbers_by_hand():
     """ln 100 = 4.605: variance 0.9 - 2 x 0.19 x 4.605 + 0.0405 x 4.605^2 + 0.1^2, t(6) at 97.5 %."""
     x = np.log(100)
     half = student.ppf(0.975, 6) * np.sqrt(0.9 - 0.38 * x + 0.0405 * x**2 + 0.01)
-    told = hand_made().tell(V=100.0)
+    told = hand_made().get_prediction(V=100.0)
     np.testing.assert_allclose([told.low, told.high], [0.1 * np.exp(-half), 0.1 * np.exp(half)], rtol=ROUNDING)
     assert told.words == (
         f"AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row {0.1 * np.exp(-half):.3f} to "
@@ -239,7 +239,7 @@ def test_a_sentence_with_numbers_by_hand():
 def test_what_is_outside_is_named():
     section = parameters.collect(tool="a", work="b", laws=[wear_law()]).laws["AW"]
     at = {"V": [120.0, 320.0, 40.0, 200.0], "f": [0.2, 0.2, 0.9, 0.6], "d": [2.0, 2.0, 2.0, 3.0], "t": 8.0}
-    told = section.tell(**at)
+    told = section.get_prediction(**at)
     assert told.inside.tolist() == [True, False, False, False]
     assert [g.beyond.tolist() for g in told.given[:2]] == [[0, 1, -1, 0], [0, 0, 1, 0]]
     inside, fast, slow, corner = told.words.split("\n")
@@ -249,13 +249,13 @@ def test_what_is_outside_is_named():
     both = "V 40 m/min is below 50 m/min, the lowest tested, and f 0.9 mm/rev is above 0.6 mm/rev, the highest tested"
     assert slow.endswith(f"outside the tested region: {both}{rely}")
     assert corner.endswith(f"outside the tested region: the combination lies further out than any test{rely}")
-    assert [section.tell(**{k: v[i] if k != "t" else v for k, v in at.items()}).words for i in range(4)] == [
+    assert [section.get_prediction(**{k: v[i] if k != "t" else v for k, v in at.items()}).words for i in range(4)] == [
         inside, fast, slow, corner,
     ]  # fmt: skip
 
 
 def test_without_a_region_the_ranges_tell():
-    told = hand_made().tell(V=[50.0, 200.1, 49.9])
+    told = hand_made().get_prediction(V=[50.0, 200.1, 49.9])
     assert told.inside.tolist() == [True, False, False]
     assert [line.split(": ")[-1] for line in told.words.split("\n")][1:] == [
         "V 200.1 m/min is above 200 m/min, the highest tested; do not rely on it.",
@@ -266,20 +266,20 @@ def test_without_a_region_the_ranges_tell():
 def test_centres_levels_and_shares_are_named():
     section = parameters.collect(tool="a", work="b", laws=[wear_law(runs=two_materials(), by="material")]).laws["AW"]
     at = {"V": 120.0, "f": 0.2, "d": 2.0, "t": 8.0}
-    words = section.tell("tolerance", 0.9, "hard", coverage=0.99, centre="smeared", **at).words
+    words = section.get_prediction("tolerance", 0.9, "hard", coverage=0.99, centre="smeared", **at).words
     assert "mm (smeared mean) at V 120 m/min, f 0.2 mm/rev, d 2 mm, t 8 min, material hard; " in words
     assert "90 % tolerance interval for 99 % of rows of a new edge " in words
     assert (
         "for the law at the level of an edge whose own level"
-        in section.tell("mean", by="soft", edge="same", **at).words
+        in section.get_prediction("mean", by="soft", edge="same", **at).words
     )
     line = parameters.collect(tool="a", work="b", laws=[fit.load_law(load(True))]).laws["I"]
-    assert " (" not in line.tell(centre="smeared", fm=200.0, VB=0.1).words
+    assert " (" not in line.get_prediction(centre="smeared", fm=200.0, VB=0.1).words
 
 
 def test_a_wide_interval_keeps_its_lower_end():
     wide = {"kind": "covariance", "of": ["ln c0", "V"], "matrix": [[4.0, 0.0], [0.0, 0.0]], "df": 6}
-    words = hand_made(uncertainty=wide).tell(V=100.0).words
+    words = hand_made(uncertainty=wide).get_prediction(V=100.0).words
     low = 0.1 * np.exp(-student.ppf(0.975, 6) * np.sqrt(4.01))
     assert f"{low:.5f}"[:-1] in words
 
@@ -287,7 +287,7 @@ def test_a_wide_interval_keeps_its_lower_end():
 @settings(max_examples=100, deadline=None)
 @given(st.floats(1e-6, 1e6), st.floats(1e-4, 3.0), st.floats(0.5, 0.99))
 def test_numbers_of_a_sentence_are_its_facts_to_the_last_digit(c0, sd, level):
-    told = hand_made(coefficients={"c0": c0, "V": 0.5}, residual_se=sd).tell(level=level, V=100.0)
+    told = hand_made(coefficients={"c0": c0, "V": 0.5}, residual_se=sd).get_prediction(level=level, V=100.0)
     number = r"(-?[0-9.]+(?:e[+-]?\d+)?)"
     found = re.fullmatch(rf"AW {number} mm at V 100 m/min; .* row {number} to {number} mm; inside .*", told.words)
     for text, fact in zip(found.groups(), (told.value, told.low, told.high), strict=True):

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from ...parameters import Covariance, ParameterFile
-from ...parameters.evaluate import LOGARITHMIC
+from ...parameters.sections.law_fields import LOGARITHMIC
 from .design import design_part
 from .dynamics import transfer_part
 from .figure_texts import figures

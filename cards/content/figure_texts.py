@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...parameters import DynamicsSection, LawSection, ParameterFile, PiSection
-from ...parameters.evaluate import LOGARITHMIC
+from ...parameters.sections.law_fields import LOGARITHMIC
 from .coefficients import law_coefficients
 from .design import at_words, middle, reference
 from .numbers import figure, percent, quantity

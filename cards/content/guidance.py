@@ -64,7 +64,7 @@ def _of_law(law: LawSection) -> str:
     by = reference(law)
     where = f"At {at_words(law, at, by)}" if at else "At these conditions"
     try:
-        p = law.tell("prediction", by=by, **at)
+        p = law.get_prediction("prediction", by=by, **at)
     except ParameterError:
         return f"{where}, {law.response} is {quantity(figure(float(law.predict(by, **at)), 4, law.unit))}."
     half = (float(p.high) - float(p.low)) / 2

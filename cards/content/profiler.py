@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from ...datasets.region import ROUNDING, SLACK
 from ...parameters import Covariance, LawSection, ParameterFile
-from ...parameters.evaluate import LOGARITHMIC, parameter_names, theta
+from ...parameters.sections.law_fields import LOGARITHMIC
 from .coefficients import LEVEL
 from .design import factor_ranges, middle_of
 from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
@@ -57,7 +57,7 @@ def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLawPart:
         high=tuple(f.high for f in law.factors),
         region=_region(law),
         by="" if law.by is None else f"{law.by.column} {law.by.reference}",
-        theta=tuple(theta(law).tolist()[: 1 + len(law.factors)]),
+        theta=tuple(law.theta.tolist()[: 1 + len(law.factors)]),
         covariance=covariance,
         scatter=scatter,
         t=t,
@@ -134,7 +134,7 @@ def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None,
         return (), None, None
     from scipy.special import stdtrit
 
-    order = [held.of.index(name) for name in parameter_names(law)[: 1 + len(law.factors)]]
+    order = [held.of.index(name) for name in law.parameter_names[: 1 + len(law.factors)]]
     matrix = tuple(tuple(held.matrix[i][j] for j in order) for i in order)
     return matrix, scatter, float(stdtrit(held.df, (1 + LEVEL) / 2))
 

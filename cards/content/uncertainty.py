@@ -13,7 +13,6 @@ import numpy as np
 from ...core.errors import ParameterError
 from ...core.rounding import format_rounded
 from ...parameters import Covariance, LawSection, ParameterFile, ToolLifeSection
-from ...parameters.evaluate import parameter_names
 from .coefficients import LEVEL
 from .design import at_words, middle, reference
 from .numbers import count, percent
@@ -54,7 +53,7 @@ def of_law(law: LawSection) -> tuple[UncertaintyPart, ...]:
     by = reference(law)
     where = at_words(law, at, by)
     try:
-        kinds = [law.tell("mean", LEVEL, by, **at), law.tell("prediction", LEVEL, by, **at)]
+        kinds = [law.get_prediction("mean", LEVEL, by, **at), law.get_prediction("prediction", LEVEL, by, **at)]
     except ParameterError:
         return ()
     df, outside = _df(law), "" if kinds[0].inside else " The middle of the ranges lies outside the tested region."
@@ -74,7 +73,7 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
     if law is None or law.form != "power" or law.by is not None or not isinstance(law.uncertainty, Covariance):
         return ()
     h = law.coefficients.get("t", 0.0)
-    names = parameter_names(law)
+    names = law.parameter_names
     held = all(f.symbol in life.typical_at for f in law.factors if f.symbol != "t")
     if h <= 0 or not held or not life.typical > 0:
         return ()

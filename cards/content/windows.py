@@ -156,7 +156,7 @@ def _reaches(r: RoughnessSection, pf: ParameterFile) -> list[str]:
     if law.residual_se is None:
         return []
     at: dict[str, Any] = {law.factors[0].symbol: r.force}
-    return [law.tell("prediction", **at).words]
+    return [law.get_prediction("prediction", **at).words]
 
 
 TITLE = "Window of operation"

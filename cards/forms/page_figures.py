@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...core.errors import ParameterError
 from ...parameters import DynamicsSection, LawSection, ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
-from ...parameters.evaluate import LOGARITHMIC
+from ...parameters.sections.law_fields import LOGARITHMIC
 from ..content.design import middle, reference
 from ..content.parts import Card, CoefficientPart, FigurePart, LawPart
 from .svg_panel import (
@@ -185,7 +185,7 @@ def _over(law: LawSection, symbol: str, x: Array) -> tuple[Array, tuple[Array, A
     at: dict[str, Any] = {**middle(law), symbol: x}
     level = reference(law)
     try:
-        told = law.tell("prediction", by=level, **at)
+        told = law.get_prediction("prediction", by=level, **at)
     except ParameterError:
         return np.asarray(law.predict(by=level, **at)), None
     return np.asarray(told.value), (np.asarray(told.low), np.asarray(told.high))

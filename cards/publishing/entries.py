@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pydantic import Field
 
 from ...parameters import ParameterFile
-from ...parameters.evaluate import LOGARITHMIC
+from ...parameters.sections.law_fields import LOGARITHMIC
 from ..content.coefficients import degrees
 from ..content.parts import Card, LawPart, NumberPart, Part
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from ...core.display import Plottable, as_columns
 from ...parameters import Draws
-from ...parameters.evaluate import parameter_names
 from ..loop import Array
 from .control_laws import line_of
 from .cut_model import CutModel
@@ -87,7 +86,7 @@ def drawn_life(pf: "ParameterFile", draws: Mapping[str, Draws]) -> tuple[SteadyL
 
 
 def _columns(law: "LawSection", of: Draws) -> dict[str, Array]:
-    return {name: of.values[:, of.names.index(name)] for name in parameter_names(law) if name in of.names}
+    return {name: of.values[:, of.names.index(name)] for name in law.parameter_names if name in of.names}
 
 
 def _load(columns: dict[str, Array], cut: CutModel, line: "LoadLineSection") -> dict[str, Array]:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...datasets.units import canonical, convert
-from ...parameters.evaluate import parameter_names, theta
 from .half_planes import SAME
 
 if TYPE_CHECKING:
@@ -103,8 +102,8 @@ def plane(
     """
     if law.form != "power":
         raise UsageError(f"the law of {law.response} is {law.form.replace('_', ' ')}: a region needs power laws.")
-    of = theta(law) if of is None else of
-    places = dict(zip(parameter_names(law), np.moveaxis(of, -1, 0), strict=True))
+    of = law.theta if of is None else of
+    places = dict(zip(law.parameter_names, np.moveaxis(of, -1, 0), strict=True))
     none = np.zeros(of.shape[:-1])
     out = {"intercept": places["ln c0"] + _shift(law, setting.by, places), "V": none, "f": none, "wear": none}
     for factor in law.factors:

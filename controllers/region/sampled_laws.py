@@ -15,7 +15,6 @@ import numpy as np
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from ...parameters.evaluate import parameter_names, theta
 from ...parameters.sections.covariance import Covariance
 from .half_planes import Array
 from .log_planes import CutSetting, LogPlane, plane, ratio, with_wear
@@ -156,14 +155,14 @@ def _from_draws(
 ) -> tuple[Array, Array, Array | None]:
     """Parameters (S, p), sd of a row of a new edge (S,), degrees of freedom of heavy tails (S,) or None."""
     column = dict(zip(draws.names, draws.values[rows].T, strict=True))
-    if lacking := [name for name in (*parameter_names(law), "sd") if name not in column]:
+    if lacking := [name for name in (*law.parameter_names, "sd") if name not in column]:
         raise UsageError(
             f"the draws of {law.response} are of {', '.join(draws.names)} and lack {lacking[0]}: they belong to "
             "another fit; draw again."
         )
     within = 1 - np.minimum(column["icc"], 1 - 1e-12) if "icc" in column else 1.0
     return (
-        np.stack([column[name] for name in parameter_names(law)], axis=-1),
+        np.stack([column[name] for name in law.parameter_names], axis=-1),
         column["sd"] / np.sqrt(within),
         column.get("nu"),
     )
@@ -171,10 +170,10 @@ def _from_draws(
 
 def _from_covariance(law: "LawSection", count: int, rng: np.random.Generator) -> tuple[Array, str]:
     """Parameters (S, p) from the file's covariance as a multivariate t; as they stand where it has none."""
-    centre, held = theta(law), law.uncertainty
+    centre, held = law.theta, law.uncertainty
     if not isinstance(held, Covariance):
         return np.broadcast_to(centre, (count, len(centre))), f"{law.response} as if exactly known ({held.reason})"
-    order = [held.of.index(name) for name in parameter_names(law)]
+    order = [held.of.index(name) for name in law.parameter_names]
     C = np.array(held.matrix)[np.ix_(order, order)]
     z = rng.multivariate_normal(np.zeros(len(centre)), C, size=count, method="eigh", check_valid="ignore")
     heavy = np.sqrt(held.df / rng.chisquare(held.df, count))

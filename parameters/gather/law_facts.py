@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING, Any
 
-from ..evaluate import LOGARITHMIC, coefficient_names
+from ..sections.law_fields import LOGARITHMIC, coefficient_names
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ..evaluate import coefficient_names
+from ..sections.law_fields import coefficient_names
 from .law_facts import equation, factor, finite, known, quantity_of
 
 if TYPE_CHECKING:

@@ -5,24 +5,22 @@
 Source: Ljung 1999, System Identification, section 4.2. ``nk`` counts as MATLAB does; Octave's arx counts one less.
 """
 
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from ...core.display import Plottable
 from ...core.errors import ParameterError
 from .base import Count, NotNegative, Number, Positive, Section, Sha256, Text
 from .covariance import ModelCovariance, NoCovariance
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
 
 
-class DynamicsSection(Section):
+class DynamicsSection(Plottable, Section):
     """An identified model of the feed drive and the cut.
 
     Attributes
@@ -147,9 +145,3 @@ class DynamicsSection(Section):
                 "the simulation leaves all bounds: the model is not stable, or the input far too large."
             )
         return out
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Response to a unit step of the input."""
-        from ..draw import dynamics_picture
-
-        return dynamics_picture(self, ax)

@@ -1,0 +1,267 @@
+"""Evaluation of a law section: values and intervals at given factors, and whether they lie in the tested region.
+
+Half-widths are those of `core.intervals`, which the fit uses too: a file gives the same intervals as the fit.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.errors import ParameterError
+from ..core.intervals import (
+    KNOWN_LEVEL,
+    Centre,
+    Edge,
+    Kind,
+    Scatter,
+    between_and_within,
+    centre_factor,
+    half_width,
+    interval_ends,
+    interval_label,
+    log_mean_variance,
+    one_component,
+)
+from ..datasets import region
+from .errors import short
+from .sections.covariance import Covariance, NoCovariance
+from .sections.law_fields import LOGARITHMIC, LawFields
+from .sections.law_parts import Edges
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalOptions:
+    """Options of an interval, as `LawSection.interval` documents them."""
+
+    kind: Kind = "mean"
+    level: float = 0.95
+    edge: Edge = "new"
+    coverage: float = 0.95
+    centre: Centre = "median"
+
+    def __post_init__(self) -> None:
+        for name, given, known in (
+            ("kind", self.kind, Kind),
+            ("edge", self.edge, Edge),
+            ("centre", self.centre, Centre),
+        ):
+            if given not in get_args(known):
+                words = ", ".join(map(repr, get_args(known)))
+                raise ParameterError(f"{name} = {short(given)}: it is one of {words}.")
+        for name, share in (("level", self.level), ("coverage", self.coverage)):
+            if not isinstance(share, float) or not 0 < share < 1:
+                raise ParameterError(
+                    f"{name} = {short(share)}: a coverage is between 0 and 1, as 0.95 (a level of the law is by=)."
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Value and ends of an interval in the unit of the law, in the shape of the factors.
+
+    ``of`` describes the interval; ``edge`` is new, same or independent rows; ``centre`` is the quantity that the value
+    estimates.
+    """
+
+    value: Array
+    low: Array
+    high: Array
+    of: str
+    edge: str
+    centre: Centre
+
+
+@dataclass(frozen=True, slots=True)
+class _Spread:
+    """Edge of the row (new, same, independent rows), scatter of rows, degrees of freedom of t, and its description."""
+
+    edge: str
+    scatter: Scatter
+    df: float
+    words: str | None
+
+
+def point_values(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> Array | float:
+    """Values of the equation: medians of a multiplicative law, means of an additive one."""
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        return as_given(law, response(law, terms(law, level, given) @ law.theta))
+
+
+def region_contains(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> NDArray[np.bool_]:
+    """Whether each point lies in the tested region of the law."""
+    values = checked_values(law, given)
+    if law.region is None:
+        pairs = zip(values, law.factors, strict=True)
+        return np.asarray(np.logical_and.reduce([(value >= f.low) & (value <= f.high) for value, f in pairs]))
+    known = () if law.by is None else (law.by.reference, *law.by.shifts)
+    if level is not None and level not in known:
+        has = ", ".join(known) or "nothing"
+        raise ParameterError(f"the law of {law.response} has no level {short(level)}; it has {has}.")
+    return np.asarray(region.inside(law.region.model_dump(), np.stack(values, axis=-1), level))
+
+
+def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factors: Mapping[str, ArrayLike]) -> Band:
+    """Value and ends at the given factors, by the delta method.
+
+    Raises
+    ------
+    ParameterError
+        A factor or level that the law cannot take, or the file lacks what this interval needs.
+    """
+    covariance, multiplies = _covariance(law), law.error == "multiplicative"
+    centre: Centre = asked.centre if multiplies else "mean"
+    moves = asked.kind == "mean" and multiplies and centre != "median"
+    spread = _spread(law, covariance, asked, parts=moves or asked.kind == "tolerance")
+    smearing = _smearing(law, spread) if centre == "smeared" else 1.0
+    with np.errstate(all="ignore"):  # `as_given` refuses what is not finite
+        factor = centre_factor(centre, spread.scatter.sd, smearing) if multiplies else 1.0
+        Z = terms(law, by, factors)
+        median = response(law, Z @ law.theta)
+        G = Z if multiplies or law.form not in LOGARITHMIC else Z * median[..., None]
+        variance = np.zeros(median.shape) if spread.edge == "same" else _quadratic(law, covariance, G)
+        half = half_width(
+            asked.kind,
+            variance,
+            spread.df,
+            spread.scatter,
+            level=asked.level,
+            coverage=asked.coverage,
+            unsure=log_mean_variance(spread.scatter) if moves else 0.0,
+        )
+        low, high = interval_ends(median * factor if moves else median, half, multiplies=multiplies)
+    of = interval_label(asked.kind, asked.level, asked.coverage, spread.words)
+    return Band(median * factor, low, high, of, spread.edge, centre)
+
+
+def _covariance(law: LawFields) -> Covariance:
+    if isinstance(law.uncertainty, NoCovariance):
+        reason = law.uncertainty.reason.removeprefix("no interval: ").rstrip(".")
+        raise ParameterError(f"the law of {law.response} has no interval: {reason}.")
+    return law.uncertainty
+
+
+def _quadratic(law: LawFields, covariance: Covariance, G: Array) -> Array:
+    order = [covariance.of.index(name) for name in law.parameter_names]
+    C = np.array(covariance.matrix)[np.ix_(order, order)]
+    return np.asarray(np.einsum("...i,ij,...j->...", G, C, G), dtype=float)
+
+
+def _spread(law: LawFields, covariance: Covariance, asked: IntervalOptions, *, parts: bool) -> _Spread:
+    """Scatter by edge where the file holds its components, otherwise of independent rows."""
+    e, df = law.edges, float(covariance.df)
+    if e is None or e.sd_between is None or e.sd_within is None:
+        if law.residual_se is None and (asked.kind != "mean" or asked.centre != "median"):
+            words = f"no {asked.kind} interval" if asked.kind != "mean" else f"no {asked.centre} of its own"
+            raise ParameterError(f"the law of {law.response} has no residual standard error: {words}.")
+        return _Spread("independent rows", one_component(law.residual_se or 0.0, df), df, None)
+    if asked.edge == "same":
+        (within,) = _held(law, e, "df_within", of="an interval for the same edge")
+        return _Spread("same", one_component(e.sd_within, within), within, KNOWN_LEVEL)
+    if not parts:
+        return _Spread("new", Scatter(float(np.hypot(e.sd_between, e.sd_within)), ()), df, "a new edge")
+    what = "a tolerance interval" if asked.kind == "tolerance" else f"the interval of a {asked.centre}"
+    m, between, within = _held(law, e, "rows_per_edge", "df_between", "df_within", of=what)
+    return _Spread("new", between_and_within(e.sd_between, e.sd_within, m, between, within), df, "a new edge")
+
+
+def _smearing(law: LawFields, spread: _Spread) -> float:
+    if spread.edge == "same" and law.edges is not None:
+        return _held(law, law.edges, "smearing_within", of="the smeared mean")[0]
+    return _held(law, law, "smearing", of="the smeared mean")[0]
+
+
+def _held(law: LawFields, section: Edges | LawFields, *names: str, of: str) -> list[float]:
+    """Fields that files of earlier versions lack."""
+    values = [getattr(section, name) for name in names]
+    lacking = [name for name, value in zip(names, values, strict=True) if value is None]
+    if lacking:
+        where = "" if section is law else "edges."
+        fields = ", ".join(f"{where}{name}" for name in lacking)
+        raise ParameterError(
+            f"the law of {law.response} lacks {fields} in this file, which {of} needs; fit the data again to add it."
+        )
+    return [float(value) for value in values]
+
+
+def terms(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> Array:
+    """Terms of the linear form at the given factors, shape (..., p).
+
+    Raises
+    ------
+    ParameterError
+        A factor or a level that the law cannot take.
+    """
+    values = checked_values(law, given)
+    columns = [np.log(x) if law.form == "power" else x for x in values]
+    shape = values[0].shape if values else ()
+    at = _level(law, level)
+    shifts = [np.full(shape, float(other == at)) for other in (law.by.shifts if law.by else ())]
+    return np.stack([np.ones(shape), *columns, *shifts], axis=-1)
+
+
+def checked_values(law: LawFields, given: Mapping[str, ArrayLike]) -> list[Array]:
+    """The factors in the order of the law, broadcast to one shape."""
+    symbols = [factor.symbol for factor in law.factors]
+    for name in given:
+        if name not in symbols:
+            has = f"its factors are {', '.join(symbols)}" if symbols else "it has none"
+            raise ParameterError(f"the law of {law.response} has no factor {short(name)}; {has}.")
+    for factor in law.factors:
+        if factor.symbol not in given:
+            raise ParameterError(
+                f"the law of {law.response} needs {factor.symbol} ({factor.quantity}, {factor.unit}); "
+                f"give {factor.symbol}=..."
+            )
+    values = [_number(law, factor.symbol, factor.unit, given[factor.symbol]) for factor in law.factors]
+    try:
+        return list(np.broadcast_arrays(*values))
+    except ValueError:
+        shapes = ", ".join(f"{name} {value.shape}" for name, value in zip(symbols, values, strict=True))
+        raise ParameterError(f"the factors do not broadcast to one shape: {shapes}.") from None
+
+
+def _number(law: LawFields, symbol: str, unit: str, given: ArrayLike) -> Array:
+    try:
+        value = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ParameterError(f"{symbol} = {short(given)} is not a number; give it in {unit or 'its unit'}.") from None
+    bad = ~np.isfinite(value) | ((value <= 0) if law.form == "power" else False)
+    if bad.any():
+        wanted = "positive" if law.form == "power" else "finite"
+        seen = float(value[bad].flat[0]) if value.ndim else float(value)
+        raise ParameterError(f"{symbol} = {seen:g} {unit}: the {law.form} law of {law.response} needs {wanted} values.")
+    return value
+
+
+def _level(law: LawFields, level: str | None) -> str | None:
+    if law.by is None:
+        if level is not None:
+            raise ParameterError(f"the law of {law.response} has no levels; leave {short(level)} out.")
+        return None
+    known = ", ".join([law.by.reference, *law.by.shifts])
+    if level is None:
+        raise ParameterError(f"the law of {law.response} is by {law.by.column}: give by= one of its levels ({known}).")
+    if str(level) != law.by.reference and str(level) not in law.by.shifts:
+        seen = f"{law.by.column} {short(str(level))}"
+        raise ParameterError(f"the law of {law.response} has no {seen}; it has {known}.")
+    return str(level)
+
+
+def response(law: LawFields, eta: Array) -> Array:
+    """Response of the linear form: the inverse of the link."""
+    with np.errstate(over="ignore", under="ignore"):  # `as_given` refuses what overflows
+        return np.exp(eta) if law.form in LOGARITHMIC else eta
+
+
+def as_given(law: LawFields, value: Array) -> Array | float:
+    """A float for a single point, an array otherwise; ParameterError where a value is not finite."""
+    if not np.isfinite(value).all():
+        raise ParameterError(
+            f"the law of {law.response} is not finite at these factors; give factors near its domain (see inside)."
+        )
+    return value if value.ndim else float(value)
