@@ -50,7 +50,9 @@ def to_results(source, out, workers, files, most_pairs):
     with prepare(out, source.name, how, force=True):
         plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=out / ".batch" / "source")
         done = blocks_done(plan, how, out, folder_names(plan.pairs) if files else {}, workers, Meter(0, "pairs"))
-        results = results_frame([pair for block in done.outcomes for pair in block.pairs], laws_of(done.outcomes))
+        results = results_frame(
+            [pair for block in done.figures_by_plant for pair in block.pairs], laws_of(done.figures_by_plant)
+        )
         put(out, "results.csv", csv_bytes(results))
     return time.perf_counter() - begun, done.seconds, results
 

@@ -18,7 +18,7 @@ from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.excitation.signals import chirp
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.feasible_region import feasible_map
-from fitmodels.ident.pi.robust_design import Plants, draws_of_models, outcomes, robustness
+from fitmodels.ident.pi.robust_design import Plants, draws_of_models, figures_by_plant, robustness
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
 
@@ -46,7 +46,7 @@ def loosened(factor):
 
 def shares(models, gains, asked):
     """Share of models on which each specification holds: one simulation for all of them."""
-    table = outcomes(Plants(tuple(models)), gains, asked[0], DURATION)
+    table = figures_by_plant(Plants(tuple(models)), gains, asked[0], DURATION)
     return [float((one.worst(table) <= 0).mean()) for one in asked]
 
 

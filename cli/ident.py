@@ -165,10 +165,10 @@ def _facts(found: "Identification") -> dict[str, Any]:
     return {
         "verdicts": list(found.verdicts),
         "concern": found.concern,
-        "judged_on": found.judged_on,
+        "judged_on": found.validated_on,
         "fit": found.validation.fit,
         "rsquared": found.validation.rsquared,
-        "one_step_fit": found.validation.ahead.get(1),
+        "one_step_fit": found.validation.k_step_fit.get(1),
         "argument": found.argument,
         "tried": found.tried.to_dict(orient="records"),
         "arx": {"b": found.arx.b.tolist(), "a": found.arx.a.tolist()},

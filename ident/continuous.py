@@ -145,7 +145,7 @@ def to_continuous(model: Model) -> ContinuousModel | NoContinuousForm:
 
     Examples
     --------
-    >>> from fitmodels.ident.machines.zero_order_hold import sampled
+    >>> from fitmodels.ident.continuous import sampled
     >>> lag = to_continuous(sampled([2.0], [0.5, 1.0], dt=0.1, delay=0.3))
     >>> lag.num.round(9).tolist(), lag.den.round(9).tolist(), round(lag.delay, 9)
     ([4.0], [1.0, 2.0], 0.3)

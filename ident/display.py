@@ -120,7 +120,7 @@ def of_predicted(found: PredictedErrors) -> Display:
 def of_identification(found: Identification) -> Display:
     """The verdict, then the model."""
     shown = of_model(found.model)
-    fit = f"fit {found.validation.fit:.1f} % ({found.judged_on})"
+    fit = f"fit {found.validation.fit:.1f} % ({found.validated_on})"
     words = (found.argument, *found.verdicts)
     return Display(f"{shown.head}; {fit}", shown.facts, shown.table, words)
 
@@ -166,7 +166,7 @@ def of_loop_trace(trace: LoopTrace) -> Display:
 def of_check(found: PiCheck) -> Display:
     """The verdict; each reading on a row."""
     rows = tuple((reading.words, "yes" if reading.stable else "no", "yes" if reading.meets else "no")
-                 for reading in found.readings)  # fmt: skip
+                 for reading in found.interpretations)  # fmt: skip
     return Display(found.verdict, (), TextTable(("read as", "stable", "meets"), rows))
 
 

@@ -141,7 +141,7 @@ def residual_correlations(found: Validation, axes: tuple[Axes, Axes] | None = No
     left, right = axes or NotebookFigure(figsize=(7.6, 3.2), layout="constrained").subplots(1, 2)
     _stems(left, found.whiteness.lags, found.whiteness.correlation, found.whiteness.band)
     joined = [
-        np.concatenate([getattr(test, name) for test in (found.coming, found.independence)])
+        np.concatenate([getattr(test, name) for test in (found.future_inputs, found.independence)])
         for name in ("lags", "correlation", "band")
     ]
     _stems(right, *joined)

@@ -66,7 +66,7 @@ class Identification(Plottable):
         The same question asked of one-step errors, from one Gram matrix, as the papers do: sensor noise flatters it.
     validation : Validation
         Of a model of the same orders on samples that it was not fitted to, where the record is long enough.
-    judged_on : str
+    validated_on : str
         Which samples these are.
     bias, feedback, causality : str or None
         Sentences where there is something to say.
@@ -79,7 +79,7 @@ class Identification(Plottable):
     tried: pd.DataFrame
     one_step: OrderSearch
     validation: Validation
-    judged_on: str
+    validated_on: str
     bias: str | None
     feedback: str | None
     causality: str | None
@@ -108,7 +108,7 @@ class Identification(Plottable):
         low, high = self.model.band or (0.0, 0.0)
         said = [s for s in (self.causality, self.feedback, self.bias) if s]
         return (
-            f"The model {self.validation.verdict} ({self.judged_on}).",
+            f"The model {self.validation.verdict} ({self.validated_on}).",
             *(f"{s[0].upper()}{s[1:].rstrip('.')}." for s in said),
             f"Trust it from {low:.3g} to {high:.3g} Hz, where the input had power.",
             *(f"{s[0].upper()}{s[1:].rstrip('.')}." for s in (*self.validation.remarks, *self.model.notes)),
@@ -171,7 +171,7 @@ def identify(
     best = tried.iloc[0]
     na, nb, nk = (int(best[name]) for name in ("na", "nb", "nk"))
     feedback = feedback_detected(whole)
-    fitted, judge, judged_on = _split(whole, held_out)
+    fitted, judge, validated_on = _split(whole, held_out)
     trained = _estimated(fitted, na, nb, nk, feedback)
     model = trained if fitted is whole else _estimated(whole, na, nb, nk, feedback)
     plain = arx(whole, na, nb, nk)
@@ -182,7 +182,7 @@ def identify(
         tried=tried,
         one_step=choose_order(whole),
         validation=validate(trained, judge),
-        judged_on=judged_on,
+        validated_on=validated_on,
         bias=None if feedback else warn_of_bias(plain, model, band),
         feedback=feedback,
         causality=causality(whole),

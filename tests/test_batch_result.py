@@ -44,7 +44,7 @@ def outcome(*pairs, content=b"{}", **more):
 
 
 def the_same(block, other):
-    """Whether two outcomes of a block are the same, but for the bytes of files, which no record holds."""
+    """Whether two figures_by_plant of a block are the same, but for the bytes of files, which no record holds."""
     frames = block.laws, other.laws
     pd.testing.assert_frame_equal(*frames, check_exact=True)
     numbers = [frame.select_dtypes(float).to_numpy().tobytes() for frame in frames]  # -0.0 and 0.0 are equal
@@ -591,9 +591,9 @@ PAIRS_OF_ROWS = st.tuples(
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(PAIRS_OF_ROWS, max_size=4))
-def test_results_lose_no_digit(outcomes):
-    laws = law_table((i, row) for i, (_, rows) in enumerate(outcomes) for row in rows)
-    made = results_frame([one for one, _ in outcomes], laws, ["iso 513", "=grade", "unit"])
+def test_results_lose_no_digit(figures_by_plant):
+    laws = law_table((i, row) for i, (_, rows) in enumerate(figures_by_plant) for row in rows)
+    made = results_frame([one for one, _ in figures_by_plant], laws, ["iso 513", "=grade", "unit"])
     header, *rows = csv.reader(io.StringIO(csv_bytes(made).decode(), newline=""))
     assert header == ["tool", "work", "iso 513", "'=grade", "group unit", *list(made)[5:]]
     for name, cells in zip(made, zip(*rows, strict=True), strict=False):
@@ -616,8 +616,8 @@ def test_numbers_are_written_as_python_writes_them(numbers):
 
 def test_pandas_reads_the_same_numbers(tmp_path):
     numbers = np.random.default_rng(1).normal(size=200) * 10.0 ** np.arange(-100, 100)
-    outcomes = [PairOutcome("a", str(i), 1) for i in range(len(numbers))]
-    made = results_frame(outcomes, law_table((i, law(nobs=i, params_V=v)) for i, v in enumerate(numbers)))
+    figures_by_plant = [PairOutcome("a", str(i), 1) for i in range(len(numbers))]
+    made = results_frame(figures_by_plant, law_table((i, law(nobs=i, params_V=v)) for i, v in enumerate(numbers)))
     (tmp_path / "results.csv").write_bytes(csv_bytes(made))
     back = pd.read_csv(tmp_path / "results.csv", dtype={"params_V": str})  # its own parser may miss the last digit
     assert back["params_V"].map(float).tolist() == numbers.tolist()
@@ -638,24 +638,24 @@ def fitted(tool, *kinds):
     return PairOutcome(tool, "x", 9, concerns=tuple(Concern(kind, f"{kind} of {tool}") for kind in kinds))
 
 
-def results(outcomes, *rows):
+def results(figures_by_plant, *rows):
     """The table where each pair has one law."""
-    given = rows or [{} for _ in outcomes]
-    return results_frame(outcomes, law_table((i, law(**row)) for i, row in enumerate(given)))
+    given = rows or [{} for _ in figures_by_plant]
+    return results_frame(figures_by_plant, law_table((i, law(**row)) for i, row in enumerate(given)))
 
 
 def test_the_gravest_comes_first_and_unknown_kinds_last_by_their_names():
-    outcomes = [
+    figures_by_plant = [
         fitted("a", "rows left out", "zeal"), fitted("b", "zeal", "awe"), fitted("c", "zeal", UNLIKE),
         PairOutcome("d", "x", 1, reason="1 row."),
         PairOutcome("e", "x", 1, reason="2 rows.", concerns=(Concern(NO_LAW, "two"),)),
     ]  # fmt: skip
-    made = attention_summary(outcomes, most=2)
+    made = attention_summary(figures_by_plant, most=2)
     counts = [(NO_LAW, 2), (UNLIKE, 1), ("rows left out", 1), ("awe", 1), ("zeal", 3)]
     assert [(item.kind, item.pairs) for item in made] == counts
     assert (made[0].examples, made[0].words) == (("d on x", "e on x"), ("1 row.", "two"))
     assert made[-1].examples == ("a on x", "b on x")
-    frame = attention_frame(outcomes)
+    frame = attention_frame(figures_by_plant)
     assert frame.columns.tolist() == ["tool", "work", "kind", "words"]
     assert frame["kind"].tolist() == ["rows left out", "zeal", "zeal", "awe", "zeal", UNLIKE, NO_LAW, NO_LAW]
 
@@ -666,13 +666,13 @@ def test_no_concern_gives_empty_tables():
 
 
 def test_a_pair_that_scatters_is_told_and_one_with_hardly_any_rows_is_not():
-    outcomes = [fitted(name) for name in (*"abcdef", "loud", "near", "small")]
+    figures_by_plant = [fitted(name) for name in (*"abcdef", "loud", "near", "small")]
     rows = [{"scale_se": scale, "df_resid": 100} for scale in (*[0.1] * 6, 0.31, 0.29, 0.35)]
     rows[-1]["df_resid"] = 1
-    made = with_families(outcomes, results(outcomes, *rows))
+    made = with_families(figures_by_plant, results(figures_by_plant, *rows))
     assert [(one.tool, c.kind) for one in made for c in one.concerns] == [("loud", SCATTERS)]
     assert made[6].concerns[0].words == "AW scatters 3.1 times as much as in half of the pairs (0.31 against 0.1)"
-    three = outcomes[4:7]
+    three = figures_by_plant[4:7]
     assert with_families(three, results(three, *rows[4:7])) == three  # they do not tell what is usual
 
 
@@ -717,10 +717,10 @@ def test_what_compare_gives_is_understood():
 
     rng = np.random.default_rng(5)
     exponents = [*rng.normal(0.5, 0.03, 40), 1.2]
-    outcomes = [fitted(f"T{i}") for i in range(len(exponents))]
+    figures_by_plant = [fitted(f"T{i}") for i in range(len(exponents))]
     same = {"df": 20, "df_resid": 20, "scale_se": 0.1, "bse_V": 0.03, "n_edges": 24}
-    table = results(outcomes, *({**same, "params_V": b} for b in exponents))
-    made = with_families(outcomes, table, compare(table).pairs)
+    table = results(figures_by_plant, *({**same, "params_V": b} for b in exponents))
+    made = with_families(figures_by_plant, table, compare(table).pairs)
     assert [one.tool for one in made if one.concerns] == ["T40"]
 
 

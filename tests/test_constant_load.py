@@ -250,12 +250,12 @@ def test_its_average_is_the_mean_of_the_last_ten_feeds(paper):
 
 def test_it_is_the_tuner_s_own_controller_limits_and_average_included(paper):
     """ident simulates the same gains in code of its own; loads so far off that both limits hold at times."""
-    from fitmodels.ident.pi.controller import Controller
+    from fitmodels.ident.pi.controller import PiController
     from fitmodels.ident.pi.gains import PiGains
 
     c = in_cut(paper, average=10, back_off=1e9, recover=1e9)
     loop = c.loop
-    theirs = Controller(
+    theirs = PiController(
         PiGains(160.0, 0.3, 0.02, "incremental_sum", average=10, average_of="command", low=loop.feed_low,
                 high=loop.feed_high), last=loop.feed_high,
     )  # fmt: skip

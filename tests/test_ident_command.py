@@ -43,7 +43,7 @@ def test_a_record_is_recognised_and_identified(run, german, tmp_path):
     assert (code, err) == (0, "")
     assert "G(z) = (0.06" in out
     assert "non-minimum phase" in out
-    assert "noise in the sensor has most likely bent ARX" in out
+    assert "sensor noise most likely biases ARX" in out
     folder = tmp_path / "lauf-fit"
     pf = parameters.read(folder / "params.json")
     d = pf.dynamics

@@ -50,14 +50,14 @@ def test_the_band_is_what_the_chirp_excites(at_30_db):
 def test_samples_that_judge_were_not_fitted(at_30_db):
     assert at_30_db.validation.held_out
     assert at_30_db.validation.fit > 90
-    assert "samples 501 to 750" in at_30_db.judged_on
+    assert "samples 501 to 750" in at_30_db.validated_on
 
 
 def test_a_second_run_judges_where_there_is_one():
     found = identify([run(30, 1), run(30, 2)])
-    assert "run 2 of 2" in found.judged_on
+    assert "run 2 of 2" in found.validated_on
     other = identify(run(30, 1), held_out=run(30, 3))
-    assert "held out" in other.judged_on
+    assert "held out" in other.validated_on
 
 
 def test_known_orders_are_taken_as_they_are():

@@ -22,7 +22,7 @@ def check():
 
 
 def find(check, *words):
-    found = [r for r in check.readings if all(w in r.words for w in words)]
+    found = [r for r in check.interpretations if all(w in r.words for w in words)]
     assert len(found) == 1, [r.words for r in found]
     return found[0]
 
@@ -50,9 +50,9 @@ def test_a_reading_meets_it_between_two_scalings(check, words, low, high):
 
 
 def test_in_volts_per_ampere_no_reading_is_stable(check):
-    for reading in (r for r in check.readings if not r.scaled):
+    for reading in (r for r in check.interpretations if not r.scaled):
         assert (reading.stable, reading.meets) == ((), ())
-    assert len([r for r in check.readings if not r.scaled]) == 6
+    assert len([r for r in check.interpretations if not r.scaled]) == 6
 
 
 def test_the_ends_of_an_interval_are_where_the_loop_ceases_to_meet_it(check):
@@ -79,7 +79,7 @@ def test_the_table_and_the_sentence_tell_it(check):
 
 def test_another_unit_of_the_command_scales_the_intervals():
     one, ten = (
-        check_pi(replace(PUBLISHED, b=PUBLISHED.b / k), 160.0, 0.006, settling_time=4.0).readings[-1]
+        check_pi(replace(PUBLISHED, b=PUBLISHED.b / k), 160.0, 0.006, settling_time=4.0).interpretations[-1]
         for k in (1.0, 10.0)
     )
     np.testing.assert_allclose(np.array(one.meets) / 10, ten.meets, rtol=1e-6)

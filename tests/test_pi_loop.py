@@ -8,7 +8,7 @@ from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.figures_of_merit import figures_on_grid
 from fitmodels.ident.pi.gains import PiGains
-from fitmodels.ident.pi.loop import Figures, loop_of
+from fitmodels.ident.pi.loop import FiguresOfMerit, loop_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
@@ -231,7 +231,7 @@ def test_a_scaled_plant_with_gains_scaled_back_is_the_same_loop(kp, ki, factor):
     one = first.figures(6.0)
     two = loop_of(replace(PAPER, b=PAPER.b * factor), PiGains(kp / factor, ki / factor, T)).figures(6.0)
     power = {"travel": -1, "peak_u": -1, "noise_gain": -1, "disturbance_peak": 1, "disturbance_iae": 1}
-    for f in fields(Figures):
+    for f in fields(FiguresOfMerit):
         wanted = getattr(one, f.name) * factor ** power.get(f.name, 0)
         assert getattr(two, f.name) == pytest.approx(wanted, rel=1e-6, abs=1e-8), f.name
 
@@ -248,7 +248,7 @@ def test_the_grid_holds_what_each_pair_gives_alone(kind):
     assert 0.2 < table["stable"].mean() < 1
     for k in np.r_[np.arange(10), rng.integers(0, 3000, 15), 2999]:
         alone = loop_of(PAPER, replace(KINDS[kind], kp=kp[k], ki=ki[k])).figures(3.0)
-        for f in fields(Figures):
+        for f in fields(FiguresOfMerit):
             assert table[f.name][k] == pytest.approx(getattr(alone, f.name), rel=1e-9, abs=1e-9), (f.name, kp[k], ki[k])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
-from fitmodels.ident.pi.controller import Controller, simulate_loop
+from fitmodels.ident.pi.controller import PiController, simulate_loop
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
 
@@ -97,7 +97,7 @@ def test_under_limits_the_incremental_form_goes_on_from_what_was_sent_and_none_f
 
 def test_clamping_holds_the_sum_one_sample_after_the_limit_as_linuxcncs_pid_does():
     # pid.c of LinuxCNC 2.9: the sum stands while the limit that the last output met and the error point one way
-    pi = Controller(PiGains(2.0, 10.0, 0.1, high=3.0))
+    pi = PiController(PiGains(2.0, 10.0, 0.1, high=3.0))
     sent = [pi.step(1.0, y) for y in (0.0, 0.0, 0.0, 0.0, 1.0, 1.5)]
     total, state, wanted = 0.0, 0, []
     for e in (1.0, 1.0, 1.0, 1.0, 0.0, -0.5):

@@ -12,7 +12,7 @@ from fitmodels.ident.estimators.prediction_error import armax, output_error
 from fitmodels.ident.excitation.signals import chirp, prbs
 from fitmodels.ident.model import Model
 from fitmodels.ident.responses.frequency import frequency_response
-from fitmodels.ident.validation.model_validation import implausible, settling_time, validate
+from fitmodels.ident.validation.model_validation import plausibility_remarks, settling_time, validate
 from fitmodels.ident.validation.prediction import k_steps, one_step, simulated
 from fitmodels.ident.validation.residual_tests import independence, whiteness
 from hypothesis import given, settings
@@ -48,8 +48,8 @@ def test_robot_arm_is_identified_on_one_half_and_simulated_on_the_other(measurem
     found = validate(output_error(first, 5, 4, 0), second)
     assert found.rsquared > 0.95
     one_way = validate(arx(first, 4, 4, 1), second)
-    assert one_way.ahead[1] > 97
-    assert "which flatters" in one_way.verdict
+    assert one_way.k_step_fit[1] > 97
+    assert "is optimistic" in one_way.verdict
     assert one_way.concern == 2
     with pytest.raises(IdentError, match=r"radius 1\.2"):
         validate(arx(first, 5, 5, 1), second)
@@ -99,10 +99,10 @@ def test_far_ahead_a_prediction_is_the_free_run():
     rec, other = recorded(chirp(), 30, 1), recorded(chirp(), 30, 2)
     for model in (arx(rec.centred(), 3, 3), armax(rec.centred(), 3, 3, 2)):
         found = validate(model, other, steps=(1, 10, 400))
-        assert found.ahead[400] == pytest.approx(found.fit, abs=3)
-        assert found.ahead[1] > found.fit - 0.1
+        assert found.k_step_fit[400] == pytest.approx(found.fit, abs=3)
+        assert found.k_step_fit[1] > found.fit - 0.1
     flat = validate(output_error(rec, 3, 3), other)
-    assert list(flat.ahead.values()) == pytest.approx([flat.fit] * 3)
+    assert list(flat.k_step_fit.values()) == pytest.approx([flat.fit] * 3)
 
 
 def test_white_noise_is_flagged_at_five_percent():
@@ -160,8 +160,8 @@ def test_a_wrong_delay_shows_in_the_residuals():
 
 def test_arx_under_sensor_noise_is_unmasked_by_the_free_run():
     found = validate(arx(recorded(chirp(), 20, 1), 3, 3), recorded(chirp(), 20, 2))
-    assert found.ahead[1] - found.fit > 15
-    assert "which flatters" in found.verdict
+    assert found.k_step_fit[1] - found.fit > 15
+    assert "is optimistic" in found.verdict
 
 
 def test_its_own_record_proves_little():
@@ -172,7 +172,7 @@ def test_its_own_record_proves_little():
 def test_a_perfect_model_is_told_as_one():
     found = validate(PLANT, recorded(chirp(), 400, 1))
     assert found.fit > 99.999
-    assert "hold nothing more of u" in found.verdict
+    assert "are independent of u" in found.verdict
     assert found.concern == 0
 
 
@@ -217,8 +217,8 @@ IMPLAUSIBLE = {
 
 @pytest.mark.parametrize("what", IMPLAUSIBLE)
 def test_what_no_machine_does_is_said(what):
-    assert any(what in text for text in implausible(IMPLAUSIBLE[what], 15.0))
-    assert implausible(PLANT, 15.0) == ()
+    assert any(what in text for text in plausibility_remarks(IMPLAUSIBLE[what], 15.0))
+    assert plausibility_remarks(PLANT, 15.0) == ()
 
 
 def test_figures_can_be_drawn():

@@ -11,7 +11,7 @@ from .settings import ForceSettings, settings_for
 from .signals import ReferenceModel
 
 if TYPE_CHECKING:
-    from ...ident.pi.controller import Controller
+    from ...ident.pi.controller import PiController
     from ...parameters import ParameterFile
 
 
@@ -24,7 +24,7 @@ class FixedForcePi(Displayable):
     Attributes
     ----------
     settings : ForceSettings
-    pi : Controller
+    pi : PiController
         Of `fitmodels.ident.pi.controller`, with the file's gains.
     command : float
     news : tuple of str
@@ -42,7 +42,7 @@ class FixedForcePi(Displayable):
     """
 
     settings: ForceSettings
-    pi: "Controller"
+    pi: "PiController"
     command: float = field(init=False)
     news: tuple[str, ...] = field(default=(), init=False)
     _model: ReferenceModel = field(init=False)
@@ -63,7 +63,7 @@ class FixedForcePi(Displayable):
         GateError
             As for the adaptive controller; and a file without gains, or with gains in another unit.
         """
-        from ...ident.pi.controller import Controller
+        from ...ident.pi.controller import PiController
         from ...ident.pi.gains import PiGains
 
         settings, pi, section = settings_for(pf, depth), pf.pi, pf.adaptive_force
@@ -76,7 +76,7 @@ class FixedForcePi(Displayable):
             )
         given = {name: getattr(pi, name) for name in PiGains.__dataclass_fields__}
         gains = PiGains(**{**given, "low": settings.low, "high": settings.high})
-        return cls(settings, Controller(gains, idle=settings.low, last=settings.low))
+        return cls(settings, PiController(gains, idle=settings.low, last=settings.low))
 
     @property
     def reference(self) -> float:

@@ -9,12 +9,12 @@ from ...datasets.records.record import Record
 from ..model import Model, Structure
 from .filters import ROUNDING, covariance, inverse_of_squares, squares
 from .free_simulation import FreeRun, constants, sensitivities
-from .input_checks import check_tellable, not_centred
+from .input_checks import check_identifiable, not_centred
 
 Array = NDArray[np.float64]
 
 
-def described(rec: Record) -> dict[str, Any]:
+def record_facts(rec: Record) -> dict[str, Any]:
     """What a model keeps of its record."""
     lengths = [s.stop - s.start for s in rec.stretches]
     mean = np.average(np.asarray(rec.offsets), axis=0, weights=lengths)
@@ -36,7 +36,7 @@ def slow_pole(a: Array, longest: int) -> tuple[str, ...]:
     )
 
 
-def told(steps: int, converged: bool, method: str) -> str:
+def convergence_note(steps: int, converged: bool, method: str) -> str:
     """How the search ended, for ``notes``."""
     count = f"{steps} {method} step{'s' if steps != 1 else ''}"
     return f"converged after {count}" if converged else f"not converged: stopped after {count}"
@@ -45,7 +45,7 @@ def told(steps: int, converged: bool, method: str) -> str:
 def output_error_model(rec: Record, run: FreeRun, theta: Array, structure: Structure, notes: tuple[str, ...]) -> Model:
     """The estimate with its covariance, as every caller takes it."""
     e, J = sensitivities(run, theta)
-    check_tellable(J, {"na" if structure == "sriv" else "nf": run.na, "nb": run.nb})
+    check_identifiable(J, {"na" if structure == "sriv" else "nf": run.na, "nb": run.nb})
     variance = squares(e) / max(len(e) - len(theta) - run.hidden, 1)
     cov, colour = variance * inverse_of_squares(J), 0
     if squares(e) > 1e4 * ROUNDING * squares(run.y):  # rounding has a colour too, and nothing to tell
@@ -57,7 +57,7 @@ def output_error_model(rec: Record, run: FreeRun, theta: Array, structure: Struc
         notes += (f"noise is coloured (autoregression of order {colour}): the standard errors allow for it",)
     b, a = run.polynomials(theta)
     notes += slow_pole(a, max(s.stop - s.start for s in run.stretches))
-    from_record = described(rec)
+    from_record = record_facts(rec)
     if run.constant:
         weights = [s.stop - s.start for s in run.stretches]
         u0, y0 = from_record["operating_point"]

@@ -96,7 +96,7 @@ def _orthonormal(columns: Array) -> Array:
     return np.asarray(Q[:, own > NEARLY_ALIKE])
 
 
-def without(x: Array, free: list[tuple[slice, Array]]) -> Array:
+def projected_out(x: Array, free: list[tuple[slice, Array]]) -> Array:
     """X (N,) or (N, k) less its part along the free responses, as a new array."""
     if not free:
         return x
@@ -109,7 +109,7 @@ def without(x: Array, free: list[tuple[slice, Array]]) -> Array:
 def simulation_error(run: FreeRun, theta: Array) -> Array:
     """Measured less simulated output, shape (N,)."""
     b, a = run.polynomials(theta)
-    return without(run.y - filtered(b, a, run.u, run.stretches), free_responses(run, a))
+    return projected_out(run.y - filtered(b, a, run.u, run.stretches), free_responses(run, a))
 
 
 def sensitivities(run: FreeRun, theta: Array) -> tuple[Array, Array]:
@@ -120,12 +120,12 @@ def sensitivities(run: FreeRun, theta: Array) -> tuple[Array, Array]:
     b, a = run.polynomials(theta)
     free = free_responses(run, a)
     uf = filtered([1.0], a, run.u, run.stretches)
-    e = without(run.y - filtered(b, [1.0], uf, run.stretches), free)
-    J = by_a_and_b(run, filtered([1.0], a, run.y - e, run.stretches), uf)
-    return e, without(J, free)
+    e = projected_out(run.y - filtered(b, [1.0], uf, run.stretches), free)
+    J = regressor_columns(run, filtered([1.0], a, run.y - e, run.stretches), uf)
+    return e, projected_out(J, free)
 
 
-def by_a_and_b(run: FreeRun, yf: Array, uf: Array) -> Array:
+def regressor_columns(run: FreeRun, yf: Array, uf: Array) -> Array:
     """Columns -yf(t - 1) ... -yf(t - na), uf(t - nk) ..., shape (N, na + nb)."""
     out = np.empty((len(yf), run.na + run.nb), order="F")
     out[:, : run.na] = lagged(-yf, range(1, run.na + 1), run.stretches)

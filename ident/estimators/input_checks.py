@@ -101,7 +101,7 @@ def dependent(r: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(np.diag(r)) <= DEPENDENT * length)
 
 
-def tellable(r: Array, na: int, nb: int) -> tuple[int, int]:
+def identifiable_orders(r: Array, na: int, nb: int) -> tuple[int, int]:
     """Orders up to na, nb with most coefficients whose regressors (columns of r: na, then nb) are independent."""
     orders = [(i, j) for i in range(na + 1) for j in range(1, nb + 1)]
     for i, j in sorted(orders, key=lambda o: (-sum(o), abs(o[0] - o[1]))):
@@ -111,7 +111,7 @@ def tellable(r: Array, na: int, nb: int) -> tuple[int, int]:
     return 0, 0
 
 
-def collinear(na: int, nb: int, nk: int, told: tuple[int, int]) -> IdentError:
+def collinear_error(na: int, nb: int, nk: int, told: tuple[int, int]) -> IdentError:
     """What is said where the data do not tell the coefficients of an order apart."""
     i, j = told
     return IdentError(
@@ -125,7 +125,7 @@ PER_COEFFICIENT = 3  # samples; below it the noise variance means nothing
 SINGULAR = 1e10  # condition number of columns of length 1: the published plant without noise has 2e4
 
 
-def demand(rec: Record | Sequence[Record], orders: dict[str, int], nk: int) -> Record:
+def checked_record(rec: Record | Sequence[Record], orders: dict[str, int], nk: int) -> Record:
     """The record (several joined), or IdentError: no orders, too few samples, an input or output that stands still."""
     for name, order in {**orders, "nk": nk}.items():
         least = 1 if name == "nb" else 0
@@ -148,28 +148,28 @@ def check_samples(rec: Record, orders: dict[str, int], nk: int) -> None:
     longest = max(s.stop - s.start for s in rec.stretches)
     if len(rec) < needed or longest <= reach:
         raise IdentError(
-            f"{len(rec)} samples, the longest stretch with {longest}: {in_words(orders)}, nk {nk} need {needed} "
+            f"{len(rec)} samples, the longest stretch with {longest}: {orders_text(orders)}, nk {nk} need {needed} "
             f"samples and a stretch of {reach + 1}. Lower the orders or record longer."
         )
 
 
-def check_tellable(J: Array, orders: dict[str, int]) -> None:
+def check_identifiable(J: Array, orders: dict[str, int]) -> None:
     """Coefficients that the record tells apart; J (N, p) is the sensitivity of the prediction to them."""
     length = np.linalg.norm(J, axis=0)
     if not (np.isfinite(length) & (length > 0)).all():
         raise IdentError(
-            f"{in_words(orders)}: some coefficients do not change the prediction (b is zero: nothing of the "
+            f"{orders_text(orders)}: some coefficients do not change the prediction (b is zero: nothing of the "
             "input shows in the output). Look at nk, and whether both columns are of one run."
         )
     condition = float(np.linalg.cond(np.linalg.qr(J / length, mode="r")))
     if condition > SINGULAR:
         raise IdentError(
-            f"{in_words(orders)}: the record does not tell these coefficients apart (condition number {condition:.0e}, "
-            f"limit {SINGULAR:.0e}): orders higher than the data allow, or an input of few frequencies. Lower the "
+            f"{orders_text(orders)}: coefficients not identifiable from this record (condition number {condition:.0e}, "
+            f"limit {SINGULAR:.0e}): the orders are too high, or the input excites too few frequencies. Lower the "
             "orders, or excite more frequencies."
         )
 
 
-def in_words(orders: dict[str, int]) -> str:
+def orders_text(orders: dict[str, int]) -> str:
     """Orders in words: "na 3, nb 3"."""
     return ", ".join(f"{name} {order}" for name, order in orders.items())

@@ -17,19 +17,19 @@ from numpy.typing import NDArray
 from ...core.threads import one_thread
 from ...datasets.records.record import Record
 from ..model import Model
-from .build_model import output_error_model, told
+from .build_model import convergence_note, output_error_model
 from .filters import ROUNDING, filtered, is_stable, lagged, reflected, squares
 from .free_simulation import (
     FreeRun,
-    by_a_and_b,
     free_responses,
     free_run,
+    projected_out,
+    regressor_columns,
     sensitivities,
     simulation_error,
     with_initial_states,
-    without,
 )
-from .input_checks import demand
+from .input_checks import checked_record
 
 Array = NDArray[np.float64]
 Initial = Literal["auto", "zero", "estimate", "offset"]
@@ -39,17 +39,17 @@ PATIENCE = 8  # steps; under strongly coloured noise Z'Phi circles the end, whic
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class Iterate:
     """A stable theta (na + nb,) and the squares of its simulation error."""
 
     theta: Array
     loss: float
 
 
-def point(run: FreeRun, theta: Array) -> Point:
+def point(run: FreeRun, theta: Array) -> Iterate:
     """Theta with its poles reflected into the unit circle, and its loss."""
     stable = np.r_[reflected(np.r_[1.0, theta[: run.na]])[1:], theta[run.na :]]
-    return Point(stable, squares(simulation_error(run, stable)))
+    return Iterate(stable, squares(simulation_error(run, stable)))
 
 
 def prefiltered(run: FreeRun, pole: float) -> Array:
@@ -61,9 +61,11 @@ def prefiltered(run: FreeRun, pole: float) -> Array:
 def equation_fit(run: FreeRun, y: Array, den: Array) -> Array:
     """Theta of a y = b u by least squares, both sides filtered by 1 / den, initial states fitted out."""
     yf = filtered([1.0], den, y, run.stretches)
-    Phi = by_a_and_b(run, yf, filtered([1.0], den, run.u, run.stretches))
+    Phi = regressor_columns(run, yf, filtered([1.0], den, run.u, run.stretches))
     free = free_responses(run, den)
-    return np.asarray(np.linalg.lstsq(without(Phi, free), without(yf, free), rcond=None)[0], dtype=np.float64)
+    return np.asarray(
+        np.linalg.lstsq(projected_out(Phi, free), projected_out(yf, free), rcond=None)[0], dtype=np.float64
+    )
 
 
 def reduced(run: FreeRun) -> Array:
@@ -81,14 +83,14 @@ def instrumental_step(run: FreeRun, theta: Array, symmetric: bool = False) -> Ar
     """
     e, Z = sensitivities(run, theta)
     a = run.polynomials(theta)[1]
-    Phi = Z if symmetric else by_a_and_b(run, *(filtered([1.0], a, x, run.stretches) for x in (run.y, run.u)))
+    Phi = Z if symmetric else regressor_columns(run, *(filtered([1.0], a, x, run.stretches) for x in (run.y, run.u)))
     scale = np.linalg.norm(Z, axis=0)
     scale[scale == 0] = 1.0
     Z = Z / scale
     return np.asarray(np.linalg.lstsq(Z.T @ Phi / scale, Z.T @ e, rcond=1e-14)[0] / scale, dtype=np.float64)
 
 
-def stride(run: FreeRun, start: Point, steps: int) -> Point:
+def stride(run: FreeRun, start: Iterate, steps: int) -> Iterate:
     """The best of a few whole steps, uphill ones included: they leave a bad start behind."""
     best = here = start
     for _ in range(steps):
@@ -99,7 +101,7 @@ def stride(run: FreeRun, start: Point, steps: int) -> Point:
     return best
 
 
-def refine(run: FreeRun, start: Point, max_steps: int, tol: float) -> tuple[Point, int, bool]:
+def refine(run: FreeRun, start: Iterate, max_steps: int, tol: float) -> tuple[Iterate, int, bool]:
     """Steps that go down; ends where none does, or where theta moves by less than ``tol``."""
     here, symmetric = start, False
     for k in range(max_steps):
@@ -118,7 +120,7 @@ def refine(run: FreeRun, start: Point, max_steps: int, tol: float) -> tuple[Poin
     return here, max_steps, False
 
 
-def downhill(run: FreeRun, here: Point, symmetric: bool) -> Point | None:
+def downhill(run: FreeRun, here: Iterate, symmetric: bool) -> Iterate | None:
     """One step, halved until the loss is lower; None where it never is."""
     step = instrumental_step(run, here.theta, symmetric)
     for half in range(12):
@@ -128,7 +130,7 @@ def downhill(run: FreeRun, here: Point, symmetric: bool) -> Point | None:
     return None
 
 
-def stationary(run: FreeRun, at: Point) -> bool:
+def stationary(run: FreeRun, at: Iterate) -> bool:
     """Whether the error is square to every sensitivity, or is no more than rounding: nothing is left to gain."""
     e, Z = sensitivities(run, at.theta)
     along = np.linalg.qr(Z)[0].T @ e
@@ -143,9 +145,9 @@ def starts(run: FreeRun) -> Iterator[Array]:
     yield reduced(run)
 
 
-def search(run: FreeRun) -> Point:
+def search(run: FreeRun) -> Iterate:
     """The best of several starts; ends early when two have found the same lowest loss."""
-    found: list[Point] = []
+    found: list[Iterate] = []
     for theta in starts(run):
         found.append(stride(run, point(run, theta), 4))
         lowest = sorted(p.loss for p in found)[:2]
@@ -203,13 +205,13 @@ def sriv(
     >>> sriv(datasets.Record(u=u, y=y, sample_time=0.02), na=1, nb=1).theta.round(9).tolist()
     [-0.8, 0.5]
     """
-    rec = demand(rec, {"na": na, "nb": nb}, nk)
+    rec = checked_record(rec, {"na": na, "nb": nb}, nk)
     run, best, steps, converged = estimate(free_run(rec, na, nb, nk), initial, max_steps, tol)
-    notes = (told(steps, converged, "instrumental variable"), *runs_away(run, best.loss))
+    notes = (convergence_note(steps, converged, "instrumental variable"), *unstable_arx_note(run, best.loss))
     return output_error_model(rec, run, best.theta, "sriv", notes)
 
 
-def estimate(run: FreeRun, initial: Initial, max_steps: int, tol: float) -> tuple[FreeRun, Point, int, bool]:
+def estimate(run: FreeRun, initial: Initial, max_steps: int, tol: float) -> tuple[FreeRun, Iterate, int, bool]:
     """Start, choice of initial state, and refinement."""
     run = replace(run, free=initial in ("estimate", "offset"), constant=initial == "offset")
     best = search(run)
@@ -218,7 +220,7 @@ def estimate(run: FreeRun, initial: Initial, max_steps: int, tol: float) -> tupl
     return run, *refine(run, best, max_steps, tol)
 
 
-def runs_away(run: FreeRun, loss: float) -> tuple[str, ...]:
+def unstable_arx_note(run: FreeRun, loss: float) -> tuple[str, ...]:
     """A note where ARX as it stands, unstable, runs closer to y than the best stable model."""
     theta = prefiltered(run, 0.0)
     with np.errstate(all="ignore"):

@@ -19,11 +19,11 @@ from .input_checks import (
     check_length,
     check_moves,
     check_orders,
-    collinear,
+    collinear_error,
     dependent,
+    identifiable_orders,
     not_centred,
     short_stretches,
-    tellable,
 )
 from .regressors import Lags, gram, r_of, triangle
 
@@ -126,7 +126,7 @@ def _solve(rec: Record, na: int, nb: int, nk: int, solver: Solver) -> _Solved:
             return solved
     r = r_of(triangle(rec, lags).matrix[:, lags.columns(na, nb, nk)])
     if dependent(r[:-1, :-1]).any():
-        raise collinear(na, nb, nk, tellable(r[:, :-1], na, nb))
+        raise collinear_error(na, nb, nk, identifiable_orders(r[:, :-1], na, nb))
     solved = _from_triangle(r)
     note = (
         f"regressors nearly collinear or residuals small (condition number {solved.condition:.1e}, residual "

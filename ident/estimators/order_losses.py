@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .input_checks import DEPENDENT
-from .regressors import Gram, Lags, Triangle, r_of
+from .regressors import Gram, Lags, LagTriangle, r_of
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def losses(total: Gram, na: Sequence[int], nb: int, nk: Sequence[int]) -> Array 
     return np.asarray(rss * length[0] ** 2)
 
 
-def losses_of_triangle(r: Triangle, na: Sequence[int], nb: int, nk: Sequence[int]) -> Array:
+def losses_of_triangle(r: LagTriangle, na: Sequence[int], nb: int, nk: Sequence[int]) -> Array:
     """The same from the triangle of all columns; sums of squares only, so nothing cancels.
 
     Infinite where the regressors of an order are collinear.
@@ -48,14 +48,14 @@ def losses_of_triangle(r: Triangle, na: Sequence[int], nb: int, nk: Sequence[int
     for i, a in enumerate(na):
         factors = _triangles(r.matrix, _columns(r.lags, a, nb, nk))
         left = np.cumsum(factors[:, ::-1, -1] ** 2, axis=1)[:, ::-1][:, a + 1 : a + nb + 1]
-        rss[:, i] = np.where(_untold(factors)[:, a:], np.inf, left)
+        rss[:, i] = np.where(_collinear(factors)[:, a:], np.inf, left)
     return np.maximum(rss, ROUNDING * float((r.matrix[:, 0] ** 2).sum()))
 
 
-def left_out(parts: Sequence[Gram | Triangle], na: Sequence[int], nb: int, nk: Sequence[int]) -> Array:
+def left_out(parts: Sequence[Gram | LagTriangle], na: Sequence[int], nb: int, nk: Sequence[int]) -> Array:
     """Mean square one-step error of each part under the fit to all the others, (len(nk), len(na), nb)."""
     total = np.zeros((len(nk), len(na), nb))
-    triangles = isinstance(parts[0], Triangle)
+    triangles = isinstance(parts[0], LagTriangle)
     for k, out in enumerate(parts):
         others = [part.matrix for j, part in enumerate(parts) if j != k]
         trained = r_of(np.concatenate(others)) if triangles else np.sum(others, axis=0)
@@ -77,7 +77,7 @@ def _error(trained: Array, out: Array, columns: NDArray[np.intp], a: int, triang
             return np.full((len(columns), columns.shape[1] - 1 - a), np.inf)
         r = lower.transpose(0, 2, 1)
     size = r.shape[2] - 1
-    untold = _untold(r)
+    collinear = _collinear(r)
     pivots = np.diagonal(r, axis1=1, axis2=2)[:, :size]
     square = r[:, :size, :size] + np.where(pivots == 0, 1.0, 0.0)[:, :, None] * np.eye(size)
     inverse = np.linalg.inv(square)
@@ -89,10 +89,10 @@ def _error(trained: Array, out: Array, columns: NDArray[np.intp], a: int, triang
         error = ((out.T[columns].transpose(0, 2, 1) @ whole) ** 2).sum(axis=1)
     else:
         error = (whole * (out[columns[:, :, None], columns[:, None, :]] @ whole)).sum(axis=1)
-    return np.where(untold[:, a:], np.inf, error)
+    return np.where(collinear[:, a:], np.inf, error)
 
 
-def _untold(factors: Array) -> NDArray[np.bool_]:
+def _collinear(factors: Array) -> NDArray[np.bool_]:
     """Whether the first k columns are collinear, k = 1 ... size, shape (len(factors), size)."""
     length = np.sqrt((factors**2).sum(axis=1))[:, :-1]
     pivots = np.abs(np.diagonal(factors, axis1=1, axis2=2))[:, : length.shape[1]]

@@ -20,7 +20,7 @@ from ...datasets.records.record import Record, join_records
 from .bias_checks import causality_of
 from .input_checks import check_length, check_moves, check_orders, not_centred, short_stretches
 from .order_losses import left_out, losses, losses_of_triangle
-from .regressors import Gram, Lags, Triangle, grams, r_of, triangle
+from .regressors import Gram, Lags, LagTriangle, grams, r_of, triangle
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -172,11 +172,11 @@ def _searched(rec: Record, lags: Lags, total: Gram, parts: list[Gram], ranges: R
     if not several:
         return losses_of_triangle(triangle(rec, lags), na, nb, nk), None
     triangles = _part_triangles(rec, lags)
-    whole = Triangle(r_of(np.concatenate([part.matrix for part in triangles])), total.rows, lags)
+    whole = LagTriangle(r_of(np.concatenate([part.matrix for part in triangles])), total.rows, lags)
     return losses_of_triangle(whole, na, nb, nk), left_out(triangles, na, nb, nk)
 
 
-def _part_triangles(rec: Record, lags: Lags) -> list[Triangle]:
+def _part_triangles(rec: Record, lags: Lags) -> list[LagTriangle]:
     """Triangles of the runs that ``_parts`` puts together."""
     long = [s for s in rec.stretches if s.stop - s.start > lags.span]
     size = -(-len(long) // PARTS)

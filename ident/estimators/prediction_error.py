@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from ...core.threads import one_thread
 from ...datasets.records.record import Record
 from ..model import Model
-from .build_model import described, output_error_model, told
+from .build_model import convergence_note, output_error_model, record_facts
 from .filters import EDGE, ROUNDING, filtered, inverse_of_squares, is_stable, lagged, reflected, squares, whitening
 from .free_simulation import FreeRun, free_run, sensitivities
-from .input_checks import check_tellable, demand, not_centred, short_stretches
-from .instrumental import Initial, estimate, runs_away
+from .input_checks import check_identifiable, checked_record, not_centred, short_stretches
+from .instrumental import Initial, estimate, unstable_arx_note
 from .regressors import arx_regressors
 
 Array = NDArray[np.float64]
@@ -164,10 +164,12 @@ def output_error(
     >>> output_error(datasets.Record(u=u, y=y, sample_time=0.02), nb=1, nf=1).theta.round(9).tolist()
     [-0.8, 0.5]
     """
-    rec = demand(rec, {"nb": nb, "nf": nf}, nk)
+    rec = checked_record(rec, {"nb": nb, "nf": nf}, nk)
     run, start, _, _ = estimate(free_run(rec, nf, nb, nk), initial, max_steps=8, tol=1e-3)
     end = free_run_minimum(run, start.theta, max_steps, tol)
-    return output_error_model(rec, run, end.theta, "output_error", (how(end), *runs_away(run, squares(end.e))))
+    return output_error_model(
+        rec, run, end.theta, "output_error", (search_note(end), *unstable_arx_note(run, squares(end.e)))
+    )
 
 
 def free_run_minimum(run: FreeRun, theta: Array, max_steps: int, tol: float) -> Minimum:
@@ -179,9 +181,9 @@ def free_run_minimum(run: FreeRun, theta: Array, max_steps: int, tol: float) -> 
     return minimise(theta, lambda th: sensitivities(run, th), stable, squares(run.y), tol, max_steps)
 
 
-def how(end: Minimum) -> str:
+def search_note(end: Minimum) -> str:
     """How the search ended, for ``notes``."""
-    return f"{told(end.steps, end.converged, 'Levenberg-Marquardt')}: {end.reason}"
+    return f"{convergence_note(end.steps, end.converged, 'Levenberg-Marquardt')}: {end.reason}"
 
 
 @one_thread
@@ -226,7 +228,7 @@ def armax(
     [-0.8, 0.5]
     """
     orders = {"na": na, "nb": nb, "nc": nc}
-    rec = demand(rec, orders, nk)
+    rec = checked_record(rec, orders, nk)
     y, Phi, stretches = equation_rows(rec, na, nb, nk)
     residual = y - Phi @ np.linalg.lstsq(Phi, y, rcond=None)[0]
     noiseless = squares(residual) <= 1e4 * ROUNDING * squares(y)
@@ -234,14 +236,14 @@ def armax(
     starts = noise_starts(y, Phi, stretches, order)
     ends = [innovations_minimum(y, Phi, stretches, order, start, max_steps, tol) for start in starts]
     end = min(ends, key=lambda end: squares(end.e))
-    check_tellable(end.J, orders)
+    check_identifiable(end.J, orders)
     variance = squares(end.e) / max(len(y) - len(end.theta), 1)
     a, b, c = np.split(end.theta, [na, na + nb])
     model = Model(
         b=np.r_[np.zeros(nk), b], a=np.r_[1.0, a], c=np.r_[1.0, c, np.zeros(nc - order)], nk=nk, structure="armax",
         cov_params=variance * inverse_of_squares(end.J)[: na + nb, : na + nb], noise_variance=variance,
-        **{**described(rec), "n": len(y)},
-        notes=(how(end), *rec.notes, *not_centred(rec), *short_stretches(rec, max(na, nk + nb - 1))),
+        **{**record_facts(rec), "n": len(y)},
+        notes=(search_note(end), *rec.notes, *not_centred(rec), *short_stretches(rec, max(na, nk + nb - 1))),
     )  # fmt: skip
     more = ["no noise is left to tell c by: it is 1"] if order < nc else []
     more += [] if model.stable else [f"the free run is unstable: a pole has modulus {model.radius:.4g}"]

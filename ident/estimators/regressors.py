@@ -181,7 +181,7 @@ BLOCK = 8192
 
 
 @dataclass(frozen=True, slots=True)
-class Triangle:
+class LagTriangle:
     """R of the QR decomposition of the columns of ``lags``, (p, p) or fewer rows; its R'R is their Gram matrix."""
 
     matrix: Array
@@ -227,7 +227,7 @@ def arx_regressors(rec: Record, na: int, nb: int, nk: int) -> tuple[Array, Array
     return phi, rec.y[t], t
 
 
-def triangle(rec: Record, lags: Lags, stretches: Sequence[slice] | None = None) -> Triangle:
+def triangle(rec: Record, lags: Lags, stretches: Sequence[slice] | None = None) -> LagTriangle:
     """QR of all columns in blocks of rows, so that memory stays constant.
 
     It keeps the digits that products of columns lose by squaring the condition number.
@@ -237,7 +237,7 @@ def triangle(rec: Record, lags: Lags, stretches: Sequence[slice] | None = None) 
     for block in _blocks(rec, lags, rec.stretches if stretches is None else stretches):
         rows += len(block)
         r = r_of(np.concatenate([r, block]))
-    return Triangle(r, rows, lags)
+    return LagTriangle(r, rows, lags)
 
 
 def _blocks(rec: Record, lags: Lags, stretches: Sequence[slice]) -> Iterator[Array]:

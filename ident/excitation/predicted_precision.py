@@ -16,7 +16,7 @@ from ...core.display import Plottable
 from ...core.errors import IdentError
 from ..estimators.filters import inverse_of_squares
 from ..estimators.free_simulation import FreeRun, sensitivities
-from ..estimators.input_checks import check_tellable
+from ..estimators.input_checks import check_identifiable
 from ..model import Model
 from ..responses.confidence_bands import response_slope
 
@@ -93,7 +93,7 @@ def predicted_errors(
     _check(guess, values, noise_sd, runs)
     run = FreeRun(values, np.zeros_like(values), (slice(0, len(values)),), guess.na, guess.nb, guess.nk)
     e, J = sensitivities(run, guess.theta)
-    check_tellable(J, {"nb": guess.nb, "nf": guess.na})
+    check_identifiable(J, {"nb": guess.nb, "nf": guess.na})
     cov = noise_sd**2 / runs * inverse_of_squares(J)
     model = replace(guess, structure="output_error", cov_params=cov, noise_variance=noise_sd**2)
     nyquist = 0.5 / guess.sample_time

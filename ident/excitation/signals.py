@@ -17,7 +17,7 @@ from ...core.errors import IdentError
 Array = NDArray[np.float64]
 
 
-class Limits(TypedDict, total=False):
+class SignalLimits(TypedDict, total=False):
     """Limits of every excitation: level from ``low`` to ``high``, ``max_rate`` in units a second."""
 
     low: float | None
@@ -26,7 +26,7 @@ class Limits(TypedDict, total=False):
     limit: Literal["refuse", "scale"]
 
 
-def within(
+def within_limits(
     x: Array,
     rate: float,
     offset: float = 0.0,
@@ -58,7 +58,7 @@ def within(
     return np.asarray(offset + scale * x, dtype=np.float64)
 
 
-def samples(duration: float, rate: float) -> int:
+def sample_count(duration: float, rate: float) -> int:
     """Number of samples of a duration in s at a rate in Hz."""
     if not (np.isfinite([duration, rate]).all() and duration > 0 and rate > 0):
         raise IdentError(f"duration {duration:g} s at {rate:g} Hz: both lie above zero, for instance 15 s at 50 Hz.")
@@ -99,7 +99,7 @@ def chirp(
     *,
     kind: Literal["linear", "logarithmic"] = "linear",
     offset: float = 0.0,
-    **limits: Unpack[Limits],
+    **limits: Unpack[SignalLimits],
 ) -> Array:
     """Swept sine; linear is eq. 17 of Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587.
 
@@ -133,7 +133,7 @@ def chirp(
     >>> len(u), round(float(u[100]), 4)
     (750, 0.7226)
     """
-    n = samples(duration, rate)
+    n = sample_count(duration, rate)
     check_frequency("f0", f0, rate)
     check_frequency("f1", f1, rate)
     check_kind("kind", kind, ("linear", "logarithmic"))
@@ -143,7 +143,7 @@ def chirp(
     else:
         growth = np.log(f1 / f0) / duration
         phase = f0 / growth * np.expm1(growth * t)
-    return within(amplitude * np.sin(2 * np.pi * phase), rate, offset, **limits)
+    return within_limits(amplitude * np.sin(2 * np.pi * phase), rate, offset, **limits)
 
 
 def prbs(
@@ -155,7 +155,7 @@ def prbs(
     order: int | None = None,
     seed: int = 1,
     offset: float = 0.0,
-    **limits: Unpack[Limits],
+    **limits: Unpack[SignalLimits],
 ) -> Array:
     """Two levels at random, from a shift register of the longest period (2^order - 1 holds).
 
@@ -179,7 +179,7 @@ def prbs(
     >>> prbs(2.5, duration=3.5, rate=2, hold=0.5).tolist()
     [2.5, -2.5, -2.5, 2.5, -2.5, 2.5, 2.5]
     """
-    n = samples(duration, rate)
+    n = sample_count(duration, rate)
     held = round(hold * rate)
     if held < 1 or abs(held - hold * rate) > 1e-6 * held:
         raise IdentError(f"hold {hold:g} s at {rate:g} Hz is {hold * rate:g} samples: a whole number, 1 or more.")
@@ -188,7 +188,7 @@ def prbs(
     if order not in TAPS:
         raise IdentError(f"order {order!r} of a shift register: {min(TAPS)} to {max(TAPS)}.")
     bits = shift_register(order, seed, needed)
-    return within(amplitude * np.repeat(2.0 * bits - 1, held)[:n], rate, offset, **limits)
+    return within_limits(amplitude * np.repeat(2.0 * bits - 1, held)[:n], rate, offset, **limits)
 
 
 def shift_register(order: int, seed: int, length: int) -> NDArray[np.int8]:
@@ -212,7 +212,7 @@ def multisine(
     *,
     weights: ArrayLike | None = None,
     offset: float = 0.0,
-    **limits: Unpack[Limits],
+    **limits: Unpack[SignalLimits],
 ) -> Array:
     """Sines at chosen lines with Schroeder phases: one whole period, to be repeated without a seam.
 
@@ -237,7 +237,7 @@ def multisine(
     >>> round(float(np.abs(u).max()), 9), round(crest_factor(u), 1)
     (2.5, 1.6)
     """
-    n = samples(duration, rate)
+    n = sample_count(duration, rate)
     if lines is None:
         lines = np.arange(np.ceil(0.1 * duration), np.floor(2.0 * duration) + 1) / duration
     f = np.atleast_1d(np.asarray(lines, dtype=np.float64))
@@ -255,11 +255,11 @@ def multisine(
     share = power / power.sum()
     phase = -2 * np.pi * np.concatenate([[0.0], np.cumsum(np.cumsum(share)[:-1])])
     x = np.sqrt(share) @ np.cos(2 * np.pi * np.outer(f, np.arange(n) / rate) + phase[:, None])
-    return within(amplitude * x / np.abs(x).max(), rate, offset, **limits)
+    return within_limits(amplitude * x / np.abs(x).max(), rate, offset, **limits)
 
 
 def steps(
-    levels: Sequence[float], hold: float, rate: float = 50.0, *, offset: float = 0.0, **limits: Unpack[Limits]
+    levels: Sequence[float], hold: float, rate: float = 50.0, *, offset: float = 0.0, **limits: Unpack[SignalLimits]
 ) -> Array:
     """A train of steps: each level for ``hold`` seconds, in its turn.
 
@@ -271,7 +271,7 @@ def steps(
     heights = np.asarray(levels, dtype=np.float64)
     if heights.ndim != 1 or len(heights) < 2 or not np.isfinite(heights).all():
         raise IdentError(f"levels {levels!r}: two numbers or more, for instance [0, 1, 0].")
-    return within(np.repeat(heights, samples(hold, rate)), rate, offset, **limits)
+    return within_limits(np.repeat(heights, sample_count(hold, rate)), rate, offset, **limits)
 
 
 def crest_factor(u: ArrayLike) -> float:

@@ -31,7 +31,7 @@ from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...datasets import Record
 from ...datasets.records.record import join_records
-from .equation_of_motion import Motion, Rows, motion_of, rows_of, velocity_and_travel
+from .equation_of_motion import FilteredRows, Motion, motion_of, rows_of, velocity_and_travel
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,7 +55,7 @@ class DriveFit(Plottable):
     relative_error : float
         Length of the residual force over that of the force, behind the filter.
     rows, left_out : int
-        Rows used, and left out near reversals.
+        FilteredRows used, and left out near reversals.
     motion : Motion
         Force and motion in SI units, as the record gave them.
     rate, cutoff : float
@@ -188,7 +188,7 @@ def drive_fit(
     cutoff : float or None
         Low-pass, Hz; by default 0.04 of the sample rate. Well above the motion, below resonances.
     slow : float
-        Rows within the filter's reach of a speed below this part of the top speed are left out.
+        FilteredRows within the filter's reach of a speed below this part of the top speed are left out.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def drive_fit(
     rec = rec if isinstance(rec, Record) else join_records(rec)
     motion = motion_of(rec, force, unit, cutoff, held)
     rows = rows_of(motion, slow)
-    _demand(rows)
+    _check_rows(rows)
     scale = np.linalg.norm(rows.X, axis=0)
     theta = np.linalg.lstsq(rows.X / scale, rows.F, rcond=None)[0] / scale
     e = rows.F - rows.X @ theta
@@ -219,8 +219,8 @@ def drive_fit(
     )  # fmt: skip
 
 
-def _demand(rows: Rows) -> None:
-    """Rows that tell the four columns apart, or IdentError."""
+def _check_rows(rows: FilteredRows) -> None:
+    """FilteredRows that tell the four columns apart, or IdentError."""
     fewest = 4 * max(COUNTS)
     if len(rows.F) < fewest:
         raise IdentError(

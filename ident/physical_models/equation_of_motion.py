@@ -73,7 +73,7 @@ class Motion(Displayable):
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class FilteredRows:
     """Rows of F = X theta behind the filter: X (n, 4) of a, v, sign(v), 1; F (n,) N; time (n,) s; rate in Hz."""
 
     X: Array
@@ -153,7 +153,7 @@ def _of_stretch(force: Array, y: Array, dt: float, cutoff: float, times: int) ->
     return force, low_passed(v, dt, cutoff), a, v
 
 
-def rows_of(motion: Motion, slow: float) -> Rows:
+def rows_of(motion: Motion, slow: float) -> FilteredRows:
     """Every column and the force behind one filter, every k-th row, none within its reach of a reversal or an end."""
     dt = motion.sample_time
     k = max(int(0.4 / (motion.cutoff * dt)), 1)
@@ -174,7 +174,7 @@ def rows_of(motion: Motion, slow: float) -> Rows:
         X.append(smooth[keep, :4])
         F.append(smooth[keep, 4])
         time.append((s.start + keep) * dt)
-    return Rows(np.concatenate(X), np.concatenate(F), np.concatenate(time), 1 / (k * dt), left)
+    return FilteredRows(np.concatenate(X), np.concatenate(F), np.concatenate(time), 1 / (k * dt), left)
 
 
 def velocity_and_travel(

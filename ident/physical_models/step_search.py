@@ -15,7 +15,7 @@ FOLLOWS = 0.1  # share of the output's variance that the best response must expl
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class StepSolution:
     """Where the search ended: residuals e (N,), J (N, p) of ``names``, rest levels, bounds of the stretches."""
 
     gain: float
@@ -30,7 +30,7 @@ class Found:
     size: float
 
 
-def search(order: int, runs: Sequence[Stretch], delay: float | None) -> Found:
+def search(order: int, runs: Sequence[Stretch], delay: float | None) -> StepSolution:
     """The least-squares response, from several starts."""
     from scipy.optimize import least_squares
 
@@ -68,7 +68,7 @@ def search(order: int, runs: Sequence[Stretch], delay: float | None) -> Found:
     return _found(order, runs, y, shape, late, free and late > 1e-6 * longest)
 
 
-def _found(order: int, runs: Sequence[Stretch], y: Array, shape: list[float], late: float, free: bool) -> Found:
+def _found(order: int, runs: Sequence[Stretch], y: Array, shape: list[float], late: float, free: bool) -> StepSolution:
     x = basis(order, runs, shape, late)
     gain = gain_of(x, y)
     e = y - gain * x
@@ -94,7 +94,7 @@ def _found(order: int, runs: Sequence[Stretch], y: Array, shape: list[float], la
     levels = [
         float((run.y - gain * raw(order, run, shape, late)).mean()) for run in runs
     ]  # fmt: skip
-    return Found(gain, shape, late, names, e, np.column_stack(columns), levels, ends, squares(e), squares(y))
+    return StepSolution(gain, shape, late, names, e, np.column_stack(columns), levels, ends, squares(e), squares(y))
 
 
 def raw(order: int, run: Stretch, shape: Sequence[float], late: float) -> Array:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _WEIGHTS = {"backward": (1.0, 0.0), "forward": (0.0, 1.0), "trapezoidal": (0.5, 0.5)}
 
 
-class Controller:
+class PiController:
     """A PI with its filters, limits and memory.
 
     Each ``step`` takes a reference and a measurement and returns the command that is sent (before the delay).
@@ -45,7 +45,7 @@ class Controller:
 
     Examples
     --------
-    >>> pi = Controller(PiGains(2.0, 10.0, 0.1, high=3.0))
+    >>> pi = PiController(PiGains(2.0, 10.0, 0.1, high=3.0))
     >>> [pi.step(1.0, y) for y in (0.0, 0.0, 1.0)]
     [3.0, 3.0, 2.0]
     """
@@ -229,14 +229,14 @@ def simulate_loop(
         raise UsageError(f"noise {noise:g} without rng: give a seed, so that the same call gives the same run.")
     e = noise * np.random.default_rng(rng).standard_normal(n) if noise else np.zeros(n)
     inside, outside = (loads, np.zeros(n)) if load_at == "input" else (np.zeros(n), loads)
-    controller = Controller(gains, idle, quantum, last=0.0 if n == 0 or cut[0] else idle)
+    controller = PiController(gains, idle, quantum, last=0.0 if n == 0 or cut[0] else idle)
     y, u, limited = _run(model, controller, r, inside * cut, outside * cut, cut, e)
     time = np.arange(n, dtype=np.float64) * model.sample_time
     return LoopTrace(time, r, y, y + e, u, limited, cut, gains.unit_u or model.unit_u, gains.unit_y or model.unit_y)
 
 
 def _run(
-    model: Model, controller: Controller, r: Array, inside: Array, outside: Array, cut: Mask, e: Array
+    model: Model, controller: PiController, r: Array, inside: Array, outside: Array, cut: Mask, e: Array
 ) -> tuple[Array, Array, NDArray[np.int8]]:
     """Output, command sent, and whether it was limited."""
     b, a = model.b.tolist(), model.a[1:].tolist()

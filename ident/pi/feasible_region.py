@@ -28,7 +28,7 @@ class FeasibleMap(Plottable):
     kp : ndarray, shape (P,)
     ki : ndarray, shape (I,), per second
     figures : dict of ndarray, each shape (P, I)
-        As in `Figures`, by name.
+        As in `FiguresOfMerit`, by name.
     feasible : ndarray of bool, shape (P, I)
         Stable, and every limit met.
     worst : ndarray, shape (P, I)
@@ -99,7 +99,7 @@ def feasible_map(
     template = PiGains(0.0, 0.0, model.sample_time) if template is None else template
     widest = gain_range(model, template) if range_ is None else range_
     time = horizon(model, specification) if duration is None else duration
-    kp, ki = closing_in(model, specification, template, widest, time)
+    kp, ki = region_limits(model, specification, template, widest, time)
     order = max(len(model.a), len(model.b)) + template.delay + template.average
     n = max(2, min(n, int(np.sqrt(MOST / (time / model.sample_time * (1 + order / 4))))))
     across, up = np.linspace(*kp, n), np.linspace(*ki, n)
@@ -110,7 +110,7 @@ def feasible_map(
 def evaluate(
     model: Model, specification: Specification, template: PiGains, kp: Array, ki: Array, duration: float, *more: str
 ) -> tuple[dict[str, Array], Array]:
-    """Figures and largest violations of every pair, each shape (len(kp), len(ki)); see `specified_figures`."""
+    """FiguresOfMerit and largest violations of every pair, each shape (len(kp), len(ki)); see `specified_figures`."""
     table = specified_figures(model, *grid(kp, ki), template, duration, specification, *more)
     figures = {name: values.reshape(len(kp), len(ki)) for name, values in table.items()}
     return figures, specification.worst(figures)
@@ -125,7 +125,7 @@ def horizon(model: Model, specification: Specification) -> float:
     return float(np.clip(-12 / np.log(slow), 100, 4000)) * model.sample_time
 
 
-def closing_in(
+def region_limits(
     model: Model, specification: Specification, template: PiGains, widest: GainRange, duration: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Limits of kp and of ki that hold the feasible gains, or the nearest ones: over decades first, then closer."""
@@ -133,21 +133,21 @@ def closing_in(
     i = decades(widest.ki, DECADES_KI)
     for _ in range(ROUNDS):
         worst = evaluate(model, specification, template, p, i, duration)[1]
-        (p_low, p_high), (i_low, i_high) = around(p, i, worst)
+        (p_low, p_high), (i_low, i_high) = limits_of(p, i, worst)
         if (worst <= 0).sum() >= 4:
             break
         p, i = np.linspace(p_low, p_high, CLOSER), np.linspace(i_low, i_high, CLOSER)
     return (p_low, p_high), (i_low, i_high)
 
 
-def around(p: Array, i: Array, worst: Array) -> tuple[tuple[float, float], tuple[float, float]]:
+def limits_of(p: Array, i: Array, worst: Array) -> tuple[tuple[float, float], tuple[float, float]]:
     """Limits of the feasible pairs, or of those about as near as the nearest, and one step of the grid beyond."""
     least = float(worst.min())
     rows, columns = np.nonzero(worst <= (1.4 * least + NEAR if least > 0 else 0.0))
-    return beyond(p, rows), beyond(i, columns)
+    return one_step_out(p, rows), one_step_out(i, columns)
 
 
-def beyond(values: Array, found: NDArray[np.intp]) -> tuple[float, float]:
+def one_step_out(values: Array, found: NDArray[np.intp]) -> tuple[float, float]:
     """The values at the first and the last index found, one index further out."""
     low, high = max(found.min() - 1, 0), min(found.max() + 1, len(values) - 1)
     return float(values[low]), float(values[high])

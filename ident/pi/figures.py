@@ -28,7 +28,7 @@ def feasible_map_figure(found: FeasibleMap, ax: Axes | None = None, chosen: tupl
             found.kp, found.ki, ms, levels=[1.1, 1.2, 1.3, 1.4, 1.6, 1.8, 2, 2.5], colors=GREY, linewidths=0.5
         )
         ax.clabel(thin, fmt="Ms %g", fontsize=6)
-    for k, (name, limit, value) in enumerate(found.specification.asked()):
+    for k, (name, limit, value) in enumerate(found.specification.active()):
         figure = found.figures[limit.figure].T
         figure = np.where(np.isfinite(figure), figure, np.nan)
         told = f"{LIMITS[name].words} {limit.scale * value:g}{limit.unit}"
@@ -98,10 +98,10 @@ def loop_figure(loop: Loop, ax: Axes | None = None) -> Axes:
 @plot.register
 def check_figure(found: PiCheck, ax: Axes | None = None) -> Axes:
     """In which scalings of the command each reading is stable, and meets the specification."""
-    ax = whiskers({reading.words: (1.0, np.nan, np.nan) for reading in found.readings}, ax)
+    ax = whiskers({reading.words: (1.0, np.nan, np.nan) for reading in found.interpretations}, ax)
     for line in ax.get_lines():
         line.set_visible(False)
-    for at, reading in enumerate(found.readings):
+    for at, reading in enumerate(found.interpretations):
         for intervals, colour, width in ((reading.stable, BLUE, 3.0), (reading.meets, ORANGE, 6.0)):
             for low, high in intervals:
                 ax.plot([low, high], [at, at], "|-", color=colour, lw=width, solid_capstyle="butt")

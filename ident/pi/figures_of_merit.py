@@ -34,7 +34,7 @@ def figures_on_grid(
     *,
     margins: bool = True,
 ) -> dict[str, Array]:
-    """Figures of merit (see `Figures`) for every pair of gains, by name.
+    """Figures of merit (see `FiguresOfMerit`) for every pair of gains, by name.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def specified_figures(
     specification: Specification,
     *more: str,
 ) -> dict[str, Array]:
-    """Figures that a specification limits, and the integral time; margins only where it or ``more`` names one.
+    """FiguresOfMerit that a specification limits, and the integral time; margins only where it or ``more`` names one.
 
     Shapes as of `figures_on_grid`: (m,), or (number of models, m) for a sequence.
 
@@ -113,6 +113,6 @@ def specified_figures(
     >>> table["stable"].tolist(), "ms" in table
     ([True, False], False)
     """
-    wanted = {LIMITS[name].figure for name, _, _ in specification.asked()} | set(more)
+    wanted = {LIMITS[name].figure for name, _, _ in specification.active()} | set(more)
     table = figures_on_grid(model, kp, ki, template, duration, margins=bool(wanted & MARGINS))
     return table_of(table, kp, ki)

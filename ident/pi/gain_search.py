@@ -23,7 +23,7 @@ STEPS = 2.0  # of the map to each side, where the search begins
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class GainPoint:
     """Gains, the largest violation they leave, and the value of the aim."""
 
     kp: float
@@ -52,7 +52,7 @@ def best_of(worst: Array, aim: Array) -> int:
     return int(np.argmin(worst))
 
 
-def refined(model: Model, specification: Specification, template: PiGains, found: FeasibleMap, aim: Aim) -> Point:
+def refined(model: Model, specification: Specification, template: PiGains, found: FeasibleMap, aim: Aim) -> GainPoint:
     """The best gains near the best point of a map; where nothing is feasible, the nearest.
 
     Small grids along the axes and along the ray of one integral time take turns; both shrink where they gain nothing.
@@ -64,11 +64,11 @@ def refined(model: Model, specification: Specification, template: PiGains, found
             f"no PI settles with this model: its largest pole has radius {model.radius:.4g}, and no gains on the map "
             "end its ringing. Identify with lower orders, or on a longer record."
         )
-    ends = [closed_in(model, specification, template, found, aim, start, steps) for start in starts]
+    ends = [search_near(model, specification, template, found, aim, start, steps) for start in starts]
     return min(ends, key=lambda end: (end.worst, end.aim))
 
 
-def starts_of(found: FeasibleMap, aim: Aim) -> list[Point]:
+def starts_of(found: FeasibleMap, aim: Aim) -> list[GainPoint]:
     """The best point of a map; where nothing is feasible, the nearest of each quarter too: there may be valleys."""
     shape = found.worst.shape
     kp, ki = np.broadcast_to(found.kp[:, None], shape), np.broadcast_to(found.ki, shape)
@@ -85,15 +85,15 @@ def starts_of(found: FeasibleMap, aim: Aim) -> list[Point]:
     return list({(p.kp, p.ki): p for p in points}.values())
 
 
-def closed_in(
+def search_near(
     model: Model,
     specification: Specification,
     template: PiGains,
     found: FeasibleMap,
     aim: Aim,
-    best: Point,
+    best: GainPoint,
     steps: list[float],
-) -> Point:
+) -> GainPoint:
     """The best gains near one point."""
     sizes = [*steps, STEPS / len(found.ki), STEPS / len(found.ki)]
     more = (aim,) if aim in MARGINS else ()
@@ -113,19 +113,19 @@ def closed_in(
     return best
 
 
-def better(one: Point, other: Point, by: float) -> bool:
+def better(one: GainPoint, other: GainPoint, by: float) -> bool:
     """Whether a point misses less, or meets as much with a smaller aim, by more than a share of it."""
     if one.worst != other.worst:
         return one.worst < other.worst * (1 - by)
     return one.aim < other.aim - by * abs(other.aim)
 
 
-def axes_grid(at: Point, kp: Array, ki: Array) -> tuple[Array, Array]:
+def axes_grid(at: GainPoint, kp: Array, ki: Array) -> tuple[Array, Array]:
     """Gains about a point, as two flat arrays."""
     return np.repeat(at.kp + kp, len(ki)), np.tile(at.ki + ki, len(kp))
 
 
-def ray_grid(at: Point, size: Array, angle: Array) -> tuple[Array, Array]:
+def ray_grid(at: GainPoint, size: Array, angle: Array) -> tuple[Array, Array]:
     """Both gains scaled by one share, and ki by another: along a line of one integral time and beside it."""
     scale, turn = 1 + np.repeat(size, len(angle)), 1 + np.tile(angle, len(size))
     return at.kp * scale, at.ki * scale * turn
@@ -137,8 +137,8 @@ def in_quadrant(kp: Array, ki: Array, sign: float) -> tuple[Array, Array]:
     return kp[sign * ki > 0], ki[sign * ki > 0]
 
 
-def point_of(table: dict[str, Array], worst: Array, kp: Array, ki: Array, aim: Aim) -> Point:
+def point_of(table: dict[str, Array], worst: Array, kp: Array, ki: Array, aim: Aim) -> GainPoint:
     """The best of a row of gains."""
     score = aim_of(table, ki, aim)
     k = best_of(worst, score)
-    return Point(float(kp[k]), float(ki[k]), float(worst[k]), float(score[k]))
+    return GainPoint(float(kp[k]), float(ki[k]), float(worst[k]), float(score[k]))

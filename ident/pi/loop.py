@@ -26,7 +26,7 @@ SHORTEST, LONGEST = 50, 50_000  # samples of a step whose duration is not given
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Figures(Displayable):
+class FiguresOfMerit(Displayable):
     """What a loop does, as numbers.
 
     Times are in seconds and interpolated between samples along straight lines. Fractions are of the final value of the
@@ -168,11 +168,11 @@ class Loop(Plottable):
         """Output in a unit step of load at the plant input and at the plant output, each shape (n,)."""
         return _run(self.load, n), _run(self.sensitivity, n)
 
-    def figures(self, duration: float | None = None) -> Figures:
+    def figures(self, duration: float | None = None) -> FiguresOfMerit:
         """All figures; steps of ``duration`` s, None for until the slowest pole dies out, at most 50 000 samples."""
         length = _until_still(self) if duration is None else duration
         table = figures_on_grid(self.model, [self.gains.kp], [self.gains.ki], self.gains, length)
-        return Figures(**{f.name: table[f.name][0].item() for f in fields(Figures)})
+        return FiguresOfMerit(**{f.name: table[f.name][0].item() for f in fields(FiguresOfMerit)})
 
 
 def loop_of(model: Model, gains: PiGains) -> Loop:

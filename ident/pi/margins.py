@@ -26,7 +26,7 @@ CLOSER = 0.15  # the next three points lie this much closer together: a smaller 
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Brackets:
     """Places on the grid worth a closer look: loop, and angles around or beside it."""
 
     loop: Index
@@ -44,7 +44,7 @@ def margin_figures(loops: Loops) -> dict[str, Array]:
     return figures | _gain_margin(loops, found["phase"]) | _phase_margin(loops, found["gain"], m, T)
 
 
-def _look(loops: Loops) -> dict[str, Found]:
+def _look(loops: Loops) -> dict[str, Brackets]:
     """All places, by what they are for."""
     places: dict[str, list[tuple[Any, ...]]] = {"ms": [], "mt": [], "gain": [], "phase": []}
     for b, a, first, stop in _by_plant(loops):
@@ -58,7 +58,7 @@ def _look(loops: Loops) -> dict[str, Found]:
                 middle = np.clip(column, 1, len(theta) - 2) if name in ("ms", "mt") else column
                 ends = (middle - 1, middle + 1) if name in ("ms", "mt") else (column, column + 1)
                 places[name].append((row + k, theta[ends[0]], theta[middle], theta[ends[1]]))
-    return {name: Found(*(np.concatenate(c) for c in zip(*rows, strict=True))) for name, rows in places.items()}
+    return {name: Brackets(*(np.concatenate(c) for c in zip(*rows, strict=True))) for name, rows in places.items()}
 
 
 def _by_plant(loops: Loops) -> list[tuple[Array, Array, int, int]]:
@@ -113,7 +113,7 @@ def _share(L: Complex) -> Array:
         return np.asarray(_distance(L) / (L.real**2 + L.imag**2), dtype=np.float64)
 
 
-def _peak(loops: Loops, at: Found, of: Callable[[Complex], Array]) -> Array:
+def _peak(loops: Loops, at: Brackets, of: Callable[[Complex], Array]) -> Array:
     """1/sqrt of the least value over the candidates of each loop, each followed by parabolas that close in on it."""
     mine = loops[at.loop]
     x = np.stack([at.left, at.centre, at.right])
@@ -146,7 +146,7 @@ def _with_ends(loops: Loops, figures: dict[str, Array]) -> None:
     np.maximum(figures["mt"], final, out=figures["mt"])
 
 
-def _crossing(loops: Loops, at: Found, of: Callable[[Complex], Array]) -> tuple[Array, Complex]:
+def _crossing(loops: Loops, at: Brackets, of: Callable[[Complex], Array]) -> tuple[Array, Complex]:
     """Angle where a real function of L changes sign between two angles, and L there, by the Illinois rule."""
     mine = loops[at.loop]
     x0, x1 = at.left.copy(), at.right.copy()
@@ -172,7 +172,7 @@ def _imaginary(L: Complex) -> Array:
     return np.asarray(L.imag)
 
 
-def _phase_margin(loops: Loops, at: Found, m: int, T: float) -> dict[str, Array]:
+def _phase_margin(loops: Loops, at: Brackets, m: int, T: float) -> dict[str, Array]:
     """Smallest |180 + arg L| at |L| = 1, where that is, and the smallest further lag that uses it up."""
     theta, L = _crossing(loops, at, _log_size)
     lead = np.angle(-L)
@@ -184,7 +184,7 @@ def _phase_margin(loops: Loops, at: Found, m: int, T: float) -> dict[str, Array]
     return {"phase_margin": np.degrees(margin), "delay_margin": delay, "crossover": crossover}
 
 
-def _gain_margin(loops: Loops, at: Found) -> dict[str, Array]:
+def _gain_margin(loops: Loops, at: Brackets) -> dict[str, Array]:
     """The factor nearest 1, as a ratio, that puts L on -1: crossings of the negative real axis, and both ends."""
     _, L = _crossing(loops, at, _imaginary)
     every = np.arange(len(loops))

@@ -1,6 +1,7 @@
-"""What given gains are: the readings of two bare numbers, where each is stable and where it meets a specification.
+"""Interpretations of published PI gains: where each is stable, and where it meets a specification.
 
-Kp 160 and Ki 0.006 say nothing without form, units, sample time and scaling: each reading is another controller.
+Kp 160 and Ki 0.006 are undefined without form, units, sample time and scaling: each interpretation is another
+controller.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +35,7 @@ DECADES = (
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Reading(Displayable):
+class Interpretation(Displayable):
     """One way to read two numbers.
 
     Attributes
@@ -66,9 +67,9 @@ class PiCheck(Plottable):
     kp, ki : float
         As printed.
     specification : Specification
-    readings : tuple of Reading
+    interpretations : tuple of Interpretation
     command_unit : str
-        Unit of the scaled readings.
+        Unit of the scaled interpretations.
     input_unit : str
     duration : float
         Of the simulated steps, s.
@@ -77,33 +78,38 @@ class PiCheck(Plottable):
     kp: float
     ki: float
     specification: Specification
-    readings: tuple[Reading, ...]
+    interpretations: tuple[Interpretation, ...]
     command_unit: str
     input_unit: str
     duration: float
 
     @property
     def table(self) -> "pd.DataFrame":
-        """Reading, where it is stable, where it meets the specification, in words."""
+        """Interpretation, where it is stable, where it meets the specification, in words."""
         import pandas as pd
 
-        rows = [(r.words, told(r.stable, r.scaled), told(r.meets, r.scaled)) for r in self.readings]
+        rows = [
+            (r.words, intervals_text(r.stable, r.scaled), intervals_text(r.meets, r.scaled))
+            for r in self.interpretations
+        ]
         unit = f"{self.command_unit} per {self.input_unit}"
         return pd.DataFrame(rows, columns=["reading", f"stable ({unit})", f"meets the specification ({unit})"])
 
     @property
     def verdict(self) -> str:
         """One sentence."""
-        good = [r for r in self.readings if r.meets]
-        head = f"Kp {self.kp:g}, Ki {self.ki:g}, {len(self.readings)} readings"
+        good = [r for r in self.interpretations if r.meets]
+        head = f"Kp {self.kp:g}, Ki {self.ki:g}, {len(self.interpretations)} interpretations"
         if not good:
             return f"{head}: none meets {self.specification}."
         scaling = f" {self.command_unit} per {self.input_unit}"
-        ways = "; ".join(f"{r.words}" + (f" at {told(r.meets, True)}{scaling}" if r.scaled else "") for r in good)
+        ways = "; ".join(
+            f"{r.words}" + (f" at {intervals_text(r.meets, True)}{scaling}" if r.scaled else "") for r in good
+        )
         return f"{head}: {len(good)} can meet {self.specification}: {ways}."
 
 
-def told(intervals: Sequence[Interval], scaled: bool) -> str:
+def intervals_text(intervals: Sequence[Interval], scaled: bool) -> str:
     """Intervals of a scaling in words."""
     if not intervals:
         return "none" if scaled else "no"
@@ -150,27 +156,27 @@ def check_pi(
     --------
     >>> model = Model(b=[0.0, 0.2], a=[1.0, -0.8], nk=1, sample_time=0.1, unit_u="V", unit_y="A")
     >>> check = check_pi(model, 100.0, 20.0, rise_time=2.0, settling_time=4.0)
-    >>> check.readings[6].words
+    >>> check.interpretations[6].words
     'position form, Kp in mm/min per A, Ki per second'
     """
     if specification is not None and (rise_time is not None or settling_time is not None):
         raise UsageError("rise_time and settling_time beside a specification: put them into it.")
     asked = Specification(rise_time, settling_time) if specification is None else specification
-    if not any(True for _ in asked.asked()):
+    if not any(True for _ in asked.active()):
         raise IdentError("nothing is asked for: give rise_time, settling_time or a specification.")
     if not (np.isfinite([kp, ki]).all() and kp > 0 and ki > 0):
         raise IdentError(f"Kp {kp!r}, Ki {ki!r}: two numbers above zero.")
     base = PiGains(0.0, 0.0, model.sample_time) if controller is None else controller
     time = horizon(model, asked)
     u, y = model.unit_u or "input", model.unit_y or "output"
-    readings = []
+    interpretations = []
     for unit, scaled in ((u, False), (command_unit, True)):
-        for words, gains in ways(kp, ki, base, f"{unit} per {y}"):
-            readings.append(reading(model, asked, words, gains, scaled, time))
-    return PiCheck(kp, ki, asked, tuple(readings), command_unit, u, time)
+        for words, gains in interpretations_of(kp, ki, base, f"{unit} per {y}"):
+            interpretations.append(interpretation(model, asked, words, gains, scaled, time))
+    return PiCheck(kp, ki, asked, tuple(interpretations), command_unit, u, time)
 
 
-def ways(kp: float, ki: float, base: PiGains, unit: str) -> list[tuple[str, PiGains]]:
+def interpretations_of(kp: float, ki: float, base: PiGains, unit: str) -> list[tuple[str, PiGains]]:
     """Forms and units in which two numbers can be meant."""
     T = base.sample_time
     of_ki = {"per second": ki, "per sample": ki / T}
@@ -187,7 +193,9 @@ def ways(kp: float, ki: float, base: PiGains, unit: str) -> list[tuple[str, PiGa
     ]
 
 
-def reading(model: Model, asked: Specification, words: str, gains: PiGains, scaled: bool, duration: float) -> Reading:
+def interpretation(
+    model: Model, asked: Specification, words: str, gains: PiGains, scaled: bool, duration: float
+) -> Interpretation:
     """One reading, and where it is stable and meets the specification."""
 
     def stable(scale: Array) -> Good:
@@ -201,10 +209,10 @@ def reading(model: Model, asked: Specification, words: str, gains: PiGains, scal
     if not scaled:
         one = np.ones(1)
         found = [((1.0, 1.0),) if good(one)[0] else () for good in (stable, meets)]
-        return Reading(words, gains, scaled, *found)
+        return Interpretation(words, gains, scaled, *found)
     heights = np.abs(model.response(np.geomspace(1e-3, 1, 200) / (2 * model.sample_time)))
     scale = gains.kp * float(heights.max()) * np.logspace(-DECADES, DECADES, SCALES)
-    return Reading(words, gains, scaled, intervals(stable, scale), intervals(meets, scale))
+    return Interpretation(words, gains, scaled, intervals(stable, scale), intervals(meets, scale))
 
 
 def intervals(good: Callable[[Array], Good], scale: Array) -> tuple[Interval, ...]:

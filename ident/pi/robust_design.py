@@ -141,7 +141,7 @@ def robustness(
     (1.0, 0)
     """
     plants = plants if isinstance(plants, Plants) else Plants(tuple(plants))
-    table = outcomes(plants, gains, specification, duration)
+    table = figures_by_plant(plants, gains, specification, duration)
     holds = specification.worst(table) <= 0
     missed = {name: float((v > 0).mean()) for name, v in specification.violations(table).items()}
     worst = {name: worst_value(table, name) for name in missed}
@@ -152,7 +152,7 @@ def robustness(
     )
 
 
-def outcomes(plants: Plants, gains: PiGains, specification: Specification, duration: float) -> dict[str, Array]:
+def figures_by_plant(plants: Plants, gains: PiGains, specification: Specification, duration: float) -> dict[str, Array]:
     """The judged figures of one controller on each plant, by name, each shape (n,)."""
     table = specified_figures(plants.models, [gains.kp], [gains.ki], gains, duration, specification)
     return {name: values.reshape(len(plants.models)) for name, values in table.items()}
@@ -188,13 +188,13 @@ def robust_gains(
         return nominal
     plants = plants if isinstance(plants, Plants) else Plants(tuple(plants))
     kp, ki, aims = spread(found, aim)
-    finalists = screened(shares(plants.models[:PLANTS], kp, ki, found, template), aims, probability)
-    share = shares(plants.models, kp[finalists], ki[finalists], found, template)
+    finalists = screened(shares_met(plants.models[:PLANTS], kp, ki, found, template), aims, probability)
+    share = shares_met(plants.models, kp[finalists], ki[finalists], found, template)
     good = share >= probability
     pick = finalists[np.argmin(np.where(good, aims[finalists], np.inf)) if good.any() else np.argmax(share)]
     end = float(kp[pick]), float(ki[pick])
     if good.any():
-        end = led_back(plants, found, nominal, end, probability, template)
+        end = towards_nominal(plants, found, nominal, end, probability, template)
     return replace(template, kp=end[0], ki=end[1])
 
 
@@ -209,7 +209,7 @@ def screened(first: Array, aims: Array, probability: float) -> NDArray[np.intp]:
     return np.unique(np.r_[order[even], order[: FINALISTS // 3], highest[:2]])
 
 
-def led_back(
+def towards_nominal(
     plants: Plants,
     found: FeasibleMap,
     nominal: PiGains,
@@ -222,7 +222,7 @@ def led_back(
     for _ in range(ROUNDS):
         t = np.linspace(low, high, STEPS)
         kp, ki = (a + (b - a) * t for a, b in ((nominal.kp, end[0]), (nominal.ki, end[1])))
-        held = shares(plants.models, kp[:-1], ki[:-1], found, template) >= probability
+        held = shares_met(plants.models, kp[:-1], ki[:-1], found, template) >= probability
         first = int(np.flatnonzero(~held).max(initial=-1)) + 1  # the end holds
         low, high = float(t[max(first - 1, 0)]), float(t[first])
     return float(nominal.kp + (end[0] - nominal.kp) * high), float(nominal.ki + (end[1] - nominal.ki) * high)
@@ -238,7 +238,7 @@ def spread(found: FeasibleMap, aim: Aim) -> tuple[Array, Array, Array]:
     return found.kp[rows[first]], found.ki[columns[first]], aims[rows[first], columns[first]]
 
 
-def shares(models: Sequence[Model], kp: Array, ki: Array, found: FeasibleMap, template: PiGains) -> Array:
+def shares_met(models: Sequence[Model], kp: Array, ki: Array, found: FeasibleMap, template: PiGains) -> Array:
     """Share of models on which each pair of gains meets the specification, shape (m,)."""
     table = specified_figures(models, kp, ki, template, found.duration, found.specification)
     return np.asarray((found.specification.worst(table) <= 0).mean(axis=0))

@@ -16,7 +16,7 @@ ROUNDING = 1e-9  # of a limit: a figure that meets it but for rounding meets it
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Limit(Displayable):
+class FigureLimit(Displayable):
     """How one limit reads a figure: ``figure`` stays below it, or above it where ``above``."""
 
     figure: str
@@ -29,19 +29,19 @@ class Limit(Displayable):
 
 
 LIMITS = {
-    "rise_time": Limit("rise_time", "rise time (10-90 %)", " s"),
-    "settling_time": Limit("settling_time", "settling time (within 2 %)", " s"),
-    "overshoot": Limit("overshoot", "overshoot", " %", zero_allowed=True, scale=100),
-    "undershoot": Limit("undershoot", "undershoot", " %", zero_allowed=True, scale=100),
-    "ms": Limit("ms", "sensitivity peak Ms", least=1.0),
-    "phase_margin": Limit("phase_margin", "phase margin", " degrees", above=True),
-    "gain_margin": Limit("gain_margin", "gain margin (factor)", above=True, least=1.0),
-    "disturbance": Limit("disturbance_peak", "peak after a unit step of load"),
-    "travel": Limit("travel", "travel of the command on a unit step of the reference"),
-    "peak_u": Limit("peak_u", "largest command on a unit step of the reference"),
-    "noise_gain": Limit("noise_gain", "command per unit of sensor noise (rms)"),
-    "integral_time": Limit("integral_time", "integral time Kp/Ki", " s"),
-    "steady_error": Limit("steady_error", "steady error", " %", zero_allowed=True, scale=100),
+    "rise_time": FigureLimit("rise_time", "rise time (10-90 %)", " s"),
+    "settling_time": FigureLimit("settling_time", "settling time (within 2 %)", " s"),
+    "overshoot": FigureLimit("overshoot", "overshoot", " %", zero_allowed=True, scale=100),
+    "undershoot": FigureLimit("undershoot", "undershoot", " %", zero_allowed=True, scale=100),
+    "ms": FigureLimit("ms", "sensitivity peak Ms", least=1.0),
+    "phase_margin": FigureLimit("phase_margin", "phase margin", " degrees", above=True),
+    "gain_margin": FigureLimit("gain_margin", "gain margin (factor)", above=True, least=1.0),
+    "disturbance": FigureLimit("disturbance_peak", "peak after a unit step of load"),
+    "travel": FigureLimit("travel", "travel of the command on a unit step of the reference"),
+    "peak_u": FigureLimit("peak_u", "largest command on a unit step of the reference"),
+    "noise_gain": FigureLimit("noise_gain", "command per unit of sensor noise (rms)"),
+    "integral_time": FigureLimit("integral_time", "integral time Kp/Ki", " s"),
+    "steady_error": FigureLimit("steady_error", "steady error", " %", zero_allowed=True, scale=100),
 }
 
 
@@ -96,7 +96,7 @@ class Specification(Displayable):
     steady_error: float | None = None
 
     def __post_init__(self) -> None:
-        for name, limit, value in self.asked():
+        for name, limit, value in self.active():
             least = limit.least * limit.scale
             if not (np.isfinite(value) and (value > limit.least or (limit.zero_allowed and value == 0))):
                 from_ = f"{least:g} or more" if limit.zero_allowed else f"above {least:g}"
@@ -108,7 +108,7 @@ class Specification(Displayable):
                 "the rise is part of the settling. Were they taken for each other?"
             )
 
-    def asked(self) -> Iterator[tuple[str, Limit, float]]:
+    def active(self) -> Iterator[tuple[str, FigureLimit, float]]:
         """Name, reading and value of each limit that is asked for."""
         for f in fields(self):
             value = getattr(self, f.name)
@@ -120,7 +120,7 @@ class Specification(Displayable):
 
         ``figures`` are those of one loop or of a grid of loops; each array has their shape.
         """
-        return {name: missed(limit, value, figures) for name, limit, value in self.asked()}
+        return {name: missed(limit, value, figures) for name, limit, value in self.active()}
 
     def worst(self, figures: Any) -> Array:  # noqa: ANN401
         """Largest violation over the limits, in the shape of the figures."""
@@ -146,10 +146,10 @@ class Specification(Displayable):
         return Display(str(self), tuple(facts_of(self)))
 
     def __str__(self) -> str:
-        return ", ".join(told(limit, value) for _, limit, value in self.asked())
+        return ", ".join(limit_text(limit, value) for _, limit, value in self.active())
 
 
-def told(limit: Limit, value: float) -> str:
+def limit_text(limit: FigureLimit, value: float) -> str:
     """One limit in words."""
     if limit.figure == "steady_error" and value <= STEADY:
         return "no steady error"
@@ -171,7 +171,7 @@ def figure_of(figures: Any, name: str) -> Any:  # noqa: ANN401
     return figures[name] if isinstance(figures, Mapping) else getattr(figures, name)
 
 
-def missed(limit: Limit, value: float, figures: Any) -> Array:  # noqa: ANN401
+def missed(limit: FigureLimit, value: float, figures: Any) -> Array:  # noqa: ANN401
     """Share of one limit by which figures miss it; of a limit of zero, in hundredths of the step."""
     figure = np.asarray(figure_of(figures, limit.figure), dtype=np.float64)
     figure = np.abs(figure) if limit.figure == "steady_error" else figure

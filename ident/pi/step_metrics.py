@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 WIDTH = 4096  # loops advanced at once: the rows in work stay in the cache
 HELD = 2_500_000  # numbers held a signal: fewer loops at once where steps are long
-BLOCK = 16  # samples between two readings
+BLOCK = 16  # samples between two metrics
 
 
 def step_figures(loops: Loops, n: int) -> dict[str, Array]:
@@ -30,12 +30,12 @@ def step_figures(loops: Loops, n: int) -> dict[str, Array]:
 
 def _figures(loops: Loops, n: int) -> dict[str, Array]:
     run = _Run(loops, n)
-    readings = Readings(run.y[run.pad - 1 :], loops.final, loops.kind.sample_time)
+    metrics = StepMetrics(run.y[run.pad - 1 :], loops.final, loops.kind.sample_time)
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
         command, error = run.advance(start, stop)
-        readings.take(start, stop, command, error, run.z[run.pad + start : run.pad + stop])
-    return readings.figures()
+        metrics.take(start, stop, command, error, run.z[run.pad + start : run.pad + stop])
+    return metrics.figures()
 
 
 class _Run:
@@ -176,7 +176,7 @@ Columns = NDArray[np.intp]
 BAND = 0.02  # of the final value
 
 
-class Readings:
+class StepMetrics:
     """Running figures of m loops.
 
     ``y`` (1 + n, m) is the output of the reference step with the row before the step first; it fills as the loops run.

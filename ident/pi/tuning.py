@@ -15,7 +15,7 @@ from ..model import Model
 from .feasible_region import FeasibleMap, feasible_map, horizon
 from .gain_search import Aim, check_aim, refined
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains
-from .loop import Figures, loop_of
+from .loop import FiguresOfMerit, loop_of
 from .robust_design import Robustness, draws_of_models, robust_gains, robustness
 from .specification import LIMITS, STEADY, Specification, table_of
 
@@ -28,7 +28,7 @@ class TunedPi(Plottable):
     ----------
     gains : PiGains
         As the controller runs them.
-    figures : Figures
+    figures : FiguresOfMerit
         Of the loop on the model, run until it has died out.
     specification : Specification
     aim : str
@@ -43,7 +43,7 @@ class TunedPi(Plottable):
     """
 
     gains: PiGains
-    figures: Figures
+    figures: FiguresOfMerit
     specification: Specification
     aim: str
     model: Model
@@ -123,7 +123,7 @@ SPEED = ("rise_time", "settling_time", "disturbance")
 FAST: tuple[Aim, ...] = ("iae", "disturbance_iae", "rise_time", "settling_time", "largest_ki")
 
 
-class Options(TypedDict, total=False):
+class TuneOptions(TypedDict, total=False):
     """Further limits, and the controller as it runs; see `Specification` and `PiGains`."""
 
     undershoot: float | None
@@ -163,7 +163,7 @@ def tune_pi(
     draws: int = 500,
     seed: int = 1,
     n: int = 200,
-    **options: Unpack[Options],
+    **options: Unpack[TuneOptions],
 ) -> TunedPi:
     """Gains of a digital PI that meet a specification on a model, and by demand on what the model leaves open.
 
@@ -219,7 +219,7 @@ def tune_pi(
     )
     units = {"unit_u": model.unit_u, "unit_y": model.unit_y}
     template = PiGains(0.0, 0.0, model.sample_time, **{**units, **controller})
-    found, gains = on_the_model(model, asked, template, aim, n)
+    found, gains = nominal_gains(model, asked, template, aim, n)
     held: Robustness | None = None
     if probability is not None or models is not None:
         plants = draws_of_models(model, draws, seed) if models is None else models
@@ -233,10 +233,10 @@ def tune_pi(
 
 def sorted_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Options that are limits, and those of the controller; a name that is neither is refused."""
-    unknown = sorted(set(options) - set(Options.__annotations__))
+    unknown = sorted(set(options) - set(TuneOptions.__annotations__))
     if unknown:
-        near = get_close_matches(unknown[0], Options.__annotations__, 1)
-        meant = f" Did you mean {near[0]!r}?" if near else f" There are: {', '.join(Options.__annotations__)}."
+        near = get_close_matches(unknown[0], TuneOptions.__annotations__, 1)
+        meant = f" Did you mean {near[0]!r}?" if near else f" There are: {', '.join(TuneOptions.__annotations__)}."
         raise UsageError(f"option {unknown[0]!r} of tune_pi is not known.{meant}")
     limits = {name: value for name, value in options.items() if name in LIMITS}
     return limits, {name: value for name, value in options.items() if name not in LIMITS}
@@ -244,7 +244,7 @@ def sorted_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, A
 
 def completed(asked: Specification, aim: Aim, model: Model) -> tuple[Specification, tuple[str, ...]]:
     """The specification with what has to be assumed, and the sentences that say so."""
-    names = {name for name, _, _ in asked.asked()}
+    names = {name for name, _, _ in asked.active()}
     if aim not in FAST and not names & set(SPEED):
         raise IdentError(
             f"nothing in the specification asks for speed, and the smallest {aim} alone is a controller that does "
@@ -263,7 +263,7 @@ def completed(asked: Specification, aim: Aim, model: Model) -> tuple[Specificati
     return asked, tuple(assumed)
 
 
-def on_the_model(
+def nominal_gains(
     model: Model, asked: Specification, template: PiGains, aim: Aim, n: int
 ) -> tuple[FeasibleMap, PiGains]:
     """Map and best gains; simulated for longer where a slow tail shows after the horizon of the search."""

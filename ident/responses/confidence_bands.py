@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
 from ..estimators.filters import filtered, is_stable
-from ..estimators.free_simulation import FreeRun, by_a_and_b
+from ..estimators.free_simulation import FreeRun, regressor_columns
 from ..model import Model
 
 if TYPE_CHECKING:
@@ -256,4 +256,4 @@ def step_and_slope(model: Model, n: int) -> tuple[Array, Array]:
     ones, whole = np.ones(n), (slice(0, n),)
     step = model.simulate(ones)
     run = FreeRun(ones, step, whole, model.na, model.nb, model.nk)
-    return step, by_a_and_b(run, filtered([1.0], model.a, step, whole), filtered([1.0], model.a, ones, whole))
+    return step, regressor_columns(run, filtered([1.0], model.a, step, whole), filtered([1.0], model.a, ones, whole))

@@ -10,7 +10,7 @@ from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
 from ..estimators.input_checks import check_moves
 from .impulse_response import Impulse, block_means, smooth_impulse
-from .spectra import averaged, excited_band, input_power
+from .spectra import excited_band, input_power, welch_estimate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -154,7 +154,7 @@ def frequency_response(
     band = excited_band(rec)
     f = _frequencies(rec, frequency)
     if method == "welch":
-        g, error, coherence, dof, width = averaged(rec, f, resolution)
+        g, error, coherence, dof, width = welch_estimate(rec, f, resolution)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(np.abs(g) > 0, error / np.sqrt(2) / np.abs(g), np.inf)
         return _with_bars(f, g, share, share, coherence, dof, band, width, level, method, ())

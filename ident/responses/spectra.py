@@ -76,7 +76,7 @@ FEWEST = 4  # below which a coherence says nothing
 OVERLAPPED = 1 / 36  # squared correlation of spectra from Hann windows that overlap by half
 
 
-def averaged(
+def welch_estimate(
     rec: "Record", frequency: Array, resolution: float | None
 ) -> tuple[NDArray[np.complex128], Array, Array, Array, float]:
     """G, its complex standard error, coherence and degrees of freedom at frequencies, and the resolution in Hz."""

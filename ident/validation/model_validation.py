@@ -1,8 +1,6 @@
-"""A model judged by a record that it was not fitted to: simulated, k steps ahead, by its residuals, by its poles.
+"""Validation of a model on a record it was not fitted to: simulation, k-step prediction, residuals, poles.
 
-The free run is what counts: one step ahead a model that only repeats the last sample does well.
-
-Poles and step of a model against what a machine can be and what the record can have shown.
+The simulation is decisive: one step ahead, even a model that repeats the last sample does well.
 """
 
 from collections.abc import Sequence
@@ -17,41 +15,41 @@ from ...core.errors import IdentError
 from ..estimators.bias_checks import feedback_detected
 from ..model import Model
 from .prediction import check_frame, fit_percent, k_steps, lagged_inputs, one_step, simulated
-from .residual_tests import LAGS, ResidualTest, independence, whiteness_of
+from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
 
 if TYPE_CHECKING:
     from ...datasets import Record
 
 Array = NDArray[np.float64]
 GOOD, POOR = 80.0, 50.0  # % of fit: R2 0.96 and 0.75
-CERTAIN = 0.001  # p below which residuals tell of something that the model lacks
-LOSES = 15.0  # % of fit between one step ahead and the free run: then the one-step figure flatters
+SIGNIFICANT = 0.001  # p below which the residuals depend on the input
+OPTIMISM = 15.0  # % of fit between one-step prediction and simulation: then the one-step fit is optimistic
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Validation(Plottable):
-    """What a record says of a model.
+    """Validation of a model on one record.
 
     Attributes
     ----------
     fit : float
-        100 (1 - |y - yhat| / |y - mean|), %, of the free run with initial state and offset estimated in each stretch.
+        Simulation fit 100 (1 - |y - yhat| / |y - mean|), %, initial state and offset estimated in each segment.
     rsquared : float
-        1 - |y - yhat|^2 / |y - mean|^2 of the same.
+        1 - |y - yhat|^2 / |y - mean|^2 of the simulation.
     fit_training_means, fit_zero_state : float
-        The same about the operating point of the training record, and from rest (offset estimated).
-    ahead : dict of int to float
-        Fit k steps ahead, %. Models without a noise model predict at every distance by the free run.
+        Simulation fit about the operating point of the training record, and from rest (offset estimated).
+    k_step_fit : dict of int to float
+        Fit of the k-step-ahead prediction, %; models without a noise model predict by simulation.
     whiteness, independence : ResidualTest
-        Of one-step errors (of the free run, where there is no noise model); of inputs now and before.
-    coming : ResidualTest
-        Residuals with coming inputs: correlated in a closed loop.
+        Of the one-step errors (simulation errors without a noise model); of present and past inputs.
+    future_inputs : ResidualTest
+        Residuals and future inputs: correlated in closed loop.
     feedback : str or None
         See `feedback_detected`.
     remarks : tuple of str
-        Poles and step; notes.
+        On poles, step response and omitted segments.
     held_out : bool
-        False where the record is the one that the model was fitted to.
+        False for the record that the model was fitted to.
     y, yhat : ndarray, shape (N,)
         Measured and simulated, about the record's own offsets.
     time : ndarray, shape (N,), s
@@ -59,17 +57,17 @@ class Validation(Plottable):
     verdict : str
         One sentence.
     concern : int
-        0 none, 1 look at the remarks, 2 do not tune on it.
+        0 none, 1 read the remarks, 2 do not tune on this model.
     """
 
     fit: float
     rsquared: float
     fit_training_means: float
     fit_zero_state: float
-    ahead: dict[int, float]
+    k_step_fit: dict[int, float]
     whiteness: ResidualTest
     independence: ResidualTest
-    coming: ResidualTest
+    future_inputs: ResidualTest
     feedback: str | None
     remarks: tuple[str, ...]
     held_out: bool
@@ -83,17 +81,17 @@ class Validation(Plottable):
 
 
 def validate(model: Model, other: "Record", steps: Sequence[int] = (1, 5, 10), lags: int = LAGS) -> Validation:
-    """Judge a model by simulating a record.
+    """Validate a model by simulating a record.
 
     Parameters
     ----------
     model : Model
     other : Record
-        One that the model was not fitted to, at the same sample time and in the same units; as it is, or centred.
+        Not used for the fit, with the same sample time and units; raw or centred.
     steps : sequence of int
-        Distances of prediction, samples.
+        Prediction horizons, samples.
     lags : int
-        Of the residual correlations.
+        Number of lags of the residual correlations.
 
     Returns
     -------
@@ -102,11 +100,11 @@ def validate(model: Model, other: "Record", steps: Sequence[int] = (1, 5, 10), l
     Raises
     ------
     IdentError
-        A pole at radius 1 or more, another rate or unit, too short a record, an output that stands still.
+        A pole at radius 1 or more, another rate or unit, too short a record, a constant output.
 
     Notes
     -----
-    Whiteness is no fault of an output-error model: its noise may have a colour, and its errors allow for that.
+    Coloured residuals are no defect of an output-error model: its standard errors allow for coloured noise.
 
     Examples
     --------
@@ -116,19 +114,19 @@ def validate(model: Model, other: "Record", steps: Sequence[int] = (1, 5, 10), l
     >>> model = Model(b=[0.0, 0.5], a=[1.0, -0.8], nk=1, sample_time=0.02)
     >>> other = datasets.Record(u=u, y=model.simulate(u) + 3 + 0.1 * e, sample_time=0.02)
     >>> print(validate(model, other).verdict)
-    simulates the record with 83 % fit (R2 0.9727); residuals hold nothing more of u
+    simulates the record with 83 % fit (R2 0.9727); residuals are independent of u
     """
     check_frame(model, other)
-    other, remarks = long_enough(model, other, steps)
+    other, remarks = long_stretches(model, other, steps)
     y, s = other.y, other.stretches
     yhat = simulated(model, other)
     step = one_step(model, other, yhat)
     held_out = model.record is None or model.record != other.sha256
     cov = model.cov_params if held_out else None
-    past, coming = range(lags + 1), range(-lags, 0)
+    past, future = range(lags + 1), range(-lags, 0)
     left = y - yhat
     mean = np.concatenate([np.full(k.stop - k.start, y[k].mean()) for k in s])
-    ahead = {
+    k_step_fit = {
         k: fit_percent(y[step.rows], y[step.rows] - k_steps(model, step, k), step.stretches) for k in sorted(set(steps))
     }
     found = Validation(
@@ -136,12 +134,12 @@ def validate(model: Model, other: "Record", steps: Sequence[int] = (1, 5, 10), l
         rsquared=float(1 - left @ left / ((y - mean) @ (y - mean))),
         fit_training_means=fit_percent(y, simulated(model, other, True, "training"), s),
         fit_zero_state=fit_percent(y, simulated(model, other, False), s),
-        ahead=ahead,
-        whiteness=whiteness_of(step, cov, not held_out, lags),
+        k_step_fit=k_step_fit,
+        whiteness=residual_whiteness(step, cov, not held_out, lags),
         independence=independence(step, lagged_inputs(other, step, past), 0, cov, not held_out),
-        coming=independence(step, lagged_inputs(other, step, coming), -lags, cov, not held_out),
+        future_inputs=independence(step, lagged_inputs(other, step, future), -lags, cov, not held_out),
         feedback=feedback_detected(other),
-        remarks=remarks + implausible(model, max(k.stop - k.start for k in s) * other.sample_time),
+        remarks=remarks + plausibility_remarks(model, max(k.stop - k.start for k in s) * other.sample_time),
         held_out=held_out,
         y=y,
         yhat=yhat,
@@ -149,36 +147,34 @@ def validate(model: Model, other: "Record", steps: Sequence[int] = (1, 5, 10), l
         starts=other.starts,
         labels=(other.output, other.unit_y),
     )
-    return told(found, other.input)
+    return with_verdict(found, other.input)
 
 
-def told(found: Validation, name: str) -> Validation:
-    """The verdict in words, with how much it is of concern."""
-    where = "the record" if found.held_out else "its own record, which proves little,"
+def with_verdict(found: Validation, name: str) -> Validation:
+    """The validation with its verdict in one sentence and its level of concern."""
+    where = "the record" if found.held_out else "its own estimation record"
     text = f"simulates {where} with {found.fit:.0f} % fit (R2 {found.rsquared:.4g})"
     concern = 0 if found.fit >= GOOD else 1 if found.fit >= POOR else 2
-    nearest = min(found.ahead)
-    if found.ahead[nearest] - found.fit > LOSES:
-        text += (
-            f", while {nearest} step{'s' * (nearest > 1)} ahead it reads {found.ahead[nearest]:.0f} %, which flatters"
-        )
+    nearest = min(found.k_step_fit)
+    if found.k_step_fit[nearest] - found.fit > OPTIMISM:
+        text += f"; the {nearest}-step-ahead fit of {found.k_step_fit[nearest]:.0f} % is optimistic"
         concern = max(concern, 1)
-    if found.independence.pvalue < CERTAIN:
+    if found.independence.pvalue < SIGNIFICANT:
         text += (
-            f"; residuals still hold some of {name} (p {found.independence.pvalue:.1g}): orders, delay or bent machine"
+            f"; residuals depend on {name} (p {found.independence.pvalue:.1g}): check orders, delay and nonlinearity"
         )
         concern = max(concern, 1)
     else:
-        text += f"; residuals hold nothing more of {name}"
+        text += f"; residuals are independent of {name}"
     if found.feedback:
-        text, concern = f"{text}; recorded in a closed loop", max(concern, 1)
+        text, concern = f"{text}; recorded in closed loop", max(concern, 1)
     if found.fit < POOR:
-        text += ". Do not tune on it"
+        text += ". Do not tune a controller on it"
     return replace(found, verdict=text, concern=max(concern, int(bool(found.remarks))))
 
 
-def long_enough(model: Model, rec: "Record", steps: Sequence[int]) -> tuple["Record", tuple[str, ...]]:
-    """The stretches that can judge a free run, and a remark on those that are left out."""
+def long_stretches(model: Model, rec: "Record", steps: Sequence[int]) -> tuple["Record", tuple[str, ...]]:
+    """The segments long enough for a simulation, and a remark on those left out."""
     if not steps or any(k != int(k) or k < 1 for k in steps):
         raise IdentError(f"steps {list(steps)!r}: whole numbers of 1 or more.")
     states = max(model.na, model.nk + model.nb - 1) + 1
@@ -187,8 +183,8 @@ def long_enough(model: Model, rec: "Record", steps: Sequence[int]) -> tuple["Rec
     if not kept:
         longest = max(s.stop - s.start for s in rec.stretches)
         raise IdentError(
-            f"the longest stretch has {longest} samples: initial state and offset are {states} numbers, and judging a "
-            f"free run takes {fewest} samples. Record longer."
+            f"the longest segment has {longest} samples: with {states} initial states and offset, the validation needs "
+            f"{fewest} samples. Record longer."
         )
     if len(kept) == len(rec.starts):
         return rec, ()
@@ -196,16 +192,16 @@ def long_enough(model: Model, rec: "Record", steps: Sequence[int]) -> tuple["Rec
     u, y = (np.concatenate([v[s] for s in parts]) for v in (rec.u, rec.y))
     starts = tuple(int(b) for b in np.cumsum([0, *(s.stop - s.start for s in parts)])[:-1])
     left_out = len(rec.starts) - len(kept)
-    remark = f"{left_out} stretch{'es' * (left_out > 1)} of fewer than {fewest} samples left out"
+    remark = f"{left_out} segment{'s' * (left_out > 1)} of fewer than {fewest} samples left out"
     return replace(rec, u=u, y=y, starts=starts, offsets=np.asarray(rec.offsets)[kept]), (remark,)
 
 
-RINGING = 0.1  # damping ratio below which an axis would be heard
-FAST = 0.3  # radius of a pole at or near half the sample rate that is more than a fitting of noise
+RINGING = 0.1  # damping ratio below which a mode is remarked upon
+ALTERNATING = 0.3  # radius of a negative real pole that is remarked upon
 
 
 def settling_time(model: Model, share: float = 0.02) -> float:
-    """Seconds after which the step response stays within ``share`` of its end; infinite where it never does.
+    """Seconds after which the step response stays within ``share`` of its final value; infinite if it never does.
 
     >>> round(settling_time(Model(b=[0.0, 0.1], a=[1.0, -0.9], nk=1, sample_time=0.1)), 6)
     3.8
@@ -222,28 +218,30 @@ def settling_time(model: Model, share: float = 0.02) -> float:
         n *= 4
 
 
-def implausible(model: Model, longest: float) -> tuple[str, ...]:
-    """What speaks against the poles and the step, in sentences; ``longest`` is the longest stretch in seconds."""
-    told = []
+def plausibility_remarks(model: Model, longest: float) -> tuple[str, ...]:
+    """Remarks on implausible poles and settling; ``longest`` is the longest segment in seconds."""
+    remarks = []
     settling = settling_time(model)
     if settling > longest:
-        told.append(
-            f"the step settles in {settling:.3g} s and the longest stretch has {longest:.3g} s: the gain at rest "
-            f"({model.dc_gain:.4g}) is a guess beyond the record"
+        remarks.append(
+            f"the step response settles in {settling:.3g} s but the longest segment lasts {longest:.3g} s: the DC gain "
+            f"({model.dc_gain:.4g}) is an extrapolation"
         )
     for p in model.poles[np.abs(model.poles) > 0]:
         s = np.log(p) / model.sample_time
         damping, hertz = -s.real / abs(s), abs(s) / (2 * np.pi)
         if p.imag > 0 and damping < RINGING:
-            told.append(f"a mode at {hertz:.3g} Hz rings (damping {damping:.2g}): see that a run shows it")
-        if p.imag == 0 and p.real < -FAST:
-            told.append(
-                f"a pole at {p.real:.2g} alternates from sample to sample: an order too high, or the delay is wrong"
+            remarks.append(
+                f"lightly damped mode at {hertz:.3g} Hz (damping ratio {damping:.2g}): verify it on a measured response"
             )
-    told += [
-        f"pole {p:.3g} and zero {z:.3g} nearly cancel: one order less may do"
+        if p.imag == 0 and p.real < -ALTERNATING:
+            remarks.append(
+                f"negative real pole at {p.real:.2g}, alternating every sample: order too high or delay wrong"
+            )
+    remarks += [
+        f"pole {p:.3g} and zero {z:.3g} nearly cancel: a lower order may suffice"
         for p in model.poles
         for z in model.zeros
         if abs(p - z) < 0.01 * (1 - min(abs(p), 0.99)) and p.imag >= 0
     ]
-    return tuple(told)
+    return tuple(remarks)

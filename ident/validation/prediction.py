@@ -1,13 +1,10 @@
-"""A free run of a model over a record, laid on it with the initial state and the offset that fit best.
+"""Free-run simulation and k-step-ahead prediction of a record by a model.
 
-y(t) = b/a u(t) + response of 1/a to the unknown past + constant,    both by least squares in each stretch
+    simulation    y(t) = b/a u(t) + response of 1/a to the initial state + constant
+    prediction    y = G u + H e,    e_k = (1 + h_1 q^-1 + ... + h_(k-1) q^-(k-1)) e
 
-Errors of prediction k steps ahead, from those one step ahead.
-
-    y = G u + H e,    e_k = (1 + h_1 q^-1 + ... + h_(k-1) q^-(k-1)) e
-
-H is 1/a of arx, c/a of armax, and 1 of every other structure, whose prediction at any distance is the free run.
-Source: Ljung 1999, section 3.2.
+Initial state and constant are estimated by least squares in each segment. H is 1/a for arx, c/a for armax, and 1 for
+every other structure, whose prediction over any horizon is the simulation. Source: Ljung 1999, section 3.2.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import IdentError
 from ..estimators.filters import filtered, lagged
-from ..estimators.free_simulation import FreeRun, by_a_and_b, free_responses, without
+from ..estimators.free_simulation import FreeRun, free_responses, projected_out, regressor_columns
 from ..estimators.prediction_error import equation_rows, innovations
 from ..model import Model
 
@@ -38,21 +35,21 @@ def simulated(model: Model, rec: "Record", state: bool = True, offset: Offset = 
         Stable.
     rec : Record
     state : bool
-        Estimate the initial state of each stretch; else it starts from rest at the operating point.
+        Estimate the initial state of each segment; otherwise it starts from rest at the operating point.
     offset : {"estimate", "training"}
-        The constant of each stretch is estimated, or is the operating point that the model was fitted about.
+        Constant of each segment: estimated, or the operating point of the training record.
 
     Raises
     ------
     IdentError
-        A pole at radius 1 or more: a free run grows without bound. Another sample time.
+        A pole at radius 1 or more: the simulation grows without bound. Another sample time.
 
     Examples
     --------
     >>> from fitmodels.datasets import Record
     >>> model = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1)
     >>> u = np.sin(np.arange(50.0))
-    >>> y = model.simulate(u)[20:] + 3.0  # begins somewhere under way, about 3
+    >>> y = model.simulate(u)[20:] + 3.0  # starts from an unknown state, about an offset of 3
     >>> float(np.abs(simulated(model, Record(u=u[20:], y=y, sample_time=0.1)) - y).max()) < 1e-12
     True
     """
@@ -63,11 +60,11 @@ def simulated(model: Model, rec: "Record", state: bool = True, offset: Offset = 
     if offset == "training":
         y += at_y
     left = rec.y - y
-    return rec.y - without(left, freedom(run, model.a, offset == "estimate"))
+    return rec.y - projected_out(left, free_columns(run, model.a, offset == "estimate"))
 
 
-def freedom(run: FreeRun, a: Array, constant: bool) -> list[tuple[slice, Array]]:
-    """Orthonormal columns, by stretch, of what is free: the initial state, a constant, or both."""
+def free_columns(run: FreeRun, a: Array, constant: bool) -> list[tuple[slice, Array]]:
+    """Orthonormal columns, by segment, of the free initial state, constant, or both."""
     if run.free and run.states:
         return free_responses(replace(run, constant=constant), a)
     if not constant:
@@ -76,7 +73,7 @@ def freedom(run: FreeRun, a: Array, constant: bool) -> list[tuple[slice, Array]]
 
 
 def operating_points(model: Model, rec: "Record") -> tuple[Array, Array]:
-    """The model's operating point in the frame of the record, for each sample: u and y, shape (N,) each."""
+    """Operating point of the model relative to the offsets of the record, for each sample: u and y, shape (N,)."""
     length = [s.stop - s.start for s in rec.stretches]
     offsets = np.asarray(rec.offsets)
     if model.operating_point is None:
@@ -86,19 +83,19 @@ def operating_points(model: Model, rec: "Record") -> tuple[Array, Array]:
 
 
 def check_frame(model: Model, rec: "Record") -> None:
-    """A model that can be run over a record, or IdentError."""
+    """Raise IdentError unless the model can simulate the record."""
     if abs(rec.sample_time / model.sample_time - 1) > 1e-3:
         raise IdentError(
-            f"the record is sampled every {rec.sample_time:g} s, the model every {model.sample_time:g} s: bring the "
-            f"record to the model's rate (rec.resampled({1 / model.sample_time:g}))."
+            f"the record is sampled every {rec.sample_time:g} s, the model every {model.sample_time:g} s: resample "
+            f"the record (rec.resampled({1 / model.sample_time:g}))."
         )
     for what, here, there in (("input", rec.unit_u, model.unit_u), ("output", rec.unit_y, model.unit_y)):
         if here and there and here != there:
-            raise IdentError(f"{what} of the record is in {here}, of the model in {there}: bring them to one unit.")
+            raise IdentError(f"{what} of the record is in {here}, of the model in {there}: convert one of them.")
     if not model.stable:
         raise IdentError(
-            f"unstable: a pole at radius {model.radius:.4g}, so a free run grows without bound however well the model "
-            "predicts one step ahead. Try nk = 0, lower orders, or output error."
+            f"unstable: a pole at radius {model.radius:.4g}, so the simulation grows without bound however well the "
+            "model predicts one step ahead. Try nk = 0, lower orders, or output error."
         )
 
 
@@ -106,29 +103,29 @@ def fit_percent(y: Array, yhat: Array, stretches: tuple[slice, ...]) -> float:
     """100 (1 - |y - yhat| / |y - mean of each stretch|), %: 100 is perfect, 0 no better than the mean."""
     total = sum(float(np.sum((y[s] - y[s].mean()) ** 2)) for s in stretches)
     if total == 0:
-        raise IdentError("the output does not vary in this record: a fit in percent of nothing.")
+        raise IdentError("the output does not vary in this record: its fit in per cent is undefined. Check the sensor.")
     return float(100 * (1 - np.sqrt(np.sum((y - yhat) ** 2) / total)))
 
 
-PREDICTORS = ("arx", "armax")  # structures with a noise model: the others predict by the free run
+PREDICTORS = ("arx", "armax")  # structures with a noise model: the others predict by simulation
 
 
 @dataclass(frozen=True, slots=True)
 class OneStep:
-    """One-step errors of a model on a record, and what they are made of.
+    """One-step prediction errors of a model on a record, with their sensitivities.
 
     Attributes
     ----------
     e : ndarray, shape (N,)
-        Of the rows that have all regressors, less what the free offset (and initial state) explain.
+        For the rows with all regressors, the free offset (and initial state) projected out.
     J : ndarray, shape (N, p)
-        d prediction / d coefficient: a, b, and c of armax.
+        d prediction / d coefficient: a, b, and c for armax.
     rows : ndarray of int, shape (N,)
-        Sample of each.
+        Sample index of each row.
     stretches : tuple of slice
         Of ``e``.
     free : list of (slice, ndarray)
-        Orthonormal columns that were fitted to this record in each stretch.
+        Orthonormal columns of what was estimated in each segment.
     """
 
     e: Array
@@ -139,32 +136,24 @@ class OneStep:
 
 
 def one_step(model: Model, rec: "Record", simulated: Array) -> OneStep:
-    """Errors one step ahead; of a model without a noise model, those of the free run ``simulated`` (N,)."""
+    """One-step errors; without a noise model, the errors of the simulation ``simulated`` (N,)."""
     if model.structure not in PREDICTORS:
         at_u, _ = operating_points(model, rec)
         run = FreeRun(rec.u - at_u, rec.y, rec.stretches, model.na, model.nb, model.nk, True)
-        q = freedom(run, model.a, True)
-        J = by_a_and_b(run, *(filtered([1.0], model.a, x, rec.stretches) for x in (simulated, run.u)))
-        return OneStep(rec.y - simulated, projected(J, q), np.arange(len(rec)), rec.stretches, q)
+        q = free_columns(run, model.a, True)
+        J = regressor_columns(run, *(filtered([1.0], model.a, x, rec.stretches) for x in (simulated, run.u)))
+        return OneStep(rec.y - simulated, projected_out(J, q), np.arange(len(rec)), rec.stretches, q)
     y, Phi, stretches = equation_rows(rec.centred(), model.na, model.nb, model.nk)
     span = max(model.na, model.nk + model.nb - 1)
     rows = np.concatenate([np.arange(min(s.start + span, s.stop), s.stop) for s in rec.stretches])
     e, J = innovations(np.r_[model.theta, model.c[1:]], y, Phi, stretches)
-    level = filtered([1.0], model.c, np.ones(len(e)), stretches)  # what a constant of y leaves in e
+    level = filtered([1.0], model.c, np.ones(len(e)), stretches)  # effect of a constant of y on e
     q = [(s, level[s, None] / np.linalg.norm(level[s])) for s in stretches]
-    return OneStep(projected(e[:, None], q)[:, 0], projected(J, q), rows, stretches, q)
-
-
-def projected(x: Array, free: list[tuple[slice, Array]]) -> Array:
-    """X (N, k) less its part along the free columns."""
-    out = x.copy()
-    for s, q in free:
-        out[s] -= q @ (q.T @ x[s])
-    return out
+    return OneStep(projected_out(e[:, None], q)[:, 0], projected_out(J, q), rows, stretches, q)
 
 
 def k_steps(model: Model, step: OneStep, k: int) -> Array:
-    """Errors k steps ahead, shape (N,); the first k - 1 of each stretch are of fewer steps."""
+    """k-step-ahead errors, shape (N,); the first k - 1 of each segment span fewer steps."""
     if model.structure not in PREDICTORS or k == 1:
         return step.e
     pulse = np.zeros(k)
@@ -174,7 +163,7 @@ def k_steps(model: Model, step: OneStep, k: int) -> Array:
 
 
 def lagged_inputs(rec: "Record", step: OneStep, lags: range) -> Array:
-    """U(t - lag) at the rows of ``step``, shape (N, lags); negative lags are coming inputs; zero beyond a stretch."""
+    """Inputs u(t - lag) at the rows of ``step``, shape (N, lags); lags below zero are future inputs; zero outside."""
     u = np.concatenate([rec.u[s] - rec.u[s].mean() for s in rec.stretches])
     past = [lag for lag in lags if lag >= 0]
     out = np.zeros((len(rec), len(lags)))

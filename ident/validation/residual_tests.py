@@ -1,10 +1,10 @@
-"""Whether residuals are white, and whether anything of the input is left in them; each with bands that hold.
+"""Residual tests: whiteness, and independence of the input, each with valid confidence bands.
 
 Whiteness: the autocorrelation of white noise has standard deviation sqrt(pairs)/N, which is 1/sqrt(N) at small lags.
-Independence: sum_t e(t) u(t - k) has variance u' R u. With the residual an autoregression h e = w of variance v that is
-v |u filtered backwards by 1/h|^2, the same as N sum_k R_e(k) R_u(k), and needs no cut-off of the sum. A model with
-coefficients of finite precision leaves J (theta_0 - theta) of its input in a new record, which widens the bands; on the
-record it was fitted to the same J takes away. Source: Ljung 1999, section 16.6; Soderstrom & Stoica 1989, section 11.2.
+Independence: sum_t e(t) u(t - k) has variance u' R u. For a residual that follows an autoregression h e = w with
+variance v this is v |u filtered backwards by 1/h|^2, equal to N sum_k R_e(k) R_u(k) without truncating the sum. On new
+data the uncertainty of the coefficients adds J (theta_0 - theta), which widens the bands; on the estimation record the
+same J narrows them. Source: Ljung 1999, section 16.6; Soderstrom & Stoica 1989, section 11.2.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ...core.display import Displayable
 from ..estimators.filters import autocovariance, filtered, lagged, whitening
-from .prediction import OneStep, projected
+from ..estimators.free_simulation import projected_out
+from .prediction import OneStep
 
 Array = NDArray[np.float64]
 LAGS = 25
@@ -22,17 +23,18 @@ LAGS = 25
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ResidualTest(Displayable):
-    """Correlations by lag with the band they keep under the null.
+    """Correlations by lag with their band under the null hypothesis.
 
     Attributes
     ----------
     null : str
+        Null hypothesis.
     lags : ndarray of int, shape (L,)
     correlation : ndarray, shape (L,)
     band : ndarray, shape (L,)
-        95 %, pointwise: correlations beyond +- band are flagged.
+        95 %, pointwise: correlations outside +- band are significant.
     statistic, df, pvalue : float, int, float
-        All lags together, chi-squared: the sums and their covariance (of a bare series, Ljung & Box).
+        All lags jointly, chi-squared (Ljung-Box for a plain series).
     """
 
     null: str
@@ -45,18 +47,18 @@ class ResidualTest(Displayable):
 
     @property
     def flagged(self) -> float:
-        """Share of lags beyond their band: about 5 % under the null."""
+        """Share of lags outside their band: about 5 % under the null hypothesis."""
         return float(np.mean(np.abs(self.correlation) > self.band))
 
 
 def whiteness(e: Array, stretches: tuple[slice, ...], lags: int = LAGS) -> ResidualTest:
-    """Autocorrelation of a series to which nothing was fitted, at lags 1 to ``lags``.
+    """Ljung-Box test of a series with no estimated parameters, at lags 1 to ``lags``.
 
     Parameters
     ----------
     e : ndarray, shape (N,)
     stretches : tuple of slice
-        No product crosses a join.
+        Segments; no product crosses their boundaries.
     lags : int
 
     Examples
@@ -80,11 +82,10 @@ def whiteness(e: Array, stretches: tuple[slice, ...], lags: int = LAGS) -> Resid
     )  # fmt: skip
 
 
-def whiteness_of(step: OneStep, cov: Array | None = None, fitted: bool = False, lags: int = LAGS) -> ResidualTest:
-    """Whiteness of a model's residuals at lags 1 to ``lags``: what was fitted to them, or elsewhere, is allowed for.
+def residual_whiteness(step: OneStep, cov: Array | None = None, fitted: bool = False, lags: int = LAGS) -> ResidualTest:
+    """Whiteness of the residuals of a model at lags 1 to ``lags``, allowing for the estimated coefficients.
 
-    A regression of e on its own past beside J, as Breusch 1978 and Godfrey 1978 do it; `independence` tells of ``cov``
-    and ``fitted``.
+    Regression of e on its own lags and J (Breusch 1978, Godfrey 1978); ``cov`` and ``fitted`` as in `independence`.
     """
     lags = max(min(lags, max(s.stop - s.start for s in step.stretches) - 2), 1)
     E = lagged(step.e, range(1, lags + 1), step.stretches)
@@ -102,9 +103,9 @@ def independence(step: OneStep, U: Array, first: int, cov: Array | None = None, 
         Column k is u(t - first - k).
     first : int
     cov : ndarray, shape (p, p), optional
-        Covariance of a and b, where they come from another record.
+        Covariance of a and b, estimated on another record.
     fitted : bool
-        The coefficients were fitted to these very samples.
+        The coefficients were estimated on these samples.
 
     Returns
     -------
@@ -113,7 +114,7 @@ def independence(step: OneStep, U: Array, first: int, cov: Array | None = None, 
     h, v = whitening(step.e, step.stretches)
     if fitted:
         v *= len(step.e) / max(len(step.e) - step.J.shape[1], 1)
-    return _test("nothing of the input is left", step, U, first, h, v, cov, fitted)
+    return _test("residuals are independent of the input", step, U, first, h, v, cov, fitted)
 
 
 def _test(
@@ -121,20 +122,20 @@ def _test(
 ) -> ResidualTest:
     from scipy.stats import chi2
 
-    X = projected(U, step.free)
+    X = projected_out(U, step.free)
     if fitted:
         Q = np.linalg.qr(step.J)[0]
         X = X - Q @ (Q.T @ X)
-    S = v * squares_behind(X, h, step.stretches)
+    S = v * filtered_gram(X, h, step.stretches)
     if cov is not None and not fitted:
         through = X.T @ step.J[:, : len(cov)]
         S = S + through @ cov @ through.T
-    # of a slow input neighbouring lags are all but one: only directions that stand apart are counted
+    # neighbouring lags of a slow input are nearly collinear: only independent directions count
     sums, spread = X.T @ step.e, np.sqrt(np.maximum(np.diag(S), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(S / np.outer(spread, spread))
-    told = values > 1e-6 * values[-1]
-    statistic = float(np.sum((vectors[:, told].T @ (sums / spread)) ** 2 / values[told]))
-    df = int(told.sum())
+    kept = values > 1e-6 * values[-1]
+    statistic = float(np.sum((vectors[:, kept].T @ (sums / spread)) ** 2 / values[kept]))
+    df = int(kept.sum())
     size = np.sqrt(np.maximum(float(step.e @ step.e) * (U * U).sum(axis=0), np.finfo(float).tiny))
     return ResidualTest(
         null,
@@ -147,8 +148,8 @@ def _test(
     )
 
 
-def squares_behind(X: Array, h: Array, stretches: tuple[slice, ...]) -> Array:
-    """X' R X for an error of unit innovations, R = (H'H)^-1: columns filtered by 1/h from the last sample back."""
+def filtered_gram(X: Array, h: Array, stretches: tuple[slice, ...]) -> Array:
+    """X' R X for an autoregressive error of unit innovations, R = (H'H)^-1: columns filtered backwards by 1/h."""
     if len(h) == 1:
         return np.asarray(X.T @ X)
     back = np.vstack([filtered([1.0], h, X[s][::-1], (slice(0, s.stop - s.start),)) for s in stretches])
