@@ -14,7 +14,7 @@ from fitmodels.controllers.recursion.distribution import life_draws
 from fitmodels.controllers.recursion.from_file import life_laws
 from fitmodels.controllers.recursion.laws import Rules
 from fitmodels.controllers.recursion.life import whole_life
-from fitmodels.parameters import Draws
+from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.published import published
 
 TIMES = 7

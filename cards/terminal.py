@@ -13,9 +13,10 @@ from ..datasets import Runs
 from ..datasets.columns import ColumnUse
 from ..datasets.vocabulary import ROLES
 from ..fit import Refused
-from ..parameters import LawPosterior, LawSection, ParameterFile
+from ..parameters import LawSection, ParameterFile
 from ..parameters.gather.understood import column_words, idle
 from ..parameters.gather.understood import understood as sayings
+from ..parameters.sections.posterior import LawPosterior
 from .content.coefficients import between, law_coefficients, model_coefficients
 from .content.dynamics import model_words, transfer_function_words
 from .content.laws import (

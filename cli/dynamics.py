@@ -7,13 +7,13 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ..ident import Model
-    from ..parameters import DynamicsSection
+    from ..parameters.sections.dynamics import DynamicsSection
 
 
 def model_of(d: "DynamicsSection") -> "Model":
     """A dynamics section as a model, with its covariance where it has one."""
     from ..ident import Model
-    from ..parameters import ModelCovariance
+    from ..parameters.sections.base import ModelCovariance
 
     model = Model(
         b=np.array(d.b), a=np.array(d.a), nk=d.nk, sample_time=d.sample_time, input=d.input, output=d.output,

@@ -125,16 +125,16 @@ def _collected(found: "Identification", records: "list[Record]", args: argparse.
     """A new parameter file, or the one that was given with its dynamics replaced."""
     from .. import parameters
     from ..core.errors import UsageError
+    from ..parameters.file import sealed
+    from ..parameters.gather.dynamics import dynamics_section
 
     fit = found.validation.fit if found.validation.held_out else None
     if args.params is not None:
         pf = parameters.read(args.params)
         if pf.dynamics is not None and not args.force:
             raise UsageError(f"{args.params} holds dynamics already; replace them with --force.")
-        section = parameters.dynamics_section(found.model, fit)
-        return parameters.sealed(
-            pf, dynamics=section, pi=None, provenance=traced(pf, args)
-        )  # gains were tuned on other dynamics
+        section = dynamics_section(found.model, fit)
+        return sealed(pf, dynamics=section, pi=None, provenance=traced(pf, args))  # gains were tuned on other dynamics
     source = records[0].source
     return parameters.collect(
         tool=args.tool,

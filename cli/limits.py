@@ -39,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.text import Text
 
     from .. import parameters
+    from ..parameters.file import sealed
 
     pf = parameters.read(args.file)
     given = {symbol: _limit(symbol, text, pf) for symbol, text in pairs(args.limits, "limit", "P=7kW").items()}
@@ -49,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     twice = [name for name in asked if name in held and held[name] != asked[name]]
     if twice and not args.force:
         raise UsageError(f"{args.file} holds a limit of {', '.join(twice)} already; replace it with --force.")
-    changed = parameters.sealed(pf, limits={**held, **asked}, provenance=traced(pf, args))
+    changed = sealed(pf, limits={**held, **asked}, provenance=traced(pf, args))
     parameters.write(changed, args.file, force=True)
     section = changed.limits
     assert section is not None  # noqa: S101  just written

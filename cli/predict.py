@@ -16,8 +16,10 @@ from .arguments import Parser, pairs
 from .output import Printer
 
 if TYPE_CHECKING:
-    from ..parameters import Factor, LawSection, ParameterFile, Prediction
+    from ..parameters import LawSection, ParameterFile
     from ..parameters.evaluation import IntervalOptions
+    from ..parameters.prediction import Prediction
+    from ..parameters.sections.law_parts import Factor
 
 WEAR = ("AW", "VB")
 NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from ..cards.replays import Replayed
-    from ..parameters import Draws, ParameterFile
+    from ..parameters import ParameterFile
+    from ..parameters.draws import Draws
 
 
 def parser() -> Parser:

@@ -13,7 +13,8 @@ from .arguments import Parser, traced
 from .output import Printer
 
 if TYPE_CHECKING:
-    from ..parameters import FeedLimit, LoadLineSection, ParameterFile
+    from ..parameters import ParameterFile
+    from ..parameters.sections.load_line import FeedLimit, LoadLineSection
 
 
 def parser() -> Parser:
@@ -51,12 +52,13 @@ def run(args: argparse.Namespace) -> int:
     from rich.text import Text
 
     from .. import parameters
+    from ..parameters.file import sealed
 
     pf = parameters.read(args.file)
     if pf.load_line is not None and not args.force:
         raise UsageError(f"{args.file} holds settings of constant load already; replace them with --force.")
     line = _worked_out(pf, args)
-    parameters.write(parameters.sealed(pf, load_line=line, provenance=traced(pf, args)), args.file, force=True)
+    parameters.write(sealed(pf, load_line=line, provenance=traced(pf, args)), args.file, force=True)
     if args.json:
         facts = {"schema": "fitmodels.settings/1", "file": Path(args.file).name, "load_line": line.model_dump()}
         print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
@@ -127,7 +129,7 @@ def _words(line: "LoadLineSection") -> list[str]:
 
 
 def _limit(limit: "FeedLimit", line: "LoadLineSection") -> str:
-    from ..parameters import LimitInterval
+    from ..parameters.sections.load_line import LimitInterval
 
     held = limit.interval
     interval = (

@@ -12,7 +12,8 @@ from .output import Printer
 
 if TYPE_CHECKING:
     from ..ident.pi.tuning import TunedPi
-    from ..parameters import DynamicsSection, ParameterFile
+    from ..parameters import ParameterFile
+    from ..parameters.sections.dynamics import DynamicsSection
 
 LIMITS = {
     "rise": "rise_time",
@@ -82,6 +83,8 @@ def run(args: argparse.Namespace) -> int:
     from .. import parameters
     from ..core.errors import UsageError
     from ..core.progress import progress
+    from ..parameters.file import sealed
+    from ..parameters.gather.dynamics import pi_section
 
     pf = parameters.read(args.file)
     if pf.dynamics is None:
@@ -98,8 +101,8 @@ def run(args: argparse.Namespace) -> int:
     if tuned.misses and not args.force:
         raise GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, and marks them.")
     forced = "kept by --force" if tuned.misses else None
-    section = parameters.pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
-    changed = parameters.sealed(pf, pi=section, provenance=traced(pf, args))
+    section = pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
+    changed = sealed(pf, pi=section, provenance=traced(pf, args))
     parameters.write(changed, args.file, force=True)
     if args.json:
         facts = {"schema": "fitmodels.tune/1", "file": Path(args.file).name, "pi": section, "verdict": tuned.verdict}

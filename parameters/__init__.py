@@ -1,24 +1,18 @@
-"""What is handed over: the parameter file, which predicts without the fitting rooms.
+"""The parameter file: laws, dynamics, gains and settings of one tool and work material; it predicts on its own.
 
-    errors           what this room raises, in sentences
-    strict_json      JSON without anything two readers could read differently
-    canonical        the form that the checksum is of
-    migrate          versions of the schema
-    json_schema      the schema as it is published
-    file             the whole file: read and write
-    draws            the draws beside the file
-    sections/        one class a section: identity, design, laws, posterior, dynamics, gains, settings, limits ...
+    file          the whole file: read and write; file_format: strict JSON, checksum, versions; json_schema: its schema
+    sections/     one class per section: identity, design, laws, posterior, dynamics, gains, settings, limits ...
+    draws         posterior draws in a file next to the parameter file
+    messages      validation errors of the schema as sentences
 
-    evaluate         a law's numbers: terms, link, checks
-    intervals        what an interval of a law stands on, and its ends
-    prediction       a law's answer, in numbers and in a sentence
-    rounding         numbers rounded by their uncertainty
+    evaluation    values and intervals of a law; prediction: the same as one sentence
+    setting_rules a load law and wear tests -> settings of milling at constant load
 
-    collect          results -> a parameter file; gather/ holds one kind of result a file
-    setting_rules    a load law and wear tests -> settings of constant load
-    feed_limits      feed at a load and a wear, with its interval
-    check            whether a file may be handed to a controller; checks/ holds one kind of question a file
-    export/          the file as a controller loads it
+    collect       results -> a parameter file; gather/ holds one kind of result per module
+    checks/       tests that a file must pass before a controller loads it
+    exports/      formats that controllers load
+    published/    values printed in papers as parameter files
+    display, figures    what is shown of these classes, registered per class
 
 >>> from fitmodels import parameters
 >>> pf = parameters.collect(tool="GC435", work="709M40", laws=[])
@@ -26,101 +20,6 @@
 'fitmodels.parameters/1'
 """
 
-from .canonical import content_sha256
-from .check import CheckReport, FileFinding, check
-from .collect import collect
-from .draws import Draws, read_draws
-from .file import ParameterFile, read, sealed, write
-from .gather.design import design_section
-from .gather.dynamics import dynamics_section, pi_section
-from .gather.posterior import draws_of
-from .prediction import GivenFactor, Prediction
-from .sections.adaptive_force import AdaptiveForceSection, SetPoint
-from .sections.base import Section
-from .sections.covariance import Covariance, ModelCovariance, NoCovariance
-from .sections.design import Criterion, DesignFactor, DesignLevel, DesignSection, EdgeFacts, LeftOutRows
-from .sections.dynamics import DynamicsSection
-from .sections.identity import IdentitySection, ProvenanceSection, Sensor
-from .sections.law import LawSection
-from .sections.law_parts import (
-    DroppedRows,
-    Edges,
-    Factor,
-    LawCheck,
-    LeftOutFactor,
-    LevelShifts,
-    Published,
-    Region,
-    Statistics,
-    ToolLifeSection,
-)
-from .sections.limits import Bound, LimitsSection, Range
-from .sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection, NoInterval
-from .sections.pi import PiFigures, PiSection, PiSpecification
-from .sections.posterior import LawPosterior, PosteriorSection, PosteriorSummary, Prior
-from .sections.roughness import RoughnessSection
-from .setting_rules import settings
+import lazy_loader
 
-__all__ = [
-    "AdaptiveForceSection",
-    "Bound",
-    "CheckReport",
-    "Covariance",
-    "Criterion",
-    "DesignFactor",
-    "DesignLevel",
-    "DesignSection",
-    "Draws",
-    "DroppedRows",
-    "DynamicsSection",
-    "EdgeFacts",
-    "Edges",
-    "Engagement",
-    "Factor",
-    "FeedLimit",
-    "FileFinding",
-    "GivenFactor",
-    "IdentitySection",
-    "LawCheck",
-    "LawPosterior",
-    "LawSection",
-    "LeftOutFactor",
-    "LeftOutRows",
-    "LevelShifts",
-    "LimitInterval",
-    "LimitsSection",
-    "LoadLineSection",
-    "ModelCovariance",
-    "NoCovariance",
-    "NoInterval",
-    "ParameterFile",
-    "PiFigures",
-    "PiSection",
-    "PiSpecification",
-    "PosteriorSection",
-    "PosteriorSummary",
-    "Prediction",
-    "Prior",
-    "ProvenanceSection",
-    "Published",
-    "Range",
-    "Region",
-    "RoughnessSection",
-    "Section",
-    "Sensor",
-    "SetPoint",
-    "Statistics",
-    "ToolLifeSection",
-    "check",
-    "collect",
-    "content_sha256",
-    "design_section",
-    "draws_of",
-    "dynamics_section",
-    "pi_section",
-    "read",
-    "read_draws",
-    "sealed",
-    "settings",
-    "write",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -11,25 +11,23 @@ from pydantic import JsonValue, ValidationError
 
 from ..core.errors import ParameterError
 from ..core.version import __version__
-from .errors import in_words
 from .file import ParameterFile, sealed
 from .gather.design import criterion_of, design_section
 from .gather.dynamics import Gains, as_data, dynamics_section, pi_section
 from .gather.law import laws_by_response, tool_life_section
 from .gather.posterior import posterior_section
 from .gather.settings import limits_section
-from .sections.limits import LimitsSection
+from .messages import schema_message
+from .sections.load_line import LimitsSection
 
 if TYPE_CHECKING:
     from ..datasets import Runs
     from ..fit import LawFit, NotAvailable, Posterior, StreamedLaw, ToolLife
     from ..ident.model import Model
-    from .sections.adaptive_force import AdaptiveForceSection
-    from .sections.design import DesignSection
     from .sections.dynamics import DynamicsSection
-    from .sections.identity import Sensor
+    from .sections.force_control import AdaptiveForceSection, RoughnessSection
     from .sections.load_line import LoadLineSection
-    from .sections.roughness import RoughnessSection
+    from .sections.origin import DesignSection, Sensor
 
 
 def collect(
@@ -179,7 +177,7 @@ def _validated(sections: Mapping[str, object], more: Mapping[str, object]) -> Pa
     try:
         return sealed(ParameterFile.model_validate(data))
     except ValidationError as error:
-        raise ParameterError(f"cannot collect: {in_words(error, data)}.") from None
+        raise ParameterError(f"cannot collect: {schema_message(error, data)}.") from None
 
 
 def _versions() -> dict[str, str]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..core.display import Display, TextTable, display, estimates, facts_of, with_unit
 from ..core.rounding import format_plain
-from .check import CheckReport
+from .checks.report import CheckReport
 from .draws import Draws
 from .file import ParameterFile
 from .sections.dynamics import DynamicsSection

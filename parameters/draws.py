@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.display import Plottable, as_columns
 from ..core.errors import ParameterError
-from .errors import short
+from .messages import short
 
 if TYPE_CHECKING:
     from ..core.display import Frame

@@ -26,8 +26,8 @@ from ..core.intervals import (
     one_component,
 )
 from ..datasets import region
-from .errors import short
-from .sections.covariance import Covariance, NoCovariance
+from .messages import short
+from .sections.base import Covariance, NoCovariance
 from .sections.law_fields import LOGARITHMIC, LawFields
 from .sections.law_parts import Edges
 

@@ -10,22 +10,16 @@ from pydantic import Field, ValidationError
 from ..core.display import Plottable
 from ..core.errors import ParameterError
 from ..core.files import cause, write_whole
-from .canonical import content_sha256
-from .errors import in_words
-from .migrate import SCHEMA, migrated
-from .sections.adaptive_force import AdaptiveForceSection
+from .file_format import CURE, SCHEMA, content_sha256, migrated, parse_strict_json
+from .messages import schema_message
 from .sections.base import Section, Sha256
-from .sections.design import DesignSection
-from .sections.dynamics import DynamicsSection
-from .sections.identity import IdentitySection, ProvenanceSection
+from .sections.dynamics import DynamicsSection, PiSection
+from .sections.force_control import AdaptiveForceSection, RoughnessSection
 from .sections.law import LawSection
 from .sections.law_parts import ToolLifeSection
-from .sections.limits import LimitsSection
-from .sections.load_line import LoadLineSection
-from .sections.pi import PiSection
+from .sections.load_line import LimitsSection, LoadLineSection
+from .sections.origin import DesignSection, IdentitySection, ProvenanceSection
 from .sections.posterior import PosteriorSection
-from .sections.roughness import RoughnessSection
-from .strict_json import CURE, strict_json
 
 LARGEST = 50_000_000  # bytes
 
@@ -233,8 +227,8 @@ def _bytes(path: Path) -> bytes:
 
 
 def _parse(content: bytes, name: str) -> ParameterFile:
-    data = migrated(strict_json(content, name), name)
+    data = migrated(parse_strict_json(content, name), name)
     try:
         return ParameterFile.model_validate(data)
     except ValidationError as error:
-        raise ParameterError(f"{name}: {in_words(error, data)}. {CURE}") from None
+        raise ParameterError(f"{name}: {schema_message(error, data)}. {CURE}") from None

@@ -10,18 +10,18 @@ from importlib.resources import files
 from typing import Any, Final
 
 from .file import ParameterFile
-from .migrate import SCHEMA
+from .file_format import SCHEMA
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 FILE: Final = f"parameters-{SCHEMA.partition('/')[2]}.json"
 
 
-def json_schema() -> dict[str, Any]:
+def build_schema() -> dict[str, Any]:
     """The schema, made from the classes.
 
     Examples
     --------
-    >>> json_schema()["properties"]["identity"]
+    >>> build_schema()["properties"]["identity"]
     {'$ref': '#/$defs/Identity'}
     """
     made = ParameterFile.model_json_schema()
@@ -36,16 +36,16 @@ def json_schema() -> dict[str, Any]:
     }
 
 
-def published() -> dict[str, Any]:
+def published_schema() -> dict[str, Any]:
     """The schema as it is published with the package."""
-    text = files(__package__).joinpath("schema", FILE).read_text(encoding="utf-8")
-    schema: dict[str, Any] = json.loads(text)
+    content = files(__package__).joinpath("schema", FILE).read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(content)
     return schema
 
 
-def text() -> str:
+def schema_text() -> str:
     """The schema as it stands in its file."""
-    return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(build_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
 def _first_paragraphs(schema: Any) -> None:  # noqa: ANN401
@@ -63,4 +63,4 @@ def _first_paragraphs(schema: Any) -> None:  # noqa: ANN401
 
 
 if __name__ == "__main__":
-    sys.stdout.write(text())
+    sys.stdout.write(schema_text())

@@ -24,6 +24,7 @@ from fitmodels.controllers.adaptive_force.stability import step_study
 from fitmodels.controllers.loop import replay
 from fitmodels.controllers.plants import FAULTS, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -43,7 +44,7 @@ def pf():
 
 def changed(pf, **fields):
     """The file with other fields in its section, None taking one out."""
-    return parameters.sealed(pf, adaptive_force={**pf.adaptive_force.model_dump(), **fields})
+    return sealed(pf, adaptive_force={**pf.adaptive_force.model_dump(), **fields})
 
 
 # --- what is controlled ---------------------------------------------------------------------------------------------
@@ -463,11 +464,11 @@ def test_the_fixed_pi_stays_within_limits_too(pf, name):
 
 
 def test_gains_in_other_units_are_refused(pf):
-    other = parameters.sealed(pf, pi={**pf.pi.model_dump(), "unit_u": "mm/s"}, dynamics=None)
+    other = sealed(pf, pi={**pf.pi.model_dump(), "unit_u": "mm/s"}, dynamics=None)
     with pytest.raises(GateError, match="same units"):
         FixedForcePi.from_parameters(other, 2.0)
     with pytest.raises(GateError, match="no pi section"):
-        FixedForcePi.from_parameters(parameters.sealed(pf, pi=None), 2.0)
+        FixedForcePi.from_parameters(sealed(pf, pi=None), 2.0)
 
 
 # --- the report ----------------------------------------------------------------------------------------------------
@@ -492,7 +493,7 @@ def test_a_replay_tells_depths_steps_proof_and_what_is_assumed(pf):
 
 @pytest.mark.usefixtures("quick")
 def test_a_replay_without_gains_says_so(pf):
-    found = report.replayed(parameters.sealed(pf, pi=None), {}, 1)
+    found = report.replayed(sealed(pf, pi=None), {}, 1)
     assert not found.facts["pi_depths"]
     assert any("no PI gains" in line for line in found.assumed)
 

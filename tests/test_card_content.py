@@ -17,7 +17,8 @@ from fitmodels.cards.content.uncertainty import of_law, statements
 from fitmodels.cards.folder import markdown
 from fitmodels.core.rounding import decimals
 from fitmodels.ident.model import Model
-from fitmodels.parameters import collect, read, sealed, write
+from fitmodels.parameters import collect, read, write
+from fitmodels.parameters.file import sealed
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 

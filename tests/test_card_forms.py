@@ -20,7 +20,8 @@ from fitmodels.cards.forms.markdown import card_markdown, text
 from fitmodels.cards.forms.page import page_html
 from fitmodels.core.errors import ParameterError, UsageError
 from fitmodels.ident.model import Model
-from fitmodels.parameters import collect, sealed
+from fitmodels.parameters import collect
+from fitmodels.parameters.file import sealed
 from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator

@@ -16,7 +16,8 @@ from fitmodels.cards.publishing.requirements import (
     missing_fields,
 )
 from fitmodels.core.errors import DataError, GateError
-from fitmodels.parameters import collect, sealed
+from fitmodels.parameters import collect
+from fitmodels.parameters.file import sealed
 from hypothesis import given
 from hypothesis import strategies as st
 

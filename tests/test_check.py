@@ -12,9 +12,10 @@ from fitmodels.core.errors import ParameterError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
-from fitmodels.parameters import DynamicsSection, PiSection, check, collect, read, sealed, write
+from fitmodels.parameters import check, collect, read, write
 from fitmodels.parameters.checks.loop_figures import closed_loop, figures
-from fitmodels.parameters.file import _parse
+from fitmodels.parameters.file import _parse, sealed
+from fitmodels.parameters.sections.dynamics import DynamicsSection, PiSection
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import dlsim

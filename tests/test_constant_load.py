@@ -13,7 +13,7 @@ from fitmodels import controllers, parameters
 from fitmodels.controllers.constant_load_milling.plant import MillingCut
 from fitmodels.controllers.plants import FAULTS, Cut, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
-from fitmodels.parameters.export.view import view
+from fitmodels.parameters.exports.view import export_view
 from fitmodels.parameters.published import published
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -165,9 +165,9 @@ def test_what_cannot_run_is_refused_with_exit_code_5(constant_load_file, more, w
 
 
 def test_what_the_file_leaves_open_is_assumed_and_said(constant_load_file):
-    from fitmodels.parameters.export.settings import settings
+    from fitmodels.parameters.exports.loop import loop_settings
 
-    found = settings(constant_load_file(load_line={"engagement": None}))
+    found = loop_settings(constant_load_file(load_line={"engagement": None}))
     assert found.loop.back_off > found.loop.recover > 0
     assert 0 < found.loop.engage_at < found.loop.reference
     assert len(found.assumed) == 8
@@ -223,7 +223,7 @@ def test_the_paper_s_gains_run_here_and_are_refused_for_export(paper):
     loop = controllers.ConstantLoad.from_parameters(paper).loop
     assert (loop.form, loop.kp, loop.ki * loop.sample_time) == ("incremental_sum", 160.0, pytest.approx(0.006))
     with pytest.raises(GateError, match="integrator of an integrator"):
-        view(paper).needed_loop()
+        export_view(paper).needed_loop()
 
 
 def test_it_is_equation_16_term_by_term(paper):

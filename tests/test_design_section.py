@@ -9,9 +9,11 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards import terminal
-from fitmodels.parameters import DesignSection, collect, design_section, read, write
+from fitmodels.parameters import collect, read, write
+from fitmodels.parameters.gather.design import design_section
 from fitmodels.parameters.gather.plan import kind_of_plan
 from fitmodels.parameters.gather.scan import labels, numbers, stands
+from fitmodels.parameters.sections.origin import DesignSection
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fitmodels.parameters.export import exporter
-from fitmodels.parameters.export.quantities import Quantity
-from fitmodels.parameters.export.view import view
+from fitmodels.parameters.exports import export_format
+from fitmodels.parameters.exports.quantities import Quantity
+from fitmodels.parameters.exports.view import export_view
 
 INSTALL = "apt-get install gcc libc6-dev"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 
 
 def header_of(pf) -> str:
-    return exporter("c").render(view(pf))
+    return export_format("c").render(export_view(pf))
 
 
 def program(names: list[str]) -> str:
@@ -51,7 +51,7 @@ def compiled(consumer, tmp_path):
 @pytest.mark.parametrize("language", ["-std=c89", "-std=c99", "-std=c11", "-std=c++11"])
 def test_a_program_prints_every_value_back_exactly(compiled, constant_load_file, language):
     pf = constant_load_file()
-    values = {q.name: q.value for q in view(pf).quantities}
+    values = {q.name: q.value for q in export_view(pf).quantities}
     with_ = shutil.which("c++" if "++" in language else "cc")
     if with_ is None:
         pytest.skip("c++ is not installed: apt-get install g++")
@@ -64,7 +64,7 @@ def test_any_double_comes_back_bit_for_bit(compiled, constant_load_file):
     values = drawn[np.isfinite(drawn)].tolist()
     values += [0.1, 1 / 3, -0.0, 5e-324, 2.2250738585072014e-308, 1.7976931348623157e308, 1e22, 1e-5]
     given = tuple(Quantity(f"x{k}", v, "1", "drawn") for k, v in enumerate(values))
-    header = exporter("c").render(replace(view(constant_load_file()), quantities=given))
+    header = export_format("c").render(replace(export_view(constant_load_file()), quantities=given))
     back = compiled(header, [q.name for q in given])
     assert [struct.pack("<d", back[q.name]) for q in given] == [struct.pack("<d", q.value) for q in given]
 
@@ -92,5 +92,5 @@ def test_a_nasty_name_compiles_as_a_comment(compiled, constant_load_file, name):
 def test_every_value_stands_beside_its_unit(constant_load_file):
     pf = constant_load_file()
     lines = {line.split()[3]: line for line in header_of(pf).splitlines() if line.startswith("static")}
-    for q in view(pf).quantities:
+    for q in export_view(pf).quantities:
         assert f"/* {q.unit}: " in lines[f"fm_{q.name}"]

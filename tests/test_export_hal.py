@@ -18,8 +18,8 @@ from fitmodels import controllers
 from fitmodels.controllers.loop import Trace
 from fitmodels.controllers.plants import Cut
 from fitmodels.core.errors import GateError
-from fitmodels.parameters.export import exporter
-from fitmodels.parameters.export.view import view
+from fitmodels.parameters.exports import export_format
+from fitmodels.parameters.exports.view import export_view
 
 SAMPLES = 2500
 TOLERANCE = 1e-5  # halsampler prints six decimals: 5e-7 is what rounding leaves
@@ -98,7 +98,7 @@ loadusr -w halsampler -t -n {samples} {folder}/trace
 
 
 def hal_of(pf) -> str:
-    return exporter("hal").render(view(pf))
+    return export_format("hal").render(export_view(pf))
 
 
 @pytest.fixture
@@ -214,7 +214,7 @@ def test_an_unknown_load_lets_go_of_the_feed(halrun, fast, load):
 
 
 def test_the_replay_settles_engages_meets_both_limits_and_lets_go(fast):
-    trace, loop = replayed(fast), view(fast).needed_loop()
+    trace, loop = replayed(fast), export_view(fast).needed_loop()
     assert np.abs(trace.measurement[600:800] - loop.reference).max() < 1e-6
     assert trace.command[1350] == pytest.approx(loop.low, abs=1e-15)
     assert trace.command[1950] == pytest.approx(loop.high, abs=1e-15)

@@ -6,15 +6,15 @@ from dataclasses import replace
 import pytest
 from fitmodels import parameters
 from fitmodels.datasets.units import canonical
-from fitmodels.parameters.export import exporter
-from fitmodels.parameters.export.quantities import Quantity
-from fitmodels.parameters.export.view import view
+from fitmodels.parameters.exports import export_format
+from fitmodels.parameters.exports.quantities import Quantity
+from fitmodels.parameters.exports.view import export_view
 from hypothesis import given
 from hypothesis import strategies as st
 
 
 def ini_of(pf) -> str:
-    return exporter("ini").render(view(pf))
+    return export_format("ini").render(export_view(pf))
 
 
 @pytest.mark.parametrize("reader", [ConfigParser, RawConfigParser])
@@ -22,7 +22,7 @@ def test_every_value_reads_back_exactly_with_its_unit_and_words(constant_load_fi
     pf = constant_load_file()
     ini = reader()
     ini.read_string(ini_of(pf))
-    quantities = view(pf).quantities
+    quantities = export_view(pf).quantities
     assert [(k, float(v)) for k, v in ini["values"].items()] == [(q.name, q.value) for q in quantities]
     assert dict(ini["units"]) == {q.name: q.unit for q in quantities}
     assert dict(ini["words"]) == {q.name: q.words for q in quantities}
@@ -39,14 +39,14 @@ def test_a_file_written_as_json_and_read_again_gives_the_same_text(constant_load
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_any_number_reads_back_to_the_same_float(seen, value):
     ini = ConfigParser()
-    ini.read_string(exporter("ini").render(replace(seen, quantities=(Quantity("x", value, "%", "drawn"),))))
+    ini.read_string(export_format("ini").render(replace(seen, quantities=(Quantity("x", value, "%", "drawn"),))))
     assert float(ini["values"]["x"]) == value
     assert canonical(ini["units"]["x"]) == "%"
 
 
 @pytest.fixture(scope="module")
 def seen(constant_load_file):
-    return view(constant_load_file())
+    return export_view(constant_load_file())
 
 
 @pytest.mark.parametrize(

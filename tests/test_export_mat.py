@@ -9,8 +9,8 @@ import pytest
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
-from fitmodels.parameters.export import exporter
-from fitmodels.parameters.export.view import view
+from fitmodels.parameters.exports import export_format
+from fitmodels.parameters.exports.view import export_view
 from scipy.io import loadmat
 
 INSTALL = "apt-get install --no-install-recommends octave octave-control"
@@ -35,7 +35,7 @@ printf("%.17g\\n", y);
 
 
 def mat_of(pf) -> bytes:
-    return exporter("mat").render(view(pf))
+    return export_format("mat").render(export_view(pf))
 
 
 def loaded(content: bytes) -> np.ndarray:
@@ -61,7 +61,7 @@ def steps(said: subprocess.CompletedProcess[str]) -> np.ndarray:
 
 
 def our_step(pf) -> np.ndarray:
-    seen = view(pf)
+    seen = export_view(pf)
     model = Model(b=seen.plant.b, a=seen.plant.a, nk=seen.plant.nk, sample_time=seen.plant.sample_time)
     return loop_of(model, PiGains(**asdict(seen.gains))).step(SAMPLES)
 
@@ -103,7 +103,7 @@ end
     assert said.returncode == 0, said.stderr
     rows = [line.split("|") for line in said.stdout.splitlines()]
     read = [(name, float(value), unit, words) for name, value, unit, words in rows]
-    assert read == [(q.name, q.value, q.unit, q.words) for q in view(pf).quantities]
+    assert read == [(q.name, q.value, q.unit, q.words) for q in export_view(pf).quantities]
 
 
 @pytest.mark.consumer

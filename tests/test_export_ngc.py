@@ -6,8 +6,9 @@ import subprocess
 from decimal import Decimal
 
 import pytest
-from fitmodels.parameters.export import exporter, ngc
-from fitmodels.parameters.export.view import view
+from fitmodels.parameters.exports import export_format
+from fitmodels.parameters.exports.text_formats import fixed
+from fitmodels.parameters.exports.view import export_view
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,7 +17,7 @@ PRINTED = 6  # decimals of rs274
 
 
 def ngc_of(pf) -> str:
-    return exporter("ngc").render(view(pf))
+    return export_format("ngc").render(export_view(pf))
 
 
 @pytest.fixture
@@ -38,13 +39,13 @@ def scale(value: float) -> int:
 @pytest.mark.consumer
 def test_every_value_arrives_under_its_name_and_its_number(rs274, constant_load_file):
     pf = constant_load_file()
-    quantities = view(pf).quantities
+    quantities = export_view(pf).quantities
     asked = "".join(
         f"(DEBUG,{q.name} #{9 + 2 * k})\n(DEBUG,{q.name} #{10 + 2 * k})\n" for k, q in enumerate(quantities)
     )
     copies = "".join(
-        f"#{9 + 2 * k}=[#<_fm_{q.name}>/{ngc.fixed(float(Decimal(10) ** scale(q.value)))}]\n"
-        f"#{10 + 2 * k}=[#{500 + k}/{ngc.fixed(float(Decimal(10) ** scale(q.value)))}]\n"
+        f"#{9 + 2 * k}=[#<_fm_{q.name}>/{fixed(float(Decimal(10) ** scale(q.value)))}]\n"
+        f"#{10 + 2 * k}=[#{500 + k}/{fixed(float(Decimal(10) ** scale(q.value)))}]\n"
         for k, q in enumerate(quantities)
     )
     text = ngc_of(pf).removesuffix("%\n") + copies + asked + "%\n"
@@ -72,7 +73,7 @@ def test_a_broken_file_does_not_run(rs274, constant_load_file, broken, by):
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_a_number_has_no_exponent_and_reads_back_to_the_same_float(value):
-    text = ngc.fixed(value)
+    text = fixed(value)
     assert re.fullmatch(r"-?\d+(\.\d+)?", text)
     assert float(text) == value
 

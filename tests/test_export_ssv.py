@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 
 import pint
 import pytest
-from fitmodels.parameters.export import exporter
-from fitmodels.parameters.export.quantities import Quantity
-from fitmodels.parameters.export.si import si
-from fitmodels.parameters.export.view import view
+from fitmodels.parameters.exports import export_format
+from fitmodels.parameters.exports.quantities import Quantity
+from fitmodels.parameters.exports.ssv import si_unit
+from fitmodels.parameters.exports.view import export_view
 
 SPACES = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
@@ -20,7 +20,7 @@ BASES = {"kg": "kilogram", "m": "metre", "s": "second", "A": "ampere", "rad": "r
 
 
 def ssv_of(pf) -> str:
-    return exporter("ssv").render(view(pf))
+    return export_format("ssv").render(export_view(pf))
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_fmpy_reads_every_value_with_a_unit_that_is_declared(read_ssv, constant_
     pf = constant_load_file()
     found, units = read_ssv(ssv_of(pf)), declared(ssv_of(pf))
     read = [(p.name, p.type, float(p.value), p.unit) for p in found.parameters]
-    assert read == [(q.name, "Real", q.value, q.unit) for q in view(pf).quantities]
+    assert read == [(q.name, "Real", q.value, q.unit) for q in export_view(pf).quantities]
     assert {unit for _, _, _, unit in read} == set(units)
     assert found.name == "gc435_s45c"
 
@@ -78,7 +78,7 @@ def test_a_unit_in_si_is_what_pint_makes_of_it(unit):
     spelled = {"%": "percent", "Nm": "N*m", "N/mm2": "N/mm**2", "mm3/min": "mm**3/min", "lbf": "force_pound",
                "mm/rev": "mm/revolution", "(N)/(mm/rev)": "N/(mm/revolution)"}  # fmt: skip
     theirs = registry.Quantity(1, registry.parse_units(spelled.get(unit, unit if unit != "1" else "")))
-    ours = si(unit)
+    ours = si_unit(unit)
     back = registry.Quantity(ours.factor, "")
     for base, power in ours.powers:
         back = back * registry.Unit(BASES[base]) ** power
@@ -88,9 +88,9 @@ def test_a_unit_in_si_is_what_pint_makes_of_it(unit):
 
 @pytest.mark.parametrize("unit", ["HRC", "furlong", "(mm/min", "A/", "/", "", "mm/min)/(A", "N/HRC", "((", ")("])
 def test_what_has_no_si_form_is_not_passed_off_as_a_number(unit, constant_load_file):
-    assert si(unit) is None
-    seen = replace(view(constant_load_file()), quantities=(Quantity("x", 1.0, unit, "something"),))
-    text = exporter("ssv").render(seen)
+    assert si_unit(unit) is None
+    seen = replace(export_view(constant_load_file()), quantities=(Quantity("x", 1.0, unit, "something"),))
+    text = export_format("ssv").render(seen)
     assert "unit=" not in text
     assert declared(text) == {}
     assert f"something, in {unit}" in text

@@ -14,9 +14,9 @@ import pytest
 from fitmodels import controllers
 from fitmodels.controllers.plants import Cut
 from fitmodels.core.errors import GateError
-from fitmodels.parameters.export import exporter
-from fitmodels.parameters.export.st import real
-from fitmodels.parameters.export.view import view
+from fitmodels.parameters.exports import export_format
+from fitmodels.parameters.exports.st import real
+from fitmodels.parameters.exports.view import export_view
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,7 +25,7 @@ ROUNDING = 1e-12  # of an override; Python sums a moving average with a correcti
 
 
 def st_of(pf) -> str:
-    return exporter("st").render(view(pf))
+    return export_format("st").render(export_view(pf))
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,7 @@ def loads(loop) -> list[float]:
 )  # fmt: skip
 def test_the_block_does_what_the_replayed_controller_does(constant_load_file, changes, within):
     pf = constant_load_file(pi=changes)
-    loop = view(pf).needed_loop()
+    loop = export_view(pf).needed_loop()
     block, ours = Block(st_of(pf)), controllers.ConstantLoad(loop, command=1.0)
     happened = set()
     for load in loads(loop):
@@ -121,7 +121,7 @@ def test_the_block_does_what_the_replayed_controller_does(constant_load_file, ch
 
 def test_in_a_cut_the_block_holds_the_reference(constant_load_file):
     pf = constant_load_file()
-    loop = view(pf).needed_loop()
+    loop = export_view(pf).needed_loop()
     b, a = [0.0, 0.0611, -0.1338, 0.0752], [1.0, -2.0311, 1.2104, -0.1655]
     gain = 1.2416e-4 * 1000 / (sum(b) / sum(a))
     plant = Cut(b=[gain * c for c in b], a=a, offset=0.1158)
@@ -139,7 +139,7 @@ def test_until_it_is_enabled_the_feed_is_the_programmes(constant_load_file):
 @pytest.mark.parametrize("broken", [("KI : LREAL := 8.0", "KI : LREAL := 8.1"), ("filtered) * F", "filtered) / F")])
 def test_a_broken_number_or_sign_is_seen(constant_load_file, broken):
     pf = constant_load_file()
-    loop, text = view(pf).needed_loop(), st_of(pf)
+    loop, text = export_view(pf).needed_loop(), st_of(pf)
     assert broken[0] in text
     block, ours = Block(text.replace(*broken)), controllers.ConstantLoad(loop, command=1.0)
     apart = [abs(block.step(x, loop.sample_time) - ours.step(x, loop.sample_time)) for x in loads(loop)[:600]]

@@ -13,7 +13,7 @@ from fitmodels.controllers.recursion.interval_optimum import grid_of
 from fitmodels.controllers.recursion.laws import Rules
 from fitmodels.controllers.recursion.life import apply_plan, whole_life
 from fitmodels.core.errors import UsageError
-from fitmodels.parameters import Draws
+from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.published import published
 
 SEED = 1  # recorded: of the posteriors and so of the bands below

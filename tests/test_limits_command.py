@@ -5,12 +5,13 @@ import json
 import pytest
 from fitmodels import parameters
 from fitmodels.cli import main
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 
 
 @pytest.fixture
 def file(tmp_path):
-    bare = parameters.sealed(published("AC-2017"), limits=None)
+    bare = sealed(published("AC-2017"), limits=None)
     return str(parameters.write(bare, tmp_path / "params.json"))
 
 

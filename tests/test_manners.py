@@ -33,6 +33,8 @@ from fitmodels.ident.continuous import sampled, to_continuous
 from fitmodels.ident.pi.controller import simulate_loop
 from fitmodels.ident.pi.loop import loop_of
 from fitmodels.ident.responses.confidence_bands import response_band, step_band
+from fitmodels.parameters.draws import Draws
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -150,8 +152,8 @@ def step():
 
 
 def chance():
-    draws = {"AW": parameters.Draws(post().names, post().draws), "P": parameters.Draws(*load_draws())}
-    file = parameters.sealed(pf(), limits={"power": {"value": 4.0, "unit": "kW"}})
+    draws = {"AW": Draws(post().names, post().draws), "P": Draws(*load_draws())}
+    file = sealed(pf(), limits={"power": {"value": 4.0, "unit": "kW"}})
     return controllers.feasibility(file, draws=draws, most=200, grid=(5, 5))
 
 
@@ -166,7 +168,7 @@ def life_draws():
     names = ("ln c0", *list(exact.coefficients)[1:])
     middle = np.array([np.log(exact.coefficients["c0"]), *list(exact.coefficients.values())[1:]])
     values = middle + 0.01 * np.random.default_rng(1).normal(size=(60, len(middle)))
-    return controllers.life_draws(life_laws(), {"AW": parameters.Draws(names, values)})
+    return controllers.life_draws(life_laws(), {"AW": Draws(names, values)})
 
 
 def latent():
@@ -248,7 +250,7 @@ RESULTS: dict[str, Callable[[], object]] = {
     "DynamicsSection": lambda: pf().dynamics,
     "CheckReport": lambda: parameters.check(pf()),
     "FileFinding": lambda: parameters.check(pf()).findings[0],
-    "Draws": lambda: parameters.Draws(post().names, post().draws),
+    "Draws": lambda: Draws(post().names, post().draws),
     "Prediction": lambda: pf().laws["AW"].get_prediction(V=150.0, f=0.4, d=2.0, t=10.0),
     "GivenFactor": lambda: pf().laws["AW"].get_prediction(V=150.0, f=0.4, d=2.0, t=10.0).given[0],
     "VisibleRegion": region,

@@ -18,7 +18,8 @@ from fitmodels.controllers.constant_load_milling.runs import constant_feed_run, 
 from fitmodels.controllers.constant_load_milling.steady import drawn_life, steady_life
 from fitmodels.core.errors import ParameterError, UsageError
 from fitmodels.datasets import bundled, read_runs
-from fitmodels.parameters import Draws, ParameterFile
+from fitmodels.parameters import ParameterFile
+from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.published import milling, published
 
 FILES = ("CLM-2023", "CLM-2023-slot")

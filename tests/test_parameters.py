@@ -18,8 +18,9 @@ import pytest
 from fitmodels import fit, parameters
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
-from fitmodels.parameters import LawSection, ParameterFile, collect, read, sealed, write
+from fitmodels.parameters import LawSection, ParameterFile, collect, read, write
 from fitmodels.parameters import file as file_module
+from fitmodels.parameters.file import sealed
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose

@@ -21,9 +21,12 @@ from fitmodels.controllers.roughness.plant import TurningForce, loop_theory
 from fitmodels.controllers.roughness.reference import reference_force
 from fitmodels.controllers.roughness.simulations import simulated_table, steady, turn
 from fitmodels.core.errors import ParameterError, UsageError
-from fitmodels.parameters import Draws, RoughnessSection, check, read, sealed, write
+from fitmodels.parameters import check, read, write
+from fitmodels.parameters.draws import Draws
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 from fitmodels.parameters.published.roughness import surf, table1
+from fitmodels.parameters.sections.force_control import RoughnessSection
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError

@@ -13,10 +13,10 @@ import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.core.errors import ParameterError
 from fitmodels.ident.model import Model
-from fitmodels.parameters import collect, read, sealed, write
-from fitmodels.parameters.canonical import canonical, content_sha256
-from fitmodels.parameters.json_schema import DIALECT, json_schema, published, text
-from fitmodels.parameters.migrate import migrated
+from fitmodels.parameters import collect, read, write
+from fitmodels.parameters.file import sealed
+from fitmodels.parameters.file_format import canonical_bytes, content_sha256, migrated
+from fitmodels.parameters.json_schema import DIALECT, build_schema, published_schema, schema_text
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -47,17 +47,17 @@ def data(pf):
 
 def test_the_published_schema_is_that_of_the_code():
     """Made again by `python -m fitmodels.parameters.json_schema`."""
-    assert SCHEMA.read_text("utf-8") == text()
-    assert published() == json_schema()
+    assert SCHEMA.read_text("utf-8") == schema_text()
+    assert published_schema() == build_schema()
 
 
 def test_the_schema_is_one_by_its_dialect():
-    assert published()["$schema"] == DIALECT
-    jsonschema.Draft202012Validator.check_schema(published())
+    assert published_schema()["$schema"] == DIALECT
+    jsonschema.Draft202012Validator.check_schema(published_schema())
 
 
 def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
-    jsonschema.validate(json.loads(write(pf, tmp_path / "params.json").read_text()), published())
+    jsonschema.validate(json.loads(write(pf, tmp_path / "params.json").read_text()), published_schema())
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
 def test_schema_and_reader_refuse_the_same(data, change, tmp_path):
     change(data)
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(data, published())
+        jsonschema.validate(data, published_schema())
     (tmp_path / "params.json").write_text(json.dumps(data))
     with pytest.raises(ParameterError):
         read(tmp_path / "params.json")
@@ -92,7 +92,7 @@ def test_unknown_fields_and_sections_are_allowed_and_kept(data, tmp_path):
     data |= {"later": later}
     for place in (data["dynamics"], data["pi"], data["load_line"]["lower"], data["limits"], data["identity"]):
         place["x-later"] = later
-    jsonschema.validate(data, published())
+    jsonschema.validate(data, published_schema())
     (tmp_path / "params.json").write_text(json.dumps(data))
     again = json.loads(write(read(tmp_path / "params.json"), tmp_path / "again.json").read_text())
     assert {**again, "content_sha256": None} == {**data, "content_sha256": None}
@@ -176,13 +176,13 @@ def test_order_and_layout_do_not_count_and_every_value_does(data):
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_floats_are_told_apart_bit_for_bit(x):
     """A text that reads back to the same bits, whether or not it keeps its point."""
-    back = json.loads(canonical({"x": x}))["x"]
+    back = json.loads(canonical_bytes({"x": x}))["x"]
     assert float(back).hex() == x.hex()
 
 
 @pytest.mark.parametrize(("x", "as_text"), [(50.0, "50"), (-0.0, "-0.0"), (0.0, "0"), (1e300, "1e+300"), (0.1, "0.1")])
 def test_numbers_in_canonical_form(x, as_text):
-    assert canonical({"x": x}).decode() == f'{{"x":{as_text}}}'
+    assert canonical_bytes({"x": x}).decode() == f'{{"x":{as_text}}}'
 
 
 def test_reading_and_writing_by_another_program_keeps_the_checksum(pf, tmp_path):

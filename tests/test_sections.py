@@ -11,21 +11,11 @@ from fitmodels.core.errors import GateError, ParameterError
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.tuning import tune_pi
-from fitmodels.parameters import (
-    AdaptiveForceSection,
-    Bound,
-    DynamicsSection,
-    Engagement,
-    IdentitySection,
-    LimitsSection,
-    PiSection,
-    Range,
-    RoughnessSection,
-    Sensor,
-    collect,
-    read,
-    write,
-)
+from fitmodels.parameters import collect, read, write
+from fitmodels.parameters.sections.dynamics import DynamicsSection, PiSection
+from fitmodels.parameters.sections.force_control import AdaptiveForceSection, RoughnessSection
+from fitmodels.parameters.sections.load_line import Bound, Engagement, LimitsSection, Range
+from fitmodels.parameters.sections.origin import IdentitySection, ProvenanceSection, Sensor
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -212,7 +202,7 @@ def test_properties_of_iso_13399_and_sensors_go_along(tmp_path):
 @pytest.mark.parametrize("name", ["../../x", "..", "a/b", "a\\b", "", "nul\0l"])
 def test_a_data_file_is_a_name_alone(name):
     with pytest.raises(ValidationError, match="not the name of a file alone"):
-        parameters.ProvenanceSection(fitmodels="1", data_file=name)
+        ProvenanceSection(fitmodels="1", data_file=name)
 
 
 @pytest.mark.parametrize("given_", ["/some/where/data.csv", "..\\where\\data.csv", "data.csv"])

@@ -9,7 +9,8 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
-from fitmodels.parameters import LimitInterval, NoInterval, collect, read, write
+from fitmodels.parameters import collect, read, write
+from fitmodels.parameters.sections.load_line import LimitInterval, NoInterval
 from scipy import stats
 
 UsageError = errors.UsageError
@@ -133,9 +134,9 @@ def test_the_interval_of_the_lower_limit_holds_the_truth_as_often_as_it_says(see
 
 
 def of_numbers(law):
-    from fitmodels.parameters.feed_limits import feed_limit
     from fitmodels.parameters.gather.law import _section
     from fitmodels.parameters.sections.law import LawSection
+    from fitmodels.parameters.setting_rules import feed_limit
 
     return feed_limit(LawSection.model_validate(_section(law)), 0.24, 0.2, level=0.9).interval
 

@@ -6,6 +6,7 @@ import pytest
 from fitmodels import ident, parameters
 from fitmodels.cli import main
 from fitmodels.ident import Model
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 
 pytestmark = pytest.mark.slow  # of its kind: left out where other versions of Python are tried
@@ -119,7 +120,7 @@ def test_a_file_without_dynamics_says_what_to_do(tmp_path, monkeypatch, capsys):
 )
 def test_a_scaling_is_held_against_the_load_law_of_the_file(tmp_path, monkeypatch, capsys, scaling, words):
     monkeypatch.chdir(tmp_path)
-    parameters.write(parameters.sealed(published("CLM-2023"), pi=None), tmp_path / "p.json")
+    parameters.write(sealed(published("CLM-2023"), pi=None), tmp_path / "p.json")
     code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", *scaling)
     assert code == 0
     assert ("By the load law 1 V is 1459 mm/min" in out) == (words is not None)

@@ -15,8 +15,10 @@ from fitmodels.controllers.region.probability import best_point, feasibility
 from fitmodels.controllers.region.visible import visible_region, wear_front
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.published import PUBLISHED
-from fitmodels.parameters import Draws, LimitsSection, ParameterFile
+from fitmodels.parameters import ParameterFile
+from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.published import published
+from fitmodels.parameters.sections.load_line import LimitsSection
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from matplotlib.text import Text

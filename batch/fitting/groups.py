@@ -60,7 +60,7 @@ def identity_of(groups: Mapping[str, str]) -> tuple[dict[str, str], list[Concern
     """
     import re
 
-    from ...parameters.sections.identity import ISO513
+    from ...parameters.sections.origin import ISO513
 
     found = {plain: name for header, name in groups.items() if (plain := _plain(header)) in ABOUT and name}
     group = found.get("iso513")

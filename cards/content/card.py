@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from ...parameters import Covariance, ParameterFile
+from ...parameters import ParameterFile
+from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_fields import LOGARITHMIC
 from .design import design_part
 from .dynamics import transfer_part

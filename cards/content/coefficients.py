@@ -5,7 +5,9 @@ import math
 import numpy as np
 
 from ...core.rounding import EXACT
-from ...parameters import Covariance, DynamicsSection, LawSection, ModelCovariance
+from ...parameters import LawSection
+from ...parameters.sections.base import Covariance, ModelCovariance
+from ...parameters.sections.dynamics import DynamicsSection
 from .numbers import NONE, figure, number, probability, spread
 from .parts import CoefficientPart, NumberPart
 

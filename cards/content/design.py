@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from ...parameters import DesignSection, EdgeFacts, LawSection, LeftOutRows
+from ...parameters import LawSection
+from ...parameters.sections.origin import DesignSection, EdgeFacts, LeftOutRows
 from .numbers import NONE, count, fact, figure, quantity
 from .parts import DesignPart, FactorRangePart, FactPart, NumberPart
 

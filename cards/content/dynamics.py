@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.rounding import format_plain
-from ...parameters import DynamicsSection
+from ...parameters.sections.dynamics import DynamicsSection
 from .coefficients import model_coefficients
 from .numbers import ENDLESS, NONE, count, fact, figure, places
 from .parts import DynamicsPart, FactPart

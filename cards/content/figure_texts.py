@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...parameters import DynamicsSection, LawSection, ParameterFile, PiSection
+from ...parameters import LawSection, ParameterFile
+from ...parameters.sections.dynamics import DynamicsSection, PiSection
 from ...parameters.sections.law_fields import LOGARITHMIC
 from .coefficients import law_coefficients
 from .design import at_words, middle, reference

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from ...parameters import DynamicsSection, PiFigures, PiSection
+from ...parameters.sections.dynamics import DynamicsSection, PiFigures, PiSection
 from .dynamics import sentence
 from .numbers import ENDLESS, NONE, count, fact, figure, percent
 from .parts import FactPart, GainsPart, NumberPart

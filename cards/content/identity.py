@@ -4,7 +4,8 @@ import hashlib
 import re
 import unicodedata
 
-from ...parameters import ParameterFile, content_sha256
+from ...parameters import ParameterFile
+from ...parameters.file_format import content_sha256
 from .numbers import figure, quantity
 from .parts import FactPart, IdentityPart, NumberPart, ProvenancePart, SensorPart
 

@@ -3,7 +3,9 @@
 import math
 
 from ...core.rounding import format_plain, format_rounded, p_value
-from ...parameters import Covariance, DroppedRows, LawSection, ParameterFile
+from ...parameters import LawSection, ParameterFile
+from ...parameters.sections.base import Covariance
+from ...parameters.sections.law_parts import DroppedRows
 from .coefficients import LEVEL, degrees, lacking, law_coefficients
 from .design import factor_ranges
 from .numbers import count, fact, figure, percent, places, probability

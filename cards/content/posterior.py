@@ -1,8 +1,9 @@
 """The posterior of a law as a part of a card: priors, convergence, table, sentences."""
 
 from ...core.rounding import format_plain, format_rounded
-from ...parameters import LawPosterior, LawSection, ParameterFile, Prior
-from ...parameters.checks.estimates import ESS, K_HAT, R_HAT
+from ...parameters import LawSection, ParameterFile
+from ...parameters.checks.values import ESS, K_HAT, R_HAT
+from ...parameters.sections.posterior import LawPosterior, Prior
 from .numbers import count, fact, number, percent, places, spread
 from .parts import DrawnParameterPart, FactPart, PosteriorPart
 

@@ -4,7 +4,8 @@ import math
 from collections.abc import Mapping
 
 from ...datasets.region import ROUNDING, SLACK
-from ...parameters import Covariance, LawSection, ParameterFile
+from ...parameters import LawSection, ParameterFile
+from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_fields import LOGARITHMIC
 from .coefficients import LEVEL
 from .design import factor_ranges, middle_of

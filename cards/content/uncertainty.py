@@ -12,7 +12,9 @@ import numpy as np
 
 from ...core.errors import ParameterError
 from ...core.rounding import format_rounded
-from ...parameters import Covariance, LawSection, ParameterFile, ToolLifeSection
+from ...parameters import LawSection, ParameterFile
+from ...parameters.sections.base import Covariance
+from ...parameters.sections.law_parts import ToolLifeSection
 from .coefficients import LEVEL
 from .design import at_words, middle, reference
 from .numbers import count, percent

@@ -3,18 +3,10 @@
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import FitmodelsError
-from ...parameters import (
-    AdaptiveForceSection,
-    Bound,
-    Covariance,
-    FeedLimit,
-    LimitInterval,
-    LimitsSection,
-    LoadLineSection,
-    ParameterFile,
-    Range,
-    RoughnessSection,
-)
+from ...parameters import ParameterFile
+from ...parameters.sections.base import Covariance
+from ...parameters.sections.force_control import AdaptiveForceSection, RoughnessSection
+from ...parameters.sections.load_line import Bound, FeedLimit, LimitInterval, LimitsSection, LoadLineSection, Range
 from .design import middle_of, reference
 from .dynamics import sentence
 from .numbers import fact, figure, percent, quantity

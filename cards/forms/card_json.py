@@ -13,9 +13,9 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from ...core.errors import ParameterError
-from ...parameters.errors import in_words, short
+from ...parameters.file_format import parse_strict_json
 from ...parameters.json_schema import DIALECT
-from ...parameters.strict_json import strict_json
+from ...parameters.messages import schema_message, short
 from ..content.parts import Card
 
 SCHEMA: Final = "fitmodels.card/1"
@@ -57,14 +57,14 @@ def read_card(path: str | os.PathLike[str]) -> Card:
     nowhere.json: cannot be read: no such file or directory; give the path of a card.json written by fitmodels.
     """
     name = str(path)
-    data = strict_json(_bytes(Path(path), name), name)
+    data = parse_strict_json(_bytes(Path(path), name), name)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         seen = short(data.get("schema")) if isinstance(data, dict) else short(data)
         raise ParameterError(f"{name}: its schema is {seen}, not '{SCHEMA}'; give the path of a card.json.")
     try:
         return Card.model_validate(data)
     except ValidationError as error:
-        raise ParameterError(f"{name}: {in_words(error, data)}. {CURE}") from None
+        raise ParameterError(f"{name}: {schema_message(error, data)}. {CURE}") from None
 
 
 def json_schema() -> dict[str, Any]:

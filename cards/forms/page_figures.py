@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import ParameterError
-from ...parameters import DynamicsSection, LawSection, ParameterFile
+from ...parameters import LawSection, ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
+from ...parameters.sections.dynamics import DynamicsSection
 from ...parameters.sections.law_fields import LOGARITHMIC
 from ..content.design import middle, reference
 from ..content.parts import Card, CoefficientPart, FigurePart, LawPart

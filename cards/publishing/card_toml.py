@@ -12,8 +12,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from ...core.errors import DataError
-from ...parameters import IdentitySection, ParameterFile, Sensor
-from ...parameters.errors import in_words, short, short_name
+from ...parameters import ParameterFile
+from ...parameters.messages import schema_message, short, short_name
+from ...parameters.sections.origin import IdentitySection, Sensor
 from ..content.identity import checksum
 from ..content.parts import PublicationPart
 
@@ -229,7 +230,7 @@ def _of_identity(data: Mapping[str, Any], texts: Mapping[str, str], name: str) -
             "sensors": told["sensors"],
         })  # fmt: skip
     except ValidationError as error:
-        words = in_words(error, {"iso513": told["iso513"], "iso13399": properties, "sensors": told["sensors"]})
+        words = schema_message(error, {"iso513": told["iso513"], "iso13399": properties, "sensors": told["sensors"]})
         raise DataError(f"{name}: {words.replace('iso13399', 'tool_properties')}.") from None
     return {"sensors": made.sensors, "tool_properties": dict(made.iso13399)}
 

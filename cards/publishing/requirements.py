@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from ...core.errors import GateError
 from ...datasets.vocabulary import UNNAMED
-from ...parameters import ParameterFile, check
+from ...parameters import ParameterFile
+from ...parameters.checks import check
 from ..content.parts import Card
 from ..forms.markdown import one_line
 

@@ -9,7 +9,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from ...parameters import Draws, ParameterFile
+    from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
 
 # name of the system -> module of this room, with ``lacks(pf)`` and ``replayed(pf, draws, seed)``
 SYSTEMS = {

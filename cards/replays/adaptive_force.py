@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from ...controllers.adaptive_force.runs import By, ForceRun
     from ...controllers.adaptive_force.signals import RegulationMetrics
     from ...controllers.adaptive_force.stability import StepSize
-    from ...parameters import AdaptiveForceSection, Draws, ParameterFile
+    from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
+    from ...parameters.sections.force_control import AdaptiveForceSection
 
 TITLE = "Adaptive force control in end milling (LYAP, eq. 2.1-10), held against a fixed PI"
 RIPPLE, NOISE = 0.3, 2.0  # share of the force, and N
@@ -189,7 +191,7 @@ def _finite(value: float) -> float | None:
 
 def _assumed(pf: "ParameterFile", section: "AdaptiveForceSection", draws: "Mapping[str, Draws]") -> tuple[str, ...]:
     from ...controllers.adaptive_force.settings import tooth_frequency
-    from ...parameters import ModelCovariance
+    from ...parameters.sections.base import ModelCovariance
 
     said = [
         "Reconstruction: reference model, average over a revolution, limits, trapezoidal steps and what happens when a "

@@ -16,8 +16,10 @@ from . import Replayed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...parameters import Draws, LoadLineSection, ParameterFile
-    from ...parameters.export.loop import LoadLoop
+    from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
+    from ...parameters.exports.loop import LoadLoop
+    from ...parameters.sections.load_line import LoadLineSection
 
 TITLE = "Milling at constant load (Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587)"
 LEVEL = 0.90
@@ -175,7 +177,7 @@ def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...
 
 
 def _assumed(pf: "ParameterFile", cut: CutModel) -> tuple[str, ...]:
-    from ...parameters.export.settings import settings
+    from ...parameters.exports.loop import loop_settings
 
     dwell = () if pf.load_line is None or pf.load_line.dwell is not None else ("dwell 4 s on the lower limit",)
     notes = [note for section in (*pf.laws.values(), pf.pi, pf.load_line) if section for note in section.notes]
@@ -184,7 +186,7 @@ def _assumed(pf: "ParameterFile", cut: CutModel) -> tuple[str, ...]:
         "The simulated cut is the load line and the wear law; its load follows the feed by the drive's shape, gain 1.",
         "Passes of 150 mm, 2 s out of the cut between them.",
         *dwell,
-        *settings(pf, own_form=True).assumed,
+        *loop_settings(pf, own_form=True).assumed,
         *marked,
         *(() if cut.area else ("no width and depth of cut in the wear law, so no metal removal rate",)),
     )

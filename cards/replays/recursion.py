@@ -15,7 +15,8 @@ from . import Replayed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...parameters import Draws, ParameterFile
+    from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
 
 TITLE = "Recursive turning to the end of an edge (AC-2017: Alaskari and Oraby 2017)"
 CALCULATED = "Everything here is calculated from the laws of the file; nothing was cut."

@@ -14,7 +14,8 @@ from . import Replayed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...parameters import Draws, ParameterFile
+    from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
 
 TITLE = "Visible region and best V, f (Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006)"
 DEMANDED, LOSS = 0.95, 0.05

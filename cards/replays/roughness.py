@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...controllers.roughness.simulations import TableSimulation
-    from ...parameters import Draws, LawSection, ParameterFile, RoughnessSection
+    from ...parameters import LawSection, ParameterFile
+    from ...parameters.draws import Draws
+    from ...parameters.sections.force_control import RoughnessSection
 
 TITLE = "Turning at constant roughness through constant force (SURF)"
 FINER = 1.6  # times: the paper's change along the run, from 1.6 to 1.0 um

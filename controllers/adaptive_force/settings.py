@@ -9,7 +9,8 @@ from ...core.display import Displayable
 from ...core.errors import GateError, UsageError
 
 if TYPE_CHECKING:
-    from ...parameters import AdaptiveForceSection, ParameterFile
+    from ...parameters import ParameterFile
+    from ...parameters.sections.force_control import AdaptiveForceSection
 
 TEETH = 2  # assumed
 NEEDED = (
@@ -66,7 +67,7 @@ def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
     GateError
         The file fails the check, lacks a setting, or has no set point for this depth.
     """
-    from ...parameters.check import check
+    from ...parameters.checks import check
 
     if why := lacking(pf):
         raise GateError(why)

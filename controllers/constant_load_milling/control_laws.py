@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 from ...core.errors import GateError, ParameterError
 
 if TYPE_CHECKING:
-    from ...parameters import LoadLineSection, ParameterFile
-    from ...parameters.export.loop import LoadLoop
+    from ...parameters import ParameterFile
+    from ...parameters.exports.loop import LoadLoop
+    from ...parameters.sections.load_line import LoadLineSection
 
 
 def line_of(pf: "ParameterFile") -> "LoadLineSection":
@@ -42,12 +43,12 @@ def loop_of(pf: "ParameterFile") -> "LoadLoop":
     GateError
         The file has no gains or no settings of the loop, or fails the check.
     """
-    from ...parameters.export.gate import passed
-    from ...parameters.export.names import plain
-    from ...parameters.export.settings import settings
+    from ...parameters.exports.loop import loop_settings
+    from ...parameters.exports.names import plain
+    from ...parameters.exports.view import require_check
 
-    passed(pf)
-    found = settings(pf, own_form=True)
+    require_check(pf)
+    found = loop_settings(pf, own_form=True)
     if found.loop is None:
         raise GateError(f"the parameter file of {plain(pf.identity.tool)} on {plain(pf.identity.work)} {found.lacking}")
     return found.loop

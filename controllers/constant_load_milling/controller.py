@@ -18,7 +18,7 @@ from .control_laws import IncrementalLaw, PositionLaw
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
-    from ...parameters.export.loop import LoadLoop
+    from ...parameters.exports.loop import LoadLoop
 
 DWELL = 4.0  # s: as long as the published loop may take to settle, so that no transient is taken for a worn tool
 REST = 0.01  # of the range between the feed limits: a command so near the lower one rests on it
@@ -42,7 +42,7 @@ class ConstantLoad(Displayable):
     Attributes
     ----------
     loop : LoadLoop
-        Gains, limits and settings; see `fitmodels.parameters.export.loop.LoadLoop`.
+        Gains, limits and settings; see `fitmodels.parameters.exports.loop.LoadLoop`.
     enabled : bool
         The operator's switch.
     command : float
@@ -62,7 +62,7 @@ class ConstantLoad(Displayable):
 
     Examples
     --------
-    >>> from fitmodels.parameters.export.loop import LoadLoop
+    >>> from fitmodels.parameters.exports.loop import LoadLoop
     >>> loop = LoadLoop(
     ...     kp=0.0, ki=8000.0, sample_time=0.02, reference=0.24, feed_low=600.0, feed_high=1000.0,
     ...     feed_programmed=1000.0, unit_load="A", unit_feed="mm/min", filter_time=0.0, engage_at=0.15,

@@ -19,7 +19,8 @@ from ...core.errors import ParameterError, UsageError
 from .control_laws import line_of
 
 if TYPE_CHECKING:
-    from ...parameters import LawSection, LoadLineSection, ParameterFile
+    from ...parameters import LawSection, ParameterFile
+    from ...parameters.sections.load_line import LoadLineSection
 
 FACTORS = ("t", "fm")  # of a wear law: what changes in a cut at constant load
 

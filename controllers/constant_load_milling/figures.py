@@ -12,7 +12,7 @@ from .runs import ToolRun
 from .steady import SteadyLife
 
 if TYPE_CHECKING:
-    from ...parameters import LoadLineSection
+    from ...parameters.sections.load_line import LoadLineSection
 
 LOAD, FEED, OTHER = "#1f5fa8", "#b5541c", "#5a7d3a"
 MOST = 6000  # points of a line

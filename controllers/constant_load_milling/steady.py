@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...core.display import Plottable, as_columns
-from ...parameters import Draws
+from ...parameters.draws import Draws
 from ..loop import Array
 from .control_laws import line_of
 from .cut_model import CutModel
 
 if TYPE_CHECKING:
     from ...core.display import Frame
-    from ...parameters import LawSection, LoadLineSection, ParameterFile
+    from ...parameters import LawSection, ParameterFile
+    from ...parameters.sections.load_line import LoadLineSection
 
 STEPS = 400  # of the wear, for the integrals
 

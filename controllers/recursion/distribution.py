@@ -24,7 +24,7 @@ from .life import MOST, Life, whole_life
 
 if TYPE_CHECKING:
     from ...core.display import Frame
-    from ...parameters import Draws
+    from ...parameters.draws import Draws
 
 BATCH = 16  # draws: three tables of 16 x 1744 numbers are 0.7 MB
 
@@ -260,7 +260,7 @@ def life_draws(
     --------
     >>> import numpy as np
     >>> from fitmodels.controllers.recursion import life_laws
-    >>> from fitmodels.parameters import Draws
+    >>> from fitmodels.parameters.draws import Draws
     >>> from fitmodels.parameters.published import published
     >>> laws = life_laws(published("AC-2017"))
     >>> spread = np.array([[np.log(7.62e-3) + e, 0.577, 0.168, 0.248, 0.245] for e in (-0.05, 0.0, 0.05)])

@@ -11,7 +11,8 @@ from ...datasets.units import convert, same_dimension
 from .laws import LifeLaws, Terms
 
 if TYPE_CHECKING:
-    from ...parameters import Bound, LawSection, LimitsSection, ParameterFile, Range
+    from ...parameters import LawSection, ParameterFile
+    from ...parameters.sections.load_line import Bound, LimitsSection, Range
 
 DEPTH = 2.5  # mm, of both papers
 PAPER = "AC-2017"  # provenance.options["paper"] of its own file

@@ -9,7 +9,8 @@ from .probability import Feasibility, Kind, feasibility
 from .visible import VisibleRegion, visible_region
 
 if TYPE_CHECKING:
-    from ...parameters import Draws, ParameterFile
+    from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
 
 USUAL = {"d": 2.5, "t": 10.0}  # of AC-2016
 UNITS = {"d": "mm", "t": "min"}

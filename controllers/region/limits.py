@@ -11,9 +11,9 @@ from pydantic import ValidationError
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from ...parameters.errors import in_words
 from ...parameters.gather.settings import limits_section
-from ...parameters.sections.limits import Bound, LimitsSection, Range
+from ...parameters.messages import schema_message
+from ...parameters.sections.load_line import Bound, LimitsSection, Range
 from .half_planes import Array, HalfPlane
 from .log_planes import USUAL, WEARS, CutSetting, LogPlane, plane, ratio, wear_law
 from .operating_point import plain
@@ -66,7 +66,7 @@ def merged(pf: "ParameterFile", given: LimitsSection | Mapping[str, Any] | None)
     try:
         return LimitsSection.model_validate(data)
     except ValidationError as error:
-        raise UsageError(f"limits: {in_words(error, data)}.") from None
+        raise UsageError(f"limits: {schema_message(error, data)}.") from None
 
 
 def limited(pf: "ParameterFile", limits: LimitsSection) -> dict[str, Bound]:

@@ -19,7 +19,9 @@ from .sampled_laws import Kind, LimitSampling, sampling
 from .visible import VisibleRegion, visible_region
 
 if TYPE_CHECKING:
-    from ...parameters import Draws, LimitsSection, ParameterFile
+    from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
+    from ...parameters.sections.load_line import LimitsSection
     from .sampled_laws import LimitSampling
     from .visible import VisibleRegion
 

@@ -15,12 +15,13 @@ import numpy as np
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from ...parameters.sections.covariance import Covariance
+from ...parameters.sections.base import Covariance
 from .half_planes import Array
 from .log_planes import CutSetting, LogPlane, plane, ratio, with_wear
 
 if TYPE_CHECKING:
-    from ...parameters import Draws, LawSection
+    from ...parameters import LawSection
+    from ...parameters.draws import Draws
     from .visible import VisibleRegion
 
 Kind = Literal["prediction", "mean"]

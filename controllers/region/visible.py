@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from ...core.display import Frame
-    from ...parameters import LawSection, LimitsSection, ParameterFile
+    from ...parameters import LawSection, ParameterFile
+    from ...parameters.sections.load_line import LimitsSection
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -16,7 +16,8 @@ from ..sensor_check import KNOWN, SensorCheck
 from .reference import reference_force, settings_of
 
 if TYPE_CHECKING:
-    from ...parameters import ParameterFile, RoughnessSection
+    from ...parameters import ParameterFile
+    from ...parameters.sections.force_control import RoughnessSection
 
 FLOOR = 0.1  # of the programmed feed: from feed 0 a law that multiplies never comes back, and the edge would rub
 WAIT = 0.3  # s above the threshold, for a file that says nothing

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Literal
 from ...core.errors import ParameterError, UsageError
 
 if TYPE_CHECKING:
-    from ...parameters import LawSection, ParameterFile, RoughnessSection
+    from ...parameters import LawSection, ParameterFile
+    from ...parameters.sections.force_control import RoughnessSection
 
 Reading = Literal["inverse", "regression"]
 

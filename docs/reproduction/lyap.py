@@ -12,7 +12,8 @@ from fitmodels.parameters.published import published
 if TYPE_CHECKING:
     from fitmodels.controllers.adaptive_force.runs import ForceRun
     from fitmodels.controllers.adaptive_force.stability import StepSize
-    from fitmodels.parameters import AdaptiveForceSection, ParameterFile
+    from fitmodels.parameters import ParameterFile
+    from fitmodels.parameters.sections.force_control import AdaptiveForceSection
 
 RADIUS = 0.005  # m, of the 10 mm tool
 TEETH = 2  # assumed: the paper does not say

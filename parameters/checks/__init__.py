@@ -1,1 +1,87 @@
-"""Whether a file may be handed to a controller: one kind of question a file."""
+"""Checks of a parameter file before a controller loads it: one finding, one sentence, for each test."""
+
+import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ...core.errors import ParameterError
+from ..draws import read_draws
+from ..file_format import content_sha256
+from .gains import check_gains
+from .report import CheckReport, FileFinding
+from .values import check_estimates, check_settings, check_units
+
+if TYPE_CHECKING:
+    from ..file import ParameterFile
+
+
+def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> CheckReport:
+    """Check a parameter file before a controller gets it.
+
+    Checksum; units known and of the right kind; covariances; the posterior's gate; dynamics stable, with a gain that
+    has a sign; gains stable on them and meeting what they were tuned to, computed again from the file alone; feed
+    limits in order and above zero; windows and settings in order; the draws beside the file.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    folder : path, optional
+        Where the file stands; without it the draws beside it are not looked at.
+
+    Returns
+    -------
+    CheckReport
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> report = check(parameters.collect(tool="GC435", work="709M40", limits={"power": 7.0}))
+    >>> report.ok, [finding.name for finding in report.findings]
+    (True, ['checksum', 'units'])
+    """
+    found = [
+        _checksum(pf),
+        *check_units(pf),
+        *check_estimates(pf),
+        *_draws(pf, folder),
+        *check_gains(pf),
+        *check_settings(pf),
+    ]
+    return CheckReport(tuple(found))
+
+
+def _checksum(pf: "ParameterFile") -> FileFinding:
+    if pf.content_sha256 is None:
+        return FileFinding(
+            "checksum", None, "The file holds no content_sha256, so nobody can tell whether it was changed."
+        )
+    found = content_sha256(pf.model_dump(exclude_unset=True))
+    if found == pf.content_sha256:
+        return FileFinding("checksum", True, "The content is what was written.")
+    return FileFinding(
+        "checksum",
+        False,
+        f"The content was changed after it was written (SHA-256 {found[:12]}..., not {pf.content_sha256[:12]}...): "
+        "restore the file, or make the change with fitmodels, which renews the checksum.",
+    )
+
+
+def _draws(pf: "ParameterFile", folder: str | os.PathLike[str] | None) -> Iterator[FileFinding]:
+    post = pf.posterior
+    if post is None or post.draws_file is None:
+        return
+    if folder is None:
+        yield FileFinding("draws", None, f"The draws in {post.draws_file} were not looked at: no folder was given.")
+        return
+    try:
+        read = read_draws(pf, folder)
+    except ParameterError as error:
+        yield FileFinding("draws", False, str(error))
+        return
+    odd = [name for name, law in post.laws.items() if law.method is not None and name not in read]
+    counted = [n for n, law in post.laws.items() if n in read and law.draws not in (None, len(read[n].values))]
+    wrong = odd or counted
+    words = f"{post.draws_file} holds no or other draws of {wrong[0]}; fit again." if wrong else (
+        f"{post.draws_file} is the file of draws that was written."
+    )  # fmt: skip
+    yield FileFinding("draws", not wrong, words)

@@ -13,8 +13,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sections.dynamics import DynamicsSection
-from ..sections.pi import PiSection
+from ..sections.dynamics import DynamicsSection, PiSection
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ...core.errors import GateError
 from ..sections.base import Section
-from ..sections.pi import PiFigures, PiSection, PiSpecification
+from ..sections.dynamics import PiFigures, PiSection, PiSpecification
 
 if TYPE_CHECKING:
     from ...ident.model import Model

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from ...core.errors import ParameterError
-from ..errors import in_words
+from ..messages import schema_message
 from ..sections.law import LawSection
 from ..sections.law_parts import CompositeLaw
 from .law_facts import finite, known
@@ -77,7 +77,9 @@ def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float |
     try:
         return LawSection.model_validate(data)
     except ValidationError as error:
-        raise ParameterError(f"the law of {law.response} cannot be handed over: {in_words(error, data)}.") from None
+        raise ParameterError(
+            f"the law of {law.response} cannot be handed over: {schema_message(error, data)}."
+        ) from None
 
 
 def _section(law: "LawFit") -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sections.design import FEW
+from ..sections.origin import FEW
 
 if TYPE_CHECKING:
     from ...datasets import Runs

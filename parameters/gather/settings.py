@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...core.errors import ParameterError
-from ..errors import short
-from ..sections.limits import LimitsSection
+from ..messages import short
+from ..sections.load_line import LimitsSection
 from .dynamics import as_data
 
 BOUNDS = {"power": "kW", "force": "N", "wear": "mm"}

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from ...core.errors import ParameterError
-from ..errors import in_words
+from ..messages import schema_message
 from ..sections.law import LawSection
 from .moments import edge_moments, moments
 
@@ -37,7 +37,9 @@ def streamed_section(law: "StreamedLaw") -> LawSection:
     try:
         return LawSection.model_validate(data)
     except ValidationError as error:
-        raise ParameterError(f"the law of {law.response} cannot be handed over: {in_words(error, data)}.") from None
+        raise ParameterError(
+            f"the law of {law.response} cannot be handed over: {schema_message(error, data)}."
+        ) from None
 
 
 def _section(law: "StreamedLaw") -> dict[str, Any]:

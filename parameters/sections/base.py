@@ -1,8 +1,9 @@
-"""What every part of the file is made of: `Section`, and the kinds of number and text it holds."""
+"""Base of all sections: `Section`, its kinds of numbers and text, and covariances."""
 
-from typing import Annotated
+from typing import Annotated, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ...core.display import Displayable
 
@@ -29,3 +30,92 @@ class Section(Displayable, BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+
+T = TypeVar("T", bound=Section)
+ROUNDING = 1e-9  # of a correlation: a matrix printed by another program keeps about ten digits
+MOST = 200  # parameters: what judges a matrix takes time with the cube of them
+
+
+class Covariance(Section):
+    """Covariance of the law's parameters: (p, p), in the order of ``of``, with the ``df`` of its t.
+
+    ``method`` says what it stands on: rows taken as independent, or the jackknife by edge.
+
+    Examples
+    --------
+    >>> Covariance(of=["ln c0", "V"], matrix=[[0.9, -0.19], [-0.19, 0.0405]], df=6).df
+    6
+    """
+
+    kind: Literal["covariance"] = "covariance"
+    method: str = "rows taken as independent"
+    of: Annotated[tuple[str, ...], Field(max_length=MOST)]
+    matrix: Annotated[tuple[tuple[Number, ...], ...], Field(max_length=MOST)]
+    df: Annotated[int, Field(strict=True, ge=1, lt=2**63)]
+
+    @model_validator(mode="after")
+    def _is_a_covariance(self) -> Self:
+        return checked(self, self.of, self.matrix)
+
+
+class ModelCovariance(Section):
+    """Covariance of the coefficients of a model, (p, p), in the order of ``of``; ``df`` where it is known.
+
+    Examples
+    --------
+    >>> ModelCovariance(of=["a1", "b1"], matrix=[[0.04, 0.0], [0.0, 0.01]]).df is None
+    True
+    """
+
+    kind: Literal["covariance"] = "covariance"
+    of: Annotated[tuple[str, ...], Field(max_length=MOST)]
+    matrix: Annotated[tuple[tuple[Number, ...], ...], Field(max_length=MOST)]
+    df: Count | None = None
+
+    @model_validator(mode="after")
+    def _is_a_covariance(self) -> Self:
+        return checked(self, self.of, self.matrix)
+
+
+class NoCovariance(Section):
+    """There is no interval, and why: as many observations as parameters, for one.
+
+    Examples
+    --------
+    >>> NoCovariance(reason="4 observations, 4 parameters").kind
+    'none'
+    """
+
+    kind: Literal["none"] = "none"
+    reason: Text
+
+
+def checked(section: T, of: tuple[str, ...], matrix: tuple[tuple[float, ...], ...]) -> T:
+    """Give the section back where ``matrix`` is a covariance of what ``of`` names; ValueError says why it is none."""
+    size = len(of)
+    if len(set(of)) < size:
+        raise ValueError("a parameter is named twice in 'of'")
+    if len(matrix) != size or any(len(row) != size for row in matrix):
+        raise ValueError(f"the matrix must be {size} x {size}, as 'of' names {size} parameters")
+    why = complaint(np.array(matrix, dtype=np.float64).reshape(size, size))
+    if why:
+        raise ValueError(why)
+    return section
+
+
+def complaint(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> str | None:
+    """Why a square matrix is no covariance; judged on its correlations, so free of units."""
+    variance = matrix.diagonal()
+    if (variance < 0).any():
+        return "a variance on the diagonal is negative"
+    deviation = np.sqrt(np.where(variance > 0, variance, 1.0))
+    with np.errstate(over="ignore", under="ignore"):
+        correlation = matrix / deviation / deviation[:, None]
+    if not (np.abs(correlation) <= 1 + ROUNDING).all():
+        return "a covariance is larger than its two variances allow"
+    if not np.allclose(correlation, correlation.T, rtol=0, atol=ROUNDING):
+        return "the matrix is not symmetric"
+    if len(matrix) and np.linalg.eigvalsh(correlation)[0] < -len(matrix) * ROUNDING:
+        return "the matrix is no covariance: some combination of the parameters has a negative variance"
+    return None

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from ..errors import short
-from .base import Count, NotNegative, Number, Positive, Section, Text
-from .covariance import Covariance, NoCovariance
+from ..messages import short
+from .base import Count, Covariance, NoCovariance, NotNegative, Number, Positive, Section, Text
 from .law_parts import (
     CompositeLaw,
     DroppedRows,

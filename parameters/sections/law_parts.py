@@ -5,7 +5,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from ..errors import short
+from ..messages import short
 from .base import Count, NotNegative, Number, Positive, Section, Text
 
 

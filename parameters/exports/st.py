@@ -9,12 +9,12 @@ import math
 
 from ...core.errors import GateError
 from .loop import LoadLoop
-from .view import View
+from .view import ExportView
 
 LONGEST_NAME = 30  # characters of a name that older controllers tell apart
 LONGEST_AVERAGE = 1000  # samples; each is moved in each period
 
-CANNOT = (
+NOT_IN_ST = (
     "the period of the task: set it to SAMPLE_TIME, the block does not measure it",
     "the wiring: the load and the feed override belong to the machine",
     "units as types: they stand in comments",
@@ -126,7 +126,7 @@ END_FOR;
 """
 
 
-def render(view: View) -> str:
+def structured_text(view: ExportView) -> str:
     """Give the function block.
 
     Raises
@@ -196,7 +196,7 @@ def _constants(loop: LoadLoop) -> str:
     return f"VAR CONSTANT\n{''.join(lines)}END_VAR\n"
 
 
-def _head(view: View, loop: LoadLoop) -> str:
+def _head(view: ExportView, loop: LoadLoop) -> str:
     lines = (
         f"{view.made_by}: constant load, PI with limits, engagement and anti-windup",
         f"tool {view.tool}, work {view.work}, machine {view.machine}",
@@ -204,7 +204,7 @@ def _head(view: View, loop: LoadLoop) -> str:
         f"parameter file {view.checksum}",
         f"call once every {loop.sample_time:.15g} s; the programme says F {loop.feed_programmed:.15g} {loop.unit_feed}",
         *(f"assumed: {words}" for words in view.assumed),
-        *(f"not carried: {words}" for words in CANNOT),
+        *(f"not carried: {words}" for words in NOT_IN_ST),
     )
     return "".join(f"(* {_comment(line)} *)\n" for line in lines)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .view import PlantModel, TunedGains, View
+from .view import ExportView, PlantModel, TunedGains
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 HEAD = 116  # bytes of free text at the start of a v5 file: scipy writes the time there, and no two files are alike
 
-CANNOT = (
+NOT_IN_MAT = (
     "the covariance, the posterior and the domain of the laws: the struct holds values and units",
     "tf or pid objects, which differ from program to program: build them from num, den and Ts",
     "pid(Kp, Ki, 0, 0, Ts) of Octave's control 3.4, which puts z for s: use tf(C_num, C_den, Ts)",
@@ -32,7 +32,7 @@ CANNOT = (
 )
 
 
-def render(view: View) -> bytes:
+def mat_file(view: ExportView) -> bytes:
     """Give the .mat file; the same view gives the same bytes."""
     from scipy.io import savemat
 
@@ -42,7 +42,7 @@ def render(view: View) -> bytes:
     return head.encode("ascii")[:HEAD].ljust(HEAD) + file.getvalue()[HEAD:]
 
 
-def _struct(view: View) -> dict[str, Any]:
+def _struct(view: ExportView) -> dict[str, Any]:
     """The sections; one that the file lacks is left out, as an empty struct would fail later."""
     return {
         "about": _about(view),
@@ -54,12 +54,12 @@ def _struct(view: View) -> dict[str, Any]:
     }
 
 
-def _about(view: View) -> dict[str, Any]:
+def _about(view: ExportView) -> dict[str, Any]:
     return {
         "made_by": view.made_by, "parameter_file": view.checksum,
         "tool": view.tool, "work": view.work, "machine": view.machine,
         "simulated": view.simulated, "assumed": "; ".join(view.assumed) or "nothing",
-        "not_carried": "; ".join(CANNOT),
+        "not_carried": "; ".join(NOT_IN_MAT),
     }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""What the room ``parameters`` raises, and the schema's complaints turned into words."""
+"""Validation errors of the schema as one sentence, and values shortened for messages."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
     from pydantic_core import ErrorDetails
 
-TOLD = 2  # complaints told in full; the others are counted
+LISTED = 2  # complaints told in full; the others are counted
 
 # pydantic's kinds of error, in the words of JSON
 WORDS = {
@@ -24,12 +24,12 @@ WORDS = {
 }
 
 
-def in_words(error: "ValidationError", data: object) -> str:
+def schema_message(error: "ValidationError", data: object) -> str:
     """Tell the first complaints of the schema about ``data``, each with its JSON path, as one clause."""
     details = error.errors(include_url=False, include_context=False)
-    told = [_one(detail, data) for detail in details[:TOLD]]
-    if len(details) > TOLD:
-        told.append(f"and {len(details) - TOLD} more")
+    told = [_one(detail, data) for detail in details[:LISTED]]
+    if len(details) > LISTED:
+        told.append(f"and {len(details) - LISTED} more")
     return "; ".join(told)
 
 

@@ -69,7 +69,7 @@ _UNIT_OF = {
 }
 
 
-def quantities(pf: "ParameterFile", loop: LoadLoop | None) -> tuple[Quantity, ...]:
+def file_quantities(pf: "ParameterFile", loop: LoadLoop | None) -> tuple[Quantity, ...]:
     """The numbers of a file in a fixed order: the loop, the load line, dynamics, laws, limits, the rest."""
     found = [*_of_loop(loop), *_of_load_line(pf), *_of_dynamics(pf), *_of_pi(pf), *_of_laws(pf), *_of_sections(pf)]
     taken: set[str] = set()

@@ -1,4 +1,4 @@
-"""Gains on the dynamics of the file: stable, of the right sign, and meeting what they were tuned to."""
+"""Checks of the gains on the dynamics of the file: stable, of the right sign, within their specification."""
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...datasets.units import canonical
-from ..errors import short_name
-from .finding import FileFinding
+from ..messages import short_name
 from .loop_figures import closed_loop, figures
+from .report import FileFinding
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
-    from ..sections.dynamics import DynamicsSection
-    from ..sections.pi import PiSection
+    from ..sections.dynamics import DynamicsSection, PiSection
 
 SLACK = 2e-3  # of a limit: figures are read off a grid here, off refined extremes by the tuner
 AGREES = 0.01  # of a stated figure
@@ -33,7 +32,7 @@ WORDS = {
 }
 
 
-def loop(pf: "ParameterFile") -> Iterator[FileFinding]:
+def check_gains(pf: "ParameterFile") -> Iterator[FileFinding]:
     """Findings on the gains; none where the file has none."""
     pi, model = pf.pi, pf.dynamics
     if pi is None:

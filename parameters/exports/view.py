@@ -1,24 +1,21 @@
 """The parameter file as a controller needs it: one typed view that every export is written from.
 
-The loop comes from `settings`, numbers under safe names from `quantities`, text that cannot inject from `names`, and
-`gate` refuses a file that fails the check.
+Loop and settings come from `loop`, numbers under safe names from `quantities`, text that cannot inject from `names`; a
+file that fails the check is refused.
 """
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...core.errors import GateError
-from ..canonical import content_sha256
-from .gate import passed
-from .loop import LoadLoop
+from ..checks import check
+from ..file_format import content_sha256
+from .loop import LoadLoop, loop_settings
 from .names import plain, plain_unit, safe_name
-from .quantities import Quantity, quantities
-from .settings import settings
+from .quantities import Quantity, file_quantities
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
-
-__all__ = ["LoadLoop", "PlantModel", "Quantity", "TunedGains", "View", "view"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +51,11 @@ class TunedGains:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class ExportView:
     """What every export is written from.
 
     ``tool``, ``work`` and ``machine`` are plain text already (see `names.plain`), ``name`` an identifier.
-    ``quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
+    ``file_quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
     ``assumed`` says which settings the file lacks and what stands in for each.
     """
 
@@ -89,7 +86,7 @@ class View:
         return self.loop
 
 
-def view(pf: "ParameterFile") -> View:
+def export_view(pf: "ParameterFile") -> ExportView:
     """Give the view of a parameter file.
 
     Raises
@@ -100,19 +97,19 @@ def view(pf: "ParameterFile") -> View:
     Examples
     --------
     >>> from fitmodels import parameters
-    >>> seen = view(parameters.collect(tool="../../x", work="709M40", laws=[]))
+    >>> seen = export_view(parameters.collect(tool="../../x", work="709M40", laws=[]))
     >>> seen.name, seen.tool, seen.loop
     ('x_n709m40', '.._.._x', None)
     """
-    untried = passed(pf)
-    found, who = settings(pf), pf.identity
-    return View(
+    untried = require_check(pf)
+    found, who = loop_settings(pf), pf.identity
+    return ExportView(
         name=safe_name(f"{safe_name(who.tool, 'tool')}_{safe_name(who.work, 'work')}"),
         tool=plain(who.tool), work=plain(who.work), machine=plain(who.machine or "not named"), simulated=who.simulated,
         made_by=plain(f"fitmodels {pf.provenance.fitmodels}"),
         checksum=pf.content_sha256 or content_sha256(pf.model_dump()),
         loop=found.loop, lacking=found.lacking, gains=_gains(pf), plant=_plant(pf),
-        quantities=quantities(pf, found.loop), assumed=(*untried, *found.assumed),
+        quantities=file_quantities(pf, found.loop), assumed=(*untried, *found.assumed),
     )  # fmt: skip
 
 
@@ -134,3 +131,32 @@ def _plant(pf: "ParameterFile") -> PlantModel | None:
     if model is None:
         return None
     return PlantModel(model.b, model.a, model.nk, model.sample_time, plain_unit(model.unit_u), plain_unit(model.unit_y))
+
+
+def require_check(pf: "ParameterFile") -> tuple[str, ...]:
+    """Let a file pass that may be handed on, and tell what could not be asked of its gains.
+
+    Raises
+    ------
+    GateError
+        The check finds what must not reach a machine.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> require_check(parameters.collect(tool="GC435", work="709M40", laws=[]))
+    ()
+    """
+    report = check(pf)
+    if not report.ok:
+        first, *others = report.failed
+        more = f" {len(others)} more: `fitmodels check` tells them." if others else ""
+        raise GateError(f"not exported, the file fails the check: {first.words}{more}")
+    if pf.pi is None:
+        return ()
+    untried = pf.dynamics is None
+    forced = pf.pi.forced is not None
+    return (
+        *(("the gains are right: the file holds no dynamics to try them on",) if untried else ()),
+        *(("the gains will do although they miss their specification: they are marked as forced",) if forced else ()),
+    )

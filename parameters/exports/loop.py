@@ -1,4 +1,13 @@
-"""From the file's sections to the loop that an export writes: units, form, limits, and what the file leaves open."""
+"""The PI loop on load in the units of the machine: what a controller is made from.
+
+Position form, its sum by the rectangle that ends now, e = reference - filtered load:
+
+    feed = feed_programmed + kp e + ki * sum(e) * sample_time,    clipped to feed_low ... feed_high
+
+No export writes the other form, ``incremental_sum``, which goes on from the last feed:
+
+    feed = last feed + kp e + ki * sum(e) * sample_time
+"""
 
 import math
 from dataclasses import dataclass
@@ -7,13 +16,73 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from ...datasets.units import convert, is_unit, same_dimension
+from ..sections.dynamics import PiSection
 from ..sections.load_line import Engagement, LoadLineSection
-from ..sections.pi import PiSection
-from .loop import LoadLoop
 from .names import plain_unit
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
+
+
+@dataclass(frozen=True, slots=True)
+class LoadLoop:
+    """The PI loop on load: gains, limits and settings, each in the unit that its comment says.
+
+    A command of a controller is ``feed / feed_programmed``, the feed override: ``low`` and ``high`` are its limits.
+    """
+
+    kp: float  # unit_feed per unit_load
+    ki: float  # unit_feed per unit_load and second
+    sample_time: float  # s, period of the thread
+    reference: float  # unit_load
+    feed_low: float  # unit_feed, above zero
+    feed_high: float  # unit_feed
+    feed_programmed: float  # unit_feed: F of the programme, at which the override is 1
+    unit_load: str
+    unit_feed: str
+    filter_time: float  # s, time constant of the one-pole low-pass on the load; 0: none
+    engage_at: float  # unit_load of the filtered load: the middle of the hysteresis
+    hysteresis: float  # unit_load, the whole width
+    engage_after: float  # s above the threshold until the loop takes over
+    disengage_after: float  # s below the threshold until the feed is the programme's again
+    back_off: float  # override per second, downwards
+    recover: float  # override per second, upwards
+    load_low: float  # unit_load: a reading at or outside these two is no reading
+    load_high: float  # unit_load
+    average: int = 1  # samples of a moving average; 1: none
+    average_of: str = "measurement"  # or "command"
+    form: str = "position"  # or "incremental_sum", its kp per sample
+
+    @property
+    def low(self) -> float:
+        """Smallest override, above zero."""
+        return self.feed_low / self.feed_programmed
+
+    @property
+    def high(self) -> float:
+        """Largest override of the loop."""
+        return self.feed_high / self.feed_programmed
+
+    @property
+    def p(self) -> float:
+        """Kp in override per unit of load."""
+        return self.kp / self.feed_programmed
+
+    @property
+    def i(self) -> float:
+        """Ki in override per unit of load and second."""
+        return self.ki / self.feed_programmed
+
+    @property
+    def engage_samples(self) -> int:
+        """``engage_after`` in whole samples, at least one."""
+        return max(round(self.engage_after / self.sample_time), 1)
+
+    @property
+    def disengage_samples(self) -> int:
+        """``disengage_after`` in whole samples, at least one."""
+        return max(round(self.disengage_after / self.sample_time), 1)
+
 
 LEAST_FEED: Final = 0.05  # of the programmed feed: at zero a tool rubs in its cut for ever, below it runs back
 BACK_OFF, RECOVER = 0.5, 2.0  # s for the whole range of the feed, downwards and upwards: back off faster than recover
@@ -36,7 +105,7 @@ class _Lacking(Exception):  # noqa: N818  it ends in a sentence of the view, not
     """Why there is no loop."""
 
 
-def settings(pf: "ParameterFile", *, own_form: bool = False) -> LoopSettings:
+def loop_settings(pf: "ParameterFile", *, own_form: bool = False) -> LoopSettings:
     """The loop of a parameter file, in the units of its feed limits and reference load.
 
     ``own_form`` keeps the form ``incremental_sum``, which no export can write.

@@ -13,11 +13,11 @@ import math
 
 from ...core.errors import GateError
 from .loop import LoadLoop
-from .view import View
+from .view import ExportView
 
 SERVO_PERIOD = 0.002  # s: a longer period than this is no servo thread; the loop then gets a thread of its own
 
-CANNOT = (
+NOT_IN_HAL = (
     "the laws and their covariance, the posterior and the dynamics: HAL holds settings, not models",
     "units: every load is in the unit of the load pin",
     "a moving average: such gains are refused; lowpass is what HAL has",
@@ -73,7 +73,7 @@ _ORDER = (
 )  # fmt: skip
 
 
-def render(view: View) -> str:
+def hal_file(view: ExportView) -> str:
     """Give the HAL file.
 
     Raises
@@ -124,7 +124,7 @@ def _settings(loop: LoadLoop) -> list[tuple[str, str]]:
     return [*out, ("fm.pid.error-previous-target", "FALSE")]
 
 
-def _head(view: View, loop: LoadLoop, thread: str) -> str:
+def _head(view: ExportView, loop: LoadLoop, thread: str) -> str:
     servo = (
         f"The period of servo-thread must be {_period(loop)} ns: SERVO_PERIOD of the machine's ini file."
         if thread == "servo-thread"
@@ -147,6 +147,6 @@ def _head(view: View, loop: LoadLoop, thread: str) -> str:
         "",
         f"Load {loop.reference:.6g} {loop.unit_load}; feed {loop.low:.4g} to {loop.high:.4g} of the programme's.",
         *(f"Assumed: {words}" for words in view.assumed),
-        *(f"Not carried: {words}" for words in CANNOT),
+        *(f"Not carried: {words}" for words in NOT_IN_HAL),
     ]
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)

@@ -1,0 +1,292 @@
+"""Checks of single values: covariances, posterior, dynamics, units, and settings in order."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...datasets.units import is_unit, same_dimension, suggest
+from ...datasets.vocabulary import ROLES, fits
+from ..messages import short, short_name
+from ..sections.base import Covariance, ModelCovariance, complaint
+from ..sections.load_line import LimitInterval
+from .report import FileFinding
+
+if TYPE_CHECKING:
+    from ..file import ParameterFile
+    from ..sections.dynamics import DynamicsSection
+    from ..sections.force_control import AdaptiveForceSection
+    from ..sections.law import LawSection
+    from ..sections.load_line import Engagement, FeedLimit, LoadLineSection
+    from ..sections.posterior import LawPosterior
+
+# Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling
+R_HAT, ESS, K_HAT = 1.01, 400.0, 0.7
+SURE = 2.0  # standard errors that a gain at rest lies from zero
+
+
+def check_estimates(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Findings on covariances, on the posterior and on the dynamics."""
+    yield from _covariances(pf)
+    if pf.posterior is not None:
+        for name, law in pf.posterior.laws.items():
+            if law.reason is None:
+                yield _gate(short_name(name), law)
+    if pf.dynamics is not None:
+        yield from _dynamics(pf.dynamics)
+
+
+def _covariances(pf: "ParameterFile") -> Iterator[FileFinding]:
+    held = [
+        (f"laws.{short_name(name)}", law.uncertainty.matrix)
+        for name, law in pf.laws.items()
+        if isinstance(law.uncertainty, Covariance)
+    ]
+    for name, section in (("dynamics", pf.dynamics), ("adaptive_force", pf.adaptive_force)):
+        if section is not None and isinstance(section.uncertainty, ModelCovariance):
+            held.append((name, section.uncertainty.matrix))
+    for where, matrix in held:
+        size = len(matrix)
+        why = complaint(np.array(matrix, dtype=np.float64).reshape(size, size))
+        words = f"{where}: {why}." if why else f"{where}: the covariance has no negative variance in any direction."
+        yield FileFinding("covariance", why is None, words)
+
+
+def _gate(name: str, law: "LawPosterior") -> FileFinding:
+    shut = []
+    if law.r_hat is not None and law.r_hat > R_HAT:
+        shut.append(f"R-hat {law.r_hat:.4g} is above {R_HAT:g}")
+    if law.ess is None or law.ess < ESS:
+        shut.append(f"{'no' if law.ess is None else format(law.ess, '.4g')} effective draws, below {ESS:g}")
+    if law.k_hat is not None and law.k_hat > K_HAT:
+        shut.append(f"k-hat {law.k_hat:.3g} is above {K_HAT:g}")
+    if shut:
+        return FileFinding("posterior", False, f"posterior.{name}: {'; '.join(shut)}; draw again.")
+    return FileFinding("posterior", True, f"posterior.{name}: the draws pass the gate.")
+
+
+def _dynamics(model: "DynamicsSection") -> Iterator[FileFinding]:
+    with np.errstate(all="ignore"):
+        radius = float(np.abs(model.poles).max(initial=0.0))
+        gain = model.dc_gain
+    if not model.stable:
+        yield FileFinding("dynamics", False, f"dynamics: not stable, a pole at radius {radius:.6g}; identify again.")
+        return
+    yield FileFinding("dynamics", True, f"dynamics: stable, every pole within radius {radius:.6g}.")
+    if not np.isfinite(gain) or gain == 0:
+        yield FileFinding(
+            "dynamics", False, f"dynamics: the gain at rest is {gain:g}, so no controller can hold a load."
+        )
+        return
+    se = _gain_se(model)
+    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
+    if se is not None and abs(gain) < SURE * se:
+        words = f"dynamics: the gain at rest, {gain:.4g}{unit}, has a standard error of {se:.2g}: its sign is not known"
+        yield FileFinding("dynamics", False, f"{words}; identify from a longer record or with more amplitude.")
+        return
+    known = "" if se is None else f", {abs(gain) / se if se else np.inf:.3g} standard errors from zero"
+    yield FileFinding("dynamics", True, f"dynamics: the gain at rest is {gain:.4g}{unit}{known}.")
+
+
+def _gain_se(model: "DynamicsSection") -> float | None:
+    """Standard error of b(1)/a(1) by the delta method."""
+    held = model.uncertainty
+    if not isinstance(held, ModelCovariance):
+        return None
+    below, gain = float(np.sum(model.a)), model.dc_gain
+    slope = np.array([(-gain if name.startswith("a") else 1.0) / below for name in held.of])
+    with np.errstate(all="ignore"):
+        variance = float(slope @ np.array(held.matrix) @ slope)
+    return float(np.sqrt(variance)) if np.isfinite(variance) and variance >= 0 else None
+
+
+KINDS = {  # of each limit: a unit of its kind
+    "power": "kW",
+    "force": "N",
+    "wear": "mm",
+    "feed": "mm/rev",
+    "feed_rate": "mm/min",
+    "speed": "m/min",
+    "spindle_speed": "1/min",
+}
+
+
+class Stated(NamedTuple):
+    """A unit in the file: where it stands, the unit, and a unit of the kind it must have, where that is known."""
+
+    where: str
+    unit: str
+    kind: str | None
+
+
+def check_units(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """A finding for each unit that is wrong, or one that all are right."""
+    stated = [*_of_laws(pf), *_of_sections(pf)]
+    complaints = [words for item in stated if (words := _complaint(item))]
+    yield from (FileFinding("units", False, words) for words in complaints)
+    if stated and not complaints:
+        yield FileFinding("units", True, f"All {len(stated)} units are known and of the right kind.")
+    silent = [item.where for item in stated if item.kind is None and not item.unit]
+    if silent:
+        yield FileFinding("units", None, f"No unit is stated for {', '.join(silent)}.")
+
+
+def _of_laws(pf: "ParameterFile") -> Iterator[Stated]:
+    for key, law in pf.laws.items():
+        yield from _of_law(law, f"laws.{short_name(key)}")
+    if pf.tool_life is not None:
+        yield Stated("tool_life", pf.tool_life.unit, "min")
+        yield Stated("tool_life (wear)", pf.tool_life.unit_of_wear, "mm")
+
+
+def _of_law(law: "LawSection", where: str) -> Iterator[Stated]:
+    for symbol, unit in ((law.response, law.unit), *((f.symbol, f.unit) for f in law.factors)):
+        place = f"{where} ({short_name(symbol)})"
+        if symbol in ROLES and ROLES[symbol].unit:
+            yield Stated(place, unit, None if is_unit(unit) and fits(symbol, unit) else ROLES[symbol].unit)
+        else:
+            yield Stated(place, unit, None)
+
+
+def _of_sections(pf: "ParameterFile") -> Iterator[Stated]:
+    if pf.limits is not None:
+        for name, kind in KINDS.items():
+            if (bound := getattr(pf.limits, name)) is not None:
+                yield Stated(f"limits.{name}", bound.unit, kind)
+    if (line := pf.load_line) is not None:
+        yield Stated("load_line (load)", line.unit_load, ROLES[line.load].unit if line.load in ROLES else None)
+        yield Stated("load_line (feed)", line.unit_feed, "mm/min")
+        yield Stated("load_line (wear)", line.unit_wear, "mm")
+    if (rough := pf.roughness) is not None:
+        yield Stated("roughness", rough.unit_roughness, "um")
+        yield Stated("roughness (force)", rough.unit_force, "N")
+        yield Stated("roughness (feed)", rough.unit_feed, "mm/rev")
+    if (force := pf.adaptive_force) is not None:
+        yield Stated("adaptive_force (force)", force.unit_force, "N")
+        yield Stated("adaptive_force (depth)", force.unit_depth, "mm")
+        yield Stated("adaptive_force (command)", force.unit_u, None)
+    for name, section in (("dynamics", pf.dynamics), ("pi", pf.pi)):
+        if section is not None:
+            yield Stated(f"{name} (input)" if name == "dynamics" else "pi (command)", section.unit_u, None)
+            yield Stated(f"{name} (output)" if name == "dynamics" else "pi (measurement)", section.unit_y, None)
+    for sensor in pf.identity.sensors:
+        yield Stated(f"identity.sensors ({short_name(sensor.symbol)})", sensor.unit, None)
+
+
+def _complaint(item: Stated) -> str:
+    if not item.unit and item.kind is None:
+        return ""
+    if not is_unit(item.unit):
+        return f"{item.where}: the unit {short(item.unit)} is not known; {suggest(item.unit[:40])}"
+    if item.kind is not None and not same_dimension(item.unit, item.kind):
+        return f"{item.where}: the unit is {short(item.unit)}, which is not of the kind of {item.kind}."
+    return ""
+
+
+EXCEEDS = 1 + 1e-9
+
+
+def check_settings(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """A finding for each thing out of order, and one for each section that is in order."""
+    if (line := pf.load_line) is not None:
+        yield from _findings("feed limits", "load_line", [*_feed(line), *_feed_of_machine(pf, line)])
+        yield from _findings("window", "load_line", [*_window(line), *_criterion(pf, line)])
+        yield from _findings("reference", "load_line", [*_reference(line), *_source(pf, line)])
+        if line.engagement is not None:
+            yield from _findings("engagement", "load_line.engagement", list(_engagement(line.engagement, line)))
+    if (rough := pf.roughness) is not None and pf.laws:
+        lacking = [] if rough.law in pf.laws else [f"the law of {rough.law[:40]!r} is not in the file"]
+        yield from _findings("roughness", "roughness", lacking)
+    if (force := pf.adaptive_force) is not None:
+        yield from _findings("set points", "adaptive_force", list(_set_points(force)))
+
+
+def _findings(name: str, where: str, complaints: list[str]) -> Iterator[FileFinding]:
+    yield from (FileFinding(name, False, f"{where}: {words}.") for words in complaints)
+    if not complaints:
+        yield FileFinding(name, True, f"{where}: {name} in order.")
+
+
+def _feed(line: "LoadLineSection") -> Iterator[str]:
+    low, high = line.lower.value, line.upper.value
+    if not low > 0:
+        yield f"the lower feed limit is {low:g} {line.unit_feed}; a feed lies above zero"
+    if not low < high:
+        yield f"the lower feed limit {low:g} is not below the upper, {high:g} {line.unit_feed}"
+    for name, limit in (("lower", line.lower), ("upper", line.upper)):
+        if not _inside(limit):
+            yield f"the {name} feed limit {limit.value:g} lies outside its own interval"
+
+
+def _inside(limit: "FeedLimit") -> bool:
+    held = limit.interval
+    return not isinstance(held, LimitInterval) or held.low <= limit.value <= held.high
+
+
+def _feed_of_machine(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
+    allowed = None if pf.limits is None else pf.limits.feed_rate
+    if allowed is not None and allowed.unit == line.unit_feed:
+        for name, value in (("lower", line.lower.value), ("upper", line.upper.value)):
+            if not allowed.low <= value <= allowed.high:
+                yield f"the {name} feed limit {value:g} is outside the machine's {allowed.low:g} to {allowed.high:g}"
+    pi = pf.pi
+    if pi is not None and pi.unit_u == line.unit_feed and pi.low is not None and pi.low <= 0:
+        yield f"the gains may command a feed of {pi.low:g} {line.unit_feed}; a feed lies above zero"
+
+
+def _window(line: "LoadLineSection") -> Iterator[str]:
+    low, high = line.window
+    if not low < high:
+        yield f"the tool-change window {low:g} to {high:g} {line.unit_wear} has its ends the wrong way round"
+    if not low <= line.lower.wear <= high * EXCEEDS:
+        yield f"the lower feed limit stands for a wear of {line.lower.wear:g} {line.unit_wear}, outside the window"
+    if not line.upper.wear < line.lower.wear:
+        yield f"the upper feed limit stands for more wear than the lower: {line.upper.wear:g} and {line.lower.wear:g}"
+
+
+def _criterion(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
+    worn = None if pf.limits is None else pf.limits.wear
+    wear = line.lower.wear
+    if worn is not None and worn.unit == line.unit_wear and wear > worn.value * EXCEEDS:
+        yield f"the wear at the lower feed limit, {wear:g} {worn.unit}, is above the criterion, {worn.value:g}"
+
+
+def _reference(line: "LoadLineSection") -> Iterator[str]:
+    unit = line.unit_load
+    if not 0 < line.reference < line.worn:
+        yield f"the reference {line.reference:g} is not between 0 and what a worn tool stands, {line.worn:g} {unit}"
+        return
+    step = line.rounded_to or 0.0
+    if abs(line.reference - line.safety_factor * line.worn) > step / 2 + 1e-9 * line.worn:
+        product = line.safety_factor * line.worn
+        yield f"the reference {line.reference:g} is not {line.safety_factor:g} x {line.worn:g} = {product:g} {unit}"
+
+
+def _source(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
+    if pf.laws and line.law not in pf.laws:
+        yield f"the law of {line.law[:40]!r} that the limits come from is not in the file"
+
+
+def _engagement(e: "Engagement", line: "LoadLineSection") -> Iterator[str]:
+    if e.load_low is not None and e.load_high is not None and not e.load_low < e.load_high:
+        yield f"readings from {e.load_low:g} to {e.load_high:g} leave no range"
+    at, half = e.engage_at, (e.hysteresis or 0.0) / 2
+    if at is not None and not at + half < line.reference:
+        yield f"the loop engages at {at + half:g} {line.unit_load}, not below the reference {line.reference:g}"
+    if at is not None and e.load_low is not None and not e.load_low < at - half:
+        yield f"the loop lets go at {at - half:g}, not above the smallest reading {e.load_low:g}"
+    if e.load_high is not None and not e.load_high > line.worn:
+        yield f"the largest reading {e.load_high:g} is not above what a worn tool stands, {line.worn:g}"
+    if e.feed_programmed is not None and not e.feed_programmed >= line.lower.value:
+        yield f"the programmed feed {e.feed_programmed:g} is below the lower feed limit {line.lower.value:g}"
+
+
+def _set_points(force: "AdaptiveForceSection") -> Iterator[str]:
+    depths = [point.depth for point in force.set_points]
+    if any(a >= b for a, b in pairwise(depths)):
+        yield "the set points are not in order of depth, each once"
+    if force.low is not None and force.high is not None and not force.low < force.high:
+        yield f"the limits of the command are {force.low:g} to {force.high:g}"
+    if not force.alpha + force.Kd > force.lam * force.m:
+        yield "alpha + Kd is not above lambda m, so its energy need not fall"

@@ -1,0 +1,137 @@
+"""Text files of single numbers: a C header, an ini file, and G-code parameters."""
+
+from decimal import Decimal
+
+from .quantities import Quantity
+from .view import ExportView
+
+NOT_IN_C = (
+    "units as types: they stand in comments",
+    "the covariance, the posterior and text of the laws",
+    "the loop itself: these are its constants; the st export is the loop",
+    "exact values on a compiler whose double has fewer than 53 bits",
+)
+
+
+def c_header(view: ExportView) -> str:
+    """Give the header."""
+    guard = f"FITMODELS_{view.name.upper()}_H"
+    head = [
+        f"{view.made_by}: tool {view.tool}, work {view.work}, machine {view.machine}",
+        *(["SIMULATED data, not measured"] if view.simulated else []),
+        f"parameter file {view.checksum}",
+        *(f"assumed: {words}" for words in view.assumed),
+        *(f"not carried: {words}" for words in NOT_IN_C),
+    ]
+    return "\n".join([
+        *(f"/* {_c_comment(words)} */" for words in head),
+        f"#ifndef {guard}", f"#define {guard}", "",
+        *(_c_line(q) for q in view.quantities), "",
+        f"#endif /* {guard} */", "",
+    ])  # fmt: skip
+
+
+def _c_line(quantity: Quantity) -> str:
+    words = _c_comment(f"{quantity.unit}: {quantity.words}")
+    return f"static const double fm_{quantity.name} = {quantity.value!r}; /* {words} */"
+
+
+def _c_comment(words: str) -> str:
+    """Text that neither ends a C comment nor begins another, continues a line or spells a trigraph."""
+    return "".join(c if c.isalnum() or c in " ._+-/,:;=^()%" else "_" for c in words)
+
+
+NOT_IN_INI = (
+    "structure: a law, a model and a loop are single numbers here",
+    "the covariance, the posterior and text of the laws",
+    "types: every value is text, numbers in 17 digits where they need them",
+)
+
+
+def ini_file(view: ExportView) -> str:
+    """Give the ini file."""
+    about = {
+        "made_by": view.made_by, "parameter_file": view.checksum, "tool": view.tool, "work": view.work,
+        "machine": view.machine, "simulated": "yes" if view.simulated else "no",
+        **{f"assumed_{place}": words for place, words in enumerate(view.assumed, 1)},
+        **{f"not_carried_{place}": words for place, words in enumerate(NOT_IN_INI, 1)},
+    }  # fmt: skip
+    return "\n".join((
+        _ini_section("about", about),
+        _ini_section("values", {q.name: repr(q.value) for q in view.quantities}),
+        _ini_section("units", {q.name: q.unit for q in view.quantities}),
+        _ini_section("words", {q.name: q.words for q in view.quantities}),
+    ))  # fmt: skip
+
+
+def _ini_section(name: str, items: dict[str, str]) -> str:
+    return f"[{name}]\n" + "".join(f"{key} = {_ini_value(text)}\n" for key, text in items.items())
+
+
+def _ini_value(text: str) -> str:
+    """One line that no reader takes for a comment, a reference or a continuation."""
+    return " ".join(text.replace("%", "percent").replace(";", ",").replace("#", "_").split())
+
+
+FIRST = 500  # common variables that most controls keep when switched off
+MOST = 400  # of them
+DIGITS = 40  # of a number; LinuxCNC takes lines of 255 characters
+
+NOT_IN_GCODE = (
+    "units: they stand in comments, and G20 or G21 is the programme's",
+    "text, covariance and posterior: a parameter is a number",
+    "the loop itself: M52 P1 lets HAL steer the feed, the hal export steers it",
+    "numbers that take more than 40 digits without an exponent",
+)
+
+
+def gcode(view: ExportView) -> str:
+    """Give the G-code: to be pasted above the first cut of a programme.
+
+    >>> fixed(1.5e-05), fixed(1000.0), fixed(-0.1)
+    ('0.000015', '1000', '-0.1')
+    """
+    lines = [
+        _gcode_comment(f"{view.made_by}, tool {view.tool}, work {view.work}"),
+        *([_gcode_comment("SIMULATED data, not measured")] if view.simulated else []),
+        _gcode_comment(f"parameter file {view.checksum}"),
+        *(_gcode_comment(f"not carried - {words}") for words in NOT_IN_GCODE),
+        *(_gcode_comment(f"assumed - {words}") for words in view.assumed),
+        *_gcode_numbers(view.quantities),
+        *_gcode_feed(view),
+    ]
+    return "\n".join(["%", *lines, "%", ""])
+
+
+def _gcode_numbers(quantities: tuple[Quantity, ...]) -> list[str]:
+    lines = []
+    for number, quantity in enumerate(quantities[:MOST], FIRST):
+        value = fixed(quantity.value)
+        words = f"{quantity.words}, {quantity.unit}"
+        if len(value) > DIGITS:
+            lines.append(_gcode_comment(f"{quantity.name} {words} - left out, {quantity.value:.3g}"))
+            continue
+        lines.append(f"#<_fm_{quantity.name}>={value} {_gcode_comment(words)}")
+        lines.append(f"#{number}=#<_fm_{quantity.name}>")
+    return lines
+
+
+def _gcode_feed(view: ExportView) -> list[str]:
+    if view.loop is None:
+        return []
+    return [
+        _gcode_comment(f"cut with F {view.loop.feed_programmed:.15g} {view.loop.unit_feed}, HAL lowers it from there"),
+        "M52 P1 " + _gcode_comment("adaptive feed on, HAL may steer the feed"),
+    ]
+
+
+def fixed(value: float) -> str:
+    """A number without exponent that reads back to the same float."""
+    text = format(Decimal(repr(value)), "f")
+    return (text.rstrip("0").rstrip(".") if "." in text else text) or "0"
+
+
+def _gcode_comment(words: str) -> str:
+    """A comment that stays one: no parenthesis, no control character, no word that LinuxCNC acts on."""
+    kept = "".join(c if c.isalnum() or c in " ._+-/,=^" else "_" for c in words)
+    return f"(fm - {kept.encode('ascii', 'replace').decode()})"

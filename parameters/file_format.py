@@ -1,0 +1,224 @@
+"""JSON read strictly: what two readers could understand differently is refused."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from math import isfinite
+from typing import Any, Final, NoReturn
+
+from ..core.errors import ParameterError
+from .messages import short
+
+DEEPEST = 50  # levels of lists and objects
+LONGEST = 300  # digits of an integer: it still is a finite float
+CURE = "Restore the file or fit again."
+
+
+def parse_strict_json(content: bytes, name: str) -> Any:  # noqa: ANN401
+    """Parse plain JSON and nothing else.
+
+    Parameters
+    ----------
+    content : bytes
+        UTF-8, with or without a byte order mark.
+    name : str
+        What the sentence of an error begins with.
+
+    Raises
+    ------
+    ParameterError
+        Not UTF-8, not JSON (with line and column), NaN or infinity, a key twice in one object, a
+        number too large, half a surrogate pair, or more than 50 levels of nesting.
+
+    Examples
+    --------
+    >>> parse_strict_json(b'{"low": 0.1}', "params.json")
+    {'low': 0.1}
+    """
+    try:
+        data = json.loads(
+            content.decode("utf-8-sig"),
+            object_pairs_hook=_once,
+            parse_constant=_no_constant,
+            parse_float=_finite,
+            parse_int=_integer,
+        )
+        _check_depth(data)
+    except UnicodeDecodeError as error:
+        raise ParameterError(f"{name}: is not UTF-8 text (byte {error.start}). {CURE}") from None
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        why = error.msg.lower().removesuffix(" at")
+        raise ParameterError(f"{name}: is not JSON at {where}: {why}. {CURE}") from None
+    except RecursionError:
+        raise ParameterError(f"{name}: is nested deeper than {DEEPEST} levels. {CURE}") from None
+    except ValueError as error:
+        raise ParameterError(f"{name}: {error}. {CURE}") from None
+    return data
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        seen: set[str] = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
+        raise ValueError(f"the key {short(twice)} stands twice in one object")
+    return found
+
+
+def _no_constant(literal: str) -> NoReturn:
+    raise ValueError(f"holds {literal}; every number must be finite")
+
+
+def _finite(literal: str) -> float:
+    value = float(literal)
+    if not isfinite(value):
+        raise ValueError(f"holds {literal[:20]}; every number must be finite")
+    return value
+
+
+def _integer(literal: str) -> int:
+    if len(literal) > LONGEST:
+        raise ValueError(f"holds an integer of {len(literal)} digits; the limit is {LONGEST}")
+    return int(literal)
+
+
+def _check_depth(data: object) -> None:
+    layer = [data]
+    for _ in range(DEEPEST + 1):
+        layer = [inner for outer in layer for inner in _inside(outer)]
+        if not layer:
+            return
+    raise RecursionError
+
+
+def _inside(outer: object) -> Iterator[object]:
+    if isinstance(outer, dict):
+        yield from outer
+        yield from outer.values()
+    elif isinstance(outer, list):
+        yield from outer
+    elif isinstance(outer, str):
+        _check_text(outer)
+
+
+def _check_text(text: str) -> None:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"the text {text[:20]!a} holds half a character") from None
+
+
+WHOLE = 2.0**53  # every whole number below is a float of its own
+
+
+def canonical_bytes(data: Mapping[str, Any]) -> bytes:
+    """Bytes that the checksum is of; ValueError for a number that is not finite.
+
+    Examples
+    --------
+    >>> canonical_bytes({"b": [50.0, 1e-7], "a": "µ", "content_sha256": "0"}).decode()
+    '{"a":"µ","b":[50,1e-07]}'
+    """
+    held = {key: _plain(value) for key, value in data.items() if key != "content_sha256"}
+    text = json.dumps(held, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.encode()
+
+
+def content_sha256(data: Mapping[str, Any]) -> str:
+    """SHA-256 of the canonical form, 64 hexadecimal digits.
+
+    Examples
+    --------
+    >>> content_sha256({"a": 1}) == content_sha256({"a": 1.0, "content_sha256": "any"})
+    True
+    """
+    return hashlib.sha256(canonical_bytes(data)).hexdigest()
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, float):
+        whole = value.is_integer() and abs(value) < WHOLE and str(value) != "-0.0"
+        return int(value) if whole else value
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    return value
+
+
+FAMILY: Final = "fitmodels.parameters"
+SCHEMA: Final = "fitmodels.parameters/1"
+Step = Callable[[dict[str, Any]], dict[str, Any]]
+
+# An older version -> what makes its data the data of the next version. A step takes a copy, moves what it must, and
+# leaves the rest; ``schema_version`` is set by `migrated`. Version 1 is the first that was published.
+STEPS: Mapping[int, Step] = {}
+
+
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 1) -> dict[str, Any]:
+    """Data of a file in the schema of the current version.
+
+    A checksum that held before a step holds after it: the steps are no change by anybody else.
+
+    Parameters
+    ----------
+    data : object
+        As JSON has it.
+    name : str
+        What the sentence of an error begins with.
+    steps : mapping
+        From each older version, the step to the next.
+    current : int
+        The version that is read.
+
+    Raises
+    ------
+    ParameterError
+        No parameter file; a newer version; an older one that no step starts from.
+
+    Examples
+    --------
+    >>> old = {"schema_version": "fitmodels.parameters/1", "tool": "GC435"}
+    >>> def moved(data):
+    ...     return {"identity": {"tool": data.pop("tool")}, **data}
+    >>> migrated(old, "params.json", {1: moved}, current=2)
+    {'identity': {'tool': 'GC435'}, 'schema_version': 'fitmodels.parameters/2'}
+    """
+    if not isinstance(data, dict) or "schema_version" not in data:
+        raise ParameterError(f"{name}: is not a parameter file: it has no schema_version {FAMILY}/{current}.")
+    version = _version(data["schema_version"], name, current)
+    while version < current:
+        if version not in steps:
+            raise ParameterError(
+                f"{name}: is of the older schema {FAMILY}/{version}, which this version cannot bring to "
+                f"{FAMILY}/{current}; fit the data again."
+            )
+        data = _stepped(data, steps[version], version + 1, name)
+        version += 1
+    return data
+
+
+def _stepped(data: dict[str, Any], step: Step, to: int, name: str) -> dict[str, Any]:
+    held = data.get("content_sha256") == content_sha256(data)
+    try:
+        moved = {**step(dict(data)), "schema_version": f"{FAMILY}/{to}"}
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise ParameterError(
+            f"{name}: breaks the older schema {FAMILY}/{to - 1} ({type(error).__name__} {short(str(error))}), so it "
+            "cannot be brought up to date. Restore the file or fit again."
+        ) from None
+    return {**moved, "content_sha256": content_sha256(moved)} if held else moved
+
+
+def _version(found: object, name: str, current: int) -> int:
+    family, _, number = found.partition("/") if isinstance(found, str) else ("", "", "")
+    if family != FAMILY or not (number.isascii() and number.isdecimal()) or len(number) > 9:
+        raise ParameterError(
+            f"{name}: schema_version is {short(found)}, not {FAMILY}/{current}; is it a parameter file?"
+        )
+    if int(number) > current:
+        raise ParameterError(
+            f"{name}: is of the newer schema {short(found)}; this version reads {FAMILY}/{current}. Upgrade fitmodels."
+        )
+    return int(number)
