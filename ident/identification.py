@@ -26,7 +26,7 @@ from ..core.errors import IdentError
 from ..core.threads import one_thread
 from ..datasets.records.record import Record, join_records
 from .estimators.bias_checks import causality, feedback_detected, warn_of_bias
-from .estimators.input_checks import check_moves
+from .estimators.input_checks import check_varies
 from .estimators.instrumental import sriv
 from .estimators.least_squares import arx
 from .estimators.order_selection import OrderSearch, choose_order
@@ -164,7 +164,7 @@ def identify(
     (2, 1)
     """
     whole = (rec if isinstance(rec, Record) else join_records(rec)).centred(trend)
-    check_moves(whole)
+    check_varies(whole)
     notes = tuple(whole.notes)
     band = excited_band(whole)
     tried = _search(_middle(whole), most_order, delays, orders)

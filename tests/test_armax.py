@@ -120,7 +120,7 @@ def test_an_unstable_free_run_is_told():
     y = lfilter([0, 0.1], [1, -1.02], u) + lfilter([1.0], [1, -1.02], e)
     model = armax(Record(u=u, y=y, sample_time=0.1), 1, 1, 1)
     assert not model.stable
-    assert any("free run is unstable" in note for note in model.notes)
+    assert any("simulation is unstable" in note for note in model.notes)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_an_unstable_free_run_is_told():
         (record(), (2, 2, -1), "nc -1: a whole number, 0 or more"),
         (record(), (2, 0, 2), "nb 0: a whole number, 1 or more"),
         (record().part(0, 20), (2, 2, 2), "20 samples"),
-        (record(noise=0.0), (5, 5, 2), "does not tell these coefficients apart"),
+        (record(noise=0.0), (5, 5, 2), "not identifiable"),
         (Record(u=np.ones(100), y=np.arange(100.0), sample_time=0.1), (1, 1, 1), "does not vary"),
     ],
     ids=["negative order", "no b", "short", "order too high", "input"],

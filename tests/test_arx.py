@@ -149,22 +149,22 @@ def test_a_mean_left_in_is_noted_and_a_centred_record_is_not():
 
 def test_short_stretches_are_noted():
     notes = arx(driven(random_input(), starts=(0, 2, 5)), 3, 3).notes
-    assert notes == ("2 of 3 stretches are no longer than the largest lag, 3, and take no part (5 of 2000 samples).",)
+    assert notes == ("2 of 3 segments are no longer than the largest lag, 3, and are not used (5 of 2000 samples).",)
 
 
 @pytest.mark.parametrize(
     ("rec", "orders", "sentence"),
     [
         (driven(random_input(9)), (3, 3, 1), "9 samples: na 3, nb 3, nk 1 leave 6 equations for 6"),
-        (driven(random_input(40)), (3, 3, 40), "need a stretch of 49 samples"),
-        (driven(random_input(40), starts=range(0, 40, 4)), (3, 3, 2), "the longest stretch of 10 with 4"),
+        (driven(random_input(40)), (3, 3, 40), "need a segment of 49 samples"),
+        (driven(random_input(40), starts=range(0, 40, 4)), (3, 3, 2), "the longest of 10 segments with 4"),
         (still(u=np.full(99, 5.0)), (1, 1, 1), r"input u does not vary \(5 throughout\).*Excite the machine"),
-        (still(y=np.zeros(99)), (1, 1, 1), "output y does not vary.*Look at the sensor"),
+        (still(y=np.zeros(99)), (1, 1, 1), "output y does not vary.*Check the sensor"),
         (driven(random_input(99)), (-1, 1, 1), "na -1: a whole number, 0 or more"),
         (driven(random_input(99)), (1, 0, 1), "nb 0: a whole number, 1 or more"),
         (driven(random_input(99)), (1, 1, 1.5), "nk 1.5: a whole number"),
-        (free_of_noise(random_input(400)), (5, 5, 1), "na 3, nb 5 can still be told"),
-        (driven(np.sin(0.3 * np.arange(500))), (1, 4, 1), "na 1, nb 2 can still be told"),
+        (free_of_noise(random_input(400)), (5, 5, 1), "Use na 3, nb 5"),
+        (driven(np.sin(0.3 * np.arange(500))), (1, 4, 1), "Use na 1, nb 2"),
     ],
     ids=[
         "record too short",

@@ -98,7 +98,7 @@ def test_units_of_the_output_change_nothing(unit, factor):
     F, _, x = motion(seed=1)
     one, two = drive_fit(record(x, F)), drive_fit(record(factor * x, F, unit))
     np.testing.assert_allclose(two.theta, one.theta, rtol=1e-8)
-    assert two.plot().get_ylabel() == ("velocity (rad/s)" if unit == "deg" else "velocity (m/s)")
+    assert two.plot().get_ylabel() == ("velocity [rad/s]" if unit == "deg" else "velocity [m/s]")
 
 
 def test_force_in_other_units_and_operating_points_change_nothing():

@@ -98,7 +98,7 @@ def test_the_order_comes_back_without_noise_from_a_chirp():
     u = 2.5 * np.sin(2 * np.pi * (0.1 + 1.9 / 30 * t) * t)
     search = choose_order(Record(u=u, y=lfilter(B, A, u), sample_time=0.02))
     assert search.chosen == (3, 3, 1)
-    assert any("does not tell apart" in note for note in search.notes)
+    assert any("not identifiable" in note for note in search.notes)
 
 
 def test_delays_can_be_any_set():
@@ -110,14 +110,14 @@ def test_delays_can_be_any_set():
 def test_the_argument_is_two_sentences_that_name_the_choice_and_the_next():
     search = choose_order(simulated(2000, seed=3), range(5), range(1, 5), range(3))
     first, second = search.argument.split(". ")
-    assert first.startswith("na 3, nb 3, nk 1 has the smallest BIC of 60 orders, by ")
-    assert "before na" in first
-    assert second == "One step ahead flatters: let a free run on a record that was not fitted confirm it."
+    assert first.startswith("na 3, nb 3, nk 1 has the smallest BIC of 60 orders, ")
+    assert "below na" in first
+    assert second == "One-step errors are optimistic: confirm the order by simulating a record that was not fitted."
 
 
 def test_the_largest_order_tried_is_a_warning():
     notes = choose_order(simulated(), range(3), range(1, 3), [1]).notes
-    assert notes[0].startswith("na 2, nb 2: the largest tried.")
+    assert notes[0].startswith("na 2, nb 2 is the largest candidate.")
 
 
 def test_many_runs_are_left_out_in_groups():
@@ -148,7 +148,7 @@ def test_the_order_map_draws(criterion):
     [
         (simulated(40), {}, "na 10, nb 10, nk 20 leave 11 equations for 20 coefficients"),
         (simulated(), {"criterion": "r2"}, "criterion 'r2': one of aic, aicc, bic, fpe, mdl, left_out"),
-        (simulated(), {"criterion": "left_out"}, "left_out needs two runs or more"),
+        (simulated(), {"criterion": "left_out"}, "left_out needs two or more sufficiently long runs"),
         (simulated(), {"nb": range(3)}, "nb 0: a whole number, 1 or more"),
         (simulated(), {"nk": []}, "nk is empty"),
         (Record(u=np.ones(200), y=np.arange(200.0), sample_time=1.0), {}, "input u does not vary"),

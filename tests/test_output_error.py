@@ -110,7 +110,7 @@ def test_initial_states_of_joined_runs():
     parts = join_records([whole.part(800, 1500), whole.part(300, 700)])
     model = output_error(parts, 3, 3)
     np.testing.assert_allclose(model.theta, PUBLISHED.theta, atol=EXACT)
-    assert "initial state of each stretch estimated" in model.notes
+    assert "initial state of each segment estimated" in model.notes
     assert np.abs(output_error(parts, 3, 3, initial="zero").theta - PUBLISHED.theta).max() > 1e-3
 
 
@@ -183,7 +183,7 @@ def test_the_dryer_runs_freely_on_samples_it_has_not_seen(measurements):
         (record(), (3, -2, 1), "nf -2: a whole number, 0 or more"),
         (record(), (3, 3, 0.5), "nk 0.5"),
         (record().part(0, 20), (3, 3, 1), "20 samples"),
-        (record(), (5, 5, 1), "nf 5, nb 5: the record does not tell these coefficients apart"),
+        (record(), (5, 5, 1), "nf 5, nb 5: coefficients not identifiable"),
         (Record(u=np.zeros(100), y=np.arange(100.0), sample_time=0.1), (1, 1, 1), "does not vary"),
     ],
     ids=["no b", "negative order", "half a delay", "short", "order too high", "input"],

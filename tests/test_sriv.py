@@ -76,13 +76,13 @@ def test_runs_from_different_states_are_joined_without_crossing():
     parts = join_records([whole.part(800, 1500), whole.part(300, 700)])
     model = sriv(parts, 3, 3)
     np.testing.assert_allclose(model.theta, PUBLISHED.theta, atol=EXACT)
-    assert "initial state of each stretch estimated" in model.notes
+    assert "initial state of each segment estimated" in model.notes
     assert np.abs(sriv(parts, 3, 3, initial="zero").theta - PUBLISHED.theta).max() > 1e-3
 
 
 def test_a_record_from_rest_keeps_its_state_at_rest():
     notes = [sriv(record(snr=20, seed=seed), 3, 3).notes for seed in range(30)]
-    assert not any("initial state of each stretch estimated" in n for n in notes)
+    assert not any("initial state of each segment estimated" in n for n in notes)
 
 
 def test_several_records_are_taken_as_one_joined():
@@ -175,7 +175,7 @@ def test_bias_is_told_in_words():
     told = warn_of_bias(arx(rec, 3, 3), sriv(rec, 3, 3), (0.1, 2.0))
     assert "ARX gives" in told
     assert "A/V" in told
-    assert "Use the instrumental-variable model" in told
+    assert "Use the instrumental variables model" in told
 
 
 def test_nothing_is_told_where_arx_is_right():
@@ -195,7 +195,7 @@ def test_nothing_is_told_where_arx_is_right():
         (record(), (3, 2.5, 1), "nb 2.5"),
         (record(), (3, 3, -1), "nk -1"),
         (record().part(0, 18), (3, 3, 1), "18 samples"),
-        (record(), (5, 5, 1), "does not tell these coefficients apart"),
+        (record(), (5, 5, 1), "not identifiable"),
         (Record(u=np.ones(100), y=np.arange(100.0), sample_time=0.1), (1, 1, 1), "does not vary"),
         (Record(u=chirp(), y=np.ones(750), sample_time=0.02), (1, 1, 1), "does not vary"),
     ],

@@ -154,7 +154,7 @@ def test_a_wrong_delay_shows_in_the_residuals():
     rec, other = recorded(prbs(2.5, hold=0.1), 30, 1), recorded(prbs(2.5, hold=0.1), 30, 2)
     wrong = validate(output_error(rec, 1, 1, 4), other)
     assert wrong.independence.pvalue < 1e-6
-    assert "residuals still hold some of u" in wrong.verdict
+    assert "residuals depend on u" in wrong.verdict
     assert wrong.concern >= 1
 
 
@@ -166,7 +166,7 @@ def test_arx_under_sensor_noise_is_unmasked_by_the_free_run():
 
 def test_its_own_record_proves_little():
     rec = recorded(chirp(), 30, 1)
-    assert "proves little" in validate(output_error(rec, 3, 3), rec).verdict
+    assert "its own estimation record" in validate(output_error(rec, 3, 3), rec).verdict
 
 
 def test_a_perfect_model_is_told_as_one():
@@ -180,13 +180,13 @@ def test_short_stretches_are_left_out_and_said():
     rec = recorded(chirp(), 30, 1)
     cut = replace(rec, starts=(0, 400, 406), offsets=None)
     found = validate(PLANT, cut)
-    assert found.remarks[0] == "1 stretch of fewer than 17 samples left out"
+    assert found.remarks[0] == "1 segment of fewer than 17 samples left out"
     assert len(found.y) == 744
 
 
 REFUSED = {
     "unstable": (lambda rec: validate(Model(b=[1], a=[1, -1.0], nk=0, sample_time=0.02), rec), "radius 1"),
-    "other rate": (lambda rec: validate(replace(PLANT, sample_time=0.01), rec), "bring the record"),
+    "other rate": (lambda rec: validate(replace(PLANT, sample_time=0.01), rec), "resample"),
     "other unit": (lambda rec: validate(replace(PLANT, unit_u="mV"), replace(rec, unit_u="V")), "one unit"),
     "steps": (lambda rec: validate(PLANT, rec, steps=(0,)), "whole numbers"),
     "short": (lambda rec: validate(PLANT, rec.part(0, 10)), "10 samples"),
@@ -208,9 +208,9 @@ def test_settling_is_that_of_python_control():
 
 
 IMPLAUSIBLE = {
-    "alternates": Model(b=[0, 1.0], a=[1, 0.8], nk=1, sample_time=0.02),
-    "rings": Model(b=[0, 1.0], a=np.real(np.poly(0.998 * np.exp([0.5j, -0.5j]))), nk=1, sample_time=0.02),
-    "guess beyond the record": Model(b=[0, 1.0], a=[1, -0.9999], nk=1, sample_time=0.02),
+    "alternating": Model(b=[0, 1.0], a=[1, 0.8], nk=1, sample_time=0.02),
+    "lightly damped": Model(b=[0, 1.0], a=np.real(np.poly(0.998 * np.exp([0.5j, -0.5j]))), nk=1, sample_time=0.02),
+    "an extrapolation": Model(b=[0, 1.0], a=[1, -0.9999], nk=1, sample_time=0.02),
     "nearly cancel": Model(b=[0, 1.0, -0.8001], a=np.poly([0.8, 0.5]), nk=1, sample_time=0.02),
 }
 

@@ -1,4 +1,4 @@
-"""From an estimate to the model that is handed over: covariance, noise variance, record, and how the search ended."""
+"""Models built from estimates: covariance, noise variance, record, and notes on convergence."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def record_facts(rec: Record) -> dict[str, Any]:
-    """What a model keeps of its record."""
+    """Attributes of a model that stem from its record."""
     lengths = [s.stop - s.start for s in rec.stretches]
     mean = np.average(np.asarray(rec.offsets), axis=0, weights=lengths)
     return {
@@ -25,36 +25,36 @@ def record_facts(rec: Record) -> dict[str, Any]:
 
 
 def slow_pole(a: Array, longest: int) -> tuple[str, ...]:
-    """A note where a pole is slower than the longest stretch: it then stands for an integrator or a drift."""
+    """A note on a pole slower than the longest segment, which represents an integrator or a drift."""
     radius = float(np.abs(np.roots(a)).max(initial=0.0))
     if (1 - radius) * longest > 1:
         return ()
     return (
-        f"a pole at radius {radius:.7g} is slower than {longest} samples are long: the machine integrates, or the "
-        "output drifts. Identify from input to the change of the output, or take the drift off "
+        f"a pole at radius {radius:.7g} is slower than the longest segment of {longest} samples: the plant integrates, "
+        "or the output drifts. Identify from input to the change of the output, or remove the drift "
         "(rec.centred(trend=True)).",
     )
 
 
 def convergence_note(steps: int, converged: bool, method: str) -> str:
-    """How the search ended, for ``notes``."""
+    """Whether the iteration converged and after how many steps, for ``notes``."""
     count = f"{steps} {method} step{'s' if steps != 1 else ''}"
     return f"converged after {count}" if converged else f"not converged: stopped after {count}"
 
 
 def output_error_model(rec: Record, run: FreeRun, theta: Array, structure: Structure, notes: tuple[str, ...]) -> Model:
-    """The estimate with its covariance, as every caller takes it."""
+    """The model of an estimate with its covariance."""
     e, J = sensitivities(run, theta)
     check_identifiable(J, {"na" if structure == "sriv" else "nf": run.na, "nb": run.nb})
     variance = squares(e) / max(len(e) - len(theta) - run.hidden, 1)
     cov, colour = variance * inverse_of_squares(J), 0
-    if squares(e) > 1e4 * ROUNDING * squares(run.y):  # rounding has a colour too, and nothing to tell
+    if squares(e) > 1e4 * ROUNDING * squares(run.y):  # rounding is coloured too
         cov, colour = covariance(J, e, run.stretches, run.hidden)
     notes += (*rec.notes, *not_centred(rec))
     if run.free:
-        notes += (f"initial state {'and offset ' if run.constant else ''}of each stretch estimated",)
+        notes += (f"initial state {'and offset ' if run.constant else ''}of each segment estimated",)
     if colour:
-        notes += (f"noise is coloured (autoregression of order {colour}): the standard errors allow for it",)
+        notes += (f"coloured noise (autoregression of order {colour}), allowed for in the standard errors",)
     b, a = run.polynomials(theta)
     notes += slow_pole(a, max(s.stop - s.start for s in run.stretches))
     from_record = record_facts(rec)

@@ -1,15 +1,12 @@
-"""Filters and lags by stretch, and whether a polynomial is stable: what the iterative estimators share.
+"""Filters and lags by segment, stability of polynomials, and covariances under coloured noise.
 
-Every stretch is filtered on its own from rest: no filter state and no regressor crosses a join.
-
-Covariance of an output-error estimate, whatever the colour of its noise.
-
-The estimate is consistent under coloured noise, but sigma^2 (J'J)^-1 is then wrong, often by half. With the error
-written as an autoregression H e = w (w white),
+Each segment is filtered from rest: no filter state and no regressor crosses a segment boundary. An output-error
+estimate is consistent under coloured noise, but sigma^2 (J'J)^-1 is then wrong, often by half. With the error modelled
+as an autoregression H e = w (w white),
 
     cov theta = (J'J)^-1 J' R J (J'J)^-1,    R = s^2 (H'H)^-1,
 
-which is s^2 (J'J)^-1 where the error is white (order 0). Source: Soderstrom & Stoica 1989, section 7.5.
+which is s^2 (J'J)^-1 for white errors (order 0). Source: Soderstrom & Stoica 1989, section 7.5.
 """
 
 import math
@@ -20,11 +17,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-28  # of the squares of the data: a loss below it is rounding of the arithmetic
-EDGE = 1 - 1e-6  # the largest modulus of a root that estimates may have: a time constant of a million samples
+EDGE = 1 - 1e-6  # largest modulus of a root of an estimate: a time constant of a million samples
 
 
 def filtered(num: Array | list[float], den: Array | list[float], x: Array, stretches: Sequence[slice]) -> Array:
-    """``num / den`` x, from rest in each stretch; x (N,) or (N, k), the same shape back."""
+    """``num / den`` x, from rest in each segment; x (N,) or (N, k), same shape returned."""
     from scipy.signal import lfilter
 
     if len(stretches) == 1:
@@ -36,7 +33,7 @@ def filtered(num: Array | list[float], den: Array | list[float], x: Array, stret
 
 
 def lagged(x: Array, lags: range, stretches: Sequence[slice]) -> Array:
-    """Column k is x (N,) delayed by ``lags[k]`` samples, zero before each stretch; shape (N, len(lags))."""
+    """Column k is x (N,) delayed by ``lags[k]`` samples, zero before each segment; shape (N, len(lags))."""
     out = np.zeros((len(x), len(lags)), order="F")
     for s in stretches:
         n = s.stop - s.start
@@ -62,7 +59,7 @@ def is_stable(polynomial: Array, radius: float = 1.0) -> bool:
 
 
 def reflected(polynomial: Array) -> Array:
-    """The polynomial with its roots outside the unit circle put at 1/conj(root), where |response| has the same shape.
+    """The polynomial with roots outside the unit circle reflected to 1/conj(root), which keeps the shape of |response|.
 
     >>> reflected(np.array([1.0, -2.0])).tolist()
     [1.0, -0.5]
@@ -78,7 +75,7 @@ def reflected(polynomial: Array) -> Array:
 
 
 def impulse_response(den: Array, length: int) -> Array:
-    """1 / den driven by one impulse, up to ``length`` samples or until it has died out."""
+    """Impulse response of 1 / den, up to ``length`` samples or until it has decayed."""
     from scipy.signal import lfilter
 
     n = 1024
@@ -86,14 +83,14 @@ def impulse_response(den: Array, length: int) -> Array:
         pulse = np.zeros(min(n, length))
         pulse[0] = 1.0
         h = np.asarray(lfilter([1.0], den, pulse), dtype=np.float64)
-        # beyond this the filter would crawl through denormal numbers
+        # beyond this, denormal numbers would slow the filter down
         if n >= length or np.abs(h[-len(den) :]).max() < 1e-17 * np.abs(h).max():
             return h
         n *= 8
 
 
 def squares(e: Array) -> float:
-    """Sum of squares; infinite where a simulation ran away."""
+    """Sum of squares; infinite where a simulation diverged."""
     with np.errstate(over="ignore", invalid="ignore"):
         total = float(e @ e)
     return total if math.isfinite(total) else math.inf
@@ -103,7 +100,7 @@ MAX_ORDER = 20
 
 
 def autocovariance(e: Array, stretches: Sequence[slice], lags: int) -> Array:
-    """Sums of e(t) e(t - k) / N for k = 0 ... lags, no product across a join."""
+    """Sums of e(t) e(t - k) / N for k = 0 ... lags, no product across segments."""
     sums = [
         sum(float(e[s][k:] @ e[s][: max(s.stop - s.start - k, 0)]) for s in stretches if s.stop - s.start > k)
         for k in range(lags + 1)
@@ -112,10 +109,7 @@ def autocovariance(e: Array, stretches: Sequence[slice], lags: int) -> Array:
 
 
 def whitening(e: Array, stretches: Sequence[slice], max_order: int = MAX_ORDER) -> tuple[Array, float]:
-    """H (starts with 1; its order chosen by BIC) and the variance of w in H e = w, by Levinson's recursion.
-
-    The data pass once, whatever the order.
-    """
+    """H (starts with 1; its order chosen by BIC) and the variance of w in H e = w, by Levinson's recursion."""
     n = len(e)
     r = autocovariance(e, stretches, min(max_order, n // 10))
     h, v = np.ones(1), float(r[0])
@@ -141,7 +135,7 @@ def inverse_of_squares(J: Array) -> Array:
 def covariance(J: Array, e: Array, stretches: Sequence[slice], hidden: int = 0) -> tuple[Array, int]:
     """Covariance of theta (p, p) and the order of the error's autoregression; 0: white.
 
-    ``hidden`` counts what was fitted beside theta (initial states).
+    ``hidden`` counts the parameters estimated in addition to theta (initial states, constants).
     """
     from scipy.signal import lfilter
 

@@ -1,8 +1,8 @@
-"""A free run of the model beside the record, and what it changes by when a coefficient changes.
+"""Free simulation of a model along a record, and its sensitivities to the coefficients.
 
-A stretch begins at rest, or with a free response of its own that is fitted and taken out: whatever u and y did before
-it reaches y through ``max(na, nb + nk - 1)`` numbers a stretch, and y is linear in them. So it is in a constant: the
-mean of a run that has not settled is not its operating point.
+A segment starts at rest, or with an initial state that is estimated and projected out: the past acts on y through
+``max(na, nb + nk - 1)`` numbers a segment, and y is linear in them. It is also linear in a constant: the mean of a run
+that has not settled is not its operating point.
 """
 
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ from .filters import ROUNDING, filtered, impulse_response, lagged, squares
 
 Array = NDArray[np.float64]
 
-NEARLY_ALIKE = 1e-10  # of a column, what is its own: below, it is one of those before it
+NEARLY_ALIKE = 1e-10  # share of a column orthogonal to those before it: below, it is dependent
 
 
 @dataclass(frozen=True, slots=True)
 class FreeRun:
-    """What an output-error estimator works on: u, y (N,), stretches, orders, and what is free in each stretch.
+    """Data of an output-error estimation: u, y (N,), segments, orders, and the free parameters of each segment.
 
-    A free ``constant`` needs free initial states (``free``): a step of the constant starts like one of them.
+    A free ``constant`` requires free initial states (``free``).
     """
 
     u: Array
@@ -36,27 +36,27 @@ class FreeRun:
 
     @property
     def states(self) -> int:
-        """Samples that the response to the past before a stretch needs to be told by."""
+        """Number of initial states of a segment."""
         return max(self.na, self.nb + self.nk - 1)
 
     @property
     def hidden(self) -> int:
-        """Number of initial states and constants estimated beside theta."""
+        """Number of initial states and constants estimated in addition to theta."""
         states = sum(min(self.states, s.stop - s.start) for s in self.stretches) if self.free else 0
         return states + self.constant * len(self.stretches)
 
     def polynomials(self, theta: Array) -> tuple[Array, Array]:
-        """The whole b and a of theta = a_1 ..., b_nk ..."""
+        """The full polynomials b and a of theta = a_1 ..., b_nk ..."""
         return np.r_[np.zeros(self.nk), theta[self.na :]], np.r_[1.0, theta[: self.na]]
 
 
 def free_run(rec: Record, na: int, nb: int, nk: int, free: bool = False) -> FreeRun:
-    """The record as the estimators take it."""
+    """The record as data of an output-error estimation."""
     return FreeRun(rec.u, rec.y, rec.stretches, na, nb, nk, free)
 
 
 def free_responses(run: FreeRun, a: Array) -> list[tuple[slice, Array]]:
-    """Orthonormal columns of what the unknown past can do in each stretch, and the samples it reaches."""
+    """Orthonormal columns of the initial-state response in each segment, and the samples it spans."""
     if not run.free:
         return []
     h = impulse_response(a, max(s.stop - s.start for s in run.stretches))
@@ -73,7 +73,7 @@ def free_responses(run: FreeRun, a: Array) -> list[tuple[slice, Array]]:
 
 
 def constants(run: FreeRun, theta: Array) -> Array:
-    """The constant of each stretch, shape (stretches,): what is left of y once simulation and initial state are off."""
+    """The constant of each segment, shape (segments,), estimated with the initial state from y less simulation."""
     b, a = run.polynomials(theta)
     left = run.y - filtered(b, a, run.u, run.stretches)
     out = []
@@ -86,7 +86,7 @@ def constants(run: FreeRun, theta: Array) -> Array:
 
 
 def _orthonormal(columns: Array) -> Array:
-    """Orthonormal columns of the same span; NaN where an unstable model has run beyond all numbers."""
+    """Orthonormal columns of the same span; NaN where an unstable model has overflowed."""
     if not columns.shape[1]:
         return columns
     if not np.isfinite(columns).all():
@@ -97,7 +97,7 @@ def _orthonormal(columns: Array) -> Array:
 
 
 def projected_out(x: Array, free: list[tuple[slice, Array]]) -> Array:
-    """X (N,) or (N, k) less its part along the free responses, as a new array."""
+    """Array x (N,) or (N, k) with its component along the free responses removed."""
     if not free:
         return x
     out = x.copy(order="K")
@@ -113,7 +113,7 @@ def simulation_error(run: FreeRun, theta: Array) -> Array:
 
 
 def sensitivities(run: FreeRun, theta: Array) -> tuple[Array, Array]:
-    """Simulation error e (N,) and d yhat / d theta (N, na + nb), initial states fitted out of both.
+    """Simulation error e (N,) and d yhat / d theta (N, na + nb), initial states projected out of both.
 
     d yhat / d a_i = -q^-i / A yhat and d yhat / d b_j = q^-j / A u (Ljung 1999, section 10.3).
     """
@@ -134,10 +134,10 @@ def regressor_columns(run: FreeRun, yf: Array, uf: Array) -> Array:
 
 
 def with_initial_states(run: FreeRun, theta: Array) -> FreeRun:
-    """The run with free initial states where they would pay for themselves, else as it is.
+    """The run with free initial states where BIC favours them, otherwise unchanged.
 
-    One Gauss-Newton step with them beside theta tells by how much they would lower the loss; they are kept when BIC
-    says so, which under a start from rest happens about once in 10 000 records.
+    The reduction of the loss is predicted by one Gauss-Newton step in theta and the initial states. For a start from
+    rest they are retained in about one of 10 000 records.
     """
     e, J = sensitivities(replace(run, free=False), theta)
     freed = replace(run, free=True)
@@ -147,7 +147,7 @@ def with_initial_states(run: FreeRun, theta: Array) -> FreeRun:
         return run
     q = np.linalg.qr(J)[0]
     along = np.concatenate([E.T @ e[s] for s, E in free])
-    shared = np.hstack([q[s].T @ E for s, E in free])  # (p, hidden): what theta can imitate
+    shared = np.hstack([q[s].T @ E for s, E in free])  # (p, hidden): component that theta can absorb
     rest = np.linalg.pinv(np.eye(len(shared)) - shared @ shared.T, rcond=1e-10, hermitian=True)
     fall = along @ along + (shared @ along) @ rest @ (shared @ along)
     return freed if n * np.log(max(1 - fall / loss, 1e-300)) < -hidden * np.log(n) else run

@@ -1,9 +1,9 @@
-"""Refined instrumental variables (SRIV): the transfer function alone, unbiased by noise in the sensor.
+"""Refined instrumental variables (SRIV): the transfer function without a noise model, unbiased by sensor noise.
 
     y(t) = x(t) + e(t),    x = b(q) / a(q) u
 
-Each step filters u and y by 1 / a of the step before and solves Z'Phi theta = Z'y with the simulated, noise-free x in
-the instruments Z. Source: Young 2011, Recursive Estimation and Time-Series Analysis, section 7.4; Ljung 1999,
+Each iteration filters u and y by 1 / a of the previous one and solves Z'Phi theta = Z'y with the simulated, noise-free
+x in the instruments Z. Source: Young 2011, Recursive Estimation and Time-Series Analysis, section 7.4; Ljung 1999,
 section 7.6; first steps with a given filter: Steiglitz & McBride 1965, doi 10.1109/TAC.1965.1098181.
 """
 
@@ -33,14 +33,14 @@ from .input_checks import checked_record
 
 Array = NDArray[np.float64]
 Initial = Literal["auto", "zero", "estimate", "offset"]
-POLES = (0.5, 0.8, 0.95)  # of the prefilters 1 / (1 - p q^-1)^na that starts are made with, beside none
-SAME = 1e-3  # two starts that end within this part of the loss have found one valley
-PATIENCE = 8  # steps; under strongly coloured noise Z'Phi circles the end, which Z'Z then reaches
+POLES = (0.5, 0.8, 0.95)  # of the prefilters 1 / (1 - p q^-1)^na for the starting values, in addition to none
+SAME = 1e-3  # two starts whose losses differ by less than this share have found one minimum
+PATIENCE = 8  # steps; under strongly coloured noise Z'Phi may cycle, where Z'Z converges
 
 
 @dataclass(frozen=True, slots=True)
 class Iterate:
-    """A stable theta (na + nb,) and the squares of its simulation error."""
+    """A stable theta (na + nb,) and the sum of squares of its simulation error."""
 
     theta: Array
     loss: float
@@ -59,7 +59,7 @@ def prefiltered(run: FreeRun, pole: float) -> Array:
 
 
 def equation_fit(run: FreeRun, y: Array, den: Array) -> Array:
-    """Theta of a y = b u by least squares, both sides filtered by 1 / den, initial states fitted out."""
+    """Theta of a y = b u by least squares, both sides filtered by 1 / den, initial states projected out."""
     yf = filtered([1.0], den, y, run.stretches)
     Phi = regressor_columns(run, yf, filtered([1.0], den, run.u, run.stretches))
     free = free_responses(run, den)
@@ -69,7 +69,7 @@ def equation_fit(run: FreeRun, y: Array, den: Array) -> Array:
 
 
 def reduced(run: FreeRun) -> Array:
-    """Least squares on the noise-free output of a long impulse response: a model of high order, brought down."""
+    """Least squares on the output of a long estimated impulse response: a reduced high-order model."""
     order = min(max(8 * (run.na + run.nb), 20), len(run.y) // 4)
     Phi = lagged(run.u, range(run.nk, run.nk + order), run.stretches)
     x = Phi @ np.linalg.lstsq(Phi, run.y, rcond=1e-6)[0]
@@ -77,9 +77,9 @@ def reduced(run: FreeRun) -> Array:
 
 
 def instrumental_step(run: FreeRun, theta: Array, symmetric: bool = False) -> Array:
-    """The change of theta that one step asks for; the slope Z'e is exact, so where it ends there is no bias.
+    """Step of theta; the gradient Z'e is exact, so that the stationary point is unbiased.
 
-    ``symmetric`` puts Z'Z in the place of Z'Phi (Young's symmetric form): the same end, and always downhill.
+    ``symmetric`` replaces Z'Phi by Z'Z (Young's symmetric form): the same stationary point, always a descent direction.
     """
     e, Z = sensitivities(run, theta)
     a = run.polynomials(theta)[1]
@@ -91,7 +91,7 @@ def instrumental_step(run: FreeRun, theta: Array, symmetric: bool = False) -> Ar
 
 
 def stride(run: FreeRun, start: Iterate, steps: int) -> Iterate:
-    """The best of a few whole steps, uphill ones included: they leave a bad start behind."""
+    """The best of a few full steps, including steps that increase the loss."""
     best = here = start
     for _ in range(steps):
         here = point(run, here.theta + instrumental_step(run, here.theta))
@@ -102,7 +102,7 @@ def stride(run: FreeRun, start: Iterate, steps: int) -> Iterate:
 
 
 def refine(run: FreeRun, start: Iterate, max_steps: int, tol: float) -> tuple[Iterate, int, bool]:
-    """Steps that go down; ends where none does, or where theta moves by less than ``tol``."""
+    """Descent steps until none reduces the loss, or theta changes by less than ``tol``."""
     here, symmetric = start, False
     for k in range(max_steps):
         symmetric = symmetric or k >= PATIENCE
@@ -121,7 +121,7 @@ def refine(run: FreeRun, start: Iterate, max_steps: int, tol: float) -> tuple[It
 
 
 def downhill(run: FreeRun, here: Iterate, symmetric: bool) -> Iterate | None:
-    """One step, halved until the loss is lower; None where it never is."""
+    """One step, halved until the loss is lower; None if it never is."""
     step = instrumental_step(run, here.theta, symmetric)
     for half in range(12):
         there = point(run, here.theta + step / 2**half)
@@ -131,14 +131,14 @@ def downhill(run: FreeRun, here: Iterate, symmetric: bool) -> Iterate | None:
 
 
 def stationary(run: FreeRun, at: Iterate) -> bool:
-    """Whether the error is square to every sensitivity, or is no more than rounding: nothing is left to gain."""
+    """Whether the error is orthogonal to every sensitivity, or no more than rounding."""
     e, Z = sensitivities(run, at.theta)
     along = np.linalg.qr(Z)[0].T @ e
     return squares(along) <= 1e-6 * at.loss or at.loss <= 1e4 * ROUNDING * squares(run.y)
 
 
 def starts(run: FreeRun) -> Iterator[Array]:
-    """ARX, ARX of filtered data, a long impulse response reduced; each made only when it is asked for."""
+    """Starting values: ARX, ARX of filtered data, a reduced long impulse response; each computed on demand."""
     yield prefiltered(run, 0.0)
     for pole in POLES:
         yield prefiltered(run, pole)
@@ -146,7 +146,7 @@ def starts(run: FreeRun) -> Iterator[Array]:
 
 
 def search(run: FreeRun) -> Iterate:
-    """The best of several starts; ends early when two have found the same lowest loss."""
+    """The best of several starts; stops early when two have found the same lowest loss."""
     found: list[Iterate] = []
     for theta in starts(run):
         found.append(stride(run, point(run, theta), 4))
@@ -167,35 +167,35 @@ def sriv(
     max_steps: int = 60,
     tol: float = 1e-9,
 ) -> Model:
-    """Transfer function by refined instrumental variables: consistent whatever the colour of the noise on y.
+    """Transfer function by refined instrumental variables: consistent under coloured noise on y.
 
     Parameters
     ----------
     rec : Record or sequence of Record
-        Less its operating point (``rec.centred()``). u was not computed from y: in closed loop the estimate is biased.
+        With its operating point removed (``rec.centred()``), recorded in open loop: feedback biases the estimate.
     na, nb, nk : int
         Order of a, number of coefficients of b, samples of delay.
     initial : {"auto", "zero", "estimate", "offset"}
-        State at the head of each stretch: at rest, estimated, estimated where the record says that it matters, or
-        estimated together with a constant, where the operating point is not known.
+        Initial state of each segment: at rest, estimated, estimated where BIC favours it, or estimated together with
+        a constant, for an unknown operating point.
     max_steps, tol : int, float
-        Steps at most, and the relative change of theta at which the iteration has converged; of the loss,
+        Largest number of steps, and the relative change of theta at convergence; of the loss,
         ``tol**1.5``.
 
     Returns
     -------
     Model
-        Stable. ``notes`` say whether the iteration converged and what was assumed of the initial state.
+        Stable; ``notes`` state convergence and the treatment of the initial state.
 
     Raises
     ------
     IdentError
-        Orders that are no orders or larger than the record allows; too short a record; u or y standing still.
+        Invalid orders, or larger than the record allows; too short a record; constant u or y.
 
     Notes
     -----
-    Poles outside the unit circle are reflected into it inside the iteration; it is started from several points and the
-    lowest simulation error wins.
+    Poles outside the unit circle are reflected into it during the iteration; of several starting points, the lowest
+    simulation error is taken.
 
     Examples
     --------
@@ -212,7 +212,7 @@ def sriv(
 
 
 def estimate(run: FreeRun, initial: Initial, max_steps: int, tol: float) -> tuple[FreeRun, Iterate, int, bool]:
-    """Start, choice of initial state, and refinement."""
+    """Starting values, choice of the initial state, and refinement."""
     run = replace(run, free=initial in ("estimate", "offset"), constant=initial == "offset")
     best = search(run)
     if initial == "auto" and (freed := with_initial_states(run, best.theta)).free:
@@ -221,7 +221,7 @@ def estimate(run: FreeRun, initial: Initial, max_steps: int, tol: float) -> tupl
 
 
 def unstable_arx_note(run: FreeRun, loss: float) -> tuple[str, ...]:
-    """A note where ARX as it stands, unstable, runs closer to y than the best stable model."""
+    """A note where the unstable ARX model simulates y more closely than the best stable model."""
     theta = prefiltered(run, 0.0)
     with np.errstate(all="ignore"):
         unstable = not is_stable(run.polynomials(theta)[1])
@@ -229,6 +229,6 @@ def unstable_arx_note(run: FreeRun, loss: float) -> tuple[str, ...]:
             return ()
     radius = np.abs(np.roots(run.polynomials(theta)[1])).max()
     return (
-        f"an unstable model (a pole at radius {radius:.4g}) runs closer to the output than this, the best stable one: "
-        "the machine itself ran away. Identify it under a controller that holds it, or over shorter runs.",
+        f"an unstable model (a pole at radius {radius:.4g}) simulates the output better than the best stable one: "
+        "the plant is unstable. Identify it in closed loop, or over shorter runs.",
     )

@@ -1,7 +1,7 @@
-"""Losses of every order from one Gram matrix, or from one triangle where its digits fall short.
+"""Losses of every order from one Gram matrix, or from one QR triangle where the Gram matrix is inaccurate.
 
-Regressors of one na and nk stand in the order y(t-1) ... y(t-na), u(t-nk) ... u(t-nk-nb+1), y(t). One Cholesky factor
-of that block holds every smaller nb: its last row gives what each column takes off the sum of squares (Golub & Van
+The regressors of one na and nk are ordered y(t-1) ... y(t-na), u(t-nk) ... u(t-nk-nb+1), y(t). One Cholesky factor of
+that block covers every smaller nb: its last row gives the reduction of the sum of squares by each column (Golub & Van
 Loan, Matrix Computations, section 5.3). Blocks of all nk are factored together.
 """
 
@@ -18,14 +18,14 @@ Array = NDArray[np.float64]
 # A scaled pivot below this is rounding in a Gram matrix.
 PIVOT = 1e-7
 EPS = float(np.finfo(np.float64).eps)
-# Residuals of 1e-12 of the output are what is left of an exact law in double precision: no order is better than that.
+# Residuals of 1e-12 of the output are rounding in double precision: no order fits better than that.
 ROUNDING = 1e-24
 
 
 def losses(total: Gram, na: Sequence[int], nb: int, nk: Sequence[int]) -> Array | None:
-    """Residual sums of squares from products, shape (len(nk), len(na), nb), for 1 ... nb; None where digits fall short.
+    """Residual sums of squares from a Gram matrix, shape (len(nk), len(na), nb), for 1 ... nb; None if inaccurate.
 
-    They fall short where a pivot or what is left of the output is rounding, judged by what it would do to n ln V.
+    Inaccurate where a pivot or a residual is rounding, measured by its effect on n ln V.
     """
     scaled, length = _scaled(total.matrix)
     rss = np.empty((len(nk), len(na), nb))
@@ -40,7 +40,7 @@ def losses(total: Gram, na: Sequence[int], nb: int, nk: Sequence[int]) -> Array 
 
 
 def losses_of_triangle(r: LagTriangle, na: Sequence[int], nb: int, nk: Sequence[int]) -> Array:
-    """The same from the triangle of all columns; sums of squares only, so nothing cancels.
+    """Residual sums of squares from the triangle of all columns: sums of squares only, without cancellation.
 
     Infinite where the regressors of an order are collinear.
     """
@@ -53,7 +53,7 @@ def losses_of_triangle(r: LagTriangle, na: Sequence[int], nb: int, nk: Sequence[
 
 
 def left_out(parts: Sequence[Gram | LagTriangle], na: Sequence[int], nb: int, nk: Sequence[int]) -> Array:
-    """Mean square one-step error of each part under the fit to all the others, (len(nk), len(na), nb)."""
+    """Leave-one-run-out mean square one-step error, shape (len(nk), len(na), nb)."""
     total = np.zeros((len(nk), len(na), nb))
     triangles = isinstance(parts[0], LagTriangle)
     for k, out in enumerate(parts):
@@ -66,7 +66,7 @@ def left_out(parts: Sequence[Gram | LagTriangle], na: Sequence[int], nb: int, nk
 
 
 def _error(trained: Array, out: Array, columns: NDArray[np.intp], a: int, triangles: bool) -> Array:
-    """Sum of squares left on ``out`` by the coefficients of every nb, shape (nk, nb)."""
+    """Residual sum of squares on ``out`` of the coefficients of every nb, shape (nk, nb)."""
     if triangles:
         r = _triangles(trained, columns)
         length = np.ones(len(trained))
@@ -81,7 +81,7 @@ def _error(trained: Array, out: Array, columns: NDArray[np.intp], a: int, triang
     pivots = np.diagonal(r, axis1=1, axis2=2)[:, :size]
     square = r[:, :size, :size] + np.where(pivots == 0, 1.0, 0.0)[:, :, None] * np.eye(size)
     inverse = np.linalg.inv(square)
-    # theta of the first k columns is the sum of k columns of the inverse, each times its share of y
+    # theta of the first k columns is the sum of k columns of the inverse, each times its component of y
     theta = np.cumsum(inverse * r[:, None, :size, -1], axis=2)[:, :, a:]
     theta = theta * (length[0] / length[columns[:, :size]])[:, :, None]
     whole = np.concatenate([-theta, np.ones((len(columns), 1, theta.shape[2]))], axis=1)
@@ -111,9 +111,9 @@ def _scaled(g: Array) -> tuple[Array, Array]:
 
 
 def _factor(scaled: Array, columns: NDArray[np.intp]) -> Array | None:
-    """Cholesky factors of all blocks; None where one of them has no digits left."""
+    """Cholesky factors of all blocks; None where one of them is inaccurate."""
     blocks = scaled[columns[:, :, None], columns[:, None, :]]
-    blocks[:, -1, -1] += 1  # the last row is wanted, not its pivot: it must not fail on a perfect fit
+    blocks[:, -1, -1] += 1  # only the last row is used, not its pivot, which vanishes for a perfect fit
     try:
         lower: Array = np.asarray(np.linalg.cholesky(blocks), dtype=np.float64)
     except np.linalg.LinAlgError:

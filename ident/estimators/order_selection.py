@@ -1,9 +1,7 @@
-"""Order and delay: every (na, nb, nk) of a range fitted from one pass over the data, and the choice argued.
+"""Selection of orders and delay: every (na, nb, nk) of a range by least squares, compared by information criteria.
 
-What an order costs: information criteria and final prediction error of a least-squares fit.
-
-``loss`` is rss / n in unit_y squared, n the rows that every order shares, k = na + nb. The first three are -2 ln
-likelihood of normal residuals, less what all orders share; fpe and mdl are in the unit of the loss.
+``loss`` is rss / n in unit_y squared, n the number of rows common to all orders, k = na + nb. AIC, AICc and BIC are
+-2 ln likelihood of normal residuals up to a constant; FPE and MDL have the unit of the loss.
 Sources: Akaike 1969, 1974; Schwarz 1978; Hurvich & Tsai 1989; Rissanen 1978 in the form of Ljung 1999, section 16.4.
 """
 
@@ -18,7 +16,7 @@ from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...datasets.records.record import Record, join_records
 from .bias_checks import causality_of
-from .input_checks import check_length, check_moves, check_orders, not_centred, short_stretches
+from .input_checks import check_length, check_orders, check_varies, not_centred, short_stretches
 from .order_losses import left_out, losses, losses_of_triangle
 from .regressors import Gram, Lags, LagTriangle, grams, r_of, triangle
 
@@ -28,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Criterion = Literal["aic", "aicc", "bic", "fpe", "mdl", "left_out"]
 
-# Runs left out one after the other; more are put together, neighbour by neighbour.
+# Largest number of cross-validation folds; more runs are combined, neighbour by neighbour.
 PARTS = 10
 # Differences of BIC above this are very strong evidence (Kass & Raftery 1995, doi 10.1080/01621459.1995.10476572).
 DECISIVE = 10
@@ -36,23 +34,23 @@ DECISIVE = 10
 
 @dataclass(frozen=True, slots=True, repr=False)
 class OrderSearch(Plottable):
-    """Losses and criteria of every order, and the order chosen.
+    """Losses and criteria of every order, and the selected order.
 
     Attributes
     ----------
     table : DataFrame
-        One row an order: ``na``, ``nb``, ``nk``, ``loss`` (mean square one-step error, unit_y squared), ``aic``,
-        ``aicc``, ``bic``, ``fpe``, ``mdl``, and with several runs ``left_out``: the mean square one-step error of each
-        run under the fit to the others. All orders use the same rows.
+        One row per order: ``na``, ``nb``, ``nk``, ``loss`` (mean square one-step error, unit_y squared), ``aic``,
+        ``aicc``, ``bic``, ``fpe``, ``mdl``, and with several runs ``left_out``: the leave-one-run-out mean square
+        one-step error. All orders use the same rows.
     chosen : tuple of int
         na, nb, nk with the smallest ``criterion``.
     argument : str
-        The choice in two sentences.
+        Reason for the selection, in two sentences.
     criterion : str
     n : int
         Rows.
     notes : tuple of str
-        What speaks against the record.
+        Reservations about the record.
     """
 
     table: "pd.DataFrame"
@@ -70,14 +68,14 @@ def choose_order(
     nk: Iterable[int] = range(21),
     criterion: Criterion = "bic",
 ) -> OrderSearch:
-    """Fit every order of a range by least squares and choose the one with the smallest criterion.
+    """Fit every order of a range by least squares and select the one with the smallest criterion.
 
     Parameters
     ----------
     rec : Record or sequence of Record
         Centred.
     na, nb, nk : iterable of int
-        Orders tried; every one uses the rows that the largest lag leaves, so that losses compare.
+        Candidate orders; all use the rows that the largest lag leaves, so that losses are comparable.
     criterion : str
         ``bic``, ``aic``, ``aicc``, ``fpe``, ``mdl``, or with several runs ``left_out``.
 
@@ -88,11 +86,11 @@ def choose_order(
     Raises
     ------
     IdentError
-        A range that does not exist, a record too short for it, input or output that does not vary.
+        An invalid range, too short a record, a constant input or output.
 
     Notes
     -----
-    One step ahead flatters: the order is confirmed by simulating a record that was not fitted.
+    One-step errors are optimistic: confirm the order by simulating a record that was not fitted.
 
     Examples
     --------
@@ -114,14 +112,14 @@ def choose_order(
     rss, held = _searched(rec, lags, total, parts, ranges)
     if criterion == "left_out" and held is None:
         raise IdentError(
-            f"left_out needs two runs or more, each long enough; {rec.source or 'this record'} has {len(parts)}. "
-            "Choose by 'bic'."
+            f"left_out needs two or more sufficiently long runs; {rec.source or 'this record'} has {len(parts)}. "
+            "Select by 'bic'."
         )
     columns = _columns(rss, held, ranges, total.rows)
     swapped = causality_of(total, rec.input, rec.output)
     notes = [*not_centred(rec), *short_stretches(rec, lags.span), *([swapped] if swapped else [])]
     if len(columns["loss"]) < rss[:, :, [k - 1 for k in ranges[1]]].size:
-        notes.append("orders whose coefficients the input does not tell apart are left out of the table.")
+        notes.append("orders whose coefficients are not identifiable are omitted from the table.")
     best = int(np.argmin(columns[criterion]))
     chosen = (int(columns["na"][best]), int(columns["nb"][best]), int(columns["nk"][best]))
     notes += _at_the_edge(chosen, ranges)
@@ -144,7 +142,7 @@ def _ranges(na: Iterable[int], nb: Iterable[int], nk: Iterable[int]) -> Ranges:
     for name, values in zip(("na", "nb", "nk"), ranges, strict=True):
         if not values:
             raise IdentError(f"{name} is empty: give at least one value to try.")
-    check_orders(ranges[0][0], ranges[1][0], ranges[2][0])
+    check_orders(na=ranges[0][0], nb=ranges[1][0], nk=ranges[2][0])
     return ranges
 
 
@@ -152,11 +150,11 @@ def _check(rec: Record, ranges: Ranges, lags: Lags, criterion: str) -> None:
     if criterion not in (*CRITERIA, "left_out"):
         raise IdentError(f"criterion {criterion!r}: one of {', '.join([*CRITERIA, 'left_out'])}.")
     check_length(rec, lags.y, max(ranges[1]), max(ranges[2]))
-    check_moves(rec)
+    check_varies(rec)
 
 
 def _parts(found: list[Gram]) -> list[Gram]:
-    """Runs, put together to at most ``PARTS`` of them."""
+    """Runs, combined to at most ``PARTS`` folds."""
     size = -(-len(found) // PARTS)
     return [sum(found[k + 1 : k + size], found[k]) for k in range(0, len(found), size)]
 
@@ -177,28 +175,28 @@ def _searched(rec: Record, lags: Lags, total: Gram, parts: list[Gram], ranges: R
 
 
 def _part_triangles(rec: Record, lags: Lags) -> list[LagTriangle]:
-    """Triangles of the runs that ``_parts`` puts together."""
+    """QR triangles of the folds of `_parts`."""
     long = [s for s in rec.stretches if s.stop - s.start > lags.span]
     size = -(-len(long) // PARTS)
     return [triangle(rec, lags, long[k : k + size]) for k in range(0, len(long), size)]
 
 
 def _columns(rss: Array, held: Array | None, ranges: Ranges, n: int) -> Columns:
-    """Columns of the table, without orders that the input does not tell apart."""
+    """Columns of the table, without orders that are not identifiable."""
     kept = [k - 1 for k in ranges[1]]
     na, nb, nk = (a.transpose(2, 0, 1).ravel() for a in np.meshgrid(*ranges, indexing="ij"))
     loss = (rss[:, :, kept] / n).ravel()
     k = (na + nb).astype(np.float64)
-    told = np.isfinite(loss)
-    columns = {"na": na[told], "nb": nb[told], "nk": nk[told], "loss": loss[told]}
-    columns |= {name: value(loss[told], k[told], n) for name, value in CRITERIA.items()}
+    finite = np.isfinite(loss)
+    columns = {"na": na[finite], "nb": nb[finite], "nk": nk[finite], "loss": loss[finite]}
+    columns |= {name: value(loss[finite], k[finite], n) for name, value in CRITERIA.items()}
     if held is not None:
-        columns["left_out"] = held[:, :, kept].ravel()[told]
+        columns["left_out"] = held[:, :, kept].ravel()[finite]
     return columns
 
 
 def _at_the_edge(chosen: tuple[int, int, int], ranges: Ranges) -> list[str]:
-    """A note where the largest order tried is the best: least squares then models the noise, not the machine."""
+    """A note if the largest candidate is selected: least squares then models the noise rather than the plant."""
     edge = [
         f"{name} {value}"
         for name, value, tried in zip(("na", "nb", "nk"), chosen, ranges, strict=True)
@@ -207,21 +205,21 @@ def _at_the_edge(chosen: tuple[int, int, int], ranges: Ranges) -> list[str]:
     if not edge:
         return []
     return [
-        f"{', '.join(edge)}: the largest tried. Noise of a sensor draws least squares to high orders and long delays: "
-        "compare low orders by output error and a free run."
+        f"{', '.join(edge)} is the largest candidate. Sensor noise leads least squares to high orders and long delays: "
+        "compare low orders by output error and simulation."
     ]
 
 
 def _argument(columns: Columns, best: int, criterion: str) -> str:
-    """Two sentences: why this order, and what the search cannot see."""
-    told = {"left_out": "the error on left-out runs"}.get(criterion, criterion.upper())
+    """Two sentences: reason for this order, and the limitation of the search."""
+    label = {"left_out": "leave-one-run-out error"}.get(criterion, criterion.upper())
     values = columns[criterion]
     order = np.argsort(values, kind="stable")
-    first = f"{_words(columns, best)} has the smallest {told} of {len(values)} orders"
+    first = f"{_words(columns, best)} has the smallest {label} of {len(values)} orders"
     if len(order) > 1:
         gap = values[order[1]] - values[best]
-        apart = f"by {gap:.3g}" if criterion in ("aic", "aicc", "bic") else f"by {gap / values[best]:.2g} of it"
-        first += f", {apart} before {_words(columns, int(order[1]))}"
+        apart = f"{gap:.3g}" if criterion in ("aic", "aicc", "bic") else f"{100 * gap / values[best]:.2g} %"
+        first += f", {apart} below {_words(columns, int(order[1]))}"
     if criterion in ("aic", "aicc", "bic"):
         near = int((values < values[best] + DECISIVE).sum()) - 1
         first += f" ({near} other{'s lie' if near != 1 else ' lies'} within {DECISIVE})"
@@ -229,9 +227,11 @@ def _argument(columns: Columns, best: int, criterion: str) -> str:
     choices = {name: int(np.argmin(columns[name])) for name in others}
     same = [name for name, at in choices.items() if at == best]
     differ = [f"{name} {_words(columns, at)}" for name, at in choices.items() if at != best]
-    rest = f"; so have {', '.join(same)}" if same else ""
-    rest += f"; others choose otherwise ({'; '.join(differ)})" if differ else ""
-    return f"{first}{rest}. One step ahead flatters: let a free run on a record that was not fitted confirm it."
+    rest = f"; {', '.join(same)} agree{'s' * (len(same) == 1)}" if same else ""
+    rest += f"; other criteria select {'; '.join(differ)}" if differ else ""
+    return (
+        f"{first}{rest}. One-step errors are optimistic: confirm the order by simulating a record that was not fitted."
+    )
 
 
 def _words(columns: Columns, at: int) -> str:

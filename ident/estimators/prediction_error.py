@@ -1,13 +1,10 @@
-"""Output error and ARMAX: the prediction error made least by Levenberg-Marquardt.
+"""Output error and ARMAX by the prediction error method, minimised by Levenberg-Marquardt.
 
-    output error    y = b/f u + e            e white: minimised is the error of a free run
-    ARMAX           a y = b u + c e          minimised is the one-step error e
+    output error    y = b/f u + e            the simulation error is minimised
+    ARMAX           a y = b u + c e          the one-step error e is minimised
 
-Source: Ljung 1999, System Identification, sections 4.2 and 10.2-10.3.
-
-Least squares by Levenberg-Marquardt: damped Gauss-Newton steps that stay where the model is stable.
-
-Source: Marquardt 1963, doi 10.1137/0111030; damping by the gain ratio as in Nielsen 1999 (IMM-REP-1999-05).
+Sources: Ljung 1999, System Identification, sections 4.2 and 10.2-10.3; Marquardt 1963, doi 10.1137/0111030; damping by
+the gain ratio as in Nielsen 1999 (IMM-REP-1999-05).
 """
 
 from collections.abc import Callable, Sequence
@@ -35,20 +32,20 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """Where the search ended.
+    """Result of the minimisation.
 
     Attributes
     ----------
     theta : ndarray, shape (p,)
     e : ndarray, shape (N,)
-        Error there.
+        Error at the minimum.
     J : ndarray, shape (N, p)
         d (prediction) / d theta = -d e / d theta.
     steps : int
         Steps accepted.
     converged : bool
     reason : str
-        Why it ended, in words.
+        Reason for stopping.
     """
 
     theta: Array
@@ -60,7 +57,7 @@ class Minimum:
 
 
 def damped_step(J: Array, e: Array, damping: float) -> tuple[Array, float]:
-    """Step of theta and the fall of the loss that the linear model promises; columns are scaled to length 1."""
+    """Step of theta and the predicted reduction of the loss; columns are scaled to length 1."""
     H, g = J.T @ J, J.T @ e
     scale = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
     H = H / np.outer(scale, scale)
@@ -77,7 +74,7 @@ def minimise(
     tol: float = 1e-12,
     max_steps: int = 100,
 ) -> Minimum:
-    """Theta that makes e'e least, from a start that is allowed.
+    """Minimise e'e by Levenberg-Marquardt, restricted to admissible theta.
 
     Parameters
     ----------
@@ -86,38 +83,38 @@ def minimise(
     evaluate : callable
         theta -> e (N,), J (N, p).
     allowed : callable
-        theta -> whether the model may be run there (stable, invertible); a step that leaves is shortened.
+        theta -> whether the model is admissible (stable, invertible); steps that leave the region are shortened.
     size : float
-        Squares of the data: the loss is zero below ``ROUNDING`` of it.
+        Sum of squares of the data: losses below ``ROUNDING`` of it count as zero.
     tol : float
-        The search has converged when the next step promises less than this part of the loss.
+        Converged when the predicted reduction is below this share of the loss.
     max_steps : int
-        Trials, accepted or not.
+        Largest number of trials, accepted or not.
     """
     e, J = evaluate(theta)
-    loss, damping, grow, steps, shut = squares(e), 1e-4, 2.0, 0, False
+    loss, damping, grow, steps, outside = squares(e), 1e-4, 2.0, 0, False
     for _ in range(max_steps):
         if loss <= ROUNDING * size:
-            return Minimum(theta, e, J, steps, True, "the model passes through the data")
+            return Minimum(theta, e, J, steps, True, "exact fit")
         step, promised = damped_step(J, e, damping)
-        if promised <= tol * loss and (damping < 1 or not shut):
-            return Minimum(theta, e, J, steps, True, "no step lowers the loss any more")
+        if promised <= tol * loss and (damping < 1 or not outside):
+            return Minimum(theta, e, J, steps, True, "no step reduces the loss further")
         trial = theta + step
-        if shut_now := not allowed(trial):
+        if outside_now := not allowed(trial):
             gain = -1.0
         else:
             e_trial, J_trial = evaluate(trial)
             lower = squares(e_trial)
             gain = (loss - lower) / promised
-        shut = shut_now or (shut and gain <= 0)
+        outside = outside_now or (outside and gain <= 0)
         if gain > 0:
             theta, e, J, loss, steps = trial, e_trial, J_trial, lower, steps + 1
             damping, grow = damping * max(1 / 3, 1 - (2 * min(gain, 1) - 1) ** 3), 2.0
         else:
             damping, grow = damping * grow, grow * 2
         if damping > 1e12:
-            edge = "the lowest loss lies where the model is not stable" if shut else "rounding hides the slope"
-            return Minimum(theta, e, J, steps, not shut, edge)
+            edge = "the lowest loss lies at the stability limit" if outside else "the gradient is below rounding"
+            return Minimum(theta, e, J, steps, not outside, edge)
     return Minimum(theta, e, J, steps, False, f"stopped after {max_steps} trials")
 
 
@@ -132,29 +129,29 @@ def output_error(
     max_steps: int = 100,
     tol: float = 1e-12,
 ) -> Model:
-    """Transfer function whose free run lies closest to y, in least squares; consistent under any noise on y.
+    """Transfer function with the least-squares simulation error; consistent under coloured noise on y.
 
     Parameters
     ----------
     rec : Record or sequence of Record
-        Less its operating point (``rec.centred()``). u was not computed from y: in closed loop the estimate is biased.
+        With its operating point removed (``rec.centred()``), recorded in open loop: feedback biases the estimate.
     nb, nf, nk : int
         Number of coefficients of b, order of f (``Model.a``), samples of delay.
     initial : {"auto", "zero", "estimate", "offset"}
-        State at the head of each stretch: at rest, estimated, estimated where the record says that it matters, or
-        estimated together with a constant, where the operating point is not known.
+        Initial state of each segment: at rest, estimated, estimated where BIC favours it, or estimated together with
+        a constant, for an unknown operating point.
     max_steps, tol : int, float
-        Trials at most; converged when the next step promises less than ``tol`` of the loss.
+        Largest number of trials; converged when the predicted reduction is below ``tol`` of the loss.
 
     Returns
     -------
     Model
-        Stable. ``notes`` say whether the search converged and what was assumed of the initial state.
+        Stable; ``notes`` state convergence and the treatment of the initial state.
 
     Raises
     ------
     IdentError
-        Orders that are no orders or larger than the record allows; too short a record; u or y standing still.
+        Invalid orders, or larger than the record allows; too short a record; constant u or y.
 
     Examples
     --------
@@ -173,7 +170,7 @@ def output_error(
 
 
 def free_run_minimum(run: FreeRun, theta: Array, max_steps: int, tol: float) -> Minimum:
-    """Levenberg-Marquardt on the simulation error, kept among stable models."""
+    """Levenberg-Marquardt on the simulation error, restricted to stable models."""
 
     def stable(theta: Array) -> bool:
         return is_stable(run.polynomials(theta)[1], EDGE)
@@ -182,7 +179,7 @@ def free_run_minimum(run: FreeRun, theta: Array, max_steps: int, tol: float) -> 
 
 
 def search_note(end: Minimum) -> str:
-    """How the search ended, for ``notes``."""
+    """Convergence of the minimisation, for ``notes``."""
     return f"{convergence_note(end.steps, end.converged, 'Levenberg-Marquardt')}: {end.reason}"
 
 
@@ -190,32 +187,32 @@ def search_note(end: Minimum) -> str:
 def armax(
     rec: Record | Sequence[Record], na: int, nb: int, nc: int, nk: int = 1, *, max_steps: int = 100, tol: float = 1e-12
 ) -> Model:
-    """Transfer function and noise polynomial whose one-step prediction error is least.
+    """Transfer function and noise polynomial with the least one-step prediction error.
 
     Parameters
     ----------
     rec : Record or sequence of Record
-        Less its operating point (``rec.centred()``).
+        With its operating point removed (``rec.centred()``).
     na, nb, nc, nk : int
         Order of a, number of coefficients of b, order of c, samples of delay.
     max_steps, tol : int, float
-        Trials at most; converged when the next step promises less than ``tol`` of the loss.
+        Largest number of trials; converged when the predicted reduction is below ``tol`` of the loss.
 
     Returns
     -------
     Model
-        ``c`` is invertible; ``cov_params`` is of a and b, with c estimated beside them. ``notes`` say whether the
-        search converged, and whether the free run is unstable.
+        ``c`` is invertible; ``cov_params`` is the covariance of a and b, allowing for the estimation of c. ``notes``
+        state convergence, and an unstable simulation.
 
     Raises
     ------
     IdentError
-        Orders that are no orders or larger than the record allows; too short a record; u or y standing still.
+        Invalid orders, or larger than the record allows; too short a record; constant u or y.
 
     Notes
     -----
-    The first max(na, nb + nk - 1) samples of each stretch are given, not predicted, and the innovations before them are
-    taken as zero.
+    The first max(na, nb + nk - 1) samples of each segment are not predicted, and the innovations before them are taken
+    as zero.
 
     Examples
     --------
@@ -245,20 +242,20 @@ def armax(
         **{**record_facts(rec), "n": len(y)},
         notes=(search_note(end), *rec.notes, *not_centred(rec), *short_stretches(rec, max(na, nk + nb - 1))),
     )  # fmt: skip
-    more = ["no noise is left to tell c by: it is 1"] if order < nc else []
-    more += [] if model.stable else [f"the free run is unstable: a pole has modulus {model.radius:.4g}"]
+    more = ["noise-free record: c is set to 1"] if order < nc else []
+    more += [] if model.stable else [f"the simulation is unstable: a pole has modulus {model.radius:.4g}"]
     return replace(model, notes=(*model.notes, *more))
 
 
 def equation_rows(rec: Record, na: int, nb: int, nk: int) -> tuple[Array, Array, tuple[slice, ...]]:
-    """Y, its regressors -y(t - i), u(t - j), and the stretches of the samples that have all of theirs."""
+    """Output y, its regressors -y(t - i), u(t - j), and the segments of the samples with all regressors."""
     Phi, y, t = arx_regressors(rec, na, nb, nk)
     ends = np.r_[0, np.searchsorted(t, [s.stop for s in rec.stretches])].tolist()
     return y, Phi, tuple(slice(a, b) for a, b in pairwise(ends) if b > a)
 
 
 def innovations(theta: Array, y: Array, Phi: Array, stretches: tuple[slice, ...]) -> tuple[Array, Array]:
-    """One-step error e = (y - Phi theta) / c and d yhat / d theta = [Phi, e(t - k)] / c, from rest in each stretch."""
+    """One-step error e = (y - Phi theta) / c and d yhat / d theta = [Phi, e(t - k)] / c, from rest in each segment."""
     p = Phi.shape[1]
     c = np.r_[1.0, theta[p:]]
     e = filtered([1.0], c, y - Phi @ theta[:p], stretches)
@@ -267,7 +264,7 @@ def innovations(theta: Array, y: Array, Phi: Array, stretches: tuple[slice, ...]
 
 
 def noise_starts(y: Array, Phi: Array, stretches: tuple[slice, ...], nc: int) -> list[Array]:
-    """White noise (ARX), and the residuals of ARX, whitened, as regressors (Hannan & Rissanen 1982)."""
+    """Starting values: ARX, and ARX with its whitened residuals as regressors (Hannan & Rissanen 1982)."""
     first = np.linalg.lstsq(Phi, y, rcond=None)[0]
     residual = y - Phi @ first
     white = filtered(whitening(residual, stretches)[0], [1.0], residual, stretches)
@@ -280,7 +277,7 @@ def noise_starts(y: Array, Phi: Array, stretches: tuple[slice, ...], nc: int) ->
 def innovations_minimum(
     y: Array, Phi: Array, stretches: tuple[slice, ...], nc: int, start: Array, max_steps: int, tol: float
 ) -> Minimum:
-    """Levenberg-Marquardt on the one-step error, kept where 1 / c is stable."""
+    """Levenberg-Marquardt on the one-step error, restricted to stable 1 / c."""
 
     def invertible(theta: Array) -> bool:
         return is_stable(np.r_[1.0, theta[len(theta) - nc :]], EDGE)

@@ -1,17 +1,15 @@
-"""All lagged products of a record as one Gram matrix, in one pass over the data; every (na, nb, nk) is a sub-block.
+"""Lagged regressors: their rows, their Gram matrix in one pass over the data, and their QR triangle in blocks.
 
-The products of u and y at lags i and j, summed over the rows, depend on i - j but for a few rows at both ends. So each
-difference of lags is summed once over the interior, and the ends are put in from their own few rows: the matrix of
-regressors (N x p) is never built, and memory does not grow with N.
+Every (na, nb, nk) is a sub-block of one Gram matrix. The products of u and y at lags i and j, summed over the rows,
+depend on i - j except for a few rows at both ends: each difference of lags is summed once over the interior, and the
+ends are added from their own few rows. The matrix of regressors (N x p) is never built, and memory is independent of N.
 
-The sums themselves are small matrix products. With x cut into rows of M samples, X' Z of two such cuts holds
-the products of every sample of a row with its neighbours, each read from memory once for M lags; the sums along its
-diagonals are the lagged sums.
+The sums are small matrix products. With x cut into rows of M samples, X' Z of two such cuts holds the products of every
+sample of a row with its neighbours, each read from memory once for M lags; the sums along its diagonals are the lagged
+sums.
 
-Records are taken as they are: centre them first (``rec.centred()``), as a mean left in makes all columns nearly one.
-Source: Ljung 1999, System Identification, section 10.1 (the covariance method).
-
-The regressor matrix row by row, where it is wanted itself: for residuals, and for QR in blocks.
+Centre records first (``rec.centred()``): a mean makes all columns nearly collinear. Source: Ljung 1999, System
+Identification, section 10.1 (the covariance method).
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,14 +25,13 @@ Array = NDArray[np.float64]
 
 # Samples in a row of the cut: products of 8 columns are the narrowest that run at the speed of wide ones.
 M = 8
-# Samples in one product: two pieces of this length stay in cache, and sums of this length keep
-# their digits.
+# Samples in one product: two pieces of this length fit in the cache, and their sums remain accurate.
 PIECE = 65_536
 
 
 @dataclass(frozen=True, slots=True)
 class Lags:
-    """Which lagged samples are the columns: y(t) ... y(t - y), then u(t - first) ... u(t - last)."""
+    """Lagged samples that form the columns: y(t) ... y(t - y), then u(t - first) ... u(t - last)."""
 
     y: int
     first: int
@@ -42,7 +39,7 @@ class Lags:
 
     @property
     def span(self) -> int:
-        """Largest lag: rows begin after that many samples of each stretch."""
+        """Largest lag: rows start after that many samples of each segment."""
         return max(self.y, self.last)
 
     @property
@@ -58,7 +55,7 @@ class Lags:
 
 @dataclass(frozen=True, slots=True)
 class Gram:
-    """Sums of products of the columns of ``lags`` over ``rows`` rows; two of them add up.
+    """Sums of products of the columns of ``lags`` over ``rows`` rows; Gram matrices of two records add.
 
     Attributes
     ----------
@@ -84,7 +81,7 @@ class Gram:
 
 
 def gram(rec: Record, lags: Lags) -> Gram:
-    """Products of a whole record; no row crosses the start of a stretch.
+    """Gram matrix of a whole record; no row crosses a segment boundary.
 
     Examples
     --------
@@ -100,7 +97,7 @@ def gram(rec: Record, lags: Lags) -> Gram:
 
 
 def grams(rec: Record, lags: Lags) -> Iterator[Gram]:
-    """Products of each stretch on its own; a stretch no longer than the largest lag has no row."""
+    """Gram matrix of each segment; a segment no longer than the largest lag has no row."""
     for s in rec.stretches:
         rows = s.stop - s.start - lags.span
         if rows > 0:
@@ -109,13 +106,13 @@ def grams(rec: Record, lags: Lags) -> Iterator[Gram]:
 
 def _products(u: Array, y: Array, lags: Lags) -> Array:
     n, span = len(u), lags.span
-    first = span + 1  # one more than need be, so that a lag of -1 stays inside
+    first = span + 1  # one more than necessary, so that a lag of -1 stays inside
     count = (n - first - span - M) // M * M
     if count < M:
         phi = _rows(u, y, lags, np.arange(span, n))
         return np.asarray(phi.T @ phi)
     place, mirror = _places(lags)
-    # lags of x with itself begin at -1, not 0: numpy would call the symmetric product, slower at this width
+    # lags of x with itself start at -1, not 0: numpy would use the symmetric product, slower at this width
     asked = (
         (y, y, -1, lags.y),
         (u, u, -1, lags.last - lags.first),
@@ -128,7 +125,7 @@ def _products(u: Array, y: Array, lags: Lags) -> Array:
 
 @lru_cache(maxsize=64)
 def _places(lags: Lags) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Where the sum of each entry stands among the three rows of sums (below the diagonal), and what mirrors it."""
+    """Index of each entry among the three rows of sums (below the diagonal), and of its mirror image."""
     ny, nu = lags.y + 1, lags.last - lags.first + 1
     y, u = np.arange(ny), np.arange(lags.first, lags.last + 1)
     place = np.zeros((ny + nu, ny + nu), dtype=np.intp)
@@ -147,7 +144,7 @@ def _rows(u: Array, y: Array, lags: Lags, t: NDArray[np.intp]) -> Array:
 
 
 def _ends(u: Array, y: Array, lags: Lags, first: int, stop: int) -> Array:
-    """Products in which the first sample lies before sample ``first`` or from ``stop`` on, all of them added."""
+    """Sum of the products whose first sample lies before sample ``first`` or from ``stop`` on."""
     n, lag = len(u), lags.all
     head, tail = np.arange(lags.span, first + lags.span), np.arange(stop, n)
     t = np.concatenate([head, tail])
@@ -208,7 +205,7 @@ def arx_regressors(rec: Record, na: int, nb: int, nk: int) -> tuple[Array, Array
         -y(t-1) ... -y(t-na), u(t-nk) ... u(t-nk-nb+1): ``y - phi @ model.theta`` are the one-step residuals.
     y : ndarray, shape (rows,)
     t : ndarray of int, shape (rows,)
-        Sample of each row; the first max(na, nk + nb - 1) samples of every stretch have none.
+        Sample of each row; the first max(na, nk + nb - 1) samples of every segment have none.
 
     Examples
     --------
@@ -228,9 +225,9 @@ def arx_regressors(rec: Record, na: int, nb: int, nk: int) -> tuple[Array, Array
 
 
 def triangle(rec: Record, lags: Lags, stretches: Sequence[slice] | None = None) -> LagTriangle:
-    """QR of all columns in blocks of rows, so that memory stays constant.
+    """QR of all columns in blocks of rows, in constant memory.
 
-    It keeps the digits that products of columns lose by squaring the condition number.
+    More accurate than the Gram matrix, whose condition number is squared.
     Source: Demmel, Grigori, Hoemmen & Langou 2012, doi 10.1137/080731992 (sequential TSQR).
     """
     r, rows = np.zeros((0, len(lags.all))), 0

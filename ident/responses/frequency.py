@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
-from ..estimators.input_checks import check_moves
+from ..estimators.input_checks import check_varies
 from .impulse_response import Impulse, block_means, smooth_impulse
 from .spectra import excited_band, input_power, welch_estimate
 
@@ -146,7 +146,7 @@ def frequency_response(
     >>> found.gain.round(3).tolist()
     [0.859, 0.643]
     """
-    check_moves(rec)
+    check_varies(rec)
     if not 0 < level < 1:
         raise IdentError(f"level {level!r} of error bars: between 0 and 1, for instance 0.95.")
     if method not in ("impulse", "welch"):

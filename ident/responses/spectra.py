@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import IdentError
-from ..estimators.input_checks import check_moves
+from ..estimators.input_checks import check_varies
 
 if TYPE_CHECKING:
     from ...datasets import Record
@@ -56,7 +56,7 @@ def excited_band(rec: "Record", share: float = SHARE) -> tuple[float, float]:
     >>> [round(f, 1) for f in excited_band(Record(u=u, y=u, sample_time=0.02))]
     [0.1, 2.1]
     """
-    check_moves(rec)
+    check_varies(rec)
     f, power = input_power(rec)
     there = np.flatnonzero(power >= share * power.max())
     return float(f[there[0]]), float(f[there[-1]])
