@@ -1,6 +1,6 @@
-"""How the documentation is built: ``sphinx-build -W --keep-going -j 2 docs build/docs``.
+"""Configuration of Sphinx: ``sphinx-build -W --keep-going -j 2 docs build/docs``.
 
-Without the notebooks: ``-D nb_execution_mode=off``. Pages load nothing from elsewhere and links are checked at the end.
+Without the notebooks: ``-D nb_execution_mode=off``. Pages load no external resources; links are checked at the end.
 """
 
 import sys
@@ -25,7 +25,7 @@ extensions = [
     "mathml",
     "notebooks",
     "roles",
-    "rooms",
+    "packages",
     "schema",
 ]
 exclude_patterns = ["_ext", "examples", "reproduction"]
@@ -36,10 +36,10 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 120
 nb_execution_in_temp = True
-nb_ipywidgets_js: dict[str, dict[str, str]] = {}  # nothing from elsewhere
+nb_ipywidgets_js: dict[str, dict[str, str]] = {}  # no external scripts
 
 autodoc_default_options = {"members": True, "member-order": "bysource"}
-autodoc_typehints = "none"  # the docstrings say types, shapes and units
+autodoc_typehints = "none"  # types, shapes and units are in the docstrings
 autosummary_generate = False
 napoleon_google_docstring = False
 napoleon_use_rtype = False

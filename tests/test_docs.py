@@ -1,6 +1,6 @@
-"""The documentation is true: each page's commands and Python are run, and what it shows is what they print.
+"""The documentation: commands and Python of each page are run, and their output is compared with the page.
 
-The pages themselves are built by Sphinx in ``.ci/run``, where links are checked and notebooks executed.
+The pages are built by Sphinx in ``.ci/run``, where links are checked and notebooks executed.
 """
 
 import re
@@ -20,7 +20,7 @@ RUN = re.compile(r"^```(console|python)$", re.M)
 
 
 def tool(name, folder=DOCS / "_ext"):
-    """A module of the documentation's own."""
+    """A module of the documentation."""
     sys.path.insert(0, str(folder))
     try:
         return import_module(name)
@@ -28,64 +28,64 @@ def tool(name, folder=DOCS / "_ext"):
         sys.path.remove(str(folder))
 
 
-blocks, links = tool("blocks"), tool("links")
+blocks, links, packages = tool("blocks"), tool("links"), tool("packages")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [p for p in PAGES if RUN.search(p.read_text("utf-8"))], ids=lambda p: p.stem)
-def test_what_a_page_shows_is_what_is_printed(page, tmp_path):
+def test_outputs_on_a_page_equal_those_of_the_program(page, tmp_path):
     found = blocks.differences(page, tmp_path)
     assert not found, "\n\n".join(map(str, found))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
-def test_every_fence_is_run_or_is_known_not_to_be(page):
-    """``sh`` is the README's install line; a ``text`` block shows what Python printed, and nothing else."""
+def test_fenced_blocks_are_of_known_kinds(page):
+    """``sh`` is the install line of the README; a ``text`` block is the output of the Python block before it."""
     text = page.read_text("utf-8")
     fences = [match["info"].strip() for match in blocks.FENCE.finditer(text)]
     known = {"console", "python", "text", "sh", "{commands}", "{roles}", "{toctree}"}
     ours = ("{code-block}", "{include}", "{schema}")
     assert [info for info in fences if info not in known and not info.startswith(ours)] == []
-    shown = [item for item in blocks.shown_on(text) if isinstance(item, blocks.Shown)]
-    told = [item for item in shown if item.language == "python" and item.start < item.end]
-    assert len(told) == fences.count("text")
+    examples = [item for item in blocks.examples_of(text) if isinstance(item, blocks.Example)]
+    with_output = [item for item in examples if item.language == "python" and item.start < item.end]
+    assert len(with_output) == fences.count("text")
     readme = (ROOT / "README.md").read_text("utf-8")
     for line in re.findall(r"^```sh\n(.*?)\n```$", text, flags=re.M | re.S):
         assert line in readme
 
 
 @pytest.mark.parametrize("name", sorted(tool("make", DOCS / "examples").FILES))
-def test_an_example_file_is_what_its_maker_makes(name):
+def test_example_files_equal_the_output_of_their_script(name):
     assert (DOCS / "examples" / name).read_text("utf-8") == tool("make", DOCS / "examples").text(name)
 
 
-def test_every_example_file_says_that_it_was_not_measured():
+def test_example_files_state_that_they_are_simulated():
     for path in (DOCS / "examples").rglob("*.csv"):
         if path.name == "shop-pairs.csv":  # names, no numbers
             continue
         assert "simulated" in path.read_text("utf-8").splitlines()[0]
 
 
-def test_every_benchmark_a_page_names_is_there():
+def test_benchmarks_named_on_pages_exist():
     for page in (*PAGES, README):
         for name in re.findall(r"(?:benchmarks|tests)/\w+\.py", page.read_text("utf-8")):
             assert (ROOT / name).is_file(), f"{page.name} names {name}"
 
 
-def test_every_claim_of_the_comparison_names_what_prints_it():
+def test_each_row_of_the_comparison_names_the_script_that_prints_it():
     (table,) = re.findall(r"^\| instead .*\n\|[-|]+\n((?:\|.*\n)+)", README.read_text("utf-8"), flags=re.M)
     for row in table.splitlines():
         assert re.search(r"`(?:benchmarks|tests)/\w+\.py`", row.split("|")[-2]), row
 
 
-def test_every_file_the_readme_links_to_is_there():
+def test_files_linked_in_the_readme_exist():
     for target in re.findall(r"\]\((?!https?:)([^)#]+)", README.read_text("utf-8")):
         assert (ROOT / target).exists(), target
 
 
 @pytest.mark.parametrize("line", re.findall(r"^ {4}(fitmodels .*)$", README.read_text("utf-8"), flags=re.M))
-def test_every_command_of_the_readme_is_one_that_the_program_takes(line):
-    """Its words, not its files: `fitmodels` knows each option. What the main job prints is held in test_package.py."""
+def test_commands_of_the_readme_have_known_options(line):
+    """Only the arguments are parsed; the output of the main job is tested in test_package.py."""
     name, *rest = shlex.split(line, comments=True)[1:]
     command = import_module(f"fitmodels.cli.{name if name in COMMANDS else 'wear'}")
     command.parser().parse_args(rest if name in COMMANDS else [name, *rest])
@@ -105,11 +105,11 @@ def test_every_command_of_the_readme_is_one_that_the_program_takes(line):
         ("", "something\n", False),
     ],
 )
-def test_dots_stand_for_anything_and_nothing_else_does(shown, printed, same):
+def test_only_dots_match_any_text(shown, printed, same):
     assert blocks.agrees(shown, printed) is same
 
 
-def test_a_page_that_is_wrong_is_found(tmp_path):
+def test_a_wrong_output_is_found_and_corrected(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("```python\nprint(1 + 1)\n```\n```text\n3\n```\n\n```console\n$ fitmodels --version\n...\n```\n")
     (tmp_path / "run").mkdir()
@@ -118,17 +118,33 @@ def test_a_page_that_is_wrong_is_found(tmp_path):
     assert "```text\n2\n```" in blocks.written(page.read_text(), [one])
 
 
-def test_a_link_that_leads_nowhere_is_found(tmp_path):
+def test_broken_links_are_found(tmp_path):
     (tmp_path / "a.html").write_text(
         '<h1 id="top1"><a href="b.html#here">b</a><a href="#gone">x</a><a href="c.html">c</a>'
     )
     (tmp_path / "b.html").write_text(
         '<p id="here"><a href="a.html">a</a><a href="https://x.org/y">y</a><script src="//cdn.z/q.js">'
     )
-    complaints, outside = links.judge(tmp_path)
-    assert [line.split(":")[0] for line in complaints] == [
+    problems, external = links.check_links(tmp_path)
+    assert [line.split(":")[0] for line in problems] == [
         "a.html links to #gone",
         "a.html links to c.html",
         "b.html loads //cdn.z/q.js",
     ]
-    assert outside == ["//cdn.z/q.js", "https://x.org/y"]
+    assert external == ["//cdn.z/q.js", "https://x.org/y"]
+
+
+@pytest.mark.parametrize("name", packages.PACKAGES)
+def test_public_names_have_docstrings_and_their_package_a_page(name):
+    package = import_module(f"fitmodels.{name}")
+    assert f".. package:: {name}\n" in (DOCS / "reference" / f"{name}.rst").read_text("utf-8")
+    text = "\n".join(packages.lines(package))
+    for public in package.__all__:
+        value = getattr(package, public)
+        assert re.search(rf"^\.\. auto\w+:: {public}$", text, flags=re.M), public
+        assert isinstance(value, dict | tuple | str) or value.__doc__, public
+
+
+def test_classes_that_public_functions_return_are_documented():
+    documented = {kind.__name__ for kind in packages.returned(import_module("fitmodels.fit"))}
+    assert "ToolLife" in documented | set(import_module("fitmodels.fit").__all__)

@@ -1,15 +1,15 @@
-"""What a page shows is run: its files written, its commands and Python executed, its output compared.
+"""Execution of the examples of a page: files are written, commands and Python are run, and the output is compared.
 
-    python docs/_ext/blocks.py docs/tutorial.md           # tells where a page differs from what the program prints
-    python docs/_ext/blocks.py --write docs/tutorial.md   # puts in what is printed, where nothing was left out
+    python docs/_ext/blocks.py docs/tutorial.md           # print the differences to the output of the program
+    python docs/_ext/blocks.py --write docs/tutorial.md   # update the output, except where lines are left out
 
-Fenced blocks of a page are met in order, in one folder that holds the checkout's ``docs`` and ``datasets``:
+Fenced blocks of a page are processed in order, in one folder that contains ``docs`` and ``datasets`` of the checkout:
 
-- ``{code-block}`` with ``:caption: name.ext``: a file, written as it stands;
-- ``console``: lines after ``$`` are commands, the lines below each what it prints;
-- ``python``: executed, all blocks of a page in one namespace; a ``text`` block right behind it is what it prints.
+- ``{code-block}`` with ``:caption: name.ext``: a file, written unchanged;
+- ``console``: lines after ``$`` are commands, the lines below each are its output;
+- ``python``: executed, all blocks of a page in one namespace; a ``text`` block immediately after it is its output.
 
-In what is printed a line of ``...`` stands for any lines, and ``...`` inside a line for anything.
+In an output a line of ``...`` matches any lines, and ``...`` inside a line matches any text.
 """
 
 import contextlib
@@ -31,38 +31,38 @@ FENCE = re.compile(r"^(?P<fence>`{3,})(?P<info>.*)\n(?P<body>(?:.*\n)*?)(?P=fenc
 CAPTION = re.compile(r"\A(?::[\w-]+:.*\n)*?:caption: *(?P<name>[\w./-]+\.\w+) *\n(?::[\w-]+:.*\n)*\n?")
 SIMPLE = re.compile(
     r"fitmodels [^|<>&;$`*]*"
-)  # no shell needed: runs in this process, which spares its start (`> file` is seen to)
+)  # run in this process, which is faster than a shell (`> file` is handled here)
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """A command or a piece of Python on a page, and what stands below it."""
+class Example:
+    """A command or a block of Python on a page, and the output below it."""
 
     line: int
     source: str
     language: str
     expected: str
-    start: int  # where `expected` stands in the page
+    start: int  # position of `expected` in the page
     end: int
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where a page differs from what is printed."""
+    """A difference between a page and the output of the program."""
 
-    shown: Shown
+    example: Example
     printed: str
 
     def __str__(self) -> str:
-        """Both, one above the other."""
-        where = f"line {self.shown.line}: {self.shown.source}"
-        return f"{where}\n--- shown\n{self.shown.expected}\n--- printed\n{self.printed}"
+        """Expected and actual output, one above the other."""
+        where = f"line {self.example.line}: {self.example.source}"
+        return f"{where}\n--- shown\n{self.example.expected}\n--- printed\n{self.printed}"
 
 
-def shown_on(page: str) -> Iterator[Shown | tuple[str, str]]:
-    """Everything to do on a page, in order: what to run, and files as (name, text)."""
+def examples_of(page: str) -> Iterator[Example | tuple[str, str]]:
+    """Examples of a page in order: commands and Python to run, and files as (name, text)."""
     fences = list(FENCE.finditer(page))
-    for fence, behind in zip_longest(fences, fences[1:]):
+    for fence, following in zip_longest(fences, fences[1:]):
         info, body = fence["info"].strip(), fence["body"]
         if info.startswith("{code-block}") and (caption := CAPTION.match(body)):
             yield caption["name"], body[caption.end() :]
@@ -70,23 +70,24 @@ def shown_on(page: str) -> Iterator[Shown | tuple[str, str]]:
             yield from _commands(page, fence.start("body"), body)
         elif info == "python":
             line = page.count("\n", 0, fence.start()) + 1
-            told = (
-                behind is not None
-                and behind["info"].strip() == "text"
-                and not page[fence.end() : behind.start()].strip()
+            has_output = (
+                following is not None
+                and following["info"].strip() == "text"
+                and not page[fence.end() : following.start()].strip()
             )
-            span = behind.span("body") if told and behind is not None else (fence.end(), fence.end())
-            yield Shown(line, body, "python", page[slice(*span)] if told else "...", *span)
+            span = following.span("body") if has_output and following is not None else (fence.end(), fence.end())
+            yield Example(line, body, "python", page[slice(*span)] if has_output else "...", *span)
 
 
-def _commands(page: str, start: int, body: str) -> Iterator[Shown]:
-    for part in re.finditer(r"^\$ (?P<source>(?:.*\\\n)*.*)\n(?P<told>(?:(?!\$ ).*\n)*)", body, flags=re.M):
-        begin, end = (start + place for place in part.span("told"))
-        yield Shown(page.count("\n", 0, start + part.start()) + 1, part["source"], "console", part["told"], begin, end)
+def _commands(page: str, start: int, body: str) -> Iterator[Example]:
+    for part in re.finditer(r"^\$ (?P<source>(?:.*\\\n)*.*)\n(?P<output>(?:(?!\$ ).*\n)*)", body, flags=re.M):
+        begin, end = (start + place for place in part.span("output"))
+        line = page.count("\n", 0, start + part.start()) + 1
+        yield Example(line, part["source"], "console", part["output"], begin, end)
 
 
 def agrees(expected: str, printed: str) -> bool:
-    r"""Whether what was printed is what is shown.
+    r"""Whether the printed output matches the expected one.
 
     >>> agrees("one\n...\nfour in ... s\n", "one\ntwo\nthree\nfour in 0.3 s")
     True
@@ -103,13 +104,13 @@ def agrees(expected: str, printed: str) -> bool:
 
 
 def differences(page: Path, folder: Path) -> list[Difference]:
-    """Run a page in a folder, and tell where it differs from what is printed."""
+    """Differences between a page and its output when it is run in a folder."""
     for name in ("docs", "datasets"):
         (folder / name).symlink_to(ROOT / name)
     names: dict[str, Any] = {"__name__": "__page__"}
     found = []
-    with contextlib.chdir(folder), _surroundings():
-        for item in shown_on(page.read_text("utf-8")):
+    with contextlib.chdir(folder), _environment():
+        for item in examples_of(page.read_text("utf-8")):
             if isinstance(item, tuple):
                 Path(item[0]).parent.mkdir(parents=True, exist_ok=True)
                 Path(item[0]).write_text(item[1], encoding="utf-8")
@@ -121,8 +122,8 @@ def differences(page: Path, folder: Path) -> list[Difference]:
 
 
 @contextlib.contextmanager
-def _surroundings() -> Iterator[None]:
-    """A width that does not hang on the terminal, no colours, no windows."""
+def _environment() -> Iterator[None]:
+    """Fixed terminal width, no colours, no windows."""
     fixed = {"COLUMNS": "100", "LC_ALL": "C", "NO_COLOR": "1", "MPLBACKEND": "agg", "FITMODELS_TRACEBACK": "1"}
     before = {name: os.environ.get(name) for name in fixed}
     os.environ.update(fixed)
@@ -135,12 +136,12 @@ def _surroundings() -> Iterator[None]:
 
 def _python(source: str, names: dict[str, Any]) -> str:
     with contextlib.redirect_stdout(io.StringIO()) as out:
-        exec(compile(source, "page", "exec"), names)  # noqa: S102  the page is ours
+        exec(compile(source, "page", "exec"), names)  # noqa: S102  our own page
     return out.getvalue()
 
 
 def _command(source: str) -> str:
-    """What a command prints, both streams, and its exit code where `; echo $?` asks for it."""
+    """Output of a command on both streams, and its exit code where the command ends with `; echo $?`."""
     from fitmodels.cli import main
 
     plain, asked, _ = source.replace("\\\n", " ").partition("; echo $?")
@@ -162,14 +163,14 @@ def _resolved(source: str) -> str:
 
 
 def written(page: str, found: list[Difference]) -> str:
-    """A page with what is printed in place of what was shown; what leaves out lines is left to its author."""
-    for one in sorted(found, key=lambda one: -one.shown.start):
-        if "..." in (line.strip() for line in one.shown.expected.splitlines()):
+    """The page with the printed output; outputs in which lines are left out are not changed."""
+    for one in sorted(found, key=lambda one: -one.example.start):
+        if "..." in (line.strip() for line in one.example.expected.splitlines()):
             continue
         text = (
             "\n".join(line.rstrip() for line in one.printed.rstrip().splitlines()) + "\n" if one.printed.strip() else ""
         )
-        page = page[: one.shown.start] + text + page[one.shown.end :]
+        page = page[: one.example.start] + text + page[one.example.end :]
     return page
 
 

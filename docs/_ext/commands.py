@@ -1,4 +1,4 @@
-"""The command reference from the program itself: ``{commands}`` renders the parser of every command."""
+"""The command reference, generated from the program: ``{commands}`` renders the parser of every command."""
 
 import argparse
 import re
@@ -22,7 +22,7 @@ def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
 
 
 class Commands(Directive):
-    """A section a command: what it does, an example, its arguments and options."""
+    """One section per command: description, example, arguments and options."""
 
     def run(self) -> list[nodes.Node]:
         """The sections."""
@@ -33,7 +33,7 @@ class Commands(Directive):
         section = nodes.section(ids=[f"command-{name}"], names=[f"command-{name}"])
         section += nodes.title(title, title)
         self.state.document.note_explicit_target(section, section)
-        section += list(_words(parser.description or ""))
+        section += list(_paragraphs(parser.description or ""))
         example = getattr(parser, "example", "")
         if example:
             section += nodes.literal_block(example, f"$ {example}", language="console")
@@ -44,8 +44,8 @@ class Commands(Directive):
         return section
 
 
-def _words(text: str) -> Iterator[nodes.Node]:
-    """Paragraphs; lines that are indented stay a table."""
+def _paragraphs(text: str) -> Iterator[nodes.Node]:
+    """Paragraphs; indented lines are kept as a table."""
     for part in text.split("\n\n"):
         if all(line.startswith("  ") for line in part.splitlines() if line):
             yield nodes.literal_block(part, part, language="text")
@@ -54,7 +54,7 @@ def _words(text: str) -> Iterator[nodes.Node]:
 
 
 def _paragraph(text: str) -> nodes.paragraph:
-    """Options in it are set as what is typed, so that two hyphens do not become a dash."""
+    """A paragraph with options as literals, so that two hyphens do not become a dash."""
     out = nodes.paragraph()
     for part in re.split(r"((?<![\w>])--?[A-Za-z][\w-]*)", text):
         out += nodes.literal(part, part) if part.startswith("-") else nodes.Text(part)
@@ -90,15 +90,15 @@ def _spellings(action: argparse.Action) -> list[str]:
 
 
 def _help(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
-    told = (action.help or "").replace("%(prog)s", parser.prog).replace("%%", "%")
+    text = (action.help or "").replace("%(prog)s", parser.prog).replace("%%", "%")
     more = (
         []
-        if "default" in told or action.default in (None, False, [], argparse.SUPPRESS)
+        if "default" in text or action.default in (None, False, [], argparse.SUPPRESS)
         else [f"default: {action.default}"]
     )
     more += ["may be given several times"] if isinstance(action, argparse._AppendAction) else []
-    more += ["needed"] if action.option_strings and action.required else []
-    return f"{told} ({'; '.join(more)})".strip() if more else told
+    more += ["required"] if action.option_strings and action.required else []
+    return f"{text} ({'; '.join(more)})".strip() if more else text
 
 
 def setup(app: "Sphinx") -> dict[str, bool]:

@@ -1,4 +1,4 @@
-"""After a build: every link inside the pages leads somewhere; links to elsewhere are listed, not followed."""
+"""Check of the links after a build: targets inside the pages exist; external links are listed, not followed."""
 
 from html.parser import HTMLParser
 from pathlib import Path
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class _Page(HTMLParser):
-    """Anchors, links, and what a page loads by itself."""
+    """Anchors and links of a page, and the resources that it loads."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -19,7 +19,7 @@ class _Page(HTMLParser):
         self.loads: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Collect them."""
+        """Collect anchors, links and resources of a tag."""
         given = {name: value or "" for name, value in attrs}
         self.anchors |= {given[name] for name in ("id", "name") if name in given}
         if tag == "a" and "href" in given:
@@ -30,20 +30,24 @@ class _Page(HTMLParser):
             self.loads.append(given.get("href", ""))
 
 
-def judge(folder: Path) -> tuple[list[str], list[str]]:
-    """Complaints about the pages of a folder, and the addresses elsewhere that they name."""
+def check_links(folder: Path) -> tuple[list[str], list[str]]:
+    """Broken links in the pages of a folder, and the external addresses that they name."""
     pages = {path.resolve(): _read(path) for path in sorted(folder.rglob("*.html"))}
-    complaints: list[str] = []
-    outside: set[str] = set()
+    problems: list[str] = []
+    external: set[str] = set()
     for path, page in pages.items():
         name = path.relative_to(folder.resolve())
-        complaints += [f"{name} loads {link}: read offline, it is missing" for link in page.loads if _elsewhere(link)]
+        problems += [
+            f"{name} loads {link}: an external resource is missing when read offline"
+            for link in page.loads
+            if _is_external(link)
+        ]
         for link in {*page.links, *page.loads}:
-            if _elsewhere(link):
-                outside.add(link)
+            if _is_external(link):
+                external.add(link)
             elif why := _broken(link, path, pages):
-                complaints.append(f"{name} links to {link}: {why}")
-    return sorted(complaints), sorted(outside)
+                problems.append(f"{name} links to {link}: {why}")
+    return sorted(problems), sorted(external)
 
 
 def _read(path: Path) -> _Page:
@@ -52,20 +56,20 @@ def _read(path: Path) -> _Page:
     return page
 
 
-def _elsewhere(link: str) -> bool:
+def _is_external(link: str) -> bool:
     return bool(urlsplit(link).netloc) or urlsplit(link).scheme in ("http", "https", "mailto")
 
 
 def _broken(link: str, path: Path, pages: dict[Path, _Page]) -> str:
     parts = urlsplit(link)
     if parts.scheme:
-        return "" if parts.scheme in ("data", "javascript") else f"what is {parts.scheme}:?"
+        return "" if parts.scheme in ("data", "javascript") else f"unknown scheme {parts.scheme}:"
     target = path if not parts.path else (path.parent / unquote(parts.path)).resolve()
     if not target.is_file():
-        return "there is no such file"
+        return "the file does not exist"
     anchor = unquote(parts.fragment)
     if target in pages and anchor not in pages[target].anchors:
-        return "there is no such anchor"
+        return "the anchor does not exist"
     return ""
 
 
@@ -74,13 +78,13 @@ def _after(app: "Sphinx", error: Exception | None) -> None:
         return
     from sphinx.errors import ExtensionError
 
-    complaints, outside = judge(Path(app.outdir))
-    (Path(app.outdir) / "links-elsewhere.txt").write_text("".join(f"{link}\n" for link in outside), encoding="utf-8")
-    if complaints:
-        raise ExtensionError("links: " + "\n".join(complaints))
+    problems, external = check_links(Path(app.outdir))
+    (Path(app.outdir) / "external-links.txt").write_text("".join(f"{link}\n" for link in external), encoding="utf-8")
+    if problems:
+        raise ExtensionError("links: " + "\n".join(problems))
 
 
 def setup(app: "Sphinx") -> dict[str, bool]:
-    """Judge the links when a build has ended."""
+    """Check the links at the end of a build."""
     app.connect("build-finished", _after)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw by themselves: no script from elsewhere, pages read offline."""
+"""Formulas as MathML, which browsers render without a script, so that the pages can be read offline."""
 
 from typing import TYPE_CHECKING
 

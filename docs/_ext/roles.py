@@ -1,4 +1,4 @@
-"""The names a column may have: ``{roles}`` lists them from the vocabulary."""
+"""The recognized column names: ``{roles}`` lists them from the vocabulary."""
 
 from typing import TYPE_CHECKING
 
@@ -8,7 +8,7 @@ from docutils.parsers.rst import Directive
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-HEADS = {"symbol": 10, "what": 20, "unit": 10, "also called": 60}
+HEADS = {"symbol": 10, "quantity": 20, "unit": 10, "other names": 60}
 
 
 class Roles(Directive):

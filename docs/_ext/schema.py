@@ -1,4 +1,4 @@
-"""File formats from the published schemas: ``{schema} parameters`` renders one, with the words of its classes."""
+"""File formats from the published schemas: ``{schema} parameters`` renders one, with the docstrings of its classes."""
 
 import json
 import re
@@ -13,7 +13,7 @@ from docutils.parsers.rst import Directive
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-# schema -> its file, the room that keeps it, and where the classes behind it are found
+# schema -> its package, its file in it, and the module of its classes
 SCHEMAS = {
     "parameters": ("parameters", "schema/parameters-1.json", "fitmodels.parameters"),
     "card": ("cards", "schema/card-1.json", "fitmodels.cards.content.parts"),
@@ -22,47 +22,47 @@ WHOLES = {"parameters": "ParameterFile", "card": "Card"}
 LIMITS = {"minimum": "≥", "maximum": "≤", "exclusiveMinimum": ">", "exclusiveMaximum": "<"}
 Kind = Mapping[str, Any]
 
-WHOLE = 2**63  # a bound that only says that a count fits a machine word
+WHOLE = 2**63  # a bound that only expresses the size of a machine word
 
 
 class Schema(Directive):
-    """A table of the whole and one of each part."""
+    """One table for the whole file and one for each part."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
         """The tables."""
         name = self.arguments[0]
-        room, path, home = SCHEMAS[name]
-        schema = json.loads(files(f"fitmodels.{room}").joinpath(path).read_text("utf-8"))
+        package, path, home = SCHEMAS[name]
+        schema = json.loads(files(f"fitmodels.{package}").joinpath(path).read_text("utf-8"))
         module = import_module(home)
-        whole = self._section(name, "The whole file", schema, words_of(getattr(module, WHOLES[name], None)), name)
+        whole = self._section(name, "The whole file", schema, descriptions(getattr(module, WHOLES[name], None)), name)
         parts = [
-            self._section(f"{name}-{part.lower()}", part, body, words_of(getattr(module, part, None)), name)
+            self._section(f"{name}-{part.lower()}", part, body, descriptions(getattr(module, part, None)), name)
             for part, body in schema["$defs"].items()
             if body.get("properties")
         ]
         return [whole, *parts]
 
-    def _section(self, anchor: str, title: str, body: Kind, words: Mapping[str, str], name: str) -> nodes.section:
+    def _section(self, anchor: str, title: str, body: Kind, texts: Mapping[str, str], name: str) -> nodes.section:
         section = nodes.section(ids=[f"schema-{anchor}"], names=[f"schema-{anchor}"])
         section += nodes.title(title, title)
         self.state.document.note_explicit_target(section, section)
         if body.get("description"):
             section += nodes.paragraph("", body["description"].replace("``", ""))
-        section += _table(list(_rows(body, words, name)))
+        section += _table(list(_rows(body, texts, name)))
         return section
 
 
-def _rows(body: Kind, words: Mapping[str, str], name: str) -> Iterator[tuple[list[nodes.Node], ...]]:
+def _rows(body: Kind, texts: Mapping[str, str], name: str) -> Iterator[tuple[list[nodes.Node], ...]]:
     needed = set(body.get("required", ()))
     for field, kind in body["properties"].items():
-        mark = [nodes.Text(" "), nodes.emphasis("", "needed")] if field in needed else []
-        yield [nodes.literal(field, field), *mark], list(_kind(kind, name)), [nodes.Text(words.get(field, ""))]
+        mark = [nodes.Text(" "), nodes.emphasis("", "required")] if field in needed else []
+        yield [nodes.literal(field, field), *mark], list(_kind(kind, name)), [nodes.Text(texts.get(field, ""))]
 
 
 def _kind(kind: Kind, name: str) -> Iterator[nodes.Node]:
-    """What a field holds: words, and links to other parts."""
+    """Type of a field as text, with links to other parts."""
     if "$ref" in kind:
         part = kind["$ref"].rpartition("/")[2]
         if part == "JsonValue":
@@ -88,8 +88,8 @@ def _kind(kind: Kind, name: str) -> Iterator[nodes.Node]:
         yield nodes.Text(" ".join([str(kind.get("type", "any")).replace("null", "nothing"), ", ".join(bounds)]).strip())
 
 
-def words_of(part: object) -> dict[str, str]:
-    """The sentence of each field in a class's ``Attributes``.
+def descriptions(part: object) -> dict[str, str]:
+    """Description of each field in the ``Attributes`` of a class.
 
     >>> class A:
     ...     '''Two numbers.
@@ -99,22 +99,22 @@ def words_of(part: object) -> dict[str, str]:
     ...     low, high : float
     ...         The ends.
     ...     '''
-    >>> words_of(A)
+    >>> descriptions(A)
     {'low': 'The ends.', 'high': 'The ends.'}
     """
     doc = re.sub(r"^    ", "", getattr(part, "__doc__", None) or "", flags=re.M)
-    _, _, behind = doc.partition("Attributes\n----------\n")
+    _, _, after = doc.partition("Attributes\n----------\n")
     found: dict[str, str] = {}
     for entry in re.finditer(
-        r"^(?P<names>\w[\w, ]*) : (?P<kind>.*)\n(?P<told>(?:    .*\n|\n(?=    ))*)", behind, flags=re.M
+        r"^(?P<names>\w[\w, ]*) : (?P<kind>.*)\n(?P<text>(?:    .*\n|\n(?=    ))*)", after, flags=re.M
     ):
-        told = " ".join(entry["told"].split()).replace("``", "")
-        found |= dict.fromkeys(re.split(r", *", entry["names"]), told)
+        text = " ".join(entry["text"].split()).replace("``", "")
+        found |= dict.fromkeys(re.split(r", *", entry["names"]), text)
     return found
 
 
 def _table(rows: list[tuple[list[nodes.Node], ...]]) -> nodes.table:
-    heads = ("field", "holds", "what it is")
+    heads = ("field", "type", "description")
     group = nodes.tgroup(cols=len(heads))
     group += [nodes.colspec(colwidth=width) for width in (24, 28, 48)]
     group += nodes.thead("", nodes.row("", *(nodes.entry("", nodes.paragraph("", head)) for head in heads)))

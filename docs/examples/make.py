@@ -1,6 +1,6 @@
-"""Make the example files of the documentation again: ``python docs/examples/make.py``.
+"""Write the example files of the documentation: ``python docs/examples/make.py``.
 
-Every file is simulated and says so in its first line. The tests make them again and compare.
+Every file is simulated and states this in its first line. The tests compare the files with the output of this script.
 """
 
 import csv
@@ -17,12 +17,12 @@ HEADERS = (
     *("Schneide", "Schnittgeschwindigkeit vc", "Vorschub f", "Schnitttiefe ap"),
     *("Zeit", "VB", "Leistung", "Bemerkung"),
 )
-TIMES = (4, 8, 12, 16, 20)  # min, the sub-tests that the workshop file keeps
+TIMES = (4, 8, 12, 16, 20)  # min, the sub-tests in the workshop file
 SENSOR_SD = 0.002  # A, of the current clamp
 
 
 def workshop() -> list[list[str]]:
-    """The bundled simulated tests as a German workshop would keep them."""
+    """The bundled simulated tests in the layout of a German workshop."""
     runs = datasets.read_runs(datasets.bundled("gc435_709m40")).data
     rows = [
         ["# simuliert (simulated): keine Messung; aus den Gesetzen von Alaskari & Oraby 2016"],
@@ -53,7 +53,7 @@ def further() -> list[list[str]]:
 
 
 def inches() -> list[list[str]]:
-    """Half as many tests in sfm, ipr and thousandths, without an edge column."""
+    """A part of the tests in sfm, ipr and inches, without an edge column."""
     runs = datasets.read_runs(datasets.bundled("gc435_709m40")).data
     rows = [["# simulated: no measurement"], ["SFM", "feed (ipr)", "DOC (in)", "time (min)", "VB (in)", "power (hp)"]]
     for row in runs[runs["t"].isin((10, 20))].itertuples():
@@ -63,7 +63,7 @@ def inches() -> list[list[str]]:
 
 
 def drive(seed: int) -> list[list[str]]:
-    """Fifteen seconds of a chirp on the published drive (Tai, Tsai & Li 2023, eq. 17 and 18), seen by a noisy clamp."""
+    """A chirp of 15 s on the published drive (Tai, Tsai & Li 2023, eq. 17 and 18) with sensor noise."""
     plant = published("CLM-2023").dynamics
     u = np.round(ident.chirp(amplitude=2.5, f0=0.1, f1=2.0, duration=15, rate=50), 4)
     y = np.asarray(plant.simulate(u)) + SENSOR_SD * np.random.default_rng(seed).standard_normal(u.size)
@@ -81,20 +81,20 @@ def milling() -> list[list[str]]:
     rows += [["# tool: AA238M-0200-D4-ML-10"], ["# work: S45C"], ["feed rate [mm/min]", "VB [um]", "I [A]"]]
     for wear in (20, 80, 140, 200):
         for feed in (500, 700, 900, 1100):
-            told = float(law.predict(fm=feed, VB=wear)) + 0.003 * noise.standard_normal()
-            rows.append([str(feed), str(wear), f"{told:.3f}"])
+            current = float(law.predict(fm=feed, VB=wear)) + 0.003 * noise.standard_normal()
+            rows.append([str(feed), str(wear), f"{current:.3f}"])
     return rows
 
 
 def workshop_milling() -> list[list[str]]:
-    """The same milling tests as a German workshop would keep them: a tool column, an empty one, a row of units."""
+    """The same milling tests in the layout of a German workshop: a tool column, an empty column, a row of units."""
     rows = [
         ["# simuliert (simulated): keine Messung; Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 14"],
         ["Werkzeug", "Werkstoff", "Vorschubgeschwindigkeit", "Verschleißmarkenbreite VB", "Spindelstrom", ""],
         ["", "", "mm/min", "µm", "A", ""],
     ]
-    for feed, wear, told in milling()[4:]:
-        rows.append(["AA238M", "S45C", feed, wear, told.replace(".", ","), ""])
+    for feed, wear, current in milling()[4:]:
+        rows.append(["AA238M", "S45C", feed, wear, current.replace(".", ","), ""])
     return rows
 
 
@@ -107,7 +107,7 @@ SHOP = {  # tool -> work, edges, exponents of V, f and t
 
 
 def of_a_shop(tool: str) -> list[list[str]]:
-    """Wear of a tool on several materials, from assumed laws; each tool was tested at a bench of its own."""
+    """Wear of a tool on several materials, from assumed laws; with one file per tool."""
     noise = np.random.default_rng(sum(tool.encode()))
     metric = tool != "GC2025"
     speed, feed, wear = ("vc [m/min]", "f [mm/rev]", "VB [mm]") if metric else ("V (sfm)", "feed (ipr)", "VB (in)")
@@ -120,13 +120,13 @@ def of_a_shop(tool: str) -> list[list[str]]:
                 scatter = np.exp(level + 0.06 * noise.standard_normal())
                 VB = 0.16 * (V / 110) ** b[0] * (f / 0.2) ** b[1] * (t / 8) ** b[2] * scatter
                 numbers = (V, f, t, VB) if metric else (V / 0.3048, f / 25.4, t, VB / 25.4)
-                told = (f"{value:.3g}" for value in numbers)
-                rows.append([tool, work, str(edge), *(n.replace(".", ",") if tool == "GC435" else n for n in told)])
+                texts = (f"{value:.3g}" for value in numbers)
+                rows.append([tool, work, str(edge), *(n.replace(".", ",") if tool == "GC435" else n for n in texts)])
     return rows
 
 
 def pairs() -> list[list[str]]:
-    """What the materials of the shop are, and how they are cooled."""
+    """Material group and coolant of the materials of the shop."""
     steel, cast, stainless = (
         ("709M40", "34CrNiMo6", "C45", "42CrMo4"),
         ("GG25", "GGG40", "GGG60"),
@@ -152,7 +152,7 @@ FILES = {
 
 
 def text(name: str) -> str:
-    """An example file, whole."""
+    """The text of an example file."""
     made, mark = FILES[name]
     out = StringIO()
     for row in made():
