@@ -1,7 +1,7 @@
 """Half-widths of mean, prediction and tolerance intervals from variances and degrees of freedom.
 
-A fitted law has these numbers from its rows, a parameter file from its sections: both come here with them, so that
-a file answers as the fit did.
+A fitted law has these numbers from its rows, a parameter file from its sections; both use these functions, so that
+the file gives the same intervals as the fit.
 
 Sources: Wallis 1951, Proc. 2nd Berkeley Symposium, 43, and Krishnamoorthy & Mathew 2009, Statistical Tolerance
 Regions, sections 1.2 and 3.3 (tolerance in regression); Mee 1984, Technometrics 26, 251 (with a random level);
@@ -19,7 +19,7 @@ Kind = Literal["mean", "prediction", "tolerance"]
 Edge = Literal["new", "same"]
 Centre = Literal["median", "mean", "smeared"]
 
-KNOWN_LEVEL = "an edge whose own level is known and stands at the value"
+KNOWN_LEVEL = "an edge whose own level is known and is the value"
 
 # Quadrature over a standard normal: beyond 6.5 of its deviations lies 1e-10, and 48 nodes keep ten digits.
 FARTHEST, NODES = 6.5, 48
@@ -27,7 +27,7 @@ FARTHEST, NODES = 6.5, 48
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """How far rows lie from what they are about, on the scale of a law's errors.
+    """Standard deviation of single rows about their law, on the scale of its errors.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ def half_width(
     *,
     level: float,
     coverage: float = 0.95,
-    unsure: float = 0.0,
+    factor_variance: float = 0.0,
 ) -> Array:
     """Half width of an interval on the scale of the errors, in the shape of ``variance``.
 
@@ -116,7 +116,7 @@ def half_width(
         Of the rows; its parts are needed for "tolerance" alone.
     level, coverage : float
         Between 0 and 1.
-    unsure : float
+    factor_variance : float
         Variance of the factor from the median to the mean, of :func:`log_mean_variance`.
 
     Examples
@@ -132,7 +132,7 @@ def half_width(
         ratio = variance / (scatter.sd * scatter.sd) if scatter.sd > 0 else np.zeros_like(variance)
         k = tolerance_factor(np.ravel(ratio), scatter.df_bound(level), coverage, level)
         return np.reshape(k, np.shape(ratio)) * scatter.sd
-    more = scatter.sd * scatter.sd if kind == "prediction" else unsure
+    more = scatter.sd * scatter.sd if kind == "prediction" else factor_variance
     return np.asarray(stdtrit(df, (1 + level) / 2) * np.sqrt(variance + more), dtype=float)
 
 
@@ -144,7 +144,7 @@ def interval_ends(value: Array, half: Array, *, multiplies: bool) -> tuple[Array
 
 
 def centre_factor(centre: Centre, sd: float, smearing: float) -> float:
-    """What the median is multiplied by to be the centre asked for, where errors multiply.
+    """Factor from the median to the requested centre, for multiplicative errors.
 
     ``smearing`` is the mean of exp(residual): Duan 1983, J. Am. Stat. Assoc. 78, 605.
     """
@@ -160,7 +160,7 @@ def log_mean_variance(scatter: Scatter) -> float:
 
 
 def interval_label(kind: Kind, level: float, coverage: float, edge: str | None) -> str:
-    """What an interval is of, in words; ``edge`` says of which edge, None where rows are independent.
+    """Description of an interval; ``edge`` names its edge, None where rows are independent.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""Small matrices want one thread: linear algebra on several costs ten times what it saves when the machine is busy.
+"""Number of BLAS threads and of usable cores.
 
-And how many processes the machine is good for.
+Matrices here are small: linear algebra on several threads costs up to ten times what it saves on a busy machine.
 """
 
 import os
@@ -17,7 +17,7 @@ R = TypeVar("R")
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function run with one thread of BLAS; its caller's threads are as before afterwards.
+    """Decorator: the function runs with one BLAS thread; the number of threads is restored afterwards.
 
     >>> @one_thread
     ... def doubled(x):
@@ -38,7 +38,7 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def cores() -> int:
-    """Cores that this process may use.
+    """Number of cores that this process may use.
 
     >>> cores() >= 1
     True

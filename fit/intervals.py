@@ -94,8 +94,10 @@ def interval(
     median = median * np.exp(at.shift) if multiplies else median + at.shift
     smear = smearing(law, at.of) if middle == "smeared" else 1.0
     factor = centre_factor(middle, at.sd, smear) if multiplies else 1.0
-    unsure = log_mean_variance(at.scatter) if multiplies and middle != "median" else 0.0
-    half = half_width(kind, at.variance, at.df, at.scatter, level=level, coverage=coverage, unsure=unsure)
+    factor_variance = log_mean_variance(at.scatter) if multiplies and middle != "median" else 0.0
+    half = half_width(
+        kind, at.variance, at.df, at.scatter, level=level, coverage=coverage, factor_variance=factor_variance
+    )
     low, high = interval_ends(median * factor if kind == "mean" else median, half, multiplies=multiplies)
     inside, region = _inside(law, table)
     band = pd.DataFrame({"value": median * factor, "low": low, "high": high, "inside": inside})

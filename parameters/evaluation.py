@@ -131,7 +131,7 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
             spread.scatter,
             level=asked.level,
             coverage=asked.coverage,
-            unsure=log_mean_variance(spread.scatter) if moves else 0.0,
+            factor_variance=log_mean_variance(spread.scatter) if moves else 0.0,
         )
         low, high = interval_ends(median * factor if moves else median, half, multiplies=multiplies)
     of = interval_label(asked.kind, asked.level, asked.coverage, spread.words)

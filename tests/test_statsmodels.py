@@ -79,7 +79,9 @@ def test_lines_and_exponentials_are_ols_too():
 
 def test_a_nonlinear_law_is_refused_by_name(runs):
     law = fit.power_law(runs, "AW", FACTORS, error="additive")
-    with pytest.raises(FitError, match=r"AW: the power law with error='additive' is nonlinear .* error='multiplicative'"):
+    with pytest.raises(
+        FitError, match=r"AW: the power law with error='additive' is nonlinear .* error='multiplicative'"
+    ):
         law.to_statsmodels()
     compared = compare_statsmodels(law)
     assert not compared.differences
