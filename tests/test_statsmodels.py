@@ -1,7 +1,6 @@
 """A law as a results object of statsmodels 0.15, and the comparison of both.
 
-Reference: statsmodels' own OLS with ``cov_type="cluster-crv3"`` and its mixed linear model. That its numbers are right is
-tested elsewhere (``test_nist.py``, ``test_edges.py``); here the two programs are held against each other.
+Reference: statsmodels' OLS with ``cov_type="cluster-crv3"`` and its mixed linear model, computed in the test.
 """
 
 import dataclasses
