@@ -210,7 +210,7 @@ def test_the_same_edge_unnamed_is_the_scatter_within_edges():
     half = np.log(band["high"] / band["value"])
     np.testing.assert_allclose(half, half[0], rtol=EXACT)
     assert half[0] == pytest.approx(1.98 * law.edges.mixed.sd_within, rel=2e-3)  # t(119)
-    assert "stands at the value" in band.attrs["words"]
+    assert "is the value" in band.attrs["words"]
 
 
 def test_centres_differ_by_their_factor_and_leave_rows_alone():
