@@ -161,9 +161,31 @@ def test_the_card_tells_the_law_as_the_file_has_it(pf, card):
         assert {c.name: c.se.value for c in part.coefficients} == dict(law.standard_errors)
         assert {c.name: c.row_se.value for c in part.coefficients} == dict(law.row_standard_errors)
         told = {n.name: n.number.value for n in part.statistics}
-        assert (told["R²"], told["F"], told["n"]) == (law.statistics.r2, law.statistics.F, law.n)
+        F = "F({}, {})".format(*law.statistics.F_df)
+        assert (told["R²"], told[F], told["n"]) == (law.statistics.r2, law.statistics.F, law.n)
         by_edge = {n.name: n.number.value for n in part.by_edge}
-        assert by_edge["F of V, f, d by edge"] == law.edges.F
+        assert by_edge["cluster-robust F({}, {})".format(*law.edges.F_df)] == law.edges.F
+
+
+def test_the_card_has_the_checks_of_the_file(pf, card):
+    verdicts = {0: "passed", 1: "warning", 2: "failed"}
+    for part, law in zip(card.laws, pf.laws.values(), strict=True):
+        expected = [(c.statistic, c.p, verdicts[c.concern], c.verdict) for c in law.checks.values()]
+        assert [(c.statistic.value, c.p.value, c.verdict, c.words) for c in part.checks] == expected
+        assert len({c.name for c in part.checks}) == len(law.checks)
+        assert set(part.verdicts[1:]) == {c.verdict for c in law.checks.values() if c.concern}
+
+
+def test_a_check_that_cannot_be_made_gives_its_reason():
+    runs = datasets.read_runs(datasets.bundled("surf_table1"))
+    laws, _ = fit.default_laws(runs)
+    file = collect(design=runs, laws=laws, tool="tool", work="Ck 45")
+    for part, law in zip(compose(file).laws, file.laws.values(), strict=True):
+        untestable = [c for c in part.checks if c.verdict == "not testable"]
+        assert untestable[0].name == "Lack of fit"
+        assert untestable[0].words == law.checks["form"].reason
+        assert any(untestable[0].words in sentence for sentence in part.verdicts)
+        assert not [c.name for c in part.checks if "edges" in c.name]  # the file names none
 
 
 def test_intervals_of_the_table_are_those_of_the_fit(pf, card):
@@ -257,13 +279,13 @@ def test_the_card_of_a_drive_with_gains(files):
     assert facts["Ti"] == (0.8, "s")
     reached = {n.name: n.number for n in gains.reached}
     assert reached["overshoot"] == NumberPart(value=4.3, text="4.3", unit="%")
-    assert reached["gain margin, as a factor"] == NumberPart(text="without end")
-    assert reached["probability that the whole specification holds"].text == "93"
+    assert reached["gain margin (factor)"] == NumberPart(text="infinite")
+    assert reached["probability of meeting the specification"].text == "93"
     assert [(n.number.text, n.words) for n in gains.asked] == [("2", "at most"), ("45", "at least")]
     told = {n.name: n.number.text for n in card.dynamics.facts}
-    assert (told["gain at rest"], told["held-out fit"], told["excited up to"]) == ("0.9", "87.2", "2")
+    assert (told["static gain"], told["held-out fit"], told["excited up to"]) == ("0.9", "87.2", "2")
     assert [f.name for f in card.figures] == ["dynamics", "loop"]
-    assert "gain at rest 0.9 A/V" in card.figures[0].alternative
+    assert "static gain 0.9 A/V" in card.figures[0].alternative
     assert "overshoots by 4.3 %" in card.figures[1].alternative
 
 
@@ -351,7 +373,7 @@ def test_a_band_is_of_a_new_edge_only_where_edges_are_known(card):
     runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     alone = replace(runs, data=runs.data.drop(columns="edge"))
     without = compose(collect(tool="a", work="b", laws=[fit.power_law(alone, "AW", ["V", "f", "d", "t"])]))
-    for of, each in (("one further row on a new edge", card), ("one further row", without)):
+    for of, each in (("one new observation on a new edge", card), ("one new observation", without)):
         assert each.profiler.of == of
         assert next(f for f in each.figures if f.name == "responses").caption.endswith(f"the band of {of} (95 %)")
 
@@ -368,7 +390,7 @@ def test_the_summary_tells_the_rows_of_the_laws_and_not_those_of_the_file():
 def test_a_publication_is_told_and_what_it_lacks_is_said(pf):
     card = compose(pf, publication=PublicationPart(title="My wear tests", license="CC-BY-4.0"))
     assert card.title == "My wear tests"
-    assert card.empty["publication"] == "Not told: authors, contact; say it in card.toml."
+    assert card.empty["publication"] == "Missing: authors, contact; add them in card.toml."
 
 
 # --- uncertainty --------------------------------------------------------------------------------------
@@ -401,7 +423,7 @@ def test_coverage_factors_are_those_of_the_gums_table(df, k):
 def test_a_statement_reads_as_the_gum_asks():
     """JCGM 100:2008, 7.2.3: value, U, its unit, k and the level; to two digits of the uncertainty (7.2.6)."""
     words = of_law(line_law(10))[0].words
-    assert words.startswith("fm = (3.00 ± 0.67) mm/min at VB 1 mm, for the law itself: U = k u with u = 0.30 mm/min")
+    assert words.startswith("fm = (3.00 ± 0.67) mm/min at VB 1 mm, for the fitted law: U = k u with u = 0.30 mm/min")
     assert "k = 2.23 (Student's t, 10 degrees of freedom), level 95 %" in words
     assert "multiply" not in words
 
@@ -423,7 +445,7 @@ def test_statements_are_the_laws_own_intervals(files, name):
             assert s.expanded.value == pytest.approx(s.k.value * s.standard.value)
             if law.error == "multiplicative":  # to first order the two intervals are one
                 assert math.log(high / low) / 2 == pytest.approx(s.expanded.value / s.value.value)
-                assert "not symmetric" in s.words
+                assert "asymmetric" in s.words
 
 
 def test_the_uncertainty_of_tool_life_is_the_delta_methods(pf):
@@ -499,4 +521,4 @@ def test_a_law_without_covariance_has_a_value_and_no_band(pf):
     assert value == pytest.approx(law.predict(V=100.0, f=0.2, d=2.0, t=8.0))
     assert (low, high) == (None, None)
     card = compose(bare)
-    assert card.empty["uncertainty"] == "No uncertainty can be told: 4 observations, 4 parameters."
+    assert card.empty["uncertainty"] == "No uncertainty can be given: 4 observations, 4 parameters."

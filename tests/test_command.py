@@ -113,7 +113,7 @@ def wear(tmp_path):
 
 def test_a_run_prints_results_and_writes_one_folder(fitted):
     assert (fitted.code, fitted.err) == (0, "")
-    assert fitted.out.index("What was understood") < fitted.out.index("AW  average wear, mm")
+    assert fitted.out.index("Input") < fitted.out.index("AW  average wear, mm")
     for law in fitted.pf.laws.values():
         assert law.equation in fitted.out
     assert "Written:" in fitted.out
@@ -181,8 +181,8 @@ def tables(card):
 def test_the_tables_of_the_card_are_well_formed(fitted):
     found = tables(fitted.card)
     heads = [rows[0][0] for rows in found]
-    assert heads[:6] == ["coefficient", "parameter"] * len(fitted.pf.laws)  # each law, and its draws
-    assert heads[6:] == ["quantity", "factor", "count"]
+    assert heads[:9] == ["coefficient", "check", "parameter"] * len(fitted.pf.laws)  # each law, its checks, its draws
+    assert heads[9:] == ["quantity", "factor", "count"]
     for head, rule, *rows in found:
         assert all(len(row) == len(head) == len(rule) for row in rows)
         assert all(re.fullmatch(r"-+:?", cell) for cell in rule)
@@ -206,15 +206,17 @@ def test_every_number_in_the_cards_tables_is_that_of_the_parameter_file(fitted):
             near = pytest.approx
             assert float(told["estimate"]) == near(value, abs=ROUNDED * se)
             assert float(told["SE"]) == near(se, rel=ROUNDED)
-            assert float(told["row SE"]) == near(law.row_standard_errors[name], rel=ROUNDED)
+            assert float(told["SE, rows independent"]) == near(law.row_standard_errors[name], rel=ROUNDED)
             ends = (
                 [value * math.exp(-half["ln c0"]), value * math.exp(half["ln c0"])]
                 if name == "c0"
                 else [value - half[name], value + half[name]]
             )
             assert [float(end) for end in told["95 % interval"].split(" … ")] == near(ends, abs=ROUNDED * se)
-            assert float(told["natural units"]) == near(law.alternative.coefficients[name], abs=ROUNDED * se)
-            assert float(told["as printed"]) == near(law.published.coefficients[name], rel=1e-5)
+            assert float(told["additive error (original scale)"]) == near(
+                law.alternative.coefficients[name], abs=ROUNDED * se
+            )
+            assert float(told["published value"]) == near(law.published.coefficients[name], rel=1e-5)
             if name != "c0":
                 assert float(told["t"]) == near(value / se, rel=1e-3)
 
@@ -762,11 +764,13 @@ def test_confirm_tells_runs_of_the_same_laws_from_others(tmp_path, capsys):
     assert "P is not judged" in told
 
 
-def test_each_law_is_judged_in_at_most_six_sentences(fitted):
+def test_each_law_has_at_most_six_verdicts_and_every_concern_is_printed(fitted):
+    out = " ".join(fitted.out.split())
     for law in fitted.pf.laws.values():
         assert 1 <= len(law.verdicts) <= 6
-        for sentence in law.verdicts:
-            assert " ".join(sentence.split()) in " ".join(fitted.out.split())
+        concerns = [check.verdict for check in law.checks.values() if check.concern]
+        assert all(" ".join(sentence.split()) in out for sentence in concerns)
+        assert f"{len(law.checks) - len(concerns)} of {len(law.checks)} checks passed" in out
         assert {"form", "rival forms", "error structure"} <= set(law.checks)
 
 

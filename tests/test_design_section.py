@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
-from fitmodels.cards import terminal
 from fitmodels.parameters import collect, read, write
 from fitmodels.parameters.gather.design import design_section
 from fitmodels.parameters.gather.plan import kind_of_plan
 from fitmodels.parameters.gather.scan import labels, numbers, stands
+from fitmodels.parameters.gather.understood import understood
 from fitmodels.parameters.sections.origin import DesignSection
 from hypothesis import given
 from hypothesis import strategies as st
@@ -73,7 +73,7 @@ def test_the_section_is_read_back_as_it_was_written(pf, tmp_path):
 
 
 def test_what_was_understood_is_what_the_command_tells(runs, pf):
-    assert list(pf.design.understood) == terminal.data_lines(runs, pf)
+    assert list(pf.design.understood) == understood(runs, pf.laws)
     assert pf.design.understood[0].startswith("edge: cutting edge, column 1 'edge': 24 different (E02")
 
 

@@ -67,7 +67,7 @@ def test_priors_of_ones_own_are_used_and_a_changed_file_is_noticed(run, tmp_path
     assert code == 0
     pf = parameters.read(pair_of(tmp_path / "a") / "params.json")
     assert pf.posterior.laws["AW"].parameters["V"].mean == pytest.approx(3.0, abs=0.05)
-    assert "priors speak with the tests" in " ".join(out.split())
+    assert "Prior sensitivity: priors of half or double width shift" in " ".join(out.split())
     mine.write_text('[AW]\nV = { distribution = "normal", mean = 2.0, sd = 0.01 }\n', encoding="utf-8")
     assert run(GC435, "--out", "a", "--priors", mine)[0] == 2  # another fit stands there
 

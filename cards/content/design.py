@@ -23,7 +23,7 @@ class _Ranged(Protocol):
 
 
 def design_part(design: DesignSection | None) -> DesignPart | None:
-    """Factors, counts and what was understood; None where the file does not tell its tests."""
+    """Factors, counts and how the file was read; None where the file does not describe its tests."""
     if design is None:
         return None
     return DesignPart(factors=factor_ranges(design.factors, design), facts=facts(design), understood=design.understood)
@@ -53,7 +53,7 @@ def facts(design: DesignSection) -> tuple[FactPart, ...]:
     return (
         *fact("plan", NONE, design.plan or ""),
         *fact("rows", count(design.rows)),
-        *(_edges(design.edges) if design.edges else fact("edges", NONE, "no column names them")),
+        *(_edges(design.edges) if design.edges else fact("edges", NONE, "no edge column")),
         *(item for level in design.levels for item in _level(f"{design.by} {level.level}", level.rows, level.edges)),
         *(fact("wear criterion", worn, where) if criterion is not None else ()),
         *(item for rows in design.left_out for item in _left_out(rows)),
@@ -66,11 +66,11 @@ def _edges(e: EdgeFacts) -> tuple[FactPart, ...]:
     short = f"fewer than half the median rows: {names}" if e.short else "none has fewer than half the median rows"
     return (
         *fact("edges", count(e.edges)),
-        *fact("rows an edge, fewest", count(e.rows_least)),
-        *fact("rows an edge, median", count(e.rows_median)),
-        *fact("rows an edge, most", count(e.rows_most)),
-        *(fact("settings", count(e.settings), f"of {held}, each kept for a whole edge") if held else ()),
-        *(fact("settings cut by several edges", count(e.replicated), _replicates(e)) if held else ()),
+        *fact("rows per edge, minimum", count(e.rows_least)),
+        *fact("rows per edge, median", count(e.rows_median)),
+        *fact("rows per edge, maximum", count(e.rows_most)),
+        *(fact("settings", count(e.settings), f"of {held}, constant for each edge") if held else ()),
+        *(fact("replicated settings", count(e.replicated), _replicates(e)) if held else ()),
         *fact("edges that ended early", count(e.short), short),
         *(fact("edges worn to the criterion", count(e.worn)) if e.worn is not None else ()),
     )
@@ -78,8 +78,8 @@ def _edges(e: EdgeFacts) -> tuple[FactPart, ...]:
 
 def _replicates(e: EdgeFacts) -> str:
     if not e.replicated:
-        return "no setting was repeated on a further edge"
-    return f"{e.replicated_edges} edges stand there, and tell how far edges differ at one setting"
+        return "no setting was repeated on another edge"
+    return f"cut by {e.replicated_edges} edges, which estimate the variance between edges"
 
 
 def _level(name: str, rows: int, edges: int | None) -> tuple[FactPart, ...]:

@@ -5,31 +5,31 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.rounding import format_plain
+from ...parameters.sections.base import ModelCovariance
 from ...parameters.sections.dynamics import DynamicsSection
-from .coefficients import model_coefficients
-from .numbers import ENDLESS, NONE, count, fact, figure, places
-from .parts import DynamicsPart, FactPart
+from .numbers import INFINITE, NONE, count, fact, figure, number, places, sentence, spread
+from .parts import CoefficientPart, DynamicsPart, FactPart
 
-FREE_RUN = "of samples it was not fitted to, by a free run"
+SIMULATED = "of samples not used in the fit, by simulation"
+NORMAL = 1.96  # quantile of the intervals of a model
 
 
-def transfer_part(d: DynamicsSection | None) -> DynamicsPart | None:
-    """Transfer function, its coefficients and how far it may be trusted."""
+def dynamics_part(d: DynamicsSection | None) -> DynamicsPart | None:
+    """Transfer function, its coefficients, facts and limits of validity."""
     if d is None:
         return None
-    sentences = [*wrong_way(d), *_trust(d), *d.notes]
+    sentences = [*_nonminimum_phase(d), *_validity(d), *d.notes]
     return DynamicsPart(
         title=f"{d.output} from {d.input}",
-        equation=transfer_function_words(d),
-        coefficients=model_coefficients(d),
-        facts=facts(d),
+        equation=f"G(z) = ({_polynomial(d.b)}) / ({_polynomial(d.a)})",
+        coefficients=_coefficients(d),
+        facts=_facts(d),
         sentences=tuple(sentence(text) for text in sentences),
     )
 
 
-def facts(d: DynamicsSection) -> tuple[FactPart, ...]:
-    """The figures of a model by name."""
+def _facts(d: DynamicsSection) -> tuple[FactPart, ...]:
+    """Properties of a model by name."""
     gain = d.dc_gain
     unit = f"{d.unit_y or 'output'}/{d.unit_u or 'input'}"
     noise = None if d.noise_variance is None else math.sqrt(d.noise_variance)
@@ -39,11 +39,13 @@ def facts(d: DynamicsSection) -> tuple[FactPart, ...]:
         *fact("structure", NONE, d.structure.replace("_", " ")),
         *fact("sample time", figure(d.sample_time, 6, "s")),
         *fact("delay", count(d.nk, "samples" if d.nk != 1 else "sample")),
-        *fact("gain at rest", figure(gain, 4, unit) if math.isfinite(gain) else ENDLESS),
-        *fact("largest pole", figure(float(np.abs(d.poles).max(initial=0.0))), "" if d.stable else "not stable"),
+        *fact("static gain", figure(gain, 4, unit) if math.isfinite(gain) else INFINITE),
+        *fact(
+            "largest pole magnitude", figure(float(np.abs(d.poles).max(initial=0.0))), "" if d.stable else "unstable"
+        ),
         *fact("excited from", figure(low, 3, "Hz")),
         *fact("excited up to", figure(high, 3, "Hz")),
-        *(fact("held-out fit", places(d.held_out_fit, 1, "%"), FREE_RUN) if d.held_out_fit is not None else ()),
+        *(fact("held-out fit", places(d.held_out_fit, 1, "%"), SIMULATED) if d.held_out_fit is not None else ()),
         *fact("noise SD", figure(noise, 3, d.unit_y)),
         *fact("operating point, input", figure(u, 4, d.unit_u)),
         *fact("operating point, output", figure(y, 4, d.unit_y)),
@@ -53,53 +55,41 @@ def facts(d: DynamicsSection) -> tuple[FactPart, ...]:
     )
 
 
-def sentence(text: str) -> str:
-    """A clause as a sentence: a capital first, a full stop last."""
-    text = text.strip()
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
+def _coefficients(d: DynamicsSection) -> tuple[CoefficientPart, ...]:
+    """A line for each coefficient of a model, with its 95 % interval."""
+    errors: dict[str, float] = {}
+    if isinstance(d.uncertainty, ModelCovariance):
+        errors = dict(zip(d.uncertainty.of, np.sqrt(np.diag(np.array(d.uncertainty.matrix))).tolist(), strict=True))
+    lines = []
+    blank = dict.fromkeys(("t", "p", "row_se", "other", "printed"), NONE)
+    for name, value in zip(d.names, [*d.a[1:], *d.b[d.nk :]], strict=True):
+        se = errors.get(name)
+        low, high = (number(value + q * se, se) if se else NONE for q in (-NORMAL, NORMAL))
+        lines.append(
+            CoefficientPart(name=name, estimate=number(value, se), se=spread(value, se), low=low, high=high, **blank)
+        )
+    return tuple(lines)
 
 
-def _trust(d: DynamicsSection) -> list[str]:
-    said = []
-    if d.band:
-        said.append(f"trust it from {d.band[0]:.3g} to {d.band[1]:.3g} Hz, where the input had power")
-    if d.held_out_fit is not None:
-        said.append(f"a free run explains {d.held_out_fit:.1f} % of samples that it was not fitted to")
-    return said
-
-
-def transfer_function_words(d: DynamicsSection) -> str:
-    """``G(z) = (...) / (...)`` to the digits one computes with."""
-    return f"G(z) = ({_polynomial(d.b)}) / ({_polynomial(d.a)})"
-
-
-def model_words(d: DynamicsSection) -> list[str]:
-    """Gain, poles and noise in sentences."""
-    unit = f"{d.unit_y or 'output'}/{d.unit_u or 'input'}"
-    radius = float(np.abs(d.poles).max(initial=0.0))
-    said = [
-        f"{d.structure.replace('_', ' ')}; sampled every {d.sample_time:g} s; delay {d.nk} "
-        f"sample{'s' if d.nk != 1 else ''}; gain at rest "
-        f"{format_plain(d.dc_gain, 4)} {unit}; largest pole {format_plain(radius, 4)}"
-        + (f"; fitted to {d.n} samples" if d.n is not None else "")
-    ]
-    said += wrong_way(d)
-    if d.noise_variance is not None:
-        said.append(f"noise sd {format_plain(float(np.sqrt(d.noise_variance)), 3)} {d.unit_y}".rstrip())
-    return said
-
-
-def wrong_way(d: DynamicsSection) -> list[str]:
-    """That the output first turns the wrong way, where it does."""
+def _nonminimum_phase(d: DynamicsSection) -> list[str]:
     zeros = np.roots(np.trim_zeros(np.asarray(d.b)))
     outside = zeros[(np.abs(zeros) > 1) & (zeros.real > 0)]  # others come from sampling alone
     if not outside.size:
         return []
     at = ", ".join(f"{z.real:.3g}{z.imag:+.3g}i" if abs(z.imag) > 1e-9 else f"{z.real:.3g}" for z in outside)
     return [
-        f"non-minimum phase (zeros at {at}, outside the unit circle): the output turns the wrong way before it "
-        "settles, and a fast controller makes that worse"
+        f"non-minimum phase (zeros at {at}, outside the unit circle): the step response first moves in the opposite "
+        "direction, and a fast controller amplifies that"
     ]
+
+
+def _validity(d: DynamicsSection) -> list[str]:
+    said = []
+    if d.band:
+        said.append(f"valid from {d.band[0]:.3g} to {d.band[1]:.3g} Hz, where the input had power")
+    if d.held_out_fit is not None:
+        said.append(f"a simulation explains {d.held_out_fit:.1f} % of the variation of samples not used in the fit")
+    return said
 
 
 def _polynomial(p: Sequence[float]) -> str:

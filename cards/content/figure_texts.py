@@ -7,31 +7,31 @@ from pathlib import Path
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.dynamics import DynamicsSection, PiSection
 from ...parameters.sections.law_fields import LOGARITHMIC
-from .coefficients import law_coefficients
 from .design import at_words, middle, reference
-from .numbers import figure, percent, quantity
+from .laws import law_coefficients
+from .numbers import INFINITE, figure, percent, quantity
 from .parts import CoefficientPart, FigurePart, ProfiledLawPart
 from .profiler import band_of, profile, profiled
 
 FOLDER = "figures"
-BESIDE = {  # pictures that fitmodels writes beside a card
-    "response_surfaces": "Response surfaces: each law over its first two factors, settings as dots",
-    "observed_predicted": "Observed against predicted, a panel a law",
+PICTURES = {  # written to the folder of a card by fitmodels
+    "response_surfaces": "Response surfaces: each law over its first two factors, tested settings as dots",
+    "observed_predicted": "Observed against predicted values, one panel for each law",
     "residuals": "Residuals of the fit",
-    "simulated": "Measured output and a free run of the model",
-    "bode": "Gain and phase with their bands, over the measured response",
-    "orders": "Orders of the model by one-step error",
-    "pi": "Map of the PI gains, and a step of the reference with those chosen",
+    "simulated": "Measured output and simulation of the model",
+    "bode": "Bode diagram of the model with bands, and the measured frequency response",
+    "orders": "Model orders by one-step prediction error",
+    "pi": "Map of the PI gains, and step response with the chosen gains",
 }
 
 
 def figures(pf: ParameterFile, folder: Path | None = None) -> tuple[FigurePart, ...]:
     """Figures that can be drawn from the file, then the pictures in ``figures`` of ``folder``, by name."""
-    return (*drawn(pf), *beside(pf, folder))
+    return (*_drawn(pf), *_pictures(pf, folder))
 
 
-def drawn(pf: ParameterFile) -> Iterator[FigurePart]:
-    """Those that need nothing but the file."""
+def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
+    """Those drawn from the parameter file alone."""
     powers = [law for law in pf.laws.values() if law.form == "power"]
     tables = {law.response: _exponents(law) for law in powers}
     if any(tables.values()):
@@ -49,8 +49,8 @@ def drawn(pf: ParameterFile) -> Iterator[FigurePart]:
         yield FigurePart(name="loop", caption=LOOP, alternative=_of_loop(pf.pi))
 
 
-def beside(pf: ParameterFile, folder: Path | None) -> Iterator[FigurePart]:
-    """Pictures in ``figures`` of the folder that the card stands in."""
+def _pictures(pf: ParameterFile, folder: Path | None) -> Iterator[FigurePart]:
+    """Pictures in ``figures`` of the folder of the card."""
     place = None if folder is None else folder / FOLDER
     names = sorted(path.name for path in place.glob("*.png")) if place is not None and place.is_dir() else []
     for name in names:
@@ -60,8 +60,8 @@ def beside(pf: ParameterFile, folder: Path | None) -> Iterator[FigurePart]:
 
 EXPONENTS = "Exponents of the power laws with their 95 % intervals"
 RESPONSES = "Each law over its first factor, with the band of {} (95 %)"
-DYNAMICS = "Gain and phase of the identified model over frequency"
-LOOP = "Step of the reference: the loop of these gains on the identified model"
+DYNAMICS = "Bode diagram of the identified model"
+LOOP = "Step response of the closed loop: these gains on the identified model"
 
 
 def _exponents(law: LawSection) -> list[CoefficientPart]:
@@ -88,7 +88,7 @@ def _of_response(pf: ParameterFile, law: LawSection) -> str:
         f"{_value(of, here)} at {first.symbol} {quantity(figure(end, 4, first.unit))}"
         for here, end in ((low, first.low), (high, first.high))
     ]
-    turn = "rises" if profile(of, high)[0] > profile(of, low)[0] else "falls"
+    turn = "increases" if profile(of, high)[0] > profile(of, low)[0] else "decreases"
     return f"{law.response} {turn} from {ends[0]} to {ends[1]}{f', with {at}' if at else ''}."
 
 
@@ -100,19 +100,19 @@ def _value(law: ProfiledLawPart, at: dict[str, float]) -> str:
 
 def _of_dynamics(d: DynamicsSection) -> str:
     unit = f"{d.unit_y or 'output'}/{d.unit_u or 'input'}"
-    rest = f"{figure(d.dc_gain).text} {unit}" if math.isfinite(d.dc_gain) else "without end"
+    rest = f"{figure(d.dc_gain).text} {unit}" if math.isfinite(d.dc_gain) else INFINITE.text
     ends = d.band or (0.05 / d.sample_time, 0.25 / d.sample_time)
     at = [
         f"{figure(abs(g), 3).text} {unit} and a phase of {math.degrees(math.atan2(g.imag, g.real)):.0f}° at {f:.3g} Hz"
         for f, g in ((f, complex(d.response(f))) for f in ends if f > 0)
     ]
     excited = "; the input had power between these two" if d.band else ""
-    return f"Bode diagram: gain at rest {rest}, {', '.join(at)}{excited}."
+    return f"Bode diagram: static gain {rest}, {', '.join(at)}{excited}."
 
 
 def _of_loop(pi: PiSection) -> str:
     f = pi.figures
-    parts = ["The output follows a unit step"]
+    parts = ["Response to a unit step"]
     if f is not None and f.rise_time is not None:
         parts.append(f"rises from 10 to 90 % in {figure(f.rise_time, 3).text} s")
     if f is not None and f.overshoot is not None:
@@ -127,8 +127,8 @@ def _scale(law: LawSection) -> str:
 
 
 def _caption(stem: str) -> str:
-    if stem in BESIDE:
-        return BESIDE[stem]
+    if stem in PICTURES:
+        return PICTURES[stem]
     if stem.startswith("posterior_"):
         response, _, what = stem.removeprefix("posterior_").rpartition("_")
         return f"Posterior of {response}: {what}"
@@ -152,5 +152,7 @@ def _of_picture(pf: ParameterFile, stem: str) -> str:
     if stem == "bode" and pf.dynamics is not None:
         return _of_dynamics(pf.dynamics)
     if stem == "simulated" and pf.dynamics is not None and pf.dynamics.held_out_fit is not None:
-        return f"The free run explains {pf.dynamics.held_out_fit:.1f} % of samples that it was not fitted to."
-    return f"{_caption(stem)}; a picture only, its numbers are not in the file."
+        return (
+            f"A simulation explains {pf.dynamics.held_out_fit:.1f} % of the variation of samples not used in the fit."
+        )
+    return f"{_caption(stem)}; its numbers are not in the parameter file."

@@ -1,10 +1,9 @@
-"""Gains as a part of a card: as they run, what was asked, what they reach."""
+"""Controller gains as a part of a card: settings, specification, performance."""
 
 from collections.abc import Mapping
 
 from ...parameters.sections.dynamics import DynamicsSection, PiFigures, PiSection
-from .dynamics import sentence
-from .numbers import ENDLESS, NONE, count, fact, figure, percent
+from .numbers import INFINITE, NONE, count, fact, figure, percent, sentence
 from .parts import FactPart, GainsPart, NumberPart
 
 FORMS = {
@@ -24,22 +23,22 @@ FIGURES: Mapping[str, tuple[str, str, bool]] = {
     "settling_time": ("settling time, within 2 %", "s", False),
     "overshoot": ("overshoot", "%", False),
     "undershoot": ("undershoot", "%", False),
-    "steady_error": ("steady error", "%", False),
+    "steady_error": ("steady-state error", "%", False),
     "ms": ("Ms, peak of |1/(1 + L)|", "", False),
     "mt": ("Mt, peak of |L/(1 + L)|", "", False),
     "phase_margin": ("phase margin", "°", True),
-    "gain_margin": ("gain margin, as a factor", "", True),
+    "gain_margin": ("gain margin (factor)", "", True),
     "delay_margin": ("delay margin", "s", True),
-    "disturbance_peak": ("peak after a unit disturbance of the load", "", False),
-    "disturbance": ("peak after a unit disturbance of the load", "", False),
-    "travel": ("travel of the command", "", False),
+    "disturbance_peak": ("peak after a unit load disturbance", "", False),
+    "disturbance": ("peak after a unit load disturbance", "", False),
+    "travel": ("total variation of the command", "", False),
     "peak_u": ("peak of the command", "", False),
-    "noise_gain": ("gain from noise to the command", "", False),
+    "noise_gain": ("noise gain of the command", "", False),
     "integral_time": ("integral time", "s", False),
 }
-CHOSEN = {  # ways of choosing that need more than their name
-    "smallest ms": "of the gains that meet what was asked, these have the smallest peak of sensitivity, Ms",
-    "smallest iae": "of the gains that meet what was asked, these have the smallest integral of the absolute error",
+CHOSEN = {  # selection rules that need an explanation
+    "smallest ms": "of the gains that meet the specification, these have the smallest peak sensitivity, Ms",
+    "smallest iae": "of the gains that meet the specification, these have the smallest integral of absolute error",
 }
 UNBOUNDED = ("rise_time", "settling_time", "gain_margin", "delay_margin")
 
@@ -68,35 +67,39 @@ def as_they_run(pi: PiSection) -> tuple[FactPart, ...]:
         *fact("integral", NONE, RULES[pi.integration]),
         *fact("delay", count(pi.delay, "samples")),
         *(fact("low-pass of the measurement", figure(pi.filter_time, 6, "s")) if pi.filter_time else ()),
-        *(fact(f"average of the {pi.average_of}", count(pi.average, "samples")) if pi.average > 1 else ()),
-        *fact("lowest command", figure(pi.low, 6, pi.unit_u)),
-        *fact("highest command", figure(pi.high, 6, pi.unit_u)),
-        *fact("fastest change of the command", figure(pi.rate, 6, f"{pi.unit_u}/s".lstrip("/"))),
+        *(fact(f"moving average of the {pi.average_of}", count(pi.average, "samples")) if pi.average > 1 else ()),
+        *fact("minimum command", figure(pi.low, 6, pi.unit_u)),
+        *fact("maximum command", figure(pi.high, 6, pi.unit_u)),
+        *fact("rate limit of the command", figure(pi.rate, 6, f"{pi.unit_u}/s".lstrip("/"))),
         *fact("anti-windup", NONE, WINDUP[pi.anti_windup]),
         *fact("tracking time", figure(pi.tracking_time, 6, "s")),
         *(
-            fact("units of the command in one of the model's input", figure(pi.scaling_u, 6))
+            fact("units of the command per unit of the model input", figure(pi.scaling_u, 6))
             if pi.scaling_u != 1
             else ()
         ),
-        *(fact("units of the measurement in one of the model's", figure(pi.scaling_y, 6)) if pi.scaling_y != 1 else ()),
+        *(
+            fact("units of the measurement per unit of the model output", figure(pi.scaling_y, 6))
+            if pi.scaling_y != 1
+            else ()
+        ),
     )
 
 
 def reached(figures: PiFigures | None) -> tuple[FactPart, ...]:
-    """What the loop does on the dynamics of the file."""
+    """Performance of the loop on the dynamics of the file."""
     if figures is None:
         return ()
     out: list[FactPart] = []
     for name, (words, unit, _) in FIGURES.items():
         value = getattr(figures, name, None)
         endless = value is None and name in UNBOUNDED and name in figures.model_fields_set
-        out += fact(words, ENDLESS if endless else _number(value, unit))
+        out += fact(words, INFINITE if endless else _number(value, unit))
     return tuple(out)
 
 
 def asked(pi: PiSection) -> tuple[FactPart, ...]:
-    """The specification: a limit for each figure that was asked for."""
+    """The specification: a limit for each specified figure."""
     limits = {} if pi.specification is None else pi.specification.asked
     out: list[FactPart] = []
     for name, value in limits.items():
@@ -110,8 +113,8 @@ def _number(value: float | None, unit: str) -> NumberPart:
 
 
 def _held(pi: PiSection) -> tuple[FactPart, ...]:
-    words = "" if pi.draws is None else f"share of {pi.draws} models that the uncertainty of the dynamics allows"
-    return fact("probability that the whole specification holds", percent(pi.probability), words) if (
+    words = "" if pi.draws is None else f"share of {pi.draws} models drawn from the uncertainty of the dynamics"
+    return fact("probability of meeting the specification", percent(pi.probability), words) if (
         pi.probability is not None
     ) else ()  # fmt: skip
 
@@ -119,13 +122,13 @@ def _held(pi: PiSection) -> tuple[FactPart, ...]:
 def _sentences(pi: PiSection, dynamics: DynamicsSection | None) -> list[str]:
     said = [CHOSEN.get(pi.method, f"chosen by {pi.method}")] if pi.method else []
     if pi.forced:
-        said.append(f"FORCED: these gains miss their specification and are kept all the same ({pi.forced})")
+        said.append(f"FORCED: these gains do not meet their specification and were written nevertheless ({pi.forced})")
     if pi.figures is None:
-        said.append("the file does not say what these gains reach: tune them, or simulate the loop before it is closed")
+        said.append("the file holds no performance of these gains: tune them, or simulate the loop before it is closed")
     elif not pi.figures.stable:
         said.append("the loop is NOT stable on the dynamics of the file: do not close it")
     else:
         said.append("all figures are computed on the dynamics of the file, not measured on a machine")
     if dynamics is None:
-        said.append("the file holds no dynamics, so nobody can check the gains on it")
+        said.append("the file holds no dynamics, so the gains cannot be checked")
     return [*said, *pi.notes]

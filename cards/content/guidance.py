@@ -14,7 +14,7 @@ def title(pf: ParameterFile) -> str:
 
 
 def summary(pf: ParameterFile) -> str:
-    """What the file holds and from how much, then the first number of it; that it is simulated before all."""
+    """Content of the file and its sample size, then its first number; for simulated data that comes first."""
     simulated = "Not measured, simulated: " if pf.identity.simulated else ""
     what = join_words(_holds(pf)) or "no law, no dynamics and no settings yet"
     first = f"{simulated}{what}, for {title(pf)}{_from(pf)}."
@@ -55,7 +55,7 @@ def _said(pf: ParameterFile) -> list[str]:
         ]
     d = pf.dynamics
     if d is not None and d.held_out_fit is not None:
-        return [f"A free run explains {d.held_out_fit:.1f} % of samples it was not fitted to."]
+        return [f"A simulation explains {d.held_out_fit:.1f} % of the variation of samples not used in the fit."]
     return []
 
 
@@ -70,10 +70,10 @@ def _of_law(law: LawSection) -> str:
     half = (float(p.high) - float(p.low)) / 2
     width = min(half, float(p.low)) if p.low > 0 else half
     value, low, high = (number(float(x), width, law.unit) for x in (p.value, p.low, p.high))
-    new = "on a further edge" if p.edge == "new" else "in one further row"
+    new = "on a new edge" if p.edge == "new" else "for a new observation"
     return (
-        f"{where}, {law.response} is {quantity(value)}; {new} expect {low.text} to {quantity(high)} "
-        f"({percent(p.level).text} %)."
+        f"{where}, {law.response} is {quantity(value)}; {percent(p.level).text} % prediction interval {new}: "
+        f"{low.text} to {quantity(high)}."
     )
 
 
@@ -87,12 +87,12 @@ def join_words(names: list[str]) -> str:
 
 
 def intended(pf: ParameterFile) -> tuple[str, ...]:
-    """Uses that the file has the sections for."""
+    """Uses supported by the sections of the file."""
     pair, said = f"{pf.identity.tool} on {pf.identity.work}", []
     if pf.laws:
         said.append(
             f"To choose conditions and to predict {', '.join(pf.laws)} for {pair}, inside the ranges of the tests, "
-            "with the interval beside every prediction."
+            "each prediction with its interval."
         )
     if pf.tool_life:
         said.append(
@@ -114,14 +114,12 @@ def intended(pf: ParameterFile) -> tuple[str, ...]:
 
 
 def out_of_scope(pf: ParameterFile) -> tuple[str, ...]:
-    """Uses that the numbers do not bear."""
-    said = ["Other tools, other work, another machine or set-up: nothing was tested there."]
+    """Uses that the numbers do not support."""
+    said = ["Other tools, other work, another machine or set-up: these were not tested."]
     if pf.laws:
+        said.append("Conditions outside the ranges or outside the tested region: there the laws are extrapolations.")
         said.append(
-            "Conditions outside the ranges and outside the tested region: a law says nothing about where nobody cut."
-        )
-        said.append(
-            "Sudden failure (chipping, breakage) and built-up edge: the laws tell gradual change, and its scatter."
+            "Sudden failure (chipping, breakage) and built-up edge: the laws describe gradual change and its scatter."
         )
     if pf.dynamics:
         band = pf.dynamics.band
@@ -130,19 +128,19 @@ def out_of_scope(pf: ParameterFile) -> tuple[str, ...]:
             f"Dynamics outside the excited band{where}, or far from the operating point they were identified at."
         )
     if pf.identity.simulated:
-        said.append("Any machine at all as it stands: the numbers come from a simulation, for trying methods out.")
-    said.append("Computing from the rounded numbers of this card: take the equations or params.json for that.")
+        said.append("Any machine: the numbers come from a simulation, made for testing methods.")
+    said.append("Computing from the rounded numbers of this card: use the equations or params.json.")
     return tuple(said)
 
 
 def safety(pf: ParameterFile) -> tuple[str, ...]:
-    """A plain warning, and what has to be looked at by a person first."""
+    """A plain warning, and what a person must check first."""
     said = []
     if pf.identity.simulated:
-        said.append("NOT MEASURED: these numbers come from a simulation. Do not run a machine by them.")
+        said.append("NOT MEASURED: these numbers come from a simulation. Do not run a machine with them.")
     said.append(
         "These numbers are estimates from a limited number of tests; about one in twenty cuts may lie outside a 95 % "
-        "interval even where everything is as it was in the tests. They are no safety function and replace no guard."
+        "prediction interval even under the conditions of the tests. They are no safety function and replace no guard."
     )
     said.append(
         "Before a machine moves, a person who knows it checks: the hard limits of spindle power, torque, force, feed "
@@ -153,7 +151,7 @@ def safety(pf: ParameterFile) -> tuple[str, ...]:
         said += _of_a_loop(pf)
     else:
         said.append(
-            "Approach new conditions from the safe side, in steps, and stop where load or sound are not as expected."
+            "Approach new conditions from the safe side, in steps, and stop when load or sound are not as expected."
         )
     return tuple(said)
 
@@ -164,22 +162,20 @@ def _acts(pf: ParameterFile) -> bool:
 
 def _of_a_loop(pf: ParameterFile) -> list[str]:
     said = [
-        "A controller with these settings changes the feed by itself. First run it in the air, then with low limits of "
-        "feed and of its rate, a hand on the stop; the limits must hold in the control, not only in the file.",
-        "Check what the loop does when the sensor fails, saturates or reads zero, and when the tool enters and leaves "
-        "the work: it must come to a safe feed by itself.",
+        "A controller with these settings changes the feed automatically. First run it without cutting, then with low "
+        "limits of feed and feed rate, with the emergency stop within reach; set the limits in the control, not only "
+        "in the file.",
+        "Check the response of the loop when the sensor fails, saturates or reads zero, and when the tool enters and "
+        "leaves the work: it must return to a safe feed automatically.",
     ]
     pi = pf.pi
     if pi is not None and pi.forced:
-        said.insert(
-            0, f"FORCED GAINS: they miss their specification ({pi.forced}). Do not close the loop without a new check."
-        )
+        miss = f"FORCED GAINS: they do not meet their specification ({pi.forced})."
+        said.insert(0, f"{miss} Do not close the loop without a new check.")
     if pi is not None and (pi.low is None or pi.high is None):
         said.append(
-            "The file names no limits of the command on both sides: set them in the control before the loop is closed."
+            "The file lacks a lower or upper limit of the command: set both in the control before the loop is closed."
         )
     if pi is not None and pf.dynamics is None:
-        said.append(
-            "The file holds no dynamics, so these gains could not be checked on any: try them at a tenth first."
-        )
+        said.append("The file holds no dynamics, so these gains could not be checked: start with a tenth of them.")
     return said

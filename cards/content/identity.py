@@ -1,4 +1,4 @@
-"""Whose card it is, where it comes from, and the names it goes by."""
+"""Identity and provenance of a card, and its slug."""
 
 import hashlib
 import re
@@ -13,7 +13,7 @@ LONGEST = 40  # characters of tool and of work in a slug
 
 
 def identity_part(pf: ParameterFile) -> IdentityPart:
-    """Identity with checksum and versions; what the file does not tell is empty."""
+    """Identity with checksum and versions; empty where the file gives none."""
     i = pf.identity
     return IdentityPart(
         tool=i.tool,
@@ -35,7 +35,7 @@ def identity_part(pf: ParameterFile) -> IdentityPart:
 
 
 def provenance_part(pf: ParameterFile) -> ProvenancePart:
-    """What repeats it."""
+    """Data, command, seed and versions that reproduce the file."""
     p = pf.provenance
     return ProvenancePart(
         data_file=p.data_file or "",
@@ -63,16 +63,16 @@ def slug(pf: ParameterFile) -> str:
     return "-".join(_slug(name) for name in (pf.identity.tool, pf.identity.work))
 
 
-def missing(identity: IdentityPart) -> list[str]:
-    """What a reader would want to know of the set-up and the file does not tell."""
-    told = {
+def missing_identity(identity: IdentityPart) -> list[str]:
+    """Names of the facts on the set-up that the file does not give."""
+    given = {
         "machine": identity.machine,
         "ISO 513 group of the work": identity.iso513,
         "set-up": identity.setup,
         "properties of the tool (ISO 13399)": identity.tool_properties,
         "sensors": identity.sensors,
     }
-    return [name for name, value in told.items() if not value]
+    return [name for name, value in given.items() if not value]
 
 
 def _slug(name: str) -> str:

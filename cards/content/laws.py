@@ -2,140 +2,272 @@
 
 import math
 
-from ...core.rounding import format_plain, format_rounded, p_value
+import numpy as np
+
+from ...core.rounding import EXACT, format_plain, format_rounded
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
-from ...parameters.sections.law_parts import DroppedRows
-from .coefficients import LEVEL, degrees, lacking, law_coefficients
+from ...parameters.sections.law_parts import DroppedRows, LawCheck
 from .design import factor_ranges
-from .numbers import count, fact, figure, percent, places, probability
-from .parts import FactPart, LawPart
+from .numbers import LEVEL, NONE, count, fact, figure, number, percent, places, probability, spread
+from .parts import CheckPart, CoefficientPart, FactPart, LawPart, NumberPart, ToolLifePart
 from .posterior import posterior_of, posterior_part
+
+WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one is not informative
+CONDITIONS = ("V", "f", "fz", "d", "ae")  # usually constant for an edge
+STRUCTURES = {"multiplicative": "multiplicative error (log scale)", "additive": "additive error (original scale)"}
+CHECKS = {  # name in the file -> name of the check, and of its statistic
+    "form": ("Lack of fit", "F"),
+    "single edges": ("Influence", "largest Cook's D"),
+    "prediction": ("Cross-validation (PRESS)", "predicted R²"),
+    "collinearity": ("Multicollinearity", "largest VIF"),
+    "signal to noise": ("Signal to noise (adequate precision)", "ratio"),
+    "scale of the response": ("Box-Cox transformation", "χ²"),
+    "order within edges": ("Autocorrelation within edges (lag 1)", "z"),
+    "even scatter": ("Homoscedasticity, rows (Breusch-Pagan)", "χ²"),
+    "even scatter of edges": ("Homoscedasticity, edges (Breusch-Pagan)", "χ²"),
+    "normality": ("Normality, rows (Anderson-Darling)", "A²"),
+    "normality of edges": ("Normality, edges (Anderson-Darling)", "A²"),
+    "error structure": ("Error structure", "difference in log-likelihood"),
+    "rival forms": ("Competing forms (cross-validation)", "difference in error"),
+    "time exponent": ("Equal time exponents of edges", "F"),
+    "dominant edge": ("Dominant edge", ""),
+    "robust refit": ("Robust fit", ""),
+    "gauge error": ("Error of the wear gauge", ""),
+}
+OF_EDGES = ("order within edges", "even scatter of edges", "normality of edges")  # of no interest without edges
+VERDICTS = ("passed", "warning", "failed")  # by concern
+UNTESTABLE = "not testable"
 
 
 def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
     """One law of the file."""
+    checks = check_parts(law)
     return LawPart(
         response=law.response,
         quantity=law.quantity,
         unit=law.unit,
         equation=law.equation,
         form=law.form.replace("_", " "),
-        structure=structure_words(law),
+        structure=_structure(law),
         level=percent(LEVEL),
-        statistics=statistics(law),
-        by_edge=by_edge(law),
-        edge_words=edge_words(law),
+        statistics=_statistics(law),
+        by_edge=_by_edge(law),
+        edge_words=_edge_words(law),
         coefficients=law_coefficients(law),
-        other_heading=other_words(law),
+        other_heading="" if law.alternative is None else STRUCTURES[law.alternative.error],
         has_row_se=bool(law.row_standard_errors),
-        has_printed=law.published is not None and not lacking(law),
+        has_printed=law.published is not None and not _lacking(law),
         domain=factor_ranges(law.factors, pf.design),
-        verdicts=law.verdicts,
-        cautions=tuple(cautions(law)),
-        printed_words=published_words(law),
-        composite_words=composite_words(law),
+        checks=checks,
+        verdicts=_verdicts(checks) if checks else law.verdicts,
+        cautions=tuple(_cautions(law)),
+        printed_words=_published_words(law),
+        composite_words=_composite_words(law),
         posterior=posterior_part(law, posterior_of(pf, law)),
     )
 
 
-def statistics(law: LawSection) -> tuple[FactPart, ...]:
-    """R2, F, residual standard error and counts, as a paper prints them: rows as independent."""
-    s, se = law.statistics, law.residual_se
-    unit = law.unit if law.error == "additive" else "in ln"
-    scatter = "" if law.error == "additive" or se is None else f"one row scatters by about {_share(se)} %"
-    free = "" if s.F_df is None else f"on {s.F_df[0]} and {s.F_df[1]} degrees of freedom, rows as independent"
-    return (
-        *fact("R²", places(s.r2, 4)),
-        *fact("R² adjusted", places(s.r2_adj, 4)),
-        *(fact("F", figure(s.F), free) if s.F is not None else ()),
-        *fact("p of F", probability(s.F_p)),
-        *fact("residual SE", figure(se, 3, unit), scatter),
-        *fact("n", count(law.n, "rows")),
-        *fact("residual degrees of freedom", count(law.df)),
+def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[CoefficientPart, ...]:
+    """A line for each coefficient, the constant first and the shifts of a category last.
+
+    The constant of a power or exponential law has no t: it is positive by its form, and its value only depends on
+    the units.
+    """
+    printed = law.published.coefficients if law.published is not None and not _lacking(law) else {}
+    other = {} if law.alternative is None else _values(law.alternative)
+    half = _half_widths(law, level)
+    lines = []
+    for name, value in _values(law).items():
+        se = law.standard_errors.get(name)
+        scale = law.form in ("power", "exponential") and name == next(iter(law.coefficients))
+        t = value / se if se and not scale else None
+        low, high = _ends(value, half.get(name), se, scale)
+        lines.append(
+            CoefficientPart(
+                name=name,
+                estimate=number(value, se),
+                se=spread(value, se),
+                t=figure(t),
+                p=NONE if t is None else probability(_two_sided(t, degrees(law))),
+                low=low,
+                high=high,
+                row_se=spread(value, law.row_standard_errors.get(name)),
+                other=number(other.get(name), se),
+                printed=figure(printed.get(name), 6),
+            )
+        )
+    return tuple(lines)
+
+
+def check_parts(law: LawSection) -> tuple[CheckPart, ...]:
+    """A line for each check; those of edges are left out where the file names no edges."""
+    return tuple(
+        _check(name, check) for name, check in law.checks.items() if law.n_edges is not None or name not in OF_EDGES
     )
 
 
-def by_edge(law: LawSection) -> tuple[FactPart, ...]:
-    """What the edges say: how the scatter is split, and F of what only edges can tell."""
+def degrees(law: LawSection) -> int:
+    """Degrees of freedom of the law's t."""
+    return law.uncertainty.df if isinstance(law.uncertainty, Covariance) else law.df
+
+
+def about_intervals(pf: ParameterFile) -> str:
+    """The inference behind standard errors and intervals, for all laws of a pair."""
+    by_edge = [law for law in pf.laws.values() if law.edges is not None and law.edges.reason is None]
+    named = any(law.n_edges is not None for law in pf.laws.values())
+    if by_edge and isinstance(by_edge[0].uncertainty, Covariance):
+        law = by_edge[0]
+        others = [law.response for law in pf.laws.values() if law not in by_edge]
+        but = f" Those of {', '.join(others)} assume independent rows." if others else ""
+        return (
+            f"SE, t, p and intervals are cluster-robust by edge: jackknife (CR3) over {law.n_edges} edges, t with "
+            f'{degrees(law)} degrees of freedom. R², F(...) of all factors, the residual SE and the column "SE, rows '
+            f'independent" assume {law.n} independent rows, as published laws do.{but}'
+        )
+    if not named:
+        return (
+            "Standard errors, t, p, F and intervals assume independent rows: the file has no edge column. If several "
+            "rows come from one edge, the true uncertainty is larger."
+        )
+    return "Standard errors, t, p, F and intervals assume independent rows."
+
+
+def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
+    """Tool life at the criterion: equation, definition of T, T at the middle of the tests, Taylor's n."""
+    life = pf.tool_life
+    if life is None:
+        return None
+    c0, *exponents = life.coefficients.items()
+    definition = (
+        f"T is the time, in {life.unit}, at which {life.wear} reaches {life.criterion:g} {life.unit_of_wear}, solved "
+        "from the wear law."
+    )
+    at = ", ".join(f"{name} {value:.3g}" for name, value in life.typical_at.items())
+    place = f"At the middle of the ranges ({at})" if at else "At these conditions"
+    longest = f"the longest test lasted {format_plain(life.t_observed, 3)} {life.unit}"
+    end = f"; {longest}." if life.typical <= life.t_observed else f", but {longest}: this T is an extrapolation."
+    taylor = [f"Taylor's n = {life.taylor_n:.3g} in V T^n = C."] if life.taylor_n is not None else []
+    return ToolLifePart(
+        equation=" ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)]),
+        words=(definition, f"{place}, T = {format_plain(life.typical, 3)} {life.unit}{end}", *taylor),
+    )
+
+
+def _structure(law: LawSection) -> str:
+    if law.form in ("load_line", "feed_line"):
+        return "straight line, least squares"
+    method = f"least squares of ln {law.response}" if law.error == "multiplicative" else (
+        f"nonlinear least squares of {law.response}"
+    )  # fmt: skip
+    return f"{STRUCTURES[law.error]}, {method}"
+
+
+def _statistics(law: LawSection) -> tuple[FactPart, ...]:
+    """R2, F, residual standard error and counts, as a paper prints them: with independent rows."""
+    s, se = law.statistics, law.residual_se
+    multiplicative = law.error == "multiplicative"
+    scatter = (
+        f"about {format_plain(100 * math.expm1(se), 2)} % for one row" if multiplicative and se is not None else ""
+    )
+    return (
+        *fact("R²", places(s.r2, 4)),
+        *fact("adjusted R²", places(s.r2_adj, 4)),
+        *(fact(_f_name(s.F_df), figure(s.F), "assuming independent rows") if s.F is not None else ()),
+        *fact("p of F", probability(s.F_p)),
+        *fact("residual SE", figure(se, 3, "in ln" if multiplicative else law.unit), scatter),
+        *fact("n", count(law.n, "rows")),
+        *fact("residual df", count(law.df)),
+    )
+
+
+def _by_edge(law: LawSection) -> tuple[FactPart, ...]:
+    """Variance components, and the cluster-robust F of the factors that are constant within edges."""
     e = law.edges
     if e is None or e.reason is not None:
         return fact("edges", count(law.n_edges))
     unit = law.unit if law.error == "additive" else "in ln"
-    of = ", ".join(e.between)
-    free = "" if e.F_df is None else f"on {e.F_df[0]} and {e.F_df[1]} degrees of freedom"
     return (
         *fact("edges", count(law.n_edges)),
-        *fact("degrees of freedom of t", count(degrees(law))),
+        *fact("df of t", count(degrees(law))),
         *fact("SD between edges", figure(e.sd_between, 3, unit)),
         *fact("SD within edges", figure(e.sd_within, 3, unit)),
-        *fact("share of the scatter between edges", percent(e.icc, 2), "intraclass correlation"),
-        *(fact(f"F of {of} by edge", figure(e.F), free) if e.F is not None else ()),
-        *fact(f"p of F of {of} by edge", probability(e.F_p)),
-        *fact(f"F of {of}, rows as independent", figure(e.row_F)),
+        *fact("intraclass correlation", percent(e.icc, 2)),
+        *(
+            (
+                *fact(f"cluster-robust {_f_name(e.F_df)}", figure(e.F), f"of {', '.join(e.between)}"),
+                *fact("p of cluster-robust F", probability(e.F_p)),
+                *fact("the same F assuming independent rows", figure(e.row_F)),
+            )
+            if e.F is not None
+            else ()
+        ),
     )
 
 
-def _share(se: float) -> str:
-    return format_plain(100 * math.expm1(se), 2)
+def _f_name(df: tuple[int, int] | None) -> str:
+    return "F" if df is None else f"F({df[0]}, {df[1]})"
 
 
-CONDITIONS = ("V", "f", "fz", "d", "ae")  # what is usually set once for an edge
+def _check(name: str, check: LawCheck) -> CheckPart:
+    title, statistic = CHECKS.get(name, (name.capitalize(), "statistic"))
+    if check.reason is not None:
+        return CheckPart(name=title, verdict=UNTESTABLE, words=check.reason)
+    df = check.df if statistic in ("F", "χ²") else None
+    freedom = "" if df is None else f"({', '.join(map(str, df if isinstance(df, tuple) else [df]))})"
+    return CheckPart(
+        name=title,
+        statistic_name=f"{statistic}{freedom}",
+        statistic=figure(check.statistic, 3) if statistic else NONE,
+        p=probability(check.p),
+        verdict=VERDICTS[min(check.concern, 2)],
+        words=check.verdict or "",
+    )
 
 
-def statistics_line(law: LawSection) -> str:
-    """R2, F, residual standard error and count in one line, as a paper prints them."""
-    s = law.statistics
-    parts = []
-    if s.r2 is not None:
-        parts.append(f"R² {s.r2:.4f}" + (f" (adjusted {s.r2_adj:.4f})" if s.r2_adj is not None else ""))
-    if s.F is not None and s.F_df is not None and s.F_p is not None:
-        p = p_value(s.F_p)
-        parts.append(f"F({s.F_df[0]}, {s.F_df[1]}) {format_plain(s.F)}, p {p if p[0] == '<' else '= ' + p}")
-    if law.residual_se is not None:
-        parts.append(residual_words(law))
-    edges = "" if law.n_edges is None else f" from {law.n_edges} edge{'s' if law.n_edges != 1 else ''}"
-    parts.append(f"n {law.n} rows{edges}")
-    return "; ".join(parts)
+def _verdicts(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
+    """The count of each verdict, sentences of failed checks and warnings, reasons of those not testable."""
+    found = {verdict: [check for check in checks if check.verdict == verdict] for verdict in (*VERDICTS, UNTESTABLE)}
+    reasons: dict[str, list[str]] = {}
+    for check in found[UNTESTABLE]:
+        reasons.setdefault(check.words, []).append(check.name)
+    counts = [f"{len(of)} {name}" + ("s" if name == "warning" and len(of) > 1 else "")
+              for name, of in list(found.items())[1:] if of]  # fmt: skip
+    return (
+        ", ".join([f"{len(found['passed'])} of {len(checks)} checks passed", *counts]) + ".",
+        *(check.words for check in (*found["failed"], *found["warning"])),
+        *(f"Not testable ({', '.join(names)}): {reason}." for reason, names in reasons.items()),
+    )
 
 
-def residual_words(law: LawSection) -> str:
-    """Residual standard error, and what it means for one measurement."""
-    se = law.residual_se or 0.0
-    if law.error == "additive":
-        return f"residual SE {format_plain(se, 3)} {law.unit}"
-    return f"residual SE {format_plain(se, 3)} in ln (one row scatters by about {100 * math.expm1(se):.2g} %)"
-
-
-def structure_words(law: LawSection) -> str:
-    """Which fit this is, in words."""
-    if law.form in ("load_line", "feed_line"):
-        return "straight line, least squares"
-    if law.error == "multiplicative":
-        return f"errors multiply: least squares of ln {law.response}"
-    return f"errors add: least squares of {law.response} itself, started from the fit of its logarithm"
-
-
-def other_words(law: LawSection) -> str:
-    """Heading of the column that holds the other fit."""
-    other = law.alternative
-    if other is None:
+def _edge_words(law: LawSection) -> str:
+    """Limits of the inference by edge, where there are any."""
+    e = law.edges
+    if e is None or (e.reason is not None and law.n_edges is None):
         return ""
-    return "natural units" if other.error == "additive" else "log-linear"
+    if e.reason is not None:
+        return f"No inference by edge: {e.reason}."
+    within = [f.symbol for f in law.factors if f.symbol in CONDITIONS and f.symbol not in e.between]
+    if not within or not law.row_standard_errors:
+        return ""
+    return (
+        f"{', '.join(within)} {'varies' if len(within) == 1 else 'vary'} within edges: if each edge was cut at one "
+        "setting only, check the edge column."
+    )
 
 
-def cautions(law: LawSection) -> list[str]:
-    """What a reader must know before using the law, one sentence each."""
+def _cautions(law: LawSection) -> list[str]:
+    """Limitations of the law, one sentence each."""
     out = []
     if not isinstance(law.uncertainty, Covariance):
-        out.append(f"{law.uncertainty.reason}: nothing is left over to judge the law by.")
+        out.append(f"{law.uncertainty.reason}: there are no residual degrees of freedom to assess the law.")
     if law.form in ("power", "exponential") and law.alternative is None:
         out.append(
-            "There is no fit with the other error structure beside it: it needs every row above zero, and least "
-            "squares in natural units that converges."
+            "No fit with the other error structure: it needs positive responses in all rows and a nonlinear least "
+            "squares fit that converges."
         )
     if law.checked_rows is not None and law.checked_rows < law.n:
-        out.append(f"The checks were made on an even choice of {law.checked_rows} of the {law.n} rows.")
+        out.append(f"The checks used {law.checked_rows} of the {law.n} rows, evenly spaced.")
     out += [f"{item.factor} is left out: {item.reason}." for item in law.left_out]
     out += [_dropped_words(rows) for rows in law.dropped_rows]
     out += [f"{note[0].upper()}{note[1:]}." if not note.endswith(".") else note for note in law.notes]
@@ -148,71 +280,25 @@ def _dropped_words(rows: DroppedRows) -> str:
     return f"{rows.count} row{'s' if rows.count > 1 else ''} left out, {rows.reason}{where}."
 
 
-def about_intervals(pf: ParameterFile) -> str:
-    """What standard errors and intervals stand on, for all laws of a pair."""
-    by_edge = [law for law in pf.laws.values() if law.edges is not None and law.edges.reason is None]
-    named = any(law.n_edges is not None for law in pf.laws.values())
-    if by_edge and isinstance(by_edge[0].uncertainty, Covariance):
-        law = by_edge[0]
-        others = [law.response for law in pf.laws.values() if law not in by_edge]
-        but = f" In {', '.join(others)} they take rows as independent." if others else ""
-        return (
-            f"SE, t, p and intervals are by edge: the jackknife over {law.n_edges} edges, t with {degrees(law)} "
-            "degrees of freedom. R², F and residual SE, and the row SE beside them, are the papers': they take the "
-            f"{law.n} rows as independent.{but}"
-        )
-    if not named:
-        return (
-            "Standard errors, t, p, F and intervals take rows as independent: the file has no edge column. If "
-            "several rows come from one edge, they are less certain than printed here."
-        )
-    return "Standard errors, t, p, F and intervals take rows as independent."
-
-
-def published_words(law: LawSection) -> str:
-    """How far the rows lie from the printed law."""
+def _published_words(law: LawSection) -> str:
+    """Deviation of the rows from the published law."""
     p = law.published
     if p is None:
         return ""
     if p.rms_percent is None or p.worst_percent is None:
         printed = ", ".join(f"{name} {format_plain(value, 6)}" for name, value in p.coefficients.items())
         return (
-            f"{p.source} prints {printed}; the fit is without {', '.join(lacking(law))}, so neither its "
-            "coefficients nor the rows can be held against the print one by one."
+            f"Published ({p.source}): {printed}. The fit is without {', '.join(_lacking(law))}, so neither its "
+            "coefficients nor the rows can be compared with the published law one by one."
         )
     return (
-        f"Beside {p.source}: the {law.n} rows lie off the printed law by {p.rms_percent:.2g} % (root mean "
-        f"square), at most by {p.worst_percent:+.2g} % (line {p.worst_line} of the file)."
+        f"Compared with the published law ({p.source}), the {law.n} rows deviate by {p.rms_percent:.2g} % (root mean "
+        f"square), at most {p.worst_percent:+.2g} % (line {p.worst_line} of the file)."
     )
 
 
-def edge_words(law: LawSection) -> str:
-    """What the edges say of the law: where the scatter lies, and what the papers' F is worth."""
-    e = law.edges
-    if e is None:
-        return ""
-    if e.reason is not None:
-        return "" if law.n_edges is None else f"No inference by edge: {e.reason}."
-    parts = [f"{100 * (e.icc or 0):.0f} % of the scatter lies between edges"]
-    if e.F is not None and e.F_df is not None and e.F_p is not None and e.row_F is not None:
-        p = p_value(e.F_p)
-        parts.append(
-            f"F of {', '.join(e.between)} is {format_plain(e.F)} by edge (df {e.F_df[0]}, {e.F_df[1]}; p "
-            f"{p if p[0] == '<' else '= ' + p}), and {format_plain(e.row_F)} if rows were independent, "
-            f"{format_plain(e.row_F / e.F, 2)} times as much"
-        )
-    held = [f.symbol for f in law.factors if f.symbol in CONDITIONS and f.symbol not in e.between]
-    if held and law.row_standard_errors:
-        change, are = ("changes", "is") if len(held) == 1 else ("change", "are")
-        parts.append(
-            f"{', '.join(held)} {change} within edges and {are} told there: if an edge was cut at one setting only, "
-            "look at the edge column"
-        )
-    return "; ".join(parts) + "."
-
-
-def composite_words(law: LawSection) -> str:
-    """The law with wear put in from its own law, exponents with their standard errors."""
+def _composite_words(law: LawSection) -> str:
+    """The law with its wear substituted by the wear law, exponents with their standard errors."""
     c = law.composite
     if c is None:
         return ""
@@ -222,31 +308,42 @@ def composite_words(law: LawSection) -> str:
             estimate, se = format_rounded(value, c.standard_errors.get(name))
             shown.append(f"{name}^{estimate}" + (f" (SE {se})" if se else ""))
     return (
-        f"With {c.wear} put in from its own law: {law.response} = {c.coefficients['c0']:.6g} {' '.join(shown)}. The "
-        f"standard errors assume {c.assumption}."
+        f"With {c.wear} substituted by its own law: {law.response} = {c.coefficients['c0']:.6g} {' '.join(shown)}. "
+        f"The standard errors assume {c.assumption}."
     )
 
 
-def life_equation(pf: ParameterFile) -> str:
-    """The tool-life law, to the digits one computes with."""
-    life = pf.tool_life
-    if life is None:
-        return ""
-    c0, *exponents = life.coefficients.items()
-    return " ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)])
+def _lacking(law: LawSection) -> list[str]:
+    """Factors of the published law that the fit does without."""
+    printed = law.published.coefficients if law.published is not None else {}
+    return [name for name in printed if name not in law.coefficients]
 
 
-def life_words(pf: ParameterFile) -> str:
-    """Tool life at the middle of the ranges, and whether anybody has waited that long."""
-    life = pf.tool_life
-    if life is None:
-        return ""
-    at = ", ".join(f"{name} {value:.3g}" for name, value in life.typical_at.items())
-    place = f"At the middle of the ranges ({at})" if at else "At these conditions"
-    where = f"{place} T is {format_plain(life.typical, 3)} {life.unit}"
-    if life.typical <= life.t_observed:
-        return f"{where}; the longest test ran {format_plain(life.t_observed, 3)} {life.unit}."
-    return (
-        f"{where}, but the longest test ran {format_plain(life.t_observed, 3)} {life.unit}: beyond it this is an "
-        "extrapolation, not a measurement."
-    )
+def _values(law: LawSection) -> dict[str, float]:
+    shifts = {} if law.by is None else {f"{law.by.column}[{k}]": v for k, v in law.by.shifts.items()}
+    return {**law.coefficients, **shifts}
+
+
+def _half_widths(law: LawSection, level: float) -> dict[str, float]:
+    """Half width of the interval of each parameter, on the scale of the fit."""
+    cov = law.uncertainty
+    if not isinstance(cov, Covariance):
+        return {}
+    from scipy.special import stdtrit
+
+    q = float(stdtrit(cov.df, (1 + level) / 2))
+    se = np.sqrt(np.diag(np.array(cov.matrix)))
+    return {name.removeprefix("ln "): float(q * s) for name, s in zip(cov.of, se, strict=True)}
+
+
+def _ends(value: float, half: float | None, se: float | None, is_scale: bool) -> tuple[NumberPart, NumberPart]:
+    if half is None or not se or (is_scale and half > WIDEST) or half <= abs(value) * EXACT:
+        return NONE, NONE
+    low, high = (value * math.exp(-half), value * math.exp(half)) if is_scale else (value - half, value + half)
+    return number(low, se), number(high, se)
+
+
+def _two_sided(t: float, df: int) -> float:
+    from scipy.special import stdtr
+
+    return float(2 * stdtr(max(df, 1), -abs(t)))

@@ -1,17 +1,19 @@
-"""Numbers beside the texts that tell them."""
+"""Numbers of a card with their texts, and facts as text."""
 
 import math
+from collections.abc import Iterable
 
 from ...core.rounding import format_plain, format_rounded, p_value
 from .parts import FactPart, NumberPart
 
+LEVEL = 0.95  # of all intervals of a card
 NONE = NumberPart()
-LARGE = 1e7  # from here on a number is told with its power of ten
-ENDLESS = NumberPart(text="without end")
+INFINITE = NumberPart(text="infinite")
+LARGE = 1e7  # from here on a number is shown with its power of ten
 
 
 def number(value: float | None, uncertainty: float | None, unit: str = "") -> NumberPart:
-    """A number to the decimals that its uncertainty deserves.
+    """A number to the decimals that its uncertainty supports.
 
     >>> number(0.577123, 0.0213, "mm").text
     '0.577'
@@ -54,7 +56,7 @@ def places(value: float | None, decimals: int, unit: str = "") -> NumberPart:
 
 
 def count(value: float | None, unit: str = "") -> NumberPart:
-    """A number of things."""
+    """A count."""
     return NONE if value is None else NumberPart(value=value, text=f"{value:.15g}", unit=unit)
 
 
@@ -72,19 +74,50 @@ def probability(p: float | None) -> NumberPart:
     return NONE if p is None or not math.isfinite(p) else NumberPart(value=p, text=p_value(p))
 
 
-def fact(name: str, told_as: NumberPart, words: str = "") -> tuple[FactPart, ...]:
+def fact(name: str, value: NumberPart, words: str = "") -> tuple[FactPart, ...]:
     """A number under its name; nothing where there is neither number nor text nor words.
 
     >>> fact("edges", NONE)
     ()
     """
-    return (FactPart(name=name, number=told_as, words=words),) if told_as.text or words else ()
+    return (FactPart(name=name, number=value, words=words),) if value.text or words else ()
 
 
-def quantity(told_as: NumberPart) -> str:
+def fact_text(item: FactPart) -> str:
+    """A fact in a sentence: name, value with unit, explanation.
+
+    >>> fact_text(FactPart(name="p", number=probability(1e-9), words="by edge"))
+    'p < 0.001 (by edge)'
+    >>> fact_text(FactPart(name="form", number=NONE, words="position"))
+    'form: position'
+    """
+    value = quantity(item.number)
+    if not value:
+        return f"{item.name}: {item.words}"
+    relation = f"< {value[1:]}" if value.startswith("<") else f"= {value}"
+    return f"{item.name} {relation}" + (f" ({item.words})" if item.words else "")
+
+
+def fact_line(facts: Iterable[FactPart]) -> str:
+    """Facts one after the other."""
+    return "; ".join(map(fact_text, facts))
+
+
+def quantity(value: NumberPart) -> str:
     """Text and unit, as they stand in a sentence.
 
     >>> quantity(figure(0.15, unit="mm"))
     '0.15 mm'
     """
-    return f"{told_as.text} {told_as.unit}".rstrip()
+    return f"{value.text} {value.unit}".rstrip()
+
+
+def between(low: NumberPart, high: NumberPart) -> str:
+    """Both ends of an interval, or nothing."""
+    return f"{low.text} … {high.text}" if low.text else ""
+
+
+def sentence(text: str) -> str:
+    """A clause as a sentence: a capital first, a full stop last."""
+    text = text.strip()
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")

@@ -101,6 +101,17 @@ class CoefficientPart(Part):
     printed: NumberPart  # as the paper prints it
 
 
+class CheckPart(Part):
+    """A check of a law: statistic, p value, verdict, and its sentence or the reason why it is not testable."""
+
+    name: str
+    statistic_name: str = ""
+    statistic: NumberPart = NumberPart()
+    p: NumberPart = NumberPart()
+    verdict: str  # passed, warning, failed, not testable
+    words: str = ""
+
+
 class DrawnParameterPart(Part):
     """A line of a posterior's table."""
 
@@ -143,6 +154,7 @@ class LawPart(Part):
     has_row_se: bool = False
     has_printed: bool = False
     domain: tuple[FactorRangePart, ...]
+    checks: tuple[CheckPart, ...] = ()
     verdicts: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     printed_words: str = ""

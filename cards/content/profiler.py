@@ -1,4 +1,4 @@
-"""What the profiler of a card computes from, and the same arithmetic in Python: the reference for its script."""
+"""Data of the profiler of a card, and its arithmetic in Python: the reference for the script of the page."""
 
 import math
 from collections.abc import Mapping
@@ -7,11 +7,11 @@ from ...datasets.region import ROUNDING, SLACK
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_fields import LOGARITHMIC
-from .coefficients import LEVEL
 from .design import factor_ranges, middle_of
+from .numbers import LEVEL
 from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
 
-ROW, ON_NEW_EDGE = "one further row", "one further row on a new edge"
+ROW, ON_NEW_EDGE = "one new observation", "one new observation on a new edge"
 WEARS = ("AW", "VB")
 TURNING = {"V": "m/min", "f": "mm/rev", "d": "mm"}
 MILLING = ("fz", "fm", "ae", "n")  # with one of these, V f d is no removal rate
@@ -20,7 +20,7 @@ Value = tuple[float, float | None, float | None]
 
 
 def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
-    """Sliders and laws; None where no law can be moved by a slider."""
+    """Sliders and laws; None without a power or exponential law."""
     laws = tuple(profiled(law, pf) for law in pf.laws.values() if law.form in LOGARITHMIC)
     if not laws:
         return None
@@ -36,7 +36,7 @@ def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
 
 
 def band_of(pf: ParameterFile) -> str:
-    """What the bands of the profiled laws are of."""
+    """Kind of the prediction bands of the profiled laws."""
     split = [_split(law) for law in pf.laws.values() if law.form in LOGARITHMIC]
     if all(split):
         return ON_NEW_EDGE
@@ -44,7 +44,7 @@ def band_of(pf: ParameterFile) -> str:
 
 
 def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLawPart:
-    """A law as the profiler takes it; of levels the reference."""
+    """A law with all that the profiler needs; of levels the reference."""
     covariance, scatter, t = _band(law)
     wear = next((f.symbol for f in law.factors if f.symbol in WEARS and _driven(pf, f.symbol)), "")
     return ProfiledLawPart(
@@ -67,7 +67,7 @@ def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLawPart:
 
 
 def profile(law: ProfiledLawPart, at: Mapping[str, float]) -> Value:
-    """A law's answer for one further row on a new edge: value, low and high, the ends None without a band.
+    """Prediction of a law for one new observation on a new edge: value, low and high, the ends None without a band.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def profile(law: ProfiledLawPart, at: Mapping[str, float]) -> Value:
 
 
 def inside(law: ProfiledLawPart, at: Mapping[str, float]) -> bool:
-    """Whether a point lies where the law was tested, as the profiler greys it."""
+    """Whether a point lies in the tested region; the profiler greys points outside."""
     points = [at[name] for name in law.factors]
     region = law.region
     if region is None:
@@ -123,7 +123,7 @@ def profile_all(profiler: ProfilerPart, at: Mapping[str, float]) -> dict[str, Va
 
 
 def _driven(pf: ParameterFile, wear: str) -> bool:
-    """Whether a wear can be put in from its own law, which itself asks for no wear."""
+    """Whether a wear can be substituted by its own law, which itself has no wear as a factor."""
     law = pf.laws.get(wear)
     return law is not None and law.form in LOGARITHMIC and not any(f.symbol in pf.laws for f in law.factors)
 
@@ -141,7 +141,7 @@ def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None,
 
 
 def _split(law: LawSection) -> bool:
-    """Whether the scatter between edges is told apart from that within."""
+    """Whether the variance components between and within edges are known."""
     e = law.edges
     return e is not None and e.sd_between is not None and e.sd_within is not None
 
@@ -174,7 +174,7 @@ def _leverage(space: LeverageSpacePart, z: list[float]) -> float:
 
 
 def _sliders(pf: ParameterFile, laws: tuple[ProfiledLawPart, ...]) -> tuple[FactorRangePart, ...]:
-    """A slider for each factor that no law of the profiler answers for, over all that any law was tested at."""
+    """A slider for each factor that is not itself predicted, over the union of the tested ranges."""
     put_in = {law.wear for law in laws}
     found: dict[str, FactorRangePart] = {}
     for law in pf.laws.values():

@@ -1,6 +1,6 @@
 """Statements of uncertainty: value, expanded uncertainty U = k u, coverage factor and level of confidence.
 
-Source: JCGM 100:2008 (GUM), 5.1.2 (first order), 6.2 and 6.3.3 (U = k u, k of t), 7.2.3 and 7.2.4 (how it is told),
+Source: JCGM 100:2008 (GUM), 5.1.2 (first order), 6.2 and 6.3.3 (U = k u, k of t), 7.2.3 and 7.2.4 (reporting),
 7.2.6 (two digits of u), G.3 (k from Student's t).
 """
 
@@ -15,18 +15,18 @@ from ...core.rounding import format_rounded
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_parts import ToolLifeSection
-from .coefficients import LEVEL
 from .design import at_words, middle, reference
-from .numbers import count, percent
+from .laws import degrees
+from .numbers import LEVEL, count, percent
 from .parts import NumberPart, UncertaintyPart
 from .profiler import ON_NEW_EDGE, ROW
 
 OF = {
-    "mean": "the law itself",
+    "mean": "the fitted law",
     "new": ON_NEW_EDGE,
     "independent rows": ROW,
-    "life": "the law itself",
-    "edge": "one further edge",
+    "life": "the fitted law",
+    "edge": "one new edge",
 }
 
 
@@ -44,13 +44,13 @@ class _Found:
 
 
 def statements(pf: ParameterFile) -> tuple[UncertaintyPart, ...]:
-    """Two statements a law, and two of the tool life; none of what has no covariance."""
+    """Two statements for each law and two for the tool life; none without a covariance."""
     found = [item for law in pf.laws.values() for item in of_law(law)]
     return (*found, *(of_life(pf.tool_life, pf.laws.get(pf.tool_life.wear)) if pf.tool_life else ()))
 
 
 def of_law(law: LawSection) -> tuple[UncertaintyPart, ...]:
-    """What the law itself, and one further row, are at the middle of the tests."""
+    """The law, and one new observation, at the middle of the tests."""
     at: dict[str, Any] = dict(middle(law))
     by = reference(law)
     where = at_words(law, at, by)
@@ -58,7 +58,7 @@ def of_law(law: LawSection) -> tuple[UncertaintyPart, ...]:
         kinds = [law.get_prediction("mean", LEVEL, by, **at), law.get_prediction("prediction", LEVEL, by, **at)]
     except ParameterError:
         return ()
-    df, outside = _df(law), "" if kinds[0].inside else " The middle of the ranges lies outside the tested region."
+    df, outside = degrees(law), "" if kinds[0].inside else " The middle of the ranges lies outside the tested region."
     out = []
     for p in kinds:
         found = _from_ends(float(p.value), float(p.low), float(p.high), df, multiplies=law.error == "multiplicative")
@@ -70,7 +70,7 @@ def of_law(law: LawSection) -> tuple[UncertaintyPart, ...]:
 def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyPart, ...]:
     """Tool life at the middle of the tests: ln T = (ln W - z'theta) / h, by the delta method (GUM 5.1.2).
 
-    With a new edge, whose own level is b off the law, ln T moves by b / h more.
+    For a new edge, whose level deviates by b from the law, ln T deviates by a further b / h.
     """
     if law is None or law.form != "power" or law.by is not None or not isinstance(law.uncertainty, Covariance):
         return ()
@@ -84,10 +84,10 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
     order = [law.uncertainty.of.index(name) for name in names]
     variance = float(z @ np.array(law.uncertainty.matrix)[np.ix_(order, order)] @ z)
     edge, scatter = _of_an_edge(law, life)
-    where = at_words(law, life.typical_at, digits=3)  # as the tool life itself is told
+    where = at_words(law, life.typical_at, digits=3)  # as in the text on tool life
     beyond = "" if life.typical <= life.t_observed else (
-        f" No test ran longer than {life.t_observed:.3g} {life.unit}: this is an extrapolation, and no interval of "
-        "the law counts its error."
+        f" No test lasted longer than {life.t_observed:.3g} {life.unit}: this is an extrapolation, and the interval "
+        "does not include its error."
     )  # fmt: skip
     name = f"tool life to {life.wear} {life.criterion:g} {life.unit_of_wear}"
     out = []
@@ -99,7 +99,7 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
 
 
 def _of_an_edge(law: LawSection, life: ToolLifeSection) -> tuple[str, float | None]:
-    """What scatters from edge to edge, in ln of the wear: the level of an edge, or a row where none is known."""
+    """Standard deviation between edges in ln of the wear; that of rows where edges are unknown."""
     e = law.edges
     of, sd = (OF["edge"], e.sd_between) if e is not None and e.sd_between is not None else (
         OF["independent rows"], law.residual_se
@@ -107,10 +107,6 @@ def _of_an_edge(law: LawSection, life: ToolLifeSection) -> tuple[str, float | No
     if sd is None:
         return of, None
     return of, sd if law.error == "multiplicative" else sd / life.criterion
-
-
-def _df(law: LawSection) -> int:
-    return law.uncertainty.df if isinstance(law.uncertainty, Covariance) else law.df
 
 
 def _quantile(df: int) -> float:
@@ -143,7 +139,7 @@ def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _F
         f"(Student's t, {f.df} degrees of freedom), level {level.text} %."
     )
     if f.multiplies:
-        words += f" Errors multiply, so take the interval, which is not symmetric: {low} to {high}{in_unit}."
+        words += f" With multiplicative errors use the interval, which is asymmetric: {low} to {high}{in_unit}."
     return UncertaintyPart(
         quantity=quantity,
         symbol=symbol,

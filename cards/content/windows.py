@@ -8,21 +8,20 @@ from ...parameters.sections.base import Covariance
 from ...parameters.sections.force_control import AdaptiveForceSection, RoughnessSection
 from ...parameters.sections.load_line import Bound, FeedLimit, LimitInterval, LimitsSection, LoadLineSection, Range
 from .design import middle_of, reference
-from .dynamics import sentence
-from .numbers import fact, figure, percent, quantity
+from .numbers import fact, figure, percent, quantity, sentence
 from .parts import FactPart, NumberPart, WindowPart
 
 if TYPE_CHECKING:
     from ...controllers.region.operating_point import OperatingPoint
     from ...controllers.region.visible import VisibleRegion
 
-ALONE = "The file has no power law in V and f of what they limit, so no window of operation is told from them."
+ALONE = "The file has no power law in V and f of the limited quantities, so there is no window of operation."
 BOUNDS = {"power": "power", "force": "force", "wear": "wear"}
 RANGES = {"feed": "feed", "feed_rate": "feed rate", "speed": "cutting speed", "spindle_speed": "spindle speed"}
 
 
 def windows(pf: ParameterFile) -> tuple[WindowPart, ...]:
-    """Limits, window of operation, and the settings of each controller that the file has some for."""
+    """Limits, window of operation, and the settings of each controller in the file."""
     window = operation_window(pf)
     found = (
         None if pf.limits is None else limits_window(pf.limits, alone=window is None),
@@ -35,7 +34,7 @@ def windows(pf: ParameterFile) -> tuple[WindowPart, ...]:
 
 
 def limits_window(limits: LimitsSection, *, alone: bool = False) -> WindowPart:
-    """What machine, tool and work allow; ``alone`` where no window of operation goes with them."""
+    """Limits of machine, tool and work; ``alone`` where there is no window of operation."""
     facts: list[FactPart] = []
     for name, words in BOUNDS.items():
         bound: Bound | None = getattr(limits, name)
@@ -57,19 +56,19 @@ def load_line_window(line: LoadLineSection) -> WindowPart:
     low, high = line.window
     facts = (
         *fact(f"reference load {line.load}", figure(line.reference, 6, load)),
-        *fact("load that a worn tool stands", figure(line.worn, 6, load)),
+        *fact("load limit of a worn tool", figure(line.worn, 6, load)),
         *fact("safety factor", figure(line.safety_factor, 6)),
         *_feed("upper feed limit", line.upper, feed, wear),
         *_feed("lower feed limit", line.lower, feed, wear),
-        *fact("change the tool from a wear of", figure(low, 6, wear)),
-        *fact("change the tool up to a wear of", figure(high, 6, wear)),
-        *(fact("probability that the wear lies there", percent(line.probability, 2), line.probability_of)
+        *fact("tool change, lowest wear", figure(low, 6, wear)),
+        *fact("tool change, highest wear", figure(high, 6, wear)),
+        *(fact("probability of a wear in this range", percent(line.probability, 2), line.probability_of)
           if line.probability is not None else ()),
-        *fact("dwell on the lower limit", figure(line.dwell, 6, "s")),
+        *fact("dwell time at the lower limit", figure(line.dwell, 6, "s")),
     )  # fmt: skip
     sentences = [
-        f"the loop holds {line.load} at {quantity(figure(line.reference, 6, load))} by the feed, between the two feed "
-        "limits; the tool is changed when the command rests on the lower one",
+        f"the loop controls {line.load} to {quantity(figure(line.reference, 6, load))} by the feed, between the two "
+        "feed limits; the tool is changed when the command stays at the lower one",
         *([f"no probability of the wear: {line.probability_of}"] if line.probability is None and line.probability_of
           else []),
         *line.notes,
@@ -82,9 +81,9 @@ def load_line_window(line: LoadLineSection) -> WindowPart:
 def roughness_window(r: RoughnessSection, pf: ParameterFile) -> WindowPart:
     """Settings of turning at constant roughness."""
     facts = (
-        *fact("roughness asked for", figure(r.roughness, 6, r.unit_roughness)),
+        *fact("required roughness", figure(r.roughness, 6, r.unit_roughness)),
         *fact("reference force", figure(r.force, 4, r.unit_force), f"from the law's {r.force_from}"),
-        *fact("force below which nothing is cut", figure(r.threshold, 6, r.unit_force)),
+        *fact("force threshold of a cut", figure(r.threshold, 6, r.unit_force)),
         *fact("lowest override", figure(r.override_low, 6)),
         *fact("highest override", figure(r.override_high, 6)),
         *fact("programmed feed", figure(r.feed, 6, r.unit_feed)),
@@ -93,7 +92,7 @@ def roughness_window(r: RoughnessSection, pf: ParameterFile) -> WindowPart:
         *fact("time constant of the feed drive", figure(r.servo_time, 6, "s")),
     )
     sentences = [
-        f"{r.law} is held at {quantity(figure(r.roughness, 6, r.unit_roughness))} through a force of "
+        f"{r.law} is controlled to {quantity(figure(r.roughness, 6, r.unit_roughness))} through a force of "
         f"{quantity(figure(r.force, 4, r.unit_force))}, by the feed override",
         *_reaches(r, pf),
         *r.notes,
@@ -111,16 +110,12 @@ def adaptive_force_window(a: AdaptiveForceSection) -> WindowPart:
         *fact("m", figure(a.m, 6), "first estimate, divided by k"),
         *fact("alpha", figure(a.alpha, 6), "first estimate, divided by k"),
         *fact("beta", figure(a.beta, 6), "first estimate, divided by k"),
-        *(
-            item
-            for name in ("g1", "g2", "g3")
-            for item in fact(name, figure(getattr(a, name), 6), "rate of adaptation")
-        ),
+        *(item for name in ("g1", "g2", "g3") for item in fact(name, figure(getattr(a, name), 6), "adaptation rate")),
         *fact("Kd", figure(a.Kd, 6)),
         *fact("lambda", figure(a.lam, 6, "1/s")),
         *(item for point in points for item in point),
         *fact("sample time", figure(a.sample_time, 6, "s")),
-        *fact("time of averaging", figure(a.average_time, 6, "s")),
+        *fact("averaging time", figure(a.average_time, 6, "s")),
         *fact("lowest command", figure(a.low, 6, a.unit_u)),
         *fact("highest command", figure(a.high, 6, a.unit_u)),
     )
@@ -141,7 +136,7 @@ def _feed(name: str, limit: FeedLimit, unit: str, unit_wear: str) -> tuple[FactP
 
 
 def _reaches(r: RoughnessSection, pf: ParameterFile) -> list[str]:
-    """What the roughness law says of the reference force, where it can say it."""
+    """Roughness predicted by its law at the reference force, where that is possible."""
     law = pf.laws.get(r.law)
     if law is None or law.by is not None or len(law.factors) != 1 or not isinstance(law.uncertainty, Covariance):
         return []
@@ -155,9 +150,9 @@ TITLE = "Window of operation"
 
 
 def operation_window(pf: ParameterFile) -> WindowPart | None:
-    """Corners and optimum at the middle depth and time of the tests; None where limits or laws of V and f lack.
+    """Corners and optimum at the middle depth and time of the tests; None without limits or laws of V and f.
 
-    Where the limits do not fit the laws the window says so in a sentence.
+    Where the limits do not match the laws, the window holds that sentence alone.
     """
     if not _can(pf):
         return None
@@ -191,7 +186,7 @@ def _middle(pf: ParameterFile, symbol: str) -> float | None:
 def _window(found: "VisibleRegion") -> WindowPart:
     at = f"at d {quantity(figure(found.setting.d, 6, 'mm'))} and t {quantity(figure(found.setting.t, 6, 'min'))}"
     if found.empty:
-        return WindowPart(title=TITLE, sentences=(sentence(f"nothing is allowed {at}: {found.conflict}"),))
+        return WindowPart(title=TITLE, sentences=(sentence(f"no feasible point {at}: {found.conflict}"),))
     best = found.best
     corners = (
         item
@@ -201,12 +196,12 @@ def _window(found: "VisibleRegion") -> WindowPart:
             *fact(f"corner {corner.letter}, f", figure(corner.f, 4, "mm/rev")),
         )
     )
-    held = ", held there by " + " and ".join(best.held_by) if best.held_by else ""
-    tested = "" if best.tested else "; the laws were not tested there, so try it with care before it is relied on"
+    held = ", bounded by " + " and ".join(best.held_by) if best.held_by else ""
+    tested = "" if best.tested else "; this point lies outside the tested region, so verify it before use"
     said = [
-        f"{at}, the greatest metal removal rate within the limits is {quantity(_removal(best.MRR))}{held}{tested}",
-        "the laws are taken as they stand: on a limit, about every second tool exceeds it, so stay inside by as much "
-        "as the intervals say",
+        f"{at}, the maximum metal removal rate within the limits is {quantity(_removal(best.MRR))}{held}{tested}",
+        "the window uses median predictions: at a limit about half of all tools exceed it, so keep a margin according "
+        "to the intervals",
         *found.notes,
     ]
     return WindowPart(title=TITLE, facts=(*_best(best), *corners), sentences=tuple(sentence(text) for text in said))

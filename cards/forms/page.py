@@ -1,15 +1,11 @@
 """The card as a page: one self-contained HTML file that makes no requests."""
 
-import base64
-import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from importlib.resources import files
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from ...core.rounding import format_plain, format_rounded
@@ -17,6 +13,10 @@ from ...parameters import ParameterFile
 from ..content.parts import Card, CoefficientPart, FactorRangePart, NumberPart, ProfilerPart
 from ..content.profiler import Value, inside, profile_all
 from .page_figures import vector_figures
+from .rendering import asset, checksum, environment
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 SPACES = re.compile(r"\s+")
 
@@ -67,15 +67,15 @@ def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "",
     (True, True)
     """
     figures = vector_figures(card, pf)
-    style = _asset("page.css") + _running_title(card.title)
-    script = _asset("profiler.js")
+    style = asset("page.css") + _running_title(card.title)
+    script = asset("profiler.js")
     return _template().render(
         card=card,
         figures=figures,
         style=Markup(style),  # noqa: S704  our own, the title in it as a CSS string
         script=Markup(script),  # noqa: S704  our own
-        style_hash=_checksum(style),
-        script_hash=_checksum(script),
+        style_hash=checksum(style),
+        script_hash=checksum(script),
         profiler=None if card.profiler is None else data_block(card.profiler.model_dump_json()),
         points=[] if card.profiler is None else list(points(card.profiler)),
         json_ld=data_block(json_ld),
@@ -128,29 +128,12 @@ def _running_title(title: str) -> str:
     return f'\n@page{{@top-left{{content:"{safe}"}}}}\n'
 
 
-def _checksum(text: str) -> str:
-    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
-@lru_cache(maxsize=8)
-def _asset(name: str) -> str:
-    return files("fitmodels.cards").joinpath("templates", name).read_text("utf-8")
-
-
 @lru_cache(maxsize=1)
-def _template() -> Template:
-    environment = Environment(
-        loader=PackageLoader("fitmodels.cards"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters.update(
-        n=number, interval=interval, spread=spread, equation=equation, prose=prose, doi=doi, anchor=anchor
-    )
-    return environment.get_template("page.html")
+def _template() -> "Template":
+    return environment(
+        autoescape=True, n=number, interval=interval, spread=spread, equation=equation, prose=prose, doi=doi,
+        anchor=anchor,
+    ).get_template("page.html")  # fmt: skip
 
 
 UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"

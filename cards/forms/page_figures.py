@@ -147,7 +147,7 @@ def _sentences(text: str, responses: Sequence[str]) -> list[str]:
     """What a text says of each response, where it has a sentence for each in order; else all of it, each time."""
     starts, after = [], 0
     for name in responses:
-        found = [at for turn in ("rises", "falls") if (at := text.find(f"{name} {turn} from", after)) >= 0]
+        found = [at for turn in ("increases", "decreases") if (at := text.find(f"{name} {turn} from", after)) >= 0]
         if not found:
             return [text] * len(responses)
         after = min(found)

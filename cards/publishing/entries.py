@@ -7,7 +7,7 @@ from pydantic import Field
 
 from ...parameters import ParameterFile
 from ...parameters.sections.law_fields import LOGARITHMIC
-from ..content.coefficients import degrees
+from ..content.laws import degrees
 from ..content.parts import Card, LawPart, NumberPart, Part
 
 

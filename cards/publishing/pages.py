@@ -1,18 +1,19 @@
 """The two pages of a site, each one file: its style and script stand in it, allowed by their checksums."""
 
-import base64
-import hashlib
 import json
 from collections.abc import Sequence
 from functools import lru_cache
-from importlib.resources import files
+from typing import TYPE_CHECKING
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..forms.page import data_block
+from ..forms.rendering import asset, checksum, environment
 from .comparison import comparison, tables
 from .entries import CardEntry
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 GROUPS = {
     "P": "P, steel",
@@ -50,8 +51,8 @@ def compare_page(entries: Sequence[CardEntry], title: str) -> str:
 
 
 def _page(name: str, title: str, entries: Sequence[CardEntry], **more: object) -> str:
-    style = _asset("page.css") + _asset("site.css")
-    script = _asset(f"{name}.js")
+    style = asset("page.css") + asset("site.css")
+    script = asset(f"{name}.js")
     return (
         _environment()
         .get_template(f"{name}.html")
@@ -61,8 +62,8 @@ def _page(name: str, title: str, entries: Sequence[CardEntry], **more: object) -
             simulated=sum(e.simulated for e in entries),
             style=Markup(style),  # noqa: S704  our own
             script=Markup(script),  # noqa: S704  our own
-            style_hash=_checksum(style),
-            script_hash=_checksum(script),
+            style_hash=checksum(style),
+            script_hash=checksum(script),
             **more,
         )
     )
@@ -79,21 +80,6 @@ def _choices(entries: Sequence[CardEntry]) -> dict[str, list[tuple[str, str]]]:
     return {name: sorted(options, key=lambda o: (o[1].casefold(), o)) for name, options in found.items()}
 
 
-def _checksum(text: str) -> str:
-    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
-def _asset(name: str) -> str:
-    return files("fitmodels.cards").joinpath("templates", name).read_text("utf-8")
-
-
 @lru_cache(maxsize=1)
-def _environment() -> Environment:
-    return Environment(
-        loader=PackageLoader("fitmodels.cards"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+def _environment() -> "Environment":
+    return environment(autoescape=True)

@@ -1,0 +1,95 @@
+"""Tables of a card as text, the same in the terminal and in Markdown."""
+
+from collections.abc import Mapping, Sequence
+
+from ...core.display import TextTable
+from .numbers import between, quantity
+from .parts import (
+    CheckPart,
+    CoefficientPart,
+    FactorRangePart,
+    FactPart,
+    LawPart,
+    PosteriorPart,
+    UncertaintyPart,
+)
+
+
+def coefficient_table(lines: Sequence[CoefficientPart], law: LawPart | None = None) -> TextTable:
+    """Coefficients with standard errors and intervals; of a law also other error structure and published values."""
+    texts = {field: [getattr(c, field).text for c in lines] for field in ("estimate", "se", "t", "p", "row_se")}
+    return _table({
+        "coefficient": [c.name for c in lines],
+        "estimate": texts["estimate"],
+        "SE": texts["se"],
+        "t": texts["t"],
+        "p": texts["p"],
+        f"{law.level.text if law else 95} % interval": [between(c.low, c.high) for c in lines],
+        "SE, rows independent": texts["row_se"],
+        law.other_heading if law else "": [c.other.text for c in lines],
+        "published value": [c.printed.text for c in lines],
+    })  # fmt: skip
+
+
+def check_table(checks: Sequence[CheckPart]) -> TextTable:
+    """Checks of a law: statistic, p value, verdict."""
+    return _table({
+        "check": [c.name for c in checks],
+        "statistic": [f"{c.statistic_name} = {c.statistic.text}" if c.statistic.text else "" for c in checks],
+        "p": [c.p.text for c in checks],
+        "verdict": [c.verdict for c in checks],
+    })  # fmt: skip
+
+
+def posterior_table(of: PosteriorPart) -> TextTable:
+    """Marginal posterior of each parameter, its prior, and its prior sensitivity."""
+    return _table({
+        "parameter": [p.name for p in of.parameters],
+        "median": [p.median.text for p in of.parameters],
+        "SD": [p.sd.text for p in of.parameters],
+        f"{of.level.text} % credible interval": [between(p.low, p.high) for p in of.parameters],
+        "prior": [p.prior for p in of.parameters],
+        "prior sensitivity: shift in SD with priors of half, double width": [p.moved for p in of.parameters],
+    })  # fmt: skip
+
+
+def uncertainty_table(statements: Sequence[UncertaintyPart]) -> TextTable:
+    """Value, u, U, k and interval of each statement."""
+    return _table({
+        "quantity": [s.symbol for s in statements],
+        "of": [s.of for s in statements],
+        "value": [quantity(s.value) for s in statements],
+        "u": [s.standard.text for s in statements],
+        "U": [s.expanded.text for s in statements],
+        "k": [s.k.text for s in statements],
+        "df": [s.df.text for s in statements],
+        "level": [quantity(s.level) for s in statements],
+        "interval": [between(s.low, s.high) for s in statements],
+    })  # fmt: skip
+
+
+def factor_table(factors: Sequence[FactorRangePart]) -> TextTable:
+    """Factors of the tests with their ranges and levels."""
+    return _table({
+        "factor": [f.symbol for f in factors],
+        "quantity": [f.quantity for f in factors],
+        "unit": [f.unit for f in factors],
+        "minimum": [f.low.text for f in factors],
+        "maximum": [f.high.text for f in factors],
+        "levels": [", ".join(n.text for n in f.levels) or "many" for f in factors],
+    })  # fmt: skip
+
+
+def fact_table(facts: Sequence[FactPart], heading: str) -> TextTable:
+    """Facts: name, value with unit, explanation."""
+    return _table({
+        heading: [item.name for item in facts],
+        "value": [quantity(item.number) for item in facts],
+        "explanation": [item.words for item in facts],
+    })  # fmt: skip
+
+
+def _table(columns: Mapping[str, Sequence[str]]) -> TextTable:
+    """The columns that are not empty."""
+    kept = {name: cells for name, cells in columns.items() if any(cells)}
+    return TextTable(tuple(kept), tuple(zip(*kept.values(), strict=True)))
