@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from fitmodels import datasets, fit
+from fitmodels.fit.checks.judgement import adequacy
 from scipy.special import stdtrit
 
 EXPONENTS = {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}
@@ -62,7 +63,7 @@ def main(repetitions):
         for _ in range(repetitions):
             AW = median * np.exp(noise(rng, frame["edge"].nunique(), icc, serial))
             law = fit.power_law(replace(runs, data=runs.data.assign(AW=AW)), "AW", list(EXPONENTS))
-            rejected += fit.adequacy(law).lack_of_fit.pvalue < 0.05
+            rejected += adequacy(law).checks["form"].pvalue < 0.05
             for name, theta, se, df in intervals(law):
                 reach = stdtrit(np.broadcast_to(df, len(theta))[1:], 0.975) * se[1:]
                 inside = np.abs(theta[1:] - truth) <= reach

@@ -16,9 +16,9 @@ from .bayes.priors import Priors
 from .bayes.sampling import watch
 from .beside import Beside, beside_published
 from .bootstrap import EdgeBootstrap, edge_bootstrap
-from .checks.competing_models import Forms, rival_forms
+from .checks.competing_models import CompetingModels, compare_forms
 from .checks.gauge_error import GaugeFit, gauge_corrected, sensitivity
-from .checks.judgement import Adequacy, Judgement, adequacy, judge
+from .checks.judgement import Judgement, judge
 from .checks.response_scale import error_structure
 from .checks.robust_fit import RobustFit, dominant_edge, robust
 from .checks.time_exponent import common_exponent
@@ -47,16 +47,15 @@ if TYPE_CHECKING:
     from .streamed.streamed_law import StreamedLaw
 
 __all__ = [
-    "Adequacy",
     "Beside",
     "By",
+    "CompetingModels",
     "Composite",
     "Confirmation",
     "Domain",
     "Dropped",
     "EdgeBootstrap",
     "EdgeInference",
-    "Forms",
     "GaugeFit",
     "JointPosterior",
     "Judgement",
@@ -73,9 +72,9 @@ __all__ = [
     "RobustFit",
     "StreamedLaw",
     "ToolLife",
-    "adequacy",
     "beside_published",
     "common_exponent",
+    "compare_forms",
     "composite",
     "confirm",
     "default_laws",
@@ -96,7 +95,6 @@ __all__ = [
     "pooled_exponents",
     "posterior",
     "power_law",
-    "rival_forms",
     "rival_posterior",
     "robust",
     "sensitivity",

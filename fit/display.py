@@ -7,12 +7,12 @@ import pandas as pd
 
 from ..core.display import Display, TextTable, display, estimates, joined_facts, with_error, with_unit
 from ..core.rounding import decimals, format_plain, p_value
-from .available import NotAvailable
 from .beside import Beside
 from .bootstrap import EdgeBootstrap
-from .checks.competing_models import Forms
+from .checks.check import LEVELS, TITLES, Check, format_p
+from .checks.competing_models import CompetingModels
 from .checks.gauge_error import GaugeFit
-from .checks.judgement import Adequacy, Judgement
+from .checks.judgement import Judgement
 from .checks.robust_fit import RobustFit
 from .composite import Composite
 from .confirm import Confirmation
@@ -22,7 +22,6 @@ from .lawfit import LawFit
 from .life import ToolLife
 from .linear import LinearFit
 
-CONCERN = ("passed", "warning", "failed")
 ERRORS = {"multiplicative": "multiplicative errors (log scale)", "additive": "additive errors (original scale)"}
 
 
@@ -124,22 +123,20 @@ def of_life(life: ToolLife) -> Display:
     return Display(f"{head}; {format_plain(life.typical, 3)} {life.unit} at {at}", tuple(facts), grid)
 
 
-@display.register(Adequacy)
-@display.register(Judgement)
-def of_checks(found: Adequacy | Judgement) -> Display:
-    """Each check with its result."""
-    checks, verdicts, nobs = found.checks, found.verdicts(), found.nobs
-    there = {name: check for name, check in checks.items() if not isinstance(check, NotAvailable)}
-    worst = sum(check.concern > 0 for check in there.values())
+@display.register
+def of_checks(found: Judgement) -> Display:
+    """Each check with its statistic, p and level; the verdicts of those that did not pass."""
     rows = tuple(
-        (name, "not known", "", check.reason) if isinstance(check, NotAvailable)
-        else (name, CONCERN[min(check.concern, 2)], "" if check.pvalue is None else p_value(check.pvalue), check.brief)
-        for name, check in checks.items()
-    )  # fmt: skip
-    head = f"{len(there)} checks on {nobs} rows, {worst} with something to mind"
-    return Display(
-        f"{head}. {verdicts[0]}" if verdicts else head, (), TextTable(("", "", "p", ""), rows), tuple(verdicts)
+        (TITLES[name], check.statistic_text, "" if check.pvalue is None else format_p(check.pvalue), check.level)
+        if isinstance(check, Check)
+        else (TITLES[name], "", "", "not testable")
+        for name, check in found.checks.items()
     )
+    levels = [level for *_, level in rows]
+    counts = ", ".join(f"{n} {level}" for level in (*LEVELS, "not testable") if (n := levels.count(level)))
+    sentences = tuple(text for text in found.verdicts() if not text.startswith("Passed"))
+    table = TextTable(("check", "statistic", "p", "result"), rows)
+    return Display(f"{len(rows)} checks on {found.nobs} rows: {counts}", (), table, sentences)
 
 
 @display.register(RobustFit)
@@ -196,15 +193,15 @@ def of_beside(found: Beside) -> Display:
 
 
 @display.register
-def of_forms(found: Forms) -> Display:
-    """The argument; each form with its error of foretelling."""
+def of_forms(found: CompetingModels) -> Display:
+    """The verdict; each model with its prediction error."""
     rows = tuple(
         (form.name, format_plain(form.error, 3), format_plain(form.difference, 2), format_plain(form.standard_error, 2))
-        for form in (found.power, *found.rivals)
+        for form in (found.power, *found.alternatives)
     )
     words = tuple(f"{name}: {reason}." for name, reason in found.not_fitted)
     return Display(
-        found.argument, (), TextTable(("", f"error left out, by {found.unit}", "difference", "se"), rows), words
+        found.verdict, (), TextTable(("", f"leave-one-{found.unit}-out RMS error", "difference", "se"), rows), words
     )
 
 

@@ -1,6 +1,6 @@
 """Figures of the results of this package, registered with `plot`; panels of one law in ``law_figures``."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -8,13 +8,12 @@ from matplotlib.axes import Axes
 
 from ..core.display import plot
 from ..core.plotting import BLUE, GREY, ORANGE, new_axes, whiskers
-from .available import NotAvailable
 from .beside import Beside
 from .bootstrap import EdgeBootstrap
-from .checks.check import Check
-from .checks.competing_models import Forms
+from .checks.check import LEVELS, TITLES, Check
+from .checks.competing_models import CompetingModels
 from .checks.gauge_error import GaugeFit
-from .checks.judgement import Adequacy, Judgement
+from .checks.judgement import Judgement
 from .checks.response_scale import ErrorStructure
 from .checks.robust_fit import DominantEdge, RobustFit
 from .checks.time_exponent import CommonExponent
@@ -27,19 +26,19 @@ from .lawfit import LawFit
 from .life import ToolLife
 from .linear import LinearFit
 
-TWO = 2.0  # standard errors to each side, where there is no better interval
+TWO = 2.0  # standard errors to each side, without a better interval
 
 
 def coefficients(
     names: Sequence[str], values: Iterable[float], errors: Iterable[float], ax: Axes | None = None, title: str = ""
 ) -> Axes:
-    """Coefficients within two standard errors."""
+    """Each coefficient with two standard errors."""
     rows = {n: (v, v - TWO * s, v + TWO * s) for n, v, s in zip(names, values, errors, strict=True)}
     return whiskers(_without_constant(rows), ax, label="estimate ± 2 standard errors", title=title)
 
 
 def intervals(table: pd.DataFrame, value: str, ax: Axes | None = None, title: str = "") -> Axes:
-    """Rows of a table with ``low`` and ``high``, about one of its columns."""
+    """Rows of a table with ``low`` and ``high`` about one of its columns."""
     rows = {str(name): (row[value], row["low"], row["high"]) for name, row in table.iterrows()}
     return whiskers(_without_constant(rows), ax, label="95 % interval", title=title)
 
@@ -49,28 +48,26 @@ def _without_constant(rows: dict[str, tuple[float, float, float]]) -> dict[str, 
     return {name: row for name, row in rows.items() if "ln " not in name} or rows
 
 
-@plot.register(Adequacy)
-@plot.register(Judgement)
-def checks_figure(found: Adequacy | Judgement, ax: Axes | None = None) -> Axes:
+@plot.register
+def checks_figure(found: Judgement, ax: Axes | None = None) -> Axes:
     """Each check at its level; checks that are not available are hollow."""
-    checks: Mapping[str, Check | NotAvailable] = found.checks
+    checks = found.checks
     ax = new_axes(ax, 4.8, 1.1 + 0.3 * len(checks))
     for at, check in enumerate(checks.values()):
-        known = not isinstance(check, NotAvailable)
-        level = check.concern if not isinstance(check, NotAvailable) else 0
+        known, level = isinstance(check, Check), check.concern if isinstance(check, Check) else 0
         ax.plot([level], [at], "o", ms=7, color=(BLUE, ORANGE, "#a33")[min(level, 2)] if known else GREY,
                 mfc=None if known else "none")  # fmt: skip
-    ax.set_yticks(range(len(checks)), list(checks))
-    ax.set_xticks([0, 1, 2], ["fine", "mind", "serious"])
+    ax.set_yticks(range(len(checks)), [TITLES[name] for name in checks])
+    ax.set_xticks([0, 1, 2], LEVELS)
     ax.set(xlim=(-0.4, 2.4), ylim=(len(checks) - 0.5, -0.5))
     ax.grid(axis="y", color="0.9", lw=0.6)
-    ax.set_title("hollow: cannot be known from these data", fontsize=8)
+    ax.set_title("hollow: not testable with these data", fontsize=8)
     return ax
 
 
 @plot.register
 def confirmation_figure(found: Confirmation, ax: Axes | None = None) -> Axes:
-    """New rows over what the law foretold, each with its prediction interval."""
+    """New rows and their prediction intervals, in the order of the prediction."""
     ax, rows = new_axes(ax), found.rows
     order = np.argsort(rows["predicted"].to_numpy())
     value, low, high, seen = (rows[name].to_numpy()[order] for name in ("predicted", "low", "high", "observed"))
@@ -80,29 +77,29 @@ def confirmation_figure(found: Confirmation, ax: Axes | None = None) -> Axes:
     ax.plot(x, value, "_", color=BLUE, ms=5)
     ax.plot(x[inside], seen[inside], "o", ms=4, color=BLUE, label="measured")
     ax.plot(x[~inside], seen[~inside], "o", ms=4, color=ORANGE, label="outside")
-    ax.set(xlabel="new row, by what was foretold", ylabel=found.response)
+    ax.set(xlabel="new row, in the order of its prediction", ylabel=found.response)
     ax.legend(frameon=False, fontsize=8)
     return ax
 
 
 @plot.register
 def influence_of_edges_figure(edges: EdgeInference, ax: Axes | None = None) -> Axes:
-    """How far each parameter moves without one edge, in its standard errors."""
+    """Change of each parameter without one edge, in its standard errors."""
     ax = new_axes(ax, 4.8, 3.6)
     share = edges.moved / edges.bse.to_numpy()
     for j in range(share.shape[1]):
         ax.plot(np.full(len(share), j), share[:, j], "o", ms=4, mfc="none", color=BLUE)
     ax.axhline(0, color=GREY, lw=0.8)
     ax.set_xticks(range(len(edges.names)), list(edges.names))
-    ax.set(ylabel="moved without one edge [standard errors]", title=f"{edges.n_edges} edges")
+    ax.set(ylabel="change without one edge [standard errors]", title=f"{edges.n_edges} edges")
     return ax
 
 
 @plot.register
 def dominant_edge_figure(found: DominantEdge, ax: Axes | None = None) -> Axes:
-    """How far each parameter moves without the edge that the law leans on most."""
+    """Change of each parameter without the most influential edge."""
     rows = {str(name): (float(v), 0.0, float(v)) for name, v in found.in_bse.items()}
-    return whiskers(rows, ax, label=f"moved without edge {found.edge} [standard errors]")
+    return whiskers(rows, ax, label=f"change without edge {found.edge} [standard errors]")
 
 
 @plot.register
@@ -116,17 +113,17 @@ def time_exponents_figure(found: CommonExponent, ax: Axes | None = None) -> Axes
 
 @plot.register
 def error_structure_figure(found: ErrorStructure, ax: Axes | None = None) -> Axes:
-    """How much better errors that multiply foretell than errors that add."""
+    """Log-likelihood with multiplicative errors less that with additive errors."""
     half = TWO * (found.standard_error or np.nan)
-    rows = {"multiply - add": (found.difference, found.difference - half, found.difference + half)}
+    rows = {"multiplicative - additive": (found.statistic, found.statistic - half, found.statistic + half)}
     return whiskers(rows, ax, label="log-likelihood, ± 2 standard errors", title=f"{found.response}: {found.preferred}")
 
 
 @plot.register
-def competing_models_figure(found: Forms, ax: Axes | None = None) -> Axes:
-    """Error of each rival form on left-out units, less that of the power law."""
+def competing_models_figure(found: CompetingModels, ax: Axes | None = None) -> Axes:
+    """Prediction error of each competing model on left-out units, less that of the power law."""
     rows = {form.name: (form.difference, form.difference - form.standard_error, form.difference + form.standard_error)
-            for form in found.rivals}  # fmt: skip
+            for form in found.alternatives}  # fmt: skip
     ax = whiskers(rows, ax, label="error less that of the power law, ± 1 standard error", title=found.response)
     ax.axvline(0, color=GREY, lw=0.8)
     return ax
@@ -134,7 +131,7 @@ def competing_models_figure(found: Forms, ax: Axes | None = None) -> Axes:
 
 @plot.register
 def domain_figure(domain: Domain, ax: Axes | None = None) -> Axes:
-    """What was tested of each factor, as multiples of its middle (of a law in logs), or as it is."""
+    """Tested range of each factor, as multiples of its middle for a law in logs."""
     rows = {}
     for name, unit, centre, half in zip(domain.factors, domain.units, domain.centre, domain.half_range, strict=True):
         ends = np.exp([0.0, -half, half]) if domain.logs else np.array([centre, centre - half, centre + half])
@@ -162,9 +159,9 @@ def tool_life_figure(life: ToolLife, ax: Axes | None = None) -> Axes:
 
 @plot.register
 def published_figure(found: Beside, ax: Axes | None = None) -> Axes:
-    """The printed exponents."""
+    """The published exponents."""
     exponents = {name: (v, np.nan, np.nan) for name, v in list(found.coefficients.items())[1:]}
-    return whiskers(exponents, ax, label="exponent as printed", title=found.source)
+    return whiskers(exponents, ax, label="published exponent", title=found.source)
 
 
 @plot.register

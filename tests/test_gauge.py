@@ -132,31 +132,31 @@ def test_sensitivity_is_the_fit_at_each_gauge_error():
     assert curve["AW"].is_monotonic_increasing
     assert curve["t"].is_monotonic_decreasing
     np.testing.assert_allclose(curve.loc[0.05, list(law.names)], gauge_corrected(law, 0.05).params)
-    assert "as large as all the scatter of AW" in curve.attrs["left_out"][0.5]
+    assert "as large as the variation of AW" in curve.attrs["left_out"][0.5]
     assert sensitivity(law, [0.5]).empty
 
 
 def test_words():
     weak = gauge_corrected(power(0.12, seed=3), 0.12)
     assert weak.reliability < 0.5
-    assert (weak.concern, "lean on it little" in weak.verdict) == (1, True)
+    assert (weak.concern, "weakly identified" in weak.verdict) == (1, True)
     coarse = gauge_corrected(power(), 0.006, unit="mm")
     assert coarse.coarse == int((0.006 / coarse.law.X[:, 3] > 0.3).sum())
     fine = gauge_corrected(power(0.02), 0.02)
-    assert fine.verdict.startswith("A gauge error of 0.02 ln turns the coefficient of AW in the law of P from")
+    assert fine.verdict.startswith("A gauge error of 0.02 ln changes the coefficient of AW in the law of P from")
     assert list(fine.bse.index) == ["ln c0", "V", "f", "t", "AW"]
 
 
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: gauge_corrected(power(), 0.2), "nothing of the wear itself is left"),
+        (lambda: gauge_corrected(power(), 0.2), "its exponent is not identified"),
         (lambda: gauge_corrected(as_many_rows_as_parameters(), 0.01), "5 observations fix 5 parameters"),
         (
             lambda: gauge_corrected(fit.power_law(cut(), "P", ["V", "AW"], error="additive"), 0.01),
             "fit with error='multiplicative'",
         ),
-        (lambda: gauge_corrected(power(noise=0.0), 0.01), "meets every row exactly"),
+        (lambda: gauge_corrected(power(noise=0.0), 0.01), "fits every row exactly"),
     ],
 )
 def test_what_cannot_be_corrected_says_why(make, words):

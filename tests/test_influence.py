@@ -150,7 +150,7 @@ def test_a_law_that_predicts_worse_than_the_mean():
     of_press = left_out(law)[1]
     assert of_press.predicted_rsquared < 0
     assert of_press.concern == 2
-    assert "do not use it" in of_press.verdict
+    assert "do not use the law" in of_press.verdict
 
 
 @pytest.mark.parametrize("factors", [NAMES, [*NAMES, "AW"]])
@@ -168,7 +168,7 @@ def test_wear_among_the_factors_is_said(bundled):
     found = collinearity(fit.power_law(bundled, "P", [*NAMES, "AW"]))
     assert found.concern == 1
     assert {"V", "AW"} <= set(found.entangled)
-    assert "for AW" in found.verdict
+    assert "of AW" in found.verdict
 
 
 @settings(max_examples=30, deadline=None)

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.check import p_in_words
+from fitmodels.fit.checks.check import format_p
 from fitmodels.fit.checks.model_checks import lack_of_fit
 from fitmodels.fit.checks.strata import split
 from statsmodels.regression.linear_model import OLS
@@ -154,7 +154,7 @@ def test_a_bent_law_is_found():
     bend = 0.8 * (Z[:, 1] - Z[:, 1].mean()) ** 2
     found = form_of(with_response(law, Z @ THETA + bend + 0.05 * rng.normal(size=len(at))))
     assert found.concern == 2
-    assert "second-order or rival form" in found.verdict
+    assert "second-order or competing model" in found.verdict
 
 
 def test_a_unit_scales_nothing():
@@ -175,7 +175,8 @@ def test_additive_errors_are_tested_too():
 
 
 @pytest.mark.parametrize(
-    ("p", "words"), [(0.0004, "p < .001"), (0.01504, "p .015"), (0.2, "p .20"), (1.0, "p 1.00"), (0.0999, "p .100")]
+    ("p", "words"),
+    [(0.0004, "p < .001"), (0.01504, "p = .015"), (0.2, "p = .20"), (1.0, "p = 1.00"), (0.0999, "p = .100")],
 )
 def test_p_is_told_as_papers_print_it(p, words):
-    assert p_in_words(p) == words
+    assert format_p(p) == words

@@ -107,7 +107,7 @@ def test_rows_are_put_in_order_of_time():
     assert again.correlation == pytest.approx(found.correlation, rel=1e-9)
     assert again.pvalue == pytest.approx(found.pvalue, rel=1e-6)
     assert found.concern == 2
-    assert "follow each other" in found.verdict
+    assert "Positive autocorrelation" in found.verdict
 
 
 @pytest.mark.parametrize("per_edge", [2, 3, 6])
@@ -149,7 +149,7 @@ def test_what_is_wrong_is_found():
 def test_a_uniform_scatter_cannot_be_compared():
     law, _ = design()
     flat = Residuals("rows", np.tile([1.0, -1.0], 12), ("V",), np.arange(24.0)[:, None], 22)
-    assert "all of one size" in str(spread(law, flat))
+    assert "all equal in size" in str(spread(law, flat))
     assert "no factor changes" in str(spread(law, replace(flat, terms=np.ones((24, 1)))))
     assert "too few" in str(spread(law, replace(flat, free=3)))
-    assert "shape shows from 8 on" in str(normality(replace(flat, free=7)))
+    assert "the test needs 8" in str(normality(replace(flat, free=7)))

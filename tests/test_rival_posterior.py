@@ -12,7 +12,7 @@ from fitmodels.fit.bayes.competing_posterior import rival_posterior
 from fitmodels.fit.bayes.convergence import agree
 from fitmodels.fit.bayes.ensemble_sampler import chains
 from fitmodels.fit.bayes.exact_draws import exact
-from fitmodels.fit.checks.competing_forms import rival_makers
+from fitmodels.fit.checks.competing_forms import form_makers
 from scipy.stats import multivariate_normal
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
@@ -45,7 +45,7 @@ def law_of(*args, error="multiplicative", **kwargs):
 
 
 def added(law, edges=True):
-    return additive_wear(law, rival_makers(law)[1][1](law), edges)
+    return additive_wear(law, form_makers(law)[1][1](law), edges)
 
 
 @pytest.mark.parametrize("error", ["multiplicative", "additive"])

@@ -44,7 +44,7 @@ def test_likelihoods_are_those_of_the_densities():
 def test_the_truth_is_preferred_whichever_was_fitted(truth, fitted):
     found = error_structure(law(truth, fitted))
     assert (found.preferred, found.sure, found.concern) == (truth, True, 0 if truth == fitted else 2)
-    assert found.verdict.startswith("Errors multiply: the log" if truth == "multiplicative" else "Errors add: the nat")
+    assert found.verdict.startswith(f"{truth.capitalize()} errors are preferred (log-likelihood higher by")
     assert (f"fit with error='{truth}'" in found.verdict) == (truth != fitted)
 
 
@@ -52,7 +52,7 @@ def test_the_truth_is_preferred_whichever_was_fitted(truth, fitted):
 @given(st.floats(1e-4, 1e4))
 def test_units_do_not_matter(unit):
     plain, scaled = error_structure(law("multiplicative")), error_structure(law("multiplicative", unit=unit))
-    assert scaled.difference == pytest.approx(plain.difference, abs=1e-5)
+    assert scaled.statistic == pytest.approx(plain.statistic, abs=1e-5)
     assert scaled.standard_error == pytest.approx(plain.standard_error, abs=1e-5)
 
 
@@ -73,7 +73,7 @@ def test_a_law_that_hardly_changes_tells_nothing():
     frame["F"] = 100 * (frame["F"] / 100) ** 0.01
     found = error_structure(fit.power_law(datasets.runs_from_frame(frame), "F", ["V", "t"]))
     assert (found.preferred, found.concern) == (None, 0)
-    assert "do not tell whether errors multiply or add" in found.verdict
+    assert "errors fit equally well" in found.verdict
 
 
 def test_one_edge_has_no_standard_error():
@@ -99,12 +99,12 @@ def three_rows():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (exact, "meets every row exactly"),
+        (exact, "fits every row exactly"),
         (below_zero, "1 of 96 rows of F are not above zero"),
         (lambda: three_rows(), "3 observations fix 3 parameters exactly"),
         (
             lambda: fit.load_law(datasets.read_runs(datasets.bundled("clm2023_end_milling"))),
-            "straight line: its errors add",
+            "linear: its errors are additive",
         ),
     ],
 )
@@ -123,6 +123,6 @@ def test_the_bundled_laws_multiply():
 def test_nasa_wear_does_not_tell_surely(measurements):
     runs = datasets.read_runs(measurements / "nasa_milling" / "nasa_mill_runs.csv")
     found = error_structure(fit.power_law(runs, "VB", ["t", "f", "d"], by="material"))
-    assert found.difference == pytest.approx(2.64, abs=0.005)
+    assert found.statistic == pytest.approx(2.64, abs=0.005)
     assert not found.sure
-    assert "standard error of 14 over 15 edges" in found.verdict
+    assert "± 14 over 15 edges, not significant" in found.verdict

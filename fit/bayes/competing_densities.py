@@ -83,10 +83,10 @@ def additive_wear(law: "LawFit", fitted: "FittedForm", edges: bool, errors: Erro
     Examples
     --------
     >>> from fitmodels import datasets, fit
-    >>> from fitmodels.fit.checks.competing_forms import rival_makers
+    >>> from fitmodels.fit.checks.competing_forms import form_makers
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     >>> law = fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"])
-    >>> name, make = rival_makers(law)[1]
+    >>> name, make = form_makers(law)[1]
     >>> additive_wear(law, make(law), edges=True).told_names
     ('ln c0', 'V', 'f', 'd', 't', 'k', 'sd', 'icc')
     """

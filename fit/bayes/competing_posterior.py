@@ -20,7 +20,7 @@ from ...core.display import Plottable
 from ...core.errors import UsageError
 from ...core.threads import one_thread
 from ..available import NotAvailable
-from ..checks.competing_forms import FittedForm, rival_makers
+from ..checks.competing_forms import FittedForm, form_makers
 from ..checks.strata import no_scatter
 from ..checks.time_exponent import TIME
 from .competing_densities import EdgeSlopes, additive_wear, edge_slopes
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 RivalName = Literal[
     "exponential in wear", "additive in wear", "an exponent of t per edge", "second order in logs"
-]  # in the order of ``rival_makers``
+]  # in the order of ``form_makers``
 
 SMALL = 4.0  # nats: differences below are small, and their standard error is then too small
 CURVATURE = Normal(0.0, 1.0)
@@ -188,7 +188,7 @@ def _density(law: "LawFit", form: RivalName, edges: bool) -> tuple[LawDensity, s
         return edge_slopes(
             law
         ), f"{law.response} = c0 {' '.join(f'{x}^b_{x}' for x in law.factors)} {TIME}^u, u of each edge"
-    _, make = rival_makers(law)[get_args(RivalName).index(form)]
+    _, make = form_makers(law)[get_args(RivalName).index(form)]
     fitted = make(law)
     if isinstance(fitted, NotAvailable):
         return fitted

@@ -8,30 +8,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import concern_of, p_in_words
+from .check import Check, concern_of, format_p
 from .residual_tests import HELD
 from .strata import Array, Strata, no_scatter
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class SerialCorrelation(Displayable):
-    """Pooled lag-1 correlation of residuals within edges, each edge having its own level.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class SerialCorrelation(Check):
+    """Test of the pooled lag-1 correlation of residuals within edges, each edge having its own level.
 
-    Removing the level alone makes it about ``-1/(m - 1)`` for m rows an edge, so it is set beside its exact mean
-    and variance under independence; the p-value is that of a beta variable with these moments.
+    Removing the level alone gives it an expectation of about ``-1/(m - 1)`` for m rows per edge, so it is compared with
+    its exact mean and variance under independence; the p-value is that of a beta variable with these moments, the
+    statistic the standardised difference.
 
     Attributes
     ----------
     correlation, expected, sd : float
-        What was found, and its mean and standard deviation for independent rows.
+        The correlation, and its mean and standard deviation for independent rows.
     nobs, n_edges : int
-        Rows and edges that tell it.
+        Rows and edges with more than one row.
     order : str
-        What rows were put in order by: ``t`` or ``line of the file``.
-    pvalue : float
+        Order of the rows: ``t`` or ``line of the file``.
     """
 
     correlation: float
@@ -40,49 +39,10 @@ class SerialCorrelation(Displayable):
     nobs: int
     n_edges: int
     order: str
-    pvalue: float
-
-    @property
-    def null(self) -> str:
-        """What the test takes for granted until it rejects it."""
-        return "rows of an edge scatter about its level independently of each other"
-
-    @property
-    def statistic(self) -> float:
-        """Standard deviations between the correlation and what independence gives."""
-        return (self.correlation - self.expected) / self.sd
-
-    @property
-    def df(self) -> None:
-        """None: the p-value follows from two exact moments."""
-        return
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 below .05, 2 below .001. Cause: cumulative wear, or edges with time exponents of their own."""
-        return concern_of(self.pvalue)
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"independent rows within edges {p_in_words(self.pvalue)}"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        found = f"lag-1 {self.correlation:.2f} where independence gives {self.expected:.2f}, {p_in_words(self.pvalue)}"
-        if not self.concern:
-            return f"Rows of an edge do not follow each other ({found})."
-        if self.correlation < self.expected:
-            return f"Rows of an edge swing about each other ({found}): check how wear was read and in which order."
-        return (
-            f"Rows of an edge follow each other ({found}): wear adds up or edges differ in their course, so trust "
-            "only the by-edge interval for what changes within edges."
-        )
 
 
 def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorrelation | NotAvailable:
-    """Pooled lag-1 correlation within edges, in order of time where the law has it, else of the file."""
+    """Test the pooled lag-1 correlation within edges, in order of time where the law has it, else of the file."""
     from scipy.special import betainc
 
     if reason := no_scatter(law):
@@ -95,17 +55,40 @@ def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorr
     order = np.lexsort((law.lines, key, strata.edge))
     mean, variance = _moments(strata, order)
     if variance < HELD or total <= HELD**2 * law.rss:
-        return NotAvailable("rows of an edge can only be told to follow each other where edges have three or more")
+        return NotAvailable("rows of an edge show autocorrelation only where edges have three or more")
     rest, same = strata.rest[order], np.diff(strata.edge[order]) == 0
     found = float((rest[1:] * rest[:-1])[same].sum()) / total
     x, m, v = (found + 1) / 2, (mean + 1) / 2, variance / 4
     size = m * (1 - m) / v - 1
     below = float(betainc(m * size, (1 - m) * size, x))
     rows = np.bincount(strata.edge)
+    sd, p = variance**0.5, min(1.0, 2 * min(below, 1 - below))
     return SerialCorrelation(
-        found, mean, variance**0.5, int(rows[rows > 1].sum()), int((rows > 1).sum()),
-        "t" if by_time else "line of the file", min(1.0, 2 * min(below, 1 - below)),
-    )  # fmt: skip
+        null="residuals of an edge are independent about its level",
+        statistic=(found - mean) / sd,
+        symbol="z of lag-1 correlation",
+        pvalue=p,
+        concern=concern_of(p),
+        verdict=_verdict(found, mean, p),
+        correlation=found,
+        expected=mean,
+        sd=sd,
+        nobs=int(rows[rows > 1].sum()),
+        n_edges=int((rows > 1).sum()),
+        order="t" if by_time else "line of the file",
+    )
+
+
+def _verdict(found: float, expected: float, p: float) -> str:
+    result = f"lag-1 correlation {found:.2f}, expected {expected:.2f} under independence, {format_p(p)}"
+    if not concern_of(p):
+        return f"No autocorrelation of residuals within edges ({result})."
+    if found < expected:
+        return f"Negative autocorrelation of residuals within edges ({result}): check the order and reading of wear."
+    return (
+        f"Positive autocorrelation of residuals within edges ({result}), as of cumulative wear or edges that "
+        "differ in course: use cluster-robust intervals only for factors that change within edges."
+    )
 
 
 def _moments(strata: Strata, order: NDArray[np.intp]) -> tuple[float, float]:
@@ -117,9 +100,9 @@ def _moments(strata: Strata, order: NDArray[np.intp]) -> tuple[float, float]:
     edge, level, basis = strata.edge[order], strata.level[order], strata.basis[order]
     same = np.diff(edge) == 0
     by_edge = np.bincount
-    beside = _neighbours(level, same)
-    one = by_edge(edge, weights=level * beside) / strata.weight
-    two = by_edge(edge, weights=beside**2) / strata.weight
+    neighbours = _neighbours(level, same)
+    one = by_edge(edge, weights=level * neighbours) / strata.weight
+    two = by_edge(edge, weights=neighbours**2) / strata.weight
     of_basis = np.column_stack([_neighbours(q, same) for q in basis.T]) if basis.shape[1] else basis
     inner = basis.T @ of_basis
     shared = sum(float((by_edge(edge, weights=level * q) ** 2 / strata.weight).sum()) for q in of_basis.T)

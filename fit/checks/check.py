@@ -1,115 +1,148 @@
-"""What every check of a law says of itself, and how it is told: p-values in words, the worst check first."""
+"""The result of one check of a law, and the list of several: null hypothesis, statistic, p, level and verdict."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
+from ...core.display import Displayable
 from ...core.errors import UsageError
+from ...core.rounding import format_plain
 from ..available import NotAvailable
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-SIGNIFICANT, STRONG = 0.05, 0.001  # p-values below which a test is of concern
+SIGNIFICANT, STRONG = 0.05, 0.001  # p-values below which a test gives a warning, or fails
+LEVELS = ("passed", "warning", "failed")  # by ``Check.concern``
+
+# Title of each check by its key in `Judgement.checks` and in parameter files.
+TITLES: Mapping[str, str] = MappingProxyType({
+    "form": "Lack of fit",
+    "single edges": "Influence (Cook's distance)",
+    "prediction": "Prediction of left-out units (PRESS)",
+    "collinearity": "Multicollinearity (VIF)",
+    "signal to noise": "Adequate precision",
+    "scale of the response": "Box-Cox transform",
+    "order within edges": "Autocorrelation within edges",
+    "even scatter": "Homoscedasticity",
+    "even scatter of edges": "Homoscedasticity of edge levels",
+    "normality": "Normality of residuals",
+    "normality of edges": "Normality of edge levels",
+    "error structure": "Error structure",
+    "rival forms": "Competing models",
+    "time exponent": "Common time exponent",
+    "dominant edge": "Dominant edge",
+    "robust refit": "Robust refit (Huber)",
+    "gauge error": "Measurement error of wear",
+})  # fmt: skip
+BY_EDGE = ("order within edges", "even scatter of edges", "normality of edges")  # not applicable to independent rows
 
 
-class Check(Protocol):
-    """What every check of a law says of itself."""
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Check(Displayable):
+    """One test or diagnostic of a law.
+
+    Attributes
+    ----------
+    null : str
+        Null hypothesis of a test, or the requirement that a rule of thumb checks.
+    statistic : float
+    symbol : str
+        Name of the statistic: ``F``, ``max. VIF``; empty where the check has none (its ``statistic`` is then 0).
+    df : int, tuple of int, or None
+        Degrees of freedom, None where there are none.
+    pvalue : float or None
+        None where a rule of thumb decides.
+    concern : int
+        0 passed, 1 warning, 2 failed.
+    verdict : str
+        One sentence: the finding, and the remedy where there is one to take.
+    """
+
+    null: str
+    statistic: float = 0.0
+    symbol: str = ""
+    df: int | tuple[int, int] | None = None
+    pvalue: float | None = None
+    concern: int = 0
+    verdict: str
 
     @property
-    def null(self) -> str:
-        """What it takes for granted."""
+    def level(self) -> str:
+        """``passed``, ``warning`` or ``failed``."""
+        return LEVELS[min(self.concern, 2)]
 
     @property
-    def statistic(self) -> float:
-        """Its figure."""
+    def result(self) -> str:
+        """Statistic and p.
+
+        >>> Check(null="", statistic=1.318, symbol="F", df=(11, 9), pvalue=0.336, verdict="").result
+        'F(11, 9) = 1.32, p = .34'
+        """
+        return ", ".join(
+            part for part in (self.statistic_text, "" if self.pvalue is None else format_p(self.pvalue)) if part
+        )
 
     @property
-    def df(self) -> int | tuple[int, int] | None:
-        """Degrees of freedom, None where it has none."""
-
-    @property
-    def pvalue(self) -> float | None:
-        """P-value, None where a rule decides."""
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 look at it, 2 act on it."""
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-
-
-class ByRule:
-    """A check that a limit from the books decides: no distribution is attached to its figure."""
-
-    __slots__ = ()
-
-    @property
-    def df(self) -> int | tuple[int, int] | None:
-        """None: no distribution is attached to it."""
-        return None
-
-    @property
-    def pvalue(self) -> None:
-        """None: its limit is a rule."""
-        return
+    def statistic_text(self) -> str:
+        """The statistic with its symbol, and degrees of freedom where it has a p-value; empty without a statistic."""
+        if not self.symbol:
+            return ""
+        if self.df is None or self.pvalue is None:
+            df = ""
+        else:
+            df = f"({self.df})" if isinstance(self.df, int) else f"({self.df[0]}, {self.df[1]})"
+        return f"{self.symbol}{df} = {format_plain(self.statistic, 3)}"
 
 
 def concern_of(p: float) -> int:
-    """0 fine, 1 below .05, 2 below .001."""
+    """0 passed, 1 below .05, 2 below .001."""
     return int(p < SIGNIFICANT) + int(p < STRONG)
 
 
-def p_in_words(p: float) -> str:
-    """A p-value as the papers print it: ``p .015``.
+def format_p(p: float) -> str:
+    """A p-value in the usual notation.
 
-    Examples
-    --------
-    >>> p_in_words(0.0153), p_in_words(0.5), p_in_words(1e-9)
-    ('p .015', 'p .50', 'p < .001')
+    >>> format_p(0.0153), format_p(0.5), format_p(1e-9)
+    ('p = .015', 'p = .50', 'p < .001')
     """
     if p < STRONG:
         return "p < .001"
-    return f"p {p:.{3 if p < 0.1 else 2}f}".replace(" 0.", " .")
+    return f"p = {p:.{3 if p < 0.1 else 2}f}".replace(" 0.", " .")
 
 
-def worst_first(checks: Mapping[str, Check | NotAvailable], rows_are_independent: bool, most: int) -> tuple[str, ...]:
-    """At most ``most`` sentences of checks: what is wrong, what cannot be told, and in one sentence what is well."""
+def sentences(checks: Mapping[str, Check | NotAvailable], rows_are_independent: bool, most: int) -> tuple[str, ...]:
+    """At most ``most`` sentences: verdicts of failed checks and warnings, what is not testable, what passed."""
     if most < 1:
-        raise UsageError(f"most={most}: at least one sentence is needed to say anything.")
-    there: list[Check] = [check for check in checks.values() if not isinstance(check, NotAvailable)]
-    wrong = sorted((check for check in there if check.concern), key=lambda check: -check.concern)
-    fine = [check.brief for check in there if not check.concern]
-    well = [f"{'In order' if wrong else 'Nothing speaks against the law'}: {', '.join(fine)}."] if fine else []
-    told = [*(check.verdict for check in wrong), *_unknown(checks, rows_are_independent)]
-    kept = told[: most - len(well)] if most > 1 else (told or well)[:1]
-    return (*kept, *(well if most > 1 else ()))
+        raise UsageError(f"most={most}: at least one sentence is needed.")
+    there = {name: check for name, check in checks.items() if isinstance(check, Check)}
+    wrong = sorted((check for check in there.values() if check.concern), key=lambda check: -check.concern)
+    fine = [": ".join(filter(None, (TITLES[name], check.result))) for name, check in there.items() if not check.concern]
+    passed = [f"Passed: {'; '.join(fine)}."] if fine else []
+    first = [*(check.verdict for check in wrong), *_not_testable(checks, rows_are_independent)]
+    if most == 1:
+        return tuple((first or passed)[:1])
+    return (*first[: most - len(passed)], *passed)
 
 
-def _unknown(checks: Mapping[str, Check | NotAvailable], rows_are_independent: bool) -> list[str]:
-    """One sentence for each reason, with all that it keeps from being known."""
+def _not_testable(checks: Mapping[str, Check | NotAvailable], rows_are_independent: bool) -> list[str]:
+    """One sentence for each reason, with all checks that are not available for it."""
     reasons: dict[str, list[str]] = {}
-    by_edge = {"order within edges", "even scatter of edges", "normality of edges"}
     for name, check in checks.items():
-        # of independent rows these are no loss
-        if isinstance(check, NotAvailable) and not (rows_are_independent and name in by_edge):
-            reasons.setdefault(check.reason, []).append(name)
-    return [f"Not known ({', '.join(names)}): {reason}." for reason, names in reasons.items()]
+        if isinstance(check, NotAvailable) and not (rows_are_independent and name in BY_EDGE):
+            reasons.setdefault(check.reason, []).append(TITLES[name])
+    return [f"Not testable ({'; '.join(names)}): {reason}." for reason, names in reasons.items()]
 
 
 def frame_of_checks(checks: Mapping[str, Check | NotAvailable]) -> "DataFrame":
-    """A row a check; of one that cannot be had, the reason."""
-    import pandas as pd
+    """A row for each check; of one that is not available, the reason as its verdict."""
+    from pandas import DataFrame
 
     rows = {
-        name: (None, None, None, check.reason)
-        if isinstance(check, NotAvailable)
-        else (check.concern, check.statistic, check.pvalue, check.verdict)
+        name: (check.concern, check.statistic, check.pvalue, check.verdict)
+        if isinstance(check, Check)
+        else (None, None, None, check.reason)
         for name, check in checks.items()
     }
-    return pd.DataFrame.from_dict(rows, orient="index", columns=["concern", "statistic", "pvalue", "verdict"])
+    return DataFrame.from_dict(rows, orient="index", columns=["concern", "statistic", "pvalue", "verdict"])

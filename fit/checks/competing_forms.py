@@ -24,7 +24,7 @@ from .strata import Array, units_of
 from .time_exponent import TIME, common_exponent, slope_spread, whitened
 
 SHARES = (0.1, 0.5)  # of the response that wear adds, from which the additive form starts
-NOTHING = 1e-6  # share of the response below which wear adds nothing
+NEGLIGIBLE = 1e-6  # share of the response below which the contribution of wear is zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +50,8 @@ def power_form(law: LawFit) -> FittedForm:
     return fit
 
 
-def rival_makers(law: LawFit) -> list[tuple[str, Callable[[LawFit], FittedForm | NotAvailable]]]:
-    """The rivals of a power law by name, each with what fits it or says why it cannot."""
+def form_makers(law: LawFit) -> list[tuple[str, Callable[[LawFit], FittedForm | NotAvailable]]]:
+    """Forms that compete with a power law by name, each with the function that fits it."""
     wear = _wear(law) or "wear"
     return [
         (f"exponential in {wear}", _exponential),
@@ -101,10 +101,10 @@ def _additive(law: LawFit) -> FittedForm | NotAvailable:
     per_k = float(np.exp(level) / law.X[:, j].mean())
     found = _additive_fit(Z - centre, law.X[:, j] / law.X[:, j].mean(), y - level)
     if found is None:
-        return NotAvailable("least squares with wear added does not converge")
+        return NotAvailable("least squares with additive wear does not converge")
     theta, share, gradient, r = found
-    if share < NOTHING:
-        return NotAvailable(f"{law.response} does not rise with {wear} by addition: k comes out as zero")
+    if share < NEGLIGIBLE:
+        return NotAvailable(f"{law.response} has no additive contribution of {wear}: the estimate of k is zero")
     theta[0] += level - float(centre @ theta)
     names = ["ln c0", *(name for name in law.names[1:] if name != wear), "k"]
     coefficients = dict(zip(names, [*theta.tolist(), share * per_k], strict=True))
@@ -117,7 +117,7 @@ def _additive_fit(Z: Array, w: Array, y: Array) -> tuple[Array, float, Array, Ar
     from scipy.optimize import least_squares
 
     def parts(x: Array) -> tuple[Array, Array]:
-        with np.errstate(over="ignore"):  # a wild trial step: it is turned down
+        with np.errstate(over="ignore"):  # a trial step that the solver rejects
             product = np.exp(np.minimum(Z @ x[:-1], 300.0))
         return product, product + x[-1] * w
 
@@ -143,14 +143,14 @@ def _additive_fit(Z: Array, w: Array, y: Array) -> tuple[Array, float, Array, Ar
 def _per_edge(law: LawFit) -> FittedForm | NotAvailable:
     """The law with a random level and a random exponent of t for each edge; a new edge has the common ones.
 
-    For a new edge it differs from the power law by the weight of each edge alone, and that may win by luck:
-    so it stands as a rival only where a common exponent is rejected.
+    Its prediction of a new edge differs from the power law only by the weights of the edges, which may be better by
+    chance; so it is compared only where a common exponent is rejected.
     """
     test = common_exponent(law)
     if isinstance(test, NotAvailable):
         return test
     if not test.concern:
-        return NotAvailable(f"not called for: {test.verdict[0].lower()}{test.verdict[1:].rstrip('.')}")
+        return NotAvailable(f"not needed: {test.verdict[0].lower()}{test.verdict[1:].rstrip('.')}")
     Z, y = law.law.design(law.X, law.shifts), np.log(law.observed)
     edge = units_of(law)[1]
     time = np.log(law.X[:, law.factors.index(TIME)])
@@ -158,7 +158,7 @@ def _per_edge(law: LawFit) -> FittedForm | NotAvailable:
     try:
         D = slope_spread(Z, y, edge, time)
     except np.linalg.LinAlgError:
-        return NotAvailable("the spread of levels and exponents of the edges cannot be told from these rows")
+        return NotAvailable("the variances of levels and exponents of the edges are not identified by these rows")
     turned = whitened(np.column_stack([Z, y]), edge, time, D)
     fit = linear(turned[:, :-1], turned[:, -1])
     rest = turned[:, -1] - turned[:, :-1] @ fit.params
@@ -177,10 +177,10 @@ def _second_order(law: LawFit) -> FittedForm | NotAvailable:
     terms = np.column_stack([x, *(x[:, i] * x[:, j] for i, j in pairs)])
     keep, _ = identifiable(names, terms, law.shifts, logs=False)
     if len(keep) == x.shape[1]:
-        return NotAvailable("no square or product of the factors can be told from the factors in these rows")
+        return NotAvailable("all squares and products of the factors are aliased with the factors in these rows")
     Z = np.hstack([np.ones((len(x), 1)), terms[:, keep], law.shifts])
     if Z.shape[1] >= len(Z):
-        return NotAvailable(f"{len(Z)} rows for {Z.shape[1]} coefficients leave nothing over")
+        return NotAvailable(f"{len(Z)} rows for {Z.shape[1]} coefficients leave no degrees of freedom")
     shifts = law.names[1 + x.shape[1] :]
     formula = f"ln {law.response} = a + sum b_j x_j + sum b_jk x_j x_k, x about its mean"
     return _straight(

@@ -17,14 +17,15 @@ from ...core.display import Displayable, Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..linear import linear
-from .competing_forms import FittedForm, power_form, rival_makers
+from .check import Check
+from .competing_forms import FittedForm, form_makers, power_form
 from .deletion_diagnostics import ALONE
 from .strata import Array, Codes, no_scatter, units_of
 from .time_exponent import CommonExponent, common_exponent
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class RivalForm(Displayable):
+class CompetingModel(Displayable):
     """One form, fitted.
 
     Attributes
@@ -33,9 +34,9 @@ class RivalForm(Displayable):
     coefficients : mapping of str to float
         As the formula names them, ``ln c0`` for the constant.
     error : float
-        Root mean square of what left-out units miss by, in ln R.
+        Root mean squared prediction error of left-out units, in ln R.
     difference, standard_error : float
-        Its ``error`` less that of the power law, and the standard error of that over the units.
+        Its ``error`` less that of the power law, and the standard error of the difference over the units.
     """
 
     name: str
@@ -47,66 +48,45 @@ class RivalForm(Displayable):
 
     @property
     def better(self) -> bool:
-        """Whether it beats the power law by more than one standard error."""
+        """Whether its error is smaller than that of the power law by more than one standard error."""
         return self.difference < -self.standard_error
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Forms(Plottable):
-    """Rival forms of one law.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class CompetingModels(Check, Plottable):
+    """Competing models of one law; the statistic is the ``difference`` of the chosen one.
 
     Attributes
     ----------
     response : str
-    power : RivalForm
+    power : CompetingModel
         The power law itself; its difference is 0.
-    rivals : tuple of RivalForm
+    alternatives : tuple of CompetingModel
         Best first.
     not_fitted : tuple of (str, NotAvailable)
-        Forms that could not be had, each with its reason.
+        Forms that could not be fitted, each with its reason.
     common_exponent : CommonExponent or NotAvailable
-        Test of one time exponent for all edges.
+        Test of one time exponent of all edges.
     unit, units : str, int
         What was left out, ``edge`` or ``row``, and how many there are.
     """
 
     response: str
-    power: RivalForm
-    rivals: tuple[RivalForm, ...]
+    power: CompetingModel
+    alternatives: tuple[CompetingModel, ...]
     not_fitted: tuple[tuple[str, NotAvailable], ...]
     common_exponent: CommonExponent | NotAvailable
     unit: str
     units: int
 
     @property
-    def chosen(self) -> RivalForm:
-        """The power law, or the best rival where that beats it by more than one standard error."""
-        return next((rival for rival in self.rivals if rival.better), self.power)
-
-    @property
-    def concern(self) -> int:
-        """0 the power law stands, 1 a rival is better. Cause: curvature, or another role of wear."""
-        return int(self.chosen is not self.power)
-
-    @property
-    def argument(self) -> str:
-        """The choice in two sentences."""
-        left = f"Leaving out one {self.unit} at a time, the power law misses {self.response} by"
-        left += f" {100 * np.expm1(self.power.error):.3g} %"
-        if not self.rivals:
-            return f"{left}. No rival form can be fitted to these rows, so the power law stands unopposed."
-        best = self.chosen if self.concern else self.rivals[0]
-        first = f"{left}, the form {best.name} by {100 * np.expm1(best.error):.3g} %."
-        gap = f"{abs(best.difference):.2g} +- {best.standard_error:.2g} in ln {self.response}"
-        if self.concern:
-            return f"{first} That is better by {gap}, more than one standard error, so {best.name} is preferred."
-        if best.difference < 0:
-            return f"{first} That is better by {gap}, not more than one standard error, so the power law is kept."
-        return f"{first} The best rival is worse by {gap}, so the power law is kept."
+    def chosen(self) -> CompetingModel:
+        """The power law, or the best alternative where it is better by more than one standard error."""
+        return _chosen(self.power, self.alternatives)
 
 
-def rival_forms(law: LawFit) -> Forms | NotAvailable:
-    """Fit the rival forms to the rows of a power law, and compare them by units left out.
+def compare_forms(law: LawFit) -> CompetingModels | NotAvailable:
+    """Fit competing models to the rows of a power law, and compare them by cross-validation over units.
 
     Parameters
     ----------
@@ -117,31 +97,39 @@ def rival_forms(law: LawFit) -> Forms | NotAvailable:
     --------
     >>> from fitmodels import datasets, fit
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
-    >>> rival_forms(fit.power_law(runs, "AW", ["V", "f", "d", "t"])).chosen.name
+    >>> fit.compare_forms(fit.power_law(runs, "AW", ["V", "f", "d", "t"])).chosen.name
     'power law'
     """
-    if reason := _unfit(law):
+    if reason := not_comparable(law):
         return NotAvailable(reason)
     unit, codes = units_of(law)
     if codes.max() == 0:
         unit, codes = "row", np.arange(law.nobs)
-    power = power_form(law)
-    base = _left_out(power, codes)
+    form = power_form(law)
+    base = _prediction_errors(form, codes)
     if isinstance(base, NotAvailable):
         return NotAvailable(f"the power law without one {unit} cannot be fitted: {base}")
-    fitted: list[RivalForm] = []
+    fitted: list[CompetingModel] = []
     not_fitted: list[tuple[str, NotAvailable]] = []
-    for name, make in rival_makers(law):
-        rival = make(law)
-        missed = _left_out(rival, codes) if isinstance(rival, FittedForm) else rival
-        if isinstance(rival, FittedForm) and not isinstance(missed, NotAvailable):
-            fitted.append(_compared(rival, missed, base, codes))
-        elif isinstance(missed, NotAvailable):
-            not_fitted.append((name, missed))
-    return Forms(
+    for name, make in form_makers(law):
+        other = make(law)
+        errors = _prediction_errors(other, codes) if isinstance(other, FittedForm) else other
+        if isinstance(other, FittedForm) and not isinstance(errors, NotAvailable):
+            fitted.append(_compared(other, errors, base, codes))
+        elif isinstance(errors, NotAvailable):
+            not_fitted.append((name, errors))
+    power = _compared(form, base, base, codes)
+    alternatives = tuple(sorted(fitted, key=lambda model: model.error))
+    chosen = _chosen(power, alternatives)
+    return CompetingModels(
+        null="no competing model predicts left-out units better than the power law",
+        statistic=chosen.difference,
+        symbol="difference of RMS error",
+        concern=int(chosen is not power),
+        verdict=_verdict(law.response, unit, power, alternatives),
         response=law.response,
-        power=_compared(power, base, base, codes),
-        rivals=tuple(sorted(fitted, key=lambda rival: rival.error)),
+        power=power,
+        alternatives=alternatives,
         not_fitted=tuple(not_fitted),
         common_exponent=common_exponent(law),
         unit=unit,
@@ -149,16 +137,32 @@ def rival_forms(law: LawFit) -> Forms | NotAvailable:
     )
 
 
-def _unfit(law: LawFit) -> str | None:
+def _chosen(power: CompetingModel, alternatives: tuple[CompetingModel, ...]) -> CompetingModel:
+    return next((model for model in alternatives if model.better), power)
+
+
+def _verdict(response: str, unit: str, power: CompetingModel, alternatives: tuple[CompetingModel, ...]) -> str:
+    left = f"Leave-one-{unit}-out error of {response}: power law {100 * np.expm1(power.error):.3g} %"
+    if not alternatives:
+        return f"{left}; no competing model can be fitted to these rows."
+    chosen = _chosen(power, alternatives)
+    best = alternatives[0] if chosen is power else chosen
+    difference = f"difference {best.difference:.2g} ± {best.standard_error:.2g} in ln {response}"
+    kept = "the power law is kept" if chosen is power else f"{best.name} is preferred"
+    return f"{left}, {best.name} {100 * np.expm1(best.error):.3g} % ({difference}): {kept}."
+
+
+def not_comparable(law: LawFit) -> str | None:
+    """Reason why a law has no competing models, or None."""
     if law.form != "power":
-        return f"rival forms are those of a power law, and this is of the form {law.form.replace('_', ' ')}"
+        return f"competing models are those of a power law, and this is of the form {law.form.replace('_', ' ')}"
     if (law.observed <= 0).any():
-        return f"{law.response} is zero or negative in some rows: forms are compared in its logarithm"
+        return f"{law.response} is zero or negative in some rows: models are compared in its logarithm"
     return no_scatter(law)
 
 
-def _left_out(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
-    """What each row misses by when its unit is left out, shape (n,), in ln R.
+def _prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
+    """Prediction error of each row when its unit is left out, shape (n,), in ln R.
 
     With Q = columns L orthonormal, leaving unit g out moves theta by ``-L (I - Q_g'Q_g)^-1 Q_g' rest_g``.
     """
@@ -167,7 +171,7 @@ def _left_out(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
     if int(codes.max()) + 1 == len(codes):
         left = 1.0 - np.einsum("ij,ij->i", Q, Q)
         if left.min() < ALONE:
-            return NotAvailable("one row alone holds one of its parameters: measure near it again")
+            return NotAvailable("one row alone determines one of its parameters: measure near it again")
         return np.asarray(fit.residuals + np.einsum("ij,ij->i", fit.Z @ L, Q) * fit.rest / left)
     missed = fit.residuals.copy()
     order = np.argsort(codes, kind="stable")
@@ -176,16 +180,18 @@ def _left_out(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
         rows = order[bounds[g] : bounds[g + 1]]
         left = np.eye(Q.shape[1]) - Q[rows].T @ Q[rows]
         if np.linalg.eigvalsh(left)[0] < ALONE:
-            return NotAvailable("one edge alone holds one of its parameters: cut another edge near its conditions")
+            return NotAvailable(
+                "one edge alone determines one of its parameters: test another edge near its conditions"
+            )
         missed[rows] += fit.Z[rows] @ (L @ np.linalg.solve(left, Q[rows].T @ fit.rest[rows]))
     return missed
 
 
-def _compared(fit: FittedForm, missed: Array, base: Array, codes: Codes) -> RivalForm:
+def _compared(fit: FittedForm, missed: Array, base: Array, codes: Codes) -> CompetingModel:
     """Errors as root mean squares; the standard error of their difference from its scatter over the units."""
     n, G = len(codes), int(codes.max()) + 1
     error, power = float(np.sqrt(np.mean(missed**2))), float(np.sqrt(np.mean(base**2)))
     by_unit = np.bincount(codes, weights=missed**2 - base**2)
     about = by_unit - np.bincount(codes) * by_unit.sum() / n
     scatter = float(np.sqrt(G / (G - 1) * np.sum(about**2))) / n
-    return RivalForm(fit.name, fit.formula, fit.coefficients, error, error - power, scatter / (error + power))
+    return CompetingModel(fit.name, fit.formula, fit.coefficients, error, error - power, scatter / (error + power))

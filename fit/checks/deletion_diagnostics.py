@@ -13,18 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import ByRule
+from .check import Check
 from .strata import Array, Strata, covariance, has_repeated_edges, linear_columns, no_scatter, sums_by
 
-ALONE = 1e-10  # smallest share of a parameter that the other units must hold
+ALONE = 1e-10  # smallest share of the information on a parameter that the other units must have
 
 
 @dataclass(frozen=True, slots=True)
 class Deletion:
-    """What each unit left out does to a law.
+    """Effect of leaving out each unit on a law.
 
     Attributes
     ----------
@@ -34,7 +33,7 @@ class Deletion:
     leverage : ndarray, shape (u,)
         Trace of the unit's block of the hat matrix; they sum to the number of parameters.
     moved : ndarray, shape (u, p)
-        What ``theta`` moves by when the unit is left out.
+        Change of ``theta`` when the unit is left out.
     predicted : ndarray, shape (n,)
         Residual of each row from the law fitted without its unit, on the scale of the fit.
     """
@@ -78,7 +77,9 @@ def _edges_out(law: LawFit, strata: Strata, Q: Array, to_theta: Array) -> Deleti
     others = np.eye(p) - blocks
     alone = np.flatnonzero(np.linalg.eigvalsh(others)[:, 0] < ALONE)
     if alone.size:
-        return NotAvailable(_holds_alone(f"edge {strata.names[alone[0]]}", "cut another near its conditions"))
+        return NotAvailable(
+            _determines_alone(f"edge {strata.names[alone[0]]}", "test another edge near its conditions")
+        )
     pull = sums_by(strata.edge, Q * law.residuals[:, None], G)
     moved = -np.linalg.solve(others, pull[:, :, None])[:, :, 0]
     predicted = law.residuals - np.einsum("ij,ij->i", Q, moved[strata.edge])
@@ -90,23 +91,25 @@ def _rows_out(law: LawFit, Q: Array, to_theta: Array) -> Deletion | NotAvailable
     leverage = np.einsum("ij,ij->i", Q, Q)
     alone = np.flatnonzero(1 - leverage < ALONE)
     if alone.size:
-        return NotAvailable(_holds_alone(f"line {law.lines[alone[0]]}", "measure another near its conditions"))
+        return NotAvailable(_determines_alone(f"line {law.lines[alone[0]]}", "measure another row near its conditions"))
     predicted = law.residuals / (1 - leverage)
     moved = -(Q * predicted[:, None]) @ to_theta.T
     return Deletion("rows", tuple(f"line {i}" for i in law.lines), leverage, moved, predicted)
 
 
-def _holds_alone(who: str, cure: str) -> str:
-    return f"{who} alone holds a parameter of the law, which nothing checks: {cure}"
+def _determines_alone(unit: str, remedy: str) -> str:
+    return f"{unit} alone determines a parameter of the law: {remedy}"
 
 
-LOOK, ACT = 0.2, 0.5  # quantiles of F beside which Cook's distance is set (Kutner et al. 2005, section 10.4)
-MOST_SHOWN = 99  # beyond it, how much is no news
+LOOK, ACT = 0.2, 0.5  # quantiles of F that limit Cook's distance (Kutner et al. 2005, section 10.4)
+MOST_SHOWN = 99  # larger distances are not printed
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Influence(Displayable, ByRule):
-    """How much the law rests on single edges or rows.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Influence(Check):
+    """Influence of single edges or rows: leverage, Cook's distance (its largest is the statistic) and DFBETAS.
+
+    ``df`` are those of the F distribution that Cook's distance is compared with: p, and units less p.
 
     Attributes
     ----------
@@ -114,9 +117,9 @@ class Influence(Displayable, ByRule):
         As in :class:`Deletion`.
     parameters : tuple of str, length p
     cook : ndarray, shape (u,)
-        Cook's distance; by edge against the covariance that a random level of each edge gives.
+        Cook's distance; by edge against the covariance with a random level of each edge.
     dfbetas : ndarray, shape (u, p)
-        Standard errors by which the unit pulls each parameter; rows have the error without the row.
+        Standard errors by which the unit moves each parameter; rows have the error without the row.
     """
 
     units: str
@@ -127,36 +130,20 @@ class Influence(Displayable, ByRule):
     dfbetas: Array
 
     @property
-    def null(self) -> str:
-        """What is looked for."""
-        return f"no single one of the {self.units} decides the law"
-
-    @property
-    def statistic(self) -> float:
-        """Largest Cook's distance."""
-        return float(self.cook.max())
-
-    @property
-    def df(self) -> tuple[int, int]:
-        """Degrees of freedom of the F that Cook's distance is set beside: p, and units less p."""
-        p = len(self.parameters)
-        return p, max(len(self.names) - p, 1)
-
-    @property
     def leverage_limit(self) -> float:
         """Twice the mean leverage."""
         return 2 * len(self.parameters) / len(self.names)
 
     @property
     def cook_limit(self) -> float:
-        """Median of F on ``df``: beyond it the law leaves the middle of its own confidence region."""
+        """Median of F: beyond it the unit moves the law out of the central half of its confidence region."""
         from scipy.special import fdtri
 
-        return float(fdtri(*self.df, ACT))
+        return float(fdtri(*_cook_df(self.parameters, self.names), ACT))
 
     @property
     def dfbetas_limit(self) -> float:
-        """``2 / sqrt(u)``: worth a look; some always pass it."""
+        """``2 / sqrt(u)``, a screening limit that some units always exceed."""
         return float(2 / len(self.names) ** 0.5)
 
     @property
@@ -173,38 +160,9 @@ class Influence(Displayable, ByRule):
             for key, (values, limit) in limits.items()
         }
 
-    @property
-    def concern(self) -> int:
-        """0 fine; 1 above the .2 quantile of F on ``df``, 2 above its median. Cause: an outlier or a lone corner."""
-        from scipy.special import fdtr
-
-        share = float(fdtr(*self.df, self.statistic))
-        return int(share > LOOK) + int(share > ACT)
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"no {self.units[:-1]} decides it (Cook at most {self.statistic:.2f})"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        if not self.concern:
-            return f"No {self.units[:-1]} decides the law (Cook at most {self.statistic:.2f})."
-        g = int(np.argmax(self.cook))
-        slopes = np.abs(self.dfbetas[g, 1:])  # the constant stands far outside the conditions and follows them
-        j = 1 + int(np.argmax(slopes))
-        who = f"edge {self.names[g]}" if self.units == "edges" else self.names[g]
-        decides = "decides the law" if self.concern == 2 else "pulls hard"
-        cook = f"{self.cook[g]:.2g}" if self.cook[g] < MOST_SHOWN else f"above {MOST_SHOWN}"
-        return (
-            f"{who[0].upper() + who[1:]} {decides} (Cook {cook}): without it {self.parameters[j]} moves "
-            f"by {abs(self.dfbetas[g, j]):.2g} standard errors; check its record, or cut it again."
-        )
-
 
 def influence(law: LawFit, strata: Strata | NotAvailable, left: Deletion) -> Influence:
-    """Leverage, Cook's distance and DFBETAS from what leaving out does.
+    """Leverage, Cook's distance and DFBETAS from the deletion diagnostics.
 
     Examples
     --------
@@ -223,7 +181,7 @@ def influence(law: LawFit, strata: Strata | NotAvailable, left: Deletion) -> Inf
         cov = covariance(columns, law, strata)
         se = np.sqrt(np.diag(back @ cov @ back.T))
         cook = np.einsum("ju,ju->u", moved, np.linalg.solve(cov, moved)) / p
-        return Influence(left.units, left.names, law.theta_names, left.leverage, cook, -left.moved / se)
+        return _influence(law, left, cook, -left.moved / se)
     gram = columns.T @ columns
     cook = np.einsum("ju,jk,ku->u", moved, gram, moved) / (p * law.rss / law.df_resid)
     unscaled = np.sqrt(np.diag(back @ np.linalg.inv(gram) @ back.T))
@@ -231,15 +189,51 @@ def influence(law: LawFit, strata: Strata | NotAvailable, left: Deletion) -> Inf
     # with one degree of freedom each row left out leaves an exact fit; its own scatter stands in
     without = np.where(without > ALONE * law.rss / law.df_resid, without, law.rss / law.df_resid)
     dfbetas = -left.moved / (np.sqrt(without)[:, None] * unscaled)
-    return Influence(left.units, left.names, law.theta_names, left.leverage, cook, dfbetas)
+    return _influence(law, left, cook, dfbetas)
+
+
+def _cook_df(parameters: tuple[str, ...], units: tuple[str, ...]) -> tuple[int, int]:
+    """Degrees of freedom of the F distribution that Cook's distance is compared with."""
+    return len(parameters), max(len(units) - len(parameters), 1)
+
+
+def _influence(law: LawFit, left: Deletion, cook: Array, dfbetas: Array) -> Influence:
+    """Limits of Cook's distance: the .2 quantile of F, and its median."""
+    from scipy.special import fdtr
+
+    unit, largest, df = left.units[:-1], float(cook.max()), _cook_df(law.theta_names, left.names)
+    share = float(fdtr(*df, largest))
+    concern = int(share > LOOK) + int(share > ACT)
+    g = int(np.argmax(cook))
+    j = 1 + int(np.argmax(np.abs(dfbetas[g, 1:])))  # the constant, far outside the conditions, follows them
+    name = f"Edge {left.names[g]}" if left.units == "edges" else left.names[g].capitalize()
+    size = f"Cook's distance {f'{largest:.2g}' if largest < MOST_SHOWN else f'above {MOST_SHOWN}'}"
+    strong = (
+        f"{name} has a {'dominating' if concern == 2 else 'large'} influence ({size}): without it {law.theta_names[j]} "
+        f"moves by {abs(dfbetas[g, j]):.2g} standard errors; check its record, or repeat it."
+    )
+    return Influence(
+        null=f"no single one of the {left.units} determines the law",
+        statistic=largest,
+        symbol=f"max. D by {unit}",
+        df=df,
+        concern=concern,
+        verdict=strong if concern else f"No {unit} has a large influence (Cook's distance at most {largest:.2f}).",
+        units=left.units,
+        names=left.names,
+        parameters=law.theta_names,
+        leverage=left.leverage,
+        cook=cook,
+        dfbetas=dfbetas,
+    )
 
 
 GAP = 0.2  # between R2 and predicted R2
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Press(Displayable, ByRule):
-    """How well the law predicts what it has not seen.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Press(Check):
+    """Prediction of left-out units: PRESS, and predicted R2, which is the statistic.
 
     Attributes
     ----------
@@ -262,45 +256,31 @@ class Press(Displayable, ByRule):
     typical: float
     unit: str
 
-    @property
-    def null(self) -> str:
-        """What is looked for."""
-        return f"the law predicts {self.units} it has not seen about as well as those it was fitted to"
-
-    @property
-    def statistic(self) -> float:
-        """Predicted R2."""
-        return self.predicted_rsquared
-
-    @property
-    def concern(self) -> int:
-        """0 fine; 1 a gap above 0.2: few units or one that decides; 2 worse than the plain mean."""
-        if self.predicted_rsquared <= 0:
-            return 2
-        return int(self.rsquared - self.predicted_rsquared > GAP)
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"predicted R2 {self.predicted_rsquared:.3f}"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        error = f"{100 * np.expm1(self.typical):.3g} %" if self.unit == "ln" else f"{self.typical:.3g} {self.unit}"
-        found = f"predicted R2 {self.predicted_rsquared:.2f} against {self.rsquared:.2f} of the fit"
-        if self.concern == 2:
-            return f"The law predicts {self.units} left out no better than their mean would ({found}): do not use it."
-        if self.concern:
-            return (
-                f"The law fits better than it predicts ({found}, typical error {error}): add {self.units}, or drop "
-                "the factor that one of them decides."
-            )
-        return f"{self.units.capitalize()} left out are predicted to {error} ({found})."
-
 
 def press(law: LawFit, left: Deletion) -> Press:
-    """PRESS and predicted R2 from what leaving out does."""
+    """PRESS and predicted R2 from the deletion diagnostics: a warning where the gap to R2 exceeds 0.2."""
     total = float(left.predicted @ left.predicted)
     share = 1 - total / law.tss if law.tss > 0 else 0.0
-    return Press(left.units, total, law.rsquared, share, (total / law.nobs) ** 0.5, law.scale_unit)
+    typical = (total / law.nobs) ** 0.5
+    error = f"{100 * np.expm1(typical):.3g} %" if law.scale_unit == "ln" else f"{typical:.3g} {law.scale_unit}"
+    result = f"predicted R2 {share:.2f}, R2 of the fit {law.rsquared:.2f}"
+    concern = 2 if share <= 0 else int(law.rsquared - share > GAP)
+    verdict = (
+        f"{left.units.capitalize()} left out are predicted with an error of {error} ({result}).",
+        f"The law fits better than it predicts ({result}, rms error {error}): add {left.units}, or drop the factor "
+        "that one of them determines.",
+        f"Left-out {left.units} are predicted no better than by their mean ({result}): do not use the law.",
+    )[concern]
+    return Press(
+        null=f"{left.units} that were left out are predicted about as well as those of the fit",
+        statistic=share,
+        symbol="predicted R2",
+        concern=concern,
+        verdict=verdict,
+        units=left.units,
+        press=total,
+        rsquared=law.rsquared,
+        predicted_rsquared=share,
+        typical=typical,
+        unit=law.scale_unit,
+    )

@@ -20,7 +20,6 @@ from math import isfinite
 import numpy as np
 import pandas as pd
 
-from ...core.display import Plottable
 from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..edges import EdgeInference
@@ -35,23 +34,23 @@ COARSE = 0.3  # gauge error relative to the wear, beyond which d ln AW = dAW / A
 BLOCK = 4096  # units at a time
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class GaugeFit(Plottable, Refit):
-    """A law corrected for the gauge error of its wear; its standard errors take that error as known.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class GaugeFit(Refit):
+    """A law corrected for the gauge error of its wear; its standard errors treat that error as known.
 
     Attributes
     ----------
     law, theta, cov_theta
-        As in :class:`Refit`; in the plain fit the wear is taken as exact.
+        As in :class:`Refit`; least squares treats the wear as exact.
     wear : str
     gauge_sd : float
         Standard deviation of the gauge error, in ``unit``.
     unit : str
         ``ln`` or the unit of the wear.
     reliability : float
-        Share of the wear's scatter beyond the other factors that is no gauge error, above 0 to 1.
+        Share of the variance of the wear given the other factors that is not gauge error, above 0 to 1.
     coarse : int
-        Rows in which the gauge error is more than 0.3 of the wear, where the correction is rough.
+        Rows in which the gauge error is more than 0.3 of the wear, where the correction is a poor approximation.
     """
 
     wear: str
@@ -59,24 +58,6 @@ class GaugeFit(Plottable, Refit):
     unit: str
     reliability: float
     coarse: int
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 more than half of what tells the exponent of wear is gauge error. Cure: a better gauge."""
-        return int(self.reliability < LITTLE or self.coarse > 0)
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what the correction does."""
-        j = self.law.factors.index(self.wear)
-        told = f"A gauge error of {self.gauge_sd:g} {self.unit} turns the coefficient of {self.wear} in the law of "
-        told += f"{self.law.response} from {self.law.theta[1 + j]:.3g} into {self.theta[1 + j]:.3g}"
-        told += f" +- {self.bse.iloc[1 + j]:.2g}"
-        if self.coarse:
-            return f"{told}; in {self.coarse} rows it is over {COARSE:g} of the wear, where this is rough."
-        if self.concern:
-            return f"{told}; only {100 * self.reliability:.0f} % of what tells it is wear, so lean on it little."
-        return f"{told}."
 
 
 def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = "ln") -> GaugeFit | NotAvailable:
@@ -95,7 +76,7 @@ def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = 
 
     Returns
     -------
-    GaugeFit, or NotAvailable where the gauge error is as large as all that tells the exponent of wear.
+    GaugeFit, or NotAvailable where the gauge error is as large as the variation that identifies the exponent of wear.
 
     Raises
     ------
@@ -116,26 +97,46 @@ def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = 
     y = np.log(law.observed) if law.error == "multiplicative" else law.observed
     sd = gauge_sd / law.X[:, at - 1] if law.form == "power" and unit != "ln" else np.full(len(y), float(gauge_sd))
     others = linear(np.delete(Z, at, axis=1), Z[:, at])
-    variance = sd**2 * others.df_resid / len(y)  # the others have taken their share of the error
+    variance = sd**2 * others.df_resid / len(y)  # less the share explained by the other factors
     reliability = 1.0 - float(variance.sum()) / others.rss
     if reliability <= 0:
         return NotAvailable(
-            f"a gauge error of {gauge_sd:g} {unit} is as large as all the scatter of {wear} beyond the other factors "
-            f"({others.scale**0.5:.2g} on the scale of the fit): nothing of the wear itself is left to fit"
+            f"a gauge error of {gauge_sd:g} {unit} is as large as the variation of {wear} given the other factors "
+            f"({others.scale**0.5:.2g} on the scale of the fit): its exponent is not identified"
         )
     unit_of_row = units_of(law)[1] if isinstance(law.edges, EdgeInference) else np.arange(law.nobs)
     fit = _corrected(Z, y, at, variance, unit_of_row)
     if isinstance(fit, NotAvailable):
         return fit
     coarse = int((sd > COARSE).sum()) if law.form == "power" else 0
-    return GaugeFit(law, *fit, wear, gauge_sd, unit, reliability, coarse)
+    theta, cov = fit
+    found = (
+        f"A gauge error of {gauge_sd:g} {unit} changes the coefficient of {wear} in the law of {law.response} from "
+        f"{law.theta[at]:.3g} to {theta[at]:.3g} ± {np.sqrt(cov[at, at]):.2g}"
+    )
+    weak = reliability < LITTLE
+    if coarse:
+        found += f"; in {coarse} rows it exceeds {COARSE:g} of the wear, where this is a poor approximation"
+    elif weak:
+        found += f"; {wear} has a reliability of {100 * reliability:.0f} %: treat this coefficient as weakly identified"
+    return GaugeFit(
+        null=f"{wear} is measured without error",
+        concern=int(weak or coarse > 0),
+        verdict=f"{found}.",
+        law=law,
+        theta=theta,
+        cov_theta=cov,
+        wear=wear,
+        gauge_sd=gauge_sd,
+        unit=unit,
+        reliability=reliability,
+        coarse=coarse,
+    )
 
 
 def _check(law: LawFit, gauge_sd: float, wear: str, unit: str) -> None:
     if wear not in law.factors:
-        raise UsageError(
-            f"{wear} is no factor of the law of {law.response} ({', '.join(law.factors)}): name the wear that was read."
-        )
+        raise UsageError(f"{wear} is no factor of the law of {law.response} ({', '.join(law.factors)}): name its wear.")
     if not (isfinite(gauge_sd) and gauge_sd >= 0):
         raise UsageError(f"gauge error {gauge_sd:g}: a standard deviation is 0 or more, for instance 0.05.")
     own = law.units.get(wear, "")
@@ -149,7 +150,7 @@ def _uncorrectable(law: LawFit) -> str | None:
     if reason := no_scatter(law):
         return reason
     in_units = law.error == "additive" and law.law.logarithmic
-    return "the correction is exact in logarithms alone: fit with error='multiplicative'" if in_units else None
+    return "the correction holds for multiplicative errors only: fit with error='multiplicative'" if in_units else None
 
 
 def _corrected(Z: Array, y: Array, at: int, variance: Array, unit: Codes) -> tuple[Array, Array] | NotAvailable:
@@ -177,8 +178,8 @@ def _corrected(Z: Array, y: Array, at: int, variance: Array, unit: Codes) -> tup
         left = whole - np.add.reduceat(own, first)
         if np.linalg.eigvalsh(left)[:, 0].min() < ALONE:
             return NotAvailable(
-                "without one of its units nothing of the wear itself is left to fit at this gauge error: add edges, or "
-                "read the wear more finely"
+                "without one of its units the exponent of wear is not identified at this gauge error: add edges, or "
+                "measure the wear more precisely"
             )
         sums = np.add.reduceat(scores[rows], first)
         moved[g : g + BLOCK] = -np.linalg.solve(left, sums[:, :, None])[:, :, 0]

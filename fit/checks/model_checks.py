@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import SIGNIFICANT, ByRule, p_in_words
+from .check import SIGNIFICANT, Check, format_p
 from .strata import (
     Array,
     Codes,
@@ -32,9 +31,9 @@ from .strata import (
 COPIES = 1e-11
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class LackOfFit(Displayable):
-    """Test of the law's form against the scatter of what was cut twice at the same conditions.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class LackOfFit(Check):
+    """F test of the form of the law against pure error; ``df`` are those of lack of fit and of pure error.
 
     Attributes
     ----------
@@ -42,51 +41,15 @@ class LackOfFit(Displayable):
         What was replicated.
     ss_lack, ss_pure : float
         Sums of squares of lack of fit and of pure error, on the scale of the fit.
-    df : tuple of int
-        Degrees of freedom of both.
     settings, replicated : int
-        Distinct settings, and how many of them hold more than one unit.
-    pvalue : float
+        Distinct settings, and how many of them have more than one unit.
     """
 
     units: str
     ss_lack: float
     ss_pure: float
-    df: tuple[int, int]
     settings: int
     replicated: int
-    pvalue: float
-
-    @property
-    def null(self) -> str:
-        """What the test takes for granted until it rejects it."""
-        return f"the law has the right form: settings stand off it no more than replicated {self.units} differ"
-
-    @property
-    def statistic(self) -> float:
-        """F, mean square of lack of fit over that of pure error."""
-        return self.ss_lack / self.df[0] / (self.ss_pure / self.df[1])
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 2 the form is in doubt. Cause: curvature or a product of factors. Cure: another form."""
-        return 2 if self.pvalue < SIGNIFICANT else 0
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"no lack of fit {p_in_words(self.pvalue)}"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        found = f"F({self.df[0]},{self.df[1]}) {self.statistic:.2f}, {p_in_words(self.pvalue)}"
-        if self.concern:
-            return (
-                f"Lack of fit ({found}): the law misses more than {self.units} cut alike differ, so its form is not "
-                "quite right; try a second-order or rival form, or keep to a narrower range."
-            )
-        return f"No lack of fit against {self.replicated} replicated settings ({found})."
 
 
 def lack_of_fit(law: LawFit, strata: Strata | NotAvailable) -> LackOfFit | NotAvailable:
@@ -114,16 +77,16 @@ def lack_of_fit(law: LawFit, strata: Strata | NotAvailable) -> LackOfFit | NotAv
 
 
 def _of_edges(law: LawFit, strata: Strata) -> LackOfFit | NotAvailable:
-    told = np.flatnonzero(~strata.within)
-    if len(told) < 2:
-        return NotAvailable("every factor changes within the edges, so no two edges are cut at one setting")
+    between = np.flatnonzero(~strata.within)
+    if len(between) < 2:
+        return NotAvailable("every factor changes within the edges, so no two edges have the same setting")
     first = np.unique(strata.edge, return_index=True)[1]
-    setting = settings_of(law.law.design(law.X[first], law.shifts[first])[:, told])
+    setting = settings_of(law.law.design(law.X[first], law.shifts[first])[:, between])
     S, G, p = int(setting.max()) + 1, len(strata.names), len(strata.within)
     if S == G:
         return NotAvailable(
-            "no two edges were cut at the same conditions, so pure error is unknown and the form of the law cannot be "
-            "tested: repeat one setting, the middle one say, on three or four new edges"
+            "no two edges were tested at the same conditions, so pure error is unknown and lack of fit not "
+            "testable: repeat one setting, the middle one say, on three or four new edges"
         )
     stacked, w = strata.stacked(), strata.basis.shape[1]
     law_ss = _left(stacked[:, :-1], stacked[:, -1])[0]
@@ -169,60 +132,50 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
     counts = np.bincount(setting)
     if df[0] <= 0:
         return NotAvailable(
-            f"{len(counts)} settings leave nothing over once the law is fitted: cut at further ones to test its form"
+            f"{len(counts)} settings leave no degrees of freedom for lack of fit: test further settings"
         )
     if pure <= COPIES * ss_law:
         return NotAvailable(
-            f"replicated {units} agree to every digit, so they are copies and no pure error: replicate by cutting again"
+            f"replicated {units} agree to every digit, so they are copies and no pure error: replicate by a new test"
         )
     lack = max(ss_law - pure, 0.0)
-    p = float(fdtrc(df[0], df[1], lack / df[0] / (pure / df[1])))
-    return LackOfFit(units, lack, pure, df, len(counts), int((counts > 1).sum()), p)
+    F = lack / df[0] / (pure / df[1])
+    p, replicated = float(fdtrc(df[0], df[1], F)), int((counts > 1).sum())
+    result = f"F({df[0]}, {df[1]}) = {F:.2f}, {format_p(p)}"
+    rejected = (
+        f"Lack of fit ({result}): the law deviates from the settings by more than replicated {units} vary; try a "
+        "second-order or competing model, or restrict the range."
+    )
+    return LackOfFit(
+        null=f"the law has the right form: settings deviate from it no more than replicated {units} vary",
+        statistic=F,
+        symbol="F",
+        df=df,
+        pvalue=p,
+        concern=2 if p < SIGNIFICANT else 0,
+        verdict=rejected if p < SIGNIFICANT else f"No lack of fit against {replicated} replicated settings ({result}).",
+        units=units,
+        ss_lack=lack,
+        ss_pure=pure,
+        settings=len(counts),
+        replicated=replicated,
+    )
 
 
-LEAST_PRECISION = 4.0  # signal to noise below which a law cannot steer
+LEAST_PRECISION = 4.0  # range over standard error below which a law is useless for control
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Precision(Displayable, ByRule):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Precision(Check):
     """Adequate precision: range of the predictions over their mean standard error.
 
     Attributes
     ----------
-    statistic : float
     by_edge : bool
-        Whether the standard error counts edges (a random level of each) or independent rows.
+        Whether the standard error is by edge (a random level of each) or of independent rows.
     """
 
-    statistic: float
     by_edge: bool
-
-    @property
-    def null(self) -> str:
-        """What is looked for."""
-        return f"the law's signal is at least {LEAST_PRECISION:g} times its noise over the rows"
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 2 below 4. Cause: narrow ranges or few edges. Cure: widen them."""
-        return 2 * int(self.statistic < LEAST_PRECISION)
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"signal to noise {self.statistic:.3g}"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        if self.concern:
-            return (
-                f"Signal to noise is {self.statistic:.2g}, below {LEAST_PRECISION:g}: the conditions move the response "
-                "too little to steer by; widen their ranges or repeat."
-            )
-        return (
-            f"Signal to noise is {self.statistic:.3g}, above {LEAST_PRECISION:g}: the law can steer within its range."
-        )
 
 
 def precision(law: LawFit, strata: Strata | NotAvailable) -> Precision | NotAvailable:
@@ -241,17 +194,29 @@ def precision(law: LawFit, strata: Strata | NotAvailable) -> Precision | NotAvai
     else:
         columns, _ = linear_columns(law)
         variance = float(np.einsum("ij,ij->", columns @ covariance(columns, law, strata), columns)) / law.nobs
-    return Precision(float(np.ptp(eta)) / variance**0.5, isinstance(strata, Strata))
+    ratio = float(np.ptp(eta)) / variance**0.5
+    low = (
+        f"Adequate precision {ratio:.2g} is below {LEAST_PRECISION:g}: the effect of the conditions is too small "
+        "against its standard error for control; widen their ranges or repeat."
+    )
+    return Precision(
+        null=f"the range of the predictions is at least {LEAST_PRECISION:g} of their standard errors",
+        statistic=ratio,
+        symbol="signal to noise",
+        concern=2 * int(ratio < LEAST_PRECISION),
+        verdict=low if ratio < LEAST_PRECISION else f"Adequate precision {ratio:.3g}, above {LEAST_PRECISION:g}.",
+        by_edge=isinstance(strata, Strata),
+    )
 
 
 VIF_LOOK, VIF_ACT = 5.0, 10.0
 CONDITION_ACT = 30.0
-INVOLVED = 0.5  # share of a coefficient's variance that the weakest direction holds
+INVOLVED = 0.5  # share of a coefficient's variance in the direction of smallest variance
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Collinearity(Displayable, ByRule):
-    """Variance inflation of each term of a law and condition number of all.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Collinearity(Check):
+    """Variance inflation of each term of a law (the largest is the statistic) and condition number of all.
 
     Attributes
     ----------
@@ -262,47 +227,13 @@ class Collinearity(Displayable, ByRule):
     condition : float
         Largest over smallest singular value of the terms (logarithms in a power law), centred and of length one.
     entangled : tuple of str
-        Terms that the weakest direction joins.
+        Terms of the direction of smallest variance.
     """
 
     names: tuple[str, ...]
     vif: Array
     condition: float
     entangled: tuple[str, ...]
-
-    @property
-    def null(self) -> str:
-        """What is looked for."""
-        return "each factor varies by itself, so that its exponent is its own"
-
-    @property
-    def statistic(self) -> float:
-        """Largest variance inflation factor."""
-        return float(self.vif.max())
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 VIF above 5, 2 above 10 or condition above 30. Cause: factors changed together."""
-        if self.statistic > VIF_ACT or self.condition > CONDITION_ACT:
-            return 2
-        return int(self.statistic > VIF_LOOK)
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"VIF at most {self.statistic:.2g}"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        worst = self.names[int(np.argmax(self.vif))]
-        if not self.concern:
-            return f"The factors are told apart (VIF at most {self.statistic:.2g}, condition {self.condition:.2g})."
-        together = ", ".join(self.entangled)
-        return (
-            f"{together} change together (VIF {self.statistic:.2g} for {worst}, condition {self.condition:.2g}): their "
-            f"exponents trade against each other; read them together, leave {worst} out, or vary it by itself."
-        )
 
 
 def collinearity(law: LawFit) -> Collinearity:
@@ -327,4 +258,24 @@ def collinearity(law: LawFit) -> Collinearity:
     entangled = tuple(name for name, share in zip(names, weakest, strict=True) if share > INVOLVED)
     if len(entangled) < 2:
         entangled = tuple(names[j] for j in sorted(np.argsort(-weakest)[:2]))
-    return Collinearity(names, vif, float(s[0] / s[-1]), entangled)
+    largest, condition = float(vif.max()), float(s[0] / s[-1])
+    concern = 2 if largest > VIF_ACT or condition > CONDITION_ACT else int(largest > VIF_LOOK)
+    worst = names[int(np.argmax(vif))]
+    correlated = (
+        f"Multicollinearity: {', '.join(entangled)} vary together (VIF {largest:.2g} of {worst}, condition number "
+        f"{condition:.2g}), so their exponents are correlated; interpret them jointly, leave {worst} out, or vary it "
+        "independently."
+    )
+    return Collinearity(
+        null="each factor varies independently of the others",
+        statistic=largest,
+        symbol="max. VIF",
+        concern=concern,
+        verdict=correlated
+        if concern
+        else f"No multicollinearity (VIF at most {largest:.2g}, condition {condition:.2g}).",
+        names=names,
+        vif=vif,
+        condition=condition,
+        entangled=entangled,
+    )

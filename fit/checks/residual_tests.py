@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.display import Displayable
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import concern_of, p_in_words
+from .check import Check, concern_of, format_p
 from .strata import Array, Strata, has_repeated_edges, no_scatter, orthonormal, sums_by
 
 HELD = 1e-9  # share of its own variance below which a residual is fixed by the fit
@@ -93,68 +92,34 @@ def _of_edges(law: LawFit, strata: Strata, terms: Array) -> Residuals:
     left = (stacked[:, -1] - Q @ (Q.T @ stacked[:, -1]))[w:]
     hat = np.einsum("ij,ij->i", Q, Q)[w:]
     free = 1 - hat > HELD
-    told = np.flatnonzero(~strata.within[1:])
-    means = sums_by(strata.edge, terms[:, told], len(strata.names)) / np.bincount(strata.edge)[:, None]
+    between = np.flatnonzero(~strata.within[1:])
+    means = sums_by(strata.edge, terms[:, between], len(strata.names)) / np.bincount(strata.edge)[:, None]
     values = left[free] / np.sqrt(1 - hat[free])
-    return Residuals("edges", values, tuple(law.names[1 + j] for j in told), means[free], strata.df_between)
+    return Residuals("edges", values, tuple(law.names[1 + j] for j in between), means[free], strata.df_between)
 
 
-FEWEST = 8  # values below which the p-value of Anderson and Darling's statistic is not known
+FEWEST = 8  # values below which the p-value of Anderson and Darling's statistic is unknown
 # Anderson-Darling for normality, mean and variance estimated: (upper end, a, b, c) of p = exp(a + b A + c A^2),
 # or of 1 - p where A is below .34 (table 4.9).
 STEPHENS = ((0.2, -13.436, 101.14, -223.73), (0.34, -8.318, 42.796, -59.938), (0.6, 0.9177, -4.279, -1.38))
 STEPHENS_TAIL, STEPHENS_END = (1.2937, -5.709, 0.0186), 13.0
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Normality(Displayable):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Normality(Check):
     """Anderson-Darling test of residuals, mean and variance estimated.
+
+    The statistic is ``A^2``; the p-value is that of ``A^2 (1 + 0.75/n + 2.25/n^2)``.
 
     Attributes
     ----------
     of : str
-        Which residuals, as in :class:`Residuals`.
+        Set of residuals, as in :class:`Residuals`.
     nobs : int
-    statistic : float
-        ``A^2``; the p-value is that of ``A^2 (1 + 0.75/n + 2.25/n^2)``.
-    pvalue : float
     """
 
     of: str
     nobs: int
-    statistic: float
-    pvalue: float
-
-    @property
-    def null(self) -> str:
-        """What the test takes for granted until it rejects it."""
-        return f"residuals of {self.of} are normal on the scale of the fit"
-
-    @property
-    def df(self) -> None:
-        """None: the statistic has a distribution of its own."""
-        return
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 below .05, 2 below .001. Cause: outliers or the wrong error structure."""
-        return concern_of(self.pvalue)
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"normal residuals of {self.of} {p_in_words(self.pvalue)}"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        found = f"Anderson-Darling {self.statistic:.2f}, {p_in_words(self.pvalue)}, {self.nobs} residuals"
-        if self.concern:
-            return (
-                f"Residuals of {self.of} are not normal ({found}): look for outliers; prediction intervals are the "
-                "least to be trusted."
-            )
-        return f"Residuals of {self.of} look normal ({found})."
 
 
 def normality(residuals: Residuals) -> Normality | NotAvailable:
@@ -162,10 +127,22 @@ def normality(residuals: Residuals) -> Normality | NotAvailable:
     n = len(residuals.values)
     if residuals.free < FEWEST:
         return NotAvailable(
-            f"residuals of {residuals.of} have {residuals.free} degrees of freedom: their shape shows from {FEWEST} on"
+            f"residuals of {residuals.of} have {residuals.free} degrees of freedom: the test needs {FEWEST}"
         )
     statistic, p = anderson_darling(residuals.values)
-    return Normality(residuals.of, n, statistic, p)
+    result = f"Anderson-Darling A2 = {statistic:.2f}, {format_p(p)}, n = {n}"
+    normal = f"Residuals of {residuals.of} are consistent with normality ({result})."
+    not_normal = f"Residuals of {residuals.of} are not normal ({result}): check for outliers; prediction intervals are "
+    return Normality(
+        null=f"residuals of {residuals.of} are normal on the scale of the fit",
+        statistic=statistic,
+        symbol="A2",
+        pvalue=p,
+        concern=concern_of(p),
+        verdict=f"{not_normal}affected most." if concern_of(p) else normal,
+        of=residuals.of,
+        nobs=n,
+    )
 
 
 def anderson_darling(x: Array) -> tuple[float, float]:
@@ -196,62 +173,26 @@ def anderson_darling(x: Array) -> tuple[float, float]:
     return A2, float(np.exp(a + b * shown + c * shown**2))
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Spread(Displayable):
-    """Breusch-Pagan test, studentised by Koenker, of scatter that changes with the conditions.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Homoscedasticity(Check):
+    """Breusch-Pagan test, studentised by Koenker: ``n R2`` of squared residuals on the terms of the law.
 
     Attributes
     ----------
     of : str
-        Which residuals, as in :class:`Residuals`.
-    statistic : float
-        ``n R2`` of the squared residuals on the terms of the law, chi-squared on ``df``.
-    df : int
-    pvalue : float
+        Set of residuals, as in :class:`Residuals`.
     term : str
-        Term with which the scatter changes most.
+        Term with which the variance changes most.
     rises : bool
         Whether it rises with it.
-    additive : bool
-        Whether the law was fitted in natural units.
     """
 
     of: str
-    statistic: float
-    df: int
-    pvalue: float
     term: str
     rises: bool
-    additive: bool
-
-    @property
-    def null(self) -> str:
-        """What the test takes for granted until it rejects it."""
-        return f"residuals of {self.of} scatter alike at all conditions"
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 below .05, 2 below .001. Cause: a scatter in per cent fitted in units, or a noisy corner."""
-        return concern_of(self.pvalue)
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"even scatter of {self.of} {p_in_words(self.pvalue)}"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        found = f"Breusch-Pagan {self.statistic:.1f} on {self.df} df, {p_in_words(self.pvalue)}"
-        if not self.concern:
-            return f"Scatter of {self.of} is even over the conditions ({found})."
-        how = "rises" if self.rises else "falls"
-        rescaled = self.additive and self.rises  # in logs, scatter that grows with the response is even
-        cure = "fit it with multiplicative errors" if rescaled else "one interval for all conditions misleads there"
-        return f"Scatter of {self.of} {how} with {self.term} ({found}): {cure}."
 
 
-def spread(law: LawFit, residuals: Residuals) -> Spread | NotAvailable:
+def spread(law: LawFit, residuals: Residuals) -> Homoscedasticity | NotAvailable:
     """Breusch-Pagan test of a set of residuals on the terms of the law.
 
     Independent residuals give Koenker's ``n R2``. Residuals about a common level are correlated, and so are their
@@ -266,22 +207,45 @@ def spread(law: LawFit, residuals: Residuals) -> Spread | NotAvailable:
         return NotAvailable(f"no factor changes among the residuals of {residuals.of}")
     if residuals.free < k + 3:
         return NotAvailable(
-            f"residuals of {residuals.of} have {residuals.free} degrees of freedom for {k} factors: too few to see "
-            "where the scatter changes"
+            f"residuals of {residuals.of} have {residuals.free} degrees of freedom for {k} factors: too few to test "
+            "homoscedasticity"
         )
     squares = residuals.values**2
     size = float(squares @ squares)
     squares = squares - squares.mean()
     if float(squares @ squares) <= HELD * size:
-        return NotAvailable(f"residuals of {residuals.of} are all of one size: nothing to compare")
+        return NotAvailable(f"residuals of {residuals.of} are all equal in size: their variance cannot be compared")
     s2, axes = np.linalg.eigh(_covariance_of_squares(Q, residuals))
     free = s2 > HELD  # of two rows an edge nothing shows how scatter changes within it
-    told = (axes.T @ (Q.T @ squares))[free]
-    statistic = n * float((told**2 / s2[free]).sum()) / float(squares @ squares)
+    scores = (axes.T @ (Q.T @ squares))[free]
+    statistic = n * float((scores**2 / s2[free]).sum()) / float(squares @ squares)
     pull = scaled.T @ squares
     j = int(np.argmax(np.abs(pull)))
-    p = float(chdtrc(len(told), statistic))
-    return Spread(residuals.of, statistic, len(told), p, names[j], bool(pull[j] > 0), law.error == "additive")
+    df, rises = len(scores), bool(pull[j] > 0)
+    p = float(chdtrc(df, statistic))
+    return Homoscedasticity(
+        null=f"the variance of residuals of {residuals.of} is the same at all conditions",
+        statistic=statistic,
+        symbol="Breusch-Pagan chi2",
+        df=df,
+        pvalue=p,
+        concern=concern_of(p),
+        verdict=_variance_verdict(law, residuals.of, f"Breusch-Pagan chi2({df}) = {statistic:.1f}", p, names[j], rises),
+        of=residuals.of,
+        term=names[j],
+        rises=rises,
+    )
+
+
+def _variance_verdict(law: LawFit, of: str, result: str, p: float, term: str, rises: bool) -> str:
+    if not concern_of(p):
+        return f"The variance of residuals of {of} is constant over the conditions ({result}, {format_p(p)})."
+    rescaled = law.error == "additive" and rises  # in logs, a scatter that grows with the response is constant
+    remedy = "fit with error='multiplicative'" if rescaled else "one interval for all conditions is misleading there"
+    return (
+        f"Heteroscedasticity: the variance of residuals of {of} {'rises' if rises else 'falls'} with {term} ({result}, "
+        f"{format_p(p)}): {remedy}."
+    )
 
 
 def _centred(residuals: Residuals) -> tuple[list[str], Array]:

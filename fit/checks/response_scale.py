@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...core.display import Displayable, Plottable
+from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..laws import Error
-from .check import concern_of, p_in_words
+from .check import Check, concern_of, format_p
 from .strata import Array, Strata, has_repeated_edges, linear_columns, no_scatter, orthonormal, units_of, without_levels
 
 Profile = Callable[[Array], Array]
@@ -33,9 +33,9 @@ STEPS = 12  # parts of one zoom: the top lies in two of them, an end in one
 ZOOMS = 6
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class BoxCox(Displayable):
-    """Power of the response that the rows ask for.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class BoxCox(Check):
+    """Likelihood-ratio test of the power of the response that the law has, chi-squared on one degree of freedom.
 
     Attributes
     ----------
@@ -45,53 +45,12 @@ class BoxCox(Displayable):
         Its 95 % profile-likelihood interval.
     of_law : float
         The power that the law has: 0 for logarithms, 1 for a line.
-    statistic : float
-        Twice the log-likelihood between ``power`` and ``of_law``, chi-squared on ``df``.
-    pvalue : float
     """
 
     power: float
     low: float
     high: float
     of_law: float
-    statistic: float
-    pvalue: float
-
-    @property
-    def null(self) -> str:
-        """What the test takes for granted until it rejects it."""
-        return f"the response to the power {self.of_law:g}{' (its logarithm)' if self.of_law == 0 else ''} fits best"
-
-    @property
-    def df(self) -> int:
-        """One: the power."""
-        return 1
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 the interval leaves the law's power out, 2 it does so by far (p below .001)."""
-        return concern_of(self.pvalue)
-
-    @property
-    def brief(self) -> str:
-        """The finding in a few words."""
-        return f"Box-Cox power {_power(self.power)} ({_power(self.low)} to {_power(self.high)})"
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found and what to do."""
-        found = f"Box-Cox power {_power(self.power)}, 95 % {_power(self.low)} to {_power(self.high)}"
-        own = "logarithms" if self.of_law == 0 else "natural units"
-        if not self.concern:
-            return f"The response asks for no other scale than {own} ({found})."
-        if self.low <= 1 - self.of_law <= self.high:
-            other = "natural units" if self.of_law == 0 else "logarithms"
-            return f"The response asks for {other} rather than {own} ({found}): compare the other error structure."
-        side = "weaker" if self.power > self.of_law else "stronger"
-        return (
-            f"The response asks for a {side} curve than {own} ({found}, {p_in_words(self.pvalue)}): a factor's effect "
-            "bends or the scatter is uneven; compare rival forms."
-        )
 
 
 def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable:
@@ -112,10 +71,10 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
         return NotAvailable(reason)
     if law.law.logarithmic and law.error == "additive":
         return NotAvailable(
-            "the law is fitted in natural units, where it is no straight line: Box-Cox is asked of its logarithm"
+            "with additive errors the law is not linear on the scale of the response: fit with error='multiplicative'"
         )
     if not (law.observed > 0).all():
-        return NotAvailable(f"{law.response} is not above zero in every row, and a power of it needs that")
+        return NotAvailable(f"{law.response} is not above zero in every row, as its powers require")
     if has_repeated_edges(law) and not isinstance(strata, Strata):
         return strata
     of_law = 0.0 if law.law.logarithmic else 1.0
@@ -123,13 +82,39 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
     found = _interval(profile)
     if found is None:
         return NotAvailable(
-            f"{law.response} changes by a factor of {law.observed.max() / law.observed.min():.2g} only: rows cannot "
-            "tell one power of it from another"
+            f"{law.response} changes by a factor of {law.observed.max() / law.observed.min():.2g} only, too little to "
+            "distinguish powers of it"
         )
     best, low, high = found
     top, own = profile(np.array([best, of_law]))
     statistic = max(0.0, 2 * float(top - own))
-    return BoxCox(best, low, high, of_law, statistic, float(chdtrc(1, statistic)))
+    p = float(chdtrc(1, statistic))
+    transform, other = ("log transform", "original scale") if of_law == 0 else ("original scale", "log transform")
+    result = f"lambda = {_power(best)}, 95 % CI {_power(low)} to {_power(high)}, {format_p(p)}"
+    if not concern_of(p):
+        verdict = f"Box-Cox: the {transform} is not rejected ({result})."
+    elif low <= 1 - of_law <= high:
+        verdict = (
+            f"Box-Cox: the {transform} is rejected in favour of the {other} ({result}): compare the error structures."
+        )
+    else:
+        verdict = (
+            f"Box-Cox: the {transform} is rejected ({result}): the effect of a factor is curved or the variance is not "
+            "constant; see competing models."
+        )
+    return BoxCox(
+        null=f"the {transform} of the response (lambda = {of_law:g}) is adequate",
+        statistic=statistic,
+        symbol="LR chi2",
+        df=1,
+        pvalue=p,
+        concern=concern_of(p),
+        verdict=verdict,
+        power=best,
+        low=low,
+        high=high,
+        of_law=of_law,
+    )
 
 
 def profile_of(law: LawFit, strata: Strata | NotAvailable) -> Profile:
@@ -215,21 +200,25 @@ def _power(value: float) -> str:
     return f"{round(value, 2) + 0.0:.2f}"
 
 
-TELLS = 1.0  # units of log-likelihood (2 of AIC) below which two fits are as good as each other
+EQUAL = 1.0  # units of log-likelihood (2 of AIC) below which two fits are equivalent
 SURE = 2.0  # standard errors
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ErrorStructure(Plottable):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class ErrorStructure(Check, Plottable):
     """Multiplicative against additive errors of one law on the same rows.
+
+    The statistic is the log-likelihood with multiplicative errors less that with additive errors.
 
     Attributes
     ----------
     response : str
     fitted : {"multiplicative", "additive"}
-        What the law was fitted with.
+        Error structure of the law.
     multiplicative, additive : float
         Log-likelihood of ``y``, rows taken as independent, at the maximum-likelihood variance.
+    preferred : {"multiplicative", "additive"} or None
+        The structure of higher likelihood; None where they differ by less than one unit.
     standard_error : float or None
         Of the difference, from its scatter over ``units``; None where there is only one edge.
     unit, units : str, int
@@ -240,50 +229,20 @@ class ErrorStructure(Plottable):
     fitted: Error
     multiplicative: float
     additive: float
+    preferred: Error | None
     standard_error: float | None
     unit: str
     units: int
 
     @property
-    def difference(self) -> float:
-        """Log-likelihood of the log fit less that of the natural one; positive where errors multiply."""
-        return self.multiplicative - self.additive
-
-    @property
     def aic_difference(self) -> float:
-        """AIC of the log fit less that of the natural one; negative where errors multiply."""
-        return -2.0 * self.difference
-
-    @property
-    def preferred(self) -> Error | None:
-        """The better structure; None where the two are as good as each other."""
-        if abs(self.difference) < TELLS:
-            return None
-        return "multiplicative" if self.difference > 0 else "additive"
+        """AIC with multiplicative errors less that with additive errors."""
+        return -2.0 * self.statistic
 
     @property
     def sure(self) -> bool:
         """Whether the difference is more than two of its standard errors."""
-        return self.standard_error is not None and abs(self.difference) > SURE * self.standard_error
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 the other structure is better, 2 surely so. Cure: fit with the other ``error``."""
-        return 0 if self.preferred in (None, self.fitted) else 1 + self.sure
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: which, and by how much."""
-        size = abs(self.difference)
-        if self.preferred is None:
-            return f"These rows do not tell whether errors multiply or add: {size:.1f} units of log-likelihood apart."
-        word, better = ("multiply", "log") if self.preferred == "multiplicative" else ("add", "natural")
-        found = f"the {better} fit is {size:.{0 if size >= 10 else 1}f} units of log-likelihood better"
-        told = f"Errors {word}: {found}"
-        if self.standard_error is not None and not self.sure:
-            told = f"Errors seem to {word}: {found}, with a standard error of {self.standard_error:.2g}"
-            told += f" over {self.units} {self.unit}s"
-        return f"{told}; fit with error='{self.preferred}'." if self.concern else f"{told}."
+        return self.standard_error is not None and abs(self.statistic) > SURE * self.standard_error
 
 
 def error_structure(law: LawFit, other: LawFit | None = None) -> ErrorStructure | NotAvailable:
@@ -294,7 +253,7 @@ def error_structure(law: LawFit, other: LawFit | None = None) -> ErrorStructure 
     law : LawFit
         With either structure.
     other : LawFit, optional
-        ``law.alternative``, the other side, where somebody has it already.
+        ``law.alternative``, the other side, where it is known.
 
     Returns
     -------
@@ -305,7 +264,7 @@ def error_structure(law: LawFit, other: LawFit | None = None) -> ErrorStructure 
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
     >>> error_structure(law).verdict
-    'Errors multiply: the log fit is 33 units of log-likelihood better.'
+    'Multiplicative errors are preferred (log-likelihood higher by 33).'
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
@@ -318,15 +277,42 @@ def error_structure(law: LawFit, other: LawFit | None = None) -> ErrorStructure 
     by_row = (_loglik(log) - np.log(log.observed), _loglik(natural))
     unit, codes = units_of(law)
     by_unit = np.bincount(codes, weights=by_row[0] - by_row[1])
+    multiplicative, additive = float(by_row[0].sum()), float(by_row[1].sum())
+    difference, units = multiplicative - additive, len(by_unit)
+    error = float(np.sqrt(units) * by_unit.std(ddof=1)) if units > 1 else None
+    preferred: Error | None = "multiplicative" if difference > 0 else "additive"
+    if abs(difference) < EQUAL:
+        preferred = None
+    sure = error is not None and abs(difference) > SURE * error
+    concern = 0 if preferred in (None, law.error) else 1 + sure
     return ErrorStructure(
+        null="multiplicative and additive errors have the same likelihood",
+        statistic=difference,
+        symbol="log-likelihood difference",
+        concern=concern,
+        verdict=_structure_verdict(
+            preferred, abs(difference), None if sure else error, f"{units} {unit}s", bool(concern)
+        ),
         response=law.response,
         fitted=law.error,
-        multiplicative=float(by_row[0].sum()),
-        additive=float(by_row[1].sum()),
-        standard_error=float(np.sqrt(len(by_unit)) * by_unit.std(ddof=1)) if len(by_unit) > 1 else None,
+        multiplicative=multiplicative,
+        additive=additive,
+        preferred=preferred,
+        standard_error=error,
         unit=unit,
-        units=len(by_unit),
+        units=units,
     )
+
+
+def _structure_verdict(preferred: Error | None, size: float, error: float | None, over: str, refit: bool) -> str:
+    """The preferred structure; with the standard error where the difference is not significant."""
+    if preferred is None:
+        return f"Multiplicative and additive errors fit equally well (log-likelihoods differ by {size:.1f})."
+    found = f"log-likelihood higher by {size:.{0 if size >= 10 else 1}f}"
+    if error is not None:
+        found += f" ± {error:.2g} over {over}, not significant"
+    remedy = f"; fit with error='{preferred}'" if refit else ""
+    return f"{preferred.capitalize()} errors are preferred ({found}){remedy}."
 
 
 def _loglik(law: LawFit) -> Array:
@@ -337,8 +323,8 @@ def _loglik(law: LawFit) -> Array:
 
 def _no_alternative(law: LawFit) -> str:
     if not law.law.logarithmic:
-        return f"a {law.form.replace('_', ' ')} is a straight line: its errors add, and there is no other fit"
+        return f"a {law.form.replace('_', ' ')} is linear: its errors are additive, and there is no alternative"
     below = int((law.observed <= 0).sum())
     if below:
         return f"{below} of {law.nobs} rows of {law.response} are not above zero and have no logarithm"
-    return "least squares in natural units does not converge from the log fit: there is nothing to compare with"
+    return "least squares with additive errors does not converge from the log fit"

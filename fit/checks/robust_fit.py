@@ -19,17 +19,18 @@ from ..edges import EdgeInference
 from ..jackknife import edge_inference
 from ..lawfit import LawFit
 from ..linear import linear
+from .check import Check
 from .strata import Array, no_scatter, units_of
 
 
-@dataclass(frozen=True, slots=True)
-class Refit:
-    """Other parameters of a law on the same rows.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Refit(Check, Plottable):
+    """A law refitted by another method to the same rows.
 
     Attributes
     ----------
     law : LawFit
-        The plain fit.
+        The least-squares fit.
     theta, cov_theta : ndarray, shape (p,) and (p, p)
         Parameters, as ``law.theta``, and their covariance.
     """
@@ -62,19 +63,19 @@ DOMINANT = 2.5
 FEW = 10  # edges below which that happens by chance too often
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class DominantEdge(Plottable):
-    """The edge that a law leans on most.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class DominantEdge(Check, Plottable):
+    """The edge with the largest influence on a law.
 
     Attributes
     ----------
     edge : str
     n_edges : int
     moved : Series, indexed as ``LawFit.theta_names``
-        How far each parameter moves when it is left out.
+        Change of each parameter when it is left out.
     in_bse : Series
-        The same in standard errors, by edge, of the law fitted without it: an edge that is astray would
-        otherwise widen the measure it is held against.
+        The same in standard errors, by edge, of the law fitted without it: an outlying edge would otherwise inflate
+        the standard error that its influence is compared with.
     """
 
     edge: str
@@ -90,30 +91,13 @@ class DominantEdge(Plottable):
     @property
     def dominates(self) -> bool:
         """Whether it moves some parameter by more than 2.5 standard errors, among ten edges or more."""
-        return self.n_edges >= FEW and float(self.in_bse.abs().max()) > DOMINANT
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 one edge dominates. Cause: a damaged edge, or a lone setting. Cure: check it, or cut it again."""
-        return int(self.dominates)
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: which edge, and how far the law moves without it."""
-        name = self.parameter
-        found = f"without {self.edge}, {name} moves by {self.moved[name]:+.2g} ({abs(self.in_bse[name]):.1f}"
-        found += " standard errors)"
-        if self.dominates:
-            return f"Edge {self.edge} dominates: {found}; look at that edge, or cut another at its conditions."
-        if self.n_edges < FEW:
-            return f"With {self.n_edges} edges each of them counts much: {found}."
-        return f"No edge dominates: at most, {found}."
+        return bool(self.concern)
 
 
 def dominant_edge(law: LawFit) -> DominantEdge | NotAvailable:
-    """The edge whose leaving out moves some parameter furthest, in standard errors by edge.
+    """The edge whose deletion moves some parameter furthest, in standard errors by edge.
 
-    Found among all edges by the law's own standard errors, then measured by those of the law without it.
+    Selected among all edges by the standard errors of the law, then compared with those of the law without it.
 
     Examples
     --------
@@ -129,9 +113,25 @@ def dominant_edge(law: LawFit) -> DominantEdge | NotAvailable:
     rest = _without(law, law.edges.edges[g], moved[g])
     if isinstance(rest, EdgeInference):
         bse = np.sqrt(np.diag(rest.cov_theta))
+    n, edge, shift = law.edges.n_edges, law.edges.edges[g], np.abs(moved[g] / bse)
+    j = int(np.argmax(shift))
+    found = f"without edge {edge}, {law.theta_names[j]} moves by {moved[g][j]:+.2g} ({shift[j]:.1f} standard errors)"
+    dominates = n >= FEW and float(shift[j]) > DOMINANT
+    if dominates:
+        verdict = f"Edge {edge} dominates the law: {found}; check that edge, or repeat its conditions on another."
+    else:
+        verdict = f"No edge dominates: at most, {found}."
+        if n < FEW:
+            verdict = f"With {n} edges each of them has a large influence: {found}."
     index = list(law.theta_names)
     return DominantEdge(
-        law.edges.edges[g], law.edges.n_edges, pd.Series(moved[g], index=index), pd.Series(moved[g] / bse, index=index)
+        null=f"no edge moves a parameter by more than {DOMINANT:g} of its standard errors",
+        concern=int(dominates),
+        verdict=verdict,
+        edge=edge,
+        n_edges=n,
+        moved=pd.Series(moved[g], index=index),
+        in_bse=pd.Series(moved[g] / bse, index=index),
     )
 
 
@@ -152,12 +152,12 @@ K = 1.345  # 95 % efficiency with normal errors
 NORMAL = 0.6744897501960817  # of a normal distribution's standard deviation: its median absolute deviation
 CLOSE = 1e-11  # largest last step, in standard deviations of the residuals
 MOST = 500  # steps of reweighting
-HALF = 0.5  # weight below which a row is named
+HALF = 0.5  # weight below which a row is listed
 MOVED = 1.0  # standard errors
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class RobustFit(Plottable, Refit):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class RobustFit(Refit):
     """Huber's refit of a law.
 
     Its covariance is the jackknife by edge where the law has one, else Huber's for independent rows.
@@ -167,7 +167,7 @@ class RobustFit(Plottable, Refit):
     law, theta, cov_theta
         As in :class:`Refit`.
     weights : ndarray, shape (n,)
-        Weight of each row, 1 for a row that counts whole.
+        Weight of each row, 0 to 1.
     scale : float
         Robust standard deviation of the residuals (median absolute deviation), in ``law.scale_unit``.
     dominant : DominantEdge or NotAvailable
@@ -179,36 +179,13 @@ class RobustFit(Plottable, Refit):
 
     @property
     def in_bse(self) -> "pd.Series[float]":
-        """How far each parameter lies from the plain fit, in standard errors of the plain fit."""
-        far = (self.theta - self.law.theta) / np.sqrt(np.diag(self.law.covariance()))
-        return pd.Series(far, index=list(self.law.theta_names))
+        """Difference of each parameter from least squares, in standard errors of least squares."""
+        return _in_bse(self.law, self.theta)
 
     @property
     def lines(self) -> tuple[int, ...]:
-        """Lines of the file whose row counts less than half, lightest first."""
-        order = np.argsort(self.weights, kind="stable")
-        return tuple(int(self.law.lines[i]) for i in order if self.weights[i] < HALF)
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 1 the plain fit follows outliers. Cure: look at ``lines``, or report the robust fit."""
-        return int(self.in_bse.abs().max() > MOVED)
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: how far robust and plain fit lie apart, and which rows count less than half."""
-        far = self.in_bse
-        name = str(far.abs().idxmax())
-        at = self.law.theta_names.index(name)
-        gap = f"{name} {self.law.theta[at]:.3g} becomes {self.theta[at]:.3g}, {abs(far[name]):.1f} standard errors"
-        light = self.lines
-        rows = f"; {len(light)} row{'s count' if len(light) > 1 else ' counts'} less than half" if light else ""
-        if light:
-            rows += f" (line{'s' if len(light) > 1 else ''} {', '.join(map(str, light[:5]))}"
-            rows += ", ...)" if len(light) > 5 else ")"
-        if self.concern:
-            return f"Outliers move the law: refitted robustly, {gap}{rows}."
-        return f"A robust refit agrees: at most, {gap}{rows}."
+        """Lines of the file whose row has a weight below 0.5, lowest first."""
+        return _downweighted(self.law, self.weights)
 
 
 def robust(law: LawFit) -> RobustFit | NotAvailable:
@@ -225,7 +202,7 @@ def robust(law: LawFit) -> RobustFit | NotAvailable:
         return NotAvailable(reason)
     Z = law.law.design(law.X, law.shifts)
     theta = law.theta
-    for _ in range(MOST):  # one pass for a straight line; a law in natural units is followed along its gradient
+    for _ in range(MOST):  # one pass for a linear law; additive errors of others are linearised again
         J, r = tangent(law, Z, theta)
         refit = _huber(J, r)
         if isinstance(refit, NotAvailable):
@@ -237,12 +214,42 @@ def robust(law: LawFit) -> RobustFit | NotAvailable:
         if np.abs(J @ step).max() <= 100 * CLOSE * scale:
             break
     else:
-        return NotAvailable(f"Huber's refit in natural units does not settle in {MOST} steps")
+        return NotAvailable(f"Huber's refit with additive errors does not converge in {MOST} steps")
     J, r = tangent(law, Z, theta)
     cov = _by_edge(law, J, r) if isinstance(law.edges, EdgeInference) else _by_row(J, r, scale)
     if isinstance(cov, NotAvailable):
         return cov
-    return RobustFit(law, theta, cov, weights, scale, dominant_edge(law))
+    shift, lines = _in_bse(law, theta), _downweighted(law, weights)
+    concern = int(shift.abs().max() > MOVED)
+    name = str(shift.abs().idxmax())
+    j = law.theta_names.index(name)
+    found = f"{name} changes from {law.theta[j]:.3g} to {theta[j]:.3g}, {abs(shift[name]):.1f} standard errors"
+    if lines:
+        found += f"; {len(lines)} row{'s have' if len(lines) > 1 else ' has'} a weight below {HALF:g} (line"
+        found += f"{'s' if len(lines) > 1 else ''} {', '.join(map(str, lines[:5]))}{', ...' if len(lines) > 5 else ''})"
+    return RobustFit(
+        null="the robust refit agrees with least squares within one standard error",
+        concern=concern,
+        verdict=f"Outliers influence the law: refitted robustly, {found}."
+        if concern
+        else f"The robust refit agrees with least squares: at most, {found}.",
+        law=law,
+        theta=theta,
+        cov_theta=cov,
+        weights=weights,
+        scale=scale,
+        dominant=dominant_edge(law),
+    )
+
+
+def _in_bse(law: LawFit, theta: Array) -> "pd.Series[float]":
+    shift = (theta - law.theta) / np.sqrt(np.diag(law.covariance()))
+    return pd.Series(shift, index=list(law.theta_names))
+
+
+def _downweighted(law: LawFit, weights: Array) -> tuple[int, ...]:
+    order = np.argsort(weights, kind="stable")
+    return tuple(int(law.lines[i]) for i in order if weights[i] < HALF)
 
 
 def _huber(J: Array, r: Array) -> tuple[Array, Array, float] | NotAvailable:
@@ -254,14 +261,14 @@ def _huber(J: Array, r: Array) -> tuple[Array, Array, float] | NotAvailable:
         left = r - Q @ step
         scale = float(np.median(np.abs(left))) / NORMAL
         if scale <= 1e-9 * np.abs(left).max():
-            return NotAvailable("half of the rows or more lie on the law exactly: no robust scale of the others")
+            return NotAvailable("at least half of the rows lie on the law exactly: the robust scale is zero")
         weights = np.minimum(1.0, K * scale / np.maximum(np.abs(left), 1e-300))
         root = np.sqrt(weights)
         new = linear(root[:, None] * Q, root * r).params
         change, step = float(np.abs(Q @ (new - step)).max()), new
         if change <= CLOSE * scale:
             return L @ step, weights, scale
-    return NotAvailable(f"Huber's reweighting does not settle in {MOST} steps")
+    return NotAvailable(f"Huber's reweighting does not converge in {MOST} steps")
 
 
 def _by_edge(law: LawFit, J: Array, r: Array) -> Array | NotAvailable:

@@ -21,7 +21,7 @@ from ..regression import refitted
 
 
 def no_scatter(law: LawFit) -> str | None:
-    """Why a law without scatter cannot be tested, or None where it leaves some.
+    """Reason why a law has no residual variance to test it by, or None.
 
     Examples
     --------
@@ -31,8 +31,8 @@ def no_scatter(law: LawFit) -> str | None:
     True
     """
     if law.df_resid <= 0:
-        return f"{law.nobs} observations fix {len(law.theta)} parameters exactly: nothing is left to judge the law by"
-    return "the law meets every row exactly: there is no scatter to judge it by" if meets_exactly(law) else None
+        return f"{law.nobs} observations fix {len(law.theta)} parameters exactly: no degrees of freedom are left"
+    return "the law fits every row exactly: there is no residual variance" if meets_exactly(law) else None
 
 
 def has_repeated_edges(law: LawFit) -> bool:
@@ -41,7 +41,7 @@ def has_repeated_edges(law: LawFit) -> bool:
 
 
 def units_of(law: LawFit) -> tuple[str, NDArray[np.intp]]:
-    """What counts as one observation, ``edge`` or ``row``, and the number of each row's unit, shape (n,)."""
+    """The unit of independent observation, ``edge`` or ``row``, and the number of each row's unit, shape (n,)."""
     if law.edge is None:
         return "row", np.arange(law.nobs)
     return "edge", np.unique(law.edge, return_inverse=True)[1]
@@ -51,7 +51,7 @@ MOST_ROWS = 5_000
 
 
 def even_choice(law: LawFit, most: int = MOST_ROWS) -> LawFit:
-    """The same law fitted to at most ``most`` of its rows, evenly chosen; the law itself where it has no more.
+    """The law refitted to at most ``most`` of its rows, evenly selected; the law itself where it has no more.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def even_choice(law: LawFit, most: int = MOST_ROWS) -> LawFit:
         return law
     try:
         return refitted(law, law.error, slice(None, None, -(-law.nobs // most)))
-    except FitError:  # a level or setting that the choice has missed
+    except FitError:  # a level or setting without selected rows
         return law
 
 
@@ -121,13 +121,13 @@ def orthonormal(A: Array) -> Array:
     return np.asarray(U[:, s > ROUNDING])
 
 
-# Intraclass correlation that stands for one: above it rows of an edge are copies of each other.
+# Largest intraclass correlation; above it rows of an edge are copies of each other.
 NEARLY_ONE = 1 - 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Strata:
-    """A law's columns and residuals, parted into levels of edges and rows about them.
+    """Columns and residuals of a law, split into levels of edges and rows about them.
 
     The columns are those along which the fit is linear, each freed of the constant and of length one
     (``theta`` moves by ``back`` times what their coefficients move).
@@ -174,7 +174,7 @@ class Strata:
 
     @property
     def df_between(self) -> int:
-        """Edge levels less the parameters that only they tell."""
+        """Edge levels less the parameters that only they determine."""
         return int(self.basis.shape[1]) + len(self.names) - len(self.within)
 
     @property
@@ -188,7 +188,7 @@ class Strata:
 
 
 def split(law: LawFit) -> Strata | NotAvailable:
-    """Part a law into edges and rows within them, or say why that cannot be done.
+    """Split a law into edges and rows within them, or return the reason why it cannot be split.
 
     Examples
     --------
@@ -199,7 +199,7 @@ def split(law: LawFit) -> Strata | NotAvailable:
     (20, 214)
     """
     if law.edge is None:
-        return NotAvailable("no edge column: rows are taken as independent")
+        return NotAvailable("no edge column: rows are assumed independent")
     if not has_repeated_edges(law):
         return NotAvailable("every row is an edge of its own")
     if reason := no_scatter(law):
@@ -207,10 +207,12 @@ def split(law: LawFit) -> Strata | NotAvailable:
     found = _parted(law, law.edge)
     if found.df_between > 0:
         return _with_icc(found)
-    G, told = len(found.names), len(found.within) - found.basis.shape[1]
+    G, between = len(found.names), len(found.within) - found.basis.shape[1]
     if G == 1:
-        return NotAvailable("all rows are from one edge, so nothing tells how edges differ: cut at least one more")
-    return NotAvailable(f"{G} edges for {told} parameters that only edges can tell: cut more edges than that")
+        return NotAvailable(
+            "all rows are from one edge, so the variance between edges is unknown: test at least one more"
+        )
+    return NotAvailable(f"{G} edges for {between} parameters that vary between edges only: test more edges than that")
 
 
 def covariance(columns: Array, law: LawFit, strata: Strata) -> Array:

@@ -18,54 +18,30 @@ import pandas as pd
 from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import SIGNIFICANT
+from .check import SIGNIFICANT, Check, format_p
 from .strata import Array, Codes, sums_by
 
 TIME = "t"
-FLAT = 1e-9  # spread of ln t within an edge below which the edge tells no exponent
+FLAT = 1e-9  # spread of ln t within an edge below which the edge has no exponent
 ROUNDING = 1e-20  # of the within-edge sum of squares: below it rows lie on their edges' lines exactly
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class CommonExponent(Plottable):
-    """Test of one time exponent for all edges.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class CommonExponent(Check, Plottable):
+    """F test of one time exponent of all edges.
 
     Attributes
     ----------
     response : str
     exponents : Series, indexed by edge
-        Exponent of time of each edge that tells one, other factors that change within edges held alike.
+        Time exponent of each edge with more than one time, adjusted for other factors that change within edges.
     common : float
-        The one exponent, from within edges alone.
-    fvalue, df, pvalue : float, tuple of int, float
-        F of the exponents against each other.
+        The common exponent, from within edges alone.
     """
 
     response: str
     exponents: "pd.Series[float]"
     common: float
-    fvalue: float
-    df: tuple[int, int]
-    pvalue: float
-
-    @property
-    def null(self) -> str:
-        """What the test takes for granted until it rejects it."""
-        return "every edge has the same exponent of time"
-
-    @property
-    def concern(self) -> int:
-        """0 fine, 2 exponents differ. Cause: another wear regime on some edges. Cure: name its factor, or split."""
-        return 2 if self.pvalue < SIGNIFICANT else 0
-
-    @property
-    def verdict(self) -> str:
-        """One sentence: what was found."""
-        found = f"F({self.df[0]},{self.df[1]}) {self.fvalue:.3g}, p {self.pvalue:.1g}"
-        if not self.concern:
-            return f"One time exponent serves all {len(self.exponents)} edges ({found})."
-        low, high = self.exponents.min(), self.exponents.max()
-        return f"A common time exponent is rejected ({found}): edges range from {low:.2f} to {high:.2f}."
 
 
 def common_exponent(law: LawFit) -> CommonExponent | NotAvailable:
@@ -80,12 +56,12 @@ def common_exponent(law: LawFit) -> CommonExponent | NotAvailable:
     """
     from scipy.special import fdtrc
 
-    if reason := _untold(law):
+    if reason := _not_applicable(law):
         return NotAvailable(reason)
     names, edge = np.unique(np.asarray(law.edge), return_inverse=True)
     y, time, others = _inside(law, edge)
-    tells = np.bincount(edge, weights=time**2) > FLAT
-    df = int(tells.sum()) - 1
+    informative = np.bincount(edge, weights=time**2) > FLAT
+    df = int(informative.sum()) - 1
     slopes = _slopes(edge, time, np.column_stack([y, others]))
     own = np.column_stack([y, others]) - time[:, None] * slopes[edge]
     own[:, np.abs(own).max(axis=0) <= FLAT] = 0.0  # a factor that is an exact power of time on every edge
@@ -96,26 +72,38 @@ def common_exponent(law: LawFit) -> CommonExponent | NotAvailable:
         return NotAvailable(reason)
     together, all_left, _ = _least(np.column_stack([time, others]), y)
     F = max(all_left - left, 0.0) / df / (left / df_left)
-    exponents = (slopes[:, 0] - slopes[:, 1:] @ b)[tells]
+    exponents = (slopes[:, 0] - slopes[:, 1:] @ b)[informative]
+    p = float(fdtrc(df, df_left, F))
+    result = f"F({df}, {df_left}) = {F:.3g}, {format_p(p)}"
+    rejected = (
+        f"A common time exponent is rejected ({result}): exponents of edges range from {exponents.min():.2f} to "
+        f"{exponents.max():.2f}."
+    )
     return CommonExponent(
-        response=law.response,
-        exponents=pd.Series(exponents, index=[str(name) for name in names[tells]], name=TIME),
-        common=float(together[0]),
-        fvalue=float(F),
+        null="all edges have the same time exponent",
+        statistic=float(F),
+        symbol="F",
         df=(df, df_left),
-        pvalue=float(fdtrc(df, df_left, F)),
+        pvalue=p,
+        concern=2 if p < SIGNIFICANT else 0,
+        verdict=rejected
+        if p < SIGNIFICANT
+        else f"A common time exponent of {len(exponents)} edges is kept ({result}).",
+        response=law.response,
+        exponents=pd.Series(exponents, index=[str(name) for name in names[informative]], name=TIME),
+        common=float(together[0]),
     )
 
 
-def _untold(law: LawFit) -> str | None:
+def _not_applicable(law: LawFit) -> str | None:
     if law.form != "power" or TIME not in law.factors:
         return f"no time {TIME} among the factors of {law.response}: there is no time exponent"
     if law.edge is None:
-        return "no edge column: whose time exponent a row tells is unknown"
+        return "no edge column: the edge of each row is unknown"
     if len(set(law.edge)) < 2:
         return f"all {law.nobs} rows come from one edge: there is no other exponent to compare with"
     if (law.observed <= 0).any():
-        return f"{law.response} is zero or negative in some rows: exponents of edges are told in logarithms"
+        return f"{law.response} is zero or negative in some rows: exponents of edges are estimated in logarithms"
     return None
 
 
@@ -124,10 +112,10 @@ def _untestable(n: int, edges: int, df: int, df_left: int, exact: bool) -> str |
         return f"{df + 1} of {edges} edges were measured at more than one time: two are needed"
     if df_left < 1:
         return (
-            f"{n} rows of {edges} edges leave nothing over once each edge has its own level and exponent: "
+            f"{n} rows of {edges} edges leave no degrees of freedom with a level and an exponent of each edge: "
             "measure each edge at three times or more"
         )
-    return "the rows of each edge lie on its own line exactly: no scatter to test exponents by" if exact else None
+    return "the rows of each edge lie on its own line exactly: there is no residual variance" if exact else None
 
 
 def _inside(law: LawFit, edge: Codes) -> tuple[Array, Array, Array]:
