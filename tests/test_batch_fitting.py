@@ -263,7 +263,7 @@ def test_priors_of_a_file_stand_whole_in_the_options(fitted):
 def test_why_there_is_no_posterior_stands_in_its_row(fitted):
     exact = simulated("A", 1, laws=(datasets.SimulatedLaw("AW", "mm", 0.01, {"V": 0.5, "t": 0.3}, 0, 0, digits=15),))
     (outcome,) = fitted(rows_of(exact), how=FAST).pairs
-    assert "meets every row exactly" in row(outcome, "AW")["no_posterior"]
+    assert "fits every row exactly" in row(outcome, "AW")["no_posterior"]
     assert "params.json" in outcome.files
 
 

@@ -169,7 +169,7 @@ def test_draws_that_are_too_sure_are_found_out():
 
 @pytest.mark.parametrize(
     ("rows", "edges", "words"),
-    [(3, None, "fix 3 parameters exactly"), (12, None, "meets every row exactly")],
+    [(3, None, "fix 3 parameters exactly"), (12, None, "fits every row exactly")],
     ids=["as many rows as parameters", "a perfect fit"],
 )
 def test_what_has_no_posterior_is_said(rows, edges, words):

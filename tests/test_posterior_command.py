@@ -111,7 +111,7 @@ def test_a_law_that_rows_meet_exactly_has_a_reason_and_no_draws(run, tmp_path):
     (tmp_path / "exact.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     code, out, _ = run("exact.csv", "--tool", "x", "--work", "y")
     assert code == 0
-    assert "No posterior: the law meets every row exactly" in " ".join(out.split())
+    assert "No posterior: the law fits every row exactly" in " ".join(out.split())
     folder = pair_of(tmp_path / "exact-fit")
     pf = parameters.read(folder / "params.json")
     assert pf.posterior.draws_file is None

@@ -129,7 +129,7 @@ def _check(law: "LawFit", draws: int, seed: int, errors: str, method: str | None
         )
     if meets_exactly(law):
         raise FitError(
-            f"{law.response}: the law meets every row exactly, so there is no scatter to learn from; are these rows "
+            f"{law.response}: the law fits every row exactly, so there is no residual variance; are these rows "
             "computed from a law? A posterior needs measured ones."
         )
 
