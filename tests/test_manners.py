@@ -176,7 +176,7 @@ def latent():
 
 
 @cache
-def many() -> fit.DrawnLifeLaws:
+def many() -> fit.ManyLaws:
     data = runs().data.assign(pair=[f"p{i % 3}" for i in range(len(runs().data))])
     return fit.many_power_laws(data, "AW", ["V", "f", "d", "t"], pair="pair", edge="edge")
 
@@ -196,7 +196,7 @@ RESULTS: dict[str, Callable[[], object]] = {
     "Look": lambda: looks_like_record(datasets.bundled("gc435_709m40")),
     "LawFit": law,
     "StreamedLaw": lambda: fit.streamed_power_law([runs().data], "AW", ["V", "f", "d", "t"]),
-    "DrawnLifeLaws": many,
+    "ManyLaws": many,
     "PooledExponents": lambda: fit.pooled_exponents(many(), "V"),
     "LinearFit": lambda: fit.linear(np.random.default_rng(1).normal(size=(20, 2)), np.arange(20.0)),
     "Judgement": lambda: fit.judge(law()),
@@ -253,10 +253,10 @@ RESULTS: dict[str, Callable[[], object]] = {
     "Prediction": lambda: pf().laws["AW"].get_prediction(V=150.0, f=0.4, d=2.0, t=10.0),
     "GivenFactor": lambda: pf().laws["AW"].get_prediction(V=150.0, f=0.4, d=2.0, t=10.0).given[0],
     "VisibleRegion": region,
-    "Chance": chance,
+    "Feasibility": chance,
     "WearFront": lambda: wear_front(region(), [0.0, 0.05, 0.1]),
     "Corner": lambda: region().corners[0],
-    "Point": lambda: region().best,
+    "OperatingPoint": lambda: region().best,
     "Life": lambda: controllers.whole_life(life_laws()),
     "LifeLaws": life_laws,
     "LifeDraws": life_draws,
@@ -286,7 +286,7 @@ PICTURELESS = {
     **dict.fromkeys(
         ("NotAvailable", "NoContinuousForm", "CheckReport", "FileFinding", "GivenFactor", "Pair"), SENTENCE
     ),
-    **dict.fromkeys(("Corner", "Point", "Choice", "FixedLife", "StepSize"), POINT),
+    **dict.fromkeys(("Corner", "OperatingPoint", "Choice", "FixedLife", "StepSize"), POINT),
     **dict.fromkeys(("SimulatedLaw", "Specification", "LifeLaws", "Rules", "CutModel"), GIVEN),
     **dict.fromkeys(("Plan", "How", "Reading"), GIVEN),
 }
