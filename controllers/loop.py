@@ -25,7 +25,7 @@ Takes = TypeVar("Takes", bound=float | tuple[float, ...], contravariant=True)
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Event(Displayable):
-    """What happened, and when: ``cut``, ``air``, ``at low``, ``load unknown`` ... at ``time`` s."""
+    """An event of a replay: ``cut``, ``air``, ``at low``, ``load unknown`` ... at ``time`` s."""
 
     time: float
     what: str
@@ -34,38 +34,38 @@ class Event(Displayable):
 class Controller(Protocol[Answers]):
     """A machine's controller: one measurement in, one command out (a number, or several), ``dt`` s apart.
 
-    It may have ``reference``, what it aims at; ``news``, what changed in the last step; ``command``, in force before
-    the first; and ``labels``, what its command and its measurement are, with their units.
+    Optional attributes: ``reference``, the set point; ``news``, what changed in the last step; ``command``, in force
+    before the first; ``labels``, names of command and measurement with their units.
     """
 
     def step(self, measurement: float, dt: float) -> Answers:
-        """Answer a measurement with a command."""
+        """Command for a measurement."""
 
 
 class Plant(Protocol[Takes]):
-    """What is controlled."""
+    """A controlled process."""
 
     def step(self, command: Takes, dt: float, noise: np.random.Generator) -> float:
-        """Answer the command in force during the last ``dt`` s with a measurement."""
+        """Measurement after ``dt`` s under a command."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Trace(Plottable):
-    """What a replay recorded: a simulation, whatever its numbers came from.
+    """Record of a replay: a simulation.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
         s; the first sample is at 0.
     command : ndarray, shape (n,) or (n, m)
-        What the controller answered.
+        Command of the controller at each sample.
     measurement, reference : ndarray, shape (n,)
-        What it answered to, and what it aimed at; NaN for a controller without a reference.
+        Input and set point of the controller; NaN without a reference.
     events : tuple of Event
     recorded : dict of ndarray, shape (n,)
-        What else was asked for, by name.
+        Further recorded quantities, by name.
     labels : tuple of str
-        What command and measurement are, with their units.
+        Names of command and measurement, with their units.
     """
 
     time: Array
@@ -113,7 +113,7 @@ def replay(
     seed : int
         Of the plant's noise: the same seed gives the same trace.
     command : float or tuple of float, optional
-        In force before the first sample; the controller's own ``command``, or 0, unless given.
+        In force before the first sample; by default the controller's own ``command``, or 0.
     record : sequence of str
         Attributes of the controller, or else of the plant, to record at every sample: ``"wear"``.
     until : str, optional
@@ -127,7 +127,7 @@ def replay(
     Raises
     ------
     UsageError
-        A duration or step that is not above zero, too many samples, or something to record that neither has.
+        A duration or step that is not above zero, too many samples, or an unknown quantity to record.
 
     Examples
     --------
@@ -185,6 +185,6 @@ def _reader(name: str, controller: object, plant: object) -> tuple[object, Any]:
 def _samples(duration: float, dt: float) -> int:
     if not (dt > 0 and duration > 0 and duration / dt < LONGEST):
         raise UsageError(
-            f"a replay of {duration!r} s in steps of {dt!r} s: both lie above zero, with fewer than {LONGEST} steps."
+            f"a replay of {duration!r} s in steps of {dt!r} s: give both above zero, with fewer than {LONGEST} steps."
         )
     return max(round(duration / dt), 1)

@@ -13,7 +13,7 @@ from .loop import C, Plant
 
 @dataclass(slots=True, repr=False)
 class Cut(Displayable):
-    """A cut under a feed override: the identified drive, a standing load, and what wear adds.
+    """A cut under a feed override: the identified drive, a constant offset, and the load of wear.
 
         load(k) = offset + b(q)/a(q) command + wear(t) in the cut,    idle outside it
 
@@ -24,7 +24,7 @@ class Cut(Displayable):
     offset, idle : float
         Load at no feed in the cut, and outside it.
     wear : callable
-        Time in s -> load that is added.
+        Time in s -> additional load.
     cutting : callable
         Time in s -> whether the tool is in the cut.
     noise : float
@@ -53,16 +53,16 @@ class Cut(Displayable):
     def __post_init__(self) -> None:
         if not len(self.b) or self.b[0] != 0 or self.a[0] != 1:
             raise UsageError(
-                f"b {list(self.b)}, a {list(self.a)} of a plant: b begins with 0, as a machine answers a sample later "
-                "at the earliest, and a with 1."
+                f"b {list(self.b)}, a {list(self.a)} of a plant: b must begin with 0, a delay of one "
+                "sample, and a with 1."
             )
         size = max(len(self.b) - 1, len(self.a))
-        self._b = [*self.b[1:], *[0.0] * (size + 1 - len(self.b))]  # the sample of delay is the replay's
+        self._b = [*self.b[1:], *[0.0] * (size + 1 - len(self.b))]  # the replay adds the sample of delay
         self._a = [*self.a, *[0.0] * (size - len(self.a))]
         self._state = [0.0] * size
 
     def step(self, command: float, dt: float, noise: np.random.Generator) -> float:
-        """Answer the command that was in force with the load at the sample."""
+        """Load at the sample, for the command in force before it."""
         t = self._samples * dt
         self._samples += 1
         s, b, a = self._state, self._b, self._a
@@ -73,7 +73,7 @@ class Cut(Displayable):
         return load + self.noise * noise.standard_normal() if self.noise else load
 
 
-Reading = Callable[[float, float], float]  # the true reading, the last one that was told -> what the sensor tells
+Reading = Callable[[float, float], float]  # (true reading, last reported reading) -> reported reading
 
 
 @dataclass(slots=True, repr=False)
@@ -84,9 +84,9 @@ class FaultyPlant(Displayable, Generic[C]):
     ----------
     plant : Plant
     fault : callable
-        The true reading and the last that was told -> what is told instead.
+        (true reading, last reported reading) -> reported reading.
     start, end : float
-        s; without an end it stays.
+        s; permanent without an end.
 
     Examples
     --------
@@ -104,32 +104,32 @@ class FaultyPlant(Displayable, Generic[C]):
     start: float = 0.0
     end: float = float("inf")
     _time: float = field(default=0.0, init=False)
-    _told: float = field(default=0.0, init=False)
+    _reported: float = field(default=0.0, init=False)
 
     def step(self, command: C, dt: float, noise: np.random.Generator) -> float:
-        """Answer a command with what the sensor makes of it."""
+        """Reported reading after ``dt`` s under a command."""
         reading = self.plant.step(command, dt, noise)
         if self.start <= self._time < self.end:
-            reading = self.fault(reading, self._told)
-        self._time, self._told = self._time + dt, reading
+            reading = self.fault(reading, self._reported)
+        self._time, self._reported = self._time + dt, reading
         return reading
 
 
 def saturated(at: float) -> Reading:
-    """A sensor that tells no more than ``at``."""
-    return lambda reading, told: min(reading, at)
+    """Fault of a sensor that saturates ``at`` a value."""
+    return lambda reading, last: min(reading, at)
 
 
 def stiffer(times: float = 10.0) -> Reading:
-    """A cut that answers so many times as strongly."""
-    return lambda reading, told: times * reading
+    """Fault of a cut that becomes stiffer by a factor."""
+    return lambda reading, last: times * reading
 
 
 FAULTS: dict[str, Reading] = {
-    "dropout": lambda reading, told: 0.0,
-    "not a number": lambda reading, told: float("nan"),
-    "infinite": lambda reading, told: float("inf"),
-    "stuck": lambda reading, told: told,
-    "wrong sign": lambda reading, told: -reading,
+    "dropout": lambda reading, last: 0.0,
+    "not a number": lambda reading, last: float("nan"),
+    "infinite": lambda reading, last: float("inf"),
+    "stuck": lambda reading, last: last,
+    "wrong sign": lambda reading, last: -reading,
     "ten times stiffer": stiffer(),
 }

@@ -10,29 +10,29 @@ KNOWN, UNKNOWN, STUCK = "known", "unknown", "stuck"
 
 @dataclass(slots=True, repr=False)
 class SensorCheck(Displayable):
-    """A reading is believed when it is a finite number inside its range and does not stand still while the feed moves.
+    """Check that a reading is a finite number within its range and not stuck while the command moves.
 
     A sensor is stuck where ``samples`` readings in a row are equal to the last bit while the command moved by more than
     ``least_move`` in them, or by `CREEP` times as much on one reading, however long that took. A load that is held
-    exactly, or a coarse converter, reads the same for long: then the command stands still too, or creeps a little with
-    the wear.
+    exactly, or a coarse converter, gives equal readings for long: then the command is constant too, or drifts slowly
+    with the wear.
 
     Attributes
     ----------
     low, high : float
-        A reading at or beyond these is none.
+        A reading at or beyond these is invalid.
     least_move : float
-        Of the command, in its unit; 0 turns the second question off.
+        Of the command, in its unit; 0 disables the check for a stuck sensor.
     samples : int
     state : str
         ``known``, ``unknown`` or ``stuck``.
 
     Examples
     --------
-    >>> sensing = SensorCheck(low=-1.0, high=10.0, least_move=0.05, samples=3)
-    >>> sensing.believes(0.2, 1.0), sensing.believes(float("nan"), 1.0)
+    >>> check = SensorCheck(low=-1.0, high=10.0, least_move=0.05, samples=3)
+    >>> check.valid(0.2, 1.0), check.valid(float("nan"), 1.0)
     (True, False)
-    >>> [sensing.believes(0.2, command) for command in (1.0, 1.1, 1.2, 1.3)]
+    >>> [check.valid(0.2, command) for command in (1.0, 1.1, 1.2, 1.3)]
     [True, True, True, False]
     """
 
@@ -47,8 +47,8 @@ class SensorCheck(Displayable):
     _count: int = field(default=0, init=False)  # equal readings since the last change
     _since: float = field(default=0.0, init=False)
 
-    def believes(self, reading: float, command: float) -> bool:
-        """Judge a reading, given the command that was in force before it."""
+    def valid(self, reading: float, command: float) -> bool:
+        """Whether a reading is valid, given the command in force before it."""
         if not self.low < reading < self.high:  # false for NaN too
             self.state = UNKNOWN
         elif reading != self._last or not self.least_move:

@@ -173,7 +173,7 @@ def test_a_file_read_back_makes_the_same_controller(pf, tmp_path):
         ({"low": None}, "low not stated"),
         ({"low": 0.0}, "0 < low < high"),
         ({"set_points": []}, "set_points not stated"),
-        ({"average_time": 0.0205}, "no whole number of steps"),
+        ({"average_time": 0.0205}, "is not a multiple of the step"),
         ({"lam": 1e3}, "alpha . Kd is not above lambda m"),
         ({"force_high": 300.0}, "above every set point"),
         ({"force_low": 160.0}, "below every set point"),
@@ -192,7 +192,7 @@ def test_a_file_that_cannot_drive_it_is_refused_in_a_sentence(pf, fields, says):
 @pytest.mark.parametrize(("ripple", "noise"), [(0.0, 0.0), (0.3, 0.0), (0.3, 2.0)], ids=["calm", "ripple", "noise too"])
 def test_the_mean_force_is_within_two_per_cent_at_each_depth(pf, depth, ripple, noise):
     run = steady_run(pf, depth, ripple=ripple, noise=noise)
-    (held,) = run.stretches()
+    (held,) = run.segments()
     assert held.steady < 0.02
     assert held.settling < 1.5
     assert held.overshoot < 0.02
@@ -202,10 +202,10 @@ def test_the_mean_force_is_within_two_per_cent_at_each_depth(pf, depth, ripple, 
 @pytest.mark.parametrize("ripple", [0.0, 0.3], ids=["calm", "ripple"])
 def test_after_each_step_of_depth_the_force_comes_back(pf, ripple):
     run = depth_step_run(pf, ripple=ripple)
-    for held in run.stretches():
+    for held in run.segments():
         assert held.steady < 0.02
         assert held.settling is not None
-    for held in run.stretches()[1:]:
+    for held in run.segments()[1:]:
         assert held.settling < 0.5
 
 
@@ -221,7 +221,7 @@ def test_estimates_stay_bounded_and_beta_ends_at_the_truth_over_k(pf):
 
 
 def test_the_fixed_pi_settles_too_and_is_off_by_more_after_a_step_of_depth(pf):
-    ours, theirs = (depth_step_run(pf, by).stretches()[1:] for by in ("adaptive", "pi"))
+    ours, theirs = (depth_step_run(pf, by).segments()[1:] for by in ("adaptive", "pi"))
     assert all(held.steady < 0.02 for held in theirs)
     worst = [max(max(held.overshoot, held.undershoot) for held in some) for some in (ours, theirs)]
     assert worst[0] < worst[1]

@@ -188,7 +188,7 @@ def test_feed_stays_above_zero_where_a_file_says_next_to_nothing(constant_load_f
 
 @pytest.mark.parametrize(("duration", "dt"), [(0, 0.02), (1, 0), (-1, 0.02), (1e9, 1e-9), (math.nan, 0.02)])
 def test_a_replay_of_no_length_or_no_step_is_refused(controller, duration, dt):
-    with pytest.raises(UsageError, match="both lie above zero"):
+    with pytest.raises(UsageError, match="give both above zero"):
         controllers.replay(controller(), plant(), duration=duration, dt=dt)
 
 

@@ -189,10 +189,10 @@ def test_a_figure_of_the_draws_is_drawn(refit):
         (lambda laws, draws: life_draws(laws, draws, of="both"), "'plan' or 'own'"),
         (lambda laws, draws: life_draws(laws, draws, edge="old"), "'law' or 'new'"),
         (lambda laws, draws: life_draws(laws, draws, count=0), "at least one"),
-        (lambda laws, draws: life_draws(laws, draws, count=5).band("wear"), "removed and minutes"),
-        (lambda laws, draws: life_draws(laws, draws, of="own", count=5).band("peak_power"), "a plan peak_power"),
+        (lambda laws, draws: life_draws(laws, draws, count=5).band("wear"), "removed or minutes"),
+        (lambda laws, draws: life_draws(laws, draws, of="own", count=5).band("peak_power"), "a plan also peak_power"),
         (lambda laws, draws: life_draws(laws, draws, count=5).band(level=95), "between 0 and 1"),
-        (lambda laws, draws: life_draws(laws, {"AW": Draws(("V",), np.ones((3, 1)))}), "of another law"),
+        (lambda laws, draws: life_draws(laws, {"AW": Draws(("V",), np.ones((3, 1)))}), "belong to another law"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(refit, call, words):

@@ -355,5 +355,5 @@ def test_what_cannot_be_cut_is_refused(call, words):
 
 def test_a_mixed_path_of_two_drives_is_refused():
     other = changed(published("CLM-2023"), dynamics={"b": [0.0, 0.0611, -0.1338, 0.0753]})
-    with pytest.raises(UsageError, match="one tool cuts on one machine"):
+    with pytest.raises(UsageError, match="give files of one machine"):
         mixed_run([published("CLM-2023"), other])

@@ -105,9 +105,9 @@ def test_the_regression_lies_within_18_newton_of_every_controlled_force_of_table
 
 
 def test_a_roughness_without_a_force_is_refused_in_a_sentence(pf):
-    with pytest.raises(UsageError, match=r"asks for a force of 53\.99 N, not above the threshold"):
+    with pytest.raises(UsageError, match=r"needs a force of 53\.99 N, not above the threshold"):
         reference_force(pf, 0.2401 * math.exp(0.0034 * 53.99))
-    with pytest.raises(UsageError, match="lies above zero"):
+    with pytest.raises(UsageError, match="give a value above zero"):
         reference_force(pf, -1.0)
     with pytest.raises(UsageError, match="no regression"):
         reference_force(changed(pf, regression=None), 1.0, "regression")
@@ -232,7 +232,7 @@ def test_the_reference_changed_along_the_run_is_followed(pf):
 
 @pytest.mark.parametrize("schedule", [[(5.0, 1.0), (5.0, 1.2)], [(5.0, 1.0), (3.0, 1.2)], [(0.0, 1.0)], [(-1.0, 1.0)]])
 def test_a_schedule_out_of_order_is_refused(pf, schedule):
-    with pytest.raises(UsageError, match="times rise and lie above 0"):
+    with pytest.raises(UsageError, match="give increasing times above 0"):
         ConstantRoughness.from_parameters(pf, schedule=schedule)
 
 
@@ -360,7 +360,7 @@ def test_the_feed_stays_inside_the_narrowest_of_override_machine_and_chip_thickn
 
 
 def test_limits_that_leave_no_feed_are_refused(pf):
-    with pytest.raises(ParameterError, match=r"0\.02 to 0\.01 mm/rev leave no range"):
+    with pytest.raises(ParameterError, match=r"0\.02 to 0\.01 mm/rev are an empty range"):
         ConstantRoughness.from_parameters(changed(pf, chip_thickness=0.01))
     with pytest.raises(ParameterError, match="mm/min; write it in mm/rev"):
         ConstantRoughness.from_parameters(sealed(pf, limits={"feed": {"low": 1.0, "high": 2.0, "unit": "mm/min"}}))

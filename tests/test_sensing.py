@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 def states(readings, commands, **more):
     sensing = SensorCheck(**{"low": -1.0, "high": 10.0, "least_move": 0.02, **more})
     for reading, command in zip(readings, commands, strict=True):
-        sensing.believes(reading, command)
+        sensing.valid(reading, command)
         yield sensing.state
 
 
@@ -45,5 +45,5 @@ def test_a_coarse_sensor_that_changes_now_and_then_is_believed():
 def test_what_is_believed_is_a_number_inside_the_range(readings, command):
     sensing = SensorCheck(low=-1.0, high=10.0, least_move=0.02)
     for reading in readings:
-        if sensing.believes(reading, command):
+        if sensing.valid(reading, command):
             assert -1.0 < reading < 10.0

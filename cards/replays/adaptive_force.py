@@ -97,7 +97,7 @@ def _at_depths(runs: "Sequence[ForceRun]", section: "AdaptiveForceSection") -> s
     told = [
         f"{run.settings.set_point:g} {section.unit_force} at {run.settings.depth:g} {section.unit_depth}: settled "
         f"after {_s(held.settling)}, then within {percent(held.steady)}, at {_late(run):.0f} {section.unit_u}"
-        for run, held in ((run, run.stretches()[0]) for run in runs)
+        for run, held in ((run, run.segments()[0]) for run in runs)
     ]
     return (
         f"Simulated with {100 * RIPPLE:g} % ripple of the teeth and {NOISE:g} {section.unit_force} of noise, force "
@@ -112,7 +112,7 @@ def _late(run: "ForceRun") -> float:
 
 def _stepped(run: "ForceRun") -> list[tuple[float, float, "RegulationMetrics"]]:
     """Depth before, depth after, and how the force is held after, for each step."""
-    held, depths = run.stretches(), [depth for _, depth in run.depths]
+    held, depths = run.segments(), [depth for _, depth in run.depths]
     return [(before, after, one) for before, after, one in zip(depths, depths[1:], held[1:], strict=False)]
 
 
@@ -127,7 +127,7 @@ def _at_steps(run: "ForceRun") -> str:
 
 def _beside(single: "Sequence[ForceRun]", stepped: "ForceRun", rivals: "Sequence[ForceRun]", rival: "ForceRun") -> str:
     ours, theirs = ([one for _, _, one in _stepped(run)] for run in (stepped, rival))
-    first = " and ".join(_s(run.stretches()[0].settling) for run in (single[0], rivals[0]))
+    first = " and ".join(_s(run.segments()[0].settling) for run in (single[0], rivals[0]))
     swing = [float(run.trace.command[-len(run.trace.command) // 4 :].std()) for run in (single[-1], rivals[-1])]
     return (
         f"The fixed PI of the file on the same plant: after a step of depth the force is off by up to "
@@ -154,8 +154,8 @@ def _facts(
     def at_depths(runs: "Sequence[ForceRun]") -> list[dict[str, object]]:
         return [
             {"depth_mm": r.settings.depth, "set_point_N": r.settings.set_point, "feed_mm_min": _late(r),
-             "settling_s": r.stretches()[0].settling, "overshoot_share": r.stretches()[0].overshoot,
-             "steady_error_share": r.stretches()[0].steady} for r in runs
+             "settling_s": r.segments()[0].settling, "overshoot_share": r.segments()[0].overshoot,
+             "steady_error_share": r.segments()[0].steady} for r in runs
         ]  # fmt: skip
 
     def at_steps(run: "ForceRun") -> list[dict[str, object]]:

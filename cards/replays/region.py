@@ -63,7 +63,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
 
 def _optimum(region: VisibleRegion) -> list[str]:
     best = region.best
-    worth = ", ".join(f"{name} {value:.2f} %" for name, value in region.worth.items())
+    worth = ", ".join(f"{name} {value:.2f} %" for name, value in region.sensitivities.items())
     held = f"It is held by {' and '.join(best.held_by)}"
     lines = [
         f"Most metal within the limits at {_at(region)}: {best.words} (calculated).",
@@ -144,12 +144,12 @@ def _chances(
 ) -> tuple[dict[str, Feasibility], list[str]]:
     """Chances of a new edge, and of the laws themselves where their parameters are uncertain; and what is assumed."""
     try:
-        chances = {"new_edge": held.chance(pf, draws, seed, "prediction")}
+        chances = {"new_edge": held.probability(pf, draws, seed, "prediction")}
     except UsageError as error:
         return {}, [f"How likely a pair keeps its limits is not known: {error}"]
     sources = chances["new_edge"].sources
     if draws or not all("exactly known" in words for words in sources):
-        chances["laws"] = held.chance(pf, draws, seed, "mean")
+        chances["laws"] = held.probability(pf, draws, seed, "mean")
     return chances, [
         f"Probabilities take the laws of {_grouped(sources)}.",
         "Given the data the laws are taken as independent; so is how far the wear, power and force of a row lie off "

@@ -1,17 +1,13 @@
-"""LYAP: adaptive force control in milling, the plant it acts on, and its proof followed along a run.
+"""LYAP: adaptive force control in milling, the plant it acts on, and its stability proof along a run.
 
-    settings         what the controller takes from the file, checked
-    reference_model  F_d from a set point, with F_d' and F_d''
-    revolution       force and F_d averaged over a revolution of the spindle
-    control          the controller: control law and adaptation (5)
-    fixed_pi         the PI of the file, to hold it against
-    process          drive and milling process (2.1, 2.2), depth in steps, ripple of the teeth
-    recorded         the simulated run that the published estimates come from
-    lyapunov         V and its matrix P along a run
-    step_size        how long a step the law stands
-    runs             the runs that a replay tells
-    judged           settling, overshoot, steady error
-    draw             figures
+    settings    settings of the controller from the file, validated
+    signals     reference model, averages over a revolution, regulation metrics
+    controller  the adaptive controller: control law and adaptation (5)
+    fixed_pi    the PI of the file, for comparison
+    plant       drive and milling process (2.1, 2.2), depth in steps, ripple of the teeth
+    stability   the Lyapunov function V along a run, and the step size of the law
+    runs        simulated runs at constant depth and with steps of depth
+    figures     the figures
 
 Source: adaptive cutting force control for CNC milling machines by Lyapunov's method (the copy used names no authors).
 """

@@ -22,28 +22,28 @@ from .signals import ReferenceModel, Revolution
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
-MOVES = 0.02  # of the upper limit: a command that moved so far and no other reading is a sensor that is stuck
-BRIDGED = 0.5  # of a revolution without a reading: bridged by a straight line, adaptation at rest
+MOVES = 0.02  # of the upper limit: a command change by which an equal reading is a stuck sensor
+BRIDGED = 0.5  # of a revolution without a reading: interpolated linearly, adaptation stopped
 HELD = 2.0  # revolutions that the command is held after a reading went missing
-DOUBT = 10.0  # revolutions of good readings before one is believed again that was out of range or stuck
-HIGH, NORMAL = 1.5, 1.2  # of the set point: what is told as a high force, and when it is over
+RECOVERY = 10.0  # revolutions of valid readings before control resumes after one that was out of range or stuck
+HIGH, NORMAL = 1.5, 1.2  # of the set point: thresholds of the event of a high force
 
 
 @dataclass(slots=True, repr=False)
 class AdaptiveForceControl(Displayable):
     """The controller; its command is a feed between the file's limits, its measurement a force.
 
-    It begins at the lower limit for a revolution, and leads F_d from the force found there to the set point. The law
+    It begins at the lower limit for a revolution, and leads F_d from the measured force to the set point. The law
     takes whole steps of ``sample_time``, several a call where ``dt`` is longer, with the force between two readings
     taken as a straight line.
 
-    While the command is at a limit, adaptation stands still.
+    While the command is at a limit, adaptation stops.
 
-    A reading that is not a number leaves the command where it is for two revolutions; up to half a revolution is
-    bridged. One beyond the sensor's range (saturated, wrong sign, infinite) or that stands still while the command
-    moves (stuck, dropped out to zero) puts the command to its lower limit at once. Either way adaptation stands still
-    until a whole revolution is known again, ten of them in the second case, with a force above zero, and F_d begins
-    anew from the force found.
+    After a reading that is not a number the command is held for two revolutions; gaps of up to half a revolution are
+    interpolated. A reading beyond the sensor's range (saturated, wrong sign, infinite) or stuck while the command
+    moves (also at zero) sets the command to its lower limit at once. In both cases adaptation stops until a whole
+    revolution is known again, ten of them in the second case, with a force above zero, and F_d restarts from the
+    measured force.
 
     Attributes
     ----------
@@ -56,11 +56,11 @@ class AdaptiveForceControl(Displayable):
     limited : int
         1 while the command is held down by its upper limit, -1 while it is held up by the lower, else 0.
     closed : bool
-        Whether the law is at work.
+        Whether the control loop is closed.
     adapting : bool
     news : tuple of str
         What changed in the last step: ``at low``, ``at high``, ``free``, ``force unknown``, ``force stuck``,
-        ``force known`` (and the law at work again), ``force high`` (half above the set point), ``force normal``.
+        ``force known`` (and the loop closed again), ``force high`` (half above the set point), ``force normal``.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class AdaptiveForceControl(Displayable):
     >>> control.command, control.set_point
     (30.0, 200.0)
     >>> from fitmodels.controllers import replay
-    >>> from fitmodels.controllers.adaptive_force import DriveAndCut
+    >>> from fitmodels.controllers.adaptive_force.plant import DriveAndCut
     >>> trace = replay(control, DriveAndCut(depth=2.0), duration=2.0, dt=0.001)
     >>> round(float(trace.measurement[-1]), 1), round(trace.command[-1])
     (200.0, 250)
@@ -93,9 +93,9 @@ class AdaptiveForceControl(Displayable):
     _E: float = field(default=0.0, init=False)
     _w: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), init=False)
     _missing: int = field(default=0, init=False)  # steps since the last reading
-    _open: int = field(default=0, init=False)  # steps since the law was last at work
-    _doubt: int = field(default=0, init=False)  # steps of good readings still to come
-    _still: int = field(default=0, init=False)  # steps that adaptation still stands still
+    _open: int = field(default=0, init=False)  # steps since the loop was last closed
+    _recovering: int = field(default=0, init=False)  # valid steps still needed before control resumes
+    _still: int = field(default=0, init=False)  # steps for which adaptation is still stopped
     _high: bool = field(default=False, init=False)
     _sensor: str = field(default=KNOWN, init=False)
 
@@ -108,7 +108,7 @@ class AdaptiveForceControl(Displayable):
 
     @classmethod
     def from_parameters(cls, pf: "ParameterFile", depth: float) -> Self:
-        """Make the controller from the file and nothing else.
+        """Make the controller from the file alone.
 
         Parameters
         ----------
@@ -125,12 +125,12 @@ class AdaptiveForceControl(Displayable):
 
     @property
     def set_point(self) -> float:
-        """The force asked for."""
+        """Set point of the force."""
         return self.settings.set_point
 
     @property
     def reference(self) -> float:
-        """F_d, on its way to the set point."""
+        """F_d, the output of the reference model."""
         return self._model.value
 
     @property
@@ -144,32 +144,32 @@ class AdaptiveForceControl(Displayable):
         return self.settings.labels
 
     def step(self, measurement: float, dt: float) -> float:
-        """Answer a force with a feed command.
+        """Feed command for a force.
 
         Raises
         ------
         UsageError
-            ``dt`` is no whole number of the file's ``sample_time``.
+            ``dt`` is not a multiple of the file's ``sample_time``.
         """
-        steps, measurement = self.settings.steps_in(dt), float(measurement)  # numpy's truths have no difference
+        steps, measurement = self.settings.steps_in(dt), float(measurement)  # NumPy bools do not support subtraction
         before = self._sensor, self.limited, self._high
-        believed = self._sensing.believes(measurement, self.command)
-        if believed:
+        valid = self._sensing.valid(measurement, self.command)
+        if valid:
             self._take(measurement, steps)
         else:
             self._miss(measurement, steps)
-        if believed and self.closed:
+        if valid and self.closed:
             self._answer(steps)
         else:
             self._wait(steps)
         if self.closed or self._sensing.state != KNOWN:
-            self._sensor = self._sensing.state  # known again only when the law is at work again
+            self._sensor = self._sensing.state  # known again only when the loop is closed again
         now = self._sensor, self.limited, self._high
         self.news = () if now == before else _changes(before, now)
         return self.command
 
     def _take(self, force: float, steps: int) -> None:
-        """Advance the law to a reading, from the last one on a straight line."""
+        """Advance the law to a reading, interpolated linearly from the last one."""
         gap, self._missing = self._missing, 0
         if math.isnan(self._last) or gap > BRIDGED * self.settings.samples:
             self._begin(force)
@@ -180,7 +180,7 @@ class AdaptiveForceControl(Displayable):
         self._last = force
 
     def _begin(self, force: float) -> None:
-        """Forget the revolution, which has a hole in it."""
+        """Restart the revolution after a gap."""
         self._revolution.clear()
         self._revolution.push(force, 0.0, 0.0)
         self._last, self.closed, self.adapting = force, False, False
@@ -192,8 +192,8 @@ class AdaptiveForceControl(Displayable):
             model.advance(s.set_point)
         revolution.push(force, model.value, model.rate)
         if not self.closed:
-            self._doubt -= 1
-            if self._doubt <= 0 and revolution.full and revolution.force > 0:
+            self._recovering -= 1
+            if self._recovering <= 0 and revolution.full and revolution.force > 0:
                 self._close()
             return
         w = revolution.wanted
@@ -206,7 +206,7 @@ class AdaptiveForceControl(Displayable):
         self._E, self._w = E, w
 
     def _close(self) -> None:
-        """Begin F_d at the force found."""
+        """Close the loop with F_d at the measured force."""
         self._model.restart(self._revolution.force)
         self._revolution.want(self._revolution.force)
         self.closed, self._open, self._still = True, 0, 0
@@ -214,7 +214,7 @@ class AdaptiveForceControl(Displayable):
         self._E, self._w = self.error_rate, self._revolution.wanted
 
     def _adapt(self, E_dt: float, w: tuple[float, float, float]) -> None:
-        """The adaptation law over a step: E and F_d of its both ends."""
+        """The adaptation law over a step, trapezoidal in E and F_d."""
         s, old = self.settings, self._w
         self.m -= s.g1 * E_dt * (w[0] + old[0]) / 2
         self.alpha -= s.g2 * E_dt * (w[1] + old[1]) / 2
@@ -224,26 +224,26 @@ class AdaptiveForceControl(Displayable):
         """The control law (5), within the limits."""
         s, model = self.settings, self._model
         second, rate, value = model.midway(s.set_point, steps * s.sample_time)
-        asked = self.m * second + self.alpha * rate + self.beta * value - s.Kd * self._E
-        self.command = min(max(asked, s.low), s.high)
-        self.limited = (asked > s.high) - (asked < s.low)
+        unlimited = self.m * second + self.alpha * rate + self.beta * value - s.Kd * self._E
+        self.command = min(max(unlimited, s.low), s.high)
+        self.limited = (unlimited > s.high) - (unlimited < s.low)
         if self.limited:
             self._still = steps
         average = self._revolution.force
         self._high = average > (NORMAL if self._high else HIGH) * s.set_point
 
     def _miss(self, reading: float, steps: int) -> None:
-        """A reading that is none: wait if it is only missing, distrust the sensor if it told what cannot be."""
+        """Invalid reading: wait if it is missing, open the loop if the sensor gives impossible values."""
         self._missing += steps
         self.adapting = False
         if not math.isnan(reading) or self._missing > BRIDGED * self.settings.samples:
             self._last, self.closed = math.nan, False
         if not math.isnan(reading) or self._sensing.state == STUCK:
-            self._doubt = round(DOUBT * self.settings.samples)
+            self._recovering = round(RECOVERY * self.settings.samples)
             self.command = self.settings.low
 
     def _wait(self, steps: int) -> None:
-        """Without the law: the command is held for a while, then falls to its lower limit."""
+        """Open loop: the command is held for a while, then set to its lower limit."""
         self._open += steps
         if self._open > HELD * self.settings.samples:
             self.command = self.settings.low
@@ -258,4 +258,4 @@ def _changes(before: State, now: State) -> tuple[str, ...]:
         {0: "free", 1: "at high", -1: "at low"},
         {True: "force high", False: "force normal"},
     )
-    return tuple(said[new] for said, old, new in zip(words, before, now, strict=True) if old != new)  # type: ignore[index]
+    return tuple(names[new] for names, old, new in zip(words, before, now, strict=True) if old != new)  # type: ignore[index]

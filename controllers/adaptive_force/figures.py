@@ -20,7 +20,7 @@ FLOOR = 1e-16  # of V: below it a rise is rounding
 
 
 def depths_figure(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = ()) -> Figure:
-    """Force against set point, its error, and the feed at each depth: Figs 7-9 of the paper, and the feed beside."""
+    """Force against set point, its error, and the feed at each depth: Figs 7-9 of the paper, with the feed added."""
     figure = NotebookFigure(figsize=(11.0, 7.0), layout="constrained")
     grid = figure.subplots(3, len(runs), sharex=True, squeeze=False)
     for column, run in enumerate(runs):
@@ -65,13 +65,13 @@ def steps_figure(run: "ForceRun", other: "ForceRun | None" = None) -> Figure:
 
 
 def lyapunov_figure(run: "ForceRun") -> Figure:
-    """V along a run, and the estimates over what they look for."""
+    """V along a run, and the estimates over their true values."""
     figure = NotebookFigure(figsize=(9.0, 6.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     found, time = run.energy(), run.trace.time
     drawn = np.maximum(found.V, 1e-12 * found.V.max())
     upper.semilogy(time, drawn, color="0.75", lw=1.0, label="V where the depth or a limit just changed")
-    upper.semilogy(time, np.where(found.free, drawn, np.nan), color=BLUE, lw=1.5, label="V where the proof speaks")
+    upper.semilogy(time, np.where(found.free, drawn, np.nan), color=BLUE, lw=1.5, label="V where the proof applies")
     upper.set(ylabel="V, N mm/min", ylim=(1e-7 * float(found.V[found.free].max()), None))
     upper.legend(fontsize=8, loc="lower right")
     recorded, plant = run.trace.recorded, run.plant
@@ -83,14 +83,14 @@ def lyapunov_figure(run: "ForceRun") -> Figure:
     lower.set(xlabel="time, s", ylabel="estimate over its true value")
     lower.legend(fontsize=8, ncols=3, loc="upper right")
     figure.suptitle(
-        "Simulated: V and the estimates; a step of depth changes the truth, a constant $F_d$ teaches beta alone",
+        "Simulated: V and the estimates; a step of depth changes the true values, a constant $F_d$ excites beta only",
         fontsize=11,
     )
     return figure
 
 
 def step_size_figure(rows: Sequence["StepSize"]) -> Figure:
-    """The largest rise of V over the step; at the top the runs that run away, or swing between the limits."""
+    """The largest rise of V over the step; at the top the runs that diverge, or oscillate between the limits."""
     figure = NotebookFigure(figsize=(8.0, 4.8), layout="constrained")
     ax = figure.subplots()
     looks = {("as built", True): (BLUE, "o"), ("as printed", True): (ORANGE, "s"), ("as built", False): (GREEN, "^")}
@@ -109,7 +109,9 @@ def step_size_figure(rows: Sequence["StepSize"]) -> Figure:
     ax.axhspan(FLOOR / 10, 1e-12, color="0.92", zorder=0)
     ax.axhline(0.1, color="0.7", lw=0.7)
     ax.text(0.11, 2e-13, "rounding: V does not rise", fontsize=8, color="0.4", va="top")
-    ax.text(0.09, 0.2, "never settles: runs away (cross), or swings between the limits (open)", fontsize=8, color="0.4")
+    ax.text(
+        0.09, 0.2, "does not settle: diverges (cross), or oscillates between the limits (open)", fontsize=8, color="0.4"
+    )
     ax.set(
         xlabel="step of the law, ms", ylabel="largest rise of V, share of V at the start", ylim=(FLOOR / 10, 1e8),
         title="Simulated: deepest cut, no ripple",

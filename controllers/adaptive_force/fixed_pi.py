@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class FixedForcePi(Displayable):
     """PI on the averaged force, behind the same reference model and between the same limits.
 
-    A reading that is not believed puts the command to the lower limit.
+    An invalid reading sets the command to the lower limit.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class FixedForcePi(Displayable):
     >>> from fitmodels.parameters.published import published
     >>> control = FixedForcePi.from_parameters(published("LYAP"), depth=2.0)
     >>> from fitmodels.controllers import replay
-    >>> from fitmodels.controllers.adaptive_force import DriveAndCut
+    >>> from fitmodels.controllers.adaptive_force.plant import DriveAndCut
     >>> trace = replay(control, DriveAndCut(depth=2.0), duration=2.0, dt=0.004)
     >>> round(float(trace.measurement[-1]), 1), round(trace.command[-1])
     (200.0, 250)
@@ -56,7 +56,7 @@ class FixedForcePi(Displayable):
 
     @classmethod
     def from_parameters(cls, pf: "ParameterFile", depth: float) -> Self:
-        """Make it from the file and nothing else.
+        """Make the controller from the file alone.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class FixedForcePi(Displayable):
 
     @property
     def reference(self) -> float:
-        """F_d, on its way to the set point."""
+        """F_d, the output of the reference model."""
         return self._model.value
 
     @property
@@ -94,7 +94,7 @@ class FixedForcePi(Displayable):
         return self.pi.limited
 
     def step(self, measurement: float, dt: float) -> float:
-        """Answer a force with a feed command.
+        """Feed command for a force.
 
         Raises
         ------
@@ -106,9 +106,9 @@ class FixedForcePi(Displayable):
             raise UsageError(f"a step of {dt:g} s: the gains were tuned for {tuned:g} s; replay them at that.")
         measurement = float(measurement)
         before = self._sensing.state, self.limited
-        believed = self._sensing.believes(measurement, self.command)
+        valid = self._sensing.valid(measurement, self.command)
         self._model.advance(self.settings.set_point)
-        self.command = self.pi.step(self._model.value, measurement if believed else 0.0, engaged=believed)
+        self.command = self.pi.step(self._model.value, measurement if valid else 0.0, engaged=valid)
         state, limited = self._sensing.state, self.limited
         self.news = (
             *((f"force {state}",) if state != before[0] else ()),

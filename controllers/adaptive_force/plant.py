@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
 Depth = float | Sequence[tuple[float, float]]
-APART = 1e-6  # of the faster pole: nearer to each other, the two are taken as one
+APART = 1e-6  # of the faster pole: closer poles are treated as equal
 
 
 @dataclass(slots=True, repr=False)
@@ -40,10 +40,10 @@ class DriveAndCut(Displayable):
         s, 1 and 1/s.
     k_per_depth : float
         N/s per mm/min, for each mm: k grows with the depth and c does not (assumed; the paper lets c depend on depth
-        and spindle speed, and says no more).
+        and spindle speed without a relation).
     ripple, tooth_frequency : float
-        What the teeth add to a reading, as a share of the force, and Hz. It is in the reading alone: (2.2) is of the
-        mean force.
+        Ripple of the teeth in a reading, as a share of the force, and its frequency, Hz. Only readings have it:
+        (2.2) is of the mean force.
     noise : float
         Standard deviation of the sensor, N.
     force, speed, k : float
@@ -89,7 +89,7 @@ class DriveAndCut(Displayable):
         Raises
         ------
         GateError
-            The file has no estimates, or ones that no drive and process have.
+            The file has no estimates, or they give complex or unstable poles.
         """
         from .settings import machine, tooth_frequency
 
@@ -101,7 +101,7 @@ class DriveAndCut(Displayable):
         return next(depth for start, depth in reversed(self._changes) if start <= time + 1e-9)
 
     def step(self, command: float, dt: float, noise: np.random.Generator) -> float:
-        """Move on by ``dt`` under a held command and read the force."""
+        """Measured force after ``dt`` s under a constant command."""
         self.k = self.k_per_depth * self.depth_at(self._time)
         self.move(max(command, 0.0), dt)
         self._steps += 1
@@ -109,7 +109,7 @@ class DriveAndCut(Displayable):
         return self._read(noise)
 
     def move(self, command: float, dt: float) -> None:
-        """(2.1) and (2.2) alone, backwards too: what the law's study moves."""
+        """Advance (2.1) and (2.2) by ``dt``; the command may be negative."""
         if dt != self._dt:
             self._held, self._dt = _held(self.m, self.d, self.c, dt), dt
         slow, lag, by_end, by_start = self._held
@@ -133,12 +133,12 @@ def changes(depth: Depth) -> list[tuple[float, float]]:
     found = [(0.0, float(depth))] if isinstance(depth, int | float) else [(float(t), float(a)) for t, a in depth]
     times = [time for time, _ in found]
     if times[:1] != [0.0] or times != sorted(set(times)) or not all(0 < a < math.inf for _, a in found):
-        raise UsageError(f"depths {depth!r}: depths above zero, in the order of their times, the first at 0 s.")
+        raise UsageError(f"depths {depth!r}: give depths above zero, in the order of their times, the first at 0 s.")
     return found
 
 
 def _held(m: float, d: float, c: float, dt: float) -> tuple[float, float, float, float]:
-    """How the state moves in dt: exp(-d/m dt), exp(-c dt), and what a steady and a fading speed add to F / k."""
+    """Transition over dt: exp(-d/m dt), exp(-c dt), and the contributions of steady and decaying speed to F / k."""
     p = d / m
     slow, lag = math.exp(-p * dt), math.exp(-c * dt)
     fading = dt * lag if abs(c - p) < APART * c else (slow - lag) / (c - p)

@@ -11,7 +11,7 @@ from ..loop import Trace, replay
 from .controller import AdaptiveForceControl
 from .fixed_pi import FixedForcePi
 from .plant import Depth, DriveAndCut, changes
-from .signals import RegulationMetrics, averaged, held
+from .signals import RegulationMetrics, averaged, regulation_metrics
 from .stability import RECORDED, Energy, energy
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ BETWEEN = 3.0  # s between two steps of depth
 
 @dataclass(frozen=True, slots=True)
 class ForceRun:
-    """A replay with what it was made of.
+    """A replay with its controller settings and plant.
 
     Attributes
     ----------
@@ -56,17 +56,17 @@ class ForceRun:
         """Depths with the times they begin at."""
         return changes(self.plant.depth)
 
-    def stretches(self) -> list[RegulationMetrics]:
-        """How the force is held at each depth in its turn."""
+    def segments(self) -> list[RegulationMetrics]:
+        """Regulation metrics at each depth in turn."""
         starts = [start for start, _ in self.depths]
         ends = [*starts[1:], np.inf]
         point = self.settings.set_point
         return [
-            held(self.trace, point, self.revolution, a, b) for a, b in zip(starts, ends, strict=True)
+            regulation_metrics(self.trace, point, self.revolution, a, b) for a, b in zip(starts, ends, strict=True)
         ]  # fmt: skip
 
     def energy(self) -> Energy:
-        """V along the run; of the adaptive controller alone.
+        """Lyapunov function V along the run; of the adaptive controller only.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class ForceRun:
             The run is that of the PI.
         """
         if self.by != "adaptive":
-            raise UsageError("V of a run by the PI: it has no estimates; take the adaptive run.")
+            raise UsageError("V of a run by the PI: it has no estimates; use the adaptive run.")
         return energy(self.trace, self.settings, self.plant)
 
 
@@ -88,7 +88,7 @@ def steady_run(
     duration: float = STEADY,
     seed: int = 1,
 ) -> ForceRun:
-    """One depth of the paper, from rest to its set point (Figs 7-9), on the plant of the file's estimates.
+    """Run at one depth of the paper, from rest to its set point (Figs 7-9), on the plant of the file's estimates.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def steady_run(
     --------
     >>> from fitmodels.parameters.published import published
     >>> run = steady_run(published("LYAP"), 4.0, ripple=0.3)
-    >>> run.stretches()[0].steady < 0.02
+    >>> run.segments()[0].steady < 0.02
     True
     """
     return _run(pf, depth, depth, by, duration, ripple, noise, seed)
@@ -118,13 +118,13 @@ def depth_step_run(
     noise: float = 0.0,
     seed: int = 1,
 ) -> ForceRun:
-    """A cut whose depth steps while the set point stays that of the first depth.
+    """Run with steps of depth, while the set point remains that of the first depth.
 
     Examples
     --------
     >>> from fitmodels.parameters.published import published
     >>> run = depth_step_run(published("LYAP"), depths=(2.0, 4.0))
-    >>> [round(stretch.steady, 4) for stretch in run.stretches()]
+    >>> [round(segment.steady, 4) for segment in run.segments()]
     [0.0, 0.0]
     """
     plan = [(i * between, depth) for i, depth in enumerate(depths)]
@@ -144,5 +144,5 @@ def _run(
         s, dt = pi.settings, pi.pi.gains.sample_time
         trace = replay(pi, plant, duration=duration, dt=dt, seed=seed, record=("force", "k", "speed"))
     else:
-        raise UsageError(f"a run by {by!r}: 'adaptive' or 'pi'.")
+        raise UsageError(f"a run by {by!r}: give 'adaptive' or 'pi'.")
     return ForceRun(by, trace, s, plant, s.samples * s.sample_time)

@@ -28,7 +28,7 @@ class ForceSettings(Displayable):
     samples : int
         Steps of the law in ``average_time``.
     set_point : float
-        The force asked for at ``depth``.
+        Set point of the force at ``depth``.
     """
 
     m: float
@@ -52,7 +52,7 @@ class ForceSettings(Displayable):
     labels: tuple[str, str]
 
     def steps_in(self, dt: float) -> int:
-        """Steps of the law in a call, a whole number; UsageError for another ``dt``."""
+        """Number of steps of the law in a call; UsageError unless it is whole."""
         steps, step = round(dt / self.sample_time), self.sample_time
         if steps < 1 or abs(dt - steps * step) > 1e-6 * dt:
             raise UsageError(f"a step of {dt:g} s: the law takes whole steps of {step:g} s; replay it at a multiple.")
@@ -84,7 +84,7 @@ def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
 
 
 def lacking(pf: "ParameterFile") -> str:
-    """Why a file cannot drive the adaptive controller, in a sentence with the cure; empty where it can."""
+    """Reason why a file cannot drive the adaptive controller, with the remedy; empty where it can."""
     section = pf.adaptive_force
     if section is None:
         return "the file has no adaptive_force section: give collect(adaptive_force=...) its estimates and settings."
@@ -97,11 +97,11 @@ def lacking(pf: "ParameterFile") -> str:
     if not 0 < low < high:
         return f"adaptive_force: the command's limits are {low:g} to {high:g} {section.unit_u}; 0 < low < high."
     if abs(average / step - round(average / step)) > 1e-6 or average < step:
-        return f"adaptive_force: average_time {average:g} s is no whole number of steps of {step:g} s; make it one."
+        return f"adaptive_force: average_time {average:g} s is not a multiple of the step of {step:g} s."
     if not section.force_low < min(p.force for p in section.set_points):  # type: ignore[operator]
-        return "adaptive_force: force_low does not lie below every set point; readings would never be believed."
+        return "adaptive_force: force_low does not lie below every set point; no reading would be valid."
     if not section.force_high > max(p.force for p in section.set_points):  # type: ignore[operator]
-        return "adaptive_force: force_high does not lie above every set point; readings would never be believed."
+        return "adaptive_force: force_high does not lie above every set point; no reading would be valid."
     return ""
 
 
@@ -111,7 +111,7 @@ def machine(pf: "ParameterFile") -> tuple[float, float, float]:
     Raises
     ------
     GateError
-        No estimates, no depth they come from, or poles that no drive and process have.
+        Missing estimates or their depth, or complex or unstable poles.
 
     Examples
     --------
@@ -122,20 +122,18 @@ def machine(pf: "ParameterFile") -> tuple[float, float, float]:
     section = pf.adaptive_force
     if section is None or section.depth is None:
         raise GateError(
-            "adaptive_force: no estimates with the depth they come from, so no plant follows from the file."
+            "adaptive_force: no estimates with the depth they come from, so the plant is unknown; add them."
         )
     poles = np.roots([section.m, section.alpha, section.beta])
     if np.abs(poles.imag).max() > 0 or poles.max() >= 0:
-        raise GateError(
-            "adaptive_force: m, alpha, beta give poles that no drive and process have; identify them again."
-        )
+        raise GateError("adaptive_force: m, alpha, beta give complex or unstable poles; identify them again.")
     slow, fast = sorted(-poles.real)
     m = 1 / slow  # of d = 1
     return float(m), float(fast), float(m / section.m / section.depth)
 
 
 def tooth_frequency(pf: "ParameterFile") -> float:
-    """Of two flutes, Hz: assumed, as no number of flutes is in the section."""
+    """Tooth frequency, Hz, of an assumed two flutes: the section has no number of flutes."""
     average = _section(pf).average_time
     return TEETH / average if average else 100.0
 

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(slots=True)
 class ReferenceModel:
-    """F_d on its way to a set point, exact at its steps.
+    """Second-order reference model F_d of a set point, exact at its steps.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ReferenceModel:
         self._phi = _transition(1 / self.time, self.damping, self.step_time)
 
     def advance(self, target: float) -> None:
-        """One step, the target held."""
+        """Advance one step with a constant target."""
         a, b, c, d = self._phi
         off, rate = self.value - target, self.rate
         self.value = target + a * off + b * rate
@@ -61,13 +61,13 @@ class ReferenceModel:
         return ((target - self.value) / self.time - 2 * self.damping * self.rate) / self.time
 
     def midway(self, target: float, dt: float) -> tuple[float, float, float]:
-        """F_d'', F_d', F_d at half of ``dt`` from now: what a command that is held for it answers best."""
+        """F_d'', F_d', F_d at half of ``dt`` from now, the best instant for a command held over ``dt``."""
         second, half = self.second(target), dt / 2
         value, rate = self.value + self.rate * half + second * half**2 / 2, self.rate + second * half
         return ((target - value) / self.time - 2 * self.damping * rate) / self.time, rate, value
 
     def restart(self, value: float) -> None:
-        """Begin again, at rest at a value."""
+        """Restart at rest at a value."""
         self.value, self.rate = value, 0.0
 
 
@@ -93,13 +93,13 @@ def _transition(omega: float, zeta: float, h: float) -> tuple[float, float, floa
 class Revolution:
     """The last ``samples`` steps of force, F_d and F_d', as means and as their rates of change.
 
-    The mean is that of the straight lines between the samples, so that its rate is exactly what came in less what went
-    out, over the time: a ripple with a whole number of periods in it is gone from both.
+    The mean is trapezoidal, so that its rate is exactly the difference of the end values over the time: a ripple with a
+    whole number of periods in it vanishes from both.
 
     Attributes
     ----------
     samples : int
-        Steps of the law in a revolution; 1 feeds the law with the force as it comes.
+        Steps of the law in a revolution; 1 applies no averaging.
     step_time : float
         s.
 
@@ -123,16 +123,16 @@ class Revolution:
 
     @property
     def full(self) -> bool:
-        """Whether a whole revolution is known."""
+        """Whether the buffer holds a whole revolution."""
         return len(self._rows) == self.samples + 1
 
     def clear(self) -> None:
-        """Forget the past."""
+        """Empty the buffer."""
         self._rows.clear()
         self._sums = [0.0, 0.0]
 
     def push(self, force: float, wanted: float, wanted_rate: float) -> None:
-        """Take a step's force, F_d and F_d'."""
+        """Add force, F_d and F_d' of a step."""
         rows = self._rows
         if len(rows) == self.samples + 1:
             gone, after = rows[0], rows[1]
@@ -167,13 +167,13 @@ class Revolution:
         return (self._rows[-1][column] - self._rows[0][column]) / (self.samples * self.step_time)
 
 
-BAND = 0.02  # of the set point: the project's limit in steady state
-STEADY = 0.25  # the last share of a stretch
+BAND = 0.02  # of the set point: settling band
+STEADY = 0.25  # the last share of a segment
 
 
 @dataclass(frozen=True, slots=True)
 class RegulationMetrics:
-    """A stretch of a run at one set point.
+    """Regulation metrics of a segment of a run at one set point.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class RegulationMetrics:
     overshoot, undershoot : float
         Largest excursion above and below the set point, as shares of it; of the averaged force.
     steady : float
-        Largest error of the last quarter of the stretch, as a share.
+        Largest error of the last quarter of the segment, as a share.
     iae : float
         Mean of the absolute error, as a share.
     """
@@ -206,10 +206,10 @@ def averaged(values: Array, samples: int) -> Array:
     return np.where(count > 0, (total - total[start]) / np.maximum(count, 1), values)
 
 
-def held(
+def regulation_metrics(
     trace: "Trace", set_point: float, revolution: float, start: float = 0.0, end: float = np.inf
 ) -> RegulationMetrics:
-    """Judge a stretch of a replay that recorded ``force``, the plant's own without ripple.
+    """Regulation metrics of a segment of a replay that recorded ``force``, that of the plant without ripple.
 
     Parameters
     ----------

@@ -54,14 +54,14 @@ class Energy:
     ----------
     V : ndarray, shape (n,)
     free : ndarray of bool, shape (n,)
-        Where the proof speaks: nothing limited and the depth the same, for a revolution.
+        Where the proof applies: no limit active and constant depth for a revolution.
     rise : float
-        The largest rise of V above what it had fallen to, within a stretch where the proof speaks, as a share of V
-        at the beginning of that stretch.
+        The largest rise of V above what it had fallen to, within a segment where the proof applies, as a share of V
+        at the beginning of that segment.
     largest : float
-        The largest such rise as it is, in the unit of V: where a stretch begins near zero, its share says little.
+        The largest such rise in the unit of V: the share is uninformative where a segment begins near zero.
     starts : tuple of int
-        First samples of the stretches.
+        First samples of the segments.
     """
 
     V: Array
@@ -103,9 +103,8 @@ def energy(trace: "Trace", settings: "ForceSettings", plant: "DriveAndCut") -> E
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from .control import AdaptiveForceControl
-    >>> from ..loop import replay
-    >>> from .process import DriveAndCut
+    >>> from fitmodels.controllers import AdaptiveForceControl, replay
+    >>> from fitmodels.controllers.adaptive_force.plant import DriveAndCut
     >>> control = AdaptiveForceControl.from_parameters(published("LYAP"), depth=4.0)
     >>> plant = DriveAndCut(depth=4.0)
     >>> trace = replay(control, plant, duration=1.0, dt=0.001, record=RECORDED)
@@ -126,12 +125,12 @@ def values_of_V(e: Array, estimates: Array, settings: "ForceSettings", plant: "D
     matrix = P(true[:, 0], true[:, 1], true[:, 2], s.Kd, s.lam)
     V = np.einsum("ni,nij,nj->n", e, matrix, e)
     rates = np.array([s.g1, s.g2, s.g3])
-    taught = rates > 0  # a rate of 0 leaves its estimate, and its part of V, as it is
+    taught = rates > 0  # a rate of 0 leaves its estimate constant
     return np.asarray(V + ((estimates - true)[:, taught] ** 2 / rates[taught]).sum(axis=1), dtype=np.float64)
 
 
 def _free(adapting: Bools, k: Array, samples: int) -> Bools:
-    """Where nothing was limited and the depth the same for a revolution: the error is an average of it."""
+    """Samples where no limit was active and the depth constant for a revolution, over which the error is averaged."""
     free = adapting.copy()
     for change in np.r_[np.flatnonzero(np.diff(k)), np.flatnonzero(~adapting)] + 1:
         free[change : change + samples + 1] = False
@@ -139,7 +138,7 @@ def _free(adapting: Bools, k: Array, samples: int) -> Bools:
 
 
 def rise_of(V: Array, free: Bools) -> tuple[float, float, tuple[int, ...]]:
-    """The largest rise of a row (n,) within stretches marked free: as a share of the first value there, and as it is.
+    """The largest rise of a row (n,) within segments marked free: as a share of the first value there, and as it is.
 
     >>> rise_of(np.array([4.0, 2.0, 3.0, 9.0]), np.array([True, True, True, False]))
     (0.25, 1.0, (0,))
@@ -157,13 +156,13 @@ def rise_of(V: Array, free: Bools) -> tuple[float, float, tuple[int, ...]]:
 STEPS = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001)  # s
 STIFF = 10.0
 DIVERGED = 1e6  # of the set point
-LEAST = 200  # steps: a loop that runs away takes its time at a long step
+LEAST = 200  # steps: divergence is slow at a long step
 SETTLED = 0.02
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class StepSize(Displayable):
-    """One step size, one way to take it.
+    """Stability of one step size of one discretization.
 
     Attributes
     ----------
@@ -174,12 +173,11 @@ class StepSize(Displayable):
     step : float
         s.
     rise : float
-        Largest rise of V while nothing is limited, as a share of where it began; infinite where the run leaves all
-        bounds.
+        Largest rise of V while nothing is limited, as a share of its initial value; infinite where the run diverges.
     error : float
         Largest error of the force in the last quarter of the run, as a share of the set point.
     free : float
-        Share of the run in which the command was not limited, so that the proof speaks.
+        Share of the run in which the command was not limited, so that the proof applies.
     """
 
     way: str
@@ -191,24 +189,24 @@ class StepSize(Displayable):
 
     @property
     def diverged(self) -> bool:
-        """Whether the force ends further from its set point than the set point is from zero."""
+        """Whether the final error of the force exceeds 100 % of its set point."""
         return not self.error < 1
 
     @property
     def settled(self) -> bool:
-        """Whether the force ends within 2 % of its set point."""
+        """Whether the final force is within 2 % of its set point."""
         return self.error <= SETTLED
 
 
 def step_study(
     pf: "ParameterFile", depth: float | None = None, steps: tuple[float, ...] = STEPS, duration: float = 1.5
 ) -> tuple[StepSize, ...]:
-    """Both ways and both gains at each step, without ripple and noise, on the plant of the file's estimates.
+    """Both discretizations and both gains at each step, without ripple and noise, on the plant of the file's estimates.
 
     Parameters
     ----------
     depth : float, optional
-        One of the set points; the deepest unless said.
+        One of the set points; by default the deepest.
     steps : tuple of float
         s. As built, a step is a whole part of the revolution: others are left out.
     duration : float

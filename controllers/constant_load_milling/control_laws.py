@@ -55,7 +55,7 @@ def loop_of(pf: "ParameterFile") -> "LoadLoop":
 
 
 class PositionLaw:
-    """PI in position form with clamping; outside the cut, blind or switched off, the override is 1.
+    """PI in position form with clamping; outside the cut, without a valid load or switched off, the override is 1.
 
     Attributes
     ----------
@@ -77,24 +77,24 @@ class PositionLaw:
         average = loop.average if loop.average_of == "command" else 1
         self._kept = deque([1.0] * average, maxlen=average)
 
-    def held(self, error: float) -> float:
+    def closed(self, error: float) -> float:
         """In the cut; pid holds its sum while its output is clipped and the error pushes further."""
         if error * self.limited <= 0:
             self._sum += error * self._time
         half = self._half
         out = 1.0 - self._middle + self._p * error + self._i * self._sum
         self.limited = (out > half) - (out < -half)
-        return self._sent(self._middle + min(max(out, -half), half))
+        return self._limited(self._middle + min(max(out, -half), half))
 
     def outside(self) -> float:
         """Out of the cut: the programme's feed."""
         self._sum, self.limited = 0.0, 0
-        return self._sent(1.0)
+        return self._limited(1.0)
 
-    blind = off = outside
+    invalid = off = outside
 
-    def _sent(self, target: float) -> float:
-        """The average, hard limits, then the rate: another one downwards than upwards."""
+    def _limited(self, target: float) -> float:
+        """Moving average, limits, then a rate limit that differs downwards and upwards."""
         kept, last = self._kept, self.command
         if len(kept) > 1:
             kept.append(target)
@@ -110,8 +110,8 @@ class PositionLaw:
 class IncrementalLaw:
     """Eq. 16 inside its feed limits, the sent command a moving average of u.
 
-    Out of the cut u stays what it was last; blind, with a load that is unknown or stuck, it goes to the lower limit,
-    where a tool draws the reference at most until it is worn; switched off to the programme's feed.
+    Out of the cut u keeps its last value; without a valid load it goes to the lower limit, where the load
+    stays below the reference until the tool is worn; switched off it goes to the programmed feed.
 
     Attributes
     ----------
@@ -131,32 +131,32 @@ class IncrementalLaw:
         average = loop.average if loop.average_of == "command" else 1
         self._kept = deque([self._last] * average, maxlen=average)
 
-    def held(self, error: float) -> float:
+    def closed(self, error: float) -> float:
         """In the cut."""
         if error * self.limited <= 0:
             self._sum += error
-        asked = self._last + self._p * error + self._i * self._sum
-        return self._sent(asked, self._low, self._high)
+        unlimited = self._last + self._p * error + self._i * self._sum
+        return self._limited(unlimited, self._low, self._high)
 
     def outside(self) -> float:
         """Out of the cut: the last command of it."""
         self._sum = 0.0
-        return self._sent(self._last, self._low, self._high)
+        return self._limited(self._last, self._low, self._high)
 
-    def blind(self) -> float:
+    def invalid(self) -> float:
         """The load is unknown or stuck: the lower limit."""
         self._sum = 0.0
-        return self._sent(self._low, self._low, self._high)
+        return self._limited(self._low, self._low, self._high)
 
     def off(self) -> float:
         """Switched off: the programme's feed."""
         self._sum = 0.0
-        return self._sent(1.0, self._low, max(self._high, 1.0))
+        return self._limited(1.0, self._low, max(self._high, 1.0))
 
-    def _sent(self, asked: float, low: float, high: float) -> float:
+    def _limited(self, unlimited: float, low: float, high: float) -> float:
         last, kept = self._last, self._kept
-        u = min(max(asked, low, last - self._back_off), high, last + self._recover)
-        self.limited = (asked > high) - (asked < low)
+        u = min(max(unlimited, low, last - self._back_off), high, last + self._recover)
+        self.limited = (unlimited > high) - (unlimited < low)
         self._last = u
         if len(kept) == 1:
             self.command = u

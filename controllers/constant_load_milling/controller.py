@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
     from ...parameters.exports.loop import LoadLoop
 
-DWELL = 4.0  # s: as long as the published loop may take to settle, so that no transient is taken for a worn tool
+DWELL = 4.0  # s: the settling time allowed for the published loop, so that a transient does not count as a worn tool
 REST = 0.01  # of the range between the feed limits: a command so near the lower one rests on it
 STANDS_STILL = 0.02  # of that range: a command that moved by more changes any load that is measured
 STILL_FOR = 25  # samples
@@ -30,14 +30,14 @@ STILL_FOR = 25  # samples
 class ConstantLoad(Displayable):
     """The controller of CLM-2023; its command is the feed override, feed over programmed feed.
 
-    In position form it does nothing outside the cut, switched off, or with a load that is unknown: the override is 1.
-    Readings that stand still while the command moves are told and answered like others, as LinuxCNC does.
+    In position form the override is 1 outside the cut, switched off, or with an unknown load. Stuck readings are
+    reported and used like others, as LinuxCNC does.
 
     In the form ``incremental_sum`` it keeps its last command as soon as the load falls below the threshold; with a load
     that is unknown or stuck it goes to the lower limit, switched off to 1.
 
     A reading that stands still is called stuck where the command moved by 2 % of the range of its limits in 25 samples,
-    or by 20 % in any time: one that stands still at the reference itself, or on a limit, is not found out.
+    or by 20 % in any time: one that stands still at the reference itself, or on a limit, is not detected.
 
     Attributes
     ----------
@@ -117,9 +117,9 @@ class ConstantLoad(Displayable):
 
     @classmethod
     def from_parameters(cls, pf: "ParameterFile", command: float | None = None) -> Self:
-        """Make the controller from the file and nothing else.
+        """Make the controller from the file alone.
 
-        ``command`` is the override in force: unless given 0 in position form, as LinuxCNC's limiter begins, and the
+        ``command`` is the initial override: by default 0 in position form, as LinuxCNC's limiter begins, and the
         upper limit in the form ``incremental_sum``.
 
         Raises
@@ -135,7 +135,7 @@ class ConstantLoad(Displayable):
         return cls(loop, command=start if command is None else command, dwell=DWELL if dwell is None else dwell)
 
     def step(self, measurement: float, dt: float) -> float:
-        """Answer a load with a feed override.
+        """Feed override for a load.
 
         Raises
         ------
@@ -144,27 +144,27 @@ class ConstantLoad(Displayable):
         """
         if dt != self._time and abs(dt - self._time) > 1e-9 * dt:
             raise UsageError(f"a step of {dt:g} s: the loop was made for {self._time:g} s; replay it at that.")
-        measurement = float(measurement)  # a number of numpy's has no difference of truths
+        measurement = float(measurement)  # NumPy bools do not support subtraction
         law, sensing = self._law, self._sensing
-        believed = sensing.believes(measurement, self._felt)
+        valid = sensing.valid(measurement, self._felt)
         state = sensing.state
         if not self._own:
-            believed = state != UNKNOWN
+            valid = state != UNKNOWN
         self._filtered += ((measurement if state != UNKNOWN else 0.0) - self._filtered) * self._gain
         load = self._filtered
         if len(self._kept) > 1:
             self._kept.append(load)
             load = sum(self._kept) / len(self._kept)
-        cutting = self._engaged(load) and believed and self.enabled
+        cutting = self._engaged(load) and valid and self.enabled
         if cutting:
-            self.command = law.held(self.reference - load)
-            if measurement > self._at:  # a load of air stands still whatever the command does
+            self.command = law.closed(self.reference - load)
+            if measurement > self._at:  # the load in air does not depend on the command
                 self._felt = self.command
         else:
-            self.command = (law.outside() if believed else law.blind()) if self.enabled else law.off()
+            self.command = (law.outside() if valid else law.invalid()) if self.enabled else law.off()
         worn = cutting and self._rests()
         if worn or cutting != self.cutting or law.limited != self._limited or state != self._state:
-            self._tell(cutting, state, worn)
+            self._report(cutting, state, worn)
         else:
             self.news = ()
         return self.command
@@ -182,26 +182,24 @@ class ConstantLoad(Displayable):
         self._waited += 1
         if self._waited >= (self.loop.engage_samples if above else self.loop.disengage_samples):
             self._loaded, self._waited = above, 0
-        return self._loaded and (
-            self._above or not self._own
-        )  # eq. 16 stops at once: it would answer air with more feed
+        return self._loaded and (self._above or not self._own)  # eq. 16 opens at once: in air it would raise the feed
 
     def _rests(self) -> bool:
-        """Whether the command has just rested long enough; air between two cuts does not count, nor break it."""
+        """Whether the command was on its lower limit for the dwell; time in air neither counts nor resets it."""
         if self.command > self.rest:
             self._rested = 0
             return False
         self._rested += 1
         return self._rested == self._dwell
 
-    def _tell(self, cutting: bool, state: str, worn: bool) -> None:
-        said = [f"load {state}"] if state != self._state else []
+    def _report(self, cutting: bool, state: str, worn: bool) -> None:
+        changes = [f"load {state}"] if state != self._state else []
         if cutting != self.cutting:
-            said.append("cut" if cutting else "air")
+            changes.append("cut" if cutting else "air")
         if self._law.limited != self._limited:
-            said.append(("free", "at high", "at low")[self._law.limited])  # the third by index -1
+            changes.append(("free", "at high", "at low")[self._law.limited])  # the third by index -1
         if worn and not self.worn:
-            said.append("change tool")
+            changes.append("change tool")
         self.worn = self.worn or worn
-        self.news = tuple(said)
+        self.news = tuple(changes)
         self.cutting, self._state, self._limited = cutting, state, self._law.limited

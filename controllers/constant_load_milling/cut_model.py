@@ -72,7 +72,7 @@ class CutModel(Displayable):
         Raises
         ------
         ParameterError
-            The file lacks one of them, or they do not fit together; the sentence says which and what to do.
+            The file lacks one of them, or they are inconsistent.
 
         Examples
         --------
@@ -114,7 +114,7 @@ def _load_law(pf: "ParameterFile", line: "LoadLineSection") -> "LawSection":
     law = pf.laws.get(line.law)
     if law is None or law.form not in ("load_line", "feed_line"):
         raise ParameterError(
-            f"the file has no load law of {line.law[:40]!r} that its settings name, so there is no cut to act on; fit "
+            f"the file has no load law of {line.law[:40]!r} that its settings name, so no cut can be simulated; fit "
             "runs that have the columns fm, VB and I."
         )
     found = (law.unit, *(factor.unit for factor in law.factors))
@@ -132,7 +132,7 @@ def _line(law: "LawSection", line: "LoadLineSection", pf: "ParameterFile") -> tu
     c = law.coefficients
     if law.form == "load_line":
         A, B, k1 = c["A"] + shift, c["B"], c["k1"]
-    else:  # feed on wear at the reference: the dynamics alone say what load a feed draws
+    else:  # feed on wear at the reference: the load per unit of feed comes from the dynamics
         B = _gain_of_dynamics(pf, line)
         A, k1 = line.reference - B * (c["fm0"] + shift), -c["slope"] * B
     if not (B > 0 and k1 > 0):
@@ -154,25 +154,25 @@ def _gain_of_dynamics(pf: "ParameterFile", line: "LoadLineSection") -> float:
 
 
 def _wear(pf: "ParameterFile", symbol: str, line: "LoadLineSection") -> tuple[float, float, float, dict[str, float]]:
-    """c0 for time in s, exponents of time and feed, and what was held in the tests: ``area``, ``fm``."""
+    """c0 for time in s, exponents of time and feed, and fixed test conditions: ``area``, ``fm``."""
     law = pf.laws.get(symbol)
-    cure = f"fit wear tests that have the columns t and {symbol}."
+    remedy = f"fit wear tests that have the columns t and {symbol}."
     if law is None or law.form != "power" or "t" not in law.coefficients:
-        raise ParameterError(f"the file has no power law of {symbol} in the time t, so no tool wears; {cure}")
+        raise ParameterError(f"the file has no power law of {symbol} in the time t, which wear needs; {remedy}")
     factors = {factor.symbol: factor for factor in law.factors}
     free = [name for name, factor in factors.items() if name not in FACTORS and factor.low != factor.high]
     if free or law.by:
         raise ParameterError(
-            f"the law of {symbol} leaves {', '.join(free) or 'its level'} open; at constant load t and fm alone may "
-            f"change: {cure}"
+            f"the law of {symbol} leaves {', '.join(free) or 'its level'} open; at constant load only t and fm may "
+            f"change: {remedy}"
         )
     _same_units(law, factors, line)
     held: dict[str, Any] = {name: factor.low for name, factor in factors.items() if name not in FACTORS}
     held |= {name: 1.0 for name in FACTORS if name in factors}
     c0 = float(law.predict(**held))
-    c0, n = c0 * _in_unit("s", factors["t"].unit) ** law.coefficients["t"], law.coefficients["t"]
+    c0, n = c0 * unit_factor("s", factors["t"].unit) ** law.coefficients["t"], law.coefficients["t"]
     if not n > 0:
-        raise ParameterError(f"the law of {symbol} has t^{n:g}: wear grows with time; {cure}")
+        raise ParameterError(f"the law of {symbol} has t^{n:g}: wear grows with time; {remedy}")
     return c0, n, law.coefficients.get("fm", 0.0), _tested(factors)
 
 
@@ -189,12 +189,13 @@ def _tested(factors: dict[str, Any]) -> dict[str, float]:
     if "fm" in factors:
         found["fm"] = (factors["fm"].low + factors["fm"].high) / 2
     if {"d", "ae"} <= factors.keys():
-        d, ae = (factors[name].low * _in_unit(factors[name].unit, "mm") for name in ("d", "ae"))
+        d, ae = (factors[name].low * unit_factor(factors[name].unit, "mm") for name in ("d", "ae"))
         found["area"] = d * ae
     return found
 
 
-def _in_unit(unit: str, to: str) -> float:
+def unit_factor(unit: str, to: str) -> float:
+    """Conversion factor between units."""
     from ...datasets.units import convert
 
     return float(convert(np.array(1.0), unit, to))

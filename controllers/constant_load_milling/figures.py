@@ -19,8 +19,8 @@ MOST = 6000  # points of a line
 LABEL = {"I": "spindle current"}
 
 
-def run_figure(run: ToolRun, line: "LoadLineSection", beside: ToolRun | None = None, work: str = "") -> Figure:
-    """Load and feed over cutting length, with the mean of each pass, the limits, and a run at constant feed beside."""
+def run_figure(run: ToolRun, line: "LoadLineSection", fixed: ToolRun | None = None, work: str = "") -> Figure:
+    """Load and feed over cutting length, with the mean of each pass, the limits, and a run at constant feed."""
     figure = NotebookFigure(figsize=(8.0, 6.2), layout="constrained")
     load, feed = figure.subplots(2, 1, sharex=True)
     name = LABEL.get(line.load, "load")
@@ -33,9 +33,9 @@ def run_figure(run: ToolRun, line: "LoadLineSection", beside: ToolRun | None = N
     means = [p.mean_load for p in held]
     load.plot(middles, means, "o", ms=4.5, mfc="white", mec="black", zorder=5, label="mean of a pass, settled")
     _along(feed, run, run.trace.recorded["feed"], FEED, "constant load")
-    if beside is not None:
-        _along(load, beside, beside.trace.measurement, OTHER, f"constant feed, {beside.mean_feed:.0f} {line.unit_feed}")
-        _along(feed, beside, beside.trace.recorded["feed"], OTHER, "constant feed")
+    if fixed is not None:
+        _along(load, fixed, fixed.trace.measurement, OTHER, f"constant feed, {fixed.mean_feed:.0f} {line.unit_feed}")
+        _along(feed, fixed, fixed.trace.recorded["feed"], OTHER, "constant feed")
     for value in (line.lower.value, line.upper.value):
         feed.axhline(value, color="0.4", lw=0.9, ls="--")
     feed.annotate("feed limits", (0.0, line.lower.value), (4, 4), textcoords="offset points", color="0.35", fontsize=9)
@@ -70,7 +70,7 @@ def pass_figure(run: ToolRun, line: "LoadLineSection", number: int = 2, settle: 
     feed.margins(y=0.15)
     for ax in (load, feed):
         ax.axvspan(0.0, settle, color="0.9", lw=0, zorder=0)
-    load.annotate("settling, not judged", (0.0, 1.0), (4, -4), xycoords=("data", "axes fraction"),
+    load.annotate("settling, excluded", (0.0, 1.0), (4, -4), xycoords=("data", "axes fraction"),
                   textcoords="offset points", va="top", fontsize=9, color="0.35")  # fmt: skip
     at = f"{one.start:.0f} to {one.start + one.length:.0f} mm"
     load.set(ylabel=f"{LABEL.get(line.load, 'load')}, {line.unit_load}", title=f"Simulated: pass {number}, {at}")

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class ByKind:
-    """One controller for each kind of cut; the one whose cut is on runs, the others keep their last command.
+class ControllerByCut:
+    """One controller for each kind of cut: that of the current cut runs, the others keep their last command.
 
     Its command is the feed over the mill's programmed feed.
     """
@@ -40,7 +40,7 @@ class ByKind:
         self.reference, self.labels = first.reference, first.labels
 
     def step(self, measurement: float, dt: float) -> float:
-        """Answer a load by the settings of the cut that is on."""
+        """Answer a load by the controller of the current cut."""
         now = self.controllers[self.mill.kind]
         self.command = now.step(measurement, dt) * now.loop.feed_programmed / self.mill.programmed
         self.reference, self.news = now.reference, now.news
@@ -55,7 +55,7 @@ def mixed_run(
     seed: int = 1,
     settle: float = SETTLE,
 ) -> ToolRun:
-    """Replay one tool over several kinds of cut until one of them asks for a change.
+    """Replay one tool over several kinds of cut until one of their controllers signals the change.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def mixed_run(
     duration = sum(longest(cut, BEYOND * worst, c.loop.feed_low, gap, slowest)
                    for cut, c in zip(cuts, controllers, strict=True))  # fmt: skip
     trace = replay(
-        ByKind(controllers, mill), mill, duration=duration, dt=cuts[0].sample_time, seed=seed, record=RECORDED,
+        ControllerByCut(controllers, mill), mill, duration=duration, dt=cuts[0].sample_time, seed=seed, record=RECORDED,
         until=CHANGE,
     )  # fmt: skip
     rest = [c.rest * c.loop.feed_programmed / mill.programmed for c in controllers]
@@ -104,5 +104,5 @@ def _check_alike(cuts: Sequence[CutModel], controllers: Sequence[ConstantLoad]) 
     }
     if len(alike) > 1:
         raise UsageError(
-            f"{len(cuts)} files of a mixed path: they differ in drive, period or units; one tool cuts on one machine."
+            f"{len(cuts)} files of a mixed path: they differ in drive, period or units; give files of one machine."
         )

@@ -8,22 +8,22 @@ import numpy as np
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from .cut_model import CutModel
+from .cut_model import CutModel, unit_factor
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
 PASS = 150.0  # mm, section II.E
-GAP = 2.0  # s out of the cut between two passes: assumed, the paper does not say
-DRAWN = 256  # samples of noise at a time: one by one takes longer than all the rest
+GAP = 2.0  # s out of the cut between two passes: assumed, not in the paper
+DRAWN = 256  # samples of noise at a time, for speed
 
 
 @dataclass(slots=True, repr=False)
 class MillingCut(Displayable):
     """A plant: feed override in, spindle load out.
 
-    The feed in force drives the length at once; the load sees it through the drive's shape, which runs on out of the
-    cut. Out of the cut the load is A, or ``idle``.
+    The length follows the feed at once, the load through the drive's dynamics, which continue out of the cut. Out of
+    the cut the load is A, or ``idle``.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class MillingCut(Displayable):
     programmed : float
         Feed at override 1, in the unit of the cuts.
     passes : sequence of (int, float)
-        Kind and length in mm of each pass, over and over again.
+        Kind and length in mm of each pass, repeated.
     gap : float
         s out of the cut between passes.
     noise : float
@@ -40,7 +40,7 @@ class MillingCut(Displayable):
     idle : float or None
         Load out of the cut.
     wear : float
-        Of the tool, in the unit of the cuts; a tool may begin with some.
+        Of the tool, in the unit of the cuts; its initial value may be above 0.
     length, in_cut, number, kind, feed
         mm that were cut; 1 in the cut, else 0; pass (from 1) and kind of cut; feed in force.
 
@@ -91,12 +91,14 @@ class MillingCut(Displayable):
             )
         drive = self.cuts[0]
         if drive.b[0] != 0:
-            raise UsageError("the drive answers in the sample of its command: a plant needs one of delay at least.")
+            raise UsageError(
+                "the drive responds in the sample of its command; a plant needs a delay of at least one sample."
+            )
         size = max(len(drive.b) - 1, len(drive.a))
         self._b = (*drive.b[1:], *[0.0] * (size + 1 - len(drive.b)))  # the sample of delay is the replay's
         self._a = (*drive.a, *[0.0] * (size - len(drive.a)))
         self._state, self._taps = [0.0] * size, range(1, len(self._b))
-        self._speed = _mm_per_s(drive.unit_feed)
+        self._speed = unit_factor(drive.unit_feed, "mm/s")
         self._begin()
 
     @classmethod
@@ -109,7 +111,7 @@ class MillingCut(Displayable):
         noise: float | None = None,
         cut: CutModel | None = None,
     ) -> Self:
-        """Make the plant of a file; ``noise`` is the sensor's unless given, ``cut`` another than the file's.
+        """Make the plant of a file; ``noise`` is by default the sensor's, ``cut`` by default the file's.
 
         Raises
         ------
@@ -125,7 +127,7 @@ class MillingCut(Displayable):
         return cls((cut,), loop_of(pf).feed_programmed, ((0, pass_length),), gap, sd)
 
     def step(self, command: float, dt: float, noise: np.random.Generator) -> float:
-        """Answer the override that was in force with the load at the sample."""
+        """Load at the sample, for the override in force before it."""
         if self._left <= 0:
             self._turn()
         self.feed = feed = command * self.programmed
@@ -151,7 +153,7 @@ class MillingCut(Displayable):
         return load + self._drawn.pop()
 
     def _turn(self) -> None:
-        """Out of the cut, where the programme already holds the next kind, or into the next pass."""
+        """Leave the cut, with the next kind of cut already selected, or enter the next pass."""
         if self.in_cut and self.gap:
             self.in_cut, self._left = 0.0, self.gap
             self.kind = self.passes[self.number % len(self.passes)][0]
@@ -160,7 +162,7 @@ class MillingCut(Displayable):
             self._begin()
 
     def _begin(self) -> None:
-        """A pass; ``_worn`` is wear^(1/n), which grows by c0^(1/n) a second at any feed history."""
+        """Begin a pass; ``_worn`` is wear^(1/n), which grows by c0^(1/n) a second at any feed history."""
         self.kind, self._left = self.passes[(self.number - 1) % len(self.passes)]
         self._cut, self.in_cut = self.cuts[self.kind], 1.0
         self._even, self._steady = self._cut.n == 1.0, self._cut.m == 0.0
@@ -171,9 +173,3 @@ class MillingCut(Displayable):
         cut = self._cut
         rate: float = (cut.c0 * max(feed, 1e-9) ** cut.m) ** (1 / cut.n)
         return rate
-
-
-def _mm_per_s(unit: str) -> float:
-    from ...datasets.units import convert
-
-    return float(convert(np.array(1.0), unit, "mm/s"))

@@ -17,13 +17,13 @@ from .plant import GAP, PASS, MillingCut
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
-SETTLE = 4.0  # s, the settling time that the paper asks for
-RECORDED = ("feed", "wear", "length", "in_cut", "number", "kind")  # what a replay records for this
+SETTLE = 4.0  # s, the settling time that the paper requires
+RECORDED = ("feed", "wear", "length", "in_cut", "number", "kind")  # recorded by a replay for this
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Pass(Displayable):
-    """One pass; loads and feeds are those after the loop has settled, None where it was too short for that.
+    """One pass; loads and feeds are means after settling, None where the pass was too short.
 
     Attributes
     ----------
@@ -39,9 +39,9 @@ class Pass(Displayable):
     wear : float
         At its end.
     whole : bool
-        Whether the tool came out of the cut.
+        Whether the pass was completed.
     limited : bool
-        Whether the command rested on the lower limit in it, if only for a sample.
+        Whether the command was on the lower limit in it, if only for a sample.
     """
 
     number: int
@@ -66,7 +66,7 @@ def passes_of(trace: Trace, rest: Sequence[float], settle: float = SETTLE) -> tu
     rest : sequence of float
         Override at or below which the command rests on the lower limit, for each kind of cut.
     settle : float
-        s of each pass that do not count.
+        s at the start of each pass that are excluded.
     """
     cut = np.flatnonzero(trace.recorded["in_cut"] > 0)
     if not cut.size:
@@ -99,12 +99,12 @@ def _mean(values: Array) -> float | None:
 
 CHANGE = "change tool"
 LONGEST = 4 * 3600.0  # s of machine time
-BEYOND = 2.0  # times the end of the tool-change window: a loop that has not asked by then never asks
+BEYOND = 2.0  # times the end of the tool-change window: a loop without a change by then never gives one
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ToolRun(Plottable):
-    """A tool's whole run: a simulation.
+    """Simulated run of one tool.
 
     Attributes
     ----------
@@ -144,13 +144,13 @@ class ToolRun(Plottable):
 
     @property
     def regulated(self) -> tuple[Pass, ...]:
-        """Whole passes, long enough to judge, before the one in which the command first rested on the lower limit."""
+        """Completed, long enough passes before the one in which the command first reached the lower limit."""
         first = next((p.number for p in self.passes if p.limited), np.inf)
         return tuple(p for p in self.passes if p.whole and p.number < first and p.mean_load is not None)
 
     @property
     def worst_mean(self) -> float | None:
-        """Largest share by which the mean load of a regulated pass lies off the reference; None without one."""
+        """Largest share by which the mean load of a regulated pass deviates from the reference; None without one."""
         off = [p.mean_load / self.reference - 1 for p in self.regulated if p.mean_load is not None]
         return max(off, key=abs) if off else None
 
@@ -164,20 +164,20 @@ def constant_load_run(
     seed: int = 1,
     settle: float = SETTLE,
 ) -> ToolRun:
-    """Replay a sharp tool at constant load, pass after pass, until the command has rested on the lower limit.
+    """Replay a sharp tool at constant load until the command has been on the lower limit for the dwell.
 
     Parameters
     ----------
     pf : ParameterFile
         Controller and plant are made from it alone.
     plant : MillingCut, optional
-        Another than the file's: a mismatch.
+        By default the file's; another one simulates a mismatch.
     pass_length, gap : float
         mm of a pass, s out of the cut between two.
     seed : int
         Of the sensor's noise, where there is any.
     settle : float
-        s of each pass that do not count for its means.
+        s at the start of each pass that are excluded from its means.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def constant_load_run(
     >>> run.worn, len(run.passes), f"{run.wear:.0f} um, {run.length:.0f} mm"
     (True, 15, '205 um, 2103 mm')
     """
-    controller = ConstantLoad.from_parameters(pf, command=1.0)  # the machine runs at its programme's feed
+    controller = ConstantLoad.from_parameters(pf, command=1.0)  # the machine runs at the programmed feed
     mill = MillingCut.from_parameters(pf, pass_length=pass_length, gap=gap) if plant is None else plant
     cut, loop = mill.cuts[0], controller.loop
     duration = longest(cut, BEYOND * line_of(pf).window[1], loop.feed_low, gap, pass_length)
@@ -210,9 +210,9 @@ def constant_feed_run(
     ----------
     pf : ParameterFile
     feed : float, optional
-        In the unit of the feed limits; that of the wear tests unless given, or else the lower feed limit.
+        In the unit of the feed limits; by default that of the wear tests, or else the lower feed limit.
     wear : float, optional
-        The file's criterion unless given, or else the wear that the lower limit stands for.
+        By default the file's criterion, or else the wear of the lower limit.
     plant : MillingCut, optional
 
     Raises
@@ -220,7 +220,7 @@ def constant_feed_run(
     UsageError
         A feed or wear that is not above zero.
     ParameterError
-        The file holds no cut to act on.
+        The file has no cut to simulate.
 
     Examples
     --------
@@ -234,7 +234,7 @@ def constant_feed_run(
     at = feed if feed is not None else cut.tested_feed or line.lower.value
     until = wear if wear is not None else criterion(pf)
     if not (at > 0 and until > 0):
-        raise UsageError(f"a feed of {at:g} to a wear of {until:g}: both lie above zero.")
+        raise UsageError(f"a feed of {at:g} to a wear of {until:g}: give both above zero.")
     fixed = FixedFeed(at / mill.programmed, mill, until, line.reference)
     trace = replay(
         fixed, mill, duration=longest(cut, 1.1 * until, at, mill.gap, mill.passes[0][1]), dt=cut.sample_time,
@@ -244,14 +244,14 @@ def constant_feed_run(
 
 
 def criterion(pf: "ParameterFile") -> float:
-    """Wear at which a tool is worn out at constant feed: the file's criterion, or what the lower limit stands for."""
+    """Wear at which a tool is worn out at constant feed: the file's criterion, or the wear of the lower limit."""
     line, life = line_of(pf), pf.tool_life
     return life.criterion if life is not None and life.unit_of_wear == line.unit_wear else line.lower.wear
 
 
 @dataclass(slots=True)
 class FixedFeed:
-    """One override, until the tool is measured to be worn: what a programme without a loop does."""
+    """Controller with one override until the tool is worn: a programme without control."""
 
     command: float
     mill: MillingCut
@@ -260,7 +260,7 @@ class FixedFeed:
     news: tuple[str, ...] = field(default=(), init=False)
 
     def step(self, measurement: float, dt: float) -> float:
-        """The same override, whatever the load."""
+        """The constant override."""
         if self.mill.wear >= self.wear * (1 - 1e-12):
             self.news = (CHANGE,)
         return self.command
@@ -269,7 +269,7 @@ class FixedFeed:
 def run_of(
     trace: Trace, reference: float, rest: Sequence[float], areas: Sequence[float | None], settle: float
 ) -> ToolRun:
-    """The run that a trace tells; for each kind of cut the override of its lower limit and its cross-section, mm2."""
+    """The run of a trace; ``rest`` and ``areas``: lower-limit override and cross-section, mm2, of each kind of cut."""
     found = passes_of(trace, rest, settle)
     dt = float(trace.time[1]) if len(trace.time) > 1 else 0.0
     removed = [p.length * area for p in found if (area := areas[p.kind]) is not None]
@@ -285,5 +285,5 @@ def run_of(
 def longest(cut: CutModel, wear: float, feed: float, gap: float, length: float) -> float:
     """Time in s until a wear is reached at a feed, with the time out of the cut."""
     in_cut = (wear / (cut.c0 * feed**cut.m)) ** (1 / cut.n)
-    speed = feed * 4 / 60  # passes are shorter where the feed is higher: no loop's limits span more
+    speed = feed * 4 / 60  # higher feeds shorten the passes: upper bound of the span of limits
     return float(min(in_cut * (1 + gap * speed / length) + 60.0, LONGEST))

@@ -16,7 +16,7 @@ from ...core.display import Plottable, as_columns
 from ...parameters.draws import Draws
 from ..loop import Array
 from .control_laws import line_of
-from .cut_model import CutModel
+from .cut_model import CutModel, unit_factor
 
 if TYPE_CHECKING:
     from ...core.display import Frame
@@ -28,14 +28,14 @@ STEPS = 400  # of the wear, for the integrals
 
 @dataclass(frozen=True, slots=True, repr=False)
 class SteadyLife(Plottable):
-    """Wear at the lower limit, s in the cut and mm to there; shape (n,), one for each tool; NaN never reaches it."""
+    """Wear at the lower limit, s in the cut and mm up to it, shape (n,), one per tool; NaN where it is not reached."""
 
     wear: Array
     time: Array
     length: Array
 
     def to_frame(self) -> "Frame":
-        """A row a tool: wear, s and mm."""
+        """One row per tool: wear, s and mm."""
         return as_columns(self, "wear", "time", "length")
 
 
@@ -66,13 +66,13 @@ def steady_life(cut: CutModel, line: "LoadLineSection", **changed: Array) -> Ste
     grid = np.linspace(0.0, 1.0, STEPS + 1)[:, None] * wear ** (1 / n)  # of wear^(1/n), which grows evenly at one feed
     feed = np.clip((line.reference - A - k1 * grid**n) / B, low, high)
     pace = (c0 * feed**m) ** (-1 / n)
-    return SteadyLife(wear, _integral(pace, grid), _integral(pace * feed * _mm_per_s(cut), grid))
+    return SteadyLife(wear, _integral(pace, grid), _integral(pace * feed * unit_factor(cut.unit_feed, "mm/s"), grid))
 
 
 def drawn_life(pf: "ParameterFile", draws: Mapping[str, Draws]) -> tuple[SteadyLife, tuple[str, ...]]:
-    """Life over the draws of load law and wear law, and the responses whose draws were used.
+    """Life over the draws of load law and wear law, with the responses whose draws were used.
 
-    Draws of two laws are taken pair by pair, as many as the fewer; a law without draws stands as it is in the file.
+    Draws of two laws are paired in order, up to the smaller number; a law without draws is fixed at its estimates.
     """
     cut, line = CutModel.from_parameters(pf), line_of(pf)
     law = pf.laws[line.law]
@@ -97,29 +97,17 @@ def _load(columns: dict[str, Array], cut: CutModel, line: "LoadLineSection") -> 
 
 
 def _wear(columns: dict[str, Array], cut: CutModel, law: "LawSection") -> dict[str, Array]:
-    """c0 for time in s: what the file's constant became, times what each draw moves it by."""
+    """c0 for time in s: the constant of the file times the ratio of each draw to it."""
     per_min = {"n": columns.get("t"), "m": columns.get("fm")}
     out = {name: values for name, values in per_min.items() if values is not None}
     ln = columns["ln c0"] - np.log(law.coefficients["c0"])
     for factor in law.factors:
         moved = columns.get(factor.symbol, law.coefficients[factor.symbol]) - law.coefficients[factor.symbol]
         if factor.symbol == "t":
-            ln = ln - moved * np.log(_per(factor.unit))
+            ln = ln - moved * np.log(unit_factor(factor.unit, "s"))
         elif factor.symbol != "fm":
             ln = ln + moved * np.log(factor.low)
     return {**out, "c0": cut.c0 * np.exp(ln)}
-
-
-def _per(unit: str) -> float:
-    from ...datasets.units import convert
-
-    return float(convert(np.array(1.0), unit, "s"))
-
-
-def _mm_per_s(cut: CutModel) -> float:
-    from ...datasets.units import convert
-
-    return float(convert(np.array(1.0), cut.unit_feed, "mm/s"))
 
 
 def _integral(y: Array, x: Array) -> Array:

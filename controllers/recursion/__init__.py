@@ -1,20 +1,14 @@
 """Recursive turning to the end of an edge: AC-2017 (Alaskari and Oraby, Kuwait J. Sci., accepted June 2017).
 
-    laws          the laws of an edge's life at one depth of cut, with their limits
-    from_file     ... taken from a parameter file, or why they cannot be
-    rules         how wear adds up and which times count: as published, and the other readings
-    grid          the pairs that are tried and what each would do in an interval
-    choice        one interval's pair, from the grid or exact
-    optimum       the exact optimum of an interval, by cutting planes
-    life          the whole recursion, and a plan carried out on another edge
-    fixed         one pair to the end of an edge, and the comparison
-    controller    the recursion as a controller, an interval a step
-    edge          the plant: an edge that wears
-    many          the recursion for a thousand draws at once
-    distribution  the distribution of life and of metal removed
-    draw          figures
+    laws              laws and limits of an edge's life at one depth of cut; rules of wear and time
+    from_file         these laws from a parameter file
+    interval_optimum  the best pair of one interval, from the published grid or exact
+    life              the whole recursion, a plan on another edge, a fixed pair, and their comparison
+    controller        the recursion as a controller, one interval a step, and its plant
+    distribution      the distribution of life and of metal removed under uncertain laws
+    figures           the figures
 
->>> from fitmodels.controllers.recursion import life_laws, whole_life
+>>> from fitmodels.controllers import life_laws, whole_life
 >>> from fitmodels.parameters.published import published
 >>> whole_life(life_laws(published("AC-2017"))).minutes
 14.0

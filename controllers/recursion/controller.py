@@ -20,16 +20,17 @@ from .laws import LifeLaws, Rules, Times, WearRule, response_at_end, wear_after
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
-HEALED = 0.5  # wear does not heal: a reading below this share of the last wear is none
+LEAST_SHARE = 0.5  # wear does not decrease: a reading below this share of the last wear is invalid
 
 
 @dataclass(slots=True, repr=False)
 class TurningRecursion(Displayable):
     """The controller of AC-2017; its command is (V, f) of the next interval, m/min and mm/rev.
 
-    It answers the wear at the end of an interval. Before the first the tool is out of the cut, (0, 0), and when no pair
-    keeps within the limits it stops there again: ``worn out``, change the edge. A wear that cannot be believed (no
-    number, below half of the last one, the very same after a cut) is put in from the laws, as the paper does always.
+    The measurement is the wear at the end of an interval. Before the first the tool is out of the cut, (0, 0), and
+    when no pair is within the limits it is again: ``worn out``, change the edge. An invalid wear reading (not a number,
+    below half of the last one, unchanged after a cut) is replaced by the prediction of the laws, as the paper always
+    does.
 
     Attributes
     ----------
@@ -37,9 +38,9 @@ class TurningRecursion(Displayable):
         See `life_laws`, `Rules`, `grid_of`.
     how : {"grid", "exact"}
     wear : float
-        Wear that the last command stands on, in the unit of the wear.
+        Wear that the last command was computed for, in its unit.
     minutes : float
-        Time of cut, commands given counted, min.
+        Time in the cut up to the end of the last command, min.
     command : (float, float)
         The last command.
     news : tuple of str
@@ -48,7 +49,7 @@ class TurningRecursion(Displayable):
     Examples
     --------
     >>> from fitmodels.controllers import replay
-    >>> from fitmodels.controllers.recursion import WearingEdge
+    >>> from fitmodels.controllers.recursion.controller import WearingEdge
     >>> from fitmodels.parameters.published import published
     >>> controller = TurningRecursion.from_parameters(published("AC-2017"))
     >>> trace = replay(controller, WearingEdge(controller.laws), duration=3600, dt=60, until="worn out")
@@ -87,13 +88,13 @@ class TurningRecursion(Displayable):
         by: str | None = None,
         at: Mapping[str, float] | None = None,
     ) -> Self:
-        """Make the controller from the file and nothing else.
+        """Make the controller from the file alone.
 
         Parameters
         ----------
         pf : ParameterFile
         times, wear, interval
-            See `Rules`; unless given, all times count, but with the paper's own file those that it counts.
+            See `Rules`; by default all times count, with the paper's own file only those of the paper.
         how : {"grid", "exact"}
             The published search of a grid, or the exact optimum of each interval.
         d, by, at
@@ -102,7 +103,7 @@ class TurningRecursion(Displayable):
         Raises
         ------
         UsageError
-            The file lacks what the recursion needs, or an option is none.
+            The file lacks a law or limit of the recursion, or an option is invalid.
         """
         laws = life_laws(pf, d=d, by=by, at=at)
         return cls(laws, Rules(times or laws.times, wear, interval), grid_of(laws), how)
@@ -113,7 +114,7 @@ class TurningRecursion(Displayable):
         return self.laws.wear.most
 
     def step(self, measurement: float, dt: float) -> tuple[float, ...]:
-        """Answer the wear at the end of an interval with the pair of the next.
+        """The pair of the next interval, from the wear at the end of the last one.
 
         Raises
         ------
@@ -127,21 +128,21 @@ class TurningRecursion(Displayable):
         if self._worn:
             self.news = ()
             return self.command
-        said = self._take(measurement)
+        changes = self._take(measurement)
         best = choose(self.laws, self.rules, self.grid, self.how, self.wear, self.minutes)
         if best is None:
             self._worn, self.command = True, (0.0, 0.0)
-            self.news = (*said, "worn out")
+            self.news = (*changes, "worn out")
         else:
             self.minutes += self.rules.interval
-            self.command, self.news = (best.V, best.f), said
+            self.command, self.news = (best.V, best.f), changes
         return self.command
 
     def _take(self, measurement: float) -> tuple[str, ...]:
-        """Believe the measurement, or put in what the laws expect."""
+        """Take the measurement, or the prediction of the laws where it is invalid."""
         expected = self._expected()
-        self._sensing.low = HEALED * self.wear - 1e-9
-        known = self._sensing.believes(measurement, expected)
+        self._sensing.low = LEAST_SHARE * self.wear - 1e-9
+        known = self._sensing.valid(measurement, expected)
         self.wear = max(measurement, 0.0) if known else expected
         was, self._known = self._known, known
         return () if was == known else ("wear known" if known else "wear unknown",)
@@ -156,9 +157,9 @@ class TurningRecursion(Displayable):
 
 @dataclass(slots=True, repr=False)
 class WearingEdge(Displayable):
-    """An edge in the cut: it answers a pair of speed and feed with its wear.
+    """An edge in the cut: the command is a pair of speed and feed, the measurement its wear.
 
-    Its laws may be other ones than the controller's: those of a draw, see `drawn_laws`.
+    Its laws may differ from the controller's: those of a draw, see `drawn_laws`.
 
     Attributes
     ----------
@@ -170,16 +171,16 @@ class WearingEdge(Displayable):
     wear : float
         Wear now.
     minutes : float
-        Time it has cut.
+        Time in the cut, min.
     removed : float
         Metal removed, mm3.
     power, force : float
-        At the end of the last cut; NaN where the laws have none.
+        At the end of the last cut; NaN without a law.
 
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> edge = WearingEdge(life_laws(published("AC-2017")))
     >>> noise = np.random.default_rng(1)
     >>> edge.step((0.0, 0.0), 60.0, noise), round(edge.step((150.0, 0.58), 60.0, noise), 6)
@@ -201,15 +202,15 @@ class WearingEdge(Displayable):
         self._rules = self.rules or Rules(self.laws.times)
 
     def step(self, command: tuple[float, ...], dt: float, noise: np.random.Generator) -> float:
-        """Cut ``dt`` s at (V, f), m/min and mm/rev, and tell the wear; at 0 the tool is out of the cut.
+        """Cut ``dt`` s at (V, f), m/min and mm/rev, and measure the wear; at 0 the tool is out of the cut.
 
         Raises
         ------
         UsageError
-            The command is no pair.
+            The command is not a pair.
         """
         if len(command) != 2:
-            raise UsageError(f"a command of {len(command)} numbers; an edge is cut with two, V and f.")
+            raise UsageError(f"a command of {len(command)} numbers; give two, V and f.")
         V, f = command
         if V > 0 and f > 0:
             self._cut(V, f, self.minutes + dt / 60.0)

@@ -59,7 +59,7 @@ class DrawnLifeLaws:
 
     @property
     def limited(self) -> tuple[DrawnTerms, ...]:
-        """Power and force, those that are limited."""
+        """Power and force, as far as limited."""
         return tuple(terms for terms in (self.power, self.force) if terms is not None)
 
     def part(self, rows: slice) -> "DrawnLifeLaws":
@@ -165,21 +165,21 @@ class LifeDraws(Plottable):
     Attributes
     ----------
     of : {"plan", "own"}
-        Which reading; see the module.
+        The reading, see the module.
     edge : {"law", "new"}
-        Draws of the law, which is that of a middling edge, or of a new edge with a level of its own.
+        Draws of the law, that of an average edge, or of a new edge with its own level.
     minutes, removed : ndarray, shape (S,)
         Life, min, in whole intervals, and metal removed, mm3.
     peak_power, peak_force : ndarray, shape (S,), or None
-        Of the plan on each edge: the largest of its life; None of ``own``, which keeps to its limits.
+        Largest value in the life of each edge under the plan; None for ``own``, which keeps the limits.
     plan : Life
-        What the laws as fitted choose.
+        The life of the laws as fitted.
     drawn : tuple of str
-        Responses that were drawn; the others stand as they were fitted.
+        Responses that were drawn; the others are fixed at their estimates.
     left_out : int
-        Draws whose wear does not grow with time: they have no end.
+        Number of draws whose wear does not grow with time: without end of life.
     unended : int
-        Draws not worn out after the most intervals that are computed: their life is that many.
+        Number of draws not worn out after the greatest number of intervals, which is taken as their life.
     """
 
     of: Of
@@ -199,23 +199,23 @@ class LifeDraws(Plottable):
         return float((self.minutes < self.plan.minutes - 1e-9).mean())
 
     def band(self, what: str = "removed", level: float = 0.95) -> tuple[float, float, float]:
-        """Low end, median and high end of an equal-tailed band of ``removed``, ``minutes``, ``peak_power`` ...
+        """Lower end, median and upper end of the equal-tailed interval of ``removed``, ``minutes``, ``peak_power`` ...
 
         Raises
         ------
         UsageError
-            There is no such quantity, or the level is no share.
+            An unknown quantity, or a level outside 0 to 1.
         """
         values = getattr(self, what, None) if what in ("removed", "minutes", "peak_power", "peak_force") else None
         if values is None:
-            raise UsageError(f"band of {what!r}: this has removed and minutes, a plan peak_power and peak_force too.")
+            raise UsageError(f"band of {what!r}: give removed or minutes, for a plan also peak_power or peak_force.")
         if not 0 < level < 1:
-            raise UsageError(f"level={level!r}: it lies between 0 and 1.")
+            raise UsageError(f"level={level!r}: give a value between 0 and 1.")
         low, middle, high = np.quantile(values, [(1 - level) / 2, 0.5, (1 + level) / 2])
         return float(low), float(middle), float(high)
 
     def to_frame(self) -> "Frame":
-        """A row a draw: minutes, and mm3 removed."""
+        """One row per draw: minutes, and mm3 removed."""
         return as_columns(self, "minutes", "removed")
 
 
@@ -236,7 +236,7 @@ def life_draws(
     Parameters
     ----------
     laws : LifeLaws
-        As fitted: they choose the plan.
+        As fitted: the plan is theirs.
     draws : mapping of Draws
         By response, as `read_draws` gives them; independent of each other, and paired row by row.
     of : {"plan", "own"}
@@ -249,17 +249,17 @@ def life_draws(
     seed : int
         Of the levels of new edges.
     count : int, optional
-        An even choice of so many draws; all unless given.
+        Number of evenly spaced draws to use; by default all.
 
     Raises
     ------
     UsageError
-        There are no draws of a law that is used, or an option is none.
+        No draws of a law in use, or an invalid option.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> from fitmodels.parameters.draws import Draws
     >>> from fitmodels.parameters.published import published
     >>> laws = life_laws(published("AC-2017"))
@@ -270,7 +270,7 @@ def life_draws(
     """
     for name, value, known in (("of", of, get_args(Of)), ("edge", edge, get_args(Edge))):
         if value not in known:
-            raise UsageError(f"{name}={value!r}: it is {' or '.join(map(repr, known))}.")
+            raise UsageError(f"{name}={value!r}: give {' or '.join(map(repr, known))}.")
     rules, grid = rules or Rules(laws.times), grid or grid_of(laws)
     used = tuple(name for name in responses(laws) if name in draws)
     if not used:
@@ -290,7 +290,7 @@ def life_draws(
 
 
 def responses(laws: LifeLaws) -> tuple[str, ...]:
-    """Symbols of wear and of what is limited."""
+    """Symbols of the wear and of the limited responses."""
     return (laws.wear.response, *(terms.response for _, terms in laws.limited))
 
 
@@ -309,21 +309,19 @@ def drawn_laws(laws: LifeLaws, draws: "Mapping[str, Draws]", k: int) -> LifeLaws
 
 
 def _check(laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...]) -> None:
-    """Refuse draws that are not those of the laws."""
+    """Raise UsageError for draws of other laws."""
     for terms in (laws.wear, *(terms for _, terms in laws.limited)):
         moving = (("V", terms.V), ("f", terms.f), ("t", terms.t), (laws.wear.response, terms.AW))
         names = ("ln c0", *(name for name, _ in terms.put_in), *(name for name, exponent in moving if exponent))
         missing = [name for name in names if terms.response in used and name not in draws[terms.response].names]
         if missing:
-            raise UsageError(
-                f"the draws of {terms.response} are without {', '.join(missing)}: they are of another law."
-            )
+            raise UsageError(f"the draws of {terms.response} lack {', '.join(missing)}: they belong to another law.")
 
 
 def _rows(
     laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...], count: int | None
 ) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], int]:
-    """Rows that are used, an even choice, and how many of them are left out as their wear does not grow."""
+    """Rows in use, evenly spaced, and the number of those excluded as their wear does not grow."""
     size = min(len(draws[name].values) for name in used)
     count = size if count is None else min(count, size)
     if count < 1:
@@ -351,7 +349,7 @@ def _drawn(
     terms: Terms, wear: str, draws: "Draws | None", rows: np.ndarray[tuple[int], np.dtype[np.intp]],
     rng: np.random.Generator | None,
 ) -> DrawnTerms:  # fmt: skip
-    """One law's numbers for these rows; a law without draws stands as it was fitted."""
+    """One law's parameters for these rows; a law without draws is fixed at its estimates."""
     if draws is None:
         ln_c, V, f, t, AW = (np.full(len(rows), value) for value in (terms.ln_c, terms.V, terms.f, terms.t, terms.AW))
         return DrawnTerms(ln_c, V, f, t, AW, terms.most)

@@ -16,7 +16,7 @@ from .life import Life, by_speed
 
 ORANGE, GREEN = "#b5541c", "#3a7d44"
 FINE = 160  # points along a side of a contour figure
-SAYS = "Calculated from the laws"
+CALCULATED = "Calculated from the laws"
 
 
 def speeds_figure(life: Life, k: int = 0) -> Figure:
@@ -34,12 +34,12 @@ def speeds_figure(life: Life, k: int = 0) -> Figure:
         if best is not None:
             ax.plot(table.V[best], values[best], "o", ms=10, mfc="none", mec="k", mew=1.4)
     axes[-1].set_xlabel("V, m/min (at each speed the best feed)")
-    figure.suptitle(f"{SAYS}: {_interval(life, k)}\nThe circle is the pair chosen.", fontsize=10)
+    figure.suptitle(f"{CALCULATED}: {_interval(life, k)}\nCircle: the selected pair.", fontsize=10)
     return figure
 
 
 def plane_figure(life: Life, k: int = 0) -> Figure:
-    """The plane of speed and feed in interval k: what the limits leave, MRR and wear, the best pairs (Fig. 3)."""
+    """The plane of speed and feed in interval k: feasible pairs, MRR and wear, the best pairs (Fig. 3)."""
     figure = NotebookFigure(figsize=(7.2, 5.4), layout="constrained")
     ax = figure.subplots()
     laws, rules, before, start = life.laws, life.rules, life.before(k), k * life.rules.interval
@@ -62,7 +62,7 @@ def plane_figure(life: Life, k: int = 0) -> Figure:
             lines.append(Line2D([], [], color=colour, lw=2.0, label=f"limit of {name}"))
     _best_pairs(ax, life, k, lines)
     ax.set(xlabel="V, m/min", ylabel="f, mm/rev", xlim=laws.V, ylim=laws.f)
-    figure.suptitle(f"{SAYS}: {_interval(life, k)}\nShaded: within every limit.", fontsize=10)
+    figure.suptitle(f"{CALCULATED}: {_interval(life, k)}\nShaded: within every limit.", fontsize=10)
     figure.legend(handles=lines, fontsize=8, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
@@ -77,8 +77,8 @@ def life_figure(life: Life, exact: Life | None = None) -> Figure:
     for ax, (terms, values) in zip(axes, shown, strict=True):
         _with_rate(ax, life.time, life.MRR, values, f"{terms.response}, {terms.unit}", terms.most, exact)
     axes[-1].set_xlabel("end of the interval, min")
-    beside = "\nDashed: MRR of the exact optimum." if exact is not None else ""
-    figure.suptitle(f"{SAYS}: {_how(life)}{beside}", fontsize=10)
+    note = "\nDashed: MRR of the exact optimum." if exact is not None else ""
+    figure.suptitle(f"{CALCULATED}: {_how(life)}{note}", fontsize=10)
     return figure
 
 
@@ -95,7 +95,7 @@ def pairs_figure(life: Life, exact: Life | None = None) -> Figure:
         ax.grid(color="0.92")
     top.legend(fontsize=8, frameon=False)
     bottom.set_xlabel("time of cut, min")
-    figure.suptitle(f"{SAYS}: {_how(life)}", fontsize=10)
+    figure.suptitle(f"{CALCULATED}: {_how(life)}", fontsize=10)
     return figure
 
 
@@ -116,7 +116,7 @@ def draws_figure(plan: LifeDraws, own: LifeDraws, level: float = 0.95) -> Figure
                 ax.set_xlabel(name)
         row[0].set_ylabel("draws")
     words = f"shaded: {100 * level:g} % band, equal-tailed; line: the laws as fitted"
-    figure.suptitle(f"{SAYS} with {len(plan.minutes)} draws; {words}", fontsize=10)
+    figure.suptitle(f"{CALCULATED} with {len(plan.minutes)} draws; {words}", fontsize=10)
     return figure
 
 
@@ -175,7 +175,7 @@ def _interval(life: Life, k: int) -> str:
 
 
 def _how(life: Life) -> str:
-    wear = "wear by the clock" if life.rules.wear == "clock" else "wear from the state reached (not in the paper)"
+    wear = "wear by the clock" if life.rules.wear == "clock" else "wear from the wear state (not in the paper)"
     return f"d {life.laws.d:g} mm, {life.rules.times} times, {wear}"
 
 
@@ -186,7 +186,7 @@ def plot_life(life: Life, ax: Axes | None = None) -> Axes:
     if len(life.time):
         _with_rate(ax, life.time, life.MRR, life.AW, f"{wear.response}, {wear.unit}", wear.most)
     ax.set_xlabel("end of the interval, min")
-    ax.set_title(f"{SAYS}: {life.minutes:g} min, {life.removed / 1000:.4g} cm3", fontsize=9)
+    ax.set_title(f"{CALCULATED}: {life.minutes:g} min, {life.removed / 1000:.4g} cm3", fontsize=9)
     return ax
 
 
@@ -195,5 +195,5 @@ def plot_draws(found: LifeDraws, ax: Axes | None = None) -> Axes:
     """Life over the draws, with its band and that of the laws as fitted."""
     ax = new_axes(ax, 4.8, 3.6)
     _histogram(ax, found, "minutes", 1.0, 0.95)
-    ax.set(xlabel="life, min", ylabel="draws", title=f"{SAYS}; shaded: 95 %")
+    ax.set(xlabel="life, min", ylabel="draws", title=f"{CALCULATED}; shaded: 95 %")
     return ax

@@ -24,24 +24,24 @@ USUAL: Mapping[str, tuple[str, ...]] = {"wear": ("AW", "VB"), "power": ("P",), "
 def life_laws(
     pf: "ParameterFile", *, d: float | None = None, by: str | None = None, at: Mapping[str, float] | None = None
 ) -> LifeLaws:
-    """Take from a parameter file what the recursion needs.
+    """Laws and limits of the recursion from a parameter file.
 
     Parameters
     ----------
     pf : ParameterFile
         With a power law of wear in V, f and t, a wear criterion, and ranges of speed and feed (``limits``, or else
-        the tested ones); limits of power and force count where there is a law of them too.
+        the tested ones); limits of power and force apply where the file has their laws.
     d : float, optional
-        Depth of cut, mm; unless given 2.5, the papers', or the middle of the tested depths where 2.5 is none of them.
+        Depth of cut, mm; by default the papers' 2.5, or the middle of the tested depths where 2.5 was not tested.
     by : str, optional
-        Level of laws that have levels; their reference unless given.
+        Level of laws that have levels; by default their reference.
     at : mapping, optional
         Any other factor's value, by its symbol.
 
     Raises
     ------
     UsageError
-        Something is missing, stands in another unit than the recursion's, or cannot be: the sentence names it.
+        A law, limit or factor is missing, invalid, or in an unsuitable unit.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def life_laws(
     _need_wear(wear)
     d = depth(pf) if d is None else d
     if not (math.isfinite(d) and d > 0):
-        raise UsageError(f"d {d!r} mm: a depth of cut lies above zero.")
+        raise UsageError(f"d {d!r} mm: give a depth of cut above zero.")
     fixed, notes = {**(at or {}), "d": d}, list[str]()
     return LifeLaws(
         wear=_terms(wear, name, criterion, fixed, by, notes),
@@ -71,7 +71,7 @@ def life_laws(
 
 
 def shortfall(pf: "ParameterFile") -> str:
-    """Why a file cannot drive the recursion, in a sentence; empty where it can.
+    """Reason why a file cannot drive the recursion; empty where it can.
 
     >>> from fitmodels.parameters.published import published
     >>> shortfall(published("AC-2017")), "criterion" in shortfall(published("AC-2016"))
@@ -85,7 +85,7 @@ def shortfall(pf: "ParameterFile") -> str:
 
 
 def depth(pf: "ParameterFile") -> float:
-    """Depth of cut unless given, mm: the papers' 2.5, or the geometric middle of the tested ones if it is outside."""
+    """Default depth of cut, mm: the papers' 2.5, or the geometric mean of the tested range where that excludes it."""
     tested = [(f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol == "d" and f.low > 0]
     if not tested:
         return DEPTH
@@ -104,7 +104,7 @@ def _limits(pf: "ParameterFile") -> "tuple[LimitsSection, Bound]":
 
 
 def _response(pf: "ParameterFile", what: str, bound: "Bound") -> str:
-    """Symbol of the law that a limit is of."""
+    """Symbol of the limited law."""
     names = (bound.of,) if bound.of else USUAL[what]
     found = next((name for name in names if name in pf.laws and pf.laws[name].form == "power"), "")
     if not found and what == "wear":
@@ -123,7 +123,7 @@ def _need_wear(law: "LawSection") -> None:
         )
     if law.coefficients["t"] <= 0:
         grows = f"the law of {law.response} has t^{law.coefficients['t']:g}: wear that does not grow with time"
-        raise UsageError(f"{grows} has no end of life. Check the tests.")
+        raise UsageError(f"{grows} gives no end of life. Check the tests.")
 
 
 def _limited(
@@ -132,11 +132,11 @@ def _limited(
     """The law of power or force with its limit, or None and a note."""
     bound = getattr(pf.limits, what)
     if bound is None:
-        notes.append(f"The file sets no limit of {what}: none was kept.")
+        notes.append(f"The file sets no limit of {what}: none is applied.")
         return None
     name = _response(pf, what, bound)
     if not name:
-        notes.append(f"The file limits {what} to {bound.value:g} {bound.unit} but holds no power law of it: not kept.")
+        notes.append(f"The file limits {what} to {bound.value:g} {bound.unit} but has no power law of it: not applied.")
         return None
     return _terms(pf.laws[name], wear, bound, fixed, by, notes)
 
@@ -162,7 +162,7 @@ def _terms(
 
 
 def _constants(law: "LawSection", wear: str, fixed: Mapping[str, float]) -> list[tuple[str, float]]:
-    """Factors that do not move, each with the logarithm of its value; refuse a unit that is another."""
+    """Fixed factors with the logarithms of their values; UsageError for an unsuitable unit."""
     out = []
     for factor in law.factors:
         name = factor.symbol
@@ -187,7 +187,7 @@ def _shift(law: "LawSection", by: str | None, notes: list[str]) -> list[tuple[st
         known = ", ".join([law.by.reference, *law.by.shifts])
         raise UsageError(f"the law of {law.response} has no {law.by.column} {level!r}; it has {known}.")
     if by is None:
-        notes.append(f"{law.response} is that of {law.by.column} {level}, the reference level.")
+        notes.append(f"{law.response} is evaluated at {law.by.column} {level}, the reference level.")
     return [] if level == law.by.reference else [(f"{law.by.column}[{level}]", 1.0)]
 
 
@@ -198,7 +198,7 @@ def _in_unit(law: "LawSection", bound: "Bound") -> float:
 
 
 def _range(given: "Range | None", wear: "LawSection", name: str) -> tuple[float, float]:
-    """What the machine can be set to, or else what was tested."""
+    """The machine's range, or else the tested one."""
     if given is None:
         factor = next(factor for factor in wear.factors if factor.symbol == name)
         low, high, unit = factor.low, factor.high, factor.unit

@@ -33,7 +33,7 @@ class Grid(Displayable):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class IntervalSurfaces(Displayable):
-    """What every pair of a grid would do in one interval.
+    """Responses of every pair of a grid in one interval.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class IntervalSurfaces(Displayable):
     P, Fxz : ndarray, shape (m, n), or None
         Power and force at the end, where they are limited.
     breaks : dict of ndarray, shape (m, n), bool
-        By the name of a limit, the pairs that pass it: ``wear``, ``power``, ``force``.
+        Pairs that exceed a limit, by its name: ``wear``, ``power``, ``force``.
     """
 
     grid: Grid
@@ -65,7 +65,7 @@ class IntervalSurfaces(Displayable):
         return (i, j) if rate[i, j] > 0 else None
 
     def stops(self, i: int, j: int) -> tuple[str, ...]:
-        """What forbids one step more of speed or of feed from a pair: limits by name, ``most speed``, ``most feed``."""
+        """Limits that one more step of speed or of feed would exceed: by name, or ``most speed``, ``most feed``."""
         m, n = self.AW.shape
         higher = [(i + 1, j)] * (i + 1 < m) + [(i, j + 1)] * (j + 1 < n)
         found = [name for name, broken in self.breaks.items() if any(broken[at] for at in higher)]
@@ -83,16 +83,16 @@ def grid_of(laws: LifeLaws, speed_step: float = SPEED_STEP, feed_step: float = F
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> grid = grid_of(life_laws(published("AC-2017")))
     >>> len(grid.V), len(grid.f), float(grid.f[-1])
     (16, 109, 0.6)
     """
     if not (speed_step > 0 and feed_step > 0):
-        raise UsageError(f"steps of {speed_step!r} m/min and {feed_step!r} mm/rev: both lie above zero.")
+        raise UsageError(f"steps of {speed_step!r} m/min and {feed_step!r} mm/rev: give both above zero.")
     counts = [int((high - low) / step + EVEN) + 1 for (low, high), step in ((laws.V, speed_step), (laws.f, feed_step))]
     if counts[0] * counts[1] > MOST_PAIRS:
-        raise UsageError(f"a grid of {counts[0]} x {counts[1]} pairs; at most {MOST_PAIRS}: take larger steps.")
+        raise UsageError(f"a grid of {counts[0]} x {counts[1]} pairs; at most {MOST_PAIRS}: use larger steps.")
     V, f = (
         np.round(low + step * np.arange(n), 10)
         for low, step, n in ((laws.V[0], speed_step, counts[0]), (laws.f[0], feed_step, counts[1]))
@@ -111,7 +111,8 @@ def surfaces(laws: LifeLaws, rules: Rules, grid: Grid, before: float, start: flo
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import Rules, life_laws
+    >>> from fitmodels.controllers.recursion.laws import Rules
+    >>> from fitmodels.controllers import life_laws
     >>> laws = life_laws(published("AC-2017"))
     >>> first = surfaces(laws, Rules(), grid_of(laws), 0.0, 0.0)
     >>> i, j = first.best()
@@ -141,7 +142,7 @@ class Choice(Displayable):
     MRR : float
         mm3/min.
     stops : tuple of str
-        What forbids more: ``power``, ``force``, ``wear``, ``most speed``, ``most feed``.
+        Active limits: ``power``, ``force``, ``wear``, ``most speed``, ``most feed``.
     """
 
     V: float
@@ -162,7 +163,7 @@ def choose(laws: LifeLaws, rules: Rules, grid: Grid, how: SearchMethod, before: 
         ``exact`` of laws that do not allow it; see `best_exact`.
     """
     if how not in get_args(SearchMethod):
-        raise UsageError(f"choose={how!r}: it is 'grid' or 'exact'.")
+        raise UsageError(f"how={how!r}: give 'grid' or 'exact'.")
     if how == "exact":
         return best_exact(laws, rules, before, start)
     tried = surfaces(laws, rules, grid, before, start)
@@ -177,28 +178,28 @@ def choose(laws: LifeLaws, rules: Rules, grid: Grid, how: SearchMethod, before: 
 def outcome(
     laws: LifeLaws, rules: Rules, V: float, f: float, AW: float, end: float, stops: tuple[str, ...] = ()
 ) -> Choice:
-    """A pair with the power and force that it draws at the end of its interval."""
+    """A pair with its power and force at the end of the interval."""
     values = {name: float(response_at_end(terms, rules, V, f, end, AW)) for name, terms in laws.limited}
     none = float("nan")
     return Choice(V, f, AW, values.get("power", none), values.get("force", none), float(laws.mrr(V, f)), stops)
 
 
-ALLOWED = 1e-10  # in logarithms, what a pair may pass a limit by: less than any machine or gauge tells
+ALLOWED = 1e-10  # in logarithms, tolerance of a limit: below the resolution of any machine or gauge
 CORNER = 1e-11  # of a corner of tangents; the intersection of two is solved to some 1e-14
-ACTIVE = 1e-7  # in logarithms, how near a limit is called active
+ACTIVE = 1e-7  # in logarithms, distance at which a limit counts as active
 MOST = 80  # rounds of tangents; the paper's laws take 2 to 6, a rounded optimum some 20
 
 
 def not_convex(laws: LifeLaws) -> str:
-    """Why there is no exact optimum, in a sentence; empty where there is.
+    """Reason why there is no exact optimum; empty where there is one.
 
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> not_convex(life_laws(published("AC-2017")))
     ''
     """
     falls = [f"{terms.response} (AW^{terms.AW:.3g})" for _, terms in laws.limited if terms.AW < 0]
-    return f"{' and '.join(falls)} falls with wear: not a convex problem; the grid has the answer." if falls else ""
+    return f"{' and '.join(falls)} falls with wear: not a convex problem; use the grid." if falls else ""
 
 
 def best_exact(laws: LifeLaws, rules: Rules, before: float, start: float) -> Choice | None:
@@ -212,7 +213,8 @@ def best_exact(laws: LifeLaws, rules: Rules, before: float, start: float) -> Cho
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import Rules, life_laws
+    >>> from fitmodels.controllers.recursion.laws import Rules
+    >>> from fitmodels.controllers import life_laws
     >>> best = best_exact(life_laws(published("AC-2017")), Rules(), 0.0, 0.0)
     >>> print(f"{best.V:.2f} {best.f:.3f} {best.MRR:.0f} {best.stops}")
     147.23 0.600 220844 ('power', 'most feed')
@@ -230,7 +232,7 @@ def best_exact(laws: LifeLaws, rules: Rules, before: float, start: float) -> Cho
         cut = over > ALLOWED
         slopes = np.vstack([slopes, tangents[cut]])
         bounds = np.append(bounds, tangents[cut] @ z - over[cut])
-    raise UsageError(f"no optimum within {ALLOWED:g} after {MOST} rounds; use the grid (choose='grid').")
+    raise UsageError(f"no optimum within {ALLOWED:g} after {MOST} rounds; use the grid (how='grid').")
 
 
 def _box(laws: LifeLaws) -> tuple[Array, Array]:
@@ -239,7 +241,7 @@ def _box(laws: LifeLaws) -> tuple[Array, Array]:
 
 
 def _best_corner(slopes: Array, bounds: Array) -> Array | None:
-    """The z, shape (2,), with the largest sum under slopes @ z <= bounds, or None where nothing is."""
+    """The z, shape (2,), with the largest sum under slopes @ z <= bounds; None where infeasible."""
     i, j = np.triu_indices(len(bounds), 1)
     (a, b), (c, d), p, q = slopes[i].T, slopes[j].T, bounds[i], bounds[j]
     cross = a * d - b * c
@@ -253,7 +255,7 @@ def _best_corner(slopes: Array, bounds: Array) -> Array | None:
 
 
 def _limits_at(laws: LifeLaws, rules: Rules, before: float, start: float, z: Array) -> tuple[Array, Array]:
-    """How far wear, power and force lie over their limits, in logarithms, shape (k,), and their gradients, (k, 2)."""
+    """Excess of wear, power and force over their limits, in logarithms, shape (k,), and its gradients, (k, 2)."""
     (V, f), end, wear = np.exp(z), start + rules.interval, laws.wear
     AW = float(wear_after(laws, rules, V, f, before, start, end))
     u = 1.0 if rules.wear == "clock" else 1.0 / wear.t  # in AW^u the increment is a monomial

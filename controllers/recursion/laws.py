@@ -30,7 +30,7 @@ class Terms(Displayable):
     most : float
         Limit of R in ``unit``.
     put_in : tuple of (str, float)
-        What the constant holds beside ln c0: name of a parameter, and what it is multiplied by, ``("d", ln 2.5)``.
+        Terms of the constant besides ln c0: name of a parameter and its multiplier, ``("d", ln 2.5)``.
     """
 
     response: str
@@ -44,7 +44,7 @@ class Terms(Displayable):
     put_in: tuple[tuple[str, float], ...] = ()
 
     def __call__(self, V: ArrayLike, f: ArrayLike, t: ArrayLike = 1.0, AW: ArrayLike = 1.0) -> Array:
-        """R at these factors, broadcast; a factor left out does not count."""
+        """R at these factors, broadcast; an omitted factor is 1."""
         logs = np.asarray(self.ln_c + self.V * np.log(V) + self.f * np.log(f), dtype=np.float64)
         if self.t:
             logs = logs + self.t * np.log(t)
@@ -62,15 +62,15 @@ class LifeLaws(Displayable):
     wear : Terms
         AW = C V^a f^b t^h, with the wear criterion as its limit.
     power, force : Terms or None
-        None where the file has no law of it or sets no limit; ``notes`` say which.
+        None where the file has no law or no limit of it, see ``notes``.
     d : float
         Depth of cut, mm.
     V, f : (float, float)
-        What the machine can be set to, m/min and mm/rev.
+        Ranges of the machine, m/min and mm/rev.
     times : {"published", "full"}
-        Which times count unless said otherwise (see `Rules`): all, but in the paper's own file those it counts itself.
+        Default of `Rules`: all times, except for the paper's own file.
     notes : tuple of str
-        What was left open by the file, in sentences.
+        What the file leaves open.
     """
 
     wear: Terms
@@ -88,7 +88,7 @@ class LifeLaws(Displayable):
 
     @property
     def limited(self) -> tuple[tuple[str, Terms], ...]:
-        """Power and force, those that are limited, by name."""
+        """Power and force by name, as far as limited."""
         both = (("power", self.power), ("force", self.force))
         return tuple((name, terms) for name, terms in both if terms is not None)
 
@@ -98,12 +98,12 @@ WearRule = Literal["clock", "wear_state"]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Rules(Displayable):
-    """How a life is computed.
+    """Rules of wear accumulation and time in the computation of a life.
 
     Attributes
     ----------
     times : {"published", "full"}
-        Whether the factors t^-0.049 and t^-0.173 of eq. 2 and 3 count: ``full`` keeps the laws as they were fitted.
+        ``full`` keeps the factors t^-0.049 and t^-0.173 of eq. 2 and 3, the laws as they were fitted.
         Eq. 6 and 7, and so the paper's tables and its sequence, leave them out (``published``).
     wear : {"clock", "wear_state"}
         ``clock`` is eq. 4: after a change of V and f the increment is that of a fresh edge at that time of the clock.
@@ -125,9 +125,9 @@ class Rules(Displayable):
     def __post_init__(self) -> None:
         for name, value, known in (("times", self.times, get_args(Times)), ("wear", self.wear, get_args(WearRule))):
             if value not in known:
-                raise UsageError(f"{name}={value!r}: it is {' or '.join(map(repr, known))}.")
+                raise UsageError(f"{name}={value!r}: give {' or '.join(map(repr, known))}.")
         if not 0 < self.interval < np.inf:
-            raise UsageError(f"an interval of {self.interval!r} min: it lies above zero.")
+            raise UsageError(f"an interval of {self.interval!r} min: give a length above zero.")
 
 
 def wear_after(
@@ -138,7 +138,7 @@ def wear_after(
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> laws = life_laws(published("AC-2017"))
     >>> round(float(wear_after(laws, Rules(), 140.0, 0.58, 0.157219, 1.0, 2.0)), 5)
     0.18518

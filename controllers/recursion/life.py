@@ -25,7 +25,7 @@ class Life(Plottable):
     Attributes
     ----------
     laws, rules, grid
-        What it was computed from.
+        The inputs.
     time : ndarray, shape (n,)
         End of each interval, min.
     V, f : ndarray, shape (n,)
@@ -35,9 +35,9 @@ class Life(Plottable):
     MRR : ndarray, shape (n,)
         mm3/min.
     stops : tuple of tuple of str
-        What forbids a larger MRR in each interval; empty where the pair was not chosen there.
+        Active limits of each interval; empty where the pair was not optimized there.
     ended : bool
-        False where the edge was not worn out after the most intervals that are computed.
+        False where the edge was not worn out after the greatest number of intervals.
     """
 
     laws: LifeLaws
@@ -65,7 +65,7 @@ class Life(Plottable):
 
     @property
     def per_minute(self) -> float:
-        """Metal removed per minute of cut, mm3/min; 0 where no pair was allowed at all."""
+        """Metal removed per minute of cut, mm3/min; 0 without a feasible pair."""
         return self.removed / self.minutes if len(self.time) else 0.0
 
     def before(self, k: int) -> float:
@@ -73,13 +73,13 @@ class Life(Plottable):
         return float(self.AW[k - 1]) if k else 0.0
 
     def surfaces(self, k: int) -> IntervalSurfaces:
-        """What every pair of the grid would have done in interval k, counted from 0; the last finds no pair."""
+        """Responses of every pair of the grid in interval k, counted from 0; the last has no feasible pair."""
         if not 0 <= k <= len(self.time):
-            raise UsageError(f"interval {k}: this life has the intervals 0 to {len(self.time)}.")
+            raise UsageError(f"interval {k}: give 0 to {len(self.time)}.")
         return surfaces(self.laws, self.rules, self.grid, self.before(k), k * self.rules.interval)
 
     def to_frame(self) -> "DataFrame":
-        """A row an interval, by its end in min."""
+        """One row per interval, indexed by its end in min."""
         return as_columns(self, "time", "V", "f", "AW", "P", "Fxz", "MRR").set_index("time")
 
 
@@ -119,19 +119,19 @@ def whole_life(
     ----------
     laws : LifeLaws
     rules : Rules, optional
-        Unless given, wear by the clock in intervals of a minute, and the times of ``laws.times``.
+        By default wear by the clock in intervals of a minute, and the times of ``laws.times``.
     grid : Grid, optional
         The paper's steps unless given.
     how : {"grid", "exact"}
-        The best pair of the grid, as published, or the exact optimum of each interval. Both look no further than the
-        interval: neither is the best sequence of a whole life.
+        The best pair of the grid, as published, or the exact optimum of each interval. Both are greedy: neither is
+        the best sequence of a whole life.
     most : int
-        Intervals after which it stops.
+        Greatest number of intervals.
 
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> life = whole_life(life_laws(published("AC-2017")))
     >>> life.minutes, life.removed, list(zip(life.V.tolist(), life.f.tolist()))[:2]
     (14.0, 2213750.0, [(150.0, 0.58), (140.0, 0.58)])
@@ -147,12 +147,13 @@ def whole_life(
 
 
 def apply_plan(plan: Life, laws: LifeLaws, rules: Rules | None = None, most: int = MOST) -> Life:
-    """Run a life's pairs, whatever comes, on an edge of other laws or rules; the last is held until it is worn out.
+    """Apply the pairs of a life to an edge of other laws or rules; the last is held until the edge is worn out.
 
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import Rules, life_laws
+    >>> from fitmodels.controllers.recursion.laws import Rules
+    >>> from fitmodels.controllers import life_laws
     >>> laws = life_laws(published("AC-2017"))
     >>> apply_plan(whole_life(laws), laws, Rules(wear="wear_state")).minutes
     13.0
@@ -170,12 +171,12 @@ def apply_plan(plan: Life, laws: LifeLaws, rules: Rules | None = None, most: int
 
 
 def by_speed(life: Life, k: int) -> BySpeed:
-    """Interval k of a life, counted from 0, as the paper's tables have it.
+    """Interval k of a life, counted from 0, in the form of the paper's tables.
 
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> table = by_speed(whole_life(life_laws(published("AC-2017"))), 0)
     >>> float(table.V[10]), float(table.f[10]), round(float(table.P[10]), 8)
     (150.0, 0.58, 6.97040767)
@@ -220,7 +221,7 @@ class FixedLife(Displayable):
     peak_power, peak_force : float
         The largest of the life, in the units of the laws; NaN where they are not limited.
     passes : tuple of str
-        Limits that it passes on the way: ``power``, ``force``.
+        Limits that it exceeds: ``power``, ``force``.
     """
 
     V: float
@@ -243,7 +244,7 @@ class LifeRatios:
 
 
 def fixed_life(laws: LifeLaws, V: float, f: float, rules: Rules | None = None) -> FixedLife:
-    """Cut at one pair until the edge is worn out, whatever power and force that takes.
+    """Life of a fixed pair until the edge is worn out, without regard to the limits of power and force.
 
     Raises
     ------
@@ -253,13 +254,13 @@ def fixed_life(laws: LifeLaws, V: float, f: float, rules: Rules | None = None) -
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> fixed = fixed_life(life_laws(published("AC-2017")), 145.0, 0.3)
     >>> round(fixed.minutes, 1), round(fixed.per_minute), fixed.passes
     (23.8, 108750, ('force',))
     """
     if not (V > 0 and f > 0):
-        raise UsageError(f"a fixed pair of {V!r} m/min and {f!r} mm/rev: both lie above zero.")
+        raise UsageError(f"a fixed pair of {V!r} m/min and {f!r} mm/rev: give both above zero.")
     rules = rules or Rules(laws.times)
     minutes, peaks = _to_the_end(laws, rules, V, f)
     values = {name: float(peak) for name, peak in peaks.items()}
@@ -285,7 +286,7 @@ def best_fixed(
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> from fitmodels.controllers.recursion import life_laws
+    >>> from fitmodels.controllers import life_laws
     >>> best = best_fixed(life_laws(published("AC-2017")))
     >>> best.V, best.f
     (200.0, 0.2)
@@ -303,7 +304,7 @@ def best_fixed(
 
 
 def life_ratios(life: Life, fixed: FixedLife) -> LifeRatios:
-    """Set a life beside a fixed pair's."""
+    """Ratios of a life to that of a fixed pair."""
     return LifeRatios(life.per_minute / fixed.per_minute, life.removed / fixed.removed, life.minutes / fixed.minutes)
 
 

@@ -1,24 +1,18 @@
-"""Region and optimum, AC-2016: which pairs of V and f the limits allow, and which of them is best.
+"""Region and optimum, AC-2016: the pairs of V and f within the limits, and the best of them.
 
-    clipping         half planes and polygons of ln V and ln f
-    surfaces         laws over V and f at a depth and a time, the wear put in
-    allowed          limits of a file as half planes
-    corners          corners, label_corners, and the best of them
-    tested           whether laws were tested where they are used
-    excluded         why a region is empty
-    needed           which laws of a file a region needs
-    points           one pair, and what the laws say of it
-    visible          the region, its corners, its best and its least-worn pair
-    optimum          the best pair, as the laws stand or with a demanded probability
-    front            what less metal buys in wear
-    sampled          laws by their draws, and the luck of one further edge
-    probability      how likely a pair keeps its limits
-    demanded         the best pair for a demanded probability
-    usual            depth, time and the rest where a file leaves them open
-    draw             the figures
+    half_planes      half planes and polygons of ln V and ln f
+    log_planes       laws over V and f at a depth and a time, with the wear substituted
+    limits           limits of a file as half planes, and the laws they need
+    operating_point  one pair of V and f with its responses; corners of a region
+    visible          the region, its best and its least-wear pair, wear against removal rate
+    sampled_laws     laws by their draws, with the deviation of a new edge
+    probability      probability that a pair keeps its limits, and the best pair at a required probability
+    defaults         depth, time and other factors where a file leaves them open
+    figures          the figures
 
 Source: Alaskari & Oraby 2016, ICAESAM'2016, doi 10.15242/IIE.E1216006.
 
+>>> from fitmodels.controllers import best_point
 >>> from fitmodels.parameters.published import published
 >>> best_point(published("AC-2016")).words.partition(", P")[0]
 'V 147.9 m/min, f 0.5302 mm/rev: MRR 196028 mm3/min'

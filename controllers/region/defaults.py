@@ -18,7 +18,7 @@ UNITS = {"d": "mm", "t": "min"}
 
 @dataclass(frozen=True, slots=True)
 class DefaultSetting:
-    """What is held while V and f are chosen, and what of it the file left open."""
+    """Fixed depth, time, level and factors, with the assumptions made where the file leaves them open."""
 
     d: float
     t: float
@@ -27,27 +27,27 @@ class DefaultSetting:
     assumed: tuple[str, ...]
 
     def region(self, pf: "ParameterFile") -> VisibleRegion:
-        """The region there."""
+        """The region at these values."""
         return visible_region(pf, d=self.d, t=self.t, by=self.by, at=self.at)
 
-    def chance(self, pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int, kind: Kind) -> Feasibility:
-        """How likely pairs keep the limits there."""
+    def probability(self, pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int, kind: Kind) -> Feasibility:
+        """Probability that pairs keep the limits at these values."""
         return feasibility(pf, draws=draws, d=self.d, t=self.t, by=self.by, at=self.at, kind=kind, seed=seed)
 
 
 def default_setting(pf: "ParameterFile") -> DefaultSetting:
-    """The paper's depth and time where they were tested, else the middle of the tests; levels at the reference."""
+    """The paper's depth and time where tested, else the middle of the tested range; laws at their reference level."""
     assumed = ["The laws come from simulated tests."] if pf.identity.simulated else []
     chosen = {name: _middle(pf, name, usual, assumed) for name, usual in USUAL.items()}
     laws = [law for law in pf.laws.values() if law.form == "power"]
     by = next((law.by for law in laws if law.by is not None), None)
     if by is not None:
-        assumed.append(f"The laws are taken at {by.column} {by.reference}, their reference.")
+        assumed.append(f"The laws are evaluated at {by.column} {by.reference}, their reference level.")
     known = {"V", "f", "d", "t", *pf.laws}
     others = {
         f.symbol: sqrt(f.low * f.high) for law in laws for f in law.factors if f.symbol not in known and f.low > 0
     }
-    assumed += [f"{name} is held at {value:.4g}, the middle of its tests." for name, value in others.items()]
+    assumed += [f"{name} is fixed at {value:.4g}, the middle of its tested range." for name, value in others.items()]
     return DefaultSetting(chosen["d"], chosen["t"], None if by is None else by.reference, others, tuple(assumed))
 
 
@@ -59,6 +59,6 @@ def _middle(pf: "ParameterFile", name: str, usual: float, assumed: list[str]) ->
     if low <= usual <= high or not 0 < low <= high:
         value, why = usual, "as in AC-2016"
     else:
-        value, why = sqrt(low * high), "the middle of the tests"
+        value, why = sqrt(low * high), "the middle of the tested range"
     assumed.append(f"{name} is {value:.4g} {UNITS[name]}, {why}.")
     return value

@@ -36,7 +36,7 @@ def plot_region(
 
 
 def plot_region_detail(region: VisibleRegion, marks: Mapping[str, OperatingPoint], ax: Axes | None = None) -> Axes:
-    """The region about its best pair and further ones (Fig. 6b)."""
+    """Detail of the region around its best pair and further ones (Fig. 6b)."""
     ax = _axes(ax, region, "Visible region, close to the best pair")
     pairs = np.array([region.best.xy, *(point.xy for point in marks.values())])
     half = np.maximum((pairs.max(axis=0) - pairs.min(axis=0)) * 0.8, pairs[0] * 0.04)
@@ -81,7 +81,7 @@ def plot_wear(
     if front is not None:
         ax.plot(front.V, front.f, color="k", lw=1.8, label=f"least wear, to {100 * front.loss[-1]:.3g} % less MRR")
     if not region.empty:
-        ax.plot(*region.best.xy, "*", color="k", ms=11, label="most metal")
+        ax.plot(*region.best.xy, "*", color="k", ms=11, label="greatest MRR")
     ax.plot([], [], color="#e8743b", lw=1.1, label=what)
     _key(ax)
     return ax
@@ -93,7 +93,7 @@ def plot_front(front: WearFront, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, 6.4, 4.4)
     ax.plot(front.MRR / 1000, front.wear, color=BLUE, lw=1.8)
     ax.set(xlabel="metal removal rate, cm3/min", ylabel=f"least {front.symbol}, {front.unit}")
-    ax.set_title("What less metal buys in wear (calculated)", fontsize=10)
+    ax.set_title("Least wear over metal removal rate (calculated)", fontsize=10)
     for loss in (0.0, 0.05, 0.1, 0.2, 0.3, 0.5):
         near = int(np.argmin(np.abs(front.loss - loss)))
         if abs(front.loss[near] - loss) < 1e-9:
@@ -114,7 +114,7 @@ def plot_front(front: WearFront, ax: Axes | None = None) -> Axes:
 def plot_probability(
     chance: Feasibility, ax: Axes | None = None, marks: Mapping[str, OperatingPoint] | None = None
 ) -> Axes:
-    """Probability that every limit is kept, and the limits of the laws as they stand."""
+    """Probability that every limit is kept, and the limits by the point estimates of the laws."""
     region = chance.region
     ax = _axes(ax, region, f"Probability of keeping the limits: {chance.of}")
     levels = [0.0, 0.05, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0]
@@ -124,7 +124,7 @@ def plot_probability(
     V, f, x = _plane(region)
     _limits(region, ax, V, f, x)
     if not region.empty:
-        ax.plot(*region.best.xy, "*", color="k", ms=11, label="most metal, laws as they stand")
+        ax.plot(*region.best.xy, "*", color="k", ms=11, label="greatest MRR, point estimates of the laws")
     _marks(ax, marks or {})
     figure = ax.get_figure()
     if figure is not None:
@@ -159,7 +159,7 @@ def surfaces_figure(region: VisibleRegion) -> Figure:
 
 
 def _key(ax: Axes) -> None:
-    """Below the axes: every place inside them means something."""
+    """Legend below the axes, where it hides nothing."""
     ax.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.12), ncols=3, fontsize=7.5, frameon=False)
 
 
@@ -175,7 +175,7 @@ def _axes(ax: Axes | None, region: VisibleRegion, title: str) -> Axes:
 
 
 def _ends(region: VisibleRegion) -> tuple[Array, Array]:
-    """The machine's ranges, and a little beside where one is a single value."""
+    """The machine's ranges, widened where one is a single value."""
     low, high = np.exp(region.box.low), np.exp(region.box.high)
     return np.where(high > low, low, low * 0.98), np.where(high > low, high, high * 1.02)
 
@@ -208,7 +208,7 @@ def _rate(region: VisibleRegion) -> Values:
 def _shade(region: VisibleRegion, ax: Axes) -> None:
     if len(region.polygon) > 2:
         outline = np.exp(_sides(region.polygon))
-        ax.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.12, edgecolor="0.2", lw=1.0, label="allowed"))
+        ax.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.12, edgecolor="0.2", lw=1.0, label="feasible"))
 
 
 def _sides(polygon: Array) -> Array:
@@ -222,10 +222,10 @@ def _limits(region: VisibleRegion, ax: Axes, V: Array, f: Array, x: Array) -> No
     shown: tuple[HalfPlane, ...] = region.limits[:-4]
     for each, colour in zip(shown, COLOURS * len(shown), strict=False):
         over = each.beyond(x)
-        aside = " (not reached here)" if over.max() <= 0 else " (passed everywhere)" if over.min() >= 0 else ""
-        if not aside:
+        note = " (not active here)" if over.max() <= 0 else " (exceeded everywhere)" if over.min() >= 0 else ""
+        if not note:
             ax.contour(V, f, over, [0.0], colors=colour, linewidths=1.8)
-        ax.plot([], [], color=colour, lw=1.8, label=each.words + aside)
+        ax.plot([], [], color=colour, lw=1.8, label=each.words + note)
 
 
 def _letters(region: VisibleRegion, ax: Axes) -> None:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 TOUCH = 1e-11  # of a logarithm: a relative 1e-11 of the response, some hundred times what clipping rounds
 SAME = 1e-9  # of a logarithm: a point lies on a limit that it meets to a part in 10^9
-FAR = 200.0  # half width of the plane where sides are looked at without the machine's ranges
+FAR = 200.0  # half width of the square that stands for the unbounded plane
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -54,11 +54,11 @@ class HalfPlane(Displayable):
 
     @property
     def words(self) -> str:
-        """As said in a sentence: ``P at most 7 kW``."""
+        """The limit as a phrase: ``P at most 7 kW``."""
         return f"{self.symbol} at {self.side} {self.value:g} {self.unit}"
 
     def beyond(self, x: Array) -> Array:
-        """How far points lie over the limit, in logarithms: (..., 2) -> (...,); negative is within."""
+        """Excess of points over the limit, in logarithms: (..., 2) -> (...,); negative is within."""
         return np.asarray(x[..., 0] * self.a[0] + x[..., 1] * self.a[1] - self.b)
 
 
@@ -68,7 +68,7 @@ def rectangle(low: Array, high: Array) -> Array:
 
 
 def clip(polygon: Array, plane: HalfPlane) -> Array:
-    """What a half plane leaves of a convex polygon (Sutherland & Hodgman 1974, doi 10.1145/360767.360802).
+    """Intersection of a convex polygon with a half plane (Sutherland & Hodgman 1974, doi 10.1145/360767.360802).
 
     Examples
     --------
@@ -87,16 +87,16 @@ def clip(polygon: Array, plane: HalfPlane) -> Array:
 
 
 def intersect(planes: Sequence[HalfPlane], polygon: Array) -> Array:
-    """What all half planes leave of a polygon."""
+    """Intersection of a polygon with all half planes."""
     for plane in planes:
         polygon = clip(polygon, plane)
     return polygon
 
 
 def conflict(planes: Sequence[HalfPlane]) -> tuple[HalfPlane, ...]:
-    """The limits that exclude each other: none of them can go without the rest being possible.
+    """Minimal set of limits that exclude each other: without any one of them the others are feasible.
 
-    At most three are left, by Helly's theorem in the plane. Those named first are the first to be let go.
+    It has at most three members, by Helly's theorem in the plane. Those listed first are dropped first.
     """
     needed = list(planes)
     for plane in planes:
@@ -107,12 +107,12 @@ def conflict(planes: Sequence[HalfPlane]) -> tuple[HalfPlane, ...]:
 
 
 def everywhere() -> Array:
-    """A square so large that nothing of interest lies outside."""
+    """A square that contains every feasible region."""
     return rectangle(np.full(2, -FAR), np.full(2, FAR))
 
 
 def _distinct(polygon: Array) -> Array:
-    """Without corners that fall on the one before."""
+    """The polygon without repeated corners."""
     if len(polygon) < 2:
         return polygon
     apart = np.abs(polygon - np.roll(polygon, 1, axis=0)).max(axis=1) > TOUCH
@@ -120,7 +120,10 @@ def _distinct(polygon: Array) -> Array:
 
 
 def conflict_sentence(limits: Sequence[HalfPlane], sides: Sequence[HalfPlane], responses: Collection[str]) -> str:
-    """The sentence; ``limits`` are those of responses and spindle, ``sides`` those of the machine's ranges."""
+    """Sentence on an empty region: the limits in conflict and the best value the others allow.
+
+    ``limits`` are those of responses and spindle, ``sides`` those of the machine's ranges.
+    """
     among = conflict((*sides, *limits))
     names = [each.words for each in sorted(among, key=lambda each: each in limits)]
     head = f"{names[0]} is never met"

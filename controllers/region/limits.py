@@ -27,7 +27,7 @@ RANGES = (("V", "speed", "m/min"), ("f", "feed", "mm/rev"))
 
 @dataclass(frozen=True, slots=True, repr=False)
 class MachineRange(Displayable):
-    """The ranges of V and f: ``low`` and ``high`` are (ln V, ln f), shape (2,); ``notes`` say where they come from."""
+    """The ranges of V and f: ``low`` and ``high`` are (ln V, ln f), shape (2,); ``notes`` give their origin."""
 
     low: Array
     high: Array
@@ -35,7 +35,7 @@ class MachineRange(Displayable):
 
     @property
     def sides(self) -> tuple[HalfPlane, ...]:
-        """Its four sides as limits."""
+        """The four sides as limits."""
         out = []
         for i, (symbol, _, unit) in enumerate(RANGES):
             e = (float(i == 0), float(i == 1))
@@ -46,12 +46,12 @@ class MachineRange(Displayable):
 
 
 def merged(pf: "ParameterFile", given: LimitsSection | Mapping[str, Any] | None) -> LimitsSection:
-    """The file's limits with those given in their places; one given as None is dropped.
+    """The file's limits, replaced by those given; one given as None is dropped.
 
     Raises
     ------
     UsageError
-        A limit that does not exist, or is no limit.
+        An unknown or invalid limit.
     """
     data = {} if pf.limits is None else pf.limits.model_dump()
     new = given.model_dump(exclude_unset=True) if isinstance(given, LimitsSection) else dict(given or {})
@@ -70,12 +70,12 @@ def merged(pf: "ParameterFile", given: LimitsSection | Mapping[str, Any] | None)
 
 
 def limited(pf: "ParameterFile", limits: LimitsSection) -> dict[str, Bound]:
-    """Response -> its bound.
+    """Bound of each limited response.
 
     Raises
     ------
     UsageError
-        The file has no law of what is limited, or several it could mean.
+        The file has no law of a limited response, or several candidates.
     """
     candidates = {"power": ("P",), "force": FORCES, "wear": WEARS}
     found: dict[str, Bound] = {}
@@ -87,20 +87,20 @@ def limited(pf: "ParameterFile", limits: LimitsSection) -> dict[str, Bound]:
 
 
 def _response(pf: "ParameterFile", name: str, bound: Bound, usual: tuple[str, ...]) -> str:
-    told = f"limits.{name} {bound.value:g} {bound.unit}"
+    label = f"limits.{name} {bound.value:g} {bound.unit}"
     names = [bound.of] if bound.of else [each for each in usual if each in pf.laws]
     if len(names) > 1:
-        raise UsageError(f"{told}: the file has laws of {', '.join(names)}; say of which in the limit's 'of'.")
+        raise UsageError(f"{label}: the file has laws of {', '.join(names)}; name one of them in the limit's 'of'.")
     if not names or names[0] not in pf.laws:
         raise UsageError(
-            f"{told}: the file has no law of {names[0] if names else usual[0]}; fit it, or leave this limit out with "
+            f"{label}: the file has no law of {names[0] if names else usual[0]}; fit it, or leave this limit out with "
             f"limits={{{name!r}: None}}."
         )
     return names[0]
 
 
 def half_planes(bounds: Mapping[str, Bound], planes: Mapping[str, LogPlane]) -> tuple[HalfPlane, ...]:
-    """One for each limited response, told in the limit's own unit."""
+    """Half plane of each limited response, labelled in the limit's own unit."""
     out = []
     for name, bound in bounds.items():
         plane = planes[name]
@@ -111,12 +111,12 @@ def half_planes(bounds: Mapping[str, Bound], planes: Mapping[str, LogPlane]) -> 
 
 
 def box(pf: "ParameterFile", limits: LimitsSection) -> MachineRange:
-    """The machine's ranges of V and f, or what was tested where the file names none.
+    """The machine's ranges of V and f, or the tested ranges where the file has none.
 
     Raises
     ------
     UsageError
-        Neither is known.
+        Neither is available.
     """
     ends, notes = [], []
     for symbol, name, unit in RANGES:
@@ -126,8 +126,8 @@ def box(pf: "ParameterFile", limits: LimitsSection) -> MachineRange:
             raise UsageError(f"no law has {symbol} and there is no range of it; give limits={{{name!r}: (low, high)}}.")
         if given is None or given.low == 0:
             low, high = _filled(symbol, given, tested, unit)
-            why = f"no range of {symbol}" if given is None else f"no {symbol} above zero to start from"
-            notes.append(f"The limits name {why}: {low:g} to {high:g} {unit} is taken, from what was tested.")
+            why = f"no range of {symbol}" if given is None else f"no lower end of {symbol} above zero"
+            notes.append(f"The limits have {why}: the tested range {low:g} to {high:g} {unit} is used.")
         else:
             low, high = (end * ratio(given.unit, unit) for end in (given.low, given.high))
             if tested is not None and (low < tested[0] * (1 - 1e-9) or high > tested[1] * (1 + 1e-9)):
@@ -143,12 +143,14 @@ def box(pf: "ParameterFile", limits: LimitsSection) -> MachineRange:
 
 def _filled(symbol: str, given: Range | None, tested: tuple[float, float] | None, unit: str) -> tuple[float, float]:
     if tested is None:
-        raise UsageError(f"a range of {symbol} from 0 has no least value and no law tells one; give it a low above 0.")
+        raise UsageError(
+            f"a range of {symbol} from 0 has no lower end above 0 and no law has a tested range; give it a low above 0."
+        )
     return tested if given is None else (tested[0], given.high * ratio(given.unit, unit))
 
 
 def _tested(pf: "ParameterFile", symbol: str, unit: str) -> tuple[float, float] | None:
-    """The range that every law with this factor was tested over."""
+    """The tested range common to all laws with this factor."""
     held = [(f, ratio(f.unit, unit)) for law in pf.laws.values() for f in law.factors if f.symbol == symbol]
     if not held:
         return None
@@ -162,7 +164,7 @@ def of_spindle(limits: LimitsSection, setting: CutSetting) -> tuple[tuple[HalfPl
         return (), ()
     if "D" not in setting.at:
         names = " and ".join(symbol for symbol, _ in stated)
-        return (), (f"The limits of {names} are left aside: they need the diameter, at={{'D': ...}} in mm.",)
+        return (), (f"The limits of {names} are not applied: they need the diameter, at={{'D': ...}} in mm.",)
     constant = log(1000 / (pi * setting.at["D"]))
     out = []
     for symbol, each in stated:
@@ -175,17 +177,17 @@ def of_spindle(limits: LimitsSection, setting: CutSetting) -> tuple[tuple[HalfPl
 
 
 def required_wear_law(pf: "ParameterFile", setting: CutSetting, named: str | None) -> "LawSection | None":
-    """The law of wear; None where the file has none that the setting can answer, as one of a further factor."""
+    """The law of wear; None where the file has none or the setting gives the wear itself."""
     wear = wear_law(pf, named)
     if wear is not None and wear.response in setting.at and named is None:
         return None
     if wear is not None:
-        plane(wear, setting)  # refuses here, by its own name
+        plane(wear, setting)  # raises here, naming the wear law
     return wear
 
 
 def unlimited_responses(pf: "ParameterFile", setting: CutSetting, wear: "LawSection | None") -> tuple[str, ...]:
-    """Power and forces without a limit, where their laws can be asked: they are told, no more."""
+    """Power and forces without a limit whose laws can be evaluated at the setting: reported only."""
     out = []
     for name in ("P", *FORCES):
         if name in pf.laws:
@@ -196,11 +198,11 @@ def unlimited_responses(pf: "ParameterFile", setting: CutSetting, wear: "LawSect
 
 
 def check_fixed_factors(pf: "ParameterFile", setting: CutSetting) -> None:
-    """Refuse to hold what no law has."""
+    """Raise UsageError for a fixed factor that no law has, or that has its own argument."""
     factors = {factor.symbol for law in pf.laws.values() for factor in law.factors}
     for name in setting.at:
         if name in USUAL:
-            cure = f"give {name}=" if name in ("d", "t") else "the limits give its range"
-            raise UsageError(f"at: {name} does not belong there; {cure}.")
+            remedy = f"give {name}=" if name in ("d", "t") else "the limits give its range"
+            raise UsageError(f"at: {name} is not allowed here; {remedy}.")
         if name not in {*factors, "D"}:
             raise UsageError(f"at: no law has a factor {name!r}; they have {', '.join(sorted(factors))}.")

@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import log
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ USUAL = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CutSetting(Displayable):
-    """What is held while V and f are chosen.
+    """Factors that are fixed while V and f are chosen.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class CutSetting(Displayable):
     by : str or None
         Level of the laws that have levels.
     at : mapping
-        Further factors in the units of the laws; of the wear, in place of its law.
+        Further factors in the units of the laws; a wear given here replaces its law.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class CutSetting(Displayable):
 
     @property
     def known(self) -> dict[str, tuple[float, str | None]]:
-        """Value and unit by symbol; without a unit: in that of the law."""
+        """Value and unit by symbol; unit None: that of the law."""
         usual = {"d": (self.d, "mm"), "t": (self.t, "min")}
         return {**usual, **{name: (value, None) for name, value in self.at.items()}}
 
@@ -72,7 +72,7 @@ class LogPlane(Displayable):
     response, quantity, unit : str
     intercept, wear_power : ndarray, shape (...,)
     slopes : ndarray, shape (..., 2)
-        One law, or one for each draw. ``wear_power`` is 0 once the wear is put in.
+        One law, or one for each draw. ``wear_power`` is 0 once the wear is substituted.
     t_power : ndarray, shape (...,)
         Exponent of t in the law itself.
     """
@@ -93,12 +93,12 @@ class LogPlane(Displayable):
 def plane(
     law: "LawSection", setting: CutSetting, wear: "LawSection | None" = None, of: Array | None = None
 ) -> LogPlane:
-    """A law in ln V and ln f, the wear still a factor of it; ``of`` its parameters, (..., p), unless as in the file.
+    """A law in ln V and ln f, with the wear still a factor; ``of``: its parameters, (..., p), if not the file's.
 
     Raises
     ------
     UsageError
-        The law is no power law, or has a factor that nothing is known of.
+        The law is not a power law, or the value of a factor is unknown.
     """
     if law.form != "power":
         raise UsageError(f"the law of {law.response} is {law.form.replace('_', ' ')}: a region needs power laws.")
@@ -124,15 +124,12 @@ def plane(
 
 
 def with_wear(plane: LogPlane, wear: LogPlane) -> LogPlane:
-    """A plane with its wear put in: eq. 8 and 9 of AC-2016."""
-    return LogPlane(
-        plane.response,
-        plane.quantity,
-        plane.unit,
-        plane.intercept + plane.wear_power * wear.intercept,
-        plane.slopes + plane.wear_power[..., None] * wear.slopes,
-        np.zeros_like(plane.wear_power),
-        plane.t_power,
+    """A plane with its wear substituted: eq. 8 and 9 of AC-2016."""
+    return replace(
+        plane,
+        intercept=plane.intercept + plane.wear_power * wear.intercept,
+        slopes=plane.slopes + plane.wear_power[..., None] * wear.slopes,
+        wear_power=np.zeros_like(plane.wear_power),
     )
 
 
@@ -145,7 +142,7 @@ def wear_law(pf: "ParameterFile", of: str | None = None) -> "LawSection | None":
 def planes(
     pf: "ParameterFile", responses: tuple[str, ...], setting: CutSetting, wear: "LawSection | None"
 ) -> dict[str, LogPlane]:
-    """The responses asked for, and the wear, as planes of V and f alone."""
+    """The requested responses, and the wear, as planes of V and f alone."""
     own = {} if wear is None else {wear.response: plane(wear, setting)}
     for name in responses:
         if name not in own:
@@ -155,7 +152,7 @@ def planes(
 
 
 def ratio(of: str, to: str) -> float:
-    """What a number in one unit is multiplied by to be in another; the same text needs no table of units."""
+    """Conversion factor from one unit to another; identical units need no table."""
     if of == to or (canonical(of) is not None and canonical(of) == canonical(to)):
         return 1.0
     return float(convert(np.ones(1), of, to)[0])
@@ -167,8 +164,8 @@ def _ln_ratio(of: str, to: str) -> float:
 
 def _ln_known(law: "LawSection", symbol: str, unit: str, setting: CutSetting) -> float:
     if symbol not in setting.known:
-        cure = "give the file its law, or" if symbol in WEARS else "give"
-        raise UsageError(f"the law of {law.response} needs {symbol} ({unit}); {cure} at={{{symbol!r}: ...}}.")
+        remedy = "give the file its law, or" if symbol in WEARS else "give"
+        raise UsageError(f"the law of {law.response} needs {symbol} ({unit}); {remedy} at={{{symbol!r}: ...}}.")
     value, given = setting.known[symbol]
     return log(value * ratio(given or unit, unit))
 
@@ -188,7 +185,7 @@ def _shift(law: "LawSection", by: str | None, places: Mapping[str, Array]) -> Ar
 def within_tested_ranges(
     laws: Mapping[str, "LawSection"], setting: CutSetting, wear: str | None, at: Mapping[str, float]
 ) -> bool:
-    """Whether every law was tested at a pair of V and f; ``at`` holds these, and the wear there by its symbol."""
+    """Whether a pair lies in the tested ranges of all laws; ``at`` holds V and f, and the wear by its symbol."""
     known: dict[str, tuple[float, str | None]] = {"V": (at["V"], "m/min"), "f": (at["f"], "mm/rev")}
     if wear is not None:
         known[wear] = at[wear], laws[wear].unit
@@ -207,7 +204,7 @@ def _inside(law: "LawSection", by: str | None, known: Mapping[str, tuple[float, 
 
 
 def outside_tested_ranges(laws: Mapping[str, "LawSection"], setting: CutSetting) -> tuple[str, ...]:
-    """A sentence for each held factor that lies outside what was tested."""
+    """A sentence for each fixed factor outside the tested range of a law."""
     return tuple(dict.fromkeys(words for law in laws.values() for words in _outside(law, setting)))
 
 
@@ -217,5 +214,5 @@ def _outside(law: "LawSection", setting: CutSetting) -> Iterator[str]:
             value, unit = setting.known[factor.symbol]
             value *= ratio(unit or factor.unit, factor.unit)
             if not factor.low <= value <= factor.high:
-                tested_over = f"{factor.low:g} to {factor.high:g} {factor.unit} that {law.response} was tested over"
-                yield f"{factor.symbol} {value:g} lies outside the {tested_over}: do not rely on the region."
+                tested = f"{factor.low:g} to {factor.high:g} {factor.unit}, the tested range of {law.response}"
+                yield f"{factor.symbol} {value:g} lies outside {tested}: do not rely on the region."

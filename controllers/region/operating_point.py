@@ -26,11 +26,11 @@ class OperatingPoint(Displayable):
     wear_rate : float or None
         ``dAW/dt = h AW / t`` with h the exponent of t in the wear law, um/min; None without a law of wear over t.
     held_by, exceeds : tuple of str
-        Limits that the point lies on, and over.
+        Limits that are active at the point, and that it exceeds.
     tested : bool
-        Whether every law was tested there: ``Law.inside``.
+        Whether the point lies in the tested ranges of every law.
     probability : float or None
-        Of keeping within the limits of power, force and wear, where it was asked for.
+        Of keeping the limits of power, force and wear, where it was computed.
 
     Examples
     --------
@@ -51,15 +51,15 @@ class OperatingPoint(Displayable):
 
     @property
     def words(self) -> str:
-        """The point in a clause."""
-        told = [f"{name} {three(value)} {self.units[name]}" for name, value in self.values.items()]
+        """The point with its responses as text."""
+        parts = [f"{name} {three(value)} {self.units[name]}" for name, value in self.values.items()]
         if self.wear_rate is not None:
-            told.append(f"wear rate {three(self.wear_rate)} um/min")
-        return ", ".join([f"{self.where}: MRR {self.MRR:.0f} mm3/min", *told])
+            parts.append(f"wear rate {three(self.wear_rate)} um/min")
+        return ", ".join([f"{self.where}: MRR {self.MRR:.0f} mm3/min", *parts])
 
     @property
     def where(self) -> str:
-        """The pair alone."""
+        """The pair of V and f as text."""
         return f"V {four(self.V)} m/min, f {four(self.f)} mm/rev"
 
     @property
@@ -68,7 +68,7 @@ class OperatingPoint(Displayable):
         return self.V, self.f
 
     def facts(self) -> dict[str, object]:
-        """Plain JSON; each name tells its unit."""
+        """JSON-compatible values; each name contains its unit."""
         return {
             "V_m_min": self.V,
             "f_mm_rev": self.f,
@@ -83,12 +83,12 @@ class OperatingPoint(Displayable):
 
 
 def four(value: float) -> str:
-    """Four digits at most, whole numbers whole: of what one sets."""
+    """A setting to at most four significant digits."""
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def three(value: float) -> str:
-    """Three digits, whole numbers whole: of what a law says."""
+    """A prediction to three significant digits."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
 
 
@@ -98,7 +98,7 @@ def ln(V: float, f: float) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
 
 
 def plain(ln_value: float) -> float:
-    """The number behind a logarithm, without the noise of its last digits: 200, not 199.99999999999991."""
+    """Exponential of a logarithm, rounded to 12 digits: 200, not 199.99999999999991."""
     return float(f"{np.exp(ln_value):.12g}")
 
 
@@ -113,7 +113,7 @@ class Corner(Displayable):
 
 
 def best_corner(polygon: Array, wear: LogPlane | None) -> int:
-    """Corner of the greatest MRR; of those alike, the one that wears least, or else turns slowest."""
+    """Index of the corner with the greatest MRR; of equals, the one of least wear, or else of least speed."""
     removed = polygon.sum(axis=1)
     alike = np.flatnonzero(removed >= removed.max() - TOUCH)
     cost = polygon[alike] @ wear.slopes if wear is not None else polygon[alike, 0]
@@ -121,7 +121,7 @@ def best_corner(polygon: Array, wear: LogPlane | None) -> int:
 
 
 def start_at_best(polygon: Array, wear: LogPlane | None) -> Array:
-    """Corners clockwise, so turned that the best is the second."""
+    """Corners clockwise, rotated so that the best is the second."""
     if len(polygon) < 2:
         return polygon
     return np.roll(polygon, 1 - best_corner(polygon, wear), axis=0)
@@ -136,10 +136,10 @@ def label_corners(polygon: Array, limits: tuple[HalfPlane, ...]) -> tuple[Corner
     return tuple(out)
 
 
-def worth(x: Array, limits: tuple[HalfPlane, ...]) -> dict[str, float]:
-    """What 1 % more of each limit that holds a corner is worth, in % of MRR: the multipliers of the linear programme.
+def sensitivities(x: Array, limits: tuple[HalfPlane, ...]) -> dict[str, float]:
+    """Gain in MRR, %, per 1 % of each limit active at a corner: the multipliers of the linear programme.
 
-    Nothing where more than two limits meet, or fewer.
+    Empty unless exactly two limits meet.
     """
     meet = [each for each in limits if abs(float(each.beyond(x))) <= SAME]
     if len(meet) != 2:

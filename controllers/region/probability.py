@@ -37,13 +37,13 @@ class Feasibility(Plottable):
     probability : ndarray, shape (n, m)
         A row for each f.
     kind : {"prediction", "mean"}
-        Of one row of an edge not yet cut, or of the law itself (its median, where errors multiply).
+        Of one row of a new edge, or of the law itself (its median, where errors are multiplicative).
     region : VisibleRegion
-        The same laws as they stand.
+        Of the same laws with their point estimates.
     sampling : LimitSampling
         The draws.
     sources : tuple of str
-        Where the draws of each law come from.
+        Origin of the draws of each law.
     """
 
     V: Array
@@ -61,7 +61,7 @@ class Feasibility(Plottable):
 
     @property
     def of(self) -> str:
-        """What is judged, in words."""
+        """The quantity that the probability refers to."""
         return "one row of a new edge" if self.kind == "prediction" else "the laws without the scatter of rows"
 
     def at(self, V: float, f: float) -> float:
@@ -69,11 +69,11 @@ class Feasibility(Plottable):
         return float(self.sampling.keeps(ln(V, f)[None])[0])
 
     def risks(self, V: float, f: float) -> dict[str, float]:
-        """Probability that a pair goes over each limit, by response: over one, whatever the others do."""
+        """Marginal probability that a pair exceeds each limit, by response."""
         return self.sampling.risks(ln(V, f))
 
     def best(self, probability: float = 0.95) -> OperatingPoint:
-        """The pair that removes most metal among those that keep every limit with this probability.
+        """The pair of greatest MRR among those that keep every limit with this probability.
 
         Raises
         ------
@@ -99,7 +99,7 @@ def feasibility(
     most: int = 2000,
     seed: int = 1,
 ) -> Feasibility:
-    """Work out how likely each pair of V and f keeps the limits.
+    """Compute the probability that each pair of V and f keeps the limits.
 
     Parameters
     ----------
@@ -107,20 +107,20 @@ def feasibility(
         As in `visible_region`.
     draws : mapping of str to Draws, optional
         Of each law, as `fitmodels.parameters.read_draws` gives them. A law without draws is drawn from its covariance;
-        one without that is taken as exactly known: ``sources`` says which.
+        one without that is taken as exactly known, see ``sources``.
     kind : {"prediction", "mean"}
-        Of one row of an edge not yet cut, with its scatter, or of the laws themselves.
+        Of one row of a new edge, with its scatter, or of the laws themselves.
     grid : tuple of int
         Points along V and f.
     most : int
-        Draws used.
+        Largest number of draws used.
     seed : int
-        Of how draws are put together, and of the scatter.
+        Of the pairing of draws, and of the scatter.
 
     Raises
     ------
     UsageError
-        As `visible_region`; draws that are not the law's; a law whose scatter is not known.
+        As `visible_region`; draws of another law; a law without residual standard error.
 
     Examples
     --------
@@ -130,9 +130,9 @@ def feasibility(
     True
     """
     if kind not in get_args(Kind):
-        raise UsageError(f"kind={kind!r}: it is 'prediction', of a new edge, or 'mean', of the laws themselves.")
+        raise UsageError(f"kind={kind!r}: give 'prediction', of a new edge, or 'mean', of the laws themselves.")
     if min(grid) < 2 or most < 1:
-        raise UsageError(f"grid {grid} with {most} draws: at least 2 points along V and f, and a draw.")
+        raise UsageError(f"grid {grid} with {most} draws: give at least 2 points along V and f, and one draw.")
     region = visible_region(pf, limits=limits, d=d, t=t, by=by, at=at)
     drawn = sampling(region, draws or {}, kind, most, seed)
     low, high = np.exp(region.box.low), np.exp(region.box.high)
@@ -149,7 +149,12 @@ def feasibility(
     )
 
 
-ROUNDS = ((161, 41), (41, 9), (41, 9), (41, 9))  # rays, and pairs along each: fine first, for draws leave jagged edges
+ROUNDS = (
+    (161, 41),
+    (41, 9),
+    (41, 9),
+    (41, 9),
+)  # rays, and pairs along each: fine first, as the contours by draws are not smooth
 HALVINGS = 24  # of a step along a ray: one part in 10^8
 NEXT = 1.5  # steps between rays kept on each side of the best
 
@@ -157,7 +162,7 @@ NEXT = 1.5  # steps between rays kept on each side of the best
 def best_at_probability(region: "VisibleRegion", sampling: "LimitSampling", probability: float) -> OperatingPoint:
     """The pair with the greatest MRR among those that keep every limit with this probability."""
     if not 0 < probability < 1:
-        raise UsageError(f"probability = {probability:g}: it lies between 0 and 1, as 0.95.")
+        raise UsageError(f"probability = {probability:g}: give a value between 0 and 1, such as 0.95.")
     low, high = region.box.low, region.box.high
     u0, u1 = float(low[1] - high[0]), float(high[1] - low[0])
     best: tuple[float, float] | None = None
@@ -178,7 +183,7 @@ def best_at_probability(region: "VisibleRegion", sampling: "LimitSampling", prob
 
 
 def _farthest(region: "VisibleRegion", sampling: "LimitSampling", u: Array, along: int, probability: float) -> Array:
-    """The farthest s of each ray that is allowed, shape of ``u``; minus infinity where none is."""
+    """The largest feasible s of each ray, shape of ``u``; minus infinity where none is."""
     low, high = region.box.low, region.box.high
     near = np.maximum(2 * low[0] + u, 2 * low[1] - u)
     far = np.maximum(np.minimum(2 * high[0] + u, 2 * high[1] - u), near)  # a rounding error at the ends
@@ -197,7 +202,7 @@ def _farthest(region: "VisibleRegion", sampling: "LimitSampling", u: Array, alon
 def _allowed(
     region: "VisibleRegion", sampling: "LimitSampling", s: Array, u: Array, probability: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """Whether pairs are allowed, in the shape of ``s``."""
+    """Whether pairs are feasible, in the shape of ``s``."""
     x = _pairs(s, np.broadcast_to(u, s.shape)).reshape(-1, 2)
     return np.asarray((_machine(region, x) & (sampling.keeps(x) >= probability)).reshape(s.shape))
 
@@ -208,7 +213,7 @@ def _pairs(s: Array, u: Array) -> Array:
 
 
 def _machine(region: "VisibleRegion", x: Array) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """Which pairs the machine can be set to."""
+    """Whether the machine can be set to each pair."""
     own = [each for each in region.limits if each.symbol not in region.planes]
     return np.asarray(np.logical_and.reduce([each.beyond(x) <= TOUCH for each in own]))
 
@@ -223,7 +228,7 @@ def _unreachable(region: "VisibleRegion", sampling: "LimitSampling", probability
     V, f = np.exp(x[int(np.argmax(keeps))])
     return (
         f"no pair of V and f keeps the limits with probability {probability:g}: the most is {keeps.max():.3g}, at V "
-        f"{V:.4g} m/min and f {f:.4g} mm/rev; demand less, or raise a limit."
+        f"{V:.4g} m/min and f {f:.4g} mm/rev; require less, or raise a limit."
     )
 
 
@@ -240,17 +245,17 @@ def best_point(
     kind: "Kind" = "prediction",
     seed: int = 1,
 ) -> OperatingPoint:
-    """Find the pair of V and f that removes most metal within the limits.
+    """Find the pair of V and f of greatest metal removal rate within the limits.
 
-    Without a ``probability`` the laws are taken as they stand, and the answer is exact: a corner of the region. A
-    point on a limit then exceeds it about every second time; with one, the pair keeps all limits that often.
+    Without a ``probability`` the point estimates of the laws are used, and the result is exact: a corner of the region.
+    A point on a limit then exceeds it about every second time; with a probability, it keeps all limits that often.
 
     Parameters
     ----------
     pf, limits, d, t, by, at
         As in `visible_region`.
     probability : float, optional
-        Demanded of keeping every limit of power, force and wear at once, between 0 and 1.
+        Required probability of keeping all limits of power, force and wear at once, between 0 and 1.
     draws, kind, seed
         As in `feasibility`.
 
@@ -263,7 +268,7 @@ def best_point(
     UsageError
         As `visible_region`; or draws without a probability.
     DataError
-        The limits exclude each other, or no pair reaches the probability: the sentence says how near one comes.
+        The limits exclude each other, or no pair reaches the probability; the message gives the greatest one.
 
     Examples
     --------
@@ -274,7 +279,7 @@ def best_point(
     """
     if probability is None:
         if draws is not None:
-            raise UsageError("draws were given without a probability to keep the limits with: give probability=0.95.")
+            raise UsageError("draws given without a probability of keeping the limits: add probability=0.95.")
         return visible_region(pf, limits=limits, d=d, t=t, by=by, at=at).best
 
     found = feasibility(pf, draws=draws, limits=limits, d=d, t=t, by=by, at=at, kind=kind, seed=seed)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from .visible import VisibleRegion
 
 Kind = Literal["prediction", "mean"]
-TINY = 1e-300  # in place of a response that an error which adds makes negative: it is far below any limit
-AT_ONCE = 1_000_000  # looks of a draw at a point: 8 MB
+TINY = 1e-300  # replaces a response that an additive error makes negative: far below any limit
+AT_ONCE = 1_000_000  # evaluations at a time, draws times points: 8 MB
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -37,35 +37,35 @@ class SampledLaw(Displayable):
     ----------
     plane : LogPlane
         Its numbers of shape (S,).
-    luck : ndarray, shape (S,)
-        How far the row of one further edge lies off the law: in logarithms, or in the response's unit where it
+    deviation : ndarray, shape (S,)
+        Deviation of a row of a new edge from the law: in logarithms, or in the response's unit where it
         ``adds``.
     adds : bool
     words : str
-        Where the draws come from.
+        Origin of the draws.
     """
 
     plane: LogPlane
-    luck: Array
+    deviation: Array
     adds: bool
     words: str
 
     def ln(self, x: Array, ln_wear: Array | None, rows: slice) -> Array:
         """Logarithm of the response of some draws at points (G, 2), shape (s, G)."""
         p = self.plane
-        constant = p.intercept if self.adds else p.intercept + self.luck
+        constant = p.intercept if self.adds else p.intercept + self.deviation
         # one product: draws times pairs are millions, and each pass over them costs as much as the rest
         eta = np.column_stack([constant, p.slopes])[rows] @ np.vstack([np.ones(len(x)), x.T])
         if ln_wear is not None:
             eta += p.wear_power[rows, None] * ln_wear
-        return np.log(np.maximum(np.exp(eta) + self.luck[rows, None], TINY)) if self.adds else eta
+        return np.log(np.maximum(np.exp(eta) + self.deviation[rows, None], TINY)) if self.adds else eta
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LimitSampling(Displayable):
-    """What a region is judged by: laws by draws, and the logarithm of each limit in the unit of its law.
+    """Laws by draws, and the logarithm of each limit in the unit of its law.
 
-    ``wear`` is set where the wear must be worked out at every point, because its errors add.
+    ``wear`` is set where the wear must be evaluated at every point, because its errors are additive.
     """
 
     laws: Mapping[str, SampledLaw]
@@ -99,25 +99,25 @@ class LimitSampling(Displayable):
 
 
 def sampling(region: "VisibleRegion", draws: "Mapping[str, Draws]", kind: Kind, most: int, seed: int) -> LimitSampling:
-    """Draw the laws of a region's limits; ``most`` draws, or as many as the fewest that a law has.
+    """Sample the laws of a region's limits: ``most`` draws, or as many as every law has.
 
     Raises
     ------
     UsageError
-        Draws of other parameters than the law's, or no scatter known of a law that a new edge is asked of.
+        Draws of other parameters than the law's, or no residual standard error for a new edge.
     """
     count = min([most, *(len(draws[name].values) for name in region.laws if name in draws)])
     rng = np.random.default_rng(seed)
     wear_law = None if region.wear is None else region.laws[region.wear]
     laws: dict[str, SampledLaw] = {}
-    for name in sorted(region.laws):  # one order, whatever that of the file
+    for name in sorted(region.laws):  # independent of the order in the file
         wear = None if name == region.wear else wear_law
         laws[name] = _sampled(region.laws[name], region.setting, wear, draws.get(name), kind, count, rng)
     wear_drawn = None if region.wear is None else laws[region.wear]
-    adds = wear_drawn is not None and wear_drawn.adds and wear_drawn.luck.any()
+    adds = wear_drawn is not None and wear_drawn.adds and wear_drawn.deviation.any()
     if wear_drawn is not None and not adds:
         off = replace(
-            wear_drawn.plane, intercept=wear_drawn.plane.intercept + (0 if wear_drawn.adds else wear_drawn.luck)
+            wear_drawn.plane, intercept=wear_drawn.plane.intercept + (0 if wear_drawn.adds else wear_drawn.deviation)
         )
         laws = {
             name: law if law is wear_drawn else replace(law, plane=with_wear(law.plane, off))
@@ -170,7 +170,7 @@ def _from_draws(
 
 
 def _from_covariance(law: "LawSection", count: int, rng: np.random.Generator) -> tuple[Array, str]:
-    """Parameters (S, p) from the file's covariance as a multivariate t; as they stand where it has none."""
+    """Parameters (S, p) from the file's covariance as a multivariate t; the estimates where it has none."""
     centre, held = law.theta, law.uncertainty
     if not isinstance(held, Covariance):
         return np.broadcast_to(centre, (count, len(centre))), f"{law.response} as if exactly known ({held.reason})"
@@ -188,7 +188,7 @@ def _scatter(law: "LawSection") -> Array:
         return np.array([np.hypot(e.sd_between, e.sd_within)])
     if law.residual_se is None:
         raise UsageError(
-            f"the law of {law.response} has no residual standard error, so nothing is known of a further edge; ask of "
-            "the law itself with kind='mean'."
+            f"the law of {law.response} has no residual standard error, so the scatter of a new edge is unknown; use "
+            "kind='mean' for the law itself."
         )
     return np.array([law.residual_se])

@@ -27,7 +27,7 @@ from .limits import (
     unlimited_responses,
 )
 from .log_planes import CutSetting, LogPlane, outside_tested_ranges, planes, ratio, within_tested_ranges
-from .operating_point import Corner, OperatingPoint, best_corner, label_corners, ln, plain, start_at_best, worth
+from .operating_point import Corner, OperatingPoint, best_corner, label_corners, ln, plain, sensitivities, start_at_best
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -39,13 +39,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class VisibleRegion(Plottable):
-    """What may be set at one depth and time.
+    """Pairs of V and f within all limits at one depth and time.
 
     Attributes
     ----------
     corners : tuple of Corner
-        Clockwise on a chart of f over V; the corner of the greatest MRR is B, as in AC-2016. Empty where nothing is
-        allowed.
+        Clockwise on a chart of f over V; the corner of the greatest MRR is B, as in AC-2016. Empty where no pair
+        is feasible.
     limits : tuple of HalfPlane
         Those of the responses and of the spindle, then the four sides of the machine's ranges.
     planes : dict of LogPlane
@@ -60,7 +60,7 @@ class VisibleRegion(Plottable):
     wear : str or None
         Symbol of the wear, where the file has a law of it.
     notes : tuple of str
-        Where ranges come from, what was left aside, what lies outside the tests.
+        Origin of the ranges, limits not applied, factors outside the tested ranges.
 
     Examples
     --------
@@ -82,19 +82,19 @@ class VisibleRegion(Plottable):
 
     @property
     def empty(self) -> bool:
-        """Whether nothing is allowed: the limits exclude each other, and `conflict` says which."""
+        """Whether no pair is feasible: the limits exclude each other, see `conflict`."""
         return not self.corners
 
     @property
     def conflict(self) -> str:
-        """Which limits exclude each other, and how far they are from letting anything through; else nothing."""
+        """The limits that exclude each other, and by how much; empty where the region is not."""
         return conflict_sentence(self.limits[:-4], self.limits[-4:], self.planes) if self.empty else ""
 
     @property
     def best(self) -> OperatingPoint:
         """The pair with the greatest metal removal rate: corner B.
 
-        Of corners that remove alike, the one that wears least.
+        Of corners with equal MRR, the one of least wear.
 
         Raises
         ------
@@ -104,13 +104,13 @@ class VisibleRegion(Plottable):
         return self._at(self.polygon[self._best()])
 
     @property
-    def worth(self) -> dict[str, float]:
-        """What 1 % more of each limit that holds the best pair is worth, in % of MRR: ``{"P 7 kW": 0.83}``."""
-        return worth(self.polygon[self._best()], self.limits)
+    def sensitivities(self) -> dict[str, float]:
+        """Gain in MRR, %, per 1 % of each limit active at the best pair: ``{"P 7 kW": 0.83}``."""
+        return sensitivities(self.polygon[self._best()], self.limits)
 
     @property
     def rate_of_wear(self) -> float | None:
-        """What the wear is multiplied by to be its rate in um/min: ``h/t``, and the unit; None without a law over t.
+        """Factor from the wear to its rate in um/min: ``h/t`` times the unit conversion; None without a law over t.
 
         The derivative of eq. 6 of AC-2016, whose eq. 7 and 13 leave out h = 0.245.
         """
@@ -126,16 +126,16 @@ class VisibleRegion(Plottable):
         return within if np.ndim(within) else bool(within)
 
     def at(self, V: float, f: float) -> OperatingPoint:
-        """What the laws say of a pair, inside or outside the region."""
+        """Responses at a pair, inside or outside the region."""
         for name, value in (("V", V), ("f", f)):
             if not (np.isfinite(value) and value > 0):
                 raise UsageError(f"{name} = {value:g}: a power law needs a positive value.")
         return self._at(ln(V, f))
 
     def least_wear(self, loss: float = 0.05) -> OperatingPoint:
-        """The pair that wears least among those that give up at most this share of the greatest MRR.
+        """The pair of least wear among those with at most this loss of MRR, as a share of the greatest.
 
-        The least wear after t and the least wear rate at t are one pair: at a given t the rate is h/t of the wear.
+        The least wear after t and the least wear rate at t are at the same pair: the rate is h/t of the wear.
 
         Raises
         ------
@@ -145,9 +145,9 @@ class VisibleRegion(Plottable):
             The region is empty.
         """
         if self.wear is None:
-            raise UsageError("the file has no power law of wear (AW or VB); fit one to tell what a slower cut saves.")
+            raise UsageError("the file has no power law of wear (AW or VB); fit one to compare wear and removal rate.")
         if not 0 <= loss < 1:
-            raise UsageError(f"loss = {loss:g} of the greatest MRR: it is a share from 0 to below 1, as 0.05.")
+            raise UsageError(f"loss = {loss:g} of the greatest MRR: give a share from 0 to below 1, such as 0.05.")
         most = self.polygon[self._best()].sum() + np.log1p(-loss)
         left = clip(self.polygon, HalfPlane("MRR", "mm3/min", "least", 0.0, (-1.0, -1.0), -float(most)))
         worn = left @ self.planes[self.wear].slopes
@@ -176,7 +176,7 @@ class VisibleRegion(Plottable):
         )
 
     def to_frame(self) -> "DataFrame":
-        """A row a corner."""
+        """One row per corner."""
         from pandas import DataFrame
 
         return DataFrame([(c.letter, c.V, c.f, c.limits) for c in self.corners], columns=["corner", "V", "f", "limits"])
@@ -191,34 +191,34 @@ def visible_region(
     by: str | None = None,
     at: Mapping[str, float] | None = None,
 ) -> VisibleRegion:
-    """Find every pair of V and f that the limits allow at a depth and a time.
+    """Find all pairs of V and f within the limits at a depth and a time.
 
     A law with wear among its factors takes it from the file's law of wear: after ``t`` min at that V, f and d.
 
     Parameters
     ----------
     pf : ParameterFile
-        With power laws of what is limited.
+        With power laws of the limited responses.
     limits : Limits or mapping, optional
         In place of the file's limits of the same name; a bare number is in kW, N or mm, a pair in m/min or mm/rev;
-        None drops one. Without ranges of speed and feed what was tested is taken, and a note says so.
+        None drops one. Without ranges of speed and feed the tested ranges are used, with a note.
     d, t : float
         Depth of cut, mm, and cutting time, min; the defaults are AC-2016's.
     by : str, optional
         Level of laws that have levels.
     at : mapping, optional
-        Further factors of the laws in their units; the wear, to use a measured one; the diameter ``D`` in mm, for
+        Further factors of the laws in their units; a measured wear, in place of its law; the diameter ``D`` in mm, for
         limits of spindle speed and feed rate.
 
     Returns
     -------
     VisibleRegion
-        Empty where the limits exclude each other: its ``conflict`` says which.
+        Empty where the limits exclude each other, see its ``conflict``.
 
     Raises
     ------
     UsageError
-        A limited response without a power law, a factor that nothing is known of, a limit that is none.
+        A limited response without a power law, an unknown factor, an invalid limit.
 
     Examples
     --------
@@ -258,14 +258,14 @@ LOSSES = tuple(np.linspace(0.0, 0.5, 101).tolist())
 
 @dataclass(frozen=True, slots=True, repr=False)
 class WearFront(Plottable):
-    """The pairs that wear least for the metal they remove.
+    """Pareto front of wear and metal removal rate: the least wear for each loss of MRR.
 
-    At a given time wear and wear rate are least at the same pair, so this front is of both.
+    At a given time wear and wear rate are least at the same pair, so the front holds for both.
 
     Attributes
     ----------
     loss : ndarray, shape (n,)
-        Share of the greatest MRR given up.
+        Loss of MRR as a share of the greatest.
     V, f, MRR, wear : ndarray, shape (n,)
         m/min, mm/rev, mm3/min, and the unit of the wear.
     wear_rate : ndarray, shape (n,), or None
@@ -286,12 +286,12 @@ class WearFront(Plottable):
     unit: str
 
     def to_frame(self) -> "Frame":
-        """A row a share of the metal given up."""
+        """One row per loss of MRR."""
         return as_columns(self, "loss", "V", "f", "MRR", "wear")
 
 
 def wear_front(region: VisibleRegion, losses: Sequence[float] = LOSSES) -> WearFront:
-    """The least wear for each share of the greatest MRR that is given up.
+    """The least wear for each loss of MRR, as a share of the greatest, exact at every point.
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def wear_front(region: VisibleRegion, losses: Sequence[float] = LOSSES) -> WearF
 
     Examples
     --------
-    >>> from fitmodels.controllers.region import visible_region
+    >>> from fitmodels.controllers import visible_region
     >>> from fitmodels.parameters.published import published
     >>> front = wear_front(visible_region(published("AC-2016")), [0.0, 0.05])
     >>> front.V.round(1).tolist(), front.wear.round(4).tolist()

@@ -1,16 +1,14 @@
-"""Turning at constant roughness through constant force (SURF): the controller, its cut, and the paper's simulations.
+"""Turning at constant roughness through constant force (SURF): the controller, its plant, and the paper's simulations.
 
-    reference      the force that gives a roughness, in both readings of the lost equation
-    control        the feed law on the servo's output, its limits, and when it does not act
-    plant          servo, cut, and force disturbed at random
-    stability      what the loop does by theory, and why the command reading swings
-    cuts           one simulated cut, with or without control, and its figures in steady cut
-    table          the eight simulations of Table 1
-    draw           pictures
+    reference    the force that gives a roughness, in both readings of the missing equation
+    controller   the feed law on the servo's output, its limits, and its conditions
+    plant        servo, cut and random disturbance of the force; linear theory of the loop
+    simulations  one simulated cut, with or without control, its metrics; the eight simulations of Table 1
+    figures      the figures
 
-Made from a parameter file alone; what fills the paper's gaps is called a reconstruction where it stands.
+Made from a parameter file alone; assumptions that fill gaps of the paper are marked as reconstructions.
 
->>> from fitmodels.controllers import roughness
->>> roughness.ConstantRoughness.__name__
+>>> from fitmodels import controllers
+>>> controllers.ConstantRoughness.__name__
 'ConstantRoughness'
 """

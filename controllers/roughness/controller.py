@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
     from ...parameters.sections.force_control import RoughnessSection
 
-FLOOR = 0.1  # of the programmed feed: from feed 0 a law that multiplies never comes back, and the edge would rub
-WAIT = 0.3  # s above the threshold, for a file that says nothing
+FLOOR = 0.1  # of the programmed feed: from feed 0 a multiplicative law cannot recover, and the edge would rub
+WAIT = 0.3  # s above the threshold, where the file has no time
 # of the programmed feed, in 25 equal readings: then the sensor is stuck. Stuck within 0.1 % of the reference it moves
 # the feed by less, below 1 % a second, and is seen when that has come to ten times as much.
 LEAST_MOVE = 0.0025
@@ -30,11 +30,11 @@ LEAST_MOVE = 0.0025
 class ConstantRoughness(Displayable):
     """The controller of SURF; its command is the feed, in mm/rev.
 
-    The law acts while the force is believed and has stayed above ``threshold`` for ``wait``. Below the threshold and
-    while it waits the feed is the programmed one, so it cannot run away as the force falls to zero. While a reading is
-    not believed (NaN, wrong sign, stuck) the command stays what it was, but no more than the programmed feed: neither
-    faster than programmed nor faster than it last was. It always lies between ``low`` and ``high``. A sensor that reads
-    0 cannot be told from a tool in air by its force: the feed is the programmed one then.
+    The law is active while the force reading is valid and has been above ``threshold`` for ``wait``. Below the
+    threshold and during the wait the feed is the programmed one, so it does not diverge as the force falls to zero.
+    While a reading is invalid (NaN, wrong sign, stuck) the command is held, but not above the programmed feed. It
+    always lies between ``low`` and ``high``. A sensor that reads 0 is indistinguishable from a tool in air: the feed is
+    then the programmed one.
 
     Attributes
     ----------
@@ -47,16 +47,16 @@ class ConstantRoughness(Displayable):
     sample_time, servo_time : float
         s; the controller carries a model of the servo, a lag of ``servo_time``.
     reading : str
-        What f(t-1) is: the ``servo`` output, or the last ``command``, which is not stable (see `stability`).
+        Meaning of f(t-1): the ``servo`` output, or the last ``command``, which is not stable (see `stability`).
     command : float
         mm/rev.
     reference : float
-        Force that is held, N.
+        Set point of the force, N.
     acting : bool
         Whether the law is in force.
     news : tuple of str
         What changed in the last step: ``cut`` (the law acts), ``air`` (the force is below the threshold), ``idle``
-        (the reading is not believed), ``at low``, ``at high``, ``free``, ``force unknown``, ``force stuck``,
+        (the reading is not valid), ``at low``, ``at high``, ``free``, ``force unknown``, ``force stuck``,
         ``force known``, ``reference``.
 
     Examples
@@ -106,7 +106,7 @@ class ConstantRoughness(Displayable):
         schedule: Sequence[tuple[float, float]] = (),
         feed: Literal["servo", "command"] = "servo",
     ) -> Self:
-        """Make the controller from the file and nothing else.
+        """Make the controller from the file alone.
 
         Parameters
         ----------
@@ -115,14 +115,14 @@ class ConstantRoughness(Displayable):
         schedule : sequence of (float, float)
             Changes of the roughness along the run: s, and the roughness from then on.
         feed : {"servo", "command"}
-            What f(t-1) is.
+            Meaning of f(t-1).
 
         Raises
         ------
         ParameterError
-            The file lacks something, or its limits leave no feed.
+            The file lacks a setting, or its limits exclude every feed.
         UsageError
-            The schedule is not in order, or asks for a roughness without a force.
+            The schedule is not in order, or a roughness has no force.
         """
         section = settings_of(pf)
         programmed, sample_time, servo_time = (_needed(section, name) for name in ("feed", "sample_time", "servo_time"))
@@ -130,7 +130,7 @@ class ConstantRoughness(Displayable):
         if not all(time > 0 for time, _ in schedule) or [time for time, _ in schedule] != sorted(
             {time for time, _ in schedule}
         ):
-            raise UsageError(f"the schedule {list(schedule)}: times rise and lie above 0.")
+            raise UsageError(f"the schedule {list(schedule)}: give increasing times above 0.")
         changes = ((time, reference_force(pf, Ra)) for time, Ra in schedule)
         return cls(
             references=((0.0, reference_force(pf)), *changes),
@@ -150,7 +150,7 @@ class ConstantRoughness(Displayable):
         return self.command / self.programmed
 
     def step(self, measurement: float, dt: float) -> float:
-        """Answer a force with a feed.
+        """Feed command for a force.
 
         Raises
         ------
@@ -162,21 +162,21 @@ class ConstantRoughness(Displayable):
             raise UsageError(f"a step of {dt:g} s: {own}; replay it at that.")
         before = self._sensing.state, self.acting, self._limited, self.reference
         self._servo += (self.command - self._servo) * self._share
-        believed = self._sensing.believes(measurement, self.command)
-        self._above = self._above + 1 if believed and measurement > self.threshold else 0
+        valid = self._sensing.valid(measurement, self.command)
+        self._above = self._above + 1 if valid and measurement > self.threshold else 0
         self.acting = self._above >= self._needed
-        self._refer(dt)
+        self._update_reference(dt)
         if self.acting:
             last = self._servo if self.reading == "servo" else self.command
             self._limit(last * self.reference / float(measurement))
         else:
             idle = min(self.programmed, self.high)
-            self.command, self._limited = idle if believed else min(self.command, idle), 0
+            self.command, self._limited = idle if valid else min(self.command, idle), 0
         now = self._sensing.state, self.acting, self._limited, self.reference
-        self.news = () if now == before else _told(before, now)
+        self.news = () if now == before else _changes(before, now)
         return self.command
 
-    def _refer(self, dt: float) -> None:
+    def _update_reference(self, dt: float) -> None:
         now = self._samples * dt + 1e-9
         self.reference = next(force for start, force in reversed(self.references) if start <= now)
         self._samples += 1
@@ -211,21 +211,21 @@ def feed_limits(pf: "ParameterFile") -> tuple[float, float]:
         highs.append(machine.high)
     low, high = max(lows) or FLOOR * programmed, min(highs)
     if not low < high:
-        raise ParameterError(f"Feeds from {low:g} to {high:g} mm/rev leave no range; widen the limits of feed.")
+        raise ParameterError(f"Feeds from {low:g} to {high:g} mm/rev are an empty range; widen the limits of feed.")
     return low, high
 
 
 def _needed(section: "RoughnessSection", name: str) -> float:
     value: float | None = getattr(section, name)
     if value is None:
-        raise ParameterError(f"The roughness section has no {name}; add it, the controller needs it.")
+        raise ParameterError(f"The roughness section has no {name}; add it for the controller.")
     return value
 
 
 State = tuple[str, bool, int, float]
 
 
-def _told(before: State, now: State) -> tuple[str, ...]:
+def _changes(before: State, now: State) -> tuple[str, ...]:
     news = []
     if before[0] != now[0]:
         news.append(f"force {now[0]}")

@@ -18,13 +18,13 @@ SIMULATED = "Simulated on a reconstructed plant"
 def comparison_figure(
     without: TurningRun, controlled: TurningRun, sections: Sequence[tuple[str, float]] = ()
 ) -> Figure:
-    """Roughness, force and feed of two runs beside each other, as in SURF's Fig. 5.
+    """Roughness, force and feed of two runs side by side, as in SURF's Fig. 5.
 
     Parameters
     ----------
     without, controlled : TurningRun
     sections : sequence of (str, float)
-        Names of stretches of the run, and where each begins, s.
+        Names of segments of the run, and their starts, s.
     """
     figure = NotebookFigure(figsize=(9.0, 7.0), layout="constrained")
     axes = figure.subplots(3, 2, sharex=True, sharey="row")
@@ -43,7 +43,7 @@ def comparison_figure(
 def _column(axes: Sequence[Axes], cut: TurningRun, sections: Sequence[tuple[str, float]]) -> None:
     t, recorded = cut.trace.time, cut.trace.recorded
     axes[0].plot(t, cut.Ra, color=BLUE, lw=0.7)
-    axes[0].plot(t, cut.required, color="black", lw=1.2, ls="--", label="asked for")
+    axes[0].plot(t, cut.required, color="black", lw=1.2, ls="--", label="required")
     axes[1].plot(t, recorded["force"], color=BLUE, lw=0.7)
     axes[1].plot(t, cut.trace.reference, color="black", lw=1.2, ls="--")
     axes[2].plot(t, cut.trace.command, color=ORANGE, lw=0.7, label="command")
@@ -91,11 +91,11 @@ def _feed(ax: Axes, cut: TurningRun, part: NDArray[np.bool_]) -> None:
 
 
 def table_figure(found: Sequence[TableSimulation], title: str = "") -> Figure:
-    """Mean roughness of the eight simulations against the one asked for, with control, without, and as printed."""
+    """Mean roughness of the eight simulations against the required one, with control, without, and as printed."""
     figure = NotebookFigure(figsize=(6.4, 4.8), layout="constrained")
     ax = figure.subplots()
-    asked = np.array([run.row.Ra_ref for run in found])
-    ax.fill_between(asked, -3, 3, color="0.92", lw=0, label="within 3 %")
+    required = np.array([run.row.Ra_ref for run in found])
+    ax.fill_between(required, -3, 3, color="0.92", lw=0, label="within 3 %")
     for values, style, name in (
         ([run.error for run in found], {"marker": "o", "color": BLUE}, "with control"),
         ([run.error_without for run in found], {"marker": "s", "color": ORANGE}, "constant feed of Table 1"),
@@ -105,8 +105,8 @@ def table_figure(found: Sequence[TableSimulation], title: str = "") -> Figure:
             "with control, as printed",
         ),
     ):
-        ax.plot(asked, 100 * np.array(values), lw=0.8, label=name, **style)  # type: ignore[arg-type]
-    ax.set(xlabel="Ra asked for, um", ylabel="mean Ra above the one asked for, %")
+        ax.plot(required, 100 * np.array(values), lw=0.8, label=name, **style)  # type: ignore[arg-type]
+    ax.set(xlabel="required Ra, um", ylabel="deviation of mean Ra from the required one, %")
     ax.legend(fontsize=8)
     ax.set_title(f"{SIMULATED}{title}", fontsize=10)
     return figure

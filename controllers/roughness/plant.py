@@ -34,9 +34,9 @@ class TurningForce(Displayable):
     """Servo and cutting process, two lags in a row, exact for a command held over each step (zero-order hold).
 
     The force is multiplied by 1 + e, with e uniform from -``disturbance`` to +``disturbance`` and held for ``hold``.
-    The paper says that the force changes at random by up to 10 %, without distribution or time; a reconstruction. Held
-    for a revolution, as where each revolution meets new stock, it lies in the band of the loop and is harder on it than
-    a draw at every sample. It is a change of the force itself, so the surface bears it.
+    The paper states random changes of the force by up to 10 %, without distribution or time: a reconstruction. Held for
+    a revolution, as where each revolution meets new stock, the disturbance lies in the band of the loop and is harder
+    than one drawn at every sample. It is a change of the force itself, so it affects the surface.
 
     Attributes
     ----------
@@ -97,12 +97,12 @@ class TurningForce(Displayable):
         if None in needed:
             names = ("force_per_feed", "process_time", "servo_time", "feed")
             lacking = [name for name, value in zip(names, needed, strict=True) if value is None]
-            raise ParameterError(f"The roughness section lacks {', '.join(lacking)}: a simulated cut needs it; add it.")
+            raise ParameterError(f"The roughness section lacks {', '.join(lacking)}: add it for a simulated cut.")
         own: dict[str, Any] = dict(zip(("gain", "tc", "ts", "feed"), needed, strict=True))
         return cls(**{**own, "hold": own["tc"], **more})
 
     def step(self, command: float, dt: float, noise: np.random.Generator) -> float:
-        """Answer the feed that was commanded during the last ``dt`` s with the force, N."""
+        """Force, N, after ``dt`` s of a commanded feed."""
         if dt != self._dt:
             self._dt, self._decays = dt, decays(self.tc, self.ts, dt)
         of_process, of_servo, between = self._decays
@@ -124,7 +124,7 @@ class TurningForce(Displayable):
 
 
 def decays(tc: float, ts: float, dt: float) -> tuple[float, float, float]:
-    """What is left over a step: of the process, of the servo, and of a servo's lag in the force (a share of kc a).
+    """Decay factors over a step: of the process, of the servo, and of a servo lag in the force (a share of kc a).
 
     Examples
     --------
@@ -139,7 +139,7 @@ def decays(tc: float, ts: float, dt: float) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, slots=True)
 class LoopTheory:
-    """The linear loop.
+    """Characteristics of the linear loop.
 
     Attributes
     ----------
@@ -148,11 +148,11 @@ class LoopTheory:
     damping : float
         sqrt(ts/tc)/2.
     crossover : float
-        Hz: force changes slower than this are lessened, faster ones enlarged.
+        Hz: slower force changes are attenuated, faster ones amplified.
     enlarged : float
-        Largest factor that a change of force grows by.
+        Largest amplification of a force change.
     gain, limit : float
-        1/s: of the integrator that the command reading makes, and what a continuous loop would stand.
+        1/s: of the integrator of the command reading, and the stability limit of the continuous loop.
     servo_radius, command_radius : float
         Largest pole of the sampled loop in either reading; below 1 is stable.
     """
@@ -168,7 +168,7 @@ class LoopTheory:
 
 
 def loop_theory(tc: float, ts: float, dt: float) -> LoopTheory:
-    """Figures of the loop with a process lag ``tc``, a servo lag ``ts`` and a sample every ``dt`` s.
+    """Linear theory of the loop with a process lag ``tc``, a servo lag ``ts`` and a sample every ``dt`` s.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def loop_theory(tc: float, ts: float, dt: float) -> LoopTheory:
     (100, 17.9, 0.95, 1.04)
     """
     if not min(tc, ts, dt) > 0:
-        raise UsageError(f"lags of {tc:g} and {ts:g} s sampled every {dt:g} s: the loop's figures need all above zero.")
+        raise UsageError(f"lags of {tc:g} and {ts:g} s sampled every {dt:g} s: give all above zero.")
     both = tc * ts
     return LoopTheory(
         natural_frequency=both**-0.5,

@@ -30,10 +30,10 @@ def settings_of(pf: "ParameterFile") -> "RoughnessSection":
     if section is None:
         raise ParameterError("The file has no roughness section; add it with collect(roughness=...).")
     law = law_of(pf)
-    told = section.unit_roughness, section.unit_force, section.unit_feed, law.unit, law.factors[0].unit
-    if told != ("um", "N", "mm/rev", "um", "N"):
-        words = f"The roughness section is in {', '.join(told[:3])} and its law in {told[3]} and {told[4]}"
-        raise ParameterError(f"{words}; write them in um, N and mm/rev.")
+    units = section.unit_roughness, section.unit_force, section.unit_feed, law.unit, law.factors[0].unit
+    if units != ("um", "N", "mm/rev", "um", "N"):
+        message = f"The roughness section is in {', '.join(units[:3])} and its law in {units[3]} and {units[4]}"
+        raise ParameterError(f"{message}; write them in um, N and mm/rev.")
     return section
 
 
@@ -51,7 +51,7 @@ def law_of(pf: "ParameterFile") -> "LawSection":
         raise ParameterError(f"The file has no law of {name[:40]!r}; fit one to roughness and force.")
     if law.form != "exponential" or law.by is not None or not law.coefficients["b"] > 0:
         form = "Ra = a exp(b F) of one level that rises with force"
-        raise ParameterError(f"The law of {name[:40]} is no {form}; fit that one.")
+        raise ParameterError(f"The law of {name[:40]} is not {form}; fit such a law.")
     return law
 
 
@@ -63,9 +63,9 @@ def reference_force(pf: "ParameterFile", roughness: float | None = None, force_f
     pf : ParameterFile
         With a roughness section and its law.
     roughness : float, optional
-        um; the roughness that the file asks for unless given.
+        um; by default the roughness required by the file.
     force_from : {"inverse", "regression"}, optional
-        The file's reading unless given.
+        By default the file's reading.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def reference_force(pf: "ParameterFile", roughness: float | None = None, force_f
     if (Ra, reading) == (section.roughness, section.force_from):
         return section.force
     if not Ra > 0:
-        raise UsageError(f"roughness {Ra!r} um: it lies above zero.")
+        raise UsageError(f"roughness {Ra!r} um: give a value above zero.")
     if reading == "inverse":
         law = law_of(pf).coefficients
         F = math.log(Ra / law["a"]) / law["b"]
@@ -100,11 +100,11 @@ def reference_force(pf: "ParameterFile", roughness: float | None = None, force_f
     else:
         raise UsageError(
             f"roughness {Ra:g} um: the file holds no regression of force on roughness, only the force of "
-            f"{section.roughness:g} um; put it in as roughness.regression, or take the inverse of the law."
+            f"{section.roughness:g} um; add it as roughness.regression, or use the inverse of the law."
         )
     if not section.threshold < F < math.inf:
         raise UsageError(
-            f"roughness {Ra:g} um asks for a force of {F:.4g} N, not above the threshold of the control, "
-            f"{section.threshold:g} N; ask for a rougher surface, or lower the threshold."
+            f"roughness {Ra:g} um needs a force of {F:.4g} N, not above the threshold of the control, "
+            f"{section.threshold:g} N; choose a rougher surface, or lower the threshold."
         )
     return F

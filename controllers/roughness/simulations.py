@@ -27,7 +27,7 @@ SETTLED = 3.0  # s after the start or a change: the law acts after 0.3 s, and it
 
 @dataclass(slots=True)
 class _Constant:
-    """A feed without control, and the reference that the control would hold."""
+    """Constant feed, with the reference of the control."""
 
     control: ConstantRoughness
     command: float
@@ -51,7 +51,7 @@ class TurningRun(Plottable):
     trace : Trace
         Command the feed command; recorded ``feed``, the servo's output, and ``force``.
     Ra, required : ndarray, shape (n,)
-        Roughness by the file's law at each sample's force, and the roughness asked for, um.
+        Roughness by the file's law at each sample's force, and the required roughness, um.
     low, high : float
         Limits of the feed command.
     """
@@ -65,14 +65,14 @@ class TurningRun(Plottable):
 
 @dataclass(frozen=True, slots=True)
 class SteadyCut:
-    """A stretch of a cut: roughness in um, force in N, feed in mm/rev.
+    """Metrics of a segment of a cut: roughness in um, force in N, feed in mm/rev.
 
     Attributes
     ----------
     Ra, Ra_sd : float
         Mean and standard deviation over samples.
     error : float
-        Mean of |Ra - asked| over samples.
+        Mean of |Ra - required| over samples.
     F, f : float
         Mean force, and mean feed at the servo's output.
     ripple, command_ripple : float
@@ -111,17 +111,17 @@ def turn(
     ----------
     pf : ParameterFile
     control : bool
-        False: the feed stays what it is.
+        False: constant feed.
     feed : {"servo", "command"}
         What f(t-1) of the law is.
     constant_feed : float, optional
-        mm/rev without control; the programmed one unless given.
+        mm/rev without control; by default the programmed one.
     schedule : sequence of (float, float)
-        s, and the roughness asked for from then on.
+        s, and the required roughness from then on.
     duration, seed
         s, and of the disturbance.
     disturbance, hold, engaged
-        Of the plant; ``hold`` is one revolution unless given, 0 draws anew every 10 ms.
+        Of the plant; ``hold`` is by default one revolution; 0 draws anew every 10 ms.
 
     Examples
     --------
@@ -145,12 +145,12 @@ def turn(
 
 
 def steady(cut: TurningRun, start: float = SETTLED, end: float = np.inf) -> SteadyCut:
-    """Figures of the stretch from ``start`` to ``end``, s.
+    """Metrics of the segment from ``start`` to ``end``, s.
 
     Raises
     ------
     UsageError
-        No sample lies in it.
+        No sample lies in the segment.
     """
     time, command = cut.trace.time, cut.trace.command
     part = (time >= start - 1e-9) & (time < end - 1e-9)
@@ -185,12 +185,12 @@ class TableSimulation:
 
     @property
     def error(self) -> float:
-        """Mean roughness with control, as a share above the one asked for."""
+        """Mean roughness with control, relative to the required one."""
         return self.controlled.Ra / self.row.Ra_ref - 1
 
     @property
     def error_without(self) -> float:
-        """The same without control."""
+        """Mean roughness without control, relative to the required one."""
         return self.without.Ra / self.row.Ra_ref - 1
 
 

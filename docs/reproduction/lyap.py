@@ -53,8 +53,8 @@ def _set_points(section: "AdaptiveForceSection", runs: "Mapping[float, ForceRun]
         yield Entry(
             place, f"force held at {point.depth:g} mm, mean of the last quarter with 30 % ripple", f"{point.force:g}",
             held, "N", "reconstructed",
-            f"Simulated on the assumed plant: within {100 * run.stretches()[0].steady:.2g} % of the set point, settled "
-            f"after {run.stretches()[0].settling:.2g} s.",
+            f"Simulated on the assumed plant: within {100 * run.segments()[0].steady:.2g} % of the set point, settled "
+            f"after {run.segments()[0].settling:.2g} s.",
         )  # fmt: skip
 
 
