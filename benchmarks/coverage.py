@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from fitmodels import datasets, fit
 from fitmodels.fit.checks.judgement import adequacy
+from fitmodels.fit.regression import edge_inference
 from scipy.special import stdtrit
 
 EXPONENTS = {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}
@@ -38,9 +39,9 @@ def noise(rng, edges, icc, serial):
 
 def intervals(law):
     """Standard errors and degrees of freedom of the four methods, each (p,)."""
-    edges = fit.edge_inference(law)
+    edges = edge_inference(law)
     G, n, p = edges.n_edges, law.nobs, len(law.theta)
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.formula.design(law.X, law.shifts)
     score = np.array([Z[law.edge == e].T @ law.residuals[law.edge == e] for e in dict.fromkeys(law.edge)])
     bread = law.cov_theta / law.scale_se**2
     cr1 = G / (G - 1) * (n - 1) / (n - p) * bread @ score.T @ score @ bread

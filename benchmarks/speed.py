@@ -83,7 +83,7 @@ def small_checks():
     rows = datasets.simulate(plan, [wear], t_max=12.0, criterion=None, seed=1)
     law = fit.power_law(datasets.runs_from_frame(rows), "AW", ["V", "f", "d", "t"])
     for label, call, aim in (
-        ("fit.adequacy, every check, 144 rows", lambda: adequacy(law), 25),
+        ("adequacy, every check, 144 rows", lambda: adequacy(law), 25),
         ("fit.edge_bootstrap, 2000 refits, 144 rows", lambda: fit.edge_bootstrap(law, 2000), 50),
     ):
         call()

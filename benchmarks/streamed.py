@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from fitmodels.datasets import runs_from_frame
 from fitmodels.fit import power_law
-from fitmodels.fit.streamed.one_pass import streamed_power_law
+from fitmodels.fit.streaming import streamed_power_law
 
 CHUNK, OTHER = 500_000, 123_457
 EDGES = 240

@@ -9,7 +9,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..fit import LawFit, Posterior
+from ..fit import LawFit
+from ..fit.bayes.posterior import Posterior
 from ..fit.law_figures import normal_quantiles, observed_against_predicted, residuals, response_surface
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ from ..parameters import write as write_parameters
 from .content.parts import Card, DesignPart, PublicationPart
 
 if TYPE_CHECKING:
-    from ..fit import LawFit, Posterior
+    from ..fit import LawFit
+    from ..fit.bayes.posterior import Posterior
     from ..ident.identification import Identification
 
 PARAMETERS, DRAWS = "params.json", "draws.npz"

@@ -12,9 +12,9 @@ from ..core.display import TextTable
 from ..datasets import Runs
 from ..datasets.columns import ColumnUse
 from ..datasets.vocabulary import ROLES
-from ..fit import Refused
+from ..fit.defaults import Refused
 from ..parameters import ParameterFile
-from ..parameters.gather.understood import column_words, idle
+from ..parameters.gather.description import column_words, unused_conditions
 from .content.dynamics import dynamics_part
 from .content.laws import about_intervals, law_part, tool_life_part
 from .content.numbers import fact_line
@@ -34,7 +34,7 @@ WRAPPED = {"SE, rows independent": "SE, rows\nindependent", "published value": "
 LONGEST = 8  # sentences of a kind that are shown
 
 
-def understood(runs: Runs) -> RenderableType:
+def reading_notes(runs: Runs) -> RenderableType:
     """How the file was read, before anything is fitted."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim", no_wrap=True)
@@ -68,7 +68,7 @@ def pair_blocks(runs: Runs, pf: ParameterFile, refused: Sequence[Refused]) -> li
     if life is not None:
         blocks.append(_block(Text("T  tool life", style="bold"), *_texts([life.equation, *life.words])))
     blocks.append(Padding(Text(about_intervals(pf)), (0, 0, 1, 0)))
-    others = [*map(_refusal, refused), *idle(runs, pf.laws)]
+    others = [*map(_refusal, refused), *unused_conditions(runs, pf.laws)]
     return [*blocks, Text("\n".join(others) + "\n")] if others else blocks
 
 

@@ -126,7 +126,7 @@ def _collected(found: "Identification", records: "list[Record]", args: argparse.
     from .. import parameters
     from ..core.errors import UsageError
     from ..parameters.file import sealed
-    from ..parameters.gather.dynamics import dynamics_section
+    from ..parameters.gather.control import dynamics_section
 
     fit = found.validation.fit if found.validation.held_out else None
     if args.params is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ..fit import Posterior
+    from ..fit.bayes.posterior import Posterior
 
 
 def draw_options(p: argparse.ArgumentParser) -> "argparse._ArgumentGroup":

@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     from ..core.errors import UsageError
     from ..core.progress import progress
     from ..parameters.file import sealed
-    from ..parameters.gather.dynamics import pi_section
+    from ..parameters.gather.control import pi_section
 
     pf = parameters.read(args.file)
     if pf.dynamics is None:

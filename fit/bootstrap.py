@@ -1,4 +1,4 @@
-"""Bootstrap by edge: draw edges with replacement and refit, since whatever resamples must resample whole tests.
+"""Bootstrap by edge: refits to edges drawn with replacement (cluster bootstrap).
 
 A refit needs each edge's cross products alone, so that thousands of them are one product of matrices.
 
@@ -15,7 +15,6 @@ from ..core.display import Plottable
 from ..core.threads import one_thread
 from .available import NotAvailable
 from .edges import EdgeInference
-from .jackknife import gradient
 from .lawfit import LawFit
 
 Array = NDArray[np.float64]
@@ -71,7 +70,7 @@ def edge_bootstrap(law: LawFit, repetitions: int = 2000, seed: int = 1) -> EdgeB
     edge = np.searchsorted(law.edges.edges, law.edge.astype(str)) if law.edge is not None else np.empty(0, int)
     root = np.linalg.cholesky(law.covariance())
     root /= np.linalg.norm(root, axis=0)
-    Q = gradient(law) @ root  # columns of like size, nearly uncorrelated
+    Q = law.gradient @ root  # columns of like size, nearly uncorrelated
     G, p = law.edges.n_edges, Q.shape[1]
     order = np.argsort(edge, kind="stable")
     starts = np.searchsorted(edge[order], np.arange(G))

@@ -1,4 +1,4 @@
-"""Which laws a file is asked for when nobody says: the papers' wear, force, power, load and roughness laws."""
+"""Default laws of a file by its columns: the papers' wear, force, power, load and roughness laws."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,8 +9,7 @@ from ..core.errors import FitError
 from ..datasets import Runs
 from .lawfit import LawFit
 from .laws import Error
-from .load_line import load_law
-from .regression import exponential_law, power_law
+from .regression import exponential_law, load_law, power_law
 
 CONDITIONS = ("V", "f", "d", "t")
 WEAR = ("AW", "VB")
@@ -27,7 +26,7 @@ class Asked:
 
 
 def asked_laws(has: Callable[[str], bool]) -> tuple[Asked, ...]:
-    """Every law of the papers that columns ask for, in the order in which they are told.
+    """Every law of the papers that columns ask for, in the order of the output.
 
     Wear on V, f, d, t; each force and the power on V, f, d, t and wear; current on feed rate and wear;
     roughness as an exponential of the resultant force.

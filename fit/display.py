@@ -7,20 +7,20 @@ import pandas as pd
 
 from ..core.display import Display, TextTable, display, estimates, joined_facts, with_error, with_unit
 from ..core.rounding import decimals, format_plain, p_value
-from .beside import Beside
 from .bootstrap import EdgeBootstrap
 from .checks.check import LEVELS, TITLES, Check, format_p
 from .checks.competing_models import CompetingModels
 from .checks.gauge_error import GaugeFit
 from .checks.judgement import Judgement
 from .checks.robust_fit import RobustFit
-from .composite import Composite
-from .confirm import Confirmation
-from .domain import Domain
+from .composite_law import Composite
+from .confirmation import Confirmation
 from .edges import EdgeInference
 from .lawfit import LawFit
+from .least_squares import LinearFit
 from .life import ToolLife
-from .linear import LinearFit
+from .published import PublishedComparison
+from .region import DesignRegion
 
 ERRORS = {"multiplicative": "multiplicative errors (log scale)", "additive": "additive errors (original scale)"}
 
@@ -30,12 +30,7 @@ def equation(law: "LawFit") -> str:
     params, bse = law.params, law.bse
     c = [_rounded(float(v), float(s)) for v, s in zip(params, bse, strict=True)][: 1 + len(law.factors)]
     left = with_unit(law.response, law.units.get(law.response, ""))
-    if law.form == "power":
-        return " ".join([f"{left} = {c[0]}", *(f"{x}^{k}" for x, k in zip(law.factors, c[1:], strict=True))])
-    if law.form == "exponential":
-        return f"{left} = {c[0]} exp({c[1]} {law.factors[0]})"
-    signed = (f"{'-' if k[0] == '-' else '+'} {k.lstrip('-')} {x}" for x, k in zip(law.factors, c[1:], strict=True))
-    return " ".join([f"{left} = {c[0]}", *signed])
+    return f"{left} = {law.formula.equation(c)}"
 
 
 @display.register
@@ -165,7 +160,7 @@ def of_confirmation(found: Confirmation) -> Display:
 
 
 @display.register
-def of_domain(domain: Domain) -> Display:
+def of_domain(domain: DesignRegion) -> Display:
     """The range of each factor."""
     centre, half = np.array(domain.centre), np.array(domain.half_range)
     low, high, middle = centre - half, centre + half, centre
@@ -183,7 +178,7 @@ def of_domain(domain: Domain) -> Display:
 
 
 @display.register
-def of_beside(found: Beside) -> Display:
+def of_beside(found: PublishedComparison) -> Display:
     """The printed law and how far the rows lie from it."""
     law = joined_facts((name, format_plain(value)) for name, value in found.coefficients.items())
     far = "" if found.rms_percent is None else f"; rows lie {format_plain(found.rms_percent, 3)} % from it (rms)"

@@ -8,7 +8,6 @@ from matplotlib.axes import Axes
 
 from ..core.display import plot
 from ..core.plotting import BLUE, GREY, ORANGE, new_axes, whiskers
-from .beside import Beside
 from .bootstrap import EdgeBootstrap
 from .checks.check import LEVELS, TITLES, Check
 from .checks.competing_models import CompetingModels
@@ -17,14 +16,15 @@ from .checks.judgement import Judgement
 from .checks.response_scale import ErrorStructure
 from .checks.robust_fit import DominantEdge, RobustFit
 from .checks.time_exponent import CommonExponent
-from .composite import Composite
-from .confirm import Confirmation
-from .domain import Domain
+from .composite_law import Composite
+from .confirmation import Confirmation
 from .edges import EdgeInference
 from .law_figures import observed_against_predicted
 from .lawfit import LawFit
+from .least_squares import LinearFit
 from .life import ToolLife
-from .linear import LinearFit
+from .published import PublishedComparison
+from .region import DesignRegion
 
 TWO = 2.0  # standard errors to each side, without a better interval
 
@@ -130,7 +130,7 @@ def competing_models_figure(found: CompetingModels, ax: Axes | None = None) -> A
 
 
 @plot.register
-def domain_figure(domain: Domain, ax: Axes | None = None) -> Axes:
+def domain_figure(domain: DesignRegion, ax: Axes | None = None) -> Axes:
     """Tested range of each factor, as multiples of its middle for a law in logs."""
     rows = {}
     for name, unit, centre, half in zip(domain.factors, domain.units, domain.centre, domain.half_range, strict=True):
@@ -158,7 +158,7 @@ def tool_life_figure(life: ToolLife, ax: Axes | None = None) -> Axes:
 
 
 @plot.register
-def published_figure(found: Beside, ax: Axes | None = None) -> Axes:
+def published_figure(found: PublishedComparison, ax: Axes | None = None) -> Axes:
     """The published exponents."""
     exponents = {name: (v, np.nan, np.nan) for name, v in list(found.coefficients.items())[1:]}
     return whiskers(exponents, ax, label="published exponent", title=found.source)
@@ -166,7 +166,9 @@ def published_figure(found: Beside, ax: Axes | None = None) -> Axes:
 
 @plot.register
 def law_figure(law: LawFit, ax: Axes | None = None) -> Axes:
-    """Observed values against predicted ones."""
+    """Observed values against predicted ones; without rows each parameter with two standard errors."""
+    if law.rows is None:
+        return coefficients(law.theta_names[1:], law.theta[1:], law.bse.to_numpy()[1:], ax)
     return observed_against_predicted(law, ax)
 
 

@@ -1,8 +1,8 @@
-"""What a fit returns: facts only. Rounding, words and pictures are made elsewhere, from these."""
+"""The fitted law: parameters, their covariance, statistics, source and, where they are in memory, its rows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import get_args, overload
+from typing import Any, Self, get_args, overload
 
 import numpy as np
 import pandas as pd
@@ -12,117 +12,203 @@ from ..core.display import Plottable
 from ..core.errors import FitError, UsageError
 from ..core.intervals import Centre, Edge, Kind
 from .available import NotAvailable
+from .edge_sums import EdgeSums
 from .edges import EdgeInference
-from .identifiable import LeftOut
-from .laws import Error, Form, Law
-from .rows import By, Dropped
+from .laws import Error, Form, LawForm
+from .prediction import interval as interval_of
+from .region import DesignRegion, design_region
+from .rows import By, Dropped, FittedRows, LawSource, LeftOut, Points, as_table, level_names
 
 Array = NDArray[np.float64]
 
-
-def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.DataFrame:
-    """Single values and columns of one length as a table."""
-    columns = {str(name): np.atleast_1d(np.asarray(values)) for name, values in new.items()}
-    n = max((len(values) for values in columns.values() if len(values) != 1), default=1)
-    odd = [name for name, values in columns.items() if values.shape not in ((1,), (n,))]
-    if odd:
-        raise FitError(
-            f"{response}: {odd[0]} has shape {columns[odd[0]].shape}; each factor is one value or a column of {n}."
-        )
-    return pd.DataFrame({name: np.broadcast_to(values, n) for name, values in columns.items()})
+NOT_ASKED, NO_SOURCE = NotAvailable("not asked for"), LawSource()
+ROUNDING = 1e-11  # relative residual below which a law meets its rows exactly
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class LawFit(Plottable):
     """A fitted law. Names of results follow statsmodels, letters the papers.
 
     Attributes
     ----------
-    law : Law
-        Formula and names.
+    formula : LawForm
+        Form, response and factors.
     error : {"multiplicative", "additive"}
-        Where the residuals live: in the logarithm of the response, or in its own unit.
+        Scale of the residuals: the logarithm of the response, or its own unit.
     theta, cov_theta : ndarray, shape (p,) and (p, p)
         Parameters as they were fitted (the constant of a power or exponential law as its logarithm) and
         their covariance with rows taken as independent, None where observations equal parameters.
-    X, observed, fitted, residuals : ndarray
-        Factors (n, k), response, prediction (n,) in their units, and residuals on the scale of ``error``.
-    lines : ndarray of int, shape (n,)
-        Line of each row in the data file.
-    edge : ndarray of str, shape (n,), or None
-        Cutting edge of each row.
+    nobs : int
+        Number of observations used.
     rss, tss : float
         Residual and total sum of squares on the scale of ``error``.
+    domain : mapping
+        Lowest and highest value of each factor among the rows used.
     units : mapping
         Unit of the response and of each factor.
-    by : By or None
-        Category whose levels multiply the law by exp(shift), or move a line by the shift.
-    left_out, dropped, notes
-        Factors and rows that were left out, each with its reason, and what else should be known.
-    repeats : int
-        How often the file repeats each measurement; only one of each was used.
+    n_edges : int or None
+        Number of cutting edges, None where the file names none.
     edges : EdgeInference or NotAvailable
         Inference by edge, or why these data do not allow it. Where it is there, standard errors, t, p and
         intervals are by edge; R2, F and the residual standard error are always the papers', of rows.
+    by : By or None
+        Category whose levels multiply the law by exp(shift), or move a line by the shift.
+    left_out, dropped, notes
+        Factors and rows that were left out, each with its reason, and what else should be known. Of a stream the
+        lines in ``dropped`` are rows counted from 0.
+    repeats : int
+        How often the file repeats each measurement; only one of each was used.
+    source : LawSource
+        Data file, tool, work, and whether the rows are simulated.
+    sums : EdgeSums or None
+        Sums of products by edge that a law of a stream was fitted from; None for rows in memory.
+    rows : FittedRows or None
+        The rows, None for a law of a stream; also as ``X``, ``shifts``, ``observed``, ``fitted``, ``residuals``,
+        ``lines`` and ``edge``.
     """
 
-    law: Law
+    formula: LawForm
     error: Error
     theta: Array
     cov_theta: Array | None
-    X: Array
-    shifts: Array
-    observed: Array
-    fitted: Array
-    residuals: Array
-    lines: NDArray[np.intp]
-    edge: NDArray[np.object_] | None
+    nobs: int
     rss: float
     tss: float
+    domain: Mapping[str, tuple[float, float]]
     units: Mapping[str, str]
-    by: By | None
-    left_out: tuple[LeftOut, ...]
-    dropped: tuple[Dropped, ...]
-    notes: tuple[str, ...]
-    repeats: int
-    edges: EdgeInference | NotAvailable = field(default=NotAvailable("not asked for"))
+    n_edges: int | None = None
+    edges: EdgeInference | NotAvailable = NOT_ASKED
+    by: By | None = None
+    left_out: tuple[LeftOut, ...] = ()
+    dropped: tuple[Dropped, ...] = ()
+    notes: tuple[str, ...] = ()
+    repeats: int = 1
+    source: LawSource = NO_SOURCE
+    sums: EdgeSums | None = field(default=None, compare=False)
+    rows: FittedRows | None = None
+
+    @classmethod
+    def of_rows(cls, rows: FittedRows, formula: LawForm, **facts: Any) -> Self:  # noqa: ANN401
+        """A law of rows in memory; their number, edges and domain are taken from the rows."""
+        own = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
+        return cls(formula=formula, rows=rows, **own, **facts)
+
+    def with_rows(self, **changes: Any) -> Self:  # noqa: ANN401
+        """The law with changed fields, those of ``rows`` among them; inference by edge is left as it is.
+
+        Examples
+        --------
+        >>> from fitmodels import datasets, fit
+        >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+        >>> law.with_rows(edge=None).n_edges is None
+        True
+        """
+        own = {name: changes.pop(name) for name in FittedRows.__slots__ if name in changes}
+        rows, formula = replace(self._in_memory, **own), changes.get("formula", self.formula)
+        sizes = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
+        return replace(self, rows=rows, **sizes, **changes)
+
+    @property
+    def _in_memory(self) -> FittedRows:
+        if self.rows is None:
+            raise FitError(
+                f"the law of {self.response} was fitted to a stream and keeps no rows; this needs rows: fit a sample "
+                "of them in memory."
+            )
+        return self.rows
+
+    @property
+    def X(self) -> Array:
+        """Factors in their units, shape (n, k)."""
+        return self._in_memory.X
+
+    @property
+    def shifts(self) -> Array:
+        """Indicator columns of the category, shape (n, s)."""
+        return self._in_memory.shifts
+
+    @property
+    def observed(self) -> Array:
+        """Response, shape (n,)."""
+        return self._in_memory.observed
+
+    @property
+    def fitted(self) -> Array:
+        """Prediction for each row, shape (n,)."""
+        return self._in_memory.fitted
+
+    @property
+    def residuals(self) -> Array:
+        """Residuals on the scale of ``error``, shape (n,)."""
+        return self._in_memory.residuals
+
+    @property
+    def lines(self) -> NDArray[np.intp]:
+        """Line of each row in the file, shape (n,)."""
+        return self._in_memory.lines
+
+    @property
+    def edge(self) -> NDArray[np.object_] | None:
+        """Cutting edge of each row, shape (n,), None where the file names none."""
+        return self._in_memory.edge
+
+    @property
+    def law(self) -> LawForm:
+        """The same as ``formula``."""
+        return self.formula
+
+    @property
+    def design(self) -> Array:
+        """Columns of the linear form, shape (n, p)."""
+        return self.formula.design(self.X, self.shifts)
+
+    @property
+    def gradient(self) -> Array:
+        """Columns along which the fit is linear, shape (n, p): ``design``, or the gradient of an additive law."""
+        return self.gradient_at(self.design)
+
+    def gradient_at(self, Z: Array) -> Array:
+        """Derivative by theta of the prediction on the scale of the errors, shape (m, p), for design Z."""
+        return Z if self.error == "multiplicative" else self.formula.gradient(self.theta, Z)
+
+    @property
+    def exact(self) -> bool:
+        """Whether residuals are rounding alone."""
+        size = 1.0 if self.error == "multiplicative" else float(np.abs(self.observed).max())
+        return bool(np.sqrt(self.rss / self.nobs) <= ROUNDING * size)
+
+    @property
+    def region(self) -> DesignRegion:
+        """The region of the design; FitError where its settings are too few to span one."""
+        rows = self._in_memory
+        return design_region(self.formula, rows.X, rows.shifts, rows.edge, self.by, self.units)
 
     @property
     def form(self) -> Form:
         """``power``, ``exponential``, ``load_line`` or ``feed_line``."""
-        return self.law.form
+        return self.formula.name
 
     @property
     def response(self) -> str:
         """Symbol of the response."""
-        return self.law.response
+        return self.formula.response
 
     @property
     def factors(self) -> tuple[str, ...]:
         """Symbols of the factors in the law."""
-        return self.law.factors
+        return self.formula.factors
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters: constant, factors, then shifts as ``material[2]``."""
         levels = () if self.by is None else tuple(f"{self.by.column}[{level}]" for level in self.by.levels)
-        return (*self.law.names, *levels)
+        return (*self.formula.names, *levels)
 
     @property
     def theta_names(self) -> tuple[str, ...]:
         """Names of ``theta``: as ``names``, with ``ln`` before a constant that is held as a logarithm."""
         first, *rest = self.names
-        return (f"ln {first}" if self.law.logarithmic else first, *rest)
-
-    @property
-    def nobs(self) -> int:
-        """Number of observations used."""
-        return len(self.observed)
-
-    @property
-    def n_edges(self) -> int | None:
-        """Number of cutting edges among them, None where the file names none."""
-        return None if self.edge is None else len(set(self.edge))
+        return (f"ln {first}" if self.formula.logarithmic else first, *rest)
 
     @property
     def df_model(self) -> int:
@@ -144,13 +230,13 @@ class LawFit(Plottable):
     @property
     def params(self) -> "pd.Series[float]":
         """Coefficients, indexed by ``names``."""
-        return pd.Series(self.law.coefficients(self.theta), index=list(self.names), name=self.response)
+        return pd.Series(self.formula.coefficients(self.theta), index=list(self.names), name=self.response)
 
     @property
     def cov_params(self) -> pd.DataFrame:
         """Covariance of ``params``, the constant of a logarithmic law by the delta method; NaN if none."""
         slope = np.ones(len(self.theta))
-        if self.law.logarithmic:
+        if self.formula.logarithmic:
             slope[0] = np.exp(self.theta[0])
         cov = self.covariance() * np.outer(slope, slope)
         return pd.DataFrame(cov, index=list(self.names), columns=list(self.names))
@@ -229,20 +315,14 @@ class LawFit(Plottable):
         """``ln`` for multiplicative errors, else the unit of the response."""
         return "ln" if self.error == "multiplicative" else self.units.get(self.response, "")
 
-    @property
-    def domain(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each factor among the rows used."""
-        low, high = self.X.min(axis=0), self.X.max(axis=0)
-        return {name: (float(low[j]), float(high[j])) for j, name in enumerate(self.factors)}
-
     def conf_int(self, level: float = 0.95) -> pd.DataFrame:
         """Intervals of ``params`` at ``level``, columns ``low`` and ``high``; NaN where there are none.
 
         The constant of a logarithmic law gets the interval of its logarithm, so its low end stays positive.
         """
         half = self._quantile(level) * np.sqrt(np.diag(self.covariance()))
-        low = self.law.coefficients(self.theta - half)
-        high = self.law.coefficients(self.theta + half)
+        low = self.formula.coefficients(self.theta - half)
+        high = self.formula.coefficients(self.theta + half)
         return pd.DataFrame({"low": low, "high": high}, index=list(self.names))
 
     def table(self, level: float = 0.95) -> pd.DataFrame:
@@ -251,11 +331,11 @@ class LawFit(Plottable):
         return pd.DataFrame(held).join(self.conf_int(level))
 
     @overload
-    def predict(self, new: Mapping[str, object] | pd.DataFrame, interval: None = None) -> Array: ...
+    def predict(self, new: Points, interval: None = None) -> Array: ...
     @overload
     def predict(
         self,
-        new: Mapping[str, object] | pd.DataFrame,
+        new: Points,
         interval: Kind,
         level: float = 0.95,
         *,
@@ -265,7 +345,7 @@ class LawFit(Plottable):
     ) -> pd.DataFrame: ...
     def predict(
         self,
-        new: Mapping[str, object] | pd.DataFrame,
+        new: Points,
         interval: Kind | None = None,
         level: float = 0.95,
         *,
@@ -282,8 +362,8 @@ class LawFit(Plottable):
             a column ``edge`` that names edges of the fit.
         interval : None, "mean", "prediction" or "tolerance"
             None gives an array, shape (n,): with multiplicative errors it is the median. Otherwise a
-            DataFrame ``value, low, high, inside`` whose ``attrs["words"]`` say what these are: "mean" is about
-            the law itself, "prediction" about one new row, "tolerance" holds a share of all rows there.
+            DataFrame ``value, low, high, inside``, described in ``attrs["words"]``: "mean" is of the law itself,
+            "prediction" of one new row, "tolerance" contains a share of all rows there.
         level, edge, coverage, centre
             As in ``fit.interval``, which makes the DataFrame.
 
@@ -296,15 +376,19 @@ class LawFit(Plottable):
             An option that does not exist, or a level or coverage that is not between 0 and 1.
         """
         if interval is None:
-            return self.law.response_at(self.theta, self.design_of(as_table(self.response, new)))
+            return self.formula.response_at(self.theta, self.design_of(as_table(self.response, new)))
         if interval not in get_args(Kind):
             raise UsageError(f"interval={interval!r}: it is None, {', '.join(map(repr, get_args(Kind)))}.")
-        from .intervals import interval as of_law
+        return interval_of(self, new, interval, edge=edge, level=level, coverage=coverage, centre=centre)
 
-        return of_law(self, new, interval, edge=edge, level=level, coverage=coverage, centre=centre)
+    def to_statsmodels(self) -> Any:  # noqa: ANN401  statsmodels has no types
+        """The law as an OLS result of statsmodels, cluster-robust by edge; see ``statsmodels_ols.ols_results``."""
+        from .statsmodels_ols import ols_results
+
+        return ols_results(self)
 
     def covariance(self) -> Array:
-        """Covariance of ``theta`` that standard errors and intervals stand on, shape (p, p); NaN if there is none."""
+        """Covariance of ``theta`` behind standard errors and intervals, shape (p, p); NaN if there is none."""
         p = len(self.theta)
         if isinstance(self.edges, EdgeInference):
             return self.edges.cov_theta
@@ -325,19 +409,16 @@ class LawFit(Plottable):
                 f"{self.response} needs {', '.join(missing)}; given: {', '.join(map(str, new)) or 'nothing'}."
             )
         X = new[list(self.factors)].to_numpy(dtype=float)
-        if self.form == "power" and (X <= 0).any():
+        if self.formula.log_factors and (X <= 0).any():
             j = int(np.argmax((X <= 0).any(axis=0)))
             raise FitError(f"{self.factors[j]} {X[:, j].min():g}: a power law needs values above zero.")
-        return self.law.design(X, self._shifts_of(new))
+        return self.formula.design(X, self._shifts_of(new))
 
     def _shifts_of(self, new: pd.DataFrame) -> Array:
         if self.by is None:
             return np.empty((len(new), 0))
         known = (self.by.reference, *self.by.levels)
         if self.by.column not in new:
-            raise FitError(f"the law was fitted by {self.by.column}: say which ({', '.join(known)}).")
-        level = new[self.by.column].map(lambda v: f"{v:.15g}" if isinstance(v, float) else str(v))
-        strange = sorted(set(level) - set(known))
-        if strange:
-            raise FitError(f"{self.by.column} {strange[0]!r} is not among the fitted: {', '.join(known)}.")
-        return np.column_stack([(level == name).to_numpy(dtype=float) for name in self.by.levels])
+            raise FitError(f"the law was fitted by {self.by.column}: give its level ({', '.join(known)}).")
+        level = level_names(new[self.by.column], known, self.by.column)
+        return np.column_stack([(level == name).astype(float) for name in self.by.levels])

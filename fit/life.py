@@ -91,7 +91,7 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
         raise FitError("tool life of a law with a category is not offered: fit each level alone.")
     k = float(law.params["t"])
     if k <= 0:
-        raise FitError(f"{law.response} falls with time (t exponent {k:.3g}): there is no life to tell.")
+        raise FitError(f"{law.response} falls with time (t exponent {k:.3g}): it has no tool life.")
     at = law.names.index("t")
     others = [j for j in range(len(law.theta)) if j != at]
     eta = -law.theta[others] / k
@@ -102,7 +102,7 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
     if abs(eta[0]) > LARGEST_LOG:
         raise FitError(
             f"{law.response} hardly grows with time (t exponent {k:.3g}): it reaches {criterion:g} "
-            f"{law.units[law.response]} in no time that can be told."
+            f"{law.units[law.response]} in no finite time."
         )
     values[0] = np.exp(eta[0])
     coefficients = pd.Series(values, index=names)

@@ -1,13 +1,15 @@
-"""Two stages, as the papers do it: a straight line in logarithms, then least squares in natural units.
+"""Regression of power, exponential and load laws, in two stages as in the papers.
 
-The first stage is the maximum-likelihood fit when errors multiply (a scatter of so many per cent); its
-result starts the second, which is that fit when errors add (a scatter of so many newtons). Which of them
-a law reports is ``error``; ``LawFit.alternative`` gives the other.
+The first stage, linear least squares of the logarithms, is the maximum-likelihood fit for multiplicative errors; its
+result starts the second, least squares on the original scale, which is that fit for additive errors. ``error`` names
+the one that a law reports; ``LawFit.alternative`` gives the other.
+
+Load line: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587, eq. 14 and 15.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +17,21 @@ from numpy.typing import NDArray
 from ..core.errors import FitError, UsageError
 from ..core.threads import one_thread
 from ..datasets import Runs
-from .condense import Condensed
-from .identifiable import LeftOut, identifiable
-from .jackknife import edge_inference
+from .available import NotAvailable
+from .edges import EXACT_FIT, NO_EDGES, EdgeInference, infer_by_edge
 from .lawfit import LawFit
-from .laws import LARGEST_LOG, Error, Law, exponential, power
-from .linear import linear
-from .rows import Dropped, Rows, select
+from .laws import LARGEST_LOG, Error, LawForm
+from .least_squares import linear
+from .nonlinear import minimise
+from .rows import Dropped, FittedRows, LawSource, LeftOut, Rows, identifiable, select
 
 Array = NDArray[np.float64]
 # theta, its covariance (None without degrees of freedom), fitted response, residuals, total sum of squares
 Stage = tuple[Array, Array | None, Array, Array, float]
 
-# Tolerances of the nonlinear stage: near machine precision, since certified sets ask for 8 to 11 digits.
-TIGHT = 1e-15
+# A load held by a controller stays within 1 % of its reference (the paper's own regulation): a current that
+# moves no more than this is a setting, not a response.
+HELD = 0.01
 
 
 def power_law(
@@ -71,7 +74,7 @@ def power_law(
     """
     rows = select(runs, response, factors, by=by, edge=edge, positive=_positive(error))
     keep, left_out = identifiable(factors, np.log(rows.X), rows.shifts, logs=True)
-    law = power(response, tuple(factors[j] for j in keep))
+    law = LawForm("power", response, tuple(factors[j] for j in keep))
     rows = replace(rows, X=rows.factors(keep))
     return fit_rows(runs, law, rows, left_out, error)
 
@@ -100,12 +103,51 @@ def exponential_law(
     keep, left_out = identifiable([factor], rows.X, rows.shifts, logs=False)
     if not keep:
         raise FitError(f"{response} on {factor}: {factor} is {left_out[0].reason}; nothing to fit.")
-    fitted = fit_rows(runs, exponential(response, factor), rows, left_out, error)
+    fitted = fit_rows(runs, LawForm("exponential", response, (factor,)), rows, left_out, error)
     different = len(np.unique(rows.X))
     if different > len(rows.X) / 2:
         return fitted
     note = f"{factor} takes {different} values in {len(rows.X)} rows: rows that share one are not independent"
     return replace(fitted, notes=(*fitted.notes, note))
+
+
+def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "VB") -> LawFit:
+    """Fit the load line ``I = A + B fm + k1 VB`` (Tai, Tsai & Li 2023, eq. 14).
+
+    Where most rows stand at one held current, eq. 14 has nothing to fit; eq. 15, feed on wear, is fitted to
+    those rows instead and the notes say so. Errors are additive.
+
+    Raises
+    ------
+    FitError
+        A coefficient of the wrong sign (current falls with feed or wear) in rows whose current does vary,
+        or too few rows.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    >>> fit.load_law(runs).form
+    'feed_line'
+    """
+    rows = select(runs, current, [feed, wear], positive="none")
+    if not len(rows.y):
+        gone = "; ".join(f"{item.count} rows: {item.reason}" for item in rows.dropped)
+        raise FitError(f"load line {current} on {feed} and {wear}: no usable row ({gone}). Fill those cells in.")
+    held = _held(rows.y)
+    if held.all():
+        return _held_law(runs, current, feed, wear, rows, held, "the current is held, so it cannot be a response")
+    _, left_out = identifiable([feed, wear], rows.X, rows.shifts, logs=False)
+    if left_out:
+        reasons = "; ".join(f"{item.factor} is {item.reason}" for item in left_out)
+        raise FitError(f"load line {current} on {feed} and {wear}: {reasons}. Add runs in which both change.")
+    fitted = fit_rows(runs, LawForm("load_line", current, (feed, wear)), rows, (), "additive")
+    wrong = _wrong_sign(fitted)
+    if wrong is None:
+        return fitted
+    if held.sum() > len(held) / 2:
+        return _held_law(runs, current, feed, wear, rows, held, f"eq. 14 is refused: {wrong}")
+    raise FitError(f"load line refused: {wrong}. Vary feed at one wear, and wear at one feed, over a wider range.")
 
 
 def _positive(error: Error) -> Literal["all", "factors"]:
@@ -115,28 +157,22 @@ def _positive(error: Error) -> Literal["all", "factors"]:
 
 
 @one_thread
-def fit_rows(runs: Runs, law: Law, rows: Rows, left_out: tuple[LeftOut, ...], error: Error) -> LawFit:
-    """The stages that ``error`` asks for: the logarithms alone, or they and natural units after them."""
-    _enough(law, rows, left_out)
-    notes = _notes(rows)
+def fit_rows(runs: Runs, law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...], error: Error) -> LawFit:
+    """The law of the selected rows with this error structure."""
+    check_enough(law, rows, left_out)
     Z = law.design(rows.X, rows.shifts)
-    units = {name: runs.units.get(name, "") for name in (law.response, *law.factors)}
-
-    def result(error: Error, theta: Array, cov: Array | None, fitted: Array, r: Array, tss: float) -> LawFit:
-        _within_numbers(law, theta, Z)
-        return LawFit(
-            law, error, theta, cov, rows.X, rows.shifts, rows.y, fitted, r, rows.lines, rows.edge,
-            float(r @ r), tss, units, rows.by, left_out, rows.dropped, notes, rows.repeats,
-        )  # fmt: skip
-
-    if not law.logarithmic:
-        fitted = result("additive", *_straight(Z, rows.y))
-    elif error == "multiplicative":
-        fitted = result("multiplicative", *_logarithmic(Z, rows.y))
-    else:
+    start = None
+    if error == "additive" and law.logarithmic:
         start = law.guess(Z, rows.y) if (rows.y > 0).all() else _start(law, Z, rows, left_out)
-        fitted = result("additive", *_natural(law, Z, rows.y, start))
-    return replace(fitted, edges=edge_inference(fitted))
+    stage = _stage(law, error, Z, rows.y, start)
+    check_constant(law, stage[0], Z)
+    return law_of(
+        law, error if law.logarithmic else "additive", stage,
+        FittedRows(rows.X, rows.shifts, rows.y, stage[2], stage[3], rows.lines, rows.edge),
+        units={name: runs.units.get(name, "") for name in (law.response, *law.factors)},
+        by=rows.by, left_out=left_out, dropped=rows.dropped, notes=_notes(rows), repeats=rows.repeats,
+        source=LawSource.of_runs(runs),
+    )  # fmt: skip
 
 
 def refitted(law: LawFit, error: Error, keep: slice = slice(None)) -> LawFit:
@@ -145,30 +181,61 @@ def refitted(law: LawFit, error: Error, keep: slice = slice(None)) -> LawFit:
     Raises
     ------
     FitError
-        The rows miss a level or a setting, or least squares in natural units does not converge.
+        The rows miss a level or a setting, or least squares on the original scale does not converge.
     """
     X, shifts, y = law.X[keep], law.shifts[keep], law.observed[keep]
-    Z = law.law.design(X, shifts)
-    if not law.law.logarithmic:
-        stage = _straight(Z, y)
-    else:
-        stage = _logarithmic(Z, y) if error == "multiplicative" else _natural(law.law, Z, y, law.theta)
-    theta, cov, fitted, r, tss = stage
-    _within_numbers(law.law, theta, Z)
-    new = replace(
-        law, error=error, theta=theta, cov_theta=cov, X=X, shifts=shifts, observed=y, fitted=fitted, residuals=r,
-        lines=law.lines[keep], edge=None if law.edge is None else law.edge[keep], rss=float(r @ r), tss=tss,
+    Z = law.formula.design(X, shifts)
+    stage = _stage(law.formula, error, Z, y, law.theta)
+    check_constant(law.formula, stage[0], Z)
+    edge = None if law.edge is None else law.edge[keep]
+    rows = FittedRows(X, shifts, y, stage[2], stage[3], law.lines[keep], edge)
+    return law_of(law.formula, error, stage, rows, **facts_of(law))
+
+
+def facts_of(law: LawFit) -> dict[str, Any]:
+    """The fields of a law that a refit to its rows keeps."""
+    names = ("units", "by", "left_out", "dropped", "notes", "repeats", "source")
+    return {name: getattr(law, name) for name in names}
+
+
+def law_of(formula: LawForm, error: Error, stage: Stage, rows: FittedRows, **facts: Any) -> LawFit:  # noqa: ANN401
+    """The law of a fitted stage and its rows, with inference by edge."""
+    theta, cov, _, r, tss = stage
+    law = LawFit.of_rows(
+        rows, formula, error=error, theta=theta, cov_theta=cov, rss=float(r @ r), tss=tss, **facts
     )  # fmt: skip
-    return replace(new, edges=edge_inference(new))
+    return replace(law, edges=edge_inference(law))
+
+
+def edge_inference(law: LawFit) -> EdgeInference | NotAvailable:
+    """Inference by edge of a law of rows in memory, an additive one along its gradient.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> edges = fit.power_law(runs, "AW", ["V", "f", "d", "t"]).edges
+    >>> edges.df, edges.within
+    (23, (False, False, False, False, True))
+    """
+    if law.edge is None:
+        return NO_EDGES
+    if law.cov_theta is None or law.exact:
+        return EXACT_FIT
+    unscaled = law.cov_theta * (law.df_resid / law.rss)
+    return infer_by_edge(
+        law.gradient, law.residuals, theta=law.theta, row_cov=law.cov_theta, cov_unscaled=unscaled,
+        names=law.theta_names, edge=law.edge, within_of=law.design,
+    )  # fmt: skip
 
 
 def other_structure(law: LawFit) -> LawFit | None:
     """The same law fitted to the same rows with the other error structure; None where there is no such fit.
 
-    A line has none; rows that are not above zero have no logarithm; and least squares in natural units may
-    fail to converge.
+    A line has none; rows that are not above zero have no logarithm; least squares on the original scale may fail to
+    converge; and a law of a stream keeps no rows.
     """
-    if not law.law.logarithmic or not (law.observed > 0).all():
+    if law.rows is None or not law.formula.logarithmic or not (law.observed > 0).all():
         return None
     try:
         return refitted(law, "additive" if law.error == "multiplicative" else "multiplicative")
@@ -176,23 +243,24 @@ def other_structure(law: LawFit) -> LawFit | None:
         return None
 
 
-def _start(law: Law, Z: Array, rows: Rows, left_out: tuple[LeftOut, ...]) -> Array:
+def _start(law: LawForm, Z: Array, rows: Rows, left_out: tuple[LeftOut, ...]) -> Array:
     """Log-linear start from the rows above zero, where not all of them are."""
     above = rows.y > 0
     below = rows.lines[~above]
     reason = f"{law.response} zero or negative, and the fit starts from logarithms"
     unusable = Dropped(reason, len(below), tuple(int(i) for i in below[:5]))
-    _enough(law, replace(rows, y=rows.y[above], dropped=(*rows.dropped, unusable)), left_out)
+    check_enough(law, replace(rows, y=rows.y[above], dropped=(*rows.dropped, unusable)), left_out)
     try:
         return law.guess(Z[above], rows.y[above])
     except FitError:
         raise FitError(
-            f"{law.response}: the {int(above.sum())} rows above zero do not tell the parameters apart, so "
-            "least squares in natural units has no start. Leave out a factor or the category, or add such rows."
+            f"{law.response}: the {int(above.sum())} rows above zero do not identify the parameters, so "
+            "least squares on the original scale has no start. Leave out a factor or the category, or add such rows."
         ) from None
 
 
-def _enough(law: Law, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
+def check_enough(law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
+    """Refuse too few rows, a constant response, and a law without factors."""
     why = "".join(f"; {item.factor} is left out: {item.reason}" for item in left_out)
     gone = "".join(f"; {_gone(item)}" for item in rows.dropped)
     shifts = rows.shifts.shape[1]
@@ -218,14 +286,14 @@ def _gone(item: Dropped) -> str:
     return f"{item.count} rows left out: {item.reason} (lines {lines})"
 
 
-def _within_numbers(law: Law, theta: Array, Z: Array) -> None:
-    """Refuse a constant that no number holds: some factor hardly changes, and its exponent runs away."""
+def check_constant(law: LawForm, theta: Array, Z: Array) -> None:
+    """Refuse a constant that overflows: some factor hardly changes, and its exponent diverges."""
     if not law.logarithmic or abs(theta[0]) < LARGEST_LOG:
         return
     runaway = 1 + int(np.argmax(np.abs(theta[1:] * Z[0, 1:])))
     name = law.factors[min(runaway, len(law.factors)) - 1]
     raise FitError(
-        f"{law.response}: its constant comes out as exp({theta[0]:.4g}), which no number holds, since {name} "
+        f"{law.response}: its constant comes out as exp({theta[0]:.4g}), which overflows, since {name} "
         f"hardly changes in these rows and its coefficient comes out as {theta[runaway]:.3g}. Vary {name}, "
         f"or leave it out (--map {name}=none)."
     )
@@ -241,48 +309,62 @@ def _notes(rows: Rows) -> tuple[str, ...]:
     )
 
 
-def _straight(Z: Array, y: Array) -> Stage:
-    """Least squares of y on Z: the whole fit of a line."""
+def _stage(law: LawForm, error: Error, Z: Array, y: Array, start: Array | None) -> Stage:
+    """Linear least squares of the response or of its logarithm, or nonlinear least squares from ``start``."""
+    if not law.logarithmic:
+        return linear_stage(Z, y)
+    if error == "multiplicative" or start is None:
+        theta, cov, eta, residuals, tss = linear_stage(Z, np.log(y))
+        return theta, cov, np.exp(eta), residuals, tss
+    theta, cov = minimise(law, Z, y, start)
+    fitted = law.response_at(theta, Z)
+    return theta, cov, fitted, y - fitted, float(np.sum((y - y.mean()) ** 2))
+
+
+def linear_stage(Z: Array, y: Array) -> Stage:
+    """Linear least squares of y on Z."""
     fit = linear(Z, y)
     eta = Z @ fit.params
     return fit.params, fit.cov_params if fit.df_resid else None, eta, y - eta, fit.tss
 
 
-def _logarithmic(Z: Array, y: Array) -> Stage:
-    """First stage: least squares of ln y."""
-    theta, cov, eta, residuals, tss = _straight(Z, np.log(y))
-    return theta, cov, np.exp(eta), residuals, tss
+def _held(current: Array) -> NDArray[np.bool_]:
+    middle = np.median(current)
+    return np.asarray(np.abs(current - middle) <= HELD * abs(middle) * (1 + 1e-9), dtype=bool)
 
 
-def _natural(law: Law, Z: Array, y: Array, start: Array) -> Stage:
-    """Second stage: trust region on the residuals in natural units, analytic gradient, then one exact step.
+def _wrong_sign(fitted: LawFit) -> str | None:
+    _, feed, wear = fitted.params
+    for name, value, symbol in (("B", feed, fitted.factors[0]), ("k1", wear, fitted.factors[1])):
+        if value <= 0:
+            unit = f"{fitted.units[fitted.response]}/({fitted.units[symbol]})"
+            return (
+                f"{name} comes out as {value:.3g} {unit}, but {fitted.response} rises with {symbol} on a "
+                f"machine ({fitted.response} ranges over {np.ptp(fitted.observed):.3g} "
+                f"{fitted.units[fitted.response]} only)"
+            )
+    return None
 
-    Centring the columns of Z makes the constant nearly independent of the exponents, which is what the
-    solver's steps are quick and sure in.
-    """
-    from scipy.optimize import least_squares
 
-    centre = np.zeros(Z.shape[1])
-    centre[1:] = Z[:, 1:].mean(axis=0)
-    C = Z - centre
-    back = np.eye(Z.shape[1])
-    back[0, 1:] = -centre[1:]
-    condensed = Condensed(law, C, y, float(np.max(np.abs(y))))
-    begin = np.linalg.solve(back, start)
-    found = least_squares(
-        condensed.residuals, begin, jac=condensed.jacobian, method="trf", x_scale="jac",
-        ftol=TIGHT, xtol=TIGHT, gtol=TIGHT,
-    )  # fmt: skip
-    if not np.isfinite(found.x).all() or found.status == 0:
-        raise FitError(
-            f"{law.response}: least squares in natural units did not converge from the log-linear start. "
-            "Fit with error='multiplicative'."
-        )
-    step = linear(condensed.jacobian(found.x), -condensed.residuals(found.x))
-    theta = back @ (found.x + step.params)
-    fitted = law.response_at(theta, Z)
-    r = y - fitted
-    df = len(y) - len(theta)
-    variance = float(r @ r) / condensed.size**2 / max(df, 1)  # the step is fitted in units of size
-    cov = variance * back @ step.cov_unscaled @ back.T if df else None
-    return theta, cov, fitted, r, float(np.sum((y - y.mean()) ** 2))
+def _held_law(runs: Runs, current: str, feed: str, wear: str, rows: Rows, held: NDArray[np.bool_], why: str) -> LawFit:
+    level = float(np.median(rows.y))
+    unit = runs.units[current]
+    law = LawForm("feed_line", feed, (wear,))
+    keep, left_out = identifiable([wear], rows.X[held][:, 1:], rows.shifts[held], logs=False)
+    if not keep:
+        raise FitError(f"{why}; feed on wear (eq. 15) fails too: {wear} is {left_out[0].reason}.")
+    at_level = replace(
+        rows,
+        X=rows.X[held][:, 1:],
+        y=rows.X[held][:, 0],
+        shifts=rows.shifts[held],
+        lines=rows.lines[held],
+        edge=None if rows.edge is None else rows.edge[held],
+    )
+    fitted = fit_rows(runs, law, at_level, (), "additive")
+    if fitted.params["slope"] >= 0:
+        raise FitError(f"{why}; feed on wear (eq. 15) has the wrong sign too: {feed} does not fall with {wear}.")
+    others = len(held) - int(held.sum())
+    used = f"the {int(held.sum())} rows held at {level:g} {unit}" + (f" ({others} others not used)" if others else "")
+    note = f"{why}; feed is fitted on wear instead (eq. 15), on {used}. It is true at {level:g} {unit} alone."
+    return replace(fitted, notes=(*fitted.notes, note))

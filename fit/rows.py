@@ -1,8 +1,8 @@
-"""Which rows a law is fitted to: chosen once, and every row that is left out is counted and named."""
+"""Selection of the rows and factors that a law is fitted to; what is left out is recorded with the reason."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 import pandas as pd
@@ -11,11 +11,20 @@ from numpy.typing import NDArray
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..datasets import Runs
+from .least_squares import linear
 
 Array = NDArray[np.float64]
+Points = Mapping[str, object] | pd.DataFrame
 
 # Fewer distinct rows than this may repeat by chance, where a gauge reads to 0.01 mm.
 FEWEST = 4
+# R2 of a factor on the others above 1 - 1e-8 is a computed column, not a measured one: a wear printed to
+# six decimals from a power law of V and f still leaves a condition number of 3e5, so a rank test misses it.
+EXACT = 1e-8
+# Rows that are looked at first where there are more.
+SOME = 10_000
+# Relative spread below which a column is the same number written down n times.
+CONSTANT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -36,9 +45,51 @@ class By(Displayable):
     levels: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True, repr=False)
+class LeftOut(Displayable):
+    """A factor that the law does without, and why."""
+
+    factor: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class LawSource:
+    """Source of the rows of a law.
+
+    Attributes
+    ----------
+    file, sha256 : str
+        Name of the data file and SHA-256 of its bytes; empty for rows in memory.
+    tool, work : str
+        Tool and work material, empty where unknown.
+    simulated : bool
+        True where the file states that its rows are simulated or computed.
+    note : str
+        The sentences in which it does.
+    n_rows : int or None
+        Rows of the pair in the file.
+    """
+
+    file: str = ""
+    sha256: str = ""
+    tool: str = ""
+    work: str = ""
+    simulated: bool = False
+    note: str = ""
+    n_rows: int | None = None
+
+    @classmethod
+    def of_runs(cls, runs: Runs) -> Self:
+        """The source of runs."""
+        file = runs.source.name if runs.source.sha256 else ""
+        note = ". ".join(runs.disclaimers)
+        return cls(file, runs.source.sha256, runs.tool, runs.work, runs.simulated, note, len(runs))
+
+
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """The numbers that one fit sees.
+    """Rows selected for a fit.
 
     Attributes
     ----------
@@ -55,7 +106,7 @@ class Rows:
     by : By or None
     dropped : tuple of Dropped
     repeats : int
-        How often each measurement was repeated in the file; 1 where rows are rows.
+        How often each measurement was repeated in the file; 1 without repeats.
     """
 
     X: Array
@@ -70,6 +121,51 @@ class Rows:
     def factors(self, keep: Sequence[int]) -> Array:
         """Columns ``keep`` of X."""
         return self.X[:, list(keep)]
+
+
+@dataclass(frozen=True, slots=True)
+class FittedRows:
+    """Rows of a fitted law.
+
+    Attributes
+    ----------
+    X, shifts : ndarray, shape (n, k) and (n, s)
+        Factors in their units, and indicator columns of the category.
+    observed, fitted, residuals : ndarray, shape (n,)
+        Response, prediction, and residuals on the scale of the errors.
+    lines : ndarray of int, shape (n,)
+        Line of each row in the file.
+    edge : ndarray of str, shape (n,), or None
+        Cutting edge of each row.
+    """
+
+    X: Array
+    shifts: Array
+    observed: Array
+    fitted: Array
+    residuals: Array
+    lines: NDArray[np.intp]
+    edge: NDArray[np.object_] | None
+
+    def __len__(self) -> int:
+        return len(self.observed)
+
+    @property
+    def n_edges(self) -> int | None:
+        """Number of cutting edges, None where the file names none."""
+        return None if self.edge is None else len(set(self.edge))
+
+    @property
+    def edge_numbers(self) -> NDArray[np.intp]:
+        """Number of the edge of each row, in the order of their names; one edge where the file names none."""
+        if self.edge is None:
+            return np.zeros(len(self), dtype=np.intp)
+        return np.asarray(pd.factorize(self.edge, sort=True)[0], dtype=np.intp)
+
+    def domain(self, factors: Sequence[str]) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each factor."""
+        low, high = self.X.min(axis=0), self.X.max(axis=0)
+        return {name: (float(low[j]), float(high[j])) for j, name in enumerate(factors)}
 
 
 def select(
@@ -167,3 +263,93 @@ def _indicators(level: NDArray[np.object_] | None, keep: NDArray[np.bool_], by: 
         )
     shifts = np.column_stack([(level[keep] == name).astype(float) for name in names[1:]])
     return shifts, By(by, names[0], tuple(names[1:]))
+
+
+def identifiable(
+    names: Sequence[str], terms: Array, shifts: Array, *, logs: bool
+) -> tuple[list[int], tuple[LeftOut, ...]]:
+    """Positions of the factors that can be fitted, in their order, and the others with the reason.
+
+    Parameters
+    ----------
+    names : the k factors, most important first: of two that say the same the later is left out
+    terms : ndarray, shape (n, k), the factors as they enter the law (their logarithms in a power law)
+    shifts : ndarray, shape (n, s), indicator columns of a category
+    logs : whether ``terms`` are logarithms; it only words the reason
+
+    Examples
+    --------
+    >>> keep, out = identifiable(["V", "d"], np.log([[50, 2], [80, 2], [99, 2.0]]), np.empty((3, 0)), logs=True)
+    >>> keep, out[0].reason
+    ([0], 'constant (2 in all 3 rows)')
+    """
+    keep: list[int] = []
+    out: list[LeftOut] = []
+    for j, name in enumerate(names):
+        column = terms[:, j]
+        level = float(column[0]) if len(column) else 0.0
+        if len(column) > 1 and np.all(np.abs(column - level) <= CONSTANT * max(1.0, abs(level))):
+            value = np.exp(level) if logs else level
+            out.append(LeftOut(name, f"constant ({value:.6g} in all {len(column)} rows)"))
+        elif reason := _dependence(column, terms[:, keep], shifts, [names[i] for i in keep], logs):
+            out.append(LeftOut(name, reason))
+        else:
+            keep.append(j)
+    return keep, tuple(out)
+
+
+def _dependence(column: Array, others: Array, shifts: Array, names: list[str], logs: bool) -> str | None:
+    """Why ``column`` adds nothing to ``others``, or None where it does."""
+    n = len(column)
+    p = 1 + others.shape[1] + shifts.shape[1]
+    if p < 2 or n <= p:  # too few rows to tell: the fit itself counts them
+        return None
+    if n > SOME and _told_by_some(column, others, shifts):
+        return None
+    fit = linear(np.hstack([np.ones((n, 1)), shifts, others]), column)
+    if fit.rss > EXACT * fit.tss:
+        return None
+    slopes = fit.params[1 + shifts.shape[1] :]
+    used = [(name, b) for name, b in zip(names, slopes, strict=True) if abs(b) > 1e-6]
+    if not used:
+        return "it changes only with the category"
+    if logs:
+        law = " ".join(f"{name}^{b:.4g}" for name, b in used)
+        return f"an exact product of others ({law}): these rows cannot tell its effect from theirs"
+    law = " + ".join(f"{b:.4g} {name}" for name, b in used)
+    return f"an exact sum of others ({law}): these rows cannot tell its effect from theirs"
+
+
+def _told_by_some(column: Array, others: Array, shifts: Array) -> bool:
+    """Whether an even choice of rows already shows that ``column`` is no function of the others.
+
+    What these rows leave unexplained, all rows leave too, so a yes is as sure as from all of them.
+    """
+    few = slice(None, None, -(-len(column) // SOME))
+    ones = np.ones((len(column[few]), 1))
+    try:
+        fit = linear(np.hstack([ones, shifts[few], others[few]]), column[few])
+    except FitError:  # a term that does not change within these rows
+        return False
+    return bool(fit.rss > EXACT * np.sum((column - column.mean()) ** 2))
+
+
+def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.DataFrame:
+    """Single values and columns of one length as a table."""
+    columns = {str(name): np.atleast_1d(np.asarray(values)) for name, values in new.items()}
+    n = max((len(values) for values in columns.values() if len(values) != 1), default=1)
+    odd = [name for name, values in columns.items() if values.shape not in ((1,), (n,))]
+    if odd:
+        raise FitError(
+            f"{response}: {odd[0]} has shape {columns[odd[0]].shape}; each factor is one value or a column of {n}."
+        )
+    return pd.DataFrame({name: np.broadcast_to(values, n) for name, values in columns.items()})
+
+
+def level_names(column: "pd.Series[str]", known: Sequence[str], name: str) -> NDArray[np.object_]:
+    """Levels of a category as text; FitError where one is not among the fitted."""
+    level = [f"{v:.15g}" if isinstance(v, float) else str(v) for v in column]
+    strange = sorted(set(level) - set(known))
+    if strange:
+        raise FitError(f"{name} {strange[0]!r} is not among the fitted: {', '.join(known)}.")
+    return np.array(level, dtype=object)

@@ -5,7 +5,7 @@ else together.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from ..core.display import Displayable
 from ..core.errors import FitError
 from .available import NotAvailable
-
-if TYPE_CHECKING:
-    from .lawfit import LawFit
+from .prediction import Fitted
+from .rows import FittedRows
 
 Array = NDArray[np.float64]
 
@@ -66,7 +65,7 @@ class StatsmodelsComparison(Displayable):
         return f"{self.response} against statsmodels {self.version}: {'; '.join(parts)}."
 
 
-def ols_results(law: "LawFit") -> Any:  # noqa: ANN401  statsmodels has no types
+def ols_results(law: Fitted) -> Any:  # noqa: ANN401  statsmodels has no types
     """The law as a results object of ``statsmodels.formula.api.ols``.
 
     The covariance is ``cluster-crv3`` by edge with t quantiles (``use_t=True``) where the law has inference by edge,
@@ -106,7 +105,7 @@ def ols_results(law: "LawFit") -> Any:  # noqa: ANN401  statsmodels has no types
     return model.fit(cov_type="cluster-crv3", cov_kwds={"groups": groups}, use_t=True)
 
 
-def compare_statsmodels(law: "LawFit") -> StatsmodelsComparison:
+def compare_statsmodels(law: Fitted) -> StatsmodelsComparison:
     """Differences between a law and statsmodels' OLS and, for the variance components, its mixed model.
 
     Examples
@@ -122,7 +121,7 @@ def compare_statsmodels(law: "LawFit") -> StatsmodelsComparison:
     try:
         results = ols_results(law)
     except FitError as error:
-        return StatsmodelsComparison(law.response, version, {}, {"the law": str(error).rstrip(".")})
+        return StatsmodelsComparison(law.formula.response, version, {}, {"the law": str(error).rstrip(".")})
     bse = np.sqrt(np.diag(law.covariance()))
     by_edge = not isinstance(law.edges, NotAvailable)
     name = "standard errors by edge" if by_edge else "standard errors, rows independent"
@@ -136,44 +135,53 @@ def compare_statsmodels(law: "LawFit") -> StatsmodelsComparison:
         differences["variance components"] = _variance_difference(law)
     else:
         missing["variance components"] = str(law.edges).rstrip(".")
-    return StatsmodelsComparison(law.response, version, differences, missing)
+    return StatsmodelsComparison(law.formula.response, version, differences, missing)
 
 
-def _formula(law: "LawFit") -> tuple[str, pd.DataFrame]:
+def _formula(law: Fitted) -> tuple[str, pd.DataFrame]:
     """Formula and table of the linear model; a FitError where there is none."""
-    if law.law.logarithmic and law.error == "additive":
+    if law.formula.logarithmic and law.error == "additive":
         raise FitError(
-            f"{law.response}: the {law.form} law with error='additive' is nonlinear in its parameters and no OLS of "
-            "statsmodels; fit it with error='multiplicative'."
+            f"{law.formula.response}: the {law.formula.name} law with error='additive' is nonlinear in its parameters "
+            "and no OLS of statsmodels; fit it with error='multiplicative'."
         )
-    table = pd.DataFrame(np.asarray(law.X), columns=list(law.factors))
-    table[law.response] = law.observed
-    terms = [f"np.log({name})" if law.form == "power" else name for name in law.factors]
+    rows = _rows(law)
+    table = pd.DataFrame(np.asarray(rows.X), columns=list(law.formula.factors))
+    table[law.formula.response] = rows.observed
+    terms = [f"np.log({name})" if law.formula.log_factors else name for name in law.formula.factors]
     if law.by is not None:
         levels = np.array([law.by.reference, *law.by.levels], dtype=object)
-        table[COLUMN] = levels[np.hstack([1 - law.shifts.sum(axis=1, keepdims=True), law.shifts]).argmax(axis=1)]
+        table[COLUMN] = levels[np.hstack([1 - rows.shifts.sum(axis=1, keepdims=True), rows.shifts]).argmax(axis=1)]
         terms.append(f"C({COLUMN}, Treatment({law.by.reference!r}))")
-    left = f"np.log({law.response})" if law.law.logarithmic else law.response
+    left = f"np.log({law.formula.response})" if law.formula.logarithmic else law.formula.response
     return f"{left} ~ {' + '.join(terms)}", table
 
 
-def _groups(law: "LawFit") -> NDArray[np.intp] | None:
-    return None if law.edge is None else np.asarray(pd.factorize(law.edge)[0])
+def _groups(law: Fitted) -> NDArray[np.intp] | None:
+    edge = _rows(law).edge
+    return None if edge is None else np.asarray(pd.factorize(edge)[0])
+
+
+def _rows(law: Fitted) -> FittedRows:
+    if law.rows is None:
+        raise FitError(f"the law of {law.formula.response} was fitted to a stream and keeps no rows for statsmodels.")
+    return law.rows
 
 
 def _largest(difference: Any, scale: Array) -> float:  # noqa: ANN401
     return float(np.max(np.abs(np.asarray(difference, dtype=float)) / scale))
 
 
-def _variance_difference(law: "LawFit") -> float:
+def _variance_difference(law: Fitted) -> float:
     """Difference of the REML variance components from those that maximise statsmodels' likelihood, over their sum."""
     from scipy.optimize import minimize_scalar
     from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
 
     assert not isinstance(law.edges, NotAvailable)  # noqa: S101  compare_statsmodels asked
     mixed = law.edges.mixed
-    y = np.log(law.observed) if law.law.logarithmic else law.observed
-    Z = law.law.design(law.X, law.shifts)
+    observed = _rows(law).observed
+    y = np.log(observed) if law.formula.logarithmic else observed
+    Z = law.design
     model = MixedLM(y, Z, groups=_groups(law))
     model.cov_pen = None  # set by its fit, which is not called: its optimisers stop far from 1e-6
 

@@ -12,17 +12,19 @@ from pydantic import JsonValue, ValidationError
 from ..core.errors import ParameterError
 from ..core.version import __version__
 from .file import ParameterFile, sealed
+from .gather.control import Gains, as_data, dynamics_section, limits_section, pi_section
 from .gather.design import criterion_of, design_section
-from .gather.dynamics import Gains, as_data, dynamics_section, pi_section
 from .gather.law import laws_by_response, tool_life_section
 from .gather.posterior import posterior_section
-from .gather.settings import limits_section
 from .messages import schema_message
 from .sections.load_line import LimitsSection
 
 if TYPE_CHECKING:
     from ..datasets import Runs
-    from ..fit import LawFit, NotAvailable, Posterior, StreamedLaw, ToolLife
+    from ..fit import LawFit, NotAvailable
+    from ..fit.bayes.posterior import Posterior
+    from ..fit.life import ToolLife
+    from ..fit.rows import LawSource
     from ..ident.model import Model
     from .sections.dynamics import DynamicsSection
     from .sections.force_control import AdaptiveForceSection, RoughnessSection
@@ -32,10 +34,10 @@ if TYPE_CHECKING:
 
 def collect(
     *,
-    tool: str,
-    work: str,
+    tool: str | None = None,
+    work: str | None = None,
     design: "Runs | DesignSection | Mapping[str, Any] | None" = None,
-    laws: "Sequence[LawFit | StreamedLaw]" = (),
+    laws: "Sequence[LawFit]" = (),
     tool_life: "ToolLife | None" = None,
     posteriors: Sequence["Posterior"] = (),
     no_posterior: "Mapping[str, NotAvailable] | None" = None,
@@ -55,7 +57,7 @@ def collect(
     iso13399: Mapping[str, float | str] | None = None,
     setup: str | None = None,
     sensors: "Sequence[Sensor | Mapping[str, Any]]" = (),
-    simulated: bool = False,
+    simulated: bool | None = None,
     note: str | None = None,
     data_file: str | PurePath | None = None,
     data_sha256: str | None = None,
@@ -71,19 +73,20 @@ def collect(
     Parameters
     ----------
     tool, work, machine, iso513, iso13399, setup, sensors, note
-        Whose parameters these are; see `IdentitySection`.
+        Identity of the parameters; tool and work are needed without laws. See `IdentitySection`.
     design : Runs, optional
         The tests behind the laws, or their section.
-    laws : sequence of LawFit or StreamedLaw
-        At most one for each response. Where a paper prints the law of this tool and work, it is set beside.
+    laws : sequence of LawFit
+        At most one for each response. Tool, work, data file, checksum, rows, simulated and note are taken from their
+        source where they are not given. A published law of this tool and work is compared with each.
     tool_life : ToolLife, optional
         Solved from one of the laws.
     posteriors : sequence of PosteriorSection
-        At most one for each response, of one seed, every gate open.
+        At most one for each response, of one seed, with passed convergence checks.
     no_posterior : mapping of str to NotAvailable, optional
-        Why a response has none.
+        Reasons of responses without one.
     draws_kept : bool
-        Whether their draws will stand in a file beside this one, whose name and checksum are then written down.
+        Whether their draws will stand in a file beside this one, whose name and checksum are then recorded.
         Without it the section is complete but for the draws, which its seed makes again.
     gauge_sd : float, optional
         Standard deviation of the wear gauge, in the unit of the wear.
@@ -95,9 +98,9 @@ def collect(
     load_line, limits, roughness, adaptive_force : section or mapping, optional
         In ``limits`` a bare number or pair is in kW, N, mm, mm/rev, mm/min, m/min or 1/min.
     simulated : bool
-        True when the data came from a simulation.
+        True when the data came from a simulation; by default as the source of the laws states.
     data_file, data_sha256, n_rows, created, command, options, seed
-        Provenance, as given: nothing is looked up but the versions of the programs. Of ``data_file``
+        Provenance; only the versions of the programs are looked up. Of ``data_file``
         only the name is kept; ``created`` is an ISO date.
     **more
         Further sections, written as they are.
@@ -109,16 +112,24 @@ def collect(
     Raises
     ------
     GateError
-        The gate of a posterior is shut; gains miss what they were tuned to.
+        Convergence checks of a posterior failed; gains miss their specification.
     ParameterError
-        Two laws of one response, or something the schema refuses.
+        Two laws of one response, laws of different data, no tool or work, or values that the schema refuses.
 
     Examples
     --------
-    >>> pf = collect(tool="GC435", work="709M40", laws=[], data_file="tests/data.csv", n_rows=120)
-    >>> pf.identity.tool, pf.provenance.data_file
-    ('GC435', 'data.csv')
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> pf = collect(laws=[fit.power_law(runs, "AW", ["V", "f", "d", "t"])])
+    >>> pf.identity.tool, pf.identity.simulated, pf.provenance.n_rows
+    ('GC435', True, 239)
     """
+    source = _source(laws, tool, work, any(given is not None for given in (data_file, data_sha256)))
+    tool, work = tool or source.tool, work or source.work
+    if simulated is None:
+        simulated, note = source.simulated, note or source.note or None
+    if data_file is None and data_sha256 is None:
+        data_file, data_sha256 = source.file or None, source.sha256 or None
     identity = {
         "tool": tool,
         "work": work,
@@ -134,7 +145,7 @@ def collect(
         "created": created,
         "data_file": None if data_file is None else PureWindowsPath(PurePath(data_file).name).name,
         "data_sha256": data_sha256,
-        "n_rows": n_rows,
+        "n_rows": source.n_rows if n_rows is None else n_rows,
         "fitmodels": __version__,
         "versions": _versions(),
         "command": command,
@@ -159,6 +170,29 @@ def collect(
     sections = {"identity": identity, "laws": found, "provenance": provenance}
     sections |= {name: section for name, section in given.items() if section is not None}
     return _validated(sections, more)
+
+
+def _source(laws: "Sequence[LawFit]", tool: str | None, work: str | None, data_given: bool) -> "LawSource":
+    """The source of the laws; ParameterError where they have several and the caller does not give the facts."""
+    from ..fit.rows import LawSource
+
+    sources = [law.source for law in laws]
+    if not laws and (tool is None or work is None):
+        raise ParameterError("no laws to take tool and work from: give tool= and work=.")
+    first = sources[0] if sources else LawSource()
+    for law, other in zip(laws, sources, strict=True):
+        one = (tool or first.tool, work or first.work, *(() if data_given else (first.file, first.sha256)))
+        two = (tool or other.tool, work or other.work, *(() if data_given else (other.file, other.sha256)))
+        if one != two:
+            raise ParameterError(
+                f"the laws of {laws[0].response} and {law.response} come from different data ({_named(first)}; "
+                f"{_named(other)}): fit them to the same runs, or give tool, work, data_file and data_sha256."
+            )
+    return first
+
+
+def _named(source: "LawSource") -> str:
+    return f"{source.tool or 'no tool'} on {source.work or 'no work'}, {source.file or 'rows in memory'}"
 
 
 def _posterior(

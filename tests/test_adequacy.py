@@ -2,7 +2,6 @@
 
 import math
 import warnings
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -39,7 +38,7 @@ def wear(edges=6, per_edge=4, noise=0.05, between=0.05, seed=1, **columns):
 
 def without_edges(n, noise=0.05, **columns):
     law = wear(n, 1, noise, t=np.linspace(1, 9, n) ** 1.3, **columns)
-    return replace(law, edge=None)
+    return law.with_rows(edge=None)
 
 
 def figures(found):
@@ -112,13 +111,13 @@ def test_edges_without_a_variance_between_them_are_tested():
     V, f = alike(10, 60.0, 80, 120, 150, 180), alike(10, 0.1, 0.3, 0.2, 0.4, 0.15)
     law = wear(10, noise=0.1, between=0.0, V=V, f=f)
     level = np.repeat(np.log(law.observed).reshape(10, 4).mean(axis=1), 4)
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.formula.design(law.X, law.shifts)
     # edges stand nearer to the law than their rows' scatter would let them: the variance between is put at zero
     y = np.log(law.observed) - level + (Z @ law.theta).reshape(10, 4).mean(axis=1).repeat(4)
     y += np.repeat(np.resize([1e-3, -1e-3, 2e-3], 10), 4)
     fitted = fit.linear(Z, y)
     r = y - Z @ fitted.params
-    law = replace(law, theta=fitted.params, observed=np.exp(y), residuals=r, rss=float(r @ r), tss=fitted.tss)
+    law = law.with_rows(theta=fitted.params, observed=np.exp(y), residuals=r, rss=float(r @ r), tss=fitted.tss)
     assert split(law).icc == 0.0
     found = adequacy(law)
     assert_in_words(found)
@@ -191,7 +190,7 @@ def test_small_designs_never_give_a_nan(edges, per_edge, noise, seed, named):
         law = wear(edges, per_edge, noise, between=noise, seed=seed)
     except errors.FitError:
         return
-    assert_in_words(adequacy(law if named else replace(law, edge=None)))
+    assert_in_words(adequacy(law if named else law.with_rows(edge=None)))
 
 
 def swinging(edges, per_edge):
@@ -227,7 +226,7 @@ def test_the_order_of_rows_is_not_told_of_a_choice_of_them():
         said.startswith("Not testable (Autocorrelation within edges): 3000 of 6000")
         for said in fit.judge(law).verdicts(20)
     )
-    assert "no edge column" in str(adequacy(replace(law, edge=None)).checks["order within edges"])
+    assert "no edge column" in str(adequacy(law.with_rows(edge=None)).checks["order within edges"])
 
 
 def test_the_whole_set_takes_no_time():

@@ -43,7 +43,7 @@ def likelihood(law, power):
     """Profile log-likelihood of a power, Jacobian included, with statsmodels' least squares."""
     y, n = law.observed, law.nobs
     z = np.log(y) if abs(power) < 1e-9 else (y**power - 1) / power
-    return -n / 2 * np.log(OLS(z, law.law.design(law.X)).fit().ssr / n) + (power - 1) * np.log(y).sum()
+    return -n / 2 * np.log(OLS(z, law.formula.design(law.X)).fit().ssr / n) + (power - 1) * np.log(y).sum()
 
 
 def by_scipy(law):
@@ -144,7 +144,7 @@ def test_the_interval_covers_logarithms_of_sound_laws(icc, per_edge):
     frame["t"] = np.tile(np.arange(1.0, per_edge + 1), 24)
     frame = frame.assign(edge=[f"E{g}" for g in at], AW=rng.lognormal(size=len(at)))
     law = fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "f", "t"])
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.formula.design(law.X, law.shifts)
     rejected = 0
     for _ in range(300):
         y = Z @ [-2.0, 0.5, 0.2, 0.3] + 0.1 * (
@@ -152,7 +152,7 @@ def test_the_interval_covers_logarithms_of_sound_laws(icc, per_edge):
         )
         found = fit.linear(Z, y)
         r = y - Z @ found.params
-        one = replace(law, theta=found.params, observed=np.exp(y), residuals=r, rss=float(r @ r), tss=found.tss)
+        one = law.with_rows(theta=found.params, observed=np.exp(y), residuals=r, rss=float(r @ r), tss=found.tss)
         rejected += asked(one).concern > 0
     assert 0.015 <= rejected / 300 <= 0.10
 
@@ -163,5 +163,5 @@ def test_what_cannot_be_told_is_said():
     assert "too little to distinguish powers" in str(asked(power_law(X, np.exp(X[:, 0] + 1e-3 * rng.normal(size=12)))))
     law = power_law(rng.normal(size=(12, 1)), rng.lognormal(size=12))
     assert "error='multiplicative'" in str(asked(law.alternative))
-    line = replace(law, law=replace(law.law, form="feed_line"), error="additive", observed=law.observed - 10)
+    line = law.with_rows(formula=replace(law.formula, name="feed_line"), error="additive", observed=law.observed - 10)
     assert "not above zero" in str(asked(line))

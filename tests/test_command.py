@@ -522,9 +522,9 @@ def test_a_condition_that_no_law_takes_is_said(tmp_path):
     path = write(tmp_path / "a.csv", header=("V", "fz", "t", "AW"))
     result = run(path, "--out", tmp_path / "out")
     assert result.code == 0
-    assert "fz, feed per tooth, changes but stands in no law" in " ".join(result.out.split())
+    assert "fz, feed per tooth, varies but is in no law" in " ".join(result.out.split())
     (card,) = (tmp_path / "out").rglob("README.md")
-    assert "stands in no law" in card.read_text("utf-8")
+    assert "is in no law" in card.read_text("utf-8")
 
 
 # Several pairs, and names

@@ -10,7 +10,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.datasets.published import published
-from fitmodels.fit.composite import composite, substituted, without
+from fitmodels.fit.composite_law import composite, substituted, without
 from statsmodels.regression.linear_model import OLS
 from statsmodels.stats.outliers_influence import variance_inflation_factor
 
@@ -56,7 +56,7 @@ def test_on_the_same_rows_composite_and_reduced_are_the_same_numbers(response):
     assert (found.reduced.rss, found.reduced.rsquared) == pytest.approx((refit.rss, refit.rsquared))
     assert found.together
     np.testing.assert_allclose(found.bse, np.sqrt(np.diag(refit.covariance())), rtol=0.05)
-    assert list(found.beside.columns) == ["composite", "se", "reduced", "reduced se"]
+    assert list(found.comparison.columns) == ["composite", "se", "reduced", "reduced se"]
 
 
 def test_laws_of_other_rows_are_taken_as_independent():
@@ -89,9 +89,9 @@ def test_rows_alone_give_the_textbook_standard_errors():
 def test_the_vif_is_statsmodels():
     law, wear = both()
     found = composite(law, wear)
-    assert found.vif == pytest.approx(variance_inflation_factor(law.law.design(law.X), 5), rel=EXACT)
+    assert found.vif == pytest.approx(variance_inflation_factor(law.formula.design(law.X), 5), rel=EXACT)
     assert found.concern == 1
-    assert "AW is mostly told by V, f, d, t (VIF 9.4, above 5)" in found.verdict
+    assert "AW is nearly a function of V, f, d, t (VIF 9.4, above 5)" in found.verdict
 
 
 def test_additive_laws_are_refitted_in_their_own_units():
@@ -112,7 +112,7 @@ def test_a_material_shifts_both(measurements):
     assert found.params["material[2]"] == pytest.approx(law.params["material[2]"] + k * wear.params["material[2]"])
     assert found.params["t"] == pytest.approx(k * wear.params["t"])
     assert found.concern == 0
-    reference = OLS(np.log(law.observed), np.delete(law.law.design(law.X, law.shifts), 3, axis=1)).fit()
+    reference = OLS(np.log(law.observed), np.delete(law.formula.design(law.X, law.shifts), 3, axis=1)).fit()
     np.testing.assert_allclose(found.reduced.theta, reference.params, rtol=EXACT)
 
 
@@ -120,7 +120,7 @@ def test_wear_as_the_only_factor_leaves_nothing():
     law = fit.power_law(bundled(), "P", ["AW"])
     found = composite(law, both()[1])
     assert "the only factor" in str(found.reduced)
-    assert list(found.beside.columns) == ["composite", "se"]
+    assert list(found.comparison.columns) == ["composite", "se"]
     np.testing.assert_allclose(found.theta[1:], law.theta[1] * both()[1].theta[1:])
     assert found.vif == pytest.approx(1)
 
@@ -138,7 +138,7 @@ def test_as_many_rows_as_parameters():
     [
         (lambda law, wear: composite(wear, law), "P is not among them"),
         (lambda law, wear: composite(without(law, "AW"), wear), "AW is not among them"),
-        (lambda law, wear: composite(law, fit.power_law(bundled(), "AW", ["V", "P"])), "round in a circle"),
+        (lambda law, wear: composite(law, fit.power_law(bundled(), "AW", ["V", "P"])), "neither can be substituted"),
         (
             lambda law, wear: composite(law, fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1")))),
             "Ra: the form exponential; only power laws",

@@ -4,12 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels.datasets import runs_from_frame
-from fitmodels.fit.condense import BLOCK, Condensed
-from fitmodels.fit.identifiable import SOME, identifiable
 from fitmodels.fit.law_figures import MOST, normal_quantiles, observed_against_predicted, residuals
-from fitmodels.fit.laws import power
+from fitmodels.fit.laws import LawForm
+from fitmodels.fit.nonlinear import BLOCK, Condensed
 from fitmodels.fit.regression import power_law
-from fitmodels.fit.rows import select
+from fitmodels.fit.rows import SOME, identifiable, select
 from scipy.optimize import curve_fit
 
 
@@ -21,7 +20,7 @@ def wear(n, seed=0, noise=0.1):
 
 @pytest.mark.parametrize("n", [3, 50, BLOCK, BLOCK + 1, 3 * BLOCK + 7])
 def test_the_triangle_holds_what_a_step_needs(n):
-    frame, law = wear(n), power("AW", ("V", "t"))
+    frame, law = wear(n), LawForm("power", "AW", ("V", "t"))
     Z, y, theta = law.design(frame[["V", "t"]].to_numpy()), frame["AW"].to_numpy(), np.array([-4.0, 0.4, 0.2])
     J, r = law.gradient(theta, Z) / 0.3, (law.response_at(theta, Z) - y) / 0.3
     condensed = Condensed(law, Z, y, 0.3)
@@ -33,7 +32,7 @@ def test_the_triangle_holds_what_a_step_needs(n):
 
 
 def test_a_step_to_nowhere_is_infinite_and_warns_of_nothing():
-    frame, law = wear(10), power("AW", ("V", "t"))
+    frame, law = wear(10), LawForm("power", "AW", ("V", "t"))
     condensed = Condensed(law, law.design(frame[["V", "t"]].to_numpy()), frame["AW"].to_numpy(), 1.0)
     assert not np.isfinite(condensed.residuals(np.array([800.0, 0.0, 0.0]))).any()
 

@@ -6,8 +6,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.confirm import confirm
-from fitmodels.fit.joint import quadratic
+from fitmodels.fit.confirmation import confirm, quadratic
 from statsmodels.regression.linear_model import OLS
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
@@ -89,7 +88,7 @@ def test_a_law_that_does_not_hold_is_told_by_edge():
 def test_another_time_exponent_is_seen_within_edges():
     found = confirm(law(), new(AW=lambda data: data["AW"] * (data["t"] / 6) ** 0.35))
     assert found.tests[1].pvalue < 1e-6
-    assert "rows stray from it within their edges" in found.verdict
+    assert "rows deviate from it within their edges" in found.verdict
 
 
 def test_rows_outside_the_region_are_named_and_not_judged():
@@ -97,7 +96,7 @@ def test_rows_outside_the_region_are_named_and_not_judged():
     found = confirm(law(), runs)
     assert [row.line for row in found.unjudged] == [int(line) for line in runs.lines[:2]]
     assert len(found.rows) == 22
-    assert "2 rows outside the region of the design are not judged" in found.verdict
+    assert "2 rows outside the region of the design are not compared" in found.verdict
     assert "V 900 m/min above the 50 to 200 that was cut" in found.verdict
     with pytest.raises(errors.FitError, match="none of the 24 new rows lies in the region"):
         confirm(law(), new(V=900.0))
@@ -108,7 +107,7 @@ def test_new_rows_without_edges_get_no_judgement_of_the_whole():
     found = confirm(law(), datasets.runs_from_frame(data))
     assert found.holds is None
     assert len(found.rows) == 24
-    assert "do not say which edge" in found.verdict
+    assert "have no edge column" in found.verdict
 
 
 def test_a_category():

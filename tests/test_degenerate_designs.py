@@ -27,7 +27,7 @@ DESIGNS = {
         table_of(
             np.repeat([60, 180.0], 4), np.repeat([0.1, 0.3], 4), np.tile([2, 5, 9, 14.0], 2), np.repeat(["a", "b"], 4)
         ),
-        ["2 edges for 2 parameters that only edges can tell: cut at least 1 more"],
+        ["2 edges for 2 parameters estimated between edges: cut at least 1 more"],
     ),
     "one edge": (
         table_of(np.full(8, 100.0), np.full(8, 0.2), np.arange(1, 9) * 2.0, np.repeat("a", 8)),

@@ -9,10 +9,14 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.parameters import collect, read, write
-from fitmodels.parameters.gather.design import design_section
-from fitmodels.parameters.gather.plan import kind_of_plan
-from fitmodels.parameters.gather.scan import labels, numbers, stands
-from fitmodels.parameters.gather.understood import understood
+from fitmodels.parameters.gather.description import reading_notes
+from fitmodels.parameters.gather.design import (
+    constant_by_edge,
+    design_section,
+    kind_of_plan,
+    label_column,
+    number_column,
+)
 from fitmodels.parameters.sections.origin import DesignSection
 from hypothesis import given
 from hypothesis import strategies as st
@@ -73,7 +77,7 @@ def test_the_section_is_read_back_as_it_was_written(pf, tmp_path):
 
 
 def test_what_was_understood_is_what_the_command_tells(runs, pf):
-    assert list(pf.design.understood) == understood(runs, pf.laws)
+    assert list(pf.design.understood) == reading_notes(runs, pf.laws)
     assert pf.design.understood[0].startswith("edge: cutting edge, column 1 'edge': 24 different (E02")
 
 
@@ -147,14 +151,14 @@ def test_a_factor_stands_on_every_edge_exactly_where_pandas_says_so(edge, seed):
     rng = np.random.default_rng(seed)
     v = rng.choice([1.0, 2.0], 5)[edge] if rng.random() < 0.5 else rng.choice([1.0, 2.0], len(edge))
     data = pd.DataFrame({"edge": [f"E{i}" for i in edge], "V": v})
-    found = stands(numbers(data["V"].to_numpy()), labels(made(**data), "edge"))
+    found = constant_by_edge(number_column(data["V"].to_numpy()), label_column(made(**data), "edge"))
     assert found == bool(data.groupby("edge")["V"].agg(np.ptp).eq(0).all())
 
 
 @given(hnp.arrays(np.int64, st.integers(1, 40), elements=st.integers(-1, 4)))
 def test_names_are_counted_as_pandas_counts_them(edge):
     names = pd.Series([f"E{i}" if i >= 0 else "" for i in edge])
-    found = labels(made(edge=names), "edge")
+    found = label_column(made(edge=names), "edge")
     expected = names[names != ""].value_counts(sort=False)
     assert dict(zip(found.names, found.counts.tolist(), strict=True)) == expected.to_dict()
     assert [names[i] for i in found.first] == found.names

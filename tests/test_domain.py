@@ -8,7 +8,6 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.datasets import region
-from fitmodels.fit.domain import domain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.regression.linear_model import OLS
@@ -40,7 +39,7 @@ def hat(Z):
 
 def test_leverage_of_rows_is_the_hat_value():
     fitted = law(edge=None)
-    ours = domain(fitted)
+    ours = fitted.region
     np.testing.assert_allclose(ours.leverage(points(fitted)), hat(fitted.law.design(fitted.X)), rtol=1e-7)
     assert ours.spaces[0].of == "rows"
     assert ours.largest_leverage == pytest.approx(hat(fitted.law.design(fitted.X)).max(), rel=1e-7)
@@ -48,7 +47,7 @@ def test_leverage_of_rows_is_the_hat_value():
 
 def test_leverage_of_edge_settings_is_the_hat_value_of_one_row_an_edge():
     fitted = law()
-    ours, edges = domain(fitted), bundled().data.groupby("edge")[["V", "f", "d"]].first()
+    ours, edges = fitted.region, bundled().data.groupby("edge")[["V", "f", "d"]].first()
     expected = hat(np.column_stack([np.ones(24), np.log(edges)]))
     np.testing.assert_allclose(ours.leverage(dict(edges.items()) | {"t": 8.0}), expected, rtol=1e-7)
     assert [space.of for space in ours.spaces] == ["edge settings", "rows"]
@@ -57,7 +56,7 @@ def test_leverage_of_edge_settings_is_the_hat_value_of_one_row_an_edge():
 
 
 def test_the_corner_of_the_axial_box_is_outside():
-    ours = domain(law())
+    ours = law().region
     assert not ours.inside(CORNER)[0]
     assert ours.leverage(CORNER)[0] > 2 * ours.largest_leverage
     assert ours.coded_radius({"V": 200.0, "f": 0.6, "d": 3.0, "t": np.exp(ours.centre[3])})[0] == pytest.approx(3**0.5)
@@ -69,7 +68,7 @@ def test_the_corner_of_the_axial_box_is_outside():
 def test_every_row_of_the_design_is_inside():
     for response, factors in (("AW", FACTORS), ("P", [*FACTORS, "AW"])):
         fitted = fit.power_law(bundled(), response, factors)
-        assert domain(fitted).inside(points(fitted)).all()
+        assert fitted.region.inside(points(fitted)).all()
 
 
 @settings(max_examples=60, deadline=None)
@@ -78,13 +77,13 @@ def test_between_points_of_the_design_is_inside(mixture):
     rows = np.array([i for i, _ in mixture]) % DESIGN.nobs
     weights = np.array([w for _, w in mixture])
     x = np.exp(weights / weights.sum() @ np.log(DESIGN.X[rows]))
-    assert domain(DESIGN).inside(dict(zip(FACTORS, x, strict=True)))[0]
+    assert DESIGN.region.inside(dict(zip(FACTORS, x, strict=True)))[0]
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.floats(-2, 2), min_size=4, max_size=4))
 def test_the_facts_alone_tell_the_same(u):
-    ours = domain(DESIGN)
+    ours = DESIGN.region
     facts = json.loads(json.dumps(ours.facts()))
     x = np.exp(np.array(ours.centre) + np.array(u) * ours.half_range)
     named = dict(zip(FACTORS, x, strict=True))
@@ -97,20 +96,20 @@ def test_the_facts_alone_tell_the_same(u):
 def test_units_do_not_matter():
     runs = bundled()
     other = datasets.runs_from_frame(runs.data.drop(columns="point").assign(V=runs.data["V"] * 3.28))
-    there = domain(fit.power_law(other, "AW", FACTORS))
-    assert there.leverage(CORNER | {"V": 656.0})[0] == pytest.approx(domain(DESIGN).leverage(CORNER)[0], rel=1e-9)
+    there = fit.power_law(other, "AW", FACTORS).region
+    assert there.leverage(CORNER | {"V": 656.0})[0] == pytest.approx(DESIGN.region.leverage(CORNER)[0], rel=1e-9)
 
 
 def test_words_name_the_factor_and_its_range():
-    words = domain(DESIGN).words({"V": 300.0, "f": 0.19, "d": 2.12, "t": 8.0})
+    words = DESIGN.region.words({"V": 300.0, "f": 0.19, "d": 2.12, "t": 8.0})
     assert "V 300 m/min above the 50 to 200 that was cut" in words
-    assert "inside: leverage 0.04" in domain(DESIGN).words({"V": 100.0, "f": 0.19, "d": 2.12, "t": 8.0})
+    assert "inside: leverage 0.04" in DESIGN.region.words({"V": 100.0, "f": 0.19, "d": 2.12, "t": 8.0})
     with pytest.raises(errors.FitError, match="2 points"):
-        domain(DESIGN).words({"V": [300.0, 100.0], "f": 0.19, "d": 2.12, "t": 8.0})
+        DESIGN.region.words({"V": [300.0, 100.0], "f": 0.19, "d": 2.12, "t": 8.0})
 
 
 def test_a_point_a_little_off_an_axial_one_is_inside():
-    assert domain(DESIGN).inside({"V": 200.0, "f": 0.2, "d": 2.0, "t": 8.0})[0]
+    assert DESIGN.region.inside({"V": 200.0, "f": 0.2, "d": 2.0, "t": 8.0})[0]
 
 
 def test_each_level_of_a_category_has_its_own_limit():
@@ -119,7 +118,7 @@ def test_each_level_of_a_category_has_its_own_limit():
     material = np.array(["hard"] * 2 + ["soft"] * 20)
     frame = pd.DataFrame({"V": V, "material": material, "AW": 0.01 * V**0.5 * np.exp(rng.normal(0, 0.05, 22))})
     fitted = fit.power_law(datasets.runs_from_frame(frame), "AW", ["V"], by="material")
-    ours = domain(fitted)
+    ours = fitted.region
     assert ours.levels == ("hard", "soft")
     hard, soft = ours.spaces[0].largest
     assert hard > 2 * soft
@@ -135,14 +134,14 @@ def test_degenerate_designs():
     """One edge; as many rows as parameters; a line in its own units."""
     runs = bundled()
     one = fit.power_law(datasets.runs_from_frame(runs.data[runs.data["edge"] == "E01"]), "AW", FACTORS)
-    assert [space.of for space in domain(one).spaces] == ["rows"]
-    assert domain(one).inside({"t": [4.0, 400.0]}).tolist() == [True, False]
+    assert [space.of for space in one.region.spaces] == ["rows"]
+    assert one.region.inside({"t": [4.0, 400.0]}).tolist() == [True, False]
     two = fit.power_law(datasets.runs_from_frame(pd.DataFrame({"V": [50.0, 90.0], "AW": [0.1, 0.2]})), "AW", ["V"])
-    assert domain(two).largest_leverage == pytest.approx(1.0)
-    assert domain(two).inside({"V": [60.0, 49.0]}).tolist() == [True, False]
+    assert two.region.largest_leverage == pytest.approx(1.0)
+    assert two.region.inside({"V": [60.0, 49.0]}).tolist() == [True, False]
     fm, VB = np.array([100.0, 100, 200, 200]), np.array([-0.1, 0.1, 0.1, 0.2])
     frame = pd.DataFrame({"fm": fm, "VB": VB + 0.1, "I": 1 + 0.01 * fm + 2 * VB + [0.01, -0.01, 0.01, 0]})
-    line = domain(fit.load_law(datasets.runs_from_frame(frame)))
+    line = fit.load_law(datasets.runs_from_frame(frame)).region
     assert not line.logs
     assert line.inside({"fm": [150.0, 100.0], "VB": [0.15, 0.3]}).tolist() == [True, False]
 
@@ -153,7 +152,7 @@ def test_degenerate_designs():
 )
 def test_refusals(bad, words):
     with pytest.raises(errors.FitError, match=words):
-        domain(DESIGN).inside(bad)
+        DESIGN.region.inside(bad)
 
 
 def test_of_very_many_rows_a_choice_draws_the_same_region():
@@ -163,6 +162,6 @@ def test_of_very_many_rows_a_choice_draws_the_same_region():
     t = rng.uniform(1, 20, len(edge))
     AW = 0.01 * V**0.5 * f**0.2 * t**0.3 * np.exp(0.1 * rng.normal(size=len(t)))
     frame = pd.DataFrame({"edge": [f"E{g}" for g in edge], "V": V, "f": f, "t": t, "AW": AW})
-    place = fit.domain(fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "f", "t"]))
+    place = fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "f", "t"]).region
     assert place.inside(frame[["V", "f", "t"]]).all()
     assert not place.inside({"V": [400.0], "f": [0.3], "t": [10.0]}).any()

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.mixed import mixed
+from fitmodels.fit.edges import fit_random_level
+from fitmodels.fit.regression import edge_inference
 from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM
 
@@ -22,13 +23,13 @@ def bundled():
 
 
 def rows(law):
-    return law.law.design(law.X, law.shifts), np.log(law.observed), np.unique(law.edge, return_inverse=True)[1]
+    return law.formula.design(law.X, law.shifts), np.log(law.observed), np.unique(law.edge, return_inverse=True)[1]
 
 
 @pytest.mark.parametrize("response", FACTORS)
 def test_the_jackknife_is_statsmodels_crv3(response):
     law = fit.power_law(bundled(), response, FACTORS[response])
-    edges = fit.edge_inference(law)
+    edges = edge_inference(law)
     Z, y, group = rows(law)
     reference = OLS(y, Z).fit(cov_type="cluster-crv3", cov_kwds={"groups": group}, use_t=True)
     np.testing.assert_allclose(edges.cov_theta, reference.cov_params(), rtol=1e-6)
@@ -40,7 +41,7 @@ def test_the_jackknife_is_statsmodels_crv3(response):
 @pytest.mark.filterwarnings("ignore::statsmodels.tools.sm_exceptions.ConvergenceWarning")
 def test_the_random_level_is_statsmodels_mixedlm(response):
     law = fit.power_law(bundled(), response, FACTORS[response])
-    ours = fit.edge_inference(law).mixed
+    ours = edge_inference(law).mixed
     Z, y, group = rows(law)
     reference = MixedLM(y, Z, group).fit(reml=True, method="powell")
     np.testing.assert_allclose(ours.theta, reference.fe_params, rtol=1e-5)
@@ -52,7 +53,7 @@ def test_the_random_level_is_statsmodels_mixedlm(response):
 def test_a_leaving_out_is_a_refit_without_the_edge():
     runs = bundled()
     law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
-    edges = fit.edge_inference(law)
+    edges = edge_inference(law)
     for g in (0, 11, 23):
         kept = runs.labels("edge") != edges.edges[g]
         without = datasets.runs_from_frame(runs.data[kept].drop(columns="point"))
@@ -61,7 +62,7 @@ def test_a_leaving_out_is_a_refit_without_the_edge():
 
 
 def test_what_changes_within_edges_is_told_from_what_does_not():
-    edges = fit.edge_inference(fit.power_law(bundled(), "P", ["V", "f", "d", "t", "AW"]))
+    edges = edge_inference(fit.power_law(bundled(), "P", ["V", "f", "d", "t", "AW"]))
     assert edges.within == (False, False, False, False, True, True)
     assert edges.f_df == 3
     assert edges.inflation == pytest.approx(edges.row_fvalue / edges.fvalue)
@@ -79,7 +80,7 @@ def test_edge_means_of_a_balanced_design_are_the_random_level():
     G, m = 12, 5
     x, edge = rng.normal(size=G), np.repeat(np.arange(G), m)
     y = 1 + 0.5 * x[edge] + rng.normal(0, 0.4, G)[edge] + rng.normal(0, 0.2, G * m)
-    ours = mixed(np.column_stack([np.ones(G * m), x[edge]]), y, edge, np.array([False, False]))
+    ours = fit_random_level(np.column_stack([np.ones(G * m), x[edge]]), y, edge, np.array([False, False]))
     means = OLS(y.reshape(G, m).mean(axis=1), np.column_stack([np.ones(G), x])).fit()
     np.testing.assert_allclose(ours.theta, means.params, rtol=1e-9)
     np.testing.assert_allclose(ours.bse, means.bse, rtol=1e-5)
@@ -91,7 +92,7 @@ def test_no_variance_between_edges_is_none():
     edge = np.repeat(np.arange(10), 4)
     y = rng.normal(size=40)
     y -= np.bincount(edge, weights=y)[edge] / 4  # edges with equal means: less than chance would give
-    ours = mixed(np.ones((40, 1)), y, edge, np.array([False]))
+    ours = fit_random_level(np.ones((40, 1)), y, edge, np.array([False]))
     assert (ours.sd_between, ours.icc) == (0.0, 0.0)
 
 
@@ -110,12 +111,12 @@ def wear(edges, per_edge=4, noise=0.05, seed=1, settings=None):
 @pytest.mark.parametrize(
     ("law", "words"),
     [
-        (lambda: wear(3), "3 edges for 3 parameters that only edges can tell: cut at least 1 more"),
+        (lambda: wear(3), "3 edges for 3 parameters estimated between edges: cut at least 1 more"),
         (lambda: wear(8, per_edge=1), "each of the 8 rows is an edge of its own"),
         (lambda: wear(8, noise=0.0), "meets every row exactly"),
         (
             lambda: wear(6, settings=(np.array([80.0, 80, 80, 80, 80, 160]), np.linspace(0.1, 0.5, 6))),
-            "edge E5 alone holds a parameter of the law",
+            "edge E5 alone identifies a parameter of the law",
         ),
         (
             lambda: fit.power_law(datasets.read_runs(datasets.bundled("ac2017_table1")), "AW", ["V", "f"]),
@@ -124,7 +125,7 @@ def wear(edges, per_edge=4, noise=0.05, seed=1, settings=None):
     ],
 )
 def test_what_cannot_be_had_is_said(law, words):
-    edges = fit.edge_inference(law())
+    edges = edge_inference(law())
     assert isinstance(edges, fit.NotAvailable)
     assert not edges
     assert words in str(edges)

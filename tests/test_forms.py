@@ -37,7 +37,7 @@ def cut(force, *, edges=20, per_edge=6, noise=0.03, seed=1, named=True):
 def test_left_out_errors_are_those_of_refits():
     law = bundled()
     forms = compare_forms(law)
-    Z, y = law.law.design(law.X), np.log(law.observed)
+    Z, y = law.formula.design(law.X), np.log(law.observed)
     columns = {"power law": Z, "exponential in AW": np.column_stack([Z[:, :5], law.X[:, 4]])}
     for form in (forms.power, *forms.alternatives):
         if form.name not in columns:
@@ -85,7 +85,7 @@ def test_the_true_form_is_chosen(force, chosen):
 def test_the_standard_error_of_equal_edges_is_that_of_their_means():
     forms = compare_forms(fit.power_law(cut(lambda V, AW: 20 * V**0.5 * np.exp(3 * AW)), "F", ["V", "AW"]))
     law = fit.power_law(cut(lambda V, AW: 20 * V**0.5 * np.exp(3 * AW)), "F", ["V", "AW"])
-    y, Z = np.log(law.observed), law.law.design(law.X)
+    y, Z = np.log(law.observed), law.formula.design(law.X)
     X = np.column_stack([Z[:, :2], law.X[:, 1]])
     squares = np.empty((2, len(y)))
     for name in set(law.edge):
@@ -103,7 +103,7 @@ def test_rows_are_left_out_where_there_are_no_edges_or_one():
     lone = compare_forms(fit.power_law(cut(lambda V, AW: V * AW**0.2, edges=1, per_edge=12), "F", ["AW"]))
     assert (lone.unit, lone.units) == ("row", 12)
     law = fit.power_law(cut(lambda V, AW: V * AW**0.2, named=False), "F", ["V", "AW"])
-    reference = OLS(np.log(law.observed), law.law.design(law.X)).fit().get_influence().resid_press
+    reference = OLS(np.log(law.observed), law.formula.design(law.X)).fit().get_influence().resid_press
     assert nameless.power.error == pytest.approx(np.sqrt(np.mean(reference**2)), rel=EXACT)
 
 

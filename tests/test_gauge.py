@@ -67,7 +67,7 @@ def test_orthogonal_regression_at_its_own_ratio_of_errors_is_the_same():
     """Residuals of ln AW and ln P on the other factors; errors of variance s^2 and the response's, found here."""
     law, sd = power(0.05), 0.05
     found = gauge_corrected(law, sd)
-    Z, y = law.law.design(law.X), np.log(law.observed)
+    Z, y = law.formula.design(law.X), np.log(law.observed)
     others = Z[:, :4]
     pair = np.column_stack([Z[:, 4], y])
     left = pair - others @ np.linalg.lstsq(others, pair, rcond=None)[0]
@@ -113,7 +113,7 @@ def test_no_gauge_error_is_the_plain_fit():
 def test_standard_errors_are_refits_without_each_edge():
     law = power(0.05)
     found = gauge_corrected(law, 0.05)
-    Z, y = law.law.design(law.X), np.log(law.observed)
+    Z, y = law.formula.design(law.X), np.log(law.observed)
     each = 0.05**2 * (len(y) - 4) / len(y) * np.diag([0, 0, 0, 0, 1.0])
     moved = []
     for name in law.edges.edges:

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
-from fitmodels.fit.identifiable import EXACT, identifiable
+from fitmodels.fit.rows import EXACT, identifiable
 
 
 def wear(n=30, seed=0, **more):

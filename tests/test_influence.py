@@ -88,7 +88,7 @@ def test_edges_left_out_are_refits_without_them(bundled):
         refit = fit.power_law(datasets.runs_from_frame(bundled.data[kept].drop(columns="point")), "P", [*NAMES, "AW"])
         np.testing.assert_allclose(law.theta + left.moved[g], refit.theta, rtol=1e-7, atol=1e-9)
         here = law.edge == name
-        predicted = np.log(law.observed[here]) - law.law.design(law.X[here], law.shifts[here]) @ refit.theta
+        predicted = np.log(law.observed[here]) - law.formula.design(law.X[here], law.shifts[here]) @ refit.theta
         np.testing.assert_allclose(left.predicted[here], predicted, rtol=1e-6, atol=1e-9)
         total += float(predicted @ predicted)
     assert of_press.press == pytest.approx(total, rel=REFIT)
@@ -156,7 +156,7 @@ def test_a_law_that_predicts_worse_than_the_mean():
 @pytest.mark.parametrize("factors", [NAMES, [*NAMES, "AW"]])
 def test_variance_inflation_is_statsmodels(bundled, factors):
     law = fit.power_law(bundled, "P", factors)
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.formula.design(law.X, law.shifts)
     found = collinearity(law)
     reference = [variance_inflation_factor(Z, j) for j in range(1, Z.shape[1])]
     np.testing.assert_allclose(found.vif, reference, rtol=1e-9)

@@ -11,8 +11,7 @@ from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.core.intervals import tolerance_factor
-from fitmodels.fit.about import same_edge
-from fitmodels.fit.intervals import interval
+from fitmodels.fit.prediction import interval, same_edge
 from scipy.stats import norm
 from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM
@@ -56,8 +55,8 @@ def near(hits, level=0.95, approximate=0.005):
 @pytest.mark.parametrize("level", [0.8, 0.95])
 def test_independent_rows_are_statsmodels_get_prediction(level):
     law = wear_law(edge=None)
-    reference = OLS(np.log(law.observed), law.law.design(law.X)).fit()
-    Z = law.law.design(np.column_stack([AT[name] for name in TRUTH]))
+    reference = OLS(np.log(law.observed), law.formula.design(law.X)).fit()
+    Z = law.formula.design(np.column_stack([AT[name] for name in TRUTH]))
     expected = reference.get_prediction(Z).summary_frame(alpha=1 - level)
     for kind, stem in (("mean", "mean_ci"), ("prediction", "obs_ci")):
         band = interval(law, AT, kind, level=level)
@@ -73,7 +72,7 @@ def test_an_additive_line_is_statsmodels_in_natural_units():
     fm, VB = rng.uniform(100, 400, 20), rng.uniform(0, 0.3, 20)
     frame = pd.DataFrame({"fm": fm, "VB": VB, "I": 1 + 0.01 * fm + 3 * VB + rng.normal(0, 0.1, 20)})
     law = fit.load_law(datasets.runs_from_frame(frame))
-    expected = OLS(law.observed, law.law.design(law.X)).fit().get_prediction([[1, 200.0, 0.2]]).summary_frame()
+    expected = OLS(law.observed, law.formula.design(law.X)).fit().get_prediction([[1, 200.0, 0.2]]).summary_frame()
     for kind, stem in (("mean", "mean_ci"), ("prediction", "obs_ci")):
         band = interval(law, {"fm": 200.0, "VB": 0.2}, kind, centre="smeared")
         np.testing.assert_allclose(
@@ -186,10 +185,10 @@ def test_the_level_of_an_edge_is_statsmodels_and_its_variance_the_weighted_sum()
     """In a balanced test least squares and the mixed model have the same theta, hence the same levels."""
     runs, _ = cut(np.random.default_rng(8), 0.1, 0.1)
     law = fit.power_law(runs, "AW", list(TRUTH))
-    Z, y, group = law.law.design(law.X), np.log(law.observed), np.unique(law.edge, return_inverse=True)[1]
+    Z, y, group = law.formula.design(law.X), np.log(law.observed), np.unique(law.edge, return_inverse=True)[1]
     reference = MixedLM(y, Z, group).fit(method="powell")
     points = pd.DataFrame({name: AT[name] for name in TRUTH}).assign(edge=["E01", "E05", "E24"])
-    new = law.law.design(points[list(TRUTH)].to_numpy())
+    new = law.formula.design(points[list(TRUTH)].to_numpy())
     ours = same_edge(law, new, points)
     effects = [float(reference.random_effects[g].iloc[0]) for g in (0, 4, 23)]
     np.testing.assert_allclose(ours.shift, effects, rtol=1e-4, atol=1e-8)
@@ -289,7 +288,7 @@ def test_every_interval_says_what_lies_in_the_region(kind):
     band = law.predict(points, kind, edge="same", coverage=0.9, centre="smeared")
     pd.testing.assert_frame_equal(band, interval(law, points, kind, edge="same", coverage=0.9, centre="smeared"))
     assert band["inside"].dtype == bool
-    assert band["inside"].tolist() == fit.domain(law).inside(points).tolist() == [True, False, False]
+    assert band["inside"].tolist() == law.region.inside(points).tolist() == [True, False, False]
     assert band.attrs["words"].endswith("; the value is the smeared mean; inside: in the region of the design")
 
 
@@ -299,7 +298,7 @@ def test_where_no_region_can_be_had_the_ranges_tell(monkeypatch):
     def none(_):
         raise errors.FitError("too few settings")
 
-    monkeypatch.setattr("fitmodels.fit.intervals.domain", none)
+    monkeypatch.setattr("fitmodels.fit.prediction.domain", none)
     corners = {name: [low, high, high * 1.01] for name, (low, high) in law.domain.items()}
     band = law.predict(corners, "mean")
     assert band["inside"].tolist() == [True, True, False]

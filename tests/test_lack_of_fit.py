@@ -7,7 +7,6 @@ statsmodels' F test of a law within the means of its settings, on all of these a
 README has the same figures). An analysis printed by R's olsrr is in test_published_figures.py.
 """
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -34,7 +33,7 @@ def straight(X, y):
 
 def by_statsmodels(law):
     """Sum of squares about the settings' means; F, p and degrees of freedom of the law within them."""
-    Z, y = law.law.design(law.X), np.log(law.observed)
+    Z, y = law.design, np.log(law.observed)
     setting = np.unique(np.round(Z, 9), axis=0, return_inverse=True)[1].ravel()
     means = OLS(y, np.eye(setting.max() + 1)[setting]).fit()
     return means.ssr, *means.compare_f_test(OLS(y, Z).fit())
@@ -66,11 +65,11 @@ def composite(counts, seed=0):
 
 def with_response(law, log_y):
     """The law refitted to another response."""
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.design
     found = fit.linear(Z, log_y)
     r = log_y - Z @ found.params
-    return replace(
-        law, theta=found.params, cov_theta=found.cov_params, observed=np.exp(log_y),
+    return law.with_rows(
+        theta=found.params, cov_theta=found.cov_params, observed=np.exp(log_y),
         fitted=np.exp(Z @ found.params), residuals=r, rss=float(r @ r), tss=found.tss,
     )  # fmt: skip
 
@@ -123,7 +122,7 @@ def test_balanced_edges_are_tested_by_their_means(icc):
     law, at = composite([6] * 24)
     rng = np.random.default_rng(5)
     noise = rng.normal(size=len(at)) + np.sqrt(icc / (1 - icc)) * rng.normal(size=24)[at]
-    law = with_response(law, law.law.design(law.X, law.shifts) @ THETA + 0.1 * noise)
+    law = with_response(law, law.design @ THETA + 0.1 * noise)
     mean = np.log(law.observed).reshape(24, 6).mean(axis=1)
     by_means = form_of(straight(np.log(law.X[::6, :3]), mean))
     found = form_of(law)
@@ -137,7 +136,7 @@ def test_balanced_edges_are_tested_by_their_means(icc):
 def test_sound_laws_are_rejected_as_often_as_the_level_says(icc, counts):
     """400 laws, 5 %: the binomial lies within .02 and .085 but for 2 in 1000; the rows' F would reject nearly all."""
     law, at = composite(counts)
-    signal = law.law.design(law.X, law.shifts) @ THETA
+    signal = law.design @ THETA
     rng = np.random.default_rng(435)
     between = np.sqrt(icc / (1 - icc))
     laws = (
@@ -149,7 +148,7 @@ def test_sound_laws_are_rejected_as_often_as_the_level_says(icc, counts):
 
 def test_a_bent_law_is_found():
     law, at = composite([6] * 24)
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.design
     rng = np.random.default_rng(6)
     bend = 0.8 * (Z[:, 1] - Z[:, 1].mean()) ** 2
     found = form_of(with_response(law, Z @ THETA + bend + 0.05 * rng.normal(size=len(at))))
@@ -159,7 +158,7 @@ def test_a_bent_law_is_found():
 
 def test_a_unit_scales_nothing():
     law, at = composite([6] * 24)
-    rescaled = with_response(replace(law, X=law.X * np.array([1000 / 60, 25.4, 0.1, 60])), np.log(law.observed) + 3)
+    rescaled = with_response(law.with_rows(X=law.X * np.array([1000 / 60, 25.4, 0.1, 60])), np.log(law.observed) + 3)
     assert form_of(rescaled).statistic == pytest.approx(form_of(law).statistic, rel=1e-7)
     assert len(at) == law.nobs
 
@@ -167,7 +166,7 @@ def test_a_unit_scales_nothing():
 def test_additive_errors_are_tested_too():
     law, _ = composite([6] * 24)
     rng = np.random.default_rng(7)
-    signal = np.exp(law.law.design(law.X, law.shifts) @ THETA)
+    signal = np.exp(law.design @ THETA)
     law = with_response(law, np.log(signal * (1 + 0.05 * rng.normal(size=law.nobs))))
     found = form_of(law.alternative)
     assert found.df == (11, 9)

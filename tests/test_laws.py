@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from fitmodels.fit.laws import exponential, feed_line, load_line, power
+from fitmodels.fit.laws import FORMS, LawForm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 LAWS = {
-    "power": (power("AW", ("V", "f")), [-4.0, 0.5, 0.2]),
-    "exponential": (exponential("Ra", "F"), [-1.4, 0.0034]),
-    "load_line": (load_line("I", "fm", "VB"), [0.12, 1.2e-4, 0.22]),
-    "feed_line": (feed_line("fm", "VB"), [996.0, -1970.0]),
+    "power": (LawForm("power", "AW", ("V", "f")), [-4.0, 0.5, 0.2]),
+    "exponential": (LawForm("exponential", "Ra", ("F",)), [-1.4, 0.0034]),
+    "load_line": (LawForm("load_line", "I", ("fm", "VB")), [0.12, 1.2e-4, 0.22]),
+    "feed_line": (LawForm("feed_line", "fm", ("VB",)), [996.0, -1970.0]),
 }
 RANGES = {"V": (50, 200), "f": (0.06, 0.6), "F": (400, 800), "fm": (500, 1000), "VB": (0, 0.3)}
 
@@ -58,11 +58,17 @@ def test_the_coefficients_are_those_of_the_printed_formula(form, value):
 
 
 def test_names_carry_the_papers_letters():
-    assert power("AW", ("V", "f")).names == ("c0", "V", "f")
-    assert exponential("Ra", "F").names == ("a", "b")
-    assert load_line("I", "fm", "VB").names == ("A", "B", "k1")
-    assert feed_line("fm", "VB").names == ("fm0", "slope")
+    assert LawForm("power", "AW", ("V", "f")).names == ("c0", "V", "f")
+    assert LawForm("exponential", "Ra", ("F",)).names == ("a", "b")
+    assert LawForm("load_line", "I", ("fm", "VB")).names == ("A", "B", "k1")
+    assert LawForm("feed_line", "fm", ("VB",)).names == ("fm0", "slope")
     assert [law.logarithmic for law, _ in LAWS.values()] == [True, True, False, False]
+    assert list(LAWS) == list(FORMS)
+
+
+def test_the_equation_is_the_formula_in_text():
+    told = [law.equation([f"{c:g}" for c in theta]) for law, theta in LAWS.values()]
+    assert told == ["-4 V^0.5 f^0.2", "-1.4 exp(0.0034 F)", "0.12 + 0.00012 fm + 0.22 VB", "996 - 1970 VB"]
 
 
 def test_a_category_adds_columns_after_the_factors():
@@ -84,7 +90,7 @@ def test_coefficients_leave_theta_as_it_was():
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.01, 100))
 def test_a_power_law_turns_scales_into_its_constant(a, b, scale):
-    law, theta = power("P", ("V", "f")), np.array([0.3, a, b])
+    law, theta = LawForm("power", "P", ("V", "f")), np.array([0.3, a, b])
     X = np.random.default_rng(5).uniform(0.1, 10, size=(6, 2))
     moved = theta - np.array([a * np.log(scale), 0, 0])
     np.testing.assert_allclose(

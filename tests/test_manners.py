@@ -29,6 +29,15 @@ from fitmodels.controllers.region.visible import wear_front
 from fitmodels.controllers.roughness.simulations import turn
 from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value, with_error
 from fitmodels.datasets.records.look import looks_like_record
+from fitmodels.fit.bayes.competing_posterior import rival_posterior
+from fitmodels.fit.bayes.sampling import watch
+from fitmodels.fit.checks.response_scale import error_structure
+from fitmodels.fit.checks.robust_fit import dominant_edge
+from fitmodels.fit.checks.time_exponent import common_exponent
+from fitmodels.fit.defaults import Refused
+from fitmodels.fit.many.laws_of_pairs import ManyLaws
+from fitmodels.fit.published import compare_published
+from fitmodels.fit.rows import By, Dropped, LeftOut
 from fitmodels.ident.continuous import sampled, to_continuous
 from fitmodels.ident.pi.controller import simulate_loop
 from fitmodels.ident.pi.loop import loop_of
@@ -176,7 +185,7 @@ def latent():
 
 
 @cache
-def many() -> fit.ManyLaws:
+def many() -> ManyLaws:
     data = runs().data.assign(pair=[f"p{i % 3}" for i in range(len(runs().data))])
     return fit.many_power_laws(data, "AW", ["V", "f", "d", "t"], pair="pair", edge="edge")
 
@@ -195,35 +204,35 @@ RESULTS: dict[str, Callable[[], object]] = {
     "Source": lambda: runs().source,
     "Look": lambda: looks_like_record(datasets.bundled("gc435_709m40")),
     "LawFit": law,
-    "StreamedLaw": lambda: fit.streamed_power_law([runs().data], "AW", ["V", "f", "d", "t"]),
+    "LawFit of a stream": lambda: fit.streamed_power_law([runs().data], "AW", ["V", "f", "d", "t"]),
     "ManyLaws": many,
     "PooledExponents": lambda: fit.pooled_exponents(many(), "V"),
     "LinearFit": lambda: fit.linear(np.random.default_rng(1).normal(size=(20, 2)), np.arange(20.0)),
     "Judgement": lambda: fit.judge(law()),
     "Posterior": post,
     "JointPosterior": latent,
-    "RivalPosterior": lambda: fit.rival_posterior(law(), "second order in logs", draws=400),
+    "RivalPosterior": lambda: rival_posterior(law(), "second order in logs", draws=400),
     "Priors": lambda: post().priors,
-    "Beside": lambda: fit.beside_published(
+    "PublishedComparison": lambda: compare_published(
         fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1"))), "", "Ck 45"
     ),
-    "By": lambda: fit.By("material", "steel", ("iron",)),
+    "By": lambda: By("material", "steel", ("iron",)),
     "Composite": lambda: fit.composite(load(), law()),
     "Confirmation": lambda: fit.confirm(fit.power_law(halves()[0], "AW", FACTORS), halves()[1]),
-    "Domain": lambda: fit.domain(law()),
-    "Dropped": lambda: fit.Dropped("no wear", 3, (4, 5, 9)),
+    "DesignRegion": lambda: law().region,
+    "Dropped": lambda: Dropped("no wear", 3, (4, 5, 9)),
     "EdgeBootstrap": lambda: fit.edge_bootstrap(law()),
     "EdgeInference": lambda: law().edges,
     "CompetingModels": lambda: fit.compare_forms(law()),
     "GaugeFit": lambda: fit.gauge_corrected(load(), 0.01),
-    "LeftOut": lambda: fit.LeftOut("d", "it never changes"),
+    "LeftOut": lambda: LeftOut("d", "it never changes"),
     "NotAvailable": lambda: fit.NotAvailable("no replicated edges"),
-    "Refused": lambda: fit.Refused("Fxz", "no force in the file"),
+    "Refused": lambda: Refused("Fxz", "no force in the file"),
     "RobustFit": lambda: fit.robust(law()),
     "ToolLife": lambda: fit.tool_life(law(), 0.3),
-    "CommonExponent": lambda: fit.common_exponent(law()),
-    "DominantEdge": lambda: fit.dominant_edge(law()),
-    "ErrorStructure": lambda: fit.error_structure(law()),
+    "CommonExponent": lambda: common_exponent(law()),
+    "DominantEdge": lambda: dominant_edge(law()),
+    "ErrorStructure": lambda: error_structure(law()),
     "Model": plant,
     "ContinuousModel": lambda: to_continuous(plant()),
     "NoContinuousForm": lambda: to_continuous(ident.Model(b=[0, 1], a=[1, 0.5], nk=1, sample_time=0.1)),
@@ -583,7 +592,7 @@ def test_a_long_run_renews_one_line_in_a_notebook(monkeypatch, patience, lines):
 
     monkeypatch.setattr(ipython, "get_ipython", lambda: type("Shell", (), {"kernel": None})())
     monkeypatch.setattr(display, "display", first)
-    progress = fit.watch(patience=patience)
+    progress = watch(patience=patience)
     progress(10, 5.2)
     progress(20, 9.4)
     assert [line.split(" draws")[0] for line in shown] == lines
@@ -592,7 +601,7 @@ def test_a_long_run_renews_one_line_in_a_notebook(monkeypatch, patience, lines):
 @pytest.mark.parametrize("terminal", [True, False], ids=["at a terminal", "into a pipe"])
 def test_a_long_run_renews_one_line(monkeypatch, capsys, terminal):
     monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
-    fit.watch("sampling", patience=0.0)(10, 5.2)
+    watch("sampling", patience=0.0)(10, 5.2)
     written = capsys.readouterr()
     assert written.out == ""
     assert ("sampling: 10 steps, 5 effective draws, 0 s" in written.err) == terminal

@@ -8,8 +8,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.exchange import d_optimal, determinant_gain
-from fitmodels.fit.next_runs import next_runs
+from fitmodels.fit.next_tests import d_optimal, determinant_gain, next_runs
 
 EXACT = 1e-9
 FACTORS = ["V", "f", "d", "t"]
@@ -86,7 +85,7 @@ def test_without_a_repeated_edge_repeats_come_first():
 def test_new_tests_stay_in_the_region_and_can_be_cut():
     law = bundled_law()
     added = next_runs(law, 9)
-    assert fit.domain(law).inside({**added[["V", "f", "d"]], "t": 8.0}).all()
+    assert law.region.inside({**added[["V", "f", "d"]], "t": 8.0}).all()
     assert list(added["run"]) == list(range(1, 10))
     assert not set(added["edge"]) & set(law.edge)
     assert len(cut(added)) == 9 * 6
@@ -106,7 +105,7 @@ def test_candidates_of_ones_own():
     corner = {"V": [100.0, 200.0], "f": [0.19, 0.6], "d": [2.1, 3.0]}
     added = next_runs(law, 1, candidates=corner)
     assert added.loc[0, ["point", "V", "f", "d"]].tolist() == ["new", 200.0, 0.6, 3.0]
-    assert added.attrs["determinant_gain"] == pytest.approx(1 + fit.domain(law).leverage({**corner, "t": 8})[1])
+    assert added.attrs["determinant_gain"] == pytest.approx(1 + law.region.leverage({**corner, "t": 8})[1])
     with pytest.raises(errors.FitError, match="lack d"):
         next_runs(law, 1, candidates={"V": 100.0, "f": 0.2})
     with pytest.raises(errors.FitError, match="above zero"):

@@ -16,8 +16,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import fit, parameters
-from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
+from fitmodels.fit.laws import LawForm
+from fitmodels.fit.rows import LawSource
 from fitmodels.parameters import LawSection, ParameterFile, collect, read, write
 from fitmodels.parameters import file as file_module
 from fitmodels.parameters.file import sealed
@@ -686,14 +687,10 @@ def test_a_damaged_file_is_refused_or_valid(path):
 # --- collecting -------------------------------------------------------------------------------------
 
 
-def no_region(law):
-    raise errors.FitError("a stand-in has no design")
-
-
 @pytest.fixture(autouse=True)
 def no_checks(monkeypatch):
     """A stand-in has no rows to check: what `judge` finds on real fits is tested beside it."""
-    monkeypatch.setattr(fit, "domain", no_region)
+    monkeypatch.setattr("fitmodels.parameters.gather.law._region", lambda law: None)
     monkeypatch.setattr(fit, "judge", lambda law, gauge_sd, **more: SimpleNamespace(checks={}, verdicts=tuple, nobs=20))
 
 
@@ -704,6 +701,8 @@ def stand_in(**changes):
         "form": "power",
         "response": "AW",
         "factors": ("V", "f"),
+        "source": LawSource(),
+        "rows": (),
         "units": {"AW": "mm", "V": "m/min", "f": "mm/rev"},
         "error": "multiplicative",
         "params": pd.Series([0.00123456789, 0.577, -0.21, 0.3], index=names),
@@ -732,6 +731,7 @@ def stand_in(**changes):
         "alternative": None,
     }
     law = SimpleNamespace(**{**attributes, **changes})
+    law.formula = LawForm(law.form, law.response, law.factors)
     law.covariance = lambda: law.cov_theta
     return law
 
@@ -833,7 +833,7 @@ def test_equations_of_the_other_forms():
     ],
 )
 def test_a_fit_that_cannot_be_handed_over(changes, words):
-    with pytest.raises(ParameterError, match=f"the law of AW cannot be handed over: .*{words}"):
+    with pytest.raises(ParameterError, match=f"the law of AW cannot be written: .*{words}"):
         collect(tool="a", work="b", laws=[stand_in(**changes)])
 
 

@@ -327,7 +327,7 @@ def test_curves_are_what_predict_gives(posteriors):
 def test_rows_keep_their_distance_from_the_law_when_they_are_moved(posteriors, name):
     post = posteriors[name]
     law, middle = post.law, np.median(post.draws[:, : len(post.law.theta)], axis=0)
-    fitted = law.law.response_at(middle, law.law.design(law.X, law.shifts))
+    fitted = law.formula.response_at(middle, law.formula.design(law.X, law.shifts))
     away = law.observed - fitted if name == "natural units" else np.log(law.observed / fitted)
     for ax in panels(post, "curves")[: len(law.factors)]:
         x, y = line_of(ax, "rows").get_data()

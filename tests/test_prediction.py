@@ -62,7 +62,7 @@ def test_the_file_knows_the_region_of_the_design():
     section = parameters.collect(tool="GC435", work="709M40", laws=[law]).laws["AW"]
     rng = np.random.default_rng(2)
     points = {name: np.exp(rng.uniform(*np.log(ends), 300)) for name, ends in law.domain.items()}
-    np.testing.assert_array_equal(section.inside(**points), fit.domain(law).inside(points))
+    np.testing.assert_array_equal(section.inside(**points), law.region.inside(points))
     assert section.inside(V=100, f=0.2, d=2, t=8) is True
     assert section.inside(V=200, f=0.6, d=3, t=8) is False
     assert section.inside(**{name: runs.values(name) for name in ("V", "f", "d", "t")}).all()

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.fit.published import compare_published
 from statsmodels.regression.linear_model import OLS
 
 
@@ -80,7 +81,7 @@ def test_roughness_beside_the_printed_law():
     assert law.params["b"] == pytest.approx(ols.params[1], rel=1e-9)
     assert law.params.to_numpy() == pytest.approx([0.1725, 0.003844], rel=5e-4)
 
-    beside = fit.beside_published(law, runs.tool, runs.work)
+    beside = compare_published(law, runs.tool, runs.work)
     assert dict(beside.coefficients) == {"a": 0.2401, "b": 0.0034}
     assert beside.standard_error is None
     printed = 0.2401 * np.exp(0.0034 * law.X[:, 0])
@@ -95,12 +96,12 @@ def test_roughness_beside_the_printed_law():
 def test_the_simulated_test_beside_its_own_laws():
     runs = table("gc435_709m40")
     law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
-    beside = fit.beside_published(law, runs.tool, runs.work)
+    beside = compare_published(law, runs.tool, runs.work)
     assert beside.coefficients["V"] == 0.577
     assert beside.standard_error == 0.1
     assert beside.rms_percent == pytest.approx(10, abs=2)  # the standard error it was drawn with
-    assert fit.beside_published(law, runs.tool, "C45") is None
-    short = fit.beside_published(fit.power_law(runs, "AW", ["V", "f", "t"]), runs.tool, runs.work)
+    assert compare_published(law, runs.tool, "C45") is None
+    short = compare_published(fit.power_law(runs, "AW", ["V", "f", "t"]), runs.tool, runs.work)
     assert (short.rms_percent, short.worst_percent, short.worst_line) == (None, None, None)
 
 

@@ -304,7 +304,7 @@ def test_no_positive_response_is_a_sentence(error):
 def test_a_level_without_a_positive_response_has_no_start():
     frame = turning(20).assign(work=["a"] * 17 + ["b"] * 3)
     frame.loc[17:, "AW"] = -0.01
-    with pytest.raises(errors.FitError, match="17 rows above zero do not tell the parameters apart"):
+    with pytest.raises(errors.FitError, match="17 rows above zero do not identify the parameters"):
         fitted(frame, error="additive", by="work")
 
 
@@ -371,7 +371,7 @@ def test_a_category_is_asked_for_and_understood_as_a_number():
     np.testing.assert_allclose(law.predict(runs.data), law.fitted, rtol=1e-12)
     at = {"V": 100, "f": 0.2, "d": 2}
     assert law.predict({**at, "batch": 2}) == law.predict({**at, "batch": "2"})
-    with pytest.raises(errors.FitError, match=r"fitted by batch: say which \(1, 2\)"):
+    with pytest.raises(errors.FitError, match=r"fitted by batch: give its level \(1, 2\)"):
         law.predict(at)
     with pytest.raises(errors.FitError, match="batch '3' is not among the fitted: 1, 2"):
         law.predict({**at, "batch": 3})

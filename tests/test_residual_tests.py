@@ -33,12 +33,12 @@ def design(edges=24, per_edge=6, seed=0):
 
 def with_noise(law, noise):
     """The law refitted to a response with this noise in its logarithm."""
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.formula.design(law.X, law.shifts)
     y = Z @ THETA + noise
     found = fit.linear(Z, y)
     r = y - Z @ found.params
-    return replace(
-        law, theta=found.params, cov_theta=found.cov_params, observed=np.exp(y), fitted=np.exp(Z @ found.params),
+    return law.with_rows(
+        theta=found.params, cov_theta=found.cov_params, observed=np.exp(y), fitted=np.exp(Z @ found.params),
         residuals=r, rss=float(r @ r), tss=found.tss,
     )  # fmt: skip
 
@@ -68,7 +68,7 @@ def test_breusch_pagan_of_rows_is_statsmodels():
     law = fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "f"])
     rows, edges = residual_sets(law, split(law))
     found = spread(law, rows)
-    LM, p, _, _ = het_breuschpagan(law.residuals, law.law.design(law.X, law.shifts))
+    LM, p, _, _ = het_breuschpagan(law.residuals, law.formula.design(law.X, law.shifts))
     assert found.statistic == pytest.approx(LM, rel=1e-9)
     assert found.pvalue == pytest.approx(p, rel=1e-8)
     assert (found.df, found.term, found.rises, found.concern > 0) == (2, "V", True, True)
@@ -99,8 +99,8 @@ def test_rows_are_put_in_order_of_time():
     law, at = design()
     law = with_noise(law, noise_of(np.random.default_rng(3), at, rho=0.8))
     mixed_up = np.random.default_rng(4).permutation(law.nobs)
-    shuffled = replace(
-        law, X=law.X[mixed_up], observed=law.observed[mixed_up], fitted=law.fitted[mixed_up],
+    shuffled = law.with_rows(
+        X=law.X[mixed_up], observed=law.observed[mixed_up], fitted=law.fitted[mixed_up],
         residuals=law.residuals[mixed_up], edge=law.edge[mixed_up], shifts=law.shifts[mixed_up],
     )  # fmt: skip
     found, again = (serial_correlation(one, split(one)) for one in (law, shuffled))

@@ -73,7 +73,7 @@ def test_edges_with_exponents_of_their_own_have_the_density_of_random_slopes():
     density = edge_slopes(law)
     phi = density.start + 0.3 * np.random.default_rng(1).normal(size=(2, len(density.start)))
     got = density.by_unit(phi)
-    Z = law.law.design(law.X)
+    Z = law.formula.design(law.X)
     x = Z[:, 3] - Z[:, 3].mean()
     for m, of in pd.DataFrame(density.told(phi), columns=density.told_names).iterrows():
         r = np.log(law.observed) - Z @ of.iloc[:5].to_numpy()

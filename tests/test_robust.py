@@ -31,7 +31,7 @@ def force(error="multiplicative", **kwargs):
 
 
 def reference(law):
-    Z, y = law.law.design(law.X, law.shifts), np.log(law.observed)
+    Z, y = law.formula.design(law.X, law.shifts), np.log(law.observed)
     return RLM(y, Z, M=HuberT(t=1.345)).fit(conv="coefs", tol=1e-9, maxiter=500)
 
 
@@ -64,16 +64,16 @@ def test_in_natural_units_the_fixed_point_is_reached():
     """Weighted residuals are orthogonal to the gradient: the equation that defines Huber's estimate."""
     law = force("additive", rows=(3, 40))
     ours = robust(law)
-    Z = law.law.design(law.X)
-    r = law.observed - law.law.response_at(ours.theta, Z)
-    J = law.law.gradient(ours.theta, Z)
+    Z = law.formula.design(law.X)
+    r = law.observed - law.formula.response_at(ours.theta, Z)
+    J = law.formula.gradient(ours.theta, Z)
     np.testing.assert_allclose(J.T @ (ours.weights * r) / (np.linalg.norm(J, axis=0) * np.linalg.norm(r)), 0, atol=1e-7)
     assert ours.params["t"] == pytest.approx(0.4, abs=0.03)
 
 
 def test_standard_errors_are_refits_without_each_edge():
     law = force(rows=(3,))
-    Z, y, moved = law.law.design(law.X), np.log(law.observed), []
+    Z, y, moved = law.formula.design(law.X), np.log(law.observed), []
     whole = robust(law)
     for name in law.edges.edges:
         kept = law.edge != name
@@ -88,7 +88,7 @@ def test_a_spoilt_edge_dominates_and_is_named():
     found = dominant_edge(law)
     assert (found.edge, found.dominates, found.concern) == ("E5", True, 1)
     kept = law.edge != "E5"
-    without = np.linalg.lstsq(law.law.design(law.X)[kept], np.log(law.observed[kept]), rcond=None)[0]
+    without = np.linalg.lstsq(law.formula.design(law.X)[kept], np.log(law.observed[kept]), rcond=None)[0]
     np.testing.assert_allclose(found.moved, without - law.theta, rtol=1e-7)
     assert f"Edge E5 dominates the law: without edge E5, {found.parameter} moves by" in found.verdict
     assert robust(law).dominant.edge == "E5"

@@ -151,7 +151,7 @@ def test_tuned_gains_bring_what_they_were_tuned_to(tmp_path):
 def test_gains_that_miss_are_handed_over_only_with_a_reason():
     tuned = tune_pi(model(cov_params=None), 0.05, 0.1, n=40)
     assert tuned.misses
-    with pytest.raises(GateError, match="the gains miss what was asked"):
+    with pytest.raises(GateError, match="the gains miss their specification"):
         collect(tool="a", work="b", pi=tuned)
     kept = collect(tool="a", work="b", pi=tuned, pi_forced="a trial at the bench").pi
     assert kept.forced.startswith("a trial at the bench: ")

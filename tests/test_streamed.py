@@ -13,10 +13,9 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.core import errors
-from fitmodels.fit.streamed.one_pass import streamed_power_law
-from fitmodels.fit.streamed.triangle import least_squares, merged, summary, triangle_of
+from fitmodels.fit.streaming import streamed_power_law
+from fitmodels.fit.triangle import least_squares, merged, summary, triangle_of
 from fitmodels.parameters.gather.law import law_section
-from fitmodels.parameters.gather.streamed import streamed_section
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.regression.linear_model import OLS
@@ -365,7 +364,7 @@ def test_memory_does_not_grow_with_the_rows():
 @pytest.mark.parametrize("by", [None, "material"])
 def test_the_parameter_file_takes_it(by):
     streamed, memory = both(table(3000), by=by)
-    section, reference = streamed_section(streamed), law_section(memory)
+    section, reference = law_section(streamed), law_section(memory)
     at = {"V": 100.0, "f": 0.2, "d": 2.0, "t": 8.0, **({} if by is None else {"by": "b"})}
     assert section.predict(**at) == pytest.approx(reference.predict(**at), rel=SAME)
     for kind in ("mean", "prediction", "tolerance"):
@@ -382,7 +381,7 @@ def test_the_parameter_file_takes_it(by):
         reference.edges.df_between,
         reference.edges.df_within,
     )
-    assert any("checks look at rows one by one" in note for note in section.notes)
+    assert any("checks use the rows and a stream keeps none" in note for note in section.notes)
     assert parameters.ParameterFile.model_validate(
         {
             "identity": {"tool": "A", "work": "B", "simulated": True},
@@ -394,7 +393,9 @@ def test_the_parameter_file_takes_it(by):
 
 def test_a_stream_says_what_it_cannot_tell():
     law = streamed_power_law([table(3000)], "AW", FACTORS)
-    for reason in (law.checks, law.smearing, law.region, law.alternative):
-        assert isinstance(reason, fit.NotAvailable)
+    assert law.alternative is None
+    for what in ("X", "observed", "residuals", "region"):
+        with pytest.raises(errors.FitError, match="keeps no rows"):
+            getattr(law, what)
     assert "24 edges" in " ".join(repr(law).split())
     assert law.predict({"V": 100, "f": 0.2, "d": 2, "t": [5, 8]}).shape == (2,)

@@ -8,8 +8,11 @@ from ...core.errors import FitError
 
 if TYPE_CHECKING:
     from ...datasets import Runs
-    from ...fit import LawFit, NotAvailable, Posterior, Refused, ToolLife
+    from ...fit import LawFit, NotAvailable
+    from ...fit.bayes.posterior import Posterior
+    from ...fit.defaults import Refused
     from ...fit.laws import Error
+    from ...fit.life import ToolLife
     from ...parameters import ParameterFile
 
 MOST_ROWS = 200_000  # of a law that is drawn unasked

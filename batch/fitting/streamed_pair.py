@@ -25,7 +25,7 @@ from .table_rows import reasons, row_of, row_without
 if TYPE_CHECKING:
     from collections.abc import Generator
 
-    from ...fit import StreamedLaw
+    from ...fit import LawFit
 
 NO_DRAWS = "a stream keeps no rows, and draws need them; of so many they say what the intervals say"
 SEVERAL = 5  # names of a group that are kept
@@ -105,7 +105,7 @@ def _chunks(block: Block, plan: Plan) -> "Generator[pd.DataFrame, None, None]":
 
 def _laws(
     block: Block, plan: Plan, how: How, seen: Seen, header: frozenset[str]
-) -> "list[tuple[dict[str, Cell], StreamedLaw | None]]":
+) -> "list[tuple[dict[str, Cell], LawFit | None]]":
     """The rows of the table and the laws; the first pass also tells which columns hold nothing, for the others."""
     asked, done = asked_laws(header.__contains__), {}
     if asked:
@@ -120,12 +120,12 @@ def _laws(
 
 def _law(
     block: Block, plan: Plan, how: How, asked: Asked, seen: Seen | None
-) -> "tuple[dict[str, Cell], StreamedLaw | None]":
+) -> "tuple[dict[str, Cell], LawFit | None]":
     from ...fit import streamed_power_law
 
     unit = unit_of({}, asked.response)
 
-    def fitted() -> "StreamedLaw":
+    def fitted() -> "LawFit":
         with closing(_chunks(block, plan)) as chunks:
             read = chunks if seen is None else seen.over(chunks)
             return streamed_power_law(read, asked.response, asked.factors)
@@ -141,7 +141,7 @@ def _law(
 
 
 def _file(
-    block: Block, plan: Plan, how: How, rows: int, laws: "list[StreamedLaw]", groups: Mapping[str, str]
+    block: Block, plan: Plan, how: How, rows: int, laws: "list[LawFit]", groups: Mapping[str, str]
 ) -> tuple[dict[str, bytes], dict[str, dict[str, Cell]], list[Concern]]:
     from ... import fit, parameters
     from ...parameters.file import as_bytes

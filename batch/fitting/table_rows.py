@@ -12,7 +12,8 @@ from ..law_table import COUNTS, NOTES, PAIR, PARTS, TRUTHS, WHOLE, Column, count
 from ..outcome import Cell, cell
 
 if TYPE_CHECKING:
-    from ...fit import LawFit, ManyLaws, StreamedLaw
+    from ...fit import LawFit
+    from ...fit.many.laws_of_pairs import ManyLaws
 
 Ints = NDArray[np.intp]
 
@@ -57,7 +58,7 @@ def table_of_many(laws: "ManyLaws", unit: str, pairs: Ints, reasons: Mapping[int
     return pd.DataFrame({PAIR: pairs, **columns})
 
 
-def row_of(law: "LawFit | StreamedLaw", asked: Asked) -> dict[str, Cell]:
+def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
     """The row of one law; a factor that was asked for and left out has its columns too.
 
     Examples
@@ -68,7 +69,7 @@ def row_of(law: "LawFit | StreamedLaw", asked: Asked) -> dict[str, Cell]:
     >>> row["response"], row["form"], row["nobs"]
     ('fm', 'feed_line', 7)
     """
-    from ...fit import EdgeInference
+    from ...fit.edges import EdgeInference
 
     by_edge = isinstance(law.edges, EdgeInference)
     row: dict[str, Cell] = {

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from ...parameters.gather.settings import limits_section
+from ...parameters.gather.control import limits_section
 from ...parameters.messages import schema_message
 from ...parameters.sections.load_line import Bound, LimitsSection, Range
 from .half_planes import Array, HalfPlane

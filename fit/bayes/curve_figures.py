@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..domain import changes_within
+from ..edges import changes_within
 from ..law_figures import BLUE, GREY, ORANGE, label, middle, points
 from .panels import MOST_PANELS, Sheet, a_row, bands_at, conditions, evenly, level_of_rows, levels_of, scaled
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.display import Displayable
-from ..laws import Law
+from ..laws import LawForm
 from .priors import Priors
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class LawDensity(Displayable):
 
     Attributes
     ----------
-    law : Law
+    law : LawForm
     natural : bool
         Whether residuals are in the unit of the response, or in its logarithm.
     Z, y : ndarray, shape (n, p) and (n,)
@@ -144,7 +144,7 @@ class LawDensity(Displayable):
     edges : bool
     """
 
-    law: Law
+    law: LawForm
     priors: Priors
     errors: Errors
     natural: bool
@@ -275,7 +275,7 @@ def law_density(law: "LawFit", priors: Priors, errors: Errors = "normal") -> Law
     ('level', 'V', 'f', 'd', 't', 'ln sd', 'logit icc')
     """
     edges = "icc" in priors.of
-    Z, natural = law.law.design(law.X, law.shifts), law.error == "additive"
+    Z, natural = law.design, law.error == "additive"
     y = law.observed if natural else np.log(law.observed)
     order, starts, sizes, labels = _units(law, edges)
     centre = np.concatenate([[0.0], Z[:, 1:].mean(axis=0)])

@@ -10,7 +10,6 @@ import numpy as np
 from ...core.errors import FitError, UsageError
 from ...core.threads import one_thread
 from ..edges import EdgeInference
-from ..jackknife import meets_exactly
 from .convergence import Agreement, agree
 from .density import Errors, LawDensity, Method, Sample, law_density
 from .posterior import Posterior
@@ -127,7 +126,7 @@ def _check(law: "LawFit", draws: int, seed: int, errors: str, method: str | None
         raise FitError(
             f"{law.response}: no posterior: {law.no_interval.removeprefix('no interval: ')}. Add observations."
         )
-    if meets_exactly(law):
+    if law.exact:
         raise FitError(
             f"{law.response}: the law fits every row exactly, so there is no residual variance; are these rows "
             "computed from a law? A posterior needs measured ones."

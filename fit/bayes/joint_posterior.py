@@ -5,7 +5,7 @@ One model of the wear and all loads (``latent_model``), on the rows they share. 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -255,8 +255,7 @@ def _on(law: "LawFit", lines: Rows) -> "LawFit":
     rows = rows[np.searchsorted(law.lines[rows], lines)]
     if law.edge is not None:
         rows = rows[np.argsort(law.edge[rows].astype(str), kind="stable")]
-    return replace(
-        law,
+    return law.with_rows(
         X=law.X[rows],
         shifts=law.shifts[rows],
         observed=law.observed[rows],

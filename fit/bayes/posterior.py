@@ -10,8 +10,9 @@ import pandas as pd
 from ...core.display import Plottable
 from ...core.errors import UsageError
 from ..available import NotAvailable
-from ..jackknife import left_out_moves
-from ..lawfit import LawFit, as_table
+from ..edges import left_out_moves
+from ..lawfit import LawFit
+from ..rows import as_table
 from .convergence import Agreement, Gate, gate
 from .density import Array, Errors, LawDensity, Sample
 from .diagnostics import Diagnostics

@@ -231,7 +231,7 @@ def _from_data(law: "LawFit") -> tuple[dict[str, Prior], dict[str, str]]:
     if law.law.logarithmic and not (law.observed > 0).all():
         y = np.log(np.maximum(law.fitted, np.abs(law.fitted).max() * 1e-3))
     width = float(y.std(ddof=1)) or max(abs(float(y.mean())), 1.0)
-    Z = law.law.design(law.X, law.shifts)[:, 1:]
+    Z = law.design[:, 1:]
     spread = Z.std(axis=0, ddof=1)
     of: dict[str, Prior] = {"level": Normal(float(y.mean()), DATA_WIDTH * width)}
     of |= {

@@ -17,9 +17,9 @@ import numpy as np
 from ...core.errors import FitError
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
-from ..identifiable import identifiable
 from ..lawfit import LawFit
-from ..linear import linear
+from ..least_squares import linear
+from ..rows import identifiable
 from .strata import Array, units_of
 from .time_exponent import TIME, common_exponent, slope_spread, whitened
 
@@ -42,7 +42,7 @@ class FittedForm:
 
 def power_form(law: LawFit) -> FittedForm:
     """The power law itself, in ln R."""
-    Z, y = law.law.design(law.X, law.shifts), np.log(law.observed)
+    Z, y = law.design, np.log(law.observed)
     formula = f"{law.response} = c0 {_product(law.factors)}"
     fit = _straight("power law", formula, ["ln c0", *law.names[1:]], Z, y)
     if isinstance(fit, NotAvailable):  # the law itself was fitted to these rows
@@ -82,7 +82,7 @@ def _exponential(law: LawFit) -> FittedForm | NotAvailable:
     if wear is None:
         return NotAvailable(f"no wear among the factors {', '.join(law.factors)}")
     j = law.factors.index(wear)
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.design
     Z[:, 1 + j] = law.X[:, j]
     names = ["ln c0", *law.names[1:]]
     names[1 + j] = "k"
@@ -96,7 +96,7 @@ def _additive(law: LawFit) -> FittedForm | NotAvailable:
     if wear is None:
         return NotAvailable(f"no wear among the factors {', '.join(law.factors)}")
     j = law.factors.index(wear)
-    Z, y = np.delete(law.law.design(law.X, law.shifts), 1 + j, axis=1), np.log(law.observed)
+    Z, y = np.delete(law.design, 1 + j, axis=1), np.log(law.observed)
     centre, level = np.r_[0.0, Z[:, 1:].mean(axis=0)], float(y.mean())
     per_k = float(np.exp(level) / law.X[:, j].mean())
     found = _additive_fit(Z - centre, law.X[:, j] / law.X[:, j].mean(), y - level)
@@ -151,7 +151,7 @@ def _per_edge(law: LawFit) -> FittedForm | NotAvailable:
         return test
     if not test.concern:
         return NotAvailable(f"not needed: {test.verdict[0].lower()}{test.verdict[1:].rstrip('.')}")
-    Z, y = law.law.design(law.X, law.shifts), np.log(law.observed)
+    Z, y = law.design, np.log(law.observed)
     edge = units_of(law)[1]
     time = np.log(law.X[:, law.factors.index(TIME)])
     time = time - time.mean()

@@ -16,7 +16,7 @@ import numpy as np
 from ...core.display import Displayable, Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from ..linear import linear
+from ..least_squares import linear
 from .check import Check
 from .competing_forms import FittedForm, form_makers, power_form
 from .deletion_diagnostics import ALONE

@@ -24,7 +24,7 @@ from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
-from ..linear import linear
+from ..least_squares import linear
 from .robust_fit import Refit
 from .strata import Array, Codes, no_scatter, units_of
 
@@ -93,7 +93,7 @@ def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = 
     _check(law, gauge_sd, wear, unit)
     if reason := _uncorrectable(law):
         return NotAvailable(reason)
-    Z, at = law.law.design(law.X, law.shifts), 1 + law.factors.index(wear)
+    Z, at = law.design, 1 + law.factors.index(wear)
     y = np.log(law.observed) if law.error == "multiplicative" else law.observed
     sd = gauge_sd / law.X[:, at - 1] if law.form == "power" and unit != "ln" else np.full(len(y), float(gauge_sd))
     others = linear(np.delete(Z, at, axis=1), Z[:, at])

@@ -99,7 +99,7 @@ def _of_edges(law: LawFit, strata: Strata) -> LackOfFit | NotAvailable:
 
 
 def _of_rows(law: LawFit) -> LackOfFit | NotAvailable:
-    setting = settings_of(law.law.design(law.X, law.shifts))
+    setting = settings_of(law.design)
     S = int(setting.max()) + 1
     if law.nobs == S:
         return NotAvailable(
@@ -247,7 +247,7 @@ def collinearity(law: LawFit) -> Collinearity:
     >>> round(found.statistic, 1), found.concern
     (1.0, 0)
     """
-    terms = law.law.design(law.X, law.shifts)[:, 1:]
+    terms = law.design[:, 1:]
     names = law.names[1:]
     terms = terms - terms.mean(axis=0)
     terms = terms / np.sqrt(np.einsum("ij,ij->j", terms, terms))

@@ -67,7 +67,7 @@ def residual_sets(
     """
     if reason := no_scatter(law):
         return NotAvailable(reason), NotAvailable(reason)
-    terms = law.law.design(law.X, law.shifts)[:, 1:]
+    terms = law.design[:, 1:]
     if isinstance(strata, Strata):
         return _within(law, strata, terms), _of_edges(law, strata, terms)
     if has_repeated_edges(law):

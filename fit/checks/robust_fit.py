@@ -8,7 +8,7 @@ Sources: Huber 1964, Ann. Math. Stat. 35, 73; Huber & Ronchetti 2009, Robust Sta
 regression M-estimates); Belsley, Kuh & Welsch 1980, Regression Diagnostics, chapter 2 (deletion of an edge).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -16,9 +16,9 @@ import pandas as pd
 from ...core.display import Plottable
 from ..available import NotAvailable
 from ..edges import EdgeInference
-from ..jackknife import edge_inference
 from ..lawfit import LawFit
-from ..linear import linear
+from ..least_squares import linear
+from ..regression import edge_inference
 from .check import Check
 from .strata import Array, no_scatter, units_of
 
@@ -138,10 +138,10 @@ def dominant_edge(law: LawFit) -> DominantEdge | NotAvailable:
 def _without(law: LawFit, edge: str, moved: Array) -> EdgeInference | NotAvailable:
     """Inference by edge of the law fitted without one of its edges."""
     kept = np.array([str(name) != edge for name in law.edge]) if law.edge is not None else slice(None)
-    J, r = tangent(law, law.law.design(law.X, law.shifts), law.theta)
+    J, r = tangent(law, law.design, law.theta)
     left = (r - J @ moved)[kept]
-    rest = replace(
-        law, cov_theta=linear(J[kept], left).cov_params, X=law.X[kept], shifts=law.shifts[kept],
+    rest = law.with_rows(
+        cov_theta=linear(J[kept], left).cov_params, X=law.X[kept], shifts=law.shifts[kept],
         observed=law.observed[kept], fitted=law.fitted[kept], residuals=left, rss=float(left @ left),
         lines=law.lines[kept], edge=None if law.edge is None else law.edge[kept],
     )  # fmt: skip
@@ -200,7 +200,7 @@ def robust(law: LawFit) -> RobustFit | NotAvailable:
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.design
     theta = law.theta
     for _ in range(MOST):  # one pass for a linear law; additive errors of others are linearised again
         J, r = tangent(law, Z, theta)

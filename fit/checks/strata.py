@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from ...core.errors import FitError
 from ..available import NotAvailable
-from ..jackknife import gradient, meets_exactly
 from ..lawfit import LawFit
 from ..regression import refitted
 
@@ -32,7 +31,7 @@ def no_scatter(law: LawFit) -> str | None:
     """
     if law.df_resid <= 0:
         return f"{law.nobs} observations fix {len(law.theta)} parameters exactly: no degrees of freedom are left"
-    return "the law fits every row exactly: there is no residual variance" if meets_exactly(law) else None
+    return "the law fits every row exactly: there is no residual variance" if law.exact else None
 
 
 def has_repeated_edges(law: LawFit) -> bool:
@@ -81,7 +80,7 @@ def linear_columns(law: LawFit) -> tuple[Array, Array]:
     All but the first are freed of it and scaled to length one, which keeps the digits that logarithms of
     narrow ranges lose; ``theta`` moves by ``back`` times what the coefficients of these columns move.
     """
-    Z = gradient(law)
+    Z = law.gradient
     level = Z[:, 0]
     share = level @ Z[:, 1:] / (level @ level)
     rest = Z[:, 1:] - np.outer(level, share)

@@ -11,8 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.threads import one_thread
-from ..identifiable import EXACT
+from ..edges import NO_EDGES, too_few_edges
 from ..laws import LARGEST_LOG
+from ..rows import EXACT
 from .edge_moves import edge_errors
 from .estimates import Estimates, enter, nothing_yet
 from .laws_of_pairs import ManyLaws
@@ -170,20 +171,12 @@ def _edge_reasons(rows: PairRows, look: Look, pairs: Ints, pattern: Flags) -> tu
     """Edges of each pair, and why they give no standard errors, in the words and the order of ``edge_inference``."""
     reason = np.full(len(pairs), "", dtype=object)
     if rows.edge_starts is None:
-        reason[:] = (
-            "no edge column: rows are taken as independent; if several come from one edge, intervals are too narrow"
-        )
+        reason[:] = NO_EDGES.reason
         return np.zeros(len(pairs), dtype=np.intp), reason
-    G = np.diff(rows.edge_bounds)[pairs]
+    G, counts = np.diff(rows.edge_bounds)[pairs], rows.counts[pairs]
     between = 1 + (~look.within[pairs][:, pattern]).sum(axis=1)
-    for i in np.flatnonzero(between + 1 > G):
-        g, b = G[i], between[i]
-        reason[i] = (
-            f"{g} edge{'s' if g > 1 else ''} for {b} parameter{'s' if b > 1 else ''} that only edges can tell: cut at "
-            f"least {b + 1 - g} more, at other conditions"
-        )
-    for i in np.flatnonzero(rows.counts[pairs] == G):
-        reason[i] = f"each of the {G[i]} rows is an edge of its own: rows are independent"
+    for i in np.flatnonzero((between + 1 > G) | (counts == G)):
+        reason[i] = too_few_edges(int(counts[i]), int(G[i]), int(between[i]))
     return G, reason
 
 

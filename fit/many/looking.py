@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identifiable import CONSTANT
-from ..rows import FEWEST
+from ..rows import CONSTANT, FEWEST
 from .pair_rows import PairRows
 
 Array = NDArray[np.float64]

@@ -1,48 +1,47 @@
-"""Fitted laws become law sections, number for number, with what judged them."""
+"""Fitted laws and tool lives as sections of the parameter file, number for number, with the checks of the laws."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import ValidationError
 
-from ...core.errors import ParameterError
+from ...core.errors import FitError, ParameterError, UsageError
 from ..messages import schema_message
 from ..sections.law import LawSection
 from ..sections.law_parts import CompositeLaw
-from .law_facts import finite, known
-from .moments import edge_moments, moments
 
 if TYPE_CHECKING:
-    from ...fit import LawFit, StreamedLaw, ToolLife
+    import pandas as pd
+
+    from ...fit import LawFit
+    from ...fit.life import ToolLife
+
+WITHOUT_ROWS = (
+    "checks not available: checks use the rows and a stream keeps none; fit a sample of it in memory",
+    "region not available: a stream keeps no rows to compute the region from; each factor has its range instead",
+    "smearing not available: residuals need the law first and a stream is read once; the value of the law is a median",
+    "additive errors not available: least squares on the original scale takes several passes and a stream is read once",
+)
 
 
-def laws_by_response(
-    laws: "Sequence[LawFit | StreamedLaw]", tool: str, work: str, gauge_sd: float | None
-) -> dict[str, LawSection]:
-    """Sections of laws by response; one of wear is put into the others, where both were fitted to rows in memory."""
-    from ...fit import StreamedLaw
-
+def laws_by_response(laws: "Sequence[LawFit]", tool: str, work: str, gauge_sd: float | None) -> dict[str, LawSection]:
+    """Sections of laws by response; a wear law is substituted into the others where both keep their rows."""
     found: dict[str, LawSection] = {}
-    whole = [law for law in laws if not isinstance(law, StreamedLaw)]
     for law in laws:
         if law.response in found:
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
-        if isinstance(law, StreamedLaw):
-            from .streamed import streamed_section
-
-            found[law.response] = streamed_section(law)
-            continue
         section = law_section(law, tool, work, gauge_sd)
-        wear = next((w for w in whole if w.response in ("AW", "VB") and w.response in law.factors), None)
-        found[law.response] = (
-            section if wear is None else section.model_copy(update={"composite": _composite(law, wear)})
-        )
+        wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
+        if wear is not None and law.rows is not None and wear.rows is not None:
+            section = section.model_copy(update={"composite": _composite(law, wear)})
+        found[law.response] = section
     return found
 
 
 def _composite(law: "LawFit", wear: "LawFit") -> CompositeLaw | None:
-    from ...core.errors import UsageError
     from ...fit import composite
 
     try:
@@ -59,71 +58,142 @@ def _composite(law: "LawFit", wear: "LawFit") -> CompositeLaw | None:
 
 
 def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float | None = None) -> LawSection:
-    """Turn a fitted law of this tool and work into its section of the file.
+    """The section of a fitted law of this tool and work; what needs the rows is left out for a law of a stream.
 
     Raises
     ------
     ParameterError
-        The fit holds what the schema refuses, an infinite coefficient for one.
+        The fit holds values that the schema refuses, an infinite coefficient for one.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> table = datasets.read_runs(datasets.bundled("gc435_709m40")).data
+    >>> section = law_section(fit.streamed_power_law([table[:60], table[60:]], "AW", ["V", "f", "d", "t"]))
+    >>> round(float(section.predict(V=100.0, f=0.2, d=2.0, t=10.0)), 3), section.n_edges, section.region is None
+    (0.169, 24, True)
     """
-    other = law.alternative
-    data = {
-        **_section(law),
-        **_judged(law, gauge_sd, other),
-        "region": _region(law),
-        "published": _published(law, tool, work),
-        "alternative": None if other is None else _section(other),
-    }
+    if law.rows is None:
+        data = _section(law)
+        data["notes"] += WITHOUT_ROWS
+    else:
+        other = law.alternative
+        data = {
+            **_section(law),
+            **_checks(law, gauge_sd, other),
+            "region": _region(law),
+            "published": _published(law, tool, work),
+            "alternative": None if other is None else _section(other),
+        }
     try:
         return LawSection.model_validate(data)
     except ValidationError as error:
-        raise ParameterError(
-            f"the law of {law.response} cannot be handed over: {schema_message(error, data)}."
-        ) from None
+        raise ParameterError(f"the law of {law.response} cannot be written: {schema_message(error, data)}.") from None
 
 
 def _section(law: "LawFit") -> dict[str, Any]:
+    """Fields of the section that every fit has."""
+    params = {str(name): float(value) for name, value in law.params.items()}
     return {
-        **moments(law),
+        "form": law.form,
+        "response": law.response,
+        "quantity": quantity_of(law.response),
+        "unit": law.units[law.response],
+        "equation": _equation(law),
+        "error": law.error,
+        "coefficients": {name: params[name] for name in law.formula.names},
+        "factors": [_factor(law, symbol) for symbol in law.factors],
+        "by": _by(law, params),
+        "uncertainty": _uncertainty(law),
+        "residual_se": known(law.scale_se),
+        "residual_scale": law.scale_unit,
+        "n": int(law.nobs),
+        "df": int(law.df_resid),
+        "n_edges": law.n_edges,
+        "statistics": _statistics(law),
+        "standard_errors": finite(law.bse),
+        "row_standard_errors": finite(law.row_bse) if law.edges else {},
+        "left_out": [{"factor": out.factor, "reason": out.reason} for out in law.left_out],
+        "dropped_rows": [{"reason": d.reason, "count": int(d.count), "lines": list(d.lines)} for d in law.dropped],
+        "notes": list(law.notes),
         "smearing": _smearing(law, "new" if law.edges else "independent rows"),
         "edges": _edges(law),
     }
 
 
-def _smearing(law: "LawFit", of: str) -> float | None:
-    from ...fit.about import smearing
-
-    return known(smearing(law, of)) if law.error == "multiplicative" else None
-
-
 def _edges(law: "LawFit") -> dict[str, Any]:
-    from ...fit.about import df_between, df_within, rows_per_edge
+    """Inference by edge, or the reason why there is none."""
+    from ...fit import NotAvailable
 
-    told = edge_moments(law, law.edges)
-    if not law.edges:
-        return told
-    return told | {
-        "rows_per_edge": rows_per_edge(law),
-        "df_between": int(df_between(law)),
-        "df_within": int(df_within(law)),
+    edges = law.edges
+    if isinstance(edges, NotAvailable):
+        return {"reason": edges.reason}
+    F = known(edges.fvalue)
+    return {
+        "between": [name for name, within in zip(law.names[1:], edges.within[1:], strict=True) if not within],
+        "F": F,
+        "F_df": None if F is None else (edges.f_df, edges.df),
+        "F_p": known(edges.f_pvalue),
+        "row_F": known(edges.row_fvalue),
+        "sd_between": edges.mixed.sd_between,
+        "sd_within": edges.mixed.sd_within,
+        "icc": edges.icc,
+        "random_level": dict(zip(law.theta_names, edges.mixed.bse.tolist(), strict=True)),
+        "rows_per_edge": edges.rows_per_edge,
+        "df_between": edges.df_between,
+        "df_within": edges.df_within,
         "smearing_within": _smearing(law, "same"),
     }
 
 
-def _region(law: "LawFit") -> dict[str, Any] | None:
-    from ...core.errors import FitError
-    from ...fit import domain
+def _smearing(law: "LawFit", of: str) -> float | None:
+    from ...fit.prediction import smearing
 
+    return known(smearing(law, of)) if law.error == "multiplicative" and law.rows is not None else None
+
+
+def _by(law: "LawFit", params: Mapping[str, float]) -> dict[str, Any] | None:
+    if law.by is None:
+        return None
+    shifts = {str(level): params[f"{law.by.column}[{level}]"] for level in law.by.levels}
+    return {"column": law.by.column, "reference": str(law.by.reference), "shifts": shifts}
+
+
+def _uncertainty(law: "LawFit") -> dict[str, Any]:
+    if law.cov_theta is None:
+        return {"kind": "none", "reason": law.no_interval or "the fit gives no covariance"}
+    cov = np.asarray(law.covariance(), dtype=np.float64)
+    return {
+        "kind": "covariance",
+        "method": "jackknife by edge (CR3)" if law.edges else "rows taken as independent",
+        "of": list(law.theta_names),
+        "matrix": ((cov + cov.T) / 2).tolist(),  # symmetric to the last bit, as no product of factors is
+        "df": int(law.df),
+    }
+
+
+def _statistics(law: "LawFit") -> dict[str, Any]:
+    F = known(law.fvalue)
+    return {
+        "r2": known(law.rsquared),
+        "r2_adj": known(law.rsquared_adj),
+        "F": F,
+        "F_df": None if F is None else (int(law.df_model), int(law.df_resid)),
+        "F_p": known(law.f_pvalue),
+    }
+
+
+def _region(law: "LawFit") -> dict[str, Any] | None:
     try:
-        found = domain(law)
+        found = law.region
     except FitError:  # too few settings to span a region
         return None
     names = ("logs", "centre", "half_range", "largest_radius", "levels", "spaces")
     return {name: value for name, value in found.facts().items() if name in names}
 
 
-def _judged(law: "LawFit", gauge_sd: float | None, other: "LawFit | None") -> dict[str, Any]:
-    """The findings of a law, and what they say; ``other`` is the law with the other error structure."""
+def _checks(law: "LawFit", gauge_sd: float | None, other: "LawFit | None") -> dict[str, Any]:
+    """The checks of a law and their verdicts; ``other`` is the law with the other error structure."""
     from ...fit import NotAvailable, judge
 
     found = judge(law, gauge_sd, alternative=other)
@@ -144,10 +214,10 @@ def _judged(law: "LawFit", gauge_sd: float | None, other: "LawFit | None") -> di
 
 
 def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:
-    from ...fit import beside_published
+    from ...fit.published import compare_published
 
-    beside = beside_published(law, tool, work)
-    return None if beside is None else asdict(beside)
+    found = compare_published(law, tool, work)
+    return None if found is None else asdict(found)
 
 
 def tool_life_section(life: "ToolLife") -> dict[str, Any]:
@@ -164,3 +234,48 @@ def tool_life_section(life: "ToolLife") -> dict[str, Any]:
         "typical": life.typical,
         "typical_at": dict(life.typical_at),
     }
+
+
+def _equation(law: "LawFit") -> str:
+    """The equation with its numbers at six digits: at the reference level, then the factor or shift of each level."""
+    right = law.formula.equation([_six(float(law.params[name])) for name in law.formula.names])
+    text = f"{law.response} = {right}"
+    if law.by is None:
+        return text
+    levels = [_level(law, level, float(law.params[f"{law.by.column}[{level}]"])) for level in law.by.levels]
+    return "; ".join([f"{text} for {law.by.column} {law.by.reference}", *levels])
+
+
+def _level(law: "LawFit", level: str, shift: float) -> str:
+    if law.formula.logarithmic:
+        return f"times {_six(math.exp(shift))} for {level}"
+    return f"{'minus' if shift < 0 else 'plus'} {_six(abs(shift))} for {level}"
+
+
+def _six(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def _factor(law: "LawFit", symbol: str) -> dict[str, Any]:
+    """One factor: symbol, words, unit, and its range among the rows used."""
+    low, high = law.domain[symbol]
+    ends = {"low": float(low), "high": float(high)}
+    return {"symbol": symbol, "quantity": quantity_of(symbol), "unit": law.units[symbol], **ends}
+
+
+def finite(values: "pd.Series[float]") -> dict[str, float]:
+    """The finite ones of some values, by name."""
+    return {str(name): float(value) for name, value in values.items() if math.isfinite(value)}
+
+
+def known(value: float | None) -> float | None:
+    """A finite number, or None."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def quantity_of(symbol: str) -> str:
+    """What a symbol stands for, in words; the symbol itself where it is unknown."""
+    from ...datasets.vocabulary import ROLES
+
+    role = ROLES.get(symbol)
+    return role.quantity if role is not None else symbol

@@ -1,4 +1,4 @@
-"""Posteriors of laws become the posterior section, and their draws bytes; never from behind a shut gate."""
+"""Posteriors of laws as the posterior section, and their draws as bytes, where the convergence checks passed."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,8 @@ from ...core.errors import GateError, ParameterError
 from ..draws import Draws, packed
 
 if TYPE_CHECKING:
-    from ...fit import NotAvailable, Posterior
+    from ...fit import NotAvailable
+    from ...fit.bayes.posterior import Posterior
 
 DRAWS_FILE = "draws.npz"
 
@@ -26,18 +27,18 @@ def posterior_section(
     Raises
     ------
     GateError
-        The gate of a posterior is shut.
+        The convergence checks of a posterior failed.
     ParameterError
         Two posteriors of one response, or draws of several seeds.
     """
     seeds = {post.seed for post in posteriors} or {0}
     if len(seeds) > 1:
-        raise ParameterError(f"posteriors of the seeds {sorted(seeds)}: a parameter file tells one seed; draw again.")
+        raise ParameterError(f"posteriors of the seeds {sorted(seeds)}: a parameter file holds one seed; draw again.")
     laws: dict[str, Any] = {response: {"reason": why.reason} for response, why in none.items()}
     for post in posteriors:
         if not post.gate.open:
             raise GateError(
-                f"{post.response}: the draws may not be used, so no parameter file is written: "
+                f"{post.response}: convergence checks of the draws failed, so no parameter file is written: "
                 + " ".join(post.gate.reasons)
             )
         if post.response in laws:

@@ -1,13 +1,15 @@
-"""An identified model and tuned gains become their sections; gains that miss their specification do not, unasked."""
+"""Identified models, tuned gains and limits as sections; gains that miss their specification need a reason."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ...core.errors import GateError
+from ...core.errors import GateError, ParameterError
+from ..messages import short
 from ..sections.base import Section
 from ..sections.dynamics import PiFigures, PiSection, PiSpecification
+from ..sections.load_line import LimitsSection
 
 if TYPE_CHECKING:
     from ...ident.model import Model
@@ -15,6 +17,9 @@ if TYPE_CHECKING:
     from ...ident.pi.tuning import TunedPi
 
 Gains: TypeAlias = "PiGains | TunedPi | PiSection | Mapping[str, Any]"
+
+BOUNDS = {"power": "kW", "force": "N", "wear": "mm"}
+RANGES = {"feed": "mm/rev", "feed_rate": "mm/min", "speed": "m/min", "spindle_speed": "1/min"}
 
 
 def dynamics_section(model: "Model | Section | Mapping[str, Any]", held_out_fit: float | None = None) -> dict[str, Any]:
@@ -52,14 +57,14 @@ def pi_section(pi: Gains, *, scaling_u: float = 1.0, forced: str | None = None) 
     ----------
     pi : PiGains or TunedPi, or a section as it is
     scaling_u : float
-        Units of the command in one unit of the model's input; both are told apart by their names.
+        Units of the command in one unit of the model's input.
     forced : str, optional
-        Why gains that miss their specification are kept.
+        Reason why gains that miss their specification are kept.
 
     Raises
     ------
     GateError
-        They miss it, and nobody says why they are kept.
+        They miss it, and no reason is given why they are kept.
     """
     if isinstance(pi, Section | Mapping):
         return as_data(pi)
@@ -73,8 +78,8 @@ def _tuned(tuned: Any, forced: str | None) -> dict[str, Any]:  # noqa: ANN401
     misses = tuple(tuned.misses)
     if misses and not forced:
         raise GateError(
-            f"the gains miss what was asked ({'; '.join(misses)}); ask for less, identify better, or say why they are "
-            "kept (forced)."
+            f"the gains miss their specification ({'; '.join(misses)}); relax it, identify a better model, or give "
+            "the reason why they are kept (pi_forced)."
         )
     held = tuned.robustness
     return {
@@ -89,7 +94,7 @@ def _tuned(tuned: Any, forced: str | None) -> dict[str, Any]:  # noqa: ANN401
 
 
 def _named(found: Any, section: type[Section]) -> dict[str, Any]:  # noqa: ANN401
-    """Fields of a result, those the section knows first; what is without end is None."""
+    """Fields of a result, those of the section first; infinite values are None."""
     values = asdict(found)
     order = [
         *(name for name in section.model_fields if name in values),
@@ -108,7 +113,7 @@ def _uncertainty(model: "Model") -> dict[str, Any]:
     if model.cov_params is None:
         return {
             "kind": "none",
-            "reason": "the model was given, not estimated" if model.structure == "given" else "not had",
+            "reason": "the model was given, not estimated" if model.structure == "given" else "not estimated",
         }
     names, matrix = list(model.names), model.cov_params
     df = None if model.n is None else max(int(model.n) - len(names), 0)
@@ -126,3 +131,31 @@ def as_data(section: Any) -> dict[str, Any]:  # noqa: ANN401
     if is_dataclass(section) and not isinstance(section, type):
         return asdict(section)
     return dict(section)
+
+
+def limits_section(limits: LimitsSection | Mapping[str, Any]) -> dict[str, Any]:
+    """The section of limits; a bare number or pair is in the usual unit: kW, N, mm, mm/rev, mm/min, m/min, 1/min.
+
+    Raises
+    ------
+    ParameterError
+        A limit that is neither a number, a pair, nor a section of its own.
+
+    Examples
+    --------
+    >>> limits_section({"power": 7, "speed": (50, 200)})
+    {'power': {'value': 7.0, 'unit': 'kW'}, 'speed': {'low': 50.0, 'high': 200.0, 'unit': 'm/min'}}
+    """
+    return {name: _limit(name, value) for name, value in as_data(limits).items()}
+
+
+def _limit(name: str, value: Any) -> Any:  # noqa: ANN401
+    if name in BOUNDS and isinstance(value, int | float) and not isinstance(value, bool):
+        return {"value": float(value), "unit": BOUNDS[name]}
+    if name in RANGES and isinstance(value, Sequence) and not isinstance(value, str):
+        if len(value) != 2:
+            raise ParameterError(
+                f"limits: {name} {short(list(value))} of {len(value)} numbers; a range is low and high."
+            )
+        return {"low": float(value[0]), "high": float(value[1]), "unit": RANGES[name]}
+    return value

@@ -1,6 +1,7 @@
-"""Chunks of any length become blocks of one length, so that a result does not depend on how a table was cut.
+"""Chunks of a stream: read into blocks of one length, and filtered to the rows that a law can use.
 
-What a row needs is looked at here, once: numbers where a law needs numbers, names of edges and levels as text.
+Blocks have one length, so that a result does not depend on the chunks. Columns are checked here once: numbers where a
+law needs numbers, names of edges and levels as text.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -10,18 +11,20 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.errors import DataError, UsageError
+from ..core.errors import DataError, UsageError
+from .rows import Dropped
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Chunk = Mapping[str, object] | pd.DataFrame
 
+NAMED = 5  # rows of each reason that are listed by line
 ROWS = 32_768  # of a block: its columns stay in the processor's cache
 
 
 @dataclass(slots=True)
-class Names:
-    """Texts of a column of labels, numbered in the order in which they turn up."""
+class LabelNumbers:
+    """Labels of a column, numbered in the order of their first appearance."""
 
     numbers: dict[str, int] = field(default_factory=dict)
 
@@ -74,14 +77,14 @@ class Block:
 
 
 @dataclass(slots=True)
-class Reader:
-    """What is read from every chunk, and the names met so far; the first chunk settles whether there are edges."""
+class ChunkReader:
+    """Columns read from every chunk, and the labels so far; the first chunk decides whether there are edges."""
 
     names: Sequence[str]
     edge: str | None
     by: str | None
-    edges: Names = field(default_factory=Names)
-    levels: Names = field(default_factory=Names)
+    edges: LabelNumbers = field(default_factory=LabelNumbers)
+    levels: LabelNumbers = field(default_factory=LabelNumbers)
     rows: int = 0
     chunks: int = 0
 
@@ -158,3 +161,55 @@ def _joined(parts: list[Block]) -> Block:
         np.concatenate(edges) if edges else None,
         np.concatenate(levels) if levels else None,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class UsableRows:
+    """Rows that are used: response and factors as they are (m, 1 + k), edge and level of each."""
+
+    values: Array
+    edge: Index | None
+    level: Index | None
+
+
+@dataclass(slots=True)
+class RowFilter:
+    """Leaves out rows for the reasons, and in the order, of a fit in memory."""
+
+    names: Sequence[str]
+    by: str | None
+    counts: dict[str, int] = field(default_factory=dict)
+    lines: dict[str, list[int]] = field(default_factory=dict)
+
+    def usable(self, block: Block, levels: LabelNumbers) -> UsableRows:
+        """Rows of the block without missing values, above zero."""
+        values = np.column_stack(block.columns)
+        bad = [(f"{name} missing", np.isnan(values[:, j])) for j, name in enumerate(self.names)]
+        if block.level is not None:
+            bad.append((f"{self.by} missing", np.asarray(block.level == levels.numbers.get("", -1))))
+        bad += [(f"{name} zero or negative", values[:, j] <= 0) for j, name in enumerate(self.names)]
+        keep = np.ones(len(block), dtype=bool)
+        for reason, rows in bad:
+            self._count(reason, block.first, rows & keep)
+            keep &= ~rows
+        if keep.all():
+            return UsableRows(values, block.edge, block.level)
+        return UsableRows(
+            values[keep],
+            None if block.edge is None else block.edge[keep],
+            None if block.level is None else block.level[keep],
+        )
+
+    def dropped(self) -> tuple[Dropped, ...]:
+        """The rows left out, by reason."""
+        return tuple(
+            Dropped(reason, count, tuple(self.lines[reason])) for reason, count in self.counts.items() if count
+        )
+
+    def _count(self, reason: str, first: int, rows: NDArray[np.bool_]) -> None:
+        self.counts.setdefault(reason, 0)  # so that reasons keep their order
+        if not rows.any():
+            return
+        found = self.lines.setdefault(reason, [])
+        self.counts[reason] += int(rows.sum())
+        found += (first + np.flatnonzero(rows)[: NAMED - len(found)]).tolist()

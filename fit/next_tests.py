@@ -1,12 +1,15 @@
-"""Which tests to cut next: those that tell the exponents best, or the repeats that pure error lacks.
+"""D-optimal augmentation of a design: further tests, or repeats where pure error is unknown.
 
 A test is an edge cut at one setting of what changes only between edges; time and wear then follow by themselves.
-Where the file names no edges a test is a row.
+Where the file names no edges a test is a row. A design in which no setting was cut twice has no pure error: lack of
+fit cannot be separated from differences between edges. Repeats then come first, at the most informative settings.
 
-A design in which no setting was cut twice has no pure error: nobody can say whether a law misses because its form
-is wrong or because edges differ. Repeats then come first, at those settings that also tell the exponents best.
+Adding rows to Z multiplies the determinant of Z'Z by ``det(I + A M A')`` with ``M = (Z'Z)^-1`` and A the added rows;
+by the matrix determinant lemma one row z gains ``1 + z'Mz``, and swapping row a for row z, with M of both old and
+added rows, ``(1 + z'Mz)(1 - a'Ma) + (z'Ma)^2``.
 
-Source: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, sections 2.7 and 8.3.
+Sources: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, sections 2.7 and 8.3; Fedorov 1972,
+Theory of Optimal Experiments, section 3.2; Cook & Nachtsheim 1980, Technometrics 22, 315 (exchange).
 """
 
 from dataclasses import dataclass
@@ -19,17 +22,21 @@ from numpy.typing import NDArray
 from ..core.errors import FitError, UsageError
 from ..datasets import region
 from ..datasets.design import round_significant
-from .domain import Domain, Points, changes_within, domain
-from .exchange import d_optimal
-from .lawfit import LawFit, as_table
-from .linear import linear
+from .edges import changes_within
+from .lawfit import LawFit
+from .least_squares import linear
+from .region import DesignRegion
+from .rows import Points, as_table, level_names
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 MOST = 1000  # tests in one plan
 GRID = 20_000  # candidates at most
 ALIKE = 4  # decimals of a coded level: closer settings are one
 DIGITS = 4
+GAIN = 1e-9  # a swap that gains less is rounding, and would go round in circles
+STARTS = 8  # the greedy one, and random ones: exchange stops at a local best
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +95,7 @@ def next_runs(law: LawFit, n: int, *, candidates: Points | None = None, seed: in
     Examples
     --------
     >>> from fitmodels import datasets, fit
-    >>> from fitmodels.fit.next_runs import next_runs
+    >>> from fitmodels.fit.next_tests import next_runs
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
     >>> plan = next_runs(law, 4, seed=1)
     >>> plan.attrs["criterion"], list(plan.columns)
@@ -96,11 +103,11 @@ def next_runs(law: LawFit, n: int, *, candidates: Points | None = None, seed: in
     """
     if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MOST:
         raise UsageError(f"n={n!r}: the number of tests to add is a whole number from 1 to {MOST}.")
-    cut, place = trials(law), domain(law)
+    cut, place = trials(law), law.region
     old = _rows(place, cut, cut.X, cut.level)
     M = linear(old, np.zeros(len(old))).cov_unscaled
     repeats = candidates is None and not replicated(place, cut)
-    X, level = _candidates(place, cut, repeats) if candidates is None else _asked(law, place, cut, candidates)
+    X, level = _candidates(place, cut, repeats) if candidates is None else _given(law, place, cut, candidates)
     rng = np.random.default_rng(seed)
     most = -(-n // len(X)) if repeats else n
     chosen, gain = d_optimal(M, _rows(place, cut, X, level), n, most, rng)
@@ -134,31 +141,33 @@ def trials(law: LawFit) -> Trials:
     return Trials(what, tuple(law.factors[j] for j in keep), law.X[first][:, keep], level, label)
 
 
-def replicated(place: Domain, cut: Trials) -> bool:
+def replicated(place: DesignRegion, cut: Trials) -> bool:
     """Whether some setting was cut more than once."""
     return len(set(_settings(place, cut, cut.X, cut.level))) < len(cut.X)
 
 
-def _settings(place: Domain, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> list[tuple[object, ...]]:
+def _settings(
+    place: DesignRegion, cut: Trials, X: Array, level: NDArray[np.object_] | None
+) -> list[tuple[object, ...]]:
     """Each setting as a key: two that differ in rounding only have the same."""
     U = np.round(_coded(place, cut, X), ALIKE) + 0.0
     names = [""] * len(X) if level is None else [str(name) for name in level]
     return [(*u, name) for u, name in zip(map(tuple, U.tolist()), names, strict=True)]
 
 
-def _coded(place: Domain, cut: Trials, X: Array) -> Array:
+def _coded(place: DesignRegion, cut: Trials, X: Array) -> Array:
     at = [place.factors.index(name) for name in cut.names]
     part = {"logs": place.logs, "centre": np.array(place.centre)[at], "half_range": np.array(place.half_range)[at]}
     return region.coded(part, X)
 
 
-def _rows(place: Domain, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> Array:
-    """Columns of the law that a test tells: 1, coded factors, indicators; shape (T, p)."""
+def _rows(place: DesignRegion, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> Array:
+    """Columns of the law that a test sets: 1, coded factors, indicators; shape (T, p)."""
     shifts = [] if level is None else [(level == name).astype(float) for name in place.levels[1:]]
     return np.column_stack([np.ones(len(X)), _coded(place, cut, X), *shifts])
 
 
-def _candidates(place: Domain, cut: Trials, repeats: bool) -> tuple[Array, NDArray[np.object_] | None]:
+def _candidates(place: DesignRegion, cut: Trials, repeats: bool) -> tuple[Array, NDArray[np.object_] | None]:
     """Settings already cut, each once; and a grid over the region, unless repeats are wanted."""
     keys = _settings(place, cut, cut.X, cut.level)
     once = [keys.index(key) for key in dict.fromkeys(keys)]
@@ -178,7 +187,7 @@ def _candidates(place: Domain, cut: Trials, repeats: bool) -> tuple[Array, NDArr
     return np.vstack([X, *kept]), np.concatenate([level, names])
 
 
-def _reached(place: Domain, cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
+def _reached(place: DesignRegion, cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
     """Which settings of the grid the region of the tests reaches: no further out than the furthest test."""
     level = None if name is None else np.full(len(grid), name, dtype=object)
     old = _rows(place, cut, cut.X, cut.level)
@@ -190,8 +199,8 @@ def _reached(place: Domain, cut: Trials, grid: Array, name: str | None) -> NDArr
     return np.asarray((h <= limit * (1 + region.SLACK)) & (near <= far * (1 + region.SLACK)))
 
 
-def _asked(law: LawFit, place: Domain, cut: Trials, given: Points) -> tuple[Array, NDArray[np.object_] | None]:
-    """Candidates of the user's own."""
+def _given(law: LawFit, place: DesignRegion, cut: Trials, given: Points) -> tuple[Array, NDArray[np.object_] | None]:
+    """Candidates given by the user."""
     table = as_table(law.response, given)
     needed = (*cut.names, *([place.by] if cut.level is not None and place.by else []))
     missing = [name for name in needed if name not in table]
@@ -204,14 +213,10 @@ def _asked(law: LawFit, place: Domain, cut: Trials, given: Points) -> tuple[Arra
         raise FitError(f"{law.response}: the candidates hold {X.min():g}; levels are numbers {wanted}.")
     if cut.level is None or place.by is None:
         return X, None
-    level = np.array([f"{v:.15g}" if isinstance(v, float) else str(v) for v in table[place.by]], dtype=object)
-    strange = sorted(set(level) - set(place.levels))
-    if strange:
-        raise FitError(f"{place.by} {strange[0]!r} of a candidate is not among the fitted: {', '.join(place.levels)}.")
-    return X, level
+    return X, level_names(table[place.by], place.levels, place.by)
 
 
-def _plan(place: Domain, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> pd.DataFrame:
+def _plan(place: DesignRegion, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> pd.DataFrame:
     keys = _settings(place, cut, cut.X, cut.level)
     here = _settings(place, cut, X, level)
     same = [keys.index(key) if key in keys else None for key in here]
@@ -240,8 +245,86 @@ def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str
         if criterion == "repeats"
         else f"{added}, D-optimal over the {len(cut.X)} cut so far"
     )
-    told = ", ".join(cut.names) or "the constant"
+    estimated = ", ".join(cut.names) or "the constant"
     return (
-        f"{law.response}: {why}; the determinant of the information on {told} grows {gain:.3g} times, which leaves "
-        f"{100 * gain**-0.5:.0f} % of the volume of the joint confidence region."
+        f"{law.response}: {why}; the determinant of the information on {estimated} grows {gain:.3g} times, which "
+        f"leaves {100 * gain**-0.5:.0f} % of the volume of the joint confidence region."
     )
+
+
+def d_optimal(M: Array, candidates: Array, n: int, most: int, rng: np.random.Generator) -> tuple[Index, float]:
+    """Choose n rows of ``candidates`` that make the determinant of the information largest.
+
+    Parameters
+    ----------
+    M : ndarray, shape (p, p)
+        ``(Z'Z)^-1`` of the design so far.
+    candidates : ndarray, shape (c, p)
+    n, most : int
+        How many to choose, and how often each candidate at most (``n <= most * c``).
+    rng : Generator
+        Of the random starts.
+
+    Returns
+    -------
+    chosen : ndarray of int, shape (n,), ascending
+    gain : float
+        What the determinant of Z'Z is multiplied by.
+
+    Examples
+    --------
+    >>> points = np.array([[1, -1.0], [1, 0], [1, 1]])
+    >>> chosen, gain = d_optimal(np.diag([0.25, 0.5]), points, 2, 2, np.random.default_rng(1))
+    >>> chosen.tolist(), round(gain, 3)
+    ([0, 2], 3.0)
+    """
+    starts = [_greedy(M, candidates, n, most)]
+    places = np.repeat(np.arange(len(candidates)), min(most, n))
+    starts += [rng.choice(places, size=n, replace=False) for _ in range(STARTS - 1)]
+    best, largest = starts[0], -1.0
+    for start in starts:
+        chosen = _exchanged(M, candidates, start, most)
+        gain = determinant_gain(M, candidates[chosen])
+        if gain > largest * (1 + GAIN):
+            best, largest = np.sort(chosen), gain
+    return best, largest
+
+
+def determinant_gain(M: Array, added: Array) -> float:
+    """What the determinant of the information is multiplied by when rows (n, p) are added."""
+    return float(np.linalg.det(np.eye(len(M)) + M @ added.T @ added))
+
+
+def _greedy(M: Array, candidates: Array, n: int, most: int) -> Index:
+    chosen: list[int] = []
+    count = np.zeros(len(candidates), dtype=np.intp)
+    for _ in range(n):
+        d = np.einsum("ij,jk,ik->i", candidates, M, candidates)
+        best = int(np.argmax(np.where(count < most, d, -1.0)))
+        chosen.append(best)
+        count[best] += 1
+        M = _with_row(M, candidates[best])
+    return np.array(chosen, dtype=np.intp)
+
+
+def _with_row(M: Array, z: Array) -> Array:
+    """(Z'Z + zz')^-1, by Sherman and Morrison."""
+    v = M @ z
+    return np.asarray(M - np.outer(v, v) / (1 + z @ v))
+
+
+def _exchanged(M: Array, candidates: Array, start: Index, most: int) -> Index:
+    """Swap one chosen row for one candidate, the best swap of all, until none gains."""
+    chosen = start.copy()
+    for _ in range(50 * len(chosen)):
+        rows = candidates[chosen]
+        inverse = np.linalg.inv(np.linalg.inv(M) + rows.T @ rows)
+        cross = candidates @ inverse @ rows.T
+        d = np.einsum("ij,jk,ik->i", candidates, inverse, candidates)
+        ratio = np.outer(1 + d, 1 - d[chosen]) + cross**2
+        ratio[np.bincount(chosen, minlength=len(candidates)) >= most] = 0.0
+        into, out = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+        if ratio[into, out] <= 1 + GAIN:
+            break
+        chosen[out] = into
+    return chosen

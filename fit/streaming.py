@@ -1,27 +1,24 @@
-"""A power law of a stream of rows, fitted in one pass with memory for one chunk and the sums of the edges."""
+"""Power law of a stream of rows, fitted in one pass with memory for one chunk and the sums of the edges."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import FitError, UsageError
-from ...core.threads import one_thread
-from ...datasets.vocabulary import ROLES
-from ..available import NotAvailable
-from ..edges import EdgeInference
-from ..identifiable import CONSTANT, LeftOut, identifiable
-from ..laws import power
-from ..linear import LinearFit
-from ..regression import _enough, _within_numbers
-from ..rows import By, Rows
-from .blocks import Chunk, Index, Reader
-from .by_edge import Standing, inference, standing
-from .edge_sums import EdgeSums
-from .streamed_law import StreamedLaw
-from .triangle import Summary, Triangle, least_squares, merged, standing_rows, summary, triangle_of
-from .usable import Sieve, Usable
+from ..core.errors import FitError, UsageError
+from ..core.threads import one_thread
+from ..datasets.vocabulary import ROLES
+from .available import NotAvailable
+from .chunks import Chunk, ChunkReader, Index, RowFilter, UsableRows
+from .edge_sums import EdgeSums, EquivalentRows, equivalent_rows, infer_from_sums
+from .edges import NO_EDGES, EdgeInference
+from .lawfit import LawFit
+from .laws import LawForm
+from .least_squares import LinearFit
+from .regression import check_constant, check_enough
+from .rows import CONSTANT, By, LawSource, LeftOut, Rows, identifiable
+from .triangle import Summary, Triangle, equivalent_columns, least_squares, merged, summary, triangle_of
 
 Array = NDArray[np.float64]
 
@@ -35,7 +32,8 @@ def streamed_power_law(
     edge: str | None = "edge",
     by: str | None = None,
     units: Mapping[str, str] | None = None,
-) -> StreamedLaw:
+    source: LawSource | None = None,
+) -> LawFit:
     """Fit ``R = c0 prod X_j^b_j`` to rows that pass once, as ``power_law`` fits them in memory.
 
     Errors multiply: it is least squares of ln R. Coefficients, standard errors by edge and of rows, R2 and F are
@@ -46,7 +44,7 @@ def streamed_power_law(
     ----------
     chunks : iterable of mapping or DataFrame
         Columns under their symbols (``V``, ``AW`` ...), any number of rows in each, every column in one unit
-        throughout: headers and units are not read here. The first chunk settles whether there is an edge column.
+        throughout: headers and units are not read here. The first chunk decides whether there is an edge column.
     response : str
     factors : sequence of str
         Symbols, most important first. A constant, or an exact product of earlier ones, is left out by name.
@@ -57,13 +55,15 @@ def streamed_power_law(
         Category whose level multiplies the law by exp(shift).
     units : mapping, optional
         Units of the columns where they are not the usual ones (m/min, mm/rev, mm, min, N, kW ...).
+    source : LawSource, optional
+        Data file, tool and work of the rows; their number is counted.
 
     Returns
     -------
-    StreamedLaw
-        Rows that miss a value or are not above zero are left out and counted; their ``lines`` are rows counted
-        from 0, as those of ``runs_from_frame``. A table that repeats every measurement is fitted as it stands:
-        one pass cannot tell copies.
+    LawFit
+        A law without ``rows``, with its sums by edge in ``sums``. Rows that miss a value or are not above zero are
+        left out and counted; their ``lines`` are rows counted from 0, as those of ``runs_from_frame``. A table that
+        repeats every measurement is fitted as it stands: one pass does not detect copies.
 
     Raises
     ------
@@ -82,14 +82,15 @@ def streamed_power_law(
     >>> law.params.round(3).to_dict(), law.nobs, law.n_edges
     ({'c0': 0.009, 'V': 0.533, 'f': 0.167, 'd': 0.316, 't': 0.246}, 239, 24)
     """
-    _asked(chunks, response, factors)
-    found = _Pass(Reader([response, *factors], edge, by), Sieve([response, *factors], by), EdgeSums(1 + len(factors)))
+    _check(chunks, response, factors)
+    columns = [response, *factors]
+    found = _Pass(ChunkReader(columns, edge, by), RowFilter(columns, by), EdgeSums(1 + len(factors)))
     for block in found.reader.blocks(chunks):
-        found.add(found.sieve.usable(block, found.reader.levels))
-    return _fitted(found, response, tuple(factors), by, units or {})
+        found.add(found.filter.usable(block, found.reader.levels))
+    return _fitted(found, response, tuple(factors), by, units or {}, source or LawSource())
 
 
-def _asked(chunks: object, response: str, factors: Sequence[str]) -> None:
+def _check(chunks: object, response: str, factors: Sequence[str]) -> None:
     if isinstance(chunks, Mapping) or hasattr(chunks, "columns"):
         raise UsageError("chunks is one table; it is an iterable of tables: give [table], or fit it in memory.")
     if not factors:
@@ -100,18 +101,18 @@ def _asked(chunks: object, response: str, factors: Sequence[str]) -> None:
 
 @dataclass(slots=True)
 class _Pass:
-    """What is kept of the rows that have passed: sums, and the ends of each column."""
+    """Sums and ranges of the rows so far."""
 
-    reader: Reader
-    sieve: Sieve
+    reader: ChunkReader
+    filter: RowFilter
     edges: EdgeSums
     triangle: Triangle | None = None
     low: Array = field(default_factory=lambda: np.zeros(0))
     high: Array = field(default_factory=lambda: np.zeros(0))
     first: Array = field(default_factory=lambda: np.zeros(0))
 
-    def add(self, rows: Usable) -> None:
-        """Take up the usable rows of a block."""
+    def add(self, rows: UsableRows) -> None:
+        """Add the usable rows of a block."""
         if not len(rows.values):
             return
         low, high = rows.values.min(axis=0), rows.values.max(axis=0)
@@ -131,50 +132,50 @@ class _Pass:
 
 
 def _fitted(
-    found: _Pass, response: str, factors: tuple[str, ...], by: str | None, units: Mapping[str, str]
-) -> StreamedLaw:
+    found: _Pass,
+    response: str,
+    factors: tuple[str, ...],
+    by: str | None,
+    units: Mapping[str, str],
+    source: LawSource,
+) -> LawFit:
     levels, category = _levels(found, by)
     rows = None if found.triangle is None else summary(found.triangle, levels)
-    keep, left_out = ([*range(len(factors))], ()) if rows is None else _told_apart(found, factors, rows)
-    law = power(response, tuple(factors[j] for j in keep))
-    _enough(law, _ends_of_rows(found, category, len(law.names)), left_out)
+    keep, left_out = ([*range(len(factors))], ()) if rows is None else _identifiable(found, factors, rows)
+    law = LawForm("power", response, tuple(factors[j] for j in keep))
+    check_enough(law, _ends_of_rows(found, category, len(law.names)), left_out)
     assert rows is not None  # noqa: S101  no rows are never enough
     rows = rows.of(keep)
     fit = least_squares(rows)
-    _within_numbers(law, fit.params, np.append(1.0, rows.mean[:-1])[None])
-    stand = standing(found.edges.trimmed(), keep, found.reader.edges, levels) if found.reader.edge is not None else None
-    size = None if stand is None else stand.edge_size
-    names = [*law.names, *(f"{category.column}[{level}]" for level in category.levels)] if category else [*law.names]
-    return StreamedLaw(
-        law=law,
-        theta=fit.params,
-        cov_theta=fit.cov_params if fit.df_resid else None,
-        nobs=fit.nobs,
-        rss=fit.rss,
-        tss=fit.tss,
+    check_constant(law, fit.params, np.append(1.0, rows.mean[:-1])[None])
+    by_edge = None if found.reader.edge is None else _equivalent(found, keep, levels)
+    unedged = LawFit(
+        formula=law, error="multiplicative", theta=fit.params, cov_theta=fit.cov_params if fit.df_resid else None,
+        nobs=fit.nobs, rss=fit.rss, tss=fit.tss,
         domain={factors[j]: (float(found.low[j + 1]), float(found.high[j + 1])) for j in keep},
         units={name: units.get(name, _usual_unit(name)) for name in (response, *law.factors)},
-        by=category,
-        left_out=left_out,
-        dropped=found.sieve.dropped(),
-        notes=(),
-        n_edges=None if size is None else len(size),
-        rows_per_edge=None if size is None else len(size) / float(np.sum(1.0 / size)),
-        edges=_by_edge(found, fit, stand, keep, (f"ln {names[0]}", *names[1:])),
-    )
+        by=category, left_out=left_out, dropped=found.filter.dropped(),
+        n_edges=None if by_edge is None else len(by_edge.names),
+        source=replace(source, n_rows=found.reader.rows), sums=None if by_edge is None else found.edges,
+    )  # fmt: skip
+    return replace(unedged, edges=_by_edge(found, fit, by_edge, keep, unedged.theta_names))
+
+
+def _equivalent(found: _Pass, keep: Sequence[int], levels: Index) -> EquivalentRows:
+    sums = found.edges.trimmed()
+    names, order = found.reader.edges.in_order(np.unique(sums.groups()[0]))
+    return equivalent_rows(sums, keep, names, order, levels)
 
 
 def _by_edge(
-    found: _Pass, fit: LinearFit, stand: Standing | None, keep: Sequence[int], names: tuple[str, ...]
+    found: _Pass, fit: LinearFit, rows: EquivalentRows | None, keep: Sequence[int], names: tuple[str, ...]
 ) -> EdgeInference | NotAvailable:
-    if stand is None:
-        return NotAvailable(
-            "no edge column: rows are taken as independent; if several come from one edge, intervals are too narrow"
-        )
+    if rows is None:
+        return NO_EDGES
     largest = np.ones(len(fit.params))
     logs = np.abs(np.log([found.low, found.high])).max(axis=0)
     largest[1 : 1 + len(keep)] = logs[1:][list(keep)]
-    return inference(fit, stand, largest, names)
+    return infer_from_sums(fit, rows, largest, names)
 
 
 def _levels(found: _Pass, by: str | None) -> tuple[Index, By | None]:
@@ -189,13 +190,13 @@ def _levels(found: _Pass, by: str | None) -> tuple[Index, By | None]:
     return order, By(by, names[0], names[1:])
 
 
-def _told_apart(found: _Pass, factors: tuple[str, ...], rows: Summary) -> tuple[list[int], tuple[LeftOut, ...]]:
-    """Positions of the factors that can be fitted and the others with the reason, by the rules of a fit in memory."""
+def _identifiable(found: _Pass, factors: tuple[str, ...], rows: Summary) -> tuple[list[int], tuple[LeftOut, ...]]:
+    """Positions of the factors that can be fitted and the others with the reason, as `identifiable` does for rows."""
     low, high, first = np.log(found.low[1:]), np.log(found.high[1:]), np.log(found.first[1:])
     still = np.maximum(high - first, first - low) <= CONSTANT * np.maximum(1.0, np.abs(first))
     still &= found.n > 1
     moving = [j for j in range(len(factors)) if not still[j]]
-    few = standing_rows(rows.of(moving))
+    few = equivalent_columns(rows.of(moving))
     k = len(moving)
     keep, others = identifiable([factors[j] for j in moving], few[:, :k], few[:, k:-1], logs=True)
     why = {item.factor: item for item in others}
@@ -206,7 +207,7 @@ def _told_apart(found: _Pass, factors: tuple[str, ...], rows: Summary) -> tuple[
 
 
 def _ends_of_rows(found: _Pass, category: By | None, names: int) -> Rows:
-    """Rows as far as ``_enough`` looks: their number, as far as it is short, and the ends of the response."""
+    """Rows as ``check_enough`` needs them: their number, and the ends of the response."""
     n = found.n
     if n and found.low[0] < found.high[0]:
         enough = names + (len(category.levels) if category else 0) + 1
@@ -215,7 +216,7 @@ def _ends_of_rows(found: _Pass, category: By | None, names: int) -> Rows:
         y = np.broadcast_to(found.low[0] if n else np.nan, (n,))
     shifts = np.empty((0, len(category.levels) if category else 0))
     none = np.empty(0, dtype=np.intp)
-    return Rows(np.empty((0, 0)), y, shifts, none, None, category, found.sieve.dropped(), 1)
+    return Rows(np.empty((0, 0)), y, shifts, none, None, category, found.filter.dropped(), 1)
 
 
 def _usual_unit(name: str) -> str:

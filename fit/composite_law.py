@@ -1,6 +1,6 @@
-"""Wear as a regressor: a law that has AW among its factors, and what is left when AW is written out.
+"""Composite law: a law that has wear among its factors, with the wear law substituted.
 
-``P = c V^a f^b d^g t^h AW^k`` says what power a *known* wear draws. To plan, AW must itself come from V, f, d, t:
+``P = c V^a f^b d^g t^h AW^k`` gives the power at a *known* wear. To plan, AW must itself come from V, f, d, t:
 substituting the wear law gives the composite law, fitting P without AW the reduced one. Fitted to the same rows and
 factors in logarithms the two are the same numbers. AC-2016 substitutes eq. 6 into 4 and 5; its eq. 8 prints 0.264
 where that gives 0.0264 (eq. 10's 0.067 agrees), its eq. 9 d^1.243 where that gives d^0.9878 (eq. 11's 799.62 agrees).
@@ -9,7 +9,7 @@ Source: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006, eq. 4-11.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -18,31 +18,32 @@ from numpy.typing import NDArray
 from ..core.display import Plottable
 from ..core.errors import UsageError
 from .available import NotAvailable
-from .jackknife import edge_inference
 from .lawfit import LawFit
-from .laws import power
-from .linear import linear
+from .laws import LawForm
+from .least_squares import linear
+from .regression import facts_of, law_of, linear_stage
+from .rows import FittedRows
 
 Array = NDArray[np.float64]
 
-HIGH = 5.0  # variance inflation above which a factor's exponent is told mostly by what the others leave
+HIGH = 5.0  # variance inflation factor above which an exponent is weakly identified
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Composite(Plottable):
-    """A law with its wear substituted, beside the law fitted without it.
+    """A law with its wear substituted, and the law fitted without it.
 
     Attributes
     ----------
     law, wear_law : LawFit
-        What was substituted into, and what was substituted.
+        The law with the wear among its factors, and the law of the wear.
     names : tuple of str
         ``ln c0``, factors, shifts.
     theta, cov_theta : ndarray, shape (p,) and (p, p)
-        By the delta method: both laws moved together, edge by edge, where they were fitted to the same rows;
+        By the delta method: jackknife of both laws together, edge by edge, where they were fitted to the same rows;
         else with the errors of the two laws taken as independent.
     together : bool
-        Which of the two.
+        True for the former.
     """
 
     law: LawFit
@@ -60,7 +61,7 @@ class Composite(Plottable):
     @property
     def params(self) -> "pd.Series[float]":
         """``c0`` in the unit of the response, exponents and shifts."""
-        values = self.law.law.coefficients(self.theta)
+        values = self.law.formula.coefficients(self.theta)
         return pd.Series(values, index=["c0", *self.names[1:]], name=self.law.response)
 
     @property
@@ -69,7 +70,7 @@ class Composite(Plottable):
         return pd.Series(np.sqrt(np.diag(self.cov_theta)), index=list(self.names), name="bse")
 
     @property
-    def beside(self) -> pd.DataFrame:
+    def comparison(self) -> pd.DataFrame:
         """Composite and reduced ``theta`` with standard errors, indexed by ``names``; no reduced columns if none."""
         table = pd.DataFrame({"composite": pd.Series(self.theta, index=list(self.names)), "se": self.bse})
         if isinstance(self.reduced, LawFit):
@@ -85,25 +86,25 @@ class Composite(Plottable):
 
     @property
     def concern(self) -> int:
-        """0 fine, 1 the wear is told by the other factors. Cure: the composite or the reduced law."""
+        """0: none; 1: the wear is nearly a function of the other factors. Remedy: the composite or the reduced law."""
         return int(self.vif > HIGH)
 
     @property
     def verdict(self) -> str:
-        """One sentence: whether the exponent of wear can be told from the others."""
+        """Whether the exponent of wear is identified, in one sentence."""
         wear, others = self.wear_law.response, ", ".join(_less(self.law.factors, self.wear_law.response))
         if self.concern:
             return (
-                f"{self.law.response}: {wear} is mostly told by {others} (VIF {self.vif:.1f}, above {HIGH:g}), so its "
-                f"exponent and theirs trade against each other; use the law without {wear} to plan."
+                f"{self.law.response}: {wear} is nearly a function of {others} (VIF {self.vif:.1f}, above {HIGH:g}), "
+                f"so that its exponent is weakly identified; use the law without {wear} to plan."
             )
-        return f"{self.law.response}: {wear} says something of its own beside {others} (VIF {self.vif:.1f})."
+        return f"{self.law.response}: the exponent of {wear} is identified apart from {others} (VIF {self.vif:.1f})."
 
     @property
     def assumption(self) -> str:
-        """What the standard errors take for granted."""
+        """The assumption behind the standard errors."""
         if self.together:
-            return "nothing of how the errors of the two laws hang together: both leave out the same edges at once"
+            return "no assumption on the dependence of the errors of the two laws: the same edges of both are left out"
         return (
             f"the errors of the laws of {self.law.response} and {self.wear_law.response} are taken as independent; "
             "rows of the same edges may share some"
@@ -111,7 +112,7 @@ class Composite(Plottable):
 
 
 def substituted(law: Mapping[str, float], wear_law: Mapping[str, float], wear: str) -> dict[str, float]:
-    """Coefficients of a power law with ``wear`` written out by its own power law; eq. 8-9 of AC-2016, exactly.
+    """Coefficients of a power law with ``wear`` replaced by its own power law; eq. 8-9 of AC-2016, exactly.
 
     Parameters
     ----------
@@ -196,17 +197,12 @@ def without(law: LawFit, factor: str) -> LawFit | NotAvailable:
         return NotAvailable(f"{factor} is the only factor of {law.response}: nothing is left without it")
     if (law.observed <= 0).any():
         return NotAvailable(f"{law.response} is zero or negative in some rows: a refit starts from its logarithm")
-    form = power(law.response, _less(law.factors, factor))
-    X = np.delete(law.X, j, axis=1)
-    Z, y = form.design(X, law.shifts), np.log(law.observed)
-    fit = linear(Z, y)
-    r = y - Z @ fit.params
-    plain = replace(
-        law, law=form, error="multiplicative", theta=fit.params, cov_theta=fit.cov_params if fit.df_resid else None,
-        X=X, fitted=np.exp(Z @ fit.params), residuals=r, rss=float(r @ r), tss=fit.tss,
-        units={name: unit for name, unit in law.units.items() if name != factor},
-    )  # fmt: skip
-    plain = replace(plain, edges=edge_inference(plain))
+    form = LawForm("power", law.response, _less(law.factors, factor))
+    X, y = np.delete(law.X, j, axis=1), np.log(law.observed)
+    theta, cov, eta, r, tss = linear_stage(form.design(X, law.shifts), y)
+    rows = FittedRows(X, law.shifts, law.observed, np.exp(eta), r, law.lines, law.edge)
+    facts = facts_of(law) | {"units": {name: unit for name, unit in law.units.items() if name != factor}}
+    plain = law_of(form, "multiplicative", (theta, cov, rows.fitted, r, tss), rows, **facts)
     if law.error == "multiplicative":
         return plain
     return plain.alternative or NotAvailable(f"least squares in natural units without {factor} does not converge")
@@ -225,7 +221,7 @@ def _check(law: LawFit, wear_law: LawFit) -> None:
             "cannot be substituted. Fit it with that wear as a factor."
         )
     if law.response in wear_law.factors:
-        raise UsageError(f"the law of {wear} has {law.response} for a factor: the two would go round in a circle.")
+        raise UsageError(f"the law of {wear} has {law.response} for a factor: neither can be substituted.")
     for name in (wear, *wear_law.factors):
         here, there = law.units.get(name), wear_law.units.get(name)
         if name in law.factors and here != there:
@@ -238,7 +234,7 @@ def _check(law: LawFit, wear_law: LawFit) -> None:
 
 
 def _together(law: LawFit, wear_law: LawFit) -> tuple[Array, Array] | None:
-    """How both laws move as each edge is left out, where they share their rows."""
+    """Changes of both laws as each edge is left out, where they share their rows."""
     here, there = law.edges, wear_law.edges
     if isinstance(here, NotAvailable) or isinstance(there, NotAvailable) or here.edges != there.edges:
         return None
@@ -248,12 +244,12 @@ def _together(law: LawFit, wear_law: LawFit) -> tuple[Array, Array] | None:
 
 
 def _places(of: list[str], names: list[str]) -> Array:
-    """Matrix that puts parameters ``of`` into their places among ``names``; those that are gone go nowhere."""
+    """Matrix that puts parameters ``of`` into their places among ``names``; those not among them are omitted."""
     return np.array([[float(name == other) for other in of] for name in names])
 
 
 def _vif(law: LawFit, at: int) -> float:
-    Z = law.law.design(law.X, law.shifts)
+    Z = law.design
     fit = linear(np.delete(Z, at, axis=1), Z[:, at])
     return fit.tss / fit.rss if fit.rss > 0 else float("inf")
 

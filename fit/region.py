@@ -1,7 +1,7 @@
-"""Where a law may be asked: the region that its design has cut, not the box about it.
+"""Design region of a law: the points inside every factor's range with no more leverage than the design.
 
-The corner of the box about a central composite design was never cut, nor anything near it; its leverage tells.
-Leverage is taken in the space of the law's columns: among *edge settings* for what changes only between edges
+The corner of the box about a central composite design was never cut, nor anything near it; its leverage is high.
+Leverage is computed in the space of the law's columns: among *edge settings* for what changes only between edges
 (an edge counts once, however long it lasted), and among rows for the whole law.
 
 Source: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, section 8.2 (scaled prediction
@@ -18,18 +18,19 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from ..datasets import region
-from .lawfit import LawFit, as_table
-from .linear import linear
+from .edges import changes_within
+from .laws import LawForm
+from .least_squares import linear
+from .rows import By, Points, as_table, level_names
 
 Array = NDArray[np.float64]
 
 MOST_ROWS = 20_000  # of more rows than this a choice draws the region
-Points = Mapping[str, object] | pd.DataFrame
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Space(Displayable):
-    """Columns in which leverage is told, and the largest of the design there.
+class ColumnSpace(Displayable):
+    """Columns in which leverage is computed, and its largest value in the design.
 
     Attributes
     ----------
@@ -50,7 +51,7 @@ class Space(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Domain(Plottable):
+class DesignRegion(Plottable):
     """The region of a design.
 
     Attributes
@@ -68,7 +69,7 @@ class Domain(Plottable):
         Category of the law.
     levels : tuple of str
         Its levels, the reference first; empty without one.
-    spaces : tuple of Space
+    spaces : tuple of ColumnSpace
         Edge settings first, where the law has factors that change only between edges.
     """
 
@@ -81,7 +82,7 @@ class Domain(Plottable):
     largest_radius: float
     by: str | None
     levels: tuple[str, ...]
-    spaces: tuple[Space, ...]
+    spaces: tuple[ColumnSpace, ...]
 
     @property
     def largest_leverage(self) -> float:
@@ -97,19 +98,19 @@ class Domain(Plottable):
 
         Points hold a value or column for each factor, as in ``LawFit.predict``, and the category if there is one.
         """
-        return region.leverages(self.facts(), *self._given(points))[..., 0]
+        return region.leverages(self.facts(), *self._values(points))[..., 0]
 
     def coded_radius(self, points: Points) -> Array:
         """Distance of points from the centre, shape (n,), each factor coded -1 to +1 over its range."""
-        return region.radius(self.facts(), self._given(points)[0])
+        return region.radius(self.facts(), self._values(points)[0])
 
     def inside(self, points: Points) -> NDArray[np.bool_]:
         """Whether points lie in the region, shape (n,): in every range, and no further out than the design."""
-        return region.inside(self.facts(), *self._given(points))
+        return region.inside(self.facts(), *self._values(points))
 
     def words(self, point: Points) -> str:
         """Inside or outside, and by what, for one point."""
-        facts, (X, level) = self.facts(), self._given(point)
+        facts, (X, level) = self.facts(), self._values(point)
         if len(X) != 1:
             raise FitError(f"{self.response}: {len(X)} points are given; words are of one point at a time.")
         at = region.level_numbers(facts, level, (1,))[0]
@@ -140,7 +141,7 @@ class Domain(Plottable):
             if abs(u[j]) > 1 + region.ROUNDING
         ]
 
-    def _given(self, points: Points) -> tuple[Array, ArrayLike | None]:
+    def _values(self, points: Points) -> tuple[Array, ArrayLike | None]:
         """Factors, shape (n, k), and levels of the category."""
         table = as_table(self.response, points)
         needed = (*self.factors, *([self.by] if self.by else []))
@@ -158,48 +159,49 @@ class Domain(Plottable):
             )
         if self.by is None:
             return X, None
-        level = [f"{v:.15g}" if isinstance(v, float) else str(v) for v in table[self.by]]
-        strange = sorted(set(level) - set(self.levels))
-        if strange:
-            raise FitError(f"{self.by} {strange[0]!r} is not among the fitted: {', '.join(self.levels)}.")
-        return X, np.array(level, dtype=object)
+        return X, level_names(table[self.by], self.levels, self.by)
 
 
-def domain(law: LawFit) -> Domain:
-    """The region of the rows that a law was fitted to.
+def design_region(
+    formula: LawForm,
+    X: Array,
+    shifts: Array,
+    edge: NDArray[np.object_] | None,
+    by: By | None,
+    units: Mapping[str, str],
+) -> DesignRegion:
+    """The region of the rows that a law was fitted to, factors X (n, k) and indicator columns ``shifts`` (n, s).
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
-    >>> from fitmodels.fit.domain import domain
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> domain(law).inside({"V": [100, 200], "f": [0.2, 0.6], "d": [2, 3], "t": 8}).tolist()
+    >>> law.region.inside({"V": [100, 200], "f": [0.2, 0.6], "d": [2, 3], "t": 8}).tolist()
     [True, False]
     """
-    logs = law.form == "power"
-    T = np.log(law.X) if logs else law.X
+    T = np.log(X) if formula.log_factors else X
     low, high = T.min(axis=0), T.max(axis=0)
     centre, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
-    keep = _telling_rows(T, law.edge)
-    U, shifts = (T[keep] - centre) / half, law.shifts[keep]
+    keep = _selected_rows(T, edge)
+    U, shifts = (T[keep] - centre) / half, shifts[keep]
     columns = np.hstack([np.ones((len(U), 1)), U, shifts])
     level = (shifts @ np.arange(1, 1 + shifts.shape[1])).astype(np.intp)
-    return Domain(
-        response=law.response,
-        factors=law.factors,
-        units=tuple(law.units.get(name, "") for name in law.factors),
-        logs=logs,
+    return DesignRegion(
+        response=formula.response,
+        factors=formula.factors,
+        units=tuple(units.get(name, "") for name in formula.factors),
+        logs=formula.log_factors,
         centre=tuple(centre.tolist()),
         half_range=tuple(half.tolist()),
         largest_radius=float(np.linalg.norm(U, axis=1).max()),
-        by=None if law.by is None else law.by.column,
-        levels=() if law.by is None else (law.by.reference, *law.by.levels),
-        spaces=_spaces(columns, level, None if law.edge is None else law.edge[keep]),
+        by=None if by is None else by.column,
+        levels=() if by is None else (by.reference, *by.levels),
+        spaces=_spaces(columns, level, None if edge is None else edge[keep]),
     )
 
 
-def _telling_rows(T: Array, edge: NDArray[np.object_] | None) -> NDArray[np.intp]:
-    """All rows; of very many an even choice, with a row of every edge and the ends of every factor.
+def _selected_rows(T: Array, edge: NDArray[np.object_] | None) -> NDArray[np.intp]:
+    """Positions of all rows; of very many an even selection with a row of every edge and the ends of every factor.
 
     The region compares leverage with the largest of the design, so that an even choice draws the same region.
     """
@@ -212,21 +214,8 @@ def _telling_rows(T: Array, edge: NDArray[np.object_] | None) -> NDArray[np.intp
     return np.unique(np.concatenate([np.arange(0, n, -(-n // MOST_ROWS)), first, ends]).astype(np.intp))
 
 
-def changes_within(columns: Array, edge: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which columns (n, c) change among the rows of one edge, edges numbered from 0.
-
-    Examples
-    --------
-    >>> changes_within(np.array([[1, 50, 2.0], [1, 50, 4.0], [1, 80, 2.0]]), np.array([0, 0, 1])).tolist()
-    [False, False, True]
-    """
-    first = np.unique(edge, return_index=True)[1]
-    limit = 1e-9 * np.abs(columns).max(axis=0)
-    return np.asarray((np.abs(columns - columns[first][edge]) > limit).any(axis=0), dtype=bool)
-
-
-def _spaces(columns: Array, level: NDArray[np.intp], edge: NDArray[np.object_] | None) -> tuple[Space, ...]:
-    """Edge settings where something is told between edges only, and rows where something is told within."""
+def _spaces(columns: Array, level: NDArray[np.intp], edge: NDArray[np.object_] | None) -> tuple[ColumnSpace, ...]:
+    """Edge settings where columns change between edges only, and rows where columns change within edges."""
     every = np.arange(columns.shape[1])
     if edge is None:
         return (_space("rows", columns, every, level),)
@@ -238,9 +227,9 @@ def _spaces(columns: Array, level: NDArray[np.intp], edge: NDArray[np.object_] |
     return tuple(spaces)
 
 
-def _space(of: str, columns: Array, which: NDArray[np.intp], level: NDArray[np.intp]) -> Space:
+def _space(of: str, columns: Array, which: NDArray[np.intp], level: NDArray[np.intp]) -> ColumnSpace:
     Z = columns[:, which]
     M = linear(Z, np.zeros(len(Z))).cov_unscaled
     h = np.einsum("ij,jk,ik->i", Z, M, Z)
     largest = [float(h[level == j].max(initial=0.0)) or float(h.max()) for j in range(int(level.max()) + 1)]
-    return Space(of, tuple(int(j) for j in which), tuple(map(tuple, M.tolist())), tuple(largest))
+    return ColumnSpace(of, tuple(int(j) for j in which), tuple(map(tuple, M.tolist())), tuple(largest))

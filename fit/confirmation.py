@@ -1,7 +1,14 @@
-"""Do new runs bear a law out? Row by row against its prediction intervals, and edge by edge in one test.
+"""Confirmation of a law by new runs: rows against prediction intervals, and joint tests by strata.
 
-Rows of one edge stand off the law together, so that counting them proves little: the judgement rests on a test of
-the levels of the edges, each once, and one of the rows about them (``joint``), as one p value by Bonferroni.
+Rows of one edge deviate from the law together, so that counting them is no test. With e the new residuals, A their
+columns, C the covariance of the law and D the variance of the mean of an edge, or of a row within its edge,
+
+    T = e' (A C A' + D)^-1 e / K  ~  F(K, df)
+
+in each stratum; the p values are combined by Bonferroni. For independent rows this is Chow's test of new observations,
+which is exact.
+
+Sources: Chow 1960, Econometrica 28, 591; Harville 1977, J. Am. Stat. Assoc. 72, 320 (strata of a random level).
 """
 
 from dataclasses import dataclass, replace
@@ -14,19 +21,17 @@ from numpy.typing import NDArray
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError, UsageError
 from ..datasets import Runs
-from .about import gradient_at, new_edge
 from .available import NotAvailable
-from .domain import domain
 from .edges import EdgeInference
-from .joint import JointTest, by_edge, no_edges, of_rows, over
 from .lawfit import LawFit
+from .prediction import new_edge
 from .rows import Dropped, select
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Unjudged(Displayable):
+class OutsideRegion(Displayable):
     """A new row outside the region of the design: its line in the file, and by what it is outside."""
 
     line: int
@@ -34,23 +39,42 @@ class Unjudged(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
+class JointTest(Displayable):
+    """F test of one stratum of the new residuals.
+
+    Attributes
+    ----------
+    of : {"levels of edges", "rows within edges", "rows"}
+    null : str
+    statistic, pvalue : float
+    df : tuple of float
+    """
+
+    of: str
+    null: str
+    statistic: float
+    df: tuple[float, float]
+    pvalue: float
+
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Confirmation(Plottable):
-    """New runs beside what a law foretold.
+    """New runs compared with the predictions of a law.
 
     Attributes
     ----------
     response : str
     level : float
-        Of the prediction intervals; the tests are judged at one less it.
+        Of the prediction intervals; significance of the tests: one less it.
     rows : DataFrame
         A row for each new row that was judged: line, edge, observed, predicted, low, high (in the unit of the
         response), inside, and z, its deviation over the standard deviation of its prediction.
     edges : DataFrame
         A row for each new edge: rows, ratio of observed to predicted (of their geometric means where errors
         multiply, else of their means), z of its level, and inside. Empty where the new rows name no edges or the
-        law knows none.
+        law has no inference by edge.
     tests : tuple of JointTest, or NotAvailable
-    unjudged : tuple of Unjudged
+    unjudged : tuple of OutsideRegion
     dropped : tuple of Dropped
         Rows without a usable response or factor.
     """
@@ -60,7 +84,7 @@ class Confirmation(Plottable):
     rows: pd.DataFrame
     edges: pd.DataFrame
     tests: tuple[JointTest, ...] | NotAvailable
-    unjudged: tuple[Unjudged, ...]
+    unjudged: tuple[OutsideRegion, ...]
     dropped: tuple[Dropped, ...]
 
     @property
@@ -85,29 +109,31 @@ class Confirmation(Plottable):
         """Whether the law holds for the new runs; None where that cannot be tested.
 
         False has three causes: another material or tool, a form that is wrong here, or edges that differ more
-        than those of the fit did. Cure: fit both together and look at lack of fit.
+        than those of the fit did. Remedy: fit both together and test lack of fit.
         """
         return None if self.pvalue is None else self.pvalue >= 1 - self.level
 
     @property
     def verdict(self) -> str:
-        """What was found, in words."""
+        """The result in one sentence."""
         n, k = len(self.rows), self.outside
         head = (
             f"{self.response}: {k} of {n} rows {'falls' if k == 1 else 'fall'} outside the "
             f"{100 * self.level:.4g} % prediction intervals, {self.expected:.2g} expected by chance"
         )
-        return f"{head}: {self._judgement()}{self._not_judged()}."
+        return f"{head}: {self._conclusion()}{self._not_compared()}."
 
-    def _judgement(self) -> str:
+    def _conclusion(self) -> str:
         if isinstance(self.tests, NotAvailable):
-            return f"no judgement of the whole, since {self.tests.reason}"
+            return f"no joint test: {self.tests.reason}"
         p = f"p {self.pvalue:.2g}" if self.pvalue is not None and self.pvalue >= 1e-4 else "p < 0.0001"
         if self.holds:
             return f"the law holds for these runs ({p})"
         worst = min(self.tests, key=lambda test: test.pvalue)
         if worst.of == "rows within edges":
-            return f"the law does not hold: rows stray from it within their edges ({p}), so time or wear acts otherwise"
+            return (
+                f"the law does not hold: rows deviate from it within their edges ({p}): time or wear acts differently"
+            )
         off = self.edges[~self.edges["inside"]] if len(self.edges) else self.edges
         if len(off):
             which = ", ".join(f"{name} ({_off(row['ratio'])})" for name, row in off.head(6).iterrows())
@@ -115,40 +141,40 @@ class Confirmation(Plottable):
             return f"the law does not hold for edge{s} {which}{more} ({p})"
         return f"the law does not hold for these runs taken together ({p})"
 
-    def _not_judged(self) -> str:
+    def _not_compared(self) -> str:
         if not self.unjudged:
             return ""
         lines = ", ".join(str(row.line) for row in self.unjudged[:6]) + (", ..." if len(self.unjudged) > 6 else "")
         first = self.unjudged[0]
         n = len(self.unjudged)
         return (
-            f"; {n} row{'s' if n > 1 else ''} outside the region of the design {'are' if n > 1 else 'is'} not judged "
+            f"; {n} row{'s' if n > 1 else ''} outside the region of the design {'are' if n > 1 else 'is'} not compared "
             f"(line{'s' if n > 1 else ''} {lines}; line {first.line} is {first.reason.split('; ')[0]})"
         )
 
 
 def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
-    """Judge a law by runs that it has not seen.
+    """Test a law with new runs.
 
     Parameters
     ----------
     law : LawFit
     runs : Runs
-        With the response, every factor and, where the law knows edges, the column ``edge``.
+        With the response, every factor and, where the law has inference by edge, the column ``edge``.
     level : float
         Level of the prediction intervals for a row of a new edge, between 0 and 1.
 
     Raises
     ------
     UsageError
-        A column is missing, in another unit, or ``level`` is no level.
+        A column is missing, in another unit, or ``level`` is not between 0 and 1.
     FitError
-        No row can be judged, the rows are those of the fit, or the law has no interval.
+        No row can be compared, the rows are those of the fit, or the law has no interval.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
-    >>> from fitmodels.fit.confirm import confirm
+    >>> from fitmodels.fit.confirmation import confirm
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     >>> late = runs.data["edge"].isin(["E01", "E12"])
     >>> law, new = (datasets.runs_from_frame(runs.data[part].drop(columns="point")) for part in (~late, late))
@@ -161,10 +187,10 @@ def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
         raise FitError(f"{law.response}: {law.no_interval}. Add observations.")
     _columns_there(law, runs)
     new, frame, dropped = _usable(law, runs)
-    place = domain(law)
+    place = law.region
     judged = place.inside(frame[list(_needed(law))])
     unjudged = tuple(
-        Unjudged(int(line), place.words(frame[list(_needed(law))].iloc[[i]]))
+        OutsideRegion(int(line), place.words(frame[list(_needed(law))].iloc[[i]]))
         for i, line in enumerate(frame["line"])
         if not judged[i]
     )
@@ -174,7 +200,7 @@ def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
             f"{unjudged[0].line} is {unjudged[0].reason}). Measure inside it, or fit them together with the old."
         )
     frame = frame[judged].reset_index(drop=True)
-    return _judge(law, frame, level, named=new, unjudged=unjudged, dropped=dropped)
+    return _compare(law, frame, level, named=new, unjudged=unjudged, dropped=dropped)
 
 
 def _needed(law: LawFit) -> tuple[str, ...]:
@@ -216,7 +242,7 @@ def _positive(law: LawFit) -> Literal["all", "factors", "none"]:
     """Which columns the law needs above zero."""
     if law.error == "multiplicative":
         return "all"
-    return "factors" if law.form == "power" else "none"
+    return "factors" if law.formula.log_factors else "none"
 
 
 def _unseen(law: LawFit, X: Array, y: Array) -> None:
@@ -229,39 +255,110 @@ def _unseen(law: LawFit, X: Array, y: Array) -> None:
         )
 
 
-def _judge(
+def _compare(
     law: LawFit,
     frame: pd.DataFrame,
     level: float,
     *,
     named: bool,
-    unjudged: tuple[Unjudged, ...],
+    unjudged: tuple[OutsideRegion, ...],
     dropped: tuple[Dropped, ...],
 ) -> Confirmation:
     from scipy.special import stdtrit
 
     Z = law.design_of(frame)
     at = new_edge(law, Z)
-    predicted, observed = law.law.response_at(law.theta, Z), frame["observed"].to_numpy(dtype=float)
+    predicted, observed = law.formula.response_at(law.theta, Z), frame["observed"].to_numpy(dtype=float)
     multiplies = law.error == "multiplicative"
     e = np.log(observed) - Z @ law.theta if multiplies else observed - predicted
     sd = np.sqrt(at.variance + at.sd**2)
     half = float(stdtrit(at.df, (1 + level) / 2)) * sd
     ends = (predicted * np.exp(-half), predicted * np.exp(half)) if multiplies else (predicted - half, predicted + half)
     rows = frame[["line", "edge", "observed"]].assign(
-        predicted=predicted, low=ends[0], high=ends[1], inside=np.abs(e) <= half, z=over(e, sd)
+        predicted=predicted, low=ends[0], high=ends[1], inside=np.abs(e) <= half, z=_over(e, sd)
     )
-    A = gradient_at(law, Z)
+    A = law.gradient_at(Z)
     if not isinstance(law.edges, EdgeInference):
-        tests: tuple[JointTest, ...] | NotAvailable = (of_rows(law, A, e),)
-        edges = no_edges()
+        tests: tuple[JointTest, ...] | NotAvailable = (_of_rows(law, A, e),)
+        edges = _no_edges()
     elif not named:
-        tests, edges = NotAvailable("the new rows do not say which edge they are from"), no_edges()
+        tests, edges = NotAvailable("the new rows have no edge column"), _no_edges()
     else:
-        tests, edges = by_edge(law, law.edges, A, e, rows, level)
+        tests, edges = _by_edge(law, law.edges, A, e, rows, level)
     return Confirmation(law.response, level, rows, edges, tests, unjudged, dropped)
 
 
 def _off(ratio: float) -> str:
     percent = 100 * abs(ratio - 1)
     return f"{percent:.{0 if percent >= 10 else 1}f} % {'above' if ratio > 1 else 'below'}"
+
+
+def _of_rows(law: LawFit, A: Array, e: Array) -> JointTest:
+    """Chow's test of residuals e (n,) with columns A (n, p): new rows against the law, all independent."""
+    T = quadratic(e, A, law.covariance(), np.full(len(e), (law.scale_se or 0.0) ** 2))
+    return _test("rows", "new rows scatter about the law as those of the fit do", T, len(e), float(law.df_resid))
+
+
+def _by_edge(
+    law: LawFit, edges: EdgeInference, A: Array, e: Array, rows: pd.DataFrame, level: float
+) -> tuple[tuple[JointTest, ...], pd.DataFrame]:
+    """Tests of levels and of rows within edges, and a table of the edges; ``rows`` holds edge and predicted."""
+    from scipy.special import stdtrit
+
+    names, number = np.unique(rows["edge"].astype(str), return_inverse=True)
+    fitted = rows["predicted"].to_numpy()
+    size = np.bincount(number).astype(float)
+    means = np.column_stack([np.bincount(number, weights=a) for a in (*A.T, e)]) / size[:, None]
+    B, level_of = means[:, :-1], means[:, -1]
+    own = edges.mixed.sd_between**2 + edges.mixed.sd_within**2 / size
+    df, inner = float(edges.df_between), float(edges.df_within)
+    null = "levels of new edges scatter about the law as those of the fit do"
+    tests = [_test("levels of edges", null, quadratic(level_of, B, edges.cov_theta, own), len(names), df)]
+    if len(e) > len(names):
+        about, columns = e - level_of[number], A - B[number]
+        T = quadratic(about, columns, edges.cov_theta, np.full(len(e), edges.mixed.sd_within**2))
+        null = "rows scatter about the level of their edge as those of the fit do"
+        tests.append(_test("rows within edges", null, T, len(e) - len(names), inner))
+    sd = np.sqrt(own + np.einsum("ij,jk,ik->i", B, edges.cov_theta, B))
+    z = _over(level_of, sd)
+    ratio = (
+        np.exp(level_of) if law.error == "multiplicative" else 1 + np.bincount(number, e) / np.bincount(number, fitted)
+    )
+    inside = np.abs(z) <= float(stdtrit(df, (1 + level) / 2))
+    table = pd.DataFrame({"rows": size.astype(int), "ratio": ratio, "z": z, "inside": inside}, index=list(names))
+    return tuple(tests), table
+
+
+def _no_edges() -> pd.DataFrame:
+    """The table of the edges where there are none."""
+    return pd.DataFrame({"rows": [], "ratio": [], "z": [], "inside": np.empty(0, dtype=bool)})
+
+
+def quadratic(e: Array, A: Array, C: Array, d: Array) -> float:
+    """``e' (A C A' + diag(d))^-1 e`` without the n x n matrix (Woodbury).
+
+    Examples
+    --------
+    >>> round(quadratic(np.array([1.0, 1.0]), np.ones((2, 1)), np.array([[0.5]]), np.ones(2)), 12)
+    1.0
+    """
+    if not (d > 0).all():
+        return float("inf") if np.any(e != 0) else 0.0
+    values, vectors = np.linalg.eigh(C)
+    B = A @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    u = B.T @ (e / d)
+    inner = np.eye(len(C)) + B.T @ (B / d[:, None])
+    return float(e @ (e / d) - u @ np.linalg.solve(inner, u))
+
+
+def _test(of: str, null: str, T: float, K: int, df: float) -> JointTest:
+    from scipy.special import fdtrc
+
+    F = max(T, 0.0) / K
+    return JointTest(of, null, F, (float(K), df), float(fdtrc(K, df, F)) if np.isfinite(F) else 0.0)
+
+
+def _over(e: Array, sd: Array) -> Array:
+    """Deviation over its standard deviation; of an exact law 0 or infinite."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(sd > 0, e / sd, np.where(e == 0, 0.0, np.copysign(np.inf, e)))

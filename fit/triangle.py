@@ -1,8 +1,8 @@
-"""Merged triangular factors: least squares of all rows from one small triangle, whatever their number.
+"""Triangular factors of blocks of rows (TSQR): least squares of any number of rows in constant memory.
 
 Columns are taken about the mean of their level of a category (about their mean, where there is none). The means
-merge pair by pair, and what two parts differ by in their means becomes one more row of the triangle: nothing is
-squared, so that ill-conditioned columns keep their digits.
+are merged pair by pair, and the difference of two means becomes one more row of the triangle: nothing is squared, so
+that ill-conditioned columns keep their digits.
 
 Sources: Demmel, Grigori, Hoemmen & Langou 2012, SIAM J. Sci. Comput. 34, A206 (TSQR); Chan, Golub & LeVeque 1983,
 The American Statistician 37, 242 (means).
@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..linear import LinearFit, linear
+from .least_squares import LinearFit, linear
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -22,7 +22,7 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Triangle:
-    """What least squares needs of some rows.
+    """Number, means and triangular factor of rows.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ def triangle_of(W: Array, level: Index | None = None, levels: int = 1) -> Triang
 
 
 def merged(a: Triangle, b: Triangle) -> Triangle:
-    """Triangle of the rows of both; ``b`` may know further levels.
+    """Triangle of the rows of both; ``b`` may have further levels.
 
     Examples
     --------
@@ -106,8 +106,8 @@ def summary(triangle: Triangle, levels: Index) -> Summary:
 def least_squares(rows: Summary) -> LinearFit:
     """Fit of the response on (1, factors, indicators), as of all rows.
 
-    The first row stands for the means. It alone has a constant, so that a QR takes the constant out of the other
-    columns without rounding.
+    The first row holds the means. It alone has a constant, so that a QR eliminates the constant from the other columns
+    without rounding.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def least_squares(rows: Summary) -> LinearFit:
     return replace(fit, tss=tss, nobs=rows.n, df_model=p - 1, df_resid=rows.n - p)
 
 
-def standing_rows(rows: Summary) -> Array:
+def equivalent_columns(rows: Summary) -> Array:
     """Few rows, shape (r + 1, k + s + 1), with mean 0 and the sums of squares and products of all rows."""
     from scipy.linalg import helmert
 

@@ -1,4 +1,4 @@
-"""What was understood of a data file, a sentence each: kept in the parameter file, printed by the command."""
+"""Description of how a data file was read, one sentence an item: kept in the parameter file, printed by the command."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
@@ -14,8 +14,8 @@ NAMED = 4  # labels of a column that are named
 Labels = Callable[[str], list[str]]
 
 
-def understood(runs: "Runs", laws: Mapping[str, "LawSection"], labels: Labels | None = None) -> list[str]:
-    """Columns, units, what was assumed, mended and noted, and conditions that stand in no law.
+def reading_notes(runs: "Runs", laws: Mapping[str, "LawSection"], labels: Labels | None = None) -> list[str]:
+    """Columns, units, assumptions, corrections and notes of a file, and conditions that no law contains.
 
     Parameters
     ----------
@@ -23,19 +23,19 @@ def understood(runs: "Runs", laws: Mapping[str, "LawSection"], labels: Labels | 
     laws : mapping of LawSection
         By response.
     labels : callable, optional
-        Different names of a column of labels, in their order, where somebody has them already.
+        Different names of a column of labels, in their order, where they are known already.
     """
     columns = [column_words(runs, use, labels) for use in runs.columns if use.role is not None]
     lines = [f"{symbol}: {quantity}, {rest}" for symbol, quantity, rest in columns]
     unused = ", ".join(repr(use.header) for use in runs.columns if use.role is None)
     lines += [f"not used: {unused}"] if unused else []
-    lines += idle(runs, laws)
+    lines += unused_conditions(runs, laws)
     lines += [f"assumed: {sentence}" for sentence in runs.assumed]
     return [*lines, *runs.warnings, *(f"from the file: {note.lstrip('#% ')}" for note in runs.notes)]
 
 
 def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -> tuple[str, str, str]:
-    """Symbol and quantity of a column that has a role, and what became of it: range, or how many different names."""
+    """Symbol and quantity of a column that has a role, and its range, or the number of its different names."""
     from ...datasets.vocabulary import ROLES
 
     role = ROLES[str(use.role)]
@@ -53,8 +53,8 @@ def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -
     return role.symbol, role.quantity, f"{head}: {span}{unit}{missing}"
 
 
-def idle(runs: "Runs", laws: Mapping[str, "LawSection"]) -> list[str]:
-    """Conditions that change in the file and stand in no law of it, a sentence each."""
+def unused_conditions(runs: "Runs", laws: Mapping[str, "LawSection"]) -> list[str]:
+    """Conditions that vary in the file and are in none of its laws, one sentence each."""
     from ...datasets.vocabulary import ROLES
     from ...fit.defaults import CONDITIONS
 
@@ -68,11 +68,11 @@ def idle(runs: "Runs", laws: Mapping[str, "LawSection"]) -> list[str]:
             continue
         values = runs.values(role.symbol)
         if len(values) and np.fmin.reduce(values) < np.fmax.reduce(values):
-            cure = f' If it is to count as the feed f, say --map "f={use.name}" --unit f=mm/rev.'
-            cure = cure if role.symbol == "fz" or (role.symbol == "fm" and not use.unit) else ""
+            remedy = f' To use it as the feed f, give --map "f={use.name}" --unit f=mm/rev.'
+            remedy = remedy if role.symbol == "fz" or (role.symbol == "fm" and not use.unit) else ""
             out.append(
-                f"{role.symbol}, {role.quantity}, changes but stands in no law: they are fitted on "
-                f"{', '.join(CONDITIONS)}.{cure}"
+                f"{role.symbol}, {role.quantity}, varies but is in no law: laws are fitted on "
+                f"{', '.join(CONDITIONS)}.{remedy}"
             )
     return out
 

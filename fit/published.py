@@ -1,4 +1,4 @@
-"""A refit set beside the law that a paper prints for the same tool and work."""
+"""Comparison of a law with the published law of the same tool and work."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from .lawfit import LawFit
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Beside(Plottable):
-    """The printed law, and how far the measured rows lie from it.
+class PublishedComparison(Plottable):
+    """The published law and the deviations of the measured rows from it.
 
     Attributes
     ----------
@@ -36,15 +36,16 @@ class Beside(Plottable):
     worst_line: int | None
 
 
-def beside_published(law: LawFit, tool: str, work: str) -> Beside | None:
-    """What a paper prints for this response of this pair, or None where none is known.
+def compare_published(law: LawFit, tool: str, work: str) -> PublishedComparison | None:
+    """Comparison with the published law of this response, tool and work; None where none is known.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
+    >>> from fitmodels.fit.published import compare_published
     >>> law = fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1")))
-    >>> beside = fit.beside_published(law, "", "Ck 45")
-    >>> round(beside.worst_percent)
+    >>> found = compare_published(law, "", "Ck 45")
+    >>> round(found.worst_percent)
     -14
     """
     known = published(tool, work, law.response, law.form)
@@ -53,10 +54,10 @@ def beside_published(law: LawFit, tool: str, work: str) -> Beside | None:
     factors = {name: law.X[:, j] for j, name in enumerate(law.factors)}
     at = known.predict(factors)
     if at is None or law.by is not None:
-        return Beside(known.source, known.coefficients, known.standard_error, None, None, None)
+        return PublishedComparison(known.source, known.coefficients, known.standard_error, None, None, None)
     percent = 100 * (law.observed / at - 1)
     worst = int(np.argmax(np.abs(percent)))
-    return Beside(
+    return PublishedComparison(
         known.source,
         known.coefficients,
         known.standard_error,

@@ -1,6 +1,6 @@
 """Plain linear least squares: one QR of the centred, column-scaled matrix.
 
-Every law of the project goes through this door. Centring takes the constant out of the other columns,
+Every law is fitted by it. Centring takes the constant out of the other columns,
 scaling makes their lengths one, and a Householder QR never squares the condition number; together they
 keep the digits that the normal equations and a pseudo-inverse lose on ill-conditioned designs.
 

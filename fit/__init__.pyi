@@ -1,0 +1,49 @@
+from .available import NotAvailable as NotAvailable
+from .bayes.draw_posterior import posterior as posterior
+from .bayes.joint_posterior import latent_wear as latent_wear
+from .bayes.priors import Priors as Priors
+from .bootstrap import edge_bootstrap as edge_bootstrap
+from .checks.competing_models import compare_forms as compare_forms
+from .checks.gauge_error import gauge_corrected as gauge_corrected
+from .checks.judgement import judge as judge
+from .checks.robust_fit import robust as robust
+from .composite_law import composite as composite
+from .confirmation import confirm as confirm
+from .defaults import default_laws as default_laws
+from .lawfit import LawFit as LawFit
+from .least_squares import linear as linear
+from .life import tool_life as tool_life
+from .many.families import pooled_exponents as pooled_exponents
+from .many.in_stacks import many_power_laws as many_power_laws
+from .next_tests import next_runs as next_runs
+from .prediction import interval as interval
+from .regression import exponential_law as exponential_law
+from .regression import load_law as load_law
+from .regression import power_law as power_law
+from .streaming import streamed_power_law as streamed_power_law
+
+__all__ = [
+    "LawFit",
+    "NotAvailable",
+    "Priors",
+    "compare_forms",
+    "composite",
+    "confirm",
+    "default_laws",
+    "edge_bootstrap",
+    "exponential_law",
+    "gauge_corrected",
+    "interval",
+    "judge",
+    "latent_wear",
+    "linear",
+    "load_law",
+    "many_power_laws",
+    "next_runs",
+    "pooled_exponents",
+    "posterior",
+    "power_law",
+    "robust",
+    "streamed_power_law",
+    "tool_life",
+]

@@ -1,0 +1,305 @@
+"""Sums of products by edge: what least squares, the jackknife by edge and the variance components need of rows.
+
+`EdgeSums` holds, for each edge, the number of rows, the means and the sums of products about the means of the
+logarithms of the factors and of the response. Rows are added in chunks of any order; sums of two parts are merged.
+An edge that was cut in two levels of a category has a group for each, so that the indicator columns are constant in
+every group and need no sums. The sums of a group are written as a few equivalent rows, from which the functions of
+``edges`` give the same inference as from all rows.
+
+Coefficients of ill-conditioned columns need more digits than sums of products keep: they come from ``triangle``.
+
+Source: Chan, Golub & LeVeque 1983, The American Statistician 37, 242 (merging about the means).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .available import NotAvailable
+from .edges import (
+    EXACT_FIT,
+    SAME,
+    EdgeInference,
+    RandomLevel,
+    indispensable,
+    left_out_moves,
+    of_moves,
+    random_level,
+    too_few_edges,
+)
+from .least_squares import LinearFit
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+EXACT = 1e-11  # relative residual below which a law meets its rows exactly
+MOST_LEVELS = 1 << 31  # edge and level of a group in one number
+
+
+@dataclass(slots=True)
+class EdgeSums:
+    """Sums of q columns, the logarithms of the k factors and of the response, by edge and level of a category.
+
+    Sums of squares of the response would lose the digits of small residuals. The law of the first rows, ``base``, is
+    therefore subtracted before squaring; which law it is affects rounding only.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> W = rng.normal(size=(60, 3))
+    >>> edge = np.repeat(np.arange(6), 10)
+    >>> sums = EdgeSums(3)
+    >>> for part in (slice(0, 25), slice(25, 60)):
+    ...     sums.add(W[part], edge[part])
+    >>> other = EdgeSums(3, sums.base)
+    >>> other.add(W, edge)
+    >>> bool(np.allclose(sums.square, other.square)), sums.n_groups
+    (True, 6)
+
+    Attributes
+    ----------
+    q : int
+    base : ndarray, shape (q,), or None
+        Exponents of that law and the logarithm of its constant; None before the first rows.
+    number : dict
+        Number of each group by its key, edge and level in one number.
+    size : ndarray, shape (G,)
+    mean, first, far : ndarray, shape (G, q)
+        Means; the first row; the largest distance of a row from it.
+    square : ndarray, shape (G, q, q)
+        Sums of products about the means.
+    """
+
+    q: int
+    base: Array | None = None
+    number: dict[int, int] = field(default_factory=dict)
+    size: Array = field(init=False)
+    mean: Array = field(init=False)
+    first: Array = field(init=False)
+    far: Array = field(init=False)
+    square: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.size = np.zeros(0)
+        self.mean, self.first, self.far = (np.zeros((0, self.q)) for _ in range(3))
+        self.square = np.zeros((0, self.q, self.q))
+
+    @property
+    def n_groups(self) -> int:
+        """Number of groups so far."""
+        return len(self.number)
+
+    def add(self, W: Array, edge: Index, level: Index | None = None) -> None:
+        """Add rows W (m, q), logarithms of the factors and, last, of the response, with numbers of edge and level."""
+        if self.base is None:
+            self.base = _first_law(W)
+        W = np.column_stack([W[:, :-1], W[:, -1] - W[:, :-1] @ self.base[:-1] - self.base[-1]])
+        key = edge.astype(np.int64) * MOST_LEVELS + (0 if level is None else level)
+        local, keys = pd.factorize(key)
+        n = np.bincount(local).astype(float)
+        mean: Array = np.column_stack([np.bincount(local, weights=w) for w in W.T]) / n[:, None]
+        opening = np.zeros(len(keys), dtype=np.intp)
+        opening[local[::-1]] = np.arange(len(local))[::-1]
+        at = self._numbers(keys, W[opening])
+        np.maximum.at(self.far, at[local], np.abs(W - self.first[at][local]))
+        self._combine(at, n, mean, _products(W - mean[local], local, len(n)))
+
+    def merge(self, other: "EdgeSums") -> None:
+        """Add the sums of further rows; both need the same ``base``."""
+        if other.base is None:
+            return
+        if self.base is None:
+            self.base = other.base
+        if not np.array_equal(self.base, other.base):
+            raise ValueError("sums are about different laws; create them with the same base")
+        keys, G = list(other.number), other.n_groups
+        at = self._numbers(np.array(keys, dtype=np.int64), other.first[:G])
+        self.far[at] = np.maximum(self.far[at], np.abs(other.first[:G] - self.first[at]) + other.far[:G])
+        self._combine(at, other.size[:G], other.mean[:G], other.square[:G])
+
+    def _combine(self, at: Index, n: Array, mean: Array, square: Array) -> None:
+        total, apart = self.size[at] + n, mean - self.mean[at]
+        weight = self.size[at] * n / total
+        self.square[at] += square + weight[:, None, None] * apart[:, :, None] * apart[:, None, :]
+        self.mean[at] += (n / total)[:, None] * apart
+        self.size[at] = total
+
+    def groups(self) -> tuple[Index, Index]:
+        """Edge and level of each group, both shape (G,)."""
+        keys = np.fromiter(self.number, dtype=np.int64, count=len(self.number))
+        return (keys // MOST_LEVELS).astype(np.intp), (keys % MOST_LEVELS).astype(np.intp)
+
+    def trimmed(self) -> "EdgeSums":
+        """The sums without the memory reserved for further groups."""
+        G = len(self.number)
+        for name in ("size", "mean", "first", "far", "square"):
+            setattr(self, name, getattr(self, name)[:G])
+        return self
+
+    def _numbers(self, keys: NDArray[np.int64], opening: Array) -> Index:
+        """Numbers of the groups with these keys; new groups get one, and their first row."""
+        old = len(self.number)
+        at = np.array([self.number.setdefault(key, len(self.number)) for key in keys.tolist()], dtype=np.intp)
+        if len(self.number) > old:
+            self._reserve(len(self.number))
+            new = at >= old
+            self.first[at[new]] = opening[new]
+        return at
+
+    def _reserve(self, groups: int) -> None:
+        if groups <= len(self.size):
+            return
+        more = max(groups, 2 * len(self.size)) - len(self.size)
+        for name in ("size", "mean", "first", "far", "square"):
+            old = getattr(self, name)
+            setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]))]))
+
+
+def _products(D: Array, local: Index, groups: int) -> Array:
+    q = D.shape[1]
+    out = np.empty((groups, q, q))
+    for i in range(q):
+        for j in range(i + 1):
+            out[:, i, j] = out[:, j, i] = np.bincount(local, weights=D[:, i] * D[:, j], minlength=groups)
+    return out
+
+
+def _square_roots(square: Array) -> Array:
+    """Rows, shape (G, q, q), whose sums of products are ``square``.
+
+    Columns are scaled to one length first, so that a long one does not round away a short one.
+    """
+    length = np.sqrt(np.einsum("gii->gi", square))
+    length[length == 0] = 1.0
+    value, vector = np.linalg.eigh(square / length[:, :, None] / length[:, None, :])
+    roots = np.sqrt(np.maximum(value, 0.0))[:, :, None] * vector.transpose(0, 2, 1)
+    return np.asarray(roots * length[:, None, :])
+
+
+def _first_law(W: Array) -> Array:
+    """Exponents and constant of the last column on the others, the smallest where they are not identified."""
+    mean = W.mean(axis=0)
+    D = W - mean
+    slopes = np.linalg.lstsq(D[:, :-1], D[:, -1], rcond=1e-6)[0]
+    return np.append(slopes, mean[-1] - mean[:-1] @ slopes)
+
+
+@dataclass(frozen=True, slots=True)
+class EquivalentRows:
+    """Rows equivalent to those of each group, an edge in one level of the category.
+
+    Attributes
+    ----------
+    names : tuple of str, the E edges, sorted
+    edge : ndarray of int, shape (G,), number of each group's edge
+    size : ndarray, shape (G,)
+    centre : ndarray, shape (G, p + 1), means of the law's columns and of the logarithm of the response less ``base``
+    roots : ndarray, shape (G, q, p + 1), rows with the sums of products about the means
+    moves : ndarray, shape (p,), largest change of a column within an edge
+    base : ndarray, shape (p,), parameters of the law subtracted from the response
+    """
+
+    names: tuple[str, ...]
+    edge: Index
+    size: Array
+    centre: Array
+    roots: Array
+    moves: Array
+    base: Array
+
+    @property
+    def edge_size(self) -> Array:
+        """Rows of each edge, shape (E,)."""
+        return np.bincount(self.edge, weights=self.size).astype(float)
+
+    def rows(self) -> tuple[Array, Index]:
+        """Design and response side by side, shape (m, p + 1), and the edge of each of these rows."""
+        all_of = np.concatenate([(np.sqrt(self.size)[:, None] * self.centre)[:, None], self.roots], axis=1)
+        return all_of.reshape(-1, all_of.shape[2]), np.repeat(self.edge, all_of.shape[1])
+
+
+def equivalent_rows(
+    sums: EdgeSums, keep: Sequence[int], names: tuple[str, ...], order: Index, levels: Index
+) -> EquivalentRows:
+    """Rows equivalent to the sums, for a law of the factors ``keep``.
+
+    Parameters
+    ----------
+    names, order : tuple of str and ndarray of int, shape (E,)
+        Sorted names of the edges, and their numbers in the sums.
+    levels : ndarray of int
+        Numbers of the levels of the category, the reference first.
+    """
+    if sums.base is None:
+        raise ValueError("no rows were added")
+    edge, level = sums.groups()
+    place = np.empty(int(order.max()) + 1, dtype=np.intp)
+    place[order] = np.arange(len(order))
+    number = place[edge]
+    shifts = (level[:, None] == levels[1:]).astype(float)
+    gone = [j for j in range(sums.q - 1) if j not in keep]
+    back = np.append(sums.base[gone], 1.0)  # a factor that is left out takes nothing from the response
+    columns = [*gone, sums.q - 1]
+    one, k = np.ones((len(edge), 1)), len(keep)
+    about = _square_roots(sums.square)
+    roots = np.zeros((len(edge), sums.q, k + 2 + shifts.shape[1]))
+    roots[:, :, 1 : k + 1], roots[:, :, -1] = about[:, :, keep], about[:, :, columns] @ back
+    return EquivalentRows(
+        names=names,
+        edge=number,
+        size=sums.size,
+        centre=np.hstack([one, sums.mean[:, keep], shifts, (sums.mean[:, columns] @ back)[:, None]]),
+        roots=roots,
+        moves=_moves(np.hstack([one, sums.first[:, keep], shifts]), sums.far[:, keep], number),
+        base=np.concatenate([sums.base[-1:], sums.base[list(keep)], np.zeros(shifts.shape[1])]),
+    )
+
+
+def _moves(first: Array, far: Array, edge: Index) -> Array:
+    """Largest change of each column of the law within an edge, from the first rows of groups and their moves."""
+    opening = first[np.unique(edge, return_index=True)[1]][edge]  # groups stand in the order of their first rows
+    moves: Array = np.abs(first - opening).max(axis=0)
+    factors = slice(1, 1 + far.shape[1])
+    moves[factors] = np.maximum(moves[factors], far.max(axis=0))
+    return moves
+
+
+def infer_from_sums(
+    fit: LinearFit, rows: EquivalentRows, largest: Array, theta_names: tuple[str, ...]
+) -> EdgeInference | NotAvailable:
+    """Inference by edge from equivalent rows, or why these data do not allow it.
+
+    Parameters
+    ----------
+    fit : LinearFit
+    rows : EquivalentRows
+    largest : ndarray, shape (p,)
+        Largest absolute value of each column.
+    theta_names : tuple of str
+    """
+    E, p = len(rows.names), len(fit.params)
+    within = tuple(bool(w) for w in rows.moves > SAME * largest)
+    if fit.df_resid == 0 or np.sqrt(fit.rss / fit.nobs) <= EXACT:
+        return EXACT_FIT
+    if why := too_few_edges(fit.nobs, E, p - sum(within)):
+        return NotAvailable(why)
+    A, edge = rows.rows()
+    moved = left_out_moves(A[:, :p], A[:, p] - A[:, :p] @ (fit.params - rows.base), fit.cov_unscaled, edge, E)
+    if isinstance(moved, int):
+        return NotAvailable(indispensable(rows.names[moved]))
+    levels = _levels(rows, np.array(within))
+    return of_moves(moved, fit.params, fit.cov_params, theta_names, rows.names, rows.edge_size, within, levels)
+
+
+def _levels(rows: EquivalentRows, within: NDArray[np.bool_]) -> RandomLevel:
+    """The fit with a random level of each edge; the law of the sums is about ``base``."""
+    p = rows.centre.shape[1] - 1
+    total = [np.bincount(rows.edge, weights=rows.size * c) for c in rows.centre.T]
+    means: Array = np.column_stack(total) / rows.edge_size[:, None]
+    apart = np.sqrt(rows.size)[:, None] * (rows.centre - means[rows.edge])
+    inside = np.asarray(np.linalg.qr(np.vstack([rows.roots.reshape(-1, p + 1), apart]), mode="r"))
+    about = random_level(inside, means, rows.edge_size, within)
+    return replace(about, theta=rows.base + about.theta)

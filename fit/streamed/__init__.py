@@ -1,1 +1,0 @@
-"""One power law over more rows than memory holds: chunks -> blocks -> sums -> StreamedLaw."""
