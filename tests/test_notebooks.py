@@ -1,6 +1,6 @@
-"""The notebooks: what every reader may count on, and (``-m notebooks``) that each runs, with real data and without.
+"""The notebooks: their structure, and (``-m notebooks``) their execution with and without real data.
 
-The documentation executes each of them when it is built; the marked tests are for whoever works on them.
+The build of the documentation executes each of them once; the marked tests are for work on the notebooks.
 """
 
 import os
@@ -14,9 +14,9 @@ nbformat = pytest.importorskip("nbformat", reason="pip install nbformat")
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
 PATHS = sorted(FOLDER.glob("*.ipynb"))
-SECONDS = 60  # of one notebook on one core, with room for a busy machine
-LINES = 18  # of code in a cell: more is a program, not a step of a story
-WORDS = re.compile(r"[a-z]+(-[a-z0-9]+)*")  # an id that a person gave; tools that lose it put eight random digits there
+SECONDS = 60  # for one notebook on one core, with a margin for a busy machine
+LINES = 18  # of code in a cell
+WORDS = re.compile(r"[a-z]+(-[a-z0-9]+)*")  # not the eight random digits that some tools write
 SENTENCE = 40  # words
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:jupyter_client")
@@ -44,12 +44,12 @@ def test_it_is_a_valid_notebook(notebook):
     assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
 
 
-def test_nothing_that_was_run_is_kept(notebook):
+def test_no_outputs_are_stored(notebook):
     for cell in code(notebook):
         assert (cell.outputs, cell.execution_count) == ([], None), cell.id
 
 
-def test_metadata_says_which_kernel_and_no_more(notebook):
+def test_metadata_contain_only_the_kernel(notebook):
     assert notebook.metadata == {
         "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
         "language_info": {"name": "python"},
@@ -57,14 +57,14 @@ def test_metadata_says_which_kernel_and_no_more(notebook):
     assert all(cell.metadata == {} for cell in notebook.cells)
 
 
-def test_ids_are_words_that_stay(notebook):
+def test_cell_ids_are_words(notebook):
     ids = [cell.id for cell in notebook.cells]
     assert len(set(ids)) == len(ids)
     for one in ids:
         assert WORDS.fullmatch(one), one
 
 
-def test_it_opens_with_what_one_learns_and_ends_with_what_it_does_not_show(notebook):
+def test_first_and_last_sections_are_present(notebook):
     first, last = prose(notebook)[0], prose(notebook)[-1]
     assert notebook.cells[0].source == first
     assert notebook.cells[-1].source == last
@@ -74,7 +74,7 @@ def test_it_opens_with_what_one_learns_and_ends_with_what_it_does_not_show(noteb
     assert "## What this does not show" in last
 
 
-def test_it_says_at_once_whether_the_data_are_simulated(notebook):
+def test_the_introduction_states_whether_data_are_simulated(notebook):
     assert re.search(r"\bsimulated\b", prose(notebook)[0])
 
 
@@ -93,21 +93,21 @@ def test_sentences_are_short(notebook):
             assert len(sentence.split()) <= SENTENCE, sentence
 
 
-def test_it_runs_anywhere(notebook):
+def test_no_paths_or_shell_commands(notebook):
     for cell in notebook.cells:
-        assert not re.search(r"(?<![\w.:/])(/[a-z]\w*/|~/|[A-Z]:\\)", cell.source), f"{cell.id}: a path of one machine"
+        assert not re.search(r"(?<![\w.:/])(/[a-z]\w*/|~/|[A-Z]:\\)", cell.source), f"{cell.id}: an absolute path"
     for cell in code(notebook):
-        assert ".show(" not in cell.source, f"{cell.id}: a plot shows itself"
-        assert not re.search(r"(?m)^[!]", cell.source), f"{cell.id}: a command of one shell"
+        assert ".show(" not in cell.source, f"{cell.id}: plots are displayed without show"
+        assert not re.search(r"(?m)^[!]", cell.source), f"{cell.id}: a shell command"
 
 
-def test_it_uses_public_names_alone(notebook):
+def test_no_private_names(notebook):
     for cell in code(notebook):
         assert not re.search(r"fitmodels\.[\w.]*\._|\b\w+\._[a-z]", cell.source), cell.id
 
 
 def executed(path, folder, data):
-    """The notebook as it came out, and its seconds; one thread, with ``data`` or without real data."""
+    """The executed notebook and its run time in s; one thread, with or without real data."""
     nbclient = pytest.importorskip("nbclient", reason="pip install nbclient ipykernel")
     pytest.importorskip("ipykernel", reason="pip install nbclient ipykernel")
     env = {name: value for name, value in os.environ.items() if name != "FITMODELS_DATA"}
@@ -122,14 +122,16 @@ def executed(path, folder, data):
     seconds = time.perf_counter() - began
     for cell, out in outputs(notebook):
         assert out.output_type != "error", f"{cell.id}: {out.ename}: {out.evalue}"
-        assert not data or out.get("name") != "stderr", f"{cell.id}: {out.text}"  # a download may tell of itself there
+        assert not data or out.get("name") != "stderr", (
+            f"{cell.id}: {out.text}"
+        )  # a download reports its progress there
     return notebook, seconds
 
 
 def no_network(folder):
-    """Nothing was downloaded before, and nothing can be: a proxy where nobody listens."""
-    nobody = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
-    return nobody | {"XDG_CACHE_HOME": str(folder), "no_proxy": "", "NO_PROXY": ""}
+    """An empty cache and a proxy address without a server, so that nothing can be downloaded."""
+    unreachable = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
+    return unreachable | {"XDG_CACHE_HOME": str(folder), "no_proxy": "", "NO_PROXY": ""}
 
 
 def outputs(notebook):
@@ -140,7 +142,7 @@ def printed(notebook):
     return "".join(out.text for _, out in outputs(notebook) if out.output_type == "stream")
 
 
-def pictures(notebook):
+def figures(notebook):
     return [out for _, out in outputs(notebook) if "image/png" in out.get("data", {})]
 
 
@@ -150,13 +152,13 @@ def test_it_runs_and_shows_its_figures_within_a_minute(path, tmp_path):
     notebook, seconds = executed(path, tmp_path, os.environ.get("FITMODELS_DATA"))
     assert seconds < SECONDS
     if path.stem != "6_real_data" or "FITMODELS_DATA" in os.environ:
-        assert len(pictures(notebook)) >= 2
+        assert len(figures(notebook)) >= 2
 
 
 @pytest.mark.notebooks
-def test_real_data_that_are_not_there_are_skipped_with_a_reason(tmp_path):
+def test_missing_real_data_are_skipped_with_a_reason(tmp_path):
     notebook, _ = executed(FOLDER / "6_real_data.ipynb", tmp_path, None)
-    said = printed(notebook)
-    assert said.count("skipped: ") == 3
-    assert "here: none" in said
-    assert not pictures(notebook)
+    text = printed(notebook)
+    assert text.count("skipped: ") == 3
+    assert "available: none" in text
+    assert not figures(notebook)
