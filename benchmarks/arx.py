@@ -1,9 +1,9 @@
-"""ARX from one Gram matrix, against one read of the data and against other libraries, all in one run.
+"""Time of ARX from one Gram matrix, relative to one pass over the data and to other libraries.
 
     OMP_NUM_THREADS=1 python benchmarks/arx.py
 
-One read is ``u @ y``. Every ratio is the median of repeated, alternating runs, so that a machine whose speed drifts
-slows both sides. Peers are timed where they are installed and while they take seconds, not minutes.
+One pass is ``u @ y``. Every ratio is the median of repeated, alternating runs, so that a drift of the processor speed
+affects both sides. Other libraries are timed where they are installed, for sizes that take seconds, not minutes.
 """
 
 import sys
@@ -52,7 +52,7 @@ def against(first, second, runs):
 
 
 def beyond(call):
-    """Peak of memory beyond what was held, in MB."""
+    """Peak of the additional memory, in MB."""
     tracemalloc.start()
     call()
     peak = tracemalloc.get_traced_memory()[1]
@@ -85,7 +85,7 @@ def ours(n):
 
 
 def peers(rec, ours):
-    """Seconds of the same ARX(3,3,1) elsewhere, over ours."""
+    """Time of the same ARX(3,3,1) in other libraries, relative to ours."""
     for name, call in (("statsmodels ARDL", ardl), ("SysIdentPy FROLS", frols), ("sippy_unipi ARX", sippy)):
         try:
             with warnings.catch_warnings():
@@ -95,7 +95,7 @@ def peers(rec, ours):
             print(f"  {name:<18} {len(rec):9.0e} {seconds * 1e3:10.1f} ms {seconds / ours:10.0f} x ours")
         except ImportError as error:
             print(f"  {name:<18} not timed: {error}")
-        except (Exception, SystemExit) as error:  # a peer may end the process
+        except (Exception, SystemExit) as error:  # a library may end the process
             print(f"  {name:<18} {len(rec):9.0e} failed: {type(error).__name__}: {str(error)[:80]}")
 
 
@@ -135,11 +135,11 @@ def sippy(rec):
 if __name__ == "__main__":
     print(f"Python {sys.version.split()[0]}, numpy {np.__version__}; medians of alternating runs")
     print(
-        f"aims: arx(3,3,1) within {READS_ARX} reads, {TIMES_LSTSQ} times faster than lstsq on the ready N x 6 matrix; "
+        f"aims: arx(3,3,1) within {READS_ARX} passes, {TIMES_LSTSQ} times faster than lstsq on the ready N x 6 matrix; "
     )
-    print(f"      search over na 0-10, nb 1-10, nk 0-20 within {READS_SEARCH} reads; memory constant in N")
-    print("        N  one read    arx(3,3,1)     reads  x lstsq        search    reads    arx MB search MB")
+    print(f"      search over na 0-10, nb 1-10, nk 0-20 within {READS_SEARCH} passes; memory constant in N")
+    print("        N  one pass    arx(3,3,1)    passes  x lstsq        search   passes    arx MB search MB")
     kept = [ours(10**k) for k in (4, 5, 6, 7)][:3]
-    print("peers, ARX(3,3,1)")
+    print("other libraries, ARX(3,3,1)")
     for rec, seconds in kept:
         peers(rec, seconds)

@@ -1,4 +1,4 @@
-"""Whether the bands of gain and step hold: how often they cover the plant, over many records.
+"""Coverage of the confidence bands of gain and step response, over many records.
 
     python benchmarks/bands.py [draws]
 
@@ -40,13 +40,13 @@ def study(draws, measured):
         if k < measured:
             found = frequency_response(rec, FREQUENCIES)
             raw.append((found.gain_low <= np.abs(g)) & (np.abs(g) <= found.gain_high))
-    foretold = predicted_errors(PLANT, u, sd, frequency=FREQUENCIES).response
+    predicted = predicted_errors(PLANT, u, sd, frequency=FREQUENCIES).response
     at = "".join(f"{f:9.1f} Hz" for f in FREQUENCIES)
     print(f"{draws} draws of output error{'':20}{at}")
     for name, rows in (("|G| covered, %", gain), ("phase covered, %", phase)):
         print(f"{name:<44}" + "".join(f"{100 * c:12.1f}" for c in np.mean(rows, axis=0)))
     print(f"{'standard deviation of |G|, %':<44}" + "".join(f"{s:12.3f}" for s in np.std(errors, axis=0)))
-    print(f"{'foretold by predicted_errors, %':<44}" + "".join(f"{s:12.3f}" for s in foretold.gain_se))
+    print(f"{'predicted by predicted_errors, %':<44}" + "".join(f"{s:12.3f}" for s in predicted.gain_se))
     if raw:
         print(
             f"{f'measured response, {len(raw)} draws, |G| covered, %':<44}"

@@ -1,12 +1,12 @@
-"""``fitmodels batch``: 10 000 simulated pairs of 144 rows from Parquet to results, one core and more, joblib and Dask.
+"""Time of ``fitmodels batch``: 10 000 simulated pairs of 144 rows from Parquet to results, with joblib and Dask.
 
     OMP_NUM_THREADS=1 python benchmarks/batch.py [PAIRS] [PAIRS_OF_THE_LOOP] [PAIRS_WITH_FILES]
 
-Against a loop of statsmodels OLS with the same statistics, which reads the same Parquet file and writes its own CSV;
+Compared with a loop of statsmodels OLS with the same statistics, which reads the same Parquet file and writes a CSV;
 it runs over some pairs and is extrapolated. Then the same batch on 1 and 2 processes, through joblib and on a local
-Dask cluster, for the table alone and with parameter files (checks and posterior). Aims: 20 times the loop on one
-core, 1.7 times as fast on two. Engines are timed warm: their processes have imported what they need. No measurement:
-all pairs are simulated.
+Dask cluster, for the table only and with parameter files (checks and posterior). Aims: 20 times the loop on one
+core, 1.7 times as fast on two. Engines are timed after a warm-up run, when their processes have imported the
+libraries. All pairs are simulated.
 """
 
 import gc
@@ -58,7 +58,7 @@ def to_results(source, out, workers, files, most_pairs):
 
 
 def the_loop(source, out, pairs):
-    """Read the same file, fit some of its pairs one after the other, write their statistics."""
+    """Read the same file, fit some of its pairs sequentially, write their statistics."""
     begun = time.perf_counter()
     frame = pd.read_parquet(source)
     read = time.perf_counter() - begun
@@ -87,7 +87,7 @@ def against_the_loop(source, folder, pairs, looped):
 
 
 def on_engines(source, folder, files, most_pairs):
-    what = "with parameter files" if files else "the table alone"
+    what = "with parameter files" if files else "the table only"
     seconds = {}
     for label, given in {
         "1 process": {},

@@ -1,8 +1,8 @@
-"""Simulation-based calibration of every route to a posterior (Talts et al. 2018, arXiv 1804.06788).
+"""Simulation-based calibration of each posterior method (Talts et al. 2018, arXiv 1804.06788).
 
-Parameters are drawn from the priors, tests from the parameters, and a posterior from the tests. If all is right the
-rank of each true parameter among its draws is uniform. Printed for each route and parameter: p of a chi-square test of
-the ranks in ten bins; one in a hundred below 0.01 is what chance gives.
+Parameters are drawn from the priors, tests from the parameters, and a posterior from the tests. For a correct
+posterior the rank of each true parameter among its draws is uniform. Printed for each method and parameter: p of a
+chi-square test of the ranks in ten bins; by chance one in a hundred is below 0.01.
 
     python benchmarks/calibration.py [SETS]
 """
@@ -26,7 +26,7 @@ def priors(edges: bool, natural: bool) -> Priors:
 
 
 def tests(rng, of, edges: bool, natural: bool, student: bool):
-    """A file of tests, and the parameters it was made with."""
+    """Simulated tests and their true parameters."""
     V = np.repeat(np.exp(rng.uniform(np.log(50), np.log(200), EDGES)), ROWS)
     t = np.tile([2.0, 5.0, 9.0, 15.0], EDGES)
     true = {name: float(prior.draw(rng, 1)[0]) for name, prior in of.items()}
@@ -49,28 +49,31 @@ def study(label: str, sets: int, *, method: str, edges: bool, natural: bool, err
     rng, began = np.random.default_rng(20), time.perf_counter()
     of = priors(edges, natural)
     ranks: dict[str, list[int]] = {}
-    done = shut = 0
+    done = failed = 0
     while done < sets:
         frame, true = tests(rng, of.of, edges, natural, errors == "student")
         if not (np.isfinite(frame["AW"]) & (frame["AW"] > 0)).all():
-            continue  # no gauge reads that; rare at these scatters
+            continue  # not a valid measurement; rare at this scatter
         law = fit.power_law(
             datasets.runs_from_frame(frame), "AW", ["V", "t"],
             error="additive" if natural else "multiplicative", edge="edge" if edges else None,
         )  # fmt: skip
         post = fit.posterior(law, seed=done, priors=of, method=method, errors=errors, draws=2000)
-        shut += not post.gate.open
+        failed += not post.gate.open
         few = post.draws[np.linspace(0, len(post.draws) - 1, RANKS).astype(int)]
         for name, draws in zip(post.names, few.T, strict=True):
             ranks.setdefault(name, []).append(int((draws < true[name]).sum()))
         done += 1
-    told = []
+    pvalues = []
     for name, of_name in ranks.items():
         counts = np.bincount(np.array(of_name) * BINS // (RANKS + 1), minlength=BINS)
         p = chi2(BINS - 1).sf(((counts - sets / BINS) ** 2 / (sets / BINS)).sum())
-        told.append(f"{name} {p:.3f}")
+        pvalues.append(f"{name} {p:.3f}")
     took = time.perf_counter() - began
-    print(f"{label:<44} {sets} sets, {took:5.0f} s, gate shut {shut}:  p " + "  ".join(told), flush=True)
+    print(
+        f"{label:<44} {sets} sets, {took:5.0f} s, convergence checks failed {failed}:  p " + "  ".join(pvalues),
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""A million steps of the constant-load loop: controller, mill and replay together, in pure Python.
+"""Time of a million steps of the constant-load loop: controller, milling model and replay, in pure Python.
 
     python benchmarks/constant_load.py
 
-The file is CLM-2023's end milling, its tool made to wear a thousand times more slowly so that it lasts the million
-samples of 20 ms, 5.6 hours of milling in passes of 150 mm. Aim: under 10 s, 10 us a step.
+The file is CLM-2023's end milling, with the wear rate divided by a thousand so that the tool lasts the million
+samples of 20 ms, 5.6 hours of milling in passes of 150 mm. Aim: under 10 s, 10 us per step.
 """
 
 import sys
@@ -28,26 +28,26 @@ def timed(record, noise):
     trace = replay(controller, mill, duration=STEPS * PERIOD, dt=PERIOD, record=record)
     seconds = time.perf_counter() - start
     if len(trace.time) != STEPS:
-        sys.exit(f"the tool was changed after {len(trace.time)} steps: no million was run")
+        sys.exit(f"the tool was changed after {len(trace.time)} steps, before a million")
     return seconds, time.process_time() - busy
 
 
 def main():
     print(f"Python {sys.version.split()[0]}, numpy {np.__version__}")
-    for words, record, noise in (
+    for label, record, noise in (
         ("loop alone", (), 0.0),
         ("with feed, wear, length and pass recorded", RECORDED, 0.0),
         ("with sensor noise too", RECORDED, 0.003),
     ):
         seconds, busy = timed(record, noise)
         print(
-            f"a million steps, {words:<42} {seconds:5.2f} s   {seconds / STEPS * 1e6:4.1f} us a step   "
+            f"a million steps, {label:<42} {seconds:5.2f} s   {seconds / STEPS * 1e6:4.1f} us per step   "
             f"{STEPS * PERIOD / seconds:6.0f} times real time   {busy:5.2f} s of CPU   aim < 10 s"
         )
     for name in ("CLM-2023", "CLM-2023-slot"):
         start = time.perf_counter()
         run = constant_load_run(published(name))
-        print(f"{name:<14} a tool's whole life, {len(run.trace.time)} steps: {time.perf_counter() - start:.3f} s")
+        print(f"{name:<14} a complete tool life, {len(run.trace.time)} steps: {time.perf_counter() - start:.3f} s")
 
 
 if __name__ == "__main__":

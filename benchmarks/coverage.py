@@ -1,6 +1,6 @@
-"""Do 95 % intervals hold? Coverage of the interval that the command reports, beside three others.
+"""Coverage of 95 % intervals: the reported interval compared with three others.
 
-Also how often the test of lack of fit rejects the law, which is true here.
+Also the rejection rate of the test of lack of fit for a correct law.
 
     python benchmarks/coverage.py [REPETITIONS]
 
@@ -48,7 +48,7 @@ def intervals(law):
     yield "as reported (jackknife by edge)", law.theta, np.sqrt(np.diag(edges.cov_theta)), edges.df
     yield "random intercept (REML)", edges.mixed.theta, edges.mixed.bse, edges.mixed.df
     yield "CR1, t(23)", law.theta, np.sqrt(np.diag(cr1)), G - 1
-    yield "OLS on rows (the papers' way)", law.theta, np.sqrt(np.diag(law.cov_theta)), n - p
+    yield "OLS, independent rows (papers)", law.theta, np.sqrt(np.diag(law.cov_theta)), n - p
 
 
 def main(repetitions):
@@ -72,7 +72,7 @@ def main(repetitions):
         print(f"ICC {icc:g}" + (f", serial correlation {serial:g}" if serial else ""))
         for name, count in hits.items():
             print(f"  {name:<32}" + "".join(f"{c / repetitions:7.3f}" for c in count))
-        print(f"  lack of fit rejects this sound law in {100 * rejected / repetitions:.1f} % (aim 3 to 7, nominal 5)")
+        print(f"  lack of fit rejects this correct law in {100 * rejected / repetitions:.1f} % (aim 3 to 7, nominal 5)")
 
 
 if __name__ == "__main__":

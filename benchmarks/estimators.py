@@ -2,7 +2,7 @@
 
     python benchmarks/estimators.py
 
-Processor time, so that a machine at work on other things does not count. Aim: SRIV and output error on 750 samples
+Processor time, so that other processes have no influence. Aim: SRIV and output error on 750 samples
 below 10 ms each.
 """
 
@@ -51,4 +51,4 @@ if __name__ == "__main__":
         for name, (estimate, aim) in ESTIMATORS.items():
             middle, most = milliseconds(estimate, records)
             goal = f"   aim < {aim} ms" if aim and n == 750 else ""
-            print(f"{n:>7} samples  {name:<24} {middle:8.1f} ms   (most {most:.1f} ms of {draws} draws){goal}")
+            print(f"{n:>7} samples  {name:<24} {middle:8.1f} ms   (maximum {most:.1f} ms of {draws} draws){goal}")

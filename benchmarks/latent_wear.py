@@ -1,11 +1,11 @@
-"""Is the exponent of the true wear found, where the wear is read with an error?
+"""Bias and coverage of the exponent of wear when the wear is measured with error.
 
     python benchmarks/latent_wear.py [DATA_SETS]
 
-24 edges of 6 rows; true wear scatters by .1 in ln within an edge, power goes with its .35th power. For gauge errors of
-.05 and .1 in ln: the mean exponent of the plain fit, of the closed-form correction and of latent wear, each with its
-Monte Carlo error; how often 95 % intervals hold .35 (Monte Carlo error at 100 data sets: .022); how often the gate is
-open, and seconds a data set.
+24 edges of 6 rows; true wear scatters by .1 in ln within an edge, its exponent in the law of power is .35. For measurement
+errors of .05 and .1 in ln: the mean exponent of the plain fit, of the closed-form correction and of latent wear, each with its
+Monte Carlo error; coverage of 95 % intervals (Monte Carlo error at 100 data sets: .022); share of data sets that
+pass the convergence checks, and seconds per data set.
 """
 
 import sys
@@ -32,7 +32,7 @@ def cut(gauge, rng):
 
 
 def one(gauge, rng):
-    """(plain, closed form, latent) exponents, whether intervals hold, whether the gate is open, seconds."""
+    """(plain, closed form, latent) exponents, whether intervals cover, convergence checks passed, seconds."""
     runs = cut(gauge, rng)
     wear, power = fit.power_law(runs, "AW", ["V", "f", "t"]), fit.power_law(runs, "P", ["V", "f", "t", "AW"])
     start = time.perf_counter()
@@ -53,13 +53,15 @@ def main(data_sets):
         values = np.array([row[0] for row in found])
         error = np.nanstd(values, axis=0, ddof=1) / np.sqrt(data_sets)
         held, opened, seconds = (np.mean([row[k] for row in found], axis=0) for k in (1, 2, 3))
-        print(f"gauge error {gauge:g} in ln")
+        print(f"measurement error {gauge:g} in ln")
         names = ("plain fit", "closed form", "latent wear")
         for name, value, mc in zip(names, np.nanmean(values, axis=0), error, strict=True):
             print(f"  {name:<12} mean {value:.3f} +- {mc:.3f}")
         chains, slowest = sum(row[4] == "emcee" for row in found), max(row[3] for row in found)
-        print(f"  95 % intervals hold it: plain {held[0]:.2f}, latent {held[1]:.2f}; gate open in {100 * opened:.0f} %")
-        print(f"  {seconds:.2f} s a data set, the slowest {slowest:.2f} s; {chains} handed over to chains")
+        print(
+            f"  coverage of 95 % intervals: plain {held[0]:.2f}, latent {held[1]:.2f}; converged {100 * opened:.0f} %"
+        )
+        print(f"  {seconds:.2f} s per data set, at most {slowest:.2f} s; {chains} sampled by chains")
 
 
 if __name__ == "__main__":

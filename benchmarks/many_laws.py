@@ -1,4 +1,4 @@
-"""Laws of 10 000 simulated pairs of 144 rows: stacked, against a loop of statsmodels OLS with the same statistics.
+"""Time of laws of 10 000 simulated pairs: batched, compared with a loop of statsmodels OLS with the same statistics.
 
     OMP_NUM_THREADS=1 python benchmarks/many_laws.py [PAIRS] [PAIRS_OF_THE_LOOP]
 
@@ -24,7 +24,7 @@ EDGES, SUBTESTS = 24, 6
 
 
 def simulated(pairs, seed=1):
-    """Rows of all pairs, and their exponents, shape (pairs, 4)."""
+    """Rows of all pairs, and their true exponents, shape (pairs, 4)."""
     rng = np.random.default_rng(seed)
     truth = FAMILY + SPREAD * rng.standard_normal((pairs, 4))
     shape = (pairs, EDGES, SUBTESTS)
@@ -88,7 +88,7 @@ def main(pairs, looped):
 
 
 def _loop_of_power_law(some, pairs, our_wall):
-    """For scale: the careful way, which also fits a random level of each edge."""
+    """For comparison: the fit of single pairs, with a random intercept by edge."""
     from fitmodels import datasets
 
     def loop():
@@ -97,7 +97,7 @@ def _loop_of_power_law(some, pairs, our_wall):
 
     _, wall, _ = clocked(loop)
     whole = wall * pairs / some["tool"].nunique()
-    print(f"loop of fit.power_law          {whole:8.2f} s   ({whole / our_wall:.0f} times ours; from 50 pairs)")
+    print(f"loop of fit.power_law          {whole:8.2f} s   ({whole / our_wall:.0f} times as long; from 50 pairs)")
 
 
 if __name__ == "__main__":

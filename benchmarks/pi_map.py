@@ -1,9 +1,9 @@
-"""The map of PI gains: 200 x 200 pairs with every figure, on one core (seconds of its time).
+"""Time of the map of PI gains: 200 x 200 pairs with all figures of merit, on one core (processor time).
 
     OMP_NUM_THREADS=1 python benchmarks/pi_map.py
 
-The plant is CLM-2023 eq. 18 at 50 Hz, steps of 12 s, gains from next to nothing to past the edge of stability. Parts
-are timed on the stable loops alone; then 500 models with 40 pairs each, as a robust choice needs them.
+The plant is CLM-2023 eq. 18 at 50 Hz, steps of 12 s, gains from nearly zero to beyond the stability limit. Parts
+are timed for stable loops only; then 500 models with 40 pairs each, as needed for robust tuning.
 """
 
 import time
@@ -25,7 +25,7 @@ def clocked(call, runs=5):
     call()
     times = []
     for _ in range(runs):
-        start = time.process_time()  # of this process alone: a shared machine does not lengthen it
+        start = time.process_time()  # of this process: independent of other processes
         call()
         times.append(time.process_time() - start)
     return median(times)

@@ -1,14 +1,14 @@
-"""Separate against pooled exponents of simulated families, and whether the intervals of both hold their level.
+"""Separate and pooled exponents of simulated families: errors, and coverage of the intervals of both.
 
     OMP_NUM_THREADS=1 python benchmarks/pooling.py [FAMILIES]
 
 Each family has 24 pairs with 4, 6, 8, 12, 16 or 24 edges of 6 rows. A pair's exponents of V and t are normal about
 those of its family with standard deviation tau; ln AW scatters between edges and within, by 0.07 each in every pair or,
-where pairs scatter unlike, by 0.07 times lognormal factors of their own (standard deviation 0.4 in logs). Every pair is
+with unequal scatter, by 0.07 times lognormal factors (standard deviation 0.4 in logs). Every pair is
 fitted from its rows by ``fit.many_power_laws`` with standard errors by edge, every family pooled by
-``fit.pooled_exponents`` with its own prior. Printed by tau and by edges of a pair: root of the mean squared error of
-both, their ratio squared, coverage of 95 % intervals, and the median length of the pooled ones over the others; then
-coverage for the families. At tau 0 the two ends of its interval lie above it, as those of any central interval do.
+``fit.pooled_exponents`` with its own prior. Printed by tau and by edges of a pair: root mean squared error of
+both, ratio of the mean squared errors, coverage of 95 % intervals, and the median length of the pooled intervals relative to
+the others; then coverage for the families. At tau 0 the central interval of tau does not contain it.
 """
 
 import sys
@@ -21,10 +21,18 @@ from fitmodels.fit.many.in_stacks import many_power_laws
 
 EDGES, SUBTESTS, EACH = (4, 6, 8, 12, 16, 24), 6, 4  # pairs of a family with each number of edges
 MEANS, SD = {"V": 0.577, "t": 0.245}, 0.07
-CASES = ((0.0, 0.0), (0.03, 0.0), (0.1, 0.0), (0.3, 0.0), (0.03, 0.4), (0.1, 0.4), (0.3, 0.4))  # tau, unlikeness
+CASES = (
+    (0.0, 0.0),
+    (0.03, 0.0),
+    (0.1, 0.0),
+    (0.3, 0.0),
+    (0.03, 0.4),
+    (0.1, 0.4),
+    (0.3, 0.4),
+)  # tau, sd of the log scatter
 
 
-def simulated(families, tau, unlike, rng):
+def simulated(families, tau, unequal, rng):
     """Rows of all pairs, and the pairs with their true exponents."""
     counts = np.tile(np.repeat(EDGES, EACH), families)
     pairs = pd.DataFrame({"pair": np.arange(len(counts)), "group": np.repeat(np.arange(families), len(EDGES) * EACH)})
@@ -34,7 +42,7 @@ def simulated(families, tau, unlike, rng):
     of_row = np.repeat(of_edge, SUBTESTS)
     V = np.repeat(rng.uniform(*np.log((50, 200)), len(of_edge)), SUBTESTS)
     t = np.tile(np.log(2.0 * np.arange(1, SUBTESTS + 1)), len(of_edge))
-    between, within = SD * np.exp(unlike * rng.standard_normal((2, len(pairs))))
+    between, within = SD * np.exp(unequal * rng.standard_normal((2, len(pairs))))
     level = np.repeat(between[of_edge] * rng.standard_normal(len(of_edge)), SUBTESTS)
     level += within[of_row] * rng.standard_normal(len(of_row))
     y = pairs["V"].to_numpy()[of_row] * V + pairs["t"].to_numpy()[of_row] * t - 4.9 + level
@@ -47,10 +55,8 @@ def share(inside):
     return f"{100 * np.mean(inside):6.1f} %"
 
 
-def tell_pairs(rows, truth, edges):
-    print(
-        f"    {'edges':>6} {'rmse alone':>11} {'pooled':>8} {'mse ratio':>10} {'cover alone':>12} {'pooled':>9}  length"
-    )
+def print_pairs(rows, truth, edges):
+    print(f"    {'edges':>6} {'rmse':>11} {'pooled':>8} {'mse ratio':>10} {'coverage':>12} {'pooled':>9}  length")
     for count in (*EDGES, None):
         pick = np.ones(len(rows), dtype=bool) if count is None else edges == count
         some, beta = rows[pick], truth[pick]
@@ -62,11 +68,11 @@ def tell_pairs(rows, truth, edges):
               f" {within:>9} {length:7.2f}")  # fmt: skip
 
 
-def tell_families(told, mean, tau, rng):
-    new = mean + tau * rng.standard_normal(len(told))
-    cover = [share((told[f"{name}_low"] <= value) & (value <= told[f"{name}_high"]))
+def print_families(families, mean, tau, rng):
+    new = mean + tau * rng.standard_normal(len(families))
+    cover = [share((families[f"{name}_low"] <= value) & (value <= families[f"{name}_high"]))
              for name, value in (("mean", mean), ("tau", tau), ("new", new))]  # fmt: skip
-    middle = told["tau"].median()
+    middle = families["tau"].median()
     print(f"    families: mean {cover[0]}, tau {cover[1]} (median estimate {middle:.3f}), new pair {cover[2]}")
 
 
@@ -76,17 +82,19 @@ def main(families):
     print(
         f"{families} families of {len(EDGES) * EACH} pairs; Monte Carlo error of coverage over all {error:.2f} points"
     )
-    for tau, unlike in CASES:
-        rng = np.random.default_rng([7, int(1000 * tau), int(10 * unlike)])
-        rows, pairs = simulated(families, tau, unlike, rng)
+    for tau, unequal in CASES:
+        rng = np.random.default_rng([7, int(1000 * tau), int(10 * unequal)])
+        rows, pairs = simulated(families, tau, unequal, rng)
         laws = many_power_laws(rows, "AW", list(MEANS), pair="pair", edge="edge")
         table = laws.table.assign(group=pairs["group"])
         for name, mean in MEANS.items():
             found = pooled_exponents(table, name, by="group")
-            print(f"exponent of {name}, tau {tau:g}, pairs scatter {'unlike' if unlike else 'alike'}; {found.prior}")
-            tell_pairs(found.table, pairs[name], pairs["edges"].to_numpy())
-            tell_families(found.families, mean, tau, rng)
-    print(f"{laws.one_by_one} of {len(laws)} pairs fitted one by one; {time.perf_counter() - began:.0f} s in all")
+            print(
+                f"exponent of {name}, tau {tau:g}, scatter of pairs {'unequal' if unequal else 'equal'}; {found.prior}"
+            )
+            print_pairs(found.table, pairs[name], pairs["edges"].to_numpy())
+            print_families(found.families, mean, tau, rng)
+    print(f"{laws.one_by_one} of {len(laws)} pairs fitted individually; {time.perf_counter() - began:.0f} s in all")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Seconds to 4000 effective draws (bulk) of every parameter: our routes, plain emcee, its best move, compiled NUTS.
+"""Seconds to 4000 effective draws (bulk) of every parameter: our methods, plain emcee, its best move, compiled NUTS.
 
-Everything in one run on the bundled tests, one thread. Plain emcee is what most scripts do: the stretch move, one call
-of the log density a walker, written with numpy. NUTS is numpyro's where that is installed; its compilation apart.
+All in one run on the bundled tests, one thread. Plain emcee is the common use: the stretch move, one call of the log
+density per walker, written with numpy. NUTS is that of numpyro where installed, with and without compilation.
 
     pip install numpyro    # optional
     OMP_NUM_THREADS=1 python benchmarks/posterior.py
@@ -112,40 +112,40 @@ def of_nuts(law, edges: bool, natural: bool) -> tuple[float, float] | None:
     return rate(draws, first), rate(draws, second)
 
 
-def compare(title: str, law, edges: bool, route: str) -> None:
+def compare(title: str, law, edges: bool, method: str) -> None:
     density, natural = law_density(law, weak(law, edges)), law.error == "additive"
     print(
         f"\n{title}: {law.nobs} rows, {len(density.names)} parameters; seconds to {WANTED} effective draws", flush=True
     )
-    ours = exact if route == "exact" else importance
+    ours = exact if method == "exact" else importance
     best = best_of(lambda seed: ours(density, np.random.default_rng(seed), WANTED).phi)
-    print(f"  {route:<42}{best:10.4f}")
+    print(f"  {method:<42}{best:10.4f}")
     engine = of_chains(density)
-    print(f"  {'our chains, gate and all':<42}{engine:10.3f}")
+    print(f"  {'our chains, with convergence checks':<42}{engine:10.3f}")
     plain = of_emcee(density, None, STEPS // 4, vectorize=False)
-    print(f"  {'plain emcee (stretch, a call a walker)':<42}{plain:10.3f}")
+    print(f"  {'plain emcee (stretch, one call per walker)':<42}{plain:10.3f}")
     moves = {name: of_emcee(density, move, STEPS, vectorize=True) for name, move in MOVES.items()}
     for name, seconds in moves.items():
         print(f"  {'emcee, vectorize=True, ' + name:<42}{seconds:10.3f}")
     least = min(moves.values())
-    ratios = [f"best emcee move / {route} {least / best:.0f}", f"plain emcee / our chains {plain / engine:.1f}"]
+    ratios = [f"best emcee move / {method} {least / best:.0f}", f"plain emcee / our chains {plain / engine:.1f}"]
     nuts = of_nuts(law, edges, natural)
     if nuts is None:
-        print("  numpyro is not installed: no NUTS beside")
+        print("  numpyro is not installed: NUTS not timed")
     else:
         print(
             f"  {'numpyro NUTS with compilation':<42}{nuts[0]:10.3f}\n  {'numpyro NUTS, compiled':<42}{nuts[1]:10.3f}"
         )
-        ratios.append(f"compiled NUTS / {route} {nuts[1] / best:.0f}")
+        ratios.append(f"compiled NUTS / {method} {nuts[1] / best:.0f}")
     print("  " + ";  ".join(ratios), flush=True)
 
 
 if __name__ == "__main__":
     runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     factors = ["V", "f", "d", "t"]
-    compare("wear in logarithms, independent rows", fit.power_law(runs, "AW", factors, edge=None), False, "exact")
-    compare("wear in logarithms, levels of edges", fit.power_law(runs, "AW", factors), True, "exact")
+    compare("multiplicative error, independent rows", fit.power_law(runs, "AW", factors, edge=None), False, "exact")
+    compare("multiplicative error, random edge levels", fit.power_law(runs, "AW", factors), True, "exact")
     natural = fit.power_law(runs, "AW", factors, error="additive", edge=None)
-    compare("wear in natural units, independent rows", natural, False, "importance")
+    compare("additive error, independent rows", natural, False, "importance")
     natural = fit.power_law(runs, "AW", factors, error="additive")
-    compare("wear in natural units, levels of edges", natural, True, "importance")
+    compare("additive error, random edge levels", natural, True, "importance")

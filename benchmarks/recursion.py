@@ -1,7 +1,7 @@
-"""The recursion of AC-2017: milliseconds of a life, of its exact optimum, and of a thousand lives from draws.
+"""Time of the recursion of AC-2017: one tool life, its exact optimum, and a thousand tool lives from draws.
 
 All 16 x 109 pairs in all 15 intervals are computed in full (wear, power, force, MRR): aim 20 ms. Tool life over 1000
-draws: aim 1 s. Beside them the same in plain loops, an evaluation at a time, on one life.
+draws: aim 1 s. For comparison one tool life is computed in plain loops.
 
     OMP_NUM_THREADS=1 python benchmarks/recursion.py
 """
@@ -32,7 +32,7 @@ def best_of(run, times: int = TIMES) -> float:
 
 
 def in_loops() -> float:
-    """The life as the paper's flowchart has it: speed by speed, feed by feed; metal removed, mm3."""
+    """Metal removed in one tool life by the flowchart of the paper, over all speeds and feeds, mm3."""
     past, removed, minute = 0.0, 0.0, 0
     while True:
         minute += 1
@@ -58,12 +58,12 @@ if __name__ == "__main__":
     rules = Rules(times="published")
     life = whole_life(laws, rules)
     if not math.isclose(in_loops(), life.removed):
-        raise SystemExit("the loops and the life differ")
+        raise SystemExit("loops and recursion differ")
     grid, exact = best_of(lambda: whole_life(laws, rules)), best_of(lambda: whole_life(laws, rules, how="exact"))
     loops = best_of(in_loops, 2)
-    print(f"a life, 16 x 109 pairs x 15 intervals: {1e3 * grid:.2f} ms (aim 20); in plain loops {1e3 * loops:.0f} ms, "
-          f"{loops / grid:.0f} times as long")  # fmt: skip
-    print(f"a life of exact optima: {1e3 * exact:.1f} ms")
+    print(f"one tool life, 16 x 109 pairs x 15 intervals: {1e3 * grid:.2f} ms (aim 20); "
+          f"in plain loops {1e3 * loops:.0f} ms, {loops / grid:.0f} times as long")  # fmt: skip
+    print(f"one tool life, exact optima: {1e3 * exact:.1f} ms")
 
     runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     fits = [fit.power_law(runs, "AW", ["V", "f", "d", "t"])]

@@ -1,8 +1,8 @@
-"""How often residuals of a right model are flagged: the bands are 95 %, so 5 % of the lags should be.
+"""Rejection rate of the residual tests for a correct model: 5 % of the lags with 95 % bands.
 
     python benchmarks/residual_bands.py [draws]
 
-The published plant (Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18) is fitted to one run of 750 samples
+The published plant (Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18) is fitted to a record of 750 samples
 and validated on another (held out) and on the same one (fitted). Aim: 5 +- 1 % of the lags, and 5 % of the joint tests.
 """
 

@@ -1,4 +1,4 @@
-"""The published plant under noise: what ARX, the instrumental variable and output error make of one chirp.
+"""Gain error of ARX, instrumental variable and output error for the published plant with noise, from one chirp.
 
     python benchmarks/sensor_noise.py [draws]
 
@@ -44,7 +44,7 @@ def noisy(u, kind, snr, rng):
 
 
 def gain_error(model):
-    """|G| against the plant's, in %."""
+    """Relative error of the gain, in %."""
     return 100 * (np.abs(model.response(FREQUENCIES)) / np.abs(PLANT.response(FREQUENCIES)) - 1)
 
 
@@ -61,10 +61,10 @@ def study(kind, snr, draws):
             unfinished[name] += any("not converged" in note for note in model.notes)
         warned += warn_of_bias(models["ARX"], models["output error"], (0.1, 2.0)) is not None
     for name, e in errors.items():
-        size, lean = np.median(np.abs(e), axis=0), np.median(e, axis=0)
-        cells = " ".join(f"{s:6.2f} ({m:+6.2f})" for s, m in zip(size, lean, strict=True))
+        size, bias = np.median(np.abs(e), axis=0), np.median(e, axis=0)
+        cells = " ".join(f"{s:6.2f} ({m:+6.2f})" for s, m in zip(size, bias, strict=True))
         print(f"{kind:<9}{snr:>4}  {name:<13}{cells}   {unstable[name]:>5} {unfinished[name]:>8}")
-    print(f"{'':15}{'warned of bias':<15}in {warned} of {draws}")
+    print(f"{'':15}{'bias warning':<15}in {warned} of {draws}")
 
 
 def without_noise(u):

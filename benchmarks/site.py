@@ -1,8 +1,8 @@
-"""A site of a thousand cards, with one process and with two.
+"""Time to publish a site of a thousand cards, with one process and with two.
 
     python benchmarks/site.py [CARDS]
 
-The pairs are simulated: the bundled turning set is fitted once, and its coefficients are moved for every pair of
+The pairs are simulated: the bundled turning set is fitted once, and its coefficients are varied for every pair of
 25 tools and 40 work materials of the six ISO 513 groups. Aim: a thousand cards in under 60 s on two cores.
 """
 
@@ -55,7 +55,7 @@ def write_pairs(folder, count, base):
 
 
 def one_law(law, rng):
-    """A law with other coefficients."""
+    """The law with randomly changed coefficients."""
     moved = {k: v * float(np.exp(rng.normal(0, 0.3))) for k, v in law["coefficients"].items()}
     return {**law, "coefficients": moved}
 

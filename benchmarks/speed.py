@@ -1,9 +1,9 @@
-"""Speed, as ratios from one run: the command against its libraries' import, a large fit against one QR.
+"""Speed as ratios from one run: the command relative to the import of its libraries, a large fit to one QR.
 
     python benchmarks/speed.py
 
 Run it with the Python that fitmodels is installed in. Every figure is the median of repeated, alternating
-runs, so that a machine whose speed drifts slows both sides of a ratio.
+runs, so that a drift of the processor speed affects both sides of a ratio.
 """
 
 import subprocess
@@ -70,7 +70,7 @@ def large_fits(n=1_000_000):
     runs = datasets.runs_from_frame(pd.DataFrame({**X, "AW": np.exp(y)}))
     for label, law in (
         ("fit.power_law", lambda: fit.power_law(runs, "AW", list(X))),
-        ("fit.power_law in natural units", lambda: fit.power_law(runs, "AW", list(X), error="additive")),
+        ("fit.power_law, additive error", lambda: fit.power_law(runs, "AW", list(X), error="additive")),
     ):
         a, b, ratio = against(lambda law=law: clocked(law), lambda: clocked(lambda: np.linalg.qr(log)), 5)
         print(f"{label + ', 1e6 rows / the same QR':<51} {ratio:5.2f}   ({a:.2f} s / {b:.2f} s)")

@@ -1,14 +1,14 @@
-"""A power law of a stream: seconds and peak memory against rows, and how near the truth it comes.
+"""A power law fitted in one pass: time and peak memory by number of rows, and deviation from the true values.
 
     python benchmarks/streamed.py              1e6 and 1e7 rows
     python benchmarks/streamed.py 100000000    these as well
 
-Each size is fitted twice, cut into chunks of two lengths, and the two are compared; 1e6 rows are compared with the fit
+Each size is fitted twice, with chunks of two lengths, and the results are compared; 1e6 rows are compared with the fit
 in memory too (coefficients, standard errors by edge and of rows, R2, F: largest relative difference, aim 1e-10).
 
-Run it with the Python that fitmodels is installed in. Rows are made chunk by chunk, each size in a process of its
-own, so that peak memory is of that size alone. Wall seconds hold the making of the rows as well; seconds of the
-processor are told apart, and it is these that a busy machine does not lengthen much.
+Run it with the Python that fitmodels is installed in. Rows are generated chunk by chunk, each size in a
+separate process, so that the peak memory is that of this size. The wall time includes the generation of the rows;
+the processor times of generation and fit are separate, and depend little on other processes.
 """
 
 import multiprocessing
@@ -71,7 +71,7 @@ def apart(one, other):
 
 
 def in_memory(n):
-    """The fit of the same rows, all at once."""
+    """The fit of the same rows in memory."""
     table = pd.DataFrame({name: np.concatenate(parts) for name, parts in _columns(n).items()})
     return power_law(runs_from_frame(table), "AW", list(TRUTH))
 
@@ -85,7 +85,7 @@ def _columns(n):
 
 
 def fitted(n, queue):
-    streamed_power_law(chunks(2000, []), "AW", list(TRUTH))  # loads what is loaded once
+    streamed_power_law(chunks(2000, []), "AW", list(TRUTH))  # imports
     making, before, wall, began = [], peak(), time.perf_counter(), time.process_time()
     law = streamed_power_law(chunks(n, making), "AW", list(TRUTH))
     took, wall = time.process_time() - began, time.perf_counter() - wall
@@ -98,7 +98,7 @@ def fitted(n, queue):
 
 
 def peak():
-    """Most memory that this process has held, MB."""
+    """Peak memory of this process, MB."""
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most / (1024**2 if sys.platform == "darwin" else 1024)
 
@@ -106,7 +106,7 @@ def peak():
 def main(sizes):
     process = multiprocessing.get_context("spawn")
     print(
-        "      rows   wall s  CPU s fitting  making  us a row  peak MB  (at start)  furthest from the truth, SE by edge"
+        "      rows   wall s  CPU s fitting  making us per row  peak MB  (at start)  largest deviation, SE by edge"
         "  two chunkings  in memory"
     )
     for n in sizes:

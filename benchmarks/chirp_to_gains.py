@@ -1,9 +1,9 @@
-"""From a noisy chirp through `ident.identify`, orders and delay not known, to gains, judged on the true plant.
+"""PI gains from a noisy chirp through `ident.identify` with unknown orders and delay, tested on the true plant.
 
-    OMP_NUM_THREADS=1 python benchmarks/whole_way.py [draws] [snr ...]
+    OMP_NUM_THREADS=1 python benchmarks/chirp_to_gains.py [draws] [snr ...]
 
-Plant and chirp as in `pi_study.py`. Asked: rise 2 s, settling 4 s. Aim: 2.1 s and 4.2 s are met on the true plant in
-95 % of the draws at 30 dB and 85 % at 20 dB. Printed too: how often which orders were chosen, and the median error of
+Plant and chirp as in `pi_study.py`. Required: rise 2 s, settling 4 s. Aim: 2.1 s and 4.2 s are met on the true plant in
+95 % of the draws at 30 dB and 85 % at 20 dB. Also printed: the frequency of the chosen orders, and the median error of
 |G|.
 """
 
@@ -43,7 +43,7 @@ def study(snr: float, draws: int) -> None:
     took = (time.perf_counter() - began) / draws
     print(f"{snr:g} dB: 2.1 s and 4.2 s met in {100 * share:.1f} % +- {error:.1f} of {draws} draws; {refused} refused")
     print(f"   orders (na, nb, nk): {dict(orders.most_common(6))}")
-    print(f"   median error of |G|: {median}; {took:.2f} s a draw", flush=True)
+    print(f"   median error of |G|: {median}; {took:.2f} s per draw", flush=True)
 
 
 if __name__ == "__main__":
