@@ -2,10 +2,10 @@
 
     python benchmarks/latent_wear.py [DATA_SETS]
 
-24 edges of 6 rows; true wear scatters by .1 in ln within an edge, its exponent in the law of power is .35. For measurement
-errors of .05 and .1 in ln: the mean exponent of the plain fit, of the closed-form correction and of latent wear, each with its
-Monte Carlo error; coverage of 95 % intervals (Monte Carlo error at 100 data sets: .022); share of data sets that
-pass the convergence checks, and seconds per data set.
+24 edges of 6 rows; true wear scatters by .1 in ln within an edge, its exponent in the law of power is .35. For
+measurement errors of .05 and .1 in ln: the mean exponent of the plain fit, of the closed-form correction and of
+latent wear, each with its Monte Carlo error; coverage of 95 % intervals (Monte Carlo error at 100 data sets: .022);
+share of data sets that pass the convergence checks, and seconds per data set.
 """
 
 import sys

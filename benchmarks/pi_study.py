@@ -4,9 +4,9 @@
 
 Plant and chirp are eq. 18 and 17 of Tai, Tsai & Li 2023 (doi 10.1109/ACCESS.2023.3330587): 2.5 V, 0.1 to 2 Hz in 15 s
 at 50 Hz; white noise on the current; output error, orders 3, 3, 1. Required: rise 2 s, settling 4 s, overshoot 2 %.
-Aims: 2.1 s and 4.2 s are met on the true plant in 95 % of the draws at 30 dB and 85 % at 20 dB; the stated probability is
-within 5 points of the true share, where that share is 50, 70, 90 and 99 % (the limits are multiplied until it
-is). Times: map of 200 x 200 below 1 s, robust tuning over 500 draws below 2 s.
+Aims: 2.1 s and 4.2 s are met on the true plant in 95 % of the draws at 30 dB and 85 % at 20 dB; the stated
+probability is within 5 points of the true share, where that share is 50, 70, 90 and 99 % (the limits are multiplied
+until it is). Times: map of 200 x 200 below 1 s, robust tuning over 500 draws below 2 s.
 """
 
 import sys

@@ -3,12 +3,12 @@
     OMP_NUM_THREADS=1 python benchmarks/pooling.py [FAMILIES]
 
 Each family has 24 pairs with 4, 6, 8, 12, 16 or 24 edges of 6 rows. A pair's exponents of V and t are normal about
-those of its family with standard deviation tau; ln AW scatters between edges and within, by 0.07 each in every pair or,
-with unequal scatter, by 0.07 times lognormal factors (standard deviation 0.4 in logs). Every pair is
-fitted from its rows by ``fit.many_power_laws`` with standard errors by edge, every family pooled by
-``fit.pooled_exponents`` with its own prior. Printed by tau and by edges of a pair: root mean squared error of
-both, ratio of the mean squared errors, coverage of 95 % intervals, and the median length of the pooled intervals relative to
-the others; then coverage for the families. At tau 0 the central interval of tau does not contain it.
+those of its family with standard deviation tau; ln AW scatters between edges and within, by 0.07 each in every pair
+or, with unequal scatter, by 0.07 times lognormal factors (standard deviation 0.4 in logs). Every pair is fitted from
+its rows by ``fit.many_power_laws`` with standard errors by edge, every family pooled by ``fit.pooled_exponents`` with
+its own prior. Printed by tau and by edges of a pair: root mean squared error of both, ratio of the mean squared
+errors, coverage of 95 % intervals, and the median length of the pooled intervals relative to the others; then
+coverage for the families. At tau 0 the central interval of tau does not contain it.
 """
 
 import sys
