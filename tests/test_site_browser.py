@@ -138,7 +138,7 @@ def test_the_search_box_keeps_the_rows_that_hold_every_word(opened):
     assert tab.locator("#count").inner_text() == "1 of 50 cards"
     tab.locator("#search").fill("no such thing")
     assert titles(tab) == []
-    assert "take a filter away" in tab.locator("#count").inner_text()
+    assert "matches the filters" in tab.locator("#count").inner_text()
 
 
 @pytest.mark.parametrize(
@@ -212,8 +212,8 @@ def test_a_reference_marks_the_pairs_that_differ_by_construction(opened, made):
         assert kinds[slug] == ("all" if together < 0.05 else "one" if alone < 0.05 else "plain")
     alone = sum(one < 0.05 for one in p)
     assert tab.locator("#told").inner_text() == (
-        f"10 of 49 differ from insert 1 on work P, all 49 comparisons taken together. Taken alone {alone} differ, "
-        "of which about 2.5 are to be expected by chance even if all were equal."
+        f"10 of 49 differ from insert 1 on work P, adjusted for 49 comparisons (Holm). Unadjusted {alone} differ, "
+        "of which about 2.5 are expected by chance if all were equal."
     )
 
 

@@ -18,13 +18,12 @@ def dynamics_part(d: DynamicsSection | None) -> DynamicsPart | None:
     """Transfer function, its coefficients, facts and limits of validity."""
     if d is None:
         return None
-    sentences = [*_nonminimum_phase(d), *_validity(d), *d.notes]
     return DynamicsPart(
         title=f"{d.output} from {d.input}",
         equation=f"G(z) = ({_polynomial(d.b)}) / ({_polynomial(d.a)})",
         coefficients=_coefficients(d),
         facts=_facts(d),
-        sentences=tuple(sentence(text) for text in sentences),
+        sentences=tuple(sentence(text) for text in (*_nonminimum_phase(d), *d.notes)),
     )
 
 
@@ -44,7 +43,7 @@ def _facts(d: DynamicsSection) -> tuple[FactPart, ...]:
             "largest pole magnitude", figure(float(np.abs(d.poles).max(initial=0.0))), "" if d.stable else "unstable"
         ),
         *fact("excited from", figure(low, 3, "Hz")),
-        *fact("excited up to", figure(high, 3, "Hz")),
+        *(fact("excited up to", figure(high, 3, "Hz"), "valid range of the model") if d.band else ()),
         *(fact("held-out fit", places(d.held_out_fit, 1, "%"), SIMULATED) if d.held_out_fit is not None else ()),
         *fact("noise SD", figure(noise, 3, d.unit_y)),
         *fact("operating point, input", figure(u, 4, d.unit_u)),
@@ -81,15 +80,6 @@ def _nonminimum_phase(d: DynamicsSection) -> list[str]:
         f"non-minimum phase (zeros at {at}, outside the unit circle): the step response first moves in the opposite "
         "direction, and a fast controller amplifies that"
     ]
-
-
-def _validity(d: DynamicsSection) -> list[str]:
-    said = []
-    if d.band:
-        said.append(f"valid from {d.band[0]:.3g} to {d.band[1]:.3g} Hz, where the input had power")
-    if d.held_out_fit is not None:
-        said.append(f"a simulation explains {d.held_out_fit:.1f} % of the variation of samples not used in the fit")
-    return said
 
 
 def _polynomial(p: Sequence[float]) -> str:

@@ -122,7 +122,7 @@ def about_intervals(pf: ParameterFile) -> str:
         but = f" Those of {', '.join(others)} assume independent rows." if others else ""
         return (
             f"SE, t, p and intervals are cluster-robust by edge: jackknife (CR3) over {law.n_edges} edges, t with "
-            f'{degrees(law)} degrees of freedom. R², F(...) of all factors, the residual SE and the column "SE, rows '
+            f'{degrees(law)} degrees of freedom. R², the overall F, the residual SE and the column "SE, rows '
             f'independent" assume {law.n} independent rows, as published laws do.{but}'
         )
     if not named:
@@ -236,7 +236,7 @@ def _verdicts(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
     return (
         ", ".join([f"{len(found['passed'])} of {len(checks)} checks passed", *counts]) + ".",
         *(check.words for check in (*found["failed"], *found["warning"])),
-        *(f"Not testable ({', '.join(names)}): {reason}." for reason, names in reasons.items()),
+        *(f"{', '.join(names)} not testable: {reason}." for reason, names in reasons.items()),
     )
 
 

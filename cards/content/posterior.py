@@ -13,7 +13,8 @@ MOVED = 0.2  # shift in posterior SD by priors of half or double width, above wh
 ROWS = "sd is the standard deviation of rows."
 EDGES = "sd is the standard deviation of rows within an edge, icc the intraclass correlation of edges."
 AT_MIDDLE = "The prior of the constant is set on the response at the middle of the tests, not on the constant itself."
-EXPLANATIONS = (ROWS, EDGES, AT_MIDDLE)
+SHIFT = "Prior sensitivity is the shift in posterior SD with priors of half and of double width."
+EXPLANATIONS = (ROWS, EDGES, AT_MIDDLE, SHIFT)
 
 
 def posterior_of(pf: ParameterFile, law: LawSection) -> LawPosterior | None:
@@ -34,7 +35,12 @@ def posterior_part(law: LawSection, of: LawPosterior | None) -> PosteriorPart | 
         gate=_convergence(of),
         level=percent(of.level),
         parameters=_parameters(of),
-        sentences=(*_sentences(law, of), *explained, *([AT_MIDDLE] if of.level_at else [])),
+        sentences=(
+            *_sentences(law, of),
+            *explained,
+            *([AT_MIDDLE] if of.level_at else []),
+            *([SHIFT] if of.sensitivity else []),
+        ),
     )
 
 

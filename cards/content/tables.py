@@ -49,7 +49,7 @@ def posterior_table(of: PosteriorPart) -> TextTable:
         "SD": [p.sd.text for p in of.parameters],
         f"{of.level.text} % credible interval": [between(p.low, p.high) for p in of.parameters],
         "prior": [p.prior for p in of.parameters],
-        "prior sensitivity: shift in SD with priors of half, double width": [p.moved for p in of.parameters],
+        "prior sensitivity (half, double width)": [p.moved for p in of.parameters],
     })  # fmt: skip
 
 

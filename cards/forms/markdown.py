@@ -28,7 +28,7 @@ FIELDS = {"tool_life": "tool life", "windows": "window of operation", "design": 
 # Markdown's own characters; an underscore inside a word is none of them
 MARKS = re.compile(r"([\\`*\[\]|~#{}$]|(?<![^\W_])_|_(?![^\W_]))")
 ENTITY = re.compile(r"&(?=[#\w])")
-TAG = re.compile(r"<(?!\d)")  # <0.001 is no tag
+TAG = re.compile(r"<(?![\d ])")  # <0.001 is no tag
 LEAD = re.compile(r"^(?:(\d+)(?=[.)](?:\s|$))|(?=[-+](?:[\s-]|$)|=+$))")
 UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  # control and bidirectional characters
 

@@ -143,7 +143,7 @@
     return svg;
   };
 
-  const VERDICTS = { plain: "no difference shown", one: "differs, taken alone", all: "differs" };
+  const VERDICTS = { plain: "not significant", one: "significant, unadjusted", all: "significant" };
   const verdict = (r, reference) => {
     if (r.kind === "reference") return "reference";
     if (!reference) return "";
@@ -180,8 +180,8 @@
     const all = found.filter((r) => r.found.adjusted < LEVEL).length;
     return [
       element("strong", {}, `${all} of ${found.length} differ from ${reference.pair.title}`),
-      `, all ${found.length} comparisons taken together. Taken alone ${one} differ, of which about ${few(LEVEL * found.length)} are to be `,
-      "expected by chance even if all were equal.",
+      `, adjusted for ${found.length} comparisons (Holm). Unadjusted ${one} differ, of which about ${few(LEVEL * found.length)} are `,
+      "expected by chance if all were equal.",
     ];
   };
 
@@ -213,7 +213,7 @@
       shown.unshift(reference);
     }
     $("forest").replaceChildren(...shown.map((r) => line(r, axis, reference)));
-    $("told").replaceChildren(...(others.length ? tell(reference, found, others.length) : ["No pair fits: take a filter away."]));
+    $("told").replaceChildren(...(others.length ? tell(reference, found, others.length) : ["No pair matches the filters."]));
     $("axis").replaceChildren(
       ...axis.ticks.map((x) => draw("text", { x: share(axis.at(x)), y: "70%", "text-anchor": "middle" }, axis.told(x))),
     );

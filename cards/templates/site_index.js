@@ -23,7 +23,7 @@
       shown += r.row.hidden ? 0 : 1;
     }
     const of = shown === rows.length ? `${shown} card${shown === 1 ? "" : "s"}` : `${shown} of ${rows.length} cards`;
-    $("count").textContent = shown ? of : `None of ${rows.length} cards fits: take a filter away.`;
+    $("count").textContent = shown ? of : `None of ${rows.length} cards matches the filters.`;
   };
 
   const order = new Intl.Collator("en", { numeric: true });
