@@ -8,7 +8,7 @@ from .arguments import Parser, pairs, ranges
 
 if TYPE_CHECKING:
     from ..datasets import Runs
-    from ..datasets.records.look import Look
+    from ..datasets.records.formats import FileKind
     from ..datasets.tables import Table
 
 
@@ -27,10 +27,9 @@ def reading_options(parser: Parser) -> None:
     group.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
 
 
-def recognise(file: str, args: argparse.Namespace) -> tuple["str | Table", "Look | None"]:
+def recognise(file: str, args: argparse.Namespace) -> tuple["str | Table", "FileKind | None"]:
     """What a file looks like, with its table where that was read; None where the options say that it holds tests."""
-    from ..datasets.records.formats import kind_of
-    from ..datasets.records.look import Look, looks_like_record
+    from ..datasets.records.formats import FileKind, kind_of, looks_like_record
     from ..datasets.tables import read_table
     from ..datasets.tables.decode import load_bytes
     from ..datasets.units import is_unit
@@ -40,7 +39,7 @@ def recognise(file: str, args: argparse.Namespace) -> tuple["str | Table", "Look
     path = Path(file)
     kind = kind_of(load_bytes(path), path.name)
     if kind != "table":
-        return file, Look("record", f"a file of samples ({kind})")
+        return file, FileKind("record", f"a file of samples ({kind})")
     table = read_table(path, is_unit=is_unit, decimal=args.decimal, delimiter=args.delimiter)
     return table, looks_like_record(table)
 

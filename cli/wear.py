@@ -16,7 +16,7 @@ from .reading import read, reading_options, recognise
 
 if TYPE_CHECKING:
     from ..datasets import Runs
-    from ..datasets.records.look import Look
+    from ..datasets.records.formats import FileKind
     from ..datasets.tables import Table
 
 OPTIONS_OF_A_FIT = (
@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
     return 4 if any(report["parameters"] is None for report in reports) else 0
 
 
-def _tests(table: "str | Table", look: "Look | None", args: argparse.Namespace) -> "Runs":
+def _tests(table: "str | Table", look: "FileKind | None", args: argparse.Namespace) -> "Runs":
     """The tests of a file; where it might be a record as well, that is said."""
     runs = read(table, args)
     if look is None or look.kind == "table":

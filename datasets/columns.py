@@ -1,15 +1,15 @@
-"""Headers become roles, cells become numbers in the role's unit; whatever does not fit is said."""
+"""Roles and units of the columns of a table of tests; a column that does not fit its role is an error."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
+from ..core.suggestions import closest, did_you_mean
 from .headers import parse_header
 from .tables import Column, is_number
 from .units import canonical, convert, same_dimension, suggest
@@ -25,7 +25,7 @@ Values = NDArray[np.float64] | NDArray[np.object_]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ColumnUse(Displayable):
-    """What became of one column of the file.
+    """Use of one column of the file.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class ColumnUse(Displayable):
     converted : bool
         Whether the numbers were converted to the unit of the role.
     suggestion : str or None
-        Role that an unused header comes near to.
+        Role whose name is similar to an unused header.
     """
 
     number: int
@@ -58,7 +58,7 @@ class _Claim:
     name: str
     unit_text: str
     role: str | None
-    said: bool  # by --map, not by the header
+    mapped: bool  # by --map, not by the header
 
 
 def assign(
@@ -98,7 +98,7 @@ def _unrecognised(columns: tuple[Column, ...]) -> str:
     else:
         head = f"no column is recognised among {names}"
     return (
-        f"{head}: name them as V, f, d, t, AW ... in a header row, or say which is which, for instance "
+        f"{head}: name them as V, f, d, t, AW ... in a header row, or assign them, for instance "
         '--map "V=col1" --map "VB=col3".'
     )
 
@@ -106,26 +106,26 @@ def _unrecognised(columns: tuple[Column, ...]) -> str:
 def _known_roles(symbols: tuple[str, ...]) -> None:
     for symbol in symbols:
         if symbol not in ROLES:
-            near = get_close_matches(symbol, ROLES, 1, 0.5)
-            hint = f"did you mean {near[0]}? " if near else ""
+            near = closest(symbol, ROLES)
+            hint = f"did you mean {near}? " if near else ""
             raise UsageError(f"{symbol!r} is no role of a column; {hint}The roles are {', '.join(ROLES)}.")
 
 
 def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
     wanted = {symbol: name for symbol, name in mapping.items() if name.strip().lower() != NONE}
-    said = {_find(columns, name).number: symbol for symbol, name in wanted.items()}
-    if len(said) < len(wanted):
+    assigned = {_find(columns, name).number: symbol for symbol, name in wanted.items()}
+    if len(assigned) < len(wanted):
         raise UsageError("--map gives one column to two roles; each role needs a column of its own.")
     claims = []
     for column in columns:
         header = parse_header(column.name)
         text = column.unit_cell or header.unit_text
-        role = said.get(column.number) or role_of(header.name, canonical(text) if text else None)
+        role = assigned.get(column.number) or role_of(header.name, canonical(text) if text else None)
         if role is not None and role in mapping and role not in wanted:
             role = None
         if role is not None and role in units:
             text = units[role]
-        claims.append(_Claim(column, header.name, text, role, column.number in said))
+        claims.append(_Claim(column, header.name, text, role, column.number in assigned))
     missing = [symbol for symbol in units if all(claim.role != symbol for claim in claims)]
     if missing:
         raise UsageError(f"--unit {missing[0]}={units[missing[0]]}: no column has the role {missing[0]}.")
@@ -145,20 +145,19 @@ def _find(columns: tuple[Column, ...], name: str) -> Column:
             return found[0]
         if found:
             places = " or ".join(f"col{c.number}" for c in found)
-            raise UsageError(f"column {wanted!r} stands {len(found)} times in the file: say {places}.")
-    near = get_close_matches(wanted, [c.name for c in columns], 1, 0.5)
-    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(repr(c.name) for c in columns)}."
-    raise UsageError(f"--map names a column {wanted!r} that the file does not have; {hint}")
+            raise UsageError(f"column {wanted!r} occurs {len(found)} times in the file: give {places}.")
+    hint = did_you_mean(wanted, [c.name for c in columns], names="The columns are ")
+    raise UsageError(f"--map names a column {wanted!r} that the file does not have. {hint}")
 
 
 def _one_each(claims: list[_Claim]) -> dict[str, _Claim]:
-    """The claim that gets each role: one named by --map before one named by its header."""
+    """The column of each role: one assigned by --map takes precedence over one recognised by its header."""
     chosen: dict[str, _Claim] = {}
-    for claim in sorted(claims, key=lambda c: not c.said):
+    for claim in sorted(claims, key=lambda c: not c.mapped):
         if claim.role is None:
             continue
         first = chosen.setdefault(claim.role, claim)
-        if first is not claim and not first.said:
+        if first is not claim and not first.mapped:
             a, b = first.column, claim.column
             raise DataError(
                 f"columns {a.number} ({a.name!r}) and {b.number} ({b.name!r}) both read as "
@@ -183,7 +182,7 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
     if unit is None:
         raise DataError(
             f"column {column.name!r}: unit {claim.unit_text!r} is not in the table of units; "
-            f"{suggest(claim.unit_text)} If the numbers are in {role.unit}, say "
+            f"{suggest(claim.unit_text)} If the numbers are in {role.unit}, give "
             f"--unit {role.symbol}={role.unit}."
         )
     if not same_dimension(unit, role.unit):
@@ -202,23 +201,23 @@ def _only_numbers(column: Column, role: Role) -> None:
         cells = ", ".join(f"line {line}: {text!r}" for line, text in column.bad[:3])
         cells += f" and {column.bad_count - 3} more" if column.bad_count > 3 else ""
         raise DataError(
-            f"column {column.name!r} ({role.quantity} {role.symbol}) holds text where numbers belong: "
-            f"{cells}. " + (_cure(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
+            f"column {column.name!r} ({role.quantity} {role.symbol}) contains text instead of numbers: "
+            f"{cells}. " + (_remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
         )
     if not column.is_numeric:
         shown = next((str(v) for v in column.values if v != ""), "")
-        cure = _cure(shown, role)
+        remedy = _remedy(shown, role)
         raise DataError(
             f"column {column.name!r} reads as {role.quantity} {role.symbol} but holds text, for instance "
             f"{shown!r}. "
-            + (f"{cure} Or give" if cure else "Give")
+            + (f"{remedy} Or give" if remedy else "Give")
             + f" the role to another column with --map {role.symbol}=..., or to none with "
             f"--map {role.symbol}={NONE}."
         )
 
 
-def _cure(text: str, role: Role) -> str:
-    """What to do about a cell that is no number, where its text tells."""
+def _remedy(text: str, role: Role) -> str:
+    """Remedy for a cell that is not a number, where its text shows one."""
     if is_number(text):
         return "It has another decimal mark than the rest of the file: use one throughout."
     if _BOUND.match(text):
@@ -233,13 +232,13 @@ def _cure(text: str, role: Role) -> str:
 
 
 def _only_measurable(column: Column, role: Role) -> None:
-    """Refuse what no gauge shows: its powers would leave the range of numbers."""
+    """Refuse magnitudes that no gauge shows: their powers would overflow."""
     size = np.abs(column.values)
     odd = np.flatnonzero((size > LARGEST) | ((size < 1 / LARGEST) & (size > 0)))
     if odd.size:
         value = column.values[odd[0]]
         raise DataError(
             f"column {column.name!r} ({role.quantity} {role.symbol}), row {odd[0] + 1} of the data: "
-            f"{value:g} is no measurement, its size lies outside {1 / LARGEST:g} to {LARGEST:g}. "
+            f"{value:g} is not a plausible measurement, its magnitude lies outside {1 / LARGEST:g} to {LARGEST:g}. "
             "Correct it, or leave the cell empty."
         )

@@ -1,4 +1,4 @@
-"""Central composite designs in logs: which edge is cut at which V, f and d, and in which order."""
+"""Designs of experiments: central composite plans with levels spaced geometrically, and coded levels."""
 
 from collections.abc import Mapping
 from itertools import product
@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.errors import UsageError
+from ..core.errors import DataError, UsageError
 
 RESERVED = ("run", "edge", "point")
 MOST_FACTORS = 6
@@ -28,7 +28,7 @@ def central_composite(
     """Plan one edge a row: a full factorial, repeated centre points and repeated axial points.
 
     Levels are spaced geometrically, so that a power law is a plane in the coded columns; the axial points
-    stand on the range ends (coded -alpha and +alpha). Three factors with the defaults give the 24 edges of
+    lie on the ends of the ranges (coded -alpha and +alpha). Three factors with the defaults give the 24 edges of
     Alaskari & Oraby (ICAESAM'2016, doi 10.15242/IIE.E1216006): 8 factorial, 4 centre, 6 axial twice.
 
     Parameters
@@ -36,7 +36,7 @@ def central_composite(
     ranges : mapping of 1 to 6 factors to (low, high)
         in the factor's unit (V m/min, f mm/rev, d mm)
     alpha : float
-        coded distance of the axial points, 1 or more; the factorial points stand at -1 and +1
+        coded distance of the axial points, 1 or more; the factorial points lie at -1 and +1
     centre, axial_repeats : int
         edges at the centre (0 or more) and at each axial point (1 or more)
     seed : int
@@ -171,3 +171,79 @@ def _check_counts(alpha: float, centre: int, axial_repeats: int, digits: int | N
         raise UsageError(f"axial_repeats {axial_repeats}: each axial point is cut at least once; give 1 or more.")
     if digits is not None and digits < 1:
         raise UsageError(f"digits {digits}: a level needs at least 1 significant digit; give 1 or more, or None.")
+
+
+Values = NDArray[np.float64] | NDArray[np.object_]
+
+
+def looks_coded(values: NDArray[np.float64]) -> bool:
+    """Whether these are coded levels of a design: few, symmetric about zero, with -1 and 1 among them.
+
+    Examples
+    --------
+    >>> looks_coded(np.array([-1, 1, 0, 0, -1, 1.0])), looks_coded(np.array([50, 100, 200.0]))
+    (True, False)
+    """
+    known = values[~np.isnan(values)]
+    if not known.size or known.min() < -3 or known.max() > 3:  # the usual case, decided without sorting
+        return False
+    levels = np.unique(known)
+    if not 2 <= len(levels) <= 7 or not {-1.0, 1.0} <= set(levels):
+        return False
+    return bool(np.allclose(levels, -levels[::-1]))
+
+
+def decode_levels(role: str, values: Values, given: tuple[float, ...] | None) -> tuple[Values, tuple[str, ...]]:
+    """Conditions from coded levels, and the assumption made; any other values are returned unchanged.
+
+    Parameters
+    ----------
+    role : symbol, for the messages
+    values : shape (n,)
+    given : (low, high) at the levels -1 and 1, spaced evenly in the logarithm, or (low, centre, high)
+
+    Raises
+    ------
+    DataError
+        The levels are coded and no range is given.
+    UsageError
+        The range is not in order, or given for a column that is not coded.
+
+    Examples
+    --------
+    >>> decode_levels("V", np.array([-1, 0, 1.0]), (50.0, 200.0))[0].round(6).tolist()
+    [50.0, 100.0, 200.0]
+    """
+    if values.dtype == object:
+        return values, ()
+    levels = np.asarray(values, dtype=float)
+    if not looks_coded(levels):
+        if given is not None:
+            raise UsageError(f"--range {role}: the column holds no coded levels (-1, 0, 1); leave the range out.")
+        return values, ()
+    if given is None:
+        raise DataError(
+            f"{role} holds coded levels ({', '.join(f'{v:g}' for v in np.unique(levels[~np.isnan(levels)]))}): "
+            f"give the values of -1 and 1, for instance --range {role}=50:200 (or low:centre:high)."
+        )
+    low, centre, high = _checked_range(role, given)
+    if np.isclose(centre**2, low * high, rtol=0.02):
+        how = f"{role}: coded levels, even in the logarithm: -1 is {low:g}, 0 is {centre:g}, 1 is {high:g}"
+        return centre * (high / low) ** (levels / 2), (how,)
+    how = f"{role}: coded levels, even in {role} itself: -1 is {low:g}, 0 is {centre:g}, 1 is {high:g}"
+    return centre + levels * (high - low) / 2, (how,)
+
+
+def _checked_range(role: str, given: tuple[float, ...]) -> tuple[float, float, float]:
+    if len(given) not in (2, 3) or not (0 < given[0] < given[-1] < np.inf):
+        raise UsageError(f"--range {role}={':'.join(f'{v:g}' for v in given)}: it is low:high, both above zero.")
+    low, high = given[0], given[-1]
+    centre = given[1] if len(given) == 3 else float(np.sqrt(low * high))
+    geometric = np.isclose(centre**2, low * high, rtol=0.02)
+    arithmetic = np.isclose(2 * centre, low + high, rtol=0.02)
+    if not (geometric or arithmetic):
+        raise UsageError(
+            f"--range {role}: centre {centre:g} is neither the geometric ({np.sqrt(low * high):.4g}) nor the "
+            f"arithmetic ({(low + high) / 2:.4g}) middle of {low:g} and {high:g}; correct one of the three."
+        )
+    return low, centre, high

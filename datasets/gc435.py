@@ -1,4 +1,4 @@
-"""GC435 on 709M40 (En 19): the published laws, and the simulated test that the project carries.
+"""GC435 on 709M40 (En 19): the published laws, and the simulated test that is bundled with the package.
 
 The laws are those of A. M. Alaskari and S. E. Oraby, ICAESAM'2016 (doi 10.15242/IIE.E1216006), eq. 4 to 6,
 and of the same authors, "Adaptive control simulation to optimize metal removal for rough turning",
@@ -33,7 +33,7 @@ SEED = 435
 
 
 def _law(response: str, unit: str, c0: float, exponents: Mapping[str, float]) -> SimulatedLaw:
-    """Split the published residual variance between edges and rows; the lab writes three digits."""
+    """Split the published residual variance between edges and rows; the laboratory records three digits."""
     sd = STANDARD_ERROR[response]
     sd_edge, sd_row = sd * sqrt(ICC), sd * sqrt(1 - ICC)
     return SimulatedLaw(response, unit, c0, MappingProxyType(dict(exponents)), sd_edge, sd_row, digits=3)
@@ -58,7 +58,7 @@ NOTES = (
 
 
 def gc435_rows(seed: int = SEED) -> pd.DataFrame:
-    """Simulate the 24 edges: one row a sub-test of 2 minutes, to AW 0.3 mm or 20 minutes.
+    """Simulate the 24 edges: one row per sub-test of 2 minutes, to AW 0.3 mm or 20 minutes.
 
     Parameters
     ----------

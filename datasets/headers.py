@@ -1,4 +1,4 @@
-"""Header cells taken apart: the name of a column, and its unit in whatever way a laboratory writes it."""
+"""Header cells split into the name of a column and its unit, in the notations of laboratories."""
 
 import re
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from .vocabulary import fits, roles_named
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """A header cell taken apart: the column's name and the text of its unit, "" when it has none.
+    """A header cell split into the name of the column and the text of its unit ("" when it has none).
 
     >>> Header(name="V", unit_text="m/min").unit_text
     'm/min'
@@ -24,8 +24,8 @@ _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\{([^{}]*)\}|\(([^()]*)\)")
 _MARKS = (r"(.+?)\s+(?:in|en)\s+(.+)", r"(.+?)\s*[,;:]\s*(.+)", r"(.+?)\s+/\s*(.+)", r"(.+?)/(.+)")
 
 
-def _tells_unit(name: str, inside: str) -> bool:
-    """Whether a text beside a name is its unit, not its symbol: the V of "Cutting speed (V)" is no volt."""
+def _is_unit_of(name: str, inside: str) -> bool:
+    """Whether a text next to a name is its unit rather than its symbol: V in "Cutting speed (V)" is not volt."""
     roles = roles_named(name)
     if not is_unit(inside) or inside.isdigit():
         return False
@@ -34,13 +34,13 @@ def _tells_unit(name: str, inside: str) -> bool:
 
 
 def _bracketed(text: str) -> Iterator[tuple[str, str]]:
-    """Units in brackets, last first; round ones hold remarks too and must look like a unit: "VB (mean)"."""
+    """Units in brackets, last first; round ones also hold remarks ("VB (mean)") and must look like a unit."""
     for match in reversed(list(_BRACKETS.finditer(text))):
         inside = next(group for group in match.groups() if group is not None).strip()
         name = f"{text[: match.start()]} {text[match.end() :]}"
         foreign = not is_unit(inside) and set(roles_named(name)).isdisjoint(roles_named(inside))
         looks = match[0][0] in "[{" or re.search(r"[/^*·%°µμ⁻]", inside)
-        if _tells_unit(name, inside) or (foreign and looks):
+        if _is_unit_of(name, inside) or (foreign and looks):
             yield name, inside
 
 
@@ -48,12 +48,12 @@ def _marked(text: str) -> Iterator[tuple[str, str]]:
     """Units after "in", a comma or a slash; a slash without blanks only after a known name."""
     for pattern in _MARKS:
         match = re.fullmatch(pattern, text)
-        if match and _tells_unit(match[1], match[2]) and (pattern != _MARKS[-1] or roles_named(match[1])):
+        if match and _is_unit_of(match[1], match[2]) and (pattern != _MARKS[-1] or roles_named(match[1])):
             yield match[1], match[2]
 
 
 def _ends_in_unit(name: str, words: list[str], unit_text: str) -> bool:
-    """Whether the last words of a header without marks are its unit; the first rule that speaks decides.
+    """Whether the last words of a header without marks are its unit; the first rule that applies decides.
 
     They are when written with "per"; when the name before them is known and measured in that unit; when they
     are a quotient (mm_s); when the name is unknown and they are a canonical unit of two letters and more, but
@@ -82,7 +82,7 @@ def _suffixed(text: str) -> Iterator[tuple[str, str]]:
 
 
 def parse_header(text: str) -> Header:
-    """Take a header cell apart into name and unit.
+    """Split a header cell into name and unit.
 
     Read are ``V [m/min]``, ``V (m/min)``, ``V{m/min}``, ``V in m/min``, ``V, m/min``, ``V / m/min``,
     ``V m/min`` and ``V_m_per_min``. A tail that is no unit stays in the name (``Ra_mean``,

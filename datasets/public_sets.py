@@ -1,16 +1,17 @@
-"""Real measurements that anyone may get: what they are, where they come from, and the SHA-256 of every file.
+"""Public sets of measurements: description, licence, addresses, and the SHA-256 of every file.
 
-A set with ``made`` was put together or converted from what is published, so that no address holds its files.
+A set with ``made`` was compiled or converted from published data, so that no address holds its files.
 """
 
 from dataclasses import dataclass
 
 GITHUB = "https://raw.githubusercontent.com"
+SERVO = "nicolazande/camber-control/2a8a2dc8a60ccd5a59c29bf1f5062f33ce71c963/actuators/LinA/data"
 
 
 @dataclass(frozen=True, slots=True)
 class PublicFile:
-    """A file of a set: its name, the SHA-256 of its bytes, and the address that holds these bytes, where one does."""
+    """A file of a set: name, SHA-256 of its bytes, and the address that holds these bytes, if any."""
 
     name: str
     sha256: str
@@ -19,7 +20,7 @@ class PublicFile:
 
 @dataclass(frozen=True, slots=True)
 class PublicSet:
-    """A set: what it is, its licence, how it was made where it is no copy, and its files."""
+    """A set: description, licence, files, and how it was made where it is not a copy."""
 
     what: str
     licence: str
@@ -27,9 +28,9 @@ class PublicSet:
     made: str = ""
 
 
-def _at(address: str, *files: tuple[str, str, str]) -> tuple[PublicFile, ...]:
-    """Files of a repository at one commit: name here, SHA-256, path there."""
-    return tuple(PublicFile(name, sha256, f"{GITHUB}/{address}/{path}") for name, sha256, path in files)
+def _at(address: str, *files: tuple[str, str], path: str = "{}") -> tuple[PublicFile, ...]:
+    """Files of a repository at one commit: name and SHA-256 of each; ``path`` gives its place, ``{}`` for the name."""
+    return tuple(PublicFile(name, sha256, f"{GITHUB}/{address}/{path.format(name)}") for name, sha256 in files)
 
 
 SETS = {
@@ -47,7 +48,7 @@ SETS = {
         "none stated",
         _at(
             "shay-tham/turning/624a0a3ddc368f9500b060333f48368cf3454fd0",
-            ("Exp1.csv", "8bf73b353a9e4f0c5268f24551af635095551023923989ca2962e7806699f37f", "Exp1.csv"),
+            ("Exp1.csv", "8bf73b353a9e4f0c5268f24551af635095551023923989ca2962e7806699f37f"),
         ),
     ),
     "cnc_mill_current": PublicSet(
@@ -69,18 +70,18 @@ SETS = {
     "servo_sweep": PublicSet(
         "sine sweep and square wave of a servo axis at 10 ms",
         "none stated",
-        _at(
-            "nicolazande/camber-control/2a8a2dc8a60ccd5a59c29bf1f5062f33ce71c963",
-            (
-                "LinA__pp-sine-sweep-10mm-0.5Hz.txt",
-                "c0080803529fb32bdc2aa209af6147647c1b6915fd3b87c1ef2fbdac4c451965",
-                "actuators/LinA/data/pp-sine-sweep-10mm-0.5Hz.txt",
-            ),
-            (
-                "LinA__no-pp-square-wave-10mm-1Hz.txt",
-                "5b900d7005183dda2d61ab21ee0eec75ec883fdb30db2f34dab5a8c1439d57f7",
-                "actuators/LinA/data/no-pp-square-wave-10mm-1Hz.txt",
-            ),
+        tuple(
+            PublicFile(f"LinA__{name}", sha256, f"{GITHUB}/{SERVO}/{name}")
+            for name, sha256 in (
+                (
+                    "pp-sine-sweep-10mm-0.5Hz.txt",
+                    "c0080803529fb32bdc2aa209af6147647c1b6915fd3b87c1ef2fbdac4c451965",
+                ),
+                (
+                    "no-pp-square-wave-10mm-1Hz.txt",
+                    "5b900d7005183dda2d61ab21ee0eec75ec883fdb30db2f34dab5a8c1439d57f7",
+                ),
+            )
         ),
     ),
     "daisy": PublicSet(
@@ -88,8 +89,9 @@ SETS = {
         "free with citation: De Moor B.L.R., DaISy",
         _at(
             "robotsorcerer/FARNN/9cfb82f2b42a53a604dba66d0eab23243a9a21ae",
-            ("dryer.dat", "adcb2f5a1d9e174d08dd49f7f037626745b5e69cbda0bc1e8dca2a7c687d4538", "data/dryer.dat"),
-            ("robot_arm.dat", "4ee167a8a28ce0da868d1b42f6a2fe0c456ea0e56b60c70915bf6d4a2a933635", "data/robot_arm.dat"),
+            ("dryer.dat", "adcb2f5a1d9e174d08dd49f7f037626745b5e69cbda0bc1e8dca2a7c687d4538"),
+            ("robot_arm.dat", "4ee167a8a28ce0da868d1b42f6a2fe0c456ea0e56b60c70915bf6d4a2a933635"),
+            path="data/{}",
         ),
     ),
     "nist_strd": PublicSet(
@@ -97,39 +99,16 @@ SETS = {
         "public domain (US government)",
         _at(
             "mathnet/mathnet-numerics/84e9432bc1e8a6b2ae7acd32cda4175abeaeaed1",
-            (
-                "DanWood.dat",
-                "df57252533d8e86489dbe0495b93f76a7c568cd2484442a12d12451721c207fe",
-                "data/NIST/DanWood.dat",
-            ),
-            (
-                "Eckerle4.dat",
-                "007c2b0674e1b06e040045f7c68566a5e5e5537d8c18e51dfdbe20b308a3a16d",
-                "data/NIST/Eckerle4.dat",
-            ),
-            ("Filip.dat", "1e8cb9a4644b1c6a8b1038eb46c59543814fa2a8d1ca31cb833040a75bf6a151", "data/NIST/Filip.dat"),
-            (
-                "Longley.dat",
-                "c58ef65a2699826d55f134ddef27d09b9fb6ab4499fdd49a408b4cd5a63dc890",
-                "data/NIST/Longley.dat",
-            ),
-            ("MGH09.dat", "7652a2f0128f47266fe65d9feeb852b9109d3e59346cf9240163db3fe4276975", "data/NIST/MGH09.dat"),
-            (
-                "Misra1a.dat",
-                "8679e2dd54906496437605a047f5de81677ab056bdc73cfa56374a230be72974",
-                "data/NIST/Misra1a.dat",
-            ),
-            ("Norris.dat", "cc3fd14d1c5fa891d5653000c9d7732c30db842cca49fc051abde1c19d67ab7d", "data/NIST/Norris.dat"),
-            (
-                "Thurber.dat",
-                "dcf20ab4ddd93676ec993bb785675d378d97ebdbae8f37b884e8e68d30949bbc",
-                "data/NIST/Thurber.dat",
-            ),
-            (
-                "Wampler5.dat",
-                "dd00873dea76a3adb0f7e01be4a9d96f368983cb4be1a89517963a24d3d12afa",
-                "data/NIST/Wampler5.dat",
-            ),
+            ("DanWood.dat", "df57252533d8e86489dbe0495b93f76a7c568cd2484442a12d12451721c207fe"),
+            ("Eckerle4.dat", "007c2b0674e1b06e040045f7c68566a5e5e5537d8c18e51dfdbe20b308a3a16d"),
+            ("Filip.dat", "1e8cb9a4644b1c6a8b1038eb46c59543814fa2a8d1ca31cb833040a75bf6a151"),
+            ("Longley.dat", "c58ef65a2699826d55f134ddef27d09b9fb6ab4499fdd49a408b4cd5a63dc890"),
+            ("MGH09.dat", "7652a2f0128f47266fe65d9feeb852b9109d3e59346cf9240163db3fe4276975"),
+            ("Misra1a.dat", "8679e2dd54906496437605a047f5de81677ab056bdc73cfa56374a230be72974"),
+            ("Norris.dat", "cc3fd14d1c5fa891d5653000c9d7732c30db842cca49fc051abde1c19d67ab7d"),
+            ("Thurber.dat", "dcf20ab4ddd93676ec993bb785675d378d97ebdbae8f37b884e8e68d30949bbc"),
+            ("Wampler5.dat", "dd00873dea76a3adb0f7e01be4a9d96f368983cb4be1a89517963a24d3d12afa"),
+            path="data/NIST/{}",
         ),
     ),
 }

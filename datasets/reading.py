@@ -1,4 +1,4 @@
-"""From a lab file, or a frame, to Runs: columns get roles and units, and nothing is guessed in silence."""
+"""Read a laboratory file or a DataFrame as `Runs`: columns get roles and units, every assumption is recorded."""
 
 import os
 import re
@@ -10,8 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.errors import DataError, UsageError
-from .coded import decode
 from .columns import NONE, ColumnUse, Values, assign
+from .design import decode_levels
 from .runs import UNNAMED, Runs, Source
 from .tables import Column, Table, read_table
 from .units import is_unit
@@ -35,7 +35,7 @@ def read_runs(
     Parameters
     ----------
     path : path of the file, or a Table that was read from it
-    map : mapping of role symbol to column header (or ``col7``), which overrides what the headers say
+    map : mapping of role symbol to column header (or ``col7``), which overrides the headers
     units : mapping of role symbol to unit, for columns whose unit is not in the file
     ranges : mapping of role symbol to (low, high) or (low, centre, high), for columns in coded levels
     tool, work : names of the pair, where the file does not hold them
@@ -44,7 +44,7 @@ def read_runs(
     Raises
     ------
     DataError
-        The file cannot be read, two columns claim one role, a unit does not fit, or a cell is no number.
+        The file cannot be read, two columns claim one role, a unit does not fit, or a cell is not a number.
     UsageError
         ``map``, ``units`` or ``ranges`` name a role or column that does not exist.
 
@@ -73,7 +73,7 @@ def runs_from_frame(
     tool: str | None = None,
     work: str | None = None,
 ) -> Runs:
-    """Runs from a DataFrame whose column names are read as headers of a file are.
+    """Runs from a DataFrame; its column names are read like headers of a file.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def _column_of(position: int, name: str, series: "pd.Series[float]") -> Column:
     values = series.to_numpy(dtype=float, na_value=np.nan) if numeric else np.array(texts, dtype=object)
     if numeric and np.isinf(values).any():
         row = int(np.flatnonzero(np.isinf(values))[0])
-        raise DataError(f"column {name!r} row {row}: {values[row]} is no measurement; leave the row out.")
+        raise DataError(f"column {name!r} row {row}: {values[row]} is not a measurement; leave the row out.")
     return Column(position + 1, name, "", values, numeric, ())
 
 
@@ -129,7 +129,7 @@ def _assemble(
 
 
 def with_thrust(data: dict[str, Values], units: dict[str, str], mapping: Mapping[str, str]) -> tuple[str, ...]:
-    """Put Fxz beside Fx and Fz, in place, unless they have it or the user wants none; what is to be said of it.
+    """Add Fxz to Fx and Fz in place, unless it is present or unwanted; returns the note on it.
 
     >>> with_thrust({"Fx": np.array([3.0]), "Fz": np.array([4.0])}, {}, {})
     ("Fxz is computed from the file's Fx and Fz: sqrt(Fx^2 + Fz^2)",)
@@ -142,16 +142,16 @@ def with_thrust(data: dict[str, Values], units: dict[str, str], mapping: Mapping
 
 
 def _decoded(data: dict[str, Values], ranges: Mapping[str, tuple[float, ...]]) -> tuple[str, ...]:
-    """Turn coded levels into conditions, in place, and say how."""
+    """Convert coded levels to conditions in place; returns the assumptions."""
     absent = [role for role in ranges if role not in data]
     if absent:
         raise UsageError(f"--range {absent[0]}: no column has the role {absent[0]}; there are {', '.join(data)}.")
-    said: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
     for role, values in data.items():
         if ROLES[role].kind == "condition" or role in ranges:
-            data[role], how = decode(role, values, ranges.get(role))
-            said += how
-    return said
+            data[role], how = decode_levels(role, values, ranges.get(role))
+            assumed += how
+    return assumed
 
 
 def _without_role(
@@ -162,12 +162,12 @@ def _without_role(
     for column, use in zip(columns, uses, strict=True):
         if use.role is None:
             taken = not column.name or column.name in ROLES or column.name in data or column.name in out
-            out[f"col{column.number}" if taken else column.name] = column.values  # noqa: PD011  a Column, no Series
+            out[f"col{column.number}" if taken else column.name] = column.values  # noqa: PD011  a Column, not a Series
     return out
 
 
 def pair_name(role: str, frame: pd.DataFrame, notes: tuple[str, ...]) -> str:
-    """Name of tool or work: from its column, from a note ``tool: GC435``, or the stand-in.
+    """Name of tool or work: from its column, from a note ``tool: GC435``, or the placeholder.
 
     >>> pair_name("tool", pd.DataFrame(), ("Werkzeug: GC435",))
     'GC435'

@@ -1,9 +1,8 @@
 """Whether a point lies in the region of a design, from plain numbers and numpy alone.
 
-The numbers are those of ``Domain.facts()``: they stand in a parameter file, and whoever reads it needs no more
-than this file to tell inside from outside. Points are coded factor by factor, -1 to +1 over the range that was
-cut (in logarithms for a power law); ``z = (1, coded factors, indicators of a category)`` is what a space takes
-its columns from, and ``z' M z`` is the leverage there.
+The numbers are those of ``Domain.facts()``, which a parameter file holds; nothing else is needed to decide whether a
+point is inside. Points are coded factor by factor, -1 to +1 over the tested range (in logarithms for a power law); a
+space takes its columns from ``z = (1, coded factors, indicators of a category)``, and ``z' M z`` is the leverage.
 """
 
 from collections.abc import Mapping
@@ -15,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Facts = Mapping[str, Any]
 
-# A level is written down with three or four digits, which moves its coded value by some 1e-4: the ends of a range.
+# Levels recorded with three or four digits move the coded ends of a range by about 1e-4.
 ROUNDING = 1e-3
 # Leverage, and the square of the radius, may exceed the design's largest by this share: a point a little off an
-# axial one (f 0.20 for 0.19) adds some 2 %, which no prediction feels.
+# axial one (f 0.20 for 0.19) adds about 2 %, which does not affect a prediction.
 SLACK = 0.05
 
 
@@ -66,8 +65,8 @@ def leverages(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -
 def inside(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -> NDArray[np.bool_]:
     """Whether points lie in the region, shape (...,); arguments as in :func:`leverages`.
 
-    Inside is within every factor's range, and no further out, by radius and by leverage, than the furthest
-    point of the design. Every point of the design, and every point between two of them, is inside.
+    A point is inside when every factor is within its range and neither radius nor leverage exceeds that of the
+    outermost point of the design. Every point of the design, and every point between two of them, is inside.
 
     Examples
     --------

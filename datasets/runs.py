@@ -1,29 +1,25 @@
-"""Measurements of cutting tests: columns with roles and units, one row a measurement."""
+"""Measurements of cutting tests: columns with roles and units, one row per measurement."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.display import Display, Displayable, TextTable
+from ..core.display import Display, Displayable, Plottable, TextTable
 from ..core.errors import UsageError
 from ..core.rounding import format_plain
 from .columns import ColumnUse
 from .vocabulary import UNNAMED as UNNAMED
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 NOT_MEASURED = ("simulated", "simulation", "simuliert", "simulé", "simulad", "no measurement")
 
 
 def disclaimers(notes: Iterable[str]) -> tuple[str, ...]:
-    """Notes that say that something is simulated or computed, not measured.
+    """Notes that declare data as simulated or computed, not measured.
 
     >>> disclaimers(["simulated: no measurement", "coolant: dry"])
     ('simulated: no measurement',)
@@ -33,7 +29,7 @@ def disclaimers(notes: Iterable[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Source(Displayable):
-    """Where the numbers came from: file name, SHA-256 of its bytes, rows, and how it was written."""
+    """Origin of the numbers: file name, SHA-256 of its bytes, number of rows, encoding and delimiters."""
 
     name: str
     sha256: str
@@ -42,7 +38,7 @@ class Source(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Runs(Displayable):
+class Runs(Plottable):
     """Measurements of cutting tests, in the units of the field.
 
     Attributes
@@ -53,14 +49,14 @@ class Runs(Displayable):
     units : mapping
         Unit of each role's column.
     columns : tuple of ColumnUse
-        What became of each column of the file.
+        Use of each column of the file.
     lines : ndarray of int, shape (n,)
         Line of each row in the file.
     source : Source
     tool, work : str
         Names of the pair; ``several`` where a column names more than one.
     assumed, warnings, notes : tuple of str
-        What was taken for granted, what was left out or mended, and the free text of the file.
+        Assumptions; what was left out or corrected; the free text of the file.
 
     Examples
     --------
@@ -87,27 +83,27 @@ class Runs(Displayable):
     def _display(self) -> Display:
         numbers = [name for name in self.units if name in self.data]
         known = {name: self.data[name].dropna().astype(float) for name in numbers}
-        told = [(name, f"{format_plain(v.min())} to {format_plain(v.max())}", self.units[name], str(len(v)))
+        shown = [(name, f"{format_plain(v.min())} to {format_plain(v.max())}", self.units[name], str(len(v)))
                 for name, v in known.items() if len(v)]  # fmt: skip
         edges = f" of {len(set(self.labels('edge')) - {''})} edges" if self.has("edge") else ""
-        ranges = ", ".join(f"{name} {ends} {unit}".rstrip() for name, ends, unit, _ in told)
+        ranges = ", ".join(f"{name} {ends} {unit}".rstrip() for name, ends, unit, _ in shown)
         head = f"{self.tool} on {self.work}{', simulated' if self.simulated else ''}: {len(self)} rows{edges}; {ranges}"
         facts = (("from", self.source.name), ("SHA-256", f"{self.source.sha256[:12]}..."))
-        grid = TextTable(("", "range", "unit", "rows"), tuple(told))
+        grid = TextTable(("", "range", "unit", "rows"), tuple(shown))
         return Display(head, facts, grid, (*self.warnings, *self.assumed, *self.notes))
 
     @property
     def disclaimers(self) -> tuple[str, ...]:
-        """Notes in which the file says of itself that it is simulated or computed, not measured."""
+        """Notes in which the file declares itself simulated or computed, not measured."""
         return disclaimers(self.notes)
 
     @property
     def simulated(self) -> bool:
-        """Whether there is such a note."""
+        """Whether the file declares itself simulated or computed."""
         return bool(self.disclaimers)
 
     def has(self, name: str) -> bool:
-        """Whether a role or column of this name is there."""
+        """Whether a role or column of this name exists."""
         return self._column(name) is not None
 
     def values(self, name: str) -> Array:
@@ -138,7 +134,7 @@ class Runs(Displayable):
             yield replace(self, data=self.data.iloc[rows], lines=self.lines[rows], tool=tool, work=work)
 
     def join(self, other: "Runs") -> "Runs":
-        """Runs of both, as if they stood in one file; only columns that both hold are kept."""
+        """Runs of both as one file; only columns that both have are kept."""
         shared = [name for name in self.data if name in other.data]
         if not shared:
             raise UsageError(f"{self.source.name} and {other.source.name} have no column in common.")
@@ -159,16 +155,10 @@ class Runs(Displayable):
         )
 
     def to_frame(self) -> pd.DataFrame:
-        """A copy of the rows, a column a role; ``attrs["units"]`` tell the units."""
+        """A copy of the rows, one column per role, with the units in ``attrs["units"]``."""
         frame = self.data.copy()
         frame.attrs["units"] = dict(self.units)
         return frame
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """A response over time, edge by edge."""
-        from .draw import runs_picture
-
-        return runs_picture(self, ax)
 
     def _column(self, name: str) -> str | None:
         if name in self.data:

@@ -1,4 +1,4 @@
-"""Simulated wear tests: the rows a laboratory would write down if given laws were true."""
+"""Simulated wear tests: the rows that a laboratory would record if the given laws held."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class SimulatedLaw(Displayable):
     sd_edge, sd_row : float
         standard deviations of ln R between edges and between the rows of an edge, 0 or more
     digits : int
-        significant digits written down
+        significant digits recorded
 
     Raises
     ------
@@ -93,10 +93,10 @@ def simulate(
     wear: str = "AW",
     seed: int,
 ) -> pd.DataFrame:
-    """Cut every edge of a design in sub-tests until its wear reaches the criterion, or to `t_max`.
+    """Simulate every edge of a design in sub-tests until its wear reaches the criterion, or to `t_max`.
 
-    Each law has one deviation per edge and one per row; a later law takes an earlier response as it was
-    written down. A longer `t_max`, another `criterion` or a further law leave the other numbers as they are.
+    Each law has one deviation per edge and one per row; a later law uses an earlier response as it was
+    recorded. A longer `t_max`, another `criterion` or a further law leave the other numbers as they are.
 
     Parameters
     ----------
@@ -107,9 +107,9 @@ def simulate(
     interval, t_max : float
         length of a sub-test and longest time on an edge, min
     criterion : float or None
-        wear at which an edge is taken off, its row kept, in the unit of `wear`; None cuts to `t_max`
+        wear at which an edge is worn out (its row is kept), in the unit of `wear`; None cuts to `t_max`
     wear : str
-        response that the criterion judges
+        response that the criterion applies to
     seed : int
         seed of all deviations
 
@@ -121,7 +121,7 @@ def simulate(
     Raises
     ------
     UsageError
-        for a factor, response or time that cannot be
+        for an unknown factor or response, or an impossible time
     DataError
         for a design without edges, or with a factor that is not positive
 
@@ -162,7 +162,7 @@ def write_csv(
     frame : DataFrame
         any columns; numbers are written in the fewest digits that read back the same
     path_or_buffer : str, Path or text stream
-        a file is written whole or not at all
+        a file is written completely or not at all
     notes : sequence of str
         one comment each; a line break starts a new comment
     units : mapping of column to unit
@@ -201,7 +201,7 @@ def _times(interval: float, t_max: float) -> Floats:
 def _responses(
     laws: Sequence[SimulatedLaw], factors: Mapping[str, Floats], shape: tuple[int, int], seed: int
 ) -> dict[str, Floats]:
-    """Responses as written down, each of shape (edges, times), every edge cut to the end."""
+    """Responses as recorded, each of shape (edges, times), every edge to the end."""
     known, written = dict(factors), {}
     for law, stream in zip(laws, np.random.SeedSequence(seed).spawn(len(laws)), strict=True):
         rng = np.random.default_rng(stream)
@@ -248,7 +248,7 @@ def _check_laws(laws: Sequence[SimulatedLaw], factors: Sequence[str], wear: str 
         raise UsageError("no laws given; a simulated test needs at least one.")
     if wear is not None and wear not in [law.response for law in laws]:
         raise UsageError(
-            f"wear {wear!r} is no simulated response ({', '.join(law.response for law in laws)}); "
+            f"wear {wear!r} is not a simulated response ({', '.join(law.response for law in laws)}); "
             "name one of them, or set criterion=None."
         )
 
@@ -262,9 +262,9 @@ def _check_design(design: pd.DataFrame, factors: Sequence[str]) -> None:
         raise DataError("the design has no rows; a simulated test needs at least one edge.")
     twice = design["edge"][design["edge"].duplicated()]
     if len(twice):
-        raise DataError(f"edge {twice.iloc[0]} stands twice in the design; give each row a label of its own.")
+        raise DataError(f"edge {twice.iloc[0]} occurs twice in the design; give each row its own label.")
     for factor in factors:
         bad = design.loc[~(design[factor] > 0), ["edge", factor]]
         if len(bad):
             edge, value = bad.iloc[0]
-            raise DataError(f"edge {edge}: {factor} {value:g}; a power law needs positive factors: mend the design.")
+            raise DataError(f"edge {edge}: {factor} {value:g}; a power law needs positive factors: correct the design.")

@@ -1,7 +1,7 @@
 """Units: the laboratories' spellings, and exact conversion between them through pint.
 
-pint alone reads ``Nm`` as a number times a metre and ``mm/U`` as millimetres per enzyme unit, without a word.
-So every text passes the field's own table first, and a spelling that is not in it never reaches pint. Turns,
+pint alone reads ``Nm`` as a number times a metre and ``mm/U`` as millimetres per enzyme unit without a warning.
+So every text is first looked up in the table of this field; other spellings never reach pint. Turns,
 teeth and the hardness scales are dimensions of their own here: feed (mm/rev), feed per tooth (mm/tooth) and
 feed rate (mm/min) do not mix.
 
@@ -11,7 +11,6 @@ Factors: BIPM, The International System of Units, 9th ed.; NIST Special Publicat
 import re
 import unicodedata
 from collections.abc import Mapping
-from difflib import get_close_matches
 from fractions import Fraction
 from functools import lru_cache
 from threading import Lock
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import DataError, UsageError
+from ..core.suggestions import closest
 
 if TYPE_CHECKING:
     import pint
@@ -154,7 +154,7 @@ def _look_up(text: str) -> str | None:
     key = _key(text)
     if key in _BY_KEY:
         return _BY_KEY[key]
-    # Case is forgiven in spellings of three letters and more (RPM, Inch, MM/MIN), never inside a word (mPa).
+    # Case is ignored in spellings of three letters and more (RPM, Inch, MM/MIN), never inside a word (mPa).
     words = re.findall(r"[^\W\d]+", key)
     if all(word.isupper() or word.islower() or word.istitle() for word in words):
         return _BY_FOLDED.get(key.casefold())
@@ -164,7 +164,7 @@ def _look_up(text: str) -> str | None:
 def canonical(text: str) -> str | None:
     """Canonical unit of a laboratory's spelling, None when it is not listed.
 
-    Blanks, brackets, raised digits, either micro sign and a leading "in" are forgiven; case where it is safe.
+    Blanks, brackets, raised digits, both micro signs and a leading "in" are accepted; case is ignored where safe.
 
     >>> canonical("[m·min⁻¹]"), canonical("in mm/U"), canonical("mN")
     ('m/min', 'mm/rev', None)
@@ -188,7 +188,7 @@ _ONE_AT_A_TIME = Lock()
 
 
 def _registry() -> "pint.UnitRegistry[Any]":
-    """Give the private registry; threads that ask at once get the same, since two do not mix."""
+    """The private registry, the same for all threads, since quantities of two registries do not mix."""
     with _ONE_AT_A_TIME:
         return _built()
 
@@ -252,7 +252,7 @@ def convert(values: NDArray[np.float64], from_unit: str, to_unit: str) -> NDArra
         return values
     if not same_dimension(a, b):
         raise DataError(
-            f"values in {from_unit!r} cannot be told in {to_unit!r}, which measures another quantity; "
+            f"values in {from_unit!r} cannot be converted to {to_unit!r}, which measures another quantity; "
             f"correct the unit in the header or map the column to another role."
         )
     factor = _factor(a, b)
@@ -260,12 +260,12 @@ def convert(values: NDArray[np.float64], from_unit: str, to_unit: str) -> NDArra
 
 
 def suggest(text: str) -> str:
-    """Say what an unlisted unit may have meant, as the closing phrase of a message.
+    """Closing phrase of a message on an unlisted unit: the most similar one, or examples.
 
     >>> suggest("mm/revv")
     'did you mean mm/rev?'
     """
-    near = get_close_matches(_key(text), _BY_KEY, n=1, cutoff=0.7) if text else []
+    near = closest(_key(text), _BY_KEY, cutoff=0.7) if text else None
     if near:
-        return f"did you mean {_BY_KEY[near[0]]}?"
+        return f"did you mean {_BY_KEY[near]}?"
     return "known are for example m/min, sfm, mm/rev, mm/min, 1/min, mm, um, in, N, kW, Nm, A, s and min."

@@ -1,4 +1,4 @@
-"""The vocabulary of the field: what a column of a laboratory's file may be, and the names it goes by.
+"""Roles of the columns of laboratory files, and the names by which they are recognised.
 
 Symbols follow ISO 3002 (cutting conditions, forces) and ISO 3685 (wear, tool life); names are English,
 German, French and Spanish. Words match whatever their case, accents and separators (``Cutting_Speed``,
@@ -10,21 +10,21 @@ import re
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import lru_cache
 from typing import Literal
 
+from ..core.suggestions import closest
 from .units import canonical, is_unit, same_dimension
 
 __all__ = ["ROLES", "UNNAMED", "Role", "fits", "role_of", "roles_named", "suggest_role", "understood_unit"]
 
 Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
-UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}  # what a file that names none is called
+UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}  # names where the file gives none
 
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """What a column is: symbol, quantity, canonical unit ("" for a label), kind, and all names.
+    """Role of a column: symbol, quantity, canonical unit ("" for a label), kind, and all names.
 
     >>> ROLES["V"].quantity, ROLES["V"].unit
     ('cutting speed', 'm/min')
@@ -126,9 +126,9 @@ _TABLE = (
 # fmt: on
 
 ROLES: Mapping[str, Role] = {role.symbol: role for role in _TABLE}
-"""Symbol -> role, in the order in which tables and messages tell them."""
+"""Symbol -> role, in the order of tables and messages."""
 
-# Names of several quantities: a symbol beside them or the unit decides, and without either the first counts.
+# Names of several quantities: an adjacent symbol or the unit decides, otherwise the first.
 _SHARED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("f", "feed", "Vorschub", "avance"), ("f", "fm", "fz")),
     **dict.fromkeys(("fm", "vf", "feed rate", "feed speed"), ("fm", "f")),
@@ -175,7 +175,7 @@ def _meanings(words: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def roles_named(name: str) -> tuple[str, ...]:
-    """Symbols of all roles that a name may stand for, the likeliest first.
+    """Symbols of all roles that a name may denote, the most likely first.
 
     >>> roles_named("feed")
     ('f', 'fm', 'fz')
@@ -198,7 +198,7 @@ def understood_unit(symbol: str, unit: str) -> str | None:
 
 
 def fits(symbol: str, unit: str) -> bool:
-    """Whether a listed unit measures what the role is; a label has none."""
+    """Whether a listed unit is of the dimension of the role; a label has none."""
     role, known = ROLES[symbol], understood_unit(symbol, unit)
     if not role.unit or known is None:
         return known == "1"
@@ -206,11 +206,11 @@ def fits(symbol: str, unit: str) -> bool:
 
 
 def role_of(name: str, unit: str | None) -> str | None:
-    """Symbol of the role that a column's name (without its unit) tells, None when it is unknown.
+    """Symbol of the role denoted by a column's name (without its unit), None when it is unknown.
 
-    The unit decides between the roles of one name. One that fits none of them leaves the first, so that the
-    reader can complain, except where the letter plainly stands for something else: V in volt, T in degC, a
-    label with a unit. None, "" or a spelling that is not listed tells nothing.
+    The unit decides between the roles of one name. If it fits none of them, the first is returned, so that the
+    reader reports the unit, except where the letter denotes something else: V in volt, T in degC, a
+    label with a unit. None, "" or a spelling that is not listed is ignored.
 
     >>> role_of("Schnittgeschwindigkeit vc", "m/min"), role_of("feed", "mm/s"), role_of("V", "volt")
     ('V', 'fm', None)
@@ -228,7 +228,7 @@ def role_of(name: str, unit: str | None) -> str | None:
 
 
 def suggest_role(name: str) -> str | None:
-    """Symbol of the role whose name an unknown name nearly is, None when nothing is near.
+    """Symbol of the role whose name is most similar to an unknown name, None when none is.
 
     >>> suggest_role("Cuting speed"), suggest_role("Position")
     ('V', None)
@@ -236,5 +236,5 @@ def suggest_role(name: str) -> str | None:
     if roles_named(name):
         return None
     words = [known for known in _BY_NAME if len(known) >= 4]
-    near = get_close_matches(_key(name), words, n=1, cutoff=0.84)  # a slip in four letters, two in twelve
-    return _BY_NAME[near[0]][0] if near else None
+    near = closest(_key(name), words, cutoff=0.84)  # one error in four letters, two in twelve
+    return _BY_NAME[near][0] if near else None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.display import Plottable
-from ..datasets.published import published
+from ..datasets.published_laws import published_law
 from .lawfit import LawFit
 
 
@@ -48,7 +48,7 @@ def compare_published(law: LawFit, tool: str, work: str) -> PublishedComparison 
     >>> round(found.worst_percent)
     -14
     """
-    known = published(tool, work, law.response, law.form)
+    known = published_law(tool, work, law.response, law.form)
     if known is None:
         return None
     factors = {name: law.X[:, j] for j, name in enumerate(law.factors)}

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from fitmodels.core.errors import UsageError
 from fitmodels.datasets import gc435
-from fitmodels.datasets.bundles import bundled, bundled_names
+from fitmodels.datasets.sets import bundled, bundled_names
 
 EVERY = (
     "ac2017_table1",
@@ -59,9 +59,9 @@ def test_names_are_the_sets_on_disk():
 
 
 def test_an_unknown_name_is_answered_with_the_nearest():
-    with pytest.raises(UsageError, match="did you mean 'ac2017_table1'"):
+    with pytest.raises(UsageError, match="Did you mean 'ac2017_table1'"):
         bundled("ac2017_tabel1")
-    with pytest.raises(UsageError, match="give one of those"):
+    with pytest.raises(UsageError, match="There are ac2017_table1"):
         bundled("../../etc")
 
 

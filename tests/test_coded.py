@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
-from fitmodels.datasets.coded import decode, looks_coded
+from fitmodels.datasets.design import decode_levels, looks_coded
 
 DESIGN = "V,f,AW [mm]\n-1,-1,0.10\n1,-1,0.14\n-1,1,0.12\n1,1,0.17\n0,0,0.13\n0,0,0.135\n"
 
@@ -38,24 +38,26 @@ def test_what_looks_coded(levels, coded):
 
 
 def test_two_ends_are_even_in_the_logarithm():
-    values, said = decode("V", np.array([-2, -1, 0, 1, 2.0]), (50.0, 200.0))
+    values, said = decode_levels("V", np.array([-2, -1, 0, 1, 2.0]), (50.0, 200.0))
     np.testing.assert_allclose(values, [25, 50, 100, 200, 400], rtol=1e-12)
     assert "even in the logarithm: -1 is 50, 0 is 100, 1 is 200" in said[0]
 
 
 def test_an_arithmetic_centre_makes_the_levels_even_in_the_factor():
-    values, said = decode("V", np.array([-1, 0, 1, 2.0, -2]), (50.0, 125.0, 200.0))
+    values, said = decode_levels("V", np.array([-1, 0, 1, 2.0, -2]), (50.0, 125.0, 200.0))
     np.testing.assert_allclose(values, [50, 125, 200, 275, -25], rtol=1e-12)
     assert "even in V itself" in said[0]
 
 
 def test_a_geometric_centre_says_the_same_as_none():
     levels = np.array([-1, 0, 1.0])
-    np.testing.assert_allclose(decode("f", levels, (0.1, 0.2, 0.4))[0], decode("f", levels, (0.1, 0.4))[0], rtol=1e-12)
+    np.testing.assert_allclose(
+        decode_levels("f", levels, (0.1, 0.2, 0.4))[0], decode_levels("f", levels, (0.1, 0.4))[0], rtol=1e-12
+    )
 
 
 def test_missing_levels_stay_missing():
-    values, _ = decode("V", np.array([-1, np.nan, 1]), (50.0, 200.0))
+    values, _ = decode_levels("V", np.array([-1, np.nan, 1]), (50.0, 200.0))
     np.testing.assert_allclose(values, [50, np.nan, 200])
 
 
@@ -71,12 +73,12 @@ def test_missing_levels_stay_missing():
 )
 def test_ranges_out_of_order_are_refused(given, says):
     with pytest.raises(errors.UsageError, match=says):
-        decode("V", np.array([-1, 0, 1.0]), given)
+        decode_levels("V", np.array([-1, 0, 1.0]), given)
 
 
 def test_a_range_for_plain_values_is_refused():
     with pytest.raises(errors.UsageError, match="--range V: the column holds no coded levels"):
-        decode("V", np.array([50, 100, 200.0]), (50.0, 200.0))
+        decode_levels("V", np.array([50, 100, 200.0]), (50.0, 200.0))
 
 
 def test_a_file_of_levels_is_refused_until_the_ranges_are_given(tmp_path):

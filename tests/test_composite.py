@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
-from fitmodels.datasets.published import published
+from fitmodels.datasets.published_laws import published_law
 from fitmodels.fit.composite_law import composite, substituted, without
 from statsmodels.regression.linear_model import OLS
 from statsmodels.stats.outliers_influence import variance_inflation_factor
@@ -36,7 +36,7 @@ def both(response="P", **kwargs):
 )
 def test_the_papers_algebra(response, printed, at, constant):
     """Eq. 8 and 9 with the misprints mended; eq. 10 and 11 at d 2.5 mm and t 10 min."""
-    laws = [published("GC435", "709M40", name, "power").coefficients for name in (response, "AW")]
+    laws = [published_law("GC435", "709M40", name, "power").coefficients for name in (response, "AW")]
     found = substituted(*laws, "AW")
     assert list(found) == list(printed)
     assert found["c0"] == pytest.approx(printed["c0"], rel=5e-3 if response == "P" else 5e-4)

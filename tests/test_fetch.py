@@ -104,7 +104,7 @@ def test_a_set_that_was_made_says_from_what(pooch, tmp_path):
     assert pooch.asked == []
 
 
-@pytest.mark.parametrize(("name", "hint"), [("nasa_millling", "did you mean 'nasa_milling'"), ("zzz", "there are")])
+@pytest.mark.parametrize(("name", "hint"), [("nasa_millling", "Did you mean 'nasa_milling'"), ("zzz", "There are")])
 def test_an_unknown_name_is_told_what_there_is(name, hint):
     with pytest.raises(errors.UsageError, match=hint):
         datasets.fetch(name)

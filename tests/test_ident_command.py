@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fitmodels import ident, parameters
 from fitmodels.cli import main
-from fitmodels.datasets.records.look import looks_like_record
+from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.ident import Model
 
 pytestmark = pytest.mark.slow  # of its kind: left out where other versions of Python are tried

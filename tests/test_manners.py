@@ -28,7 +28,7 @@ from fitmodels.controllers.recursion.life import best_fixed
 from fitmodels.controllers.region.visible import wear_front
 from fitmodels.controllers.roughness.simulations import turn
 from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value, with_error
-from fitmodels.datasets.records.look import looks_like_record
+from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.fit.bayes.competing_posterior import rival_posterior
 from fitmodels.fit.bayes.sampling import watch
 from fitmodels.fit.checks.response_scale import error_structure
@@ -202,7 +202,7 @@ RESULTS: dict[str, Callable[[], object]] = {
     "SimulatedLaw": lambda: datasets.SimulatedLaw("AW", "mm", 0.01, {"V": 0.5, "t": 0.25}, 0.07, 0.07),
     "ColumnUse": lambda: runs().columns[0],
     "Source": lambda: runs().source,
-    "Look": lambda: looks_like_record(datasets.bundled("gc435_709m40")),
+    "FileKind": lambda: looks_like_record(datasets.bundled("gc435_709m40")),
     "LawFit": law,
     "LawFit of a stream": lambda: fit.streamed_power_law([runs().data], "AW", ["V", "f", "d", "t"]),
     "ManyLaws": many,
@@ -291,7 +291,7 @@ SENTENCE = "a sentence"
 POINT = "one point: the region, life or map that it is taken from draws it"
 GIVEN = "what is asked for, not what is found"
 PICTURELESS = {
-    **dict.fromkeys(("ColumnUse", "Source", "Look", "By", "Dropped", "LeftOut", "Refused", "Event"), SENTENCE),
+    **dict.fromkeys(("ColumnUse", "Source", "FileKind", "By", "Dropped", "LeftOut", "Refused", "Event"), SENTENCE),
     **dict.fromkeys(
         ("NotAvailable", "NoContinuousForm", "CheckReport", "FileFinding", "GivenFactor", "Pair"), SENTENCE
     ),

@@ -9,8 +9,8 @@ import pytest
 from fitmodels import datasets
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets import read_record
-from fitmodels.datasets.records.clock import clock_seconds
-from fitmodels.datasets.records.look import looks_like_record
+from fitmodels.datasets.records.columns import clock_seconds
+from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.datasets.records.sampling import time_axis
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -86,10 +86,10 @@ def test_one_run_however_it_is_written(read, content, options, u, y, units):
 
 def test_what_was_presumed_stands_in_the_notes(read):
     notes = told(read(text(header="t;u;y")))
-    assert "input u and output y are presumed from their order" in notes
-    assert "seconds are presumed" in notes
+    assert "input u and output y are assumed from their order" in notes
+    assert "seconds are assumed" in notes
     assert "sampled every 0.02 s (50 Hz), evenly" in notes
-    assert "presumed" not in told(read(text(), "u", "y"))
+    assert "assumed from" not in told(read(text(), "u", "y"))
 
 
 @pytest.mark.parametrize("rate", [120.0, 48.0, 300.0, 400.0])
@@ -99,7 +99,7 @@ def test_times_rounded_to_a_millisecond_still_tell_the_rate(read, rate):
     rec = read(text(times, form="{:.12g}"))
     assert rec.rate == pytest.approx(rate, rel=1e-4)
     assert rec.starts == (0,)
-    assert "as far as times written to 0.001 s tell" in told(rec)
+    assert "within the 0.001 s to which times are written" in told(rec)
 
 
 def test_jitter_is_measured_and_told(read):
@@ -162,7 +162,7 @@ def test_rows_that_stand_twice_are_kept_once(read):
     rec = read(text(TIME[twice], U[twice], Y[twice]))
     assert len(rec) == N
     assert rec.starts == (0,)
-    assert "2 row(s) stand twice" in told(rec)
+    assert "2 row(s) are duplicates" in told(rec)
 
 
 def test_several_files_are_several_runs(tmp_path):
@@ -211,7 +211,7 @@ def test_uneven_samples_of_a_tone_become_even_ones(read, rate):
     # A line over 12 ms misses a 1 Hz sine by (2 pi 0.012)^2 / 8 = 7e-4 at most (midpoint of a chord).
     assert rec.u[30:-30] == pytest.approx(np.sin(2 * np.pi * at)[30:-30], abs=3e-3)
     assert rec.y[30:-30] == pytest.approx(np.cos(2 * np.pi * at)[30:-30], abs=3e-3)
-    assert "samples are joined by lines" in told(rec)
+    assert "samples are interpolated linearly" in told(rec)
 
 
 def test_no_line_is_drawn_over_a_gap(read):
@@ -226,7 +226,7 @@ def test_even_samples_are_brought_to_another_rate_when_asked(read):
     rec = read(text(), resample=25.0)
     assert rec.rate == pytest.approx(25.0)
     assert len(rec) == N // 2
-    assert "brought from 50 to 25 Hz" in told(rec)
+    assert "resampled from 50 to 25 Hz" in told(rec)
 
 
 def test_a_given_rate_stands_in_for_times_that_are_too_coarse(read):
@@ -242,7 +242,7 @@ def test_a_given_rate_stands_in_for_times_that_are_too_coarse(read):
 def test_a_rate_tells_lost_samples_from_coarse_times(read):
     keep = np.delete(np.arange(N), np.arange(10, 190, 9))
     content = text((TIME / 2)[keep], U[keep], Y[keep])
-    with pytest.raises(DataError, match="whether some are lost cannot be told"):
+    with pytest.raises(DataError, match="whether some are lost cannot be determined"):
         read(content)
     assert len(read(content, rate=100).starts) == 21
 
@@ -251,7 +251,7 @@ def test_a_rate_tells_lost_samples_from_coarse_times(read):
 
 
 def test_an_input_that_does_not_move_is_told(read):
-    assert "u is constant at 2 V: nothing moves" in told(read(text(u=np.full(N, 2.0))))
+    assert "u is constant at 2 V: without variation" in told(read(text(u=np.full(N, 2.0))))
 
 
 def chirp(n=3000, rate=100.0):
@@ -290,16 +290,16 @@ def test_an_input_that_stands_by_intent_is_not_called_clipped(read, u):
     ("content", "options", "error", "words"),
     [
         pytest.param(text(header="t;u;y;z", more=[U]), {}, UsageError,
-                     r"3 columns may be meant: 2 'u', 3 'y', 4 'z'. Say --input and --output", id="three signals"),
-        pytest.param(text(header="t;u;y;z", more=[U]), {"input": "u"}, UsageError, "2 columns.*Say --output",
+                     r"3 columns are possible: 2 'u', 3 'y', 4 'z'. Give --input and --output", id="three signals"),
+        pytest.param(text(header="t;u;y;z", more=[U]), {"input": "u"}, UsageError, "2 columns.*Give --output",
                      id="an output that could be two"),
         pytest.param(text(), {"input": "Spindelstrom"}, UsageError, "no such column; there are 1 't", id="no column"),
         pytest.param(text(header="t;force;y"), {"input": "forse"}, UsageError, "did you mean 'force'", id="a slip"),
         pytest.param(text(header="t;u;u"), {"input": "u"}, UsageError, "col2 or col3", id="one name, two columns"),
         pytest.param(text(), {"input": "u", "output": 2}, UsageError, "both mean column", id="one column twice"),
         pytest.param(text(), {"units": {"inptu": "A"}}, UsageError, "did you mean input", id="a unit of nothing"),
-        pytest.param(text(), {"units": {"time": "mm"}}, UsageError, "no unit of time", id="a time in mm"),
-        pytest.param(text(), {"rate": 100}, DataError, r"says 0\.02 s between samples.*--rate says 0\.01 s",
+        pytest.param(text(), {"units": {"time": "mm"}}, UsageError, "not a unit of time", id="a time in mm"),
+        pytest.param(text(), {"rate": 100}, DataError, r"gives 0\.02 s between samples.*--rate gives 0\.01 s",
                      id="a rate that the times gainsay"),
         pytest.param(text(), {"rate": 50, "sample_time": 0.1}, UsageError, "do not agree", id="two sample times"),
         pytest.param(text(), {"rate": -50}, UsageError, "above zero", id="a rate below zero"),
@@ -501,7 +501,7 @@ def test_the_servo_axis_is_read_by_column_number(measurements, file, rows):
     assert (rec.input, rec.output, rec.unit_y) == ("col3", "col4", "mm")
     assert np.array_equal(rec.u, np.loadtxt(path)[:, 2])
     assert "clipped" not in told(rec)
-    with pytest.raises(UsageError, match="5 columns may be meant"):
+    with pytest.raises(UsageError, match="5 columns are possible"):
         read_record(path)
     assert looks_like_record(path)
 

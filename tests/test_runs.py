@@ -145,7 +145,7 @@ def test_units_that_do_not_fit_are_refused(read, header, error, says):
         ({"map": {"Vc": "col1"}}, "'Vc' is no role of a column; did you mean"),
         ({"map": {"zzz": "col1"}}, r"'zzz' is no role of a column; The roles are V, f"),
         ({"map": {"VB": "flank"}}, "--map names a column 'flank' that the file does not have"),
-        ({"map": {"VB": "smoth"}}, "did you mean 'smooth'"),
+        ({"map": {"VB": "smoth"}}, "Did you mean 'smooth'"),
         ({"map": {"VB": "col9"}}, "a column 'col9' that the file does not have"),
         ({"map": {"VB": "col3", "AW": "col3"}}, "gives one column to two roles"),
         ({"units": {"P": "kW"}}, "--unit P=kW: no column has the role P"),
@@ -259,7 +259,7 @@ def test_a_frame_is_read_as_a_file_is():
 
 
 def test_a_frame_with_an_infinite_cell_is_refused():
-    with pytest.raises(errors.DataError, match="column 'AW' row 1: inf is no measurement"):
+    with pytest.raises(errors.DataError, match="column 'AW' row 1: inf is not a measurement"):
         datasets.runs_from_frame(pd.DataFrame({"V": [1.0, 2], "AW": [0.1, np.inf]}))
 
 

@@ -262,7 +262,7 @@ def test_finding_a_column(tmp_path):
     assert table.column("col3").values.tolist() == [3]
     with pytest.raises(UsageError, match=r"no column 'speeed'\. Did you mean 'Speed'"):
         table.column("speeed")
-    with pytest.raises(UsageError, match=r"2 columns named 'AW'\. Say which: col2 or col3"):
+    with pytest.raises(UsageError, match=r"2 columns named 'AW'\. Give one of col2 or col3"):
         table.column("AW")
 
 

@@ -129,10 +129,10 @@ BAD = {
         3, ["'t'", "2024-03-01", "a number of min"],
     ),
     "1e300": ("a.csv", with_column(lambda i, r: r[4] * 1e300),
-              3, ["'AW'", "row 1 of the data", "no measurement"]),
+              3, ["'AW'", "row 1 of the data", "not a plausible measurement"]),
     "1e-300": ("a.csv", with_column(lambda i, r: r[4] * 1e-300),
-               3, ["'AW'", "no measurement", "leave the cell"]),
-    "1e308": ("a.csv", with_column(lambda i, r: f"{r[4]:.3f}e308"), 3, ["no measurement"]),
+               3, ["'AW'", "not a plausible measurement", "leave the cell"]),
+    "1e308": ("a.csv", with_column(lambda i, r: f"{r[4]:.3f}e308"), 3, ["not a plausible measurement"]),
     "1e400": ("a.csv", with_column(lambda i, r: f"{r[4]:.3f}e400"), 3, ["'AW'", "e400'"]),
     # marks
     "1.234 alone": ("a.csv", "V;AW\n1.234;5.678\n2.345;6.789\n", 3,

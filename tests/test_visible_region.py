@@ -14,7 +14,7 @@ from fitmodels.cards.replays import region as replay_of_region
 from fitmodels.controllers.region.probability import best_point, feasibility
 from fitmodels.controllers.region.visible import visible_region, wear_front
 from fitmodels.core.errors import DataError, UsageError
-from fitmodels.datasets.published import PUBLISHED
+from fitmodels.datasets.published_laws import PUBLISHED
 from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.published import published

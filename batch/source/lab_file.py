@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import DataError
 from ...datasets import Runs, read_runs, read_table
-from ...datasets.records.formats import kind_of
-from ...datasets.records.look import looks_like_record
+from ...datasets.records.formats import kind_of, looks_like_record
 from ...datasets.tables import Table
 from ...datasets.tables.decode import load_bytes
 from ...datasets.units import is_unit

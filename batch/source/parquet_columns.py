@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ...core.errors import DataError, UsageError
-from ...datasets.coded import decode
 from ...datasets.columns import LARGEST, ColumnUse
+from ...datasets.design import decode_levels
 from ...datasets.reading import runs_from_frame
 from ...datasets.vocabulary import ROLES, UNNAMED
 from ..plan import Reading
@@ -155,7 +155,7 @@ def _without_codes(frame: pd.DataFrame, reading: Reading) -> tuple[pd.DataFrame,
             raise UsageError(f"--range {role}: no column has the role {role}; there are {', '.join(runs.units)}.")
         if np.nanmax(np.abs(frame[header].to_numpy(dtype=float)), initial=0) > 3:
             raise UsageError(f"--range {role}: the column holds no coded levels (-1, 0, 1); leave the range out.")
-        said += decode(role, np.array([-1.0, 0.0, 1.0]), given)[1]
+        said += decode_levels(role, np.array([-1.0, 0.0, 1.0]), given)[1]
         frame[header] = np.nan
     return frame, tuple(said)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from ...core.errors import DataError
-from ...datasets.coded import decode
 from ...datasets.columns import ColumnUse
+from ...datasets.design import decode_levels
 from ...datasets.reading import with_thrust
 from ...datasets.runs import Source
 from ...datasets.units import convert
@@ -213,6 +213,6 @@ def _measured(use: ColumnUse, values: Array, plan: Plan) -> Array:
     given = plan.reading.ranges.get(role)
     if given is None:
         return values
-    low, centre, high = (float(level) for level in decode(role, np.array([-1.0, 0.0, 1.0]), given)[0])
+    low, centre, high = (float(level) for level in decode_levels(role, np.array([-1.0, 0.0, 1.0]), given)[0])
     even_in_logarithm = np.isclose(centre**2, low * high, rtol=1e-9)
     return centre * (high / low) ** (values / 2) if even_in_logarithm else centre + values * (high - low) / 2

@@ -4,17 +4,16 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import DataError, UsageError
+from ...core.suggestions import closest
 from ..headers import parse_header
 from ..tables import Column
 from ..units import canonical, convert, same_dimension
 from ..vocabulary import ROLES, role_of, roles_named
-from .clock import clock_seconds
 
 Array = NDArray[np.float64]
 
@@ -28,8 +27,8 @@ _KEPT = ("mm", "mm/s", "N", "A", "V", "Nm", "kW", "1/min", "MPa", "Hz", "s")
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
-    """A column with its header taken apart: name, unit as written, role of the vocabulary or None."""
+class ColumnHeader:
+    """A column with its header split into name, unit as written, and role of the vocabulary or None."""
 
     column: Column
     name: str
@@ -38,23 +37,23 @@ class Head:
 
     @property
     def label(self) -> str:
-        """Number and header, as messages call it."""
+        """Number and header, for messages."""
         named = self.column.name != f"col{self.column.number}"
         return f"{self.column.number} {self.column.name!r}" if named else self.column.name
 
 
-def heads(columns: Sequence[Column]) -> tuple[Head, ...]:
+def heads(columns: Sequence[Column]) -> tuple[ColumnHeader, ...]:
     """Take the headers of all columns apart."""
     out = []
     for column in columns:
         header = parse_header(column.name)
         unit = column.unit_cell or header.unit_text
         known = canonical(unit) if unit else None
-        out.append(Head(column, header.name, unit.strip(" []()"), role_of(header.name, known)))
+        out.append(ColumnHeader(column, header.name, unit.strip(" []()"), role_of(header.name, known)))
     return tuple(out)
 
 
-def find(known: Sequence[Head], wanted: str | int, option: str) -> Head:
+def find(known: Sequence[ColumnHeader], wanted: str | int, option: str) -> ColumnHeader:
     """The column of this header, name without unit, number (``3``, ``col3``) or role; what counts first comes first.
 
     Raises
@@ -76,9 +75,9 @@ def find(known: Sequence[Head], wanted: str | int, option: str) -> Head:
             return found[0]
         if found:
             places = " or ".join(f"col{head.column.number}" for head in found)
-            raise UsageError(f"--{option} {text}: {len(found)} columns are meant by it. Say {places}.")
-    near = get_close_matches(text.casefold(), {h.name.casefold(): h for h in known}, 1, 0.5)
-    meant = next((h.column.name for h in known if near and h.name.casefold() == near[0]), None)
+            raise UsageError(f"--{option} {text}: {len(found)} columns match. Give {places}.")
+    near = closest(text, [h.name for h in known])
+    meant = next((h.column.name for h in known if h.name == near), None)
     hint = f"did you mean {meant!r}?" if meant else f"there are {', '.join(head.label for head in known)}."
     raise UsageError(f"--{option} {text}: the file has no such column; {hint}")
 
@@ -93,15 +92,15 @@ def seconds_in(unit: str) -> float | None:
     return SECONDS.get(canonical(unit) or plain, SECONDS.get(plain))
 
 
-def is_time(head: Head) -> bool:
-    """Whether a header tells a time: by its name, with a unit of time or none, or by that unit and no other role."""
+def is_time(head: ColumnHeader) -> bool:
+    """Whether a header denotes a time: by its name (unit of time or none), or by such a unit and no other role."""
     named = "t" in roles_named(head.name) or bool(_TIME.fullmatch(head.name.casefold()))
     if not head.unit:
         return named
     return seconds_in(head.unit) is not None and (named or head.role is None)
 
 
-def is_label(head: Head) -> bool:
+def is_label(head: ColumnHeader) -> bool:
     """Whether a column names the run or stretch of each row."""
     return head.role == "run" or head.name.casefold() in LABELS
 
@@ -115,7 +114,7 @@ def rises_evenly(values: Array) -> bool:
     return bool(steps.min() > 0 and np.mean(np.abs(steps - middle) <= 0.01 * middle) >= 0.9)
 
 
-def is_counter(head: Head) -> bool:
+def is_counter(head: ColumnHeader) -> bool:
     """Whether a column counts rows: whole numbers, each one more than the last, and no time by its header."""
     if not head.column.is_numeric or is_time(head):
         return False
@@ -123,8 +122,8 @@ def is_counter(head: Head) -> bool:
     return bool(len(values) > 1 and (np.diff(values) == 1).all() and float(values[0]).is_integer())
 
 
-def time_column(known: Sequence[Head]) -> Head | None:
-    """The column of times: told by its header, or else the only one that rises evenly; None when there is none.
+def time_column(known: Sequence[ColumnHeader]) -> ColumnHeader | None:
+    """The column of times: by its header, otherwise the only one that rises evenly; None when there is none.
 
     Raises
     ------
@@ -142,24 +141,24 @@ def time_column(known: Sequence[Head]) -> Head | None:
         and rises_evenly(h.column.values)
     ]
     if len(found) > 1:
-        raise UsageError(f"columns {' and '.join(h.label for h in found)} may both be the time: say --time.")
+        raise UsageError(f"columns {' and '.join(h.label for h in found)} may both be the time: give one with --time.")
     return found[0] if found else None
 
 
-def times(head: Head) -> tuple[Array, float | None]:
+def times(head: ColumnHeader) -> tuple[Array, float | None]:
     """Values of a time column, and seconds in its unit (None when it names none).
 
     Raises
     ------
     DataError
-        The column holds text that is no time of day.
+        The column contains text that is not a time of day.
     """
     if not head.column.is_numeric:
         clock = clock_seconds(list(head.column.values))
         if clock is None:
             shown = next((v for v in head.column.values if v), "")
             raise DataError(
-                f"column {head.label} holds text, for instance {shown!r}, where times belong: write seconds, or times "
+                f"column {head.label} contains text, for instance {shown!r}, instead of times: write seconds, or times "
                 "of day as 12:30:00.020."
             )
         return clock, 1.0
@@ -168,11 +167,13 @@ def times(head: Head) -> tuple[Array, float | None]:
         return head.column.values, None
     scale = seconds_in(head.unit)
     if scale is None:
-        raise UsageError(f"column {head.label}: {head.unit!r} is no unit of time. Say --unit time=s (or ms, us, min).")
+        raise UsageError(
+            f"column {head.label}: {head.unit!r} is not a unit of time. Give --unit time=s (or ms, us, min)."
+        )
     return head.column.values, scale
 
 
-def signals(known: Sequence[Head], time: Head | None) -> tuple[Head, ...]:
+def signals(known: Sequence[ColumnHeader], time: ColumnHeader | None) -> tuple[ColumnHeader, ...]:
     """Columns that may be input or output: numbers that are neither time, label nor row count."""
     return tuple(
         h
@@ -184,12 +185,12 @@ def signals(known: Sequence[Head], time: Head | None) -> tuple[Head, ...]:
 
 
 def choose(
-    known: Sequence[Head],
-    time: Head | None,
+    known: Sequence[ColumnHeader],
+    time: ColumnHeader | None,
     input: str | int | None,  # noqa: A002
     output: str | int | None,
-) -> tuple[Head, Head, tuple[str, ...]]:
-    """Input, output, and what was presumed: of two signals the first drives.
+) -> tuple[ColumnHeader, ColumnHeader, tuple[str, ...]]:
+    """Input, output, and the assumption made: of two signals the first is the input.
 
     Raises
     ------
@@ -206,26 +207,28 @@ def choose(
     if u is None and y is None:
         if len(candidates) == 2:
             u, y = candidates
-            return u, y, (f"input {u.name} and output {y.name} are presumed from their order",)
+            return u, y, (f"input {u.name} and output {y.name} are assumed from their order",)
         raise UsageError(_unnamed(candidates, "--input and --output"))
     chosen, option = (u, "--output") if u is not None else (y, "--input")
     rest = [h for h in candidates if chosen is not None and h.column.number != chosen.column.number]
     if len(rest) != 1:
         raise UsageError(_unnamed(rest, option))
     role = option.removeprefix("--")
-    told = (f"{role} {rest[0].name} is presumed: the only other signal",)
-    return (u, rest[0], told) if u is not None else (rest[0], chosen or rest[0], told)
+    note = (f"{role} {rest[0].name} is assumed: the only other signal",)
+    return (u, rest[0], note) if u is not None else (rest[0], chosen or rest[0], note)
 
 
-def _unnamed(candidates: Sequence[Head], options: str) -> str:
+def _unnamed(candidates: Sequence[ColumnHeader], options: str) -> str:
     if len(candidates) < 1 + (" and " in options):
         return f"the file has {len(candidates)} signal(s) besides time, and a record needs an input and an output."
     shown = ", ".join(h.label for h in candidates[:12]) + (", ..." if len(candidates) > 12 else "")
     number = candidates[0].column.number
-    return f"{len(candidates)} columns may be meant: {shown}. Say {options}, by name or number, as --input col{number}."
+    return (
+        f"{len(candidates)} columns are possible: {shown}. Give {options}, by name or number, as --input col{number}."
+    )
 
 
-def only_numbers(head: Head) -> None:
+def only_numbers(head: ColumnHeader) -> None:
     """Refuse a column with text among its numbers.
 
     Raises
@@ -241,13 +244,13 @@ def only_numbers(head: Head) -> None:
         cells = ", ".join(f"line {line}: {text!r}" for line, text in column.bad[:3])
         more = f" and {column.bad_count - 3} more" if column.bad_count > 3 else ""
         raise DataError(
-            f"column {head.label} holds text where numbers belong: {cells}{more}. Write a number, or leave the cell "
+            f"column {head.label} contains text instead of numbers: {cells}{more}. Write a number, or leave the cell "
             "empty: it then counts as a gap."
         )
 
 
-def in_unit(head: Head, given: str | None) -> tuple[Array, str, tuple[str, ...]]:
-    """Values, shape (n,), in the unit that is told, and what was converted; ``given`` outdoes the header."""
+def in_unit(head: ColumnHeader, given: str | None) -> tuple[Array, str, tuple[str, ...]]:
+    """Values, shape (n,), their unit, and a note on conversion; ``given`` overrides the header."""
     only_numbers(head)
     written = given if given is not None else head.unit
     unit = canonical(written) if written else None
@@ -261,3 +264,40 @@ def in_unit(head: Head, given: str | None) -> tuple[Array, str, tuple[str, ...]]
         if unit == target:
             break
     return head.column.values, unit, ()
+
+
+DAY = 86400.0
+_CLOCK = re.compile(
+    r"(?:(?P<date>\d[\d./ -]*\d)[T ,;]+)?(?:(?P<h>\d{1,2}):)?(?P<m>\d{1,2}):(?P<s>\d{1,2}(?:[.,]\d+)?)"
+    r"(?:\s*(?P<half>[AP])\.?M\.?)?(?:Z|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
+)
+
+
+def clock_seconds(texts: Sequence[str]) -> NDArray[np.float64] | None:
+    """Seconds since the first midnight, shape (n,), nan where a text is empty; None when one is no time.
+
+    A date counts only by its change, which is one day on: so 01.03. and 03/01 need not be distinguished. A fall of
+    more than half a day is midnight.
+
+    >>> clock_seconds(["23:59:59,5", "00:00:00,0"]), clock_seconds(["1.3.24 11:59:59.5 PM", "2.3.24 12:00:00 AM"])
+    (array([86399.5, 86400. ]), array([86399.5, 86400. ]))
+    """
+    out = np.full(len(texts), np.nan)
+    days, today, before = 0, None, -1.0
+    for i, text in enumerate(texts):
+        if not text.strip():
+            continue
+        match = _CLOCK.fullmatch(text.strip())
+        if match is None:
+            return None
+        if match["date"] != today:
+            days, today = days + (today is not None), match["date"]
+        hours = int(match["h"] or 0)
+        if match["half"]:
+            hours = hours % 12 + (12 if match["half"] in "Pp" else 0)
+        seconds = 3600 * hours + 60 * int(match["m"]) + float(match["s"].replace(",", "."))
+        if match["date"] is None and seconds < before - DAY / 2:
+            days += 1
+        out[i], before = days * DAY + seconds, seconds
+    return out

@@ -7,6 +7,7 @@ import hashlib
 import io
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -15,11 +16,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.display import Displayable
 from ...core.errors import DataError, UsageError
 from ..tables import Column, Table, read_table
 from ..tables.decode import encoding_of, load_bytes
 from ..tables.dialect import Dialect
 from ..units import is_unit
+from ..vocabulary import ROLES
+from .columns import heads, is_label, rises_evenly, seconds_in, signals, time_column, times
 
 Array = NDArray[np.float64]
 Series = tuple[str, str, Array]  # name, unit, values
@@ -50,7 +54,7 @@ def record_tables(
         return [read_table(path, is_unit=is_unit, decimal=decimal, delimiter=delimiter, sheet=sheet)]
     for option, value in (("decimal", decimal), ("delimiter", delimiter)):
         if value is not None:
-            raise UsageError(f"{path.name} says itself how it is written: leave out --{option}.")
+            raise UsageError(f"the format of {path.name} is fixed: leave out --{option}.")
     if sheet is not None and reader is not _tdms:
         raise UsageError(f"{path.name} has no sheets: leave out --sheet {sheet}.")
     tables = [_table(path, data, *found) for found in reader(path, data, sheet)]
@@ -97,7 +101,7 @@ Found = Iterable[tuple[str, list[Series], list[str]]]
 def _lvm(path: Path, data: bytes, sheet: str | None) -> Found:
     """Segments of a LabVIEW measurement file.
 
-    Only ``read_str`` of lvm_read is called: its ``read`` loads and leaves a pickle beside the file, and opening a
+    Only ``read_str`` of lvm_read is called: its ``read`` loads and leaves a pickle next to the file, and opening a
     pickle that came with a measurement runs whatever is in it.
     """
     reader = _extra("lvm_read", "lvm", path.name)
@@ -117,14 +121,14 @@ def _lvm_series(segment: Mapping[str, Any], x_columns: str) -> Iterable[Series]:
     if x_columns == "No":
         step, start = float(segment["Delta_X"][0]), float(segment["X0"][0])
         yield "X_Value", "s", (start + step * np.arange(len(values))).astype(np.float64)
-    told = 0
+    found = 0
     for place, name in enumerate(names[: values.shape[1]]):
         if name == "Comment":
             continue
         if name == "X_Value":
-            if not told:
+            if not found:
                 yield name, "s", values[:, place]
-            told += 1
+            found += 1
             continue
         channel = next(channels)
         yield name, _plain_unit(units[channel] if channel < len(units) else ""), values[:, place]
@@ -150,7 +154,7 @@ def _tdms(path: Path, data: bytes, sheet: str | None) -> Found:
         filled = {sheet: filled[sheet]}
     if len({tuple(c.name for c in channels) for channels in filled.values()}) > 1:
         raise UsageError(
-            f"{path.name} has groups of different channels: say --sheet, one of {', '.join(map(repr, filled))}."
+            f"{path.name} has groups of different channels: give --sheet, one of {', '.join(map(repr, filled))}."
         )
     for name, channels in filled.items():
         yield "tdms", list(_tdms_series(channels, f"{path.name}, group {name!r}")), []
@@ -158,8 +162,8 @@ def _tdms(path: Path, data: bytes, sheet: str | None) -> Found:
 
 def _tdms_series(channels: list[Any], name: str) -> Iterable[Series]:
     if len({len(c) for c in channels}) > 1:
-        told = ", ".join(f"{c.name} {len(c)}" for c in channels)
-        raise DataError(f"{name}: channels are of different lengths ({told}): export those of one rate.")
+        lengths = ", ".join(f"{c.name} {len(c)}" for c in channels)
+        raise DataError(f"{name}: channels are of different lengths ({lengths}): export those of one rate.")
     steps = {float(c.properties["wf_increment"]) for c in channels if c.properties.get("wf_increment")}
     if len(steps) > 1:
         raise DataError(f"{name}: channels have sample times {sorted(steps)} s: export those of one rate.")
@@ -208,3 +212,92 @@ def _mat(path: Path, data: bytes, sheet: str | None) -> Found:
 
 
 _READERS = {"lvm": _lvm, "tdms": _tdms, "mat": _mat}
+
+
+FEW_ROWS = 50  # rows; a shorter table of even times may as well be a wear test
+TESTED = ("edge", "V", "f")  # roles of a cutting test
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class FileKind(Displayable):
+    """Kind of a file, and the reason; true for a record.
+
+    Attributes
+    ----------
+    kind : {"record", "table", "either"}
+    reason : str
+
+    Examples
+    --------
+    >>> bool(FileKind("either", "12 rows at even times")), bool(FileKind("record", "even times"))
+    (False, True)
+    """
+
+    kind: Literal["record", "table", "either"]
+    reason: str
+
+    def __bool__(self) -> bool:
+        return self.kind == "record"
+
+
+def looks_like_record(file: str | os.PathLike[str] | Table) -> FileKind:
+    r"""Whether a file is a record of samples or a table of cutting tests.
+
+    A record has an evenly spaced column of times and two or more signals, and no column that is an edge, a cutting
+    speed V, a feed f or a wear. Even times together with such a column, a few rows, or times in minutes leave it open
+    (``either``): the user is asked to run ``fitmodels ident``.
+
+    Parameters
+    ----------
+    file : path, or a Table that was read with ``is_unit`` of this room
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "run.csv")
+    >>> _ = path.write_text("t [s],u,y\n" + "".join(f"{k / 50},{k % 3},{k % 5}\n" for k in range(60)))
+    >>> looks_like_record(path).reason
+    't rises evenly, 2 further signals, no column of a cutting test'
+    """
+    if not isinstance(file, Table):
+        path = Path(file)
+        kind = kind_of(load_bytes(path), path.name)
+        if kind != "table":
+            return FileKind("record", f"a file of samples ({kind})")
+        file = read_table(path, is_unit=is_unit)
+    known = heads(file.columns)
+    wear = [h.role for h in known if h.role and ROLES[h.role].kind == "wear"]
+    if wear:
+        return FileKind("table", f"a column of wear, {wear[0]}")
+    try:
+        clock = time_column(known)
+        values, scale = times(clock) if clock is not None and clock.column.is_numeric else (None, 1.0)
+    except UsageError:
+        return FileKind("table", "more than one column may be the time")
+    except DataError as refusal:
+        return FileKind("table", str(refusal))
+    if clock is None:
+        return FileKind("table", "no column rises evenly as a time does")
+    count = len(signals(known, clock))
+    if count < 2:
+        return FileKind("table", f"{count} signal(s) besides the time {clock.name}")
+    if values is not None and not _even(np.asarray(values, dtype=np.float64), any(is_label(h) for h in known)):
+        return FileKind("table", f"{clock.name} does not rise evenly")
+    tested = [h.name for h in known if h.role in TESTED]
+    even = f"{clock.name} rises evenly, {count} further signals"
+    if tested:
+        return FileKind("either", f"{even}, as in a record, but {tested[0]} is that of a cutting test")
+    if file.n_rows < FEW_ROWS or scale == seconds_in("min"):
+        return FileKind("either", f"{even}, but {file.n_rows} rows in {clock.unit or 'no unit'} may be a cutting test")
+    return FileKind("record", f"{even}, no column of a cutting test")
+
+
+def _even(values: NDArray[np.float64], runs: bool) -> bool:
+    """Whether times rise evenly, apart from gaps and from further runs (a label, or times that restart)."""
+    finite = values[np.isfinite(values)]
+    steps = np.diff(finite)
+    rising = finite[1:][steps > 0]
+    if len(rising) < 3 or np.count_nonzero(steps < 0) > 0.05 * len(steps):
+        return False
+    middle = float(np.median(steps[steps > 0]))
+    return rises_evenly(finite) or bool(np.mean(np.abs(steps - middle) <= 0.1 * middle) >= 0.9 or runs)

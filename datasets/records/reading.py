@@ -1,22 +1,21 @@
-"""From a file of samples to a Record: the time axis measured, gaps kept as breaks, nothing guessed in silence."""
+"""Read a file of samples as a `Record`: sample time from the times, gaps as breaks, every assumption noted."""
 
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import DataError, UsageError
+from ...core.suggestions import closest
 from ..tables import Table
-from .checks import findings
-from .columns import Head, choose, find, heads, in_unit, is_counter, is_label, time_column, times
+from .columns import ColumnHeader, choose, find, heads, in_unit, is_counter, is_label, time_column, times
 from .formats import record_tables
 from .record import Record, join_records
 from .sampling import FEWEST, sample_time_of
-from .timing import Asked, Samples, timed, untimed
+from .timing import RecordOptions, Samples, timed, untimed
 
 Array = NDArray[np.float64]
 File: TypeAlias = str | os.PathLike[str] | Table
@@ -42,18 +41,18 @@ def read_record(
 
     Columns are named by header, name without unit, number (``3`` or ``col3``) or role of the vocabulary (``I``).
     Empty cells, lost samples, a column named ``run`` or ``stretch``, and each further file begin a new stretch,
-    which no model looks across. What was presumed, measured, converted or left out stands in ``notes``.
+    which no model looks across. Assumptions, conversions and omissions are listed in ``notes``.
 
     Parameters
     ----------
     path : path of a file (text, .xlsx, .lvm, .tdms or .mat), a Table that was read already, or several of these
     input, output : column of each; left out, the first and the second of just two signals
-    time : column of times; left out, the one whose header tells it, or the only one that rises evenly
-    rate, sample_time : Hz or s, one of them, for a file without times or with times too coarse to tell
+    time : column of times; left out, the one recognised by its header, or the only one that rises evenly
+    rate, sample_time : Hz or s, one of them, for a file without times or with too coarse ones
     units : mapping of ``time``, ``input``, ``output`` to a unit, where the file names none, or the wrong one
     resample : Hz to which the samples are brought, through an anti-alias filter where that is slower; uneven
         samples are joined by lines first, and refused without it
-    offsets : operating point (input, output) to take off; by default nothing is (see `Record.centred`)
+    offsets : operating point (input, output) to subtract; none by default (see `Record.centred`)
     decimal, delimiter, sheet : see :func:`fitmodels.datasets.read_table`; ``sheet`` also names a group of a .tdms file
 
     Raises
@@ -61,7 +60,7 @@ def read_record(
     DataError
         The file cannot be read, has text where numbers belong, or is not evenly sampled.
     UsageError
-        A column or unit does not exist, or the file leaves open which is meant.
+        A column or unit does not exist, or the choice is ambiguous.
 
     Examples
     --------
@@ -72,7 +71,7 @@ def read_record(
     >>> rec.rate, rec.input, rec.unit_y, rec.y[-1].item()
     (50.0, 'u', 'mm', 0.0055)
     """
-    asked = Asked(input, output, time, sample_time_of(rate, sample_time), units or {}, resample, offsets)
+    asked = RecordOptions(input, output, time, sample_time_of(rate, sample_time), units or {}, resample, offsets)
     files = [path] if isinstance(path, (str, os.PathLike, Table)) else list(path)
     tables = [
         table
@@ -96,7 +95,7 @@ def read_record(
     return first if len(records) == 1 else join_records(records)
 
 
-def _record(table: Table, asked: Asked) -> Record:
+def _record(table: Table, asked: RecordOptions) -> Record:
     """One table as a record."""
     known = heads(table.columns)
     clock = find(known, asked.time, "time") if asked.time is not None else time_column(known)
@@ -110,7 +109,7 @@ def _record(table: Table, asked: Asked) -> Record:
     if clock is None and asked.sample_time is None:
         names = ", ".join(repr(c.name) for c in table.columns[:12])
         raise UsageError(
-            f"{table.path.name} has no column of times among {names}: say --rate (Hz) or --sample-time (s), or which "
+            f"{table.path.name} has no column of times among {names}: give --rate (Hz) or --sample-time (s), or which "
             "column it is with --time."
         )
     samples, notes = _samples(table, clock, np.column_stack([u_values, y_values]), known)
@@ -118,25 +117,29 @@ def _record(table: Table, asked: Asked) -> Record:
         record = timed(clock, samples, asked, given[0])
     else:
         record = untimed(samples, asked, asked.sample_time or 0.0)
-    told = (*(text.rstrip(".") for text in table.warnings), *presumed, *u_notes, *y_notes, *notes, *record.notes)
-    checked = (*findings(u.name, samples.values[:, 0], unit_u), *findings(y.name, samples.values[:, 1], unit_y))
+    found = (*(text.rstrip(".") for text in table.warnings), *presumed, *u_notes, *y_notes, *notes, *record.notes)
+    checked = (
+        *signal_findings(u.name, samples.values[:, 0], unit_u),
+        *signal_findings(y.name, samples.values[:, 1], unit_y),
+    )
     record = replace(
         record,
         input=u.name, output=y.name, unit_u=unit_u, unit_y=unit_y,
-        source=table.path.name, sha256=table.sha256, notes=(*told, *checked),
+        source=table.path.name, sha256=table.sha256, notes=(*found, *checked),
     )  # fmt: skip
     return record.less(*asked.offsets) if asked.offsets is not None else record
 
 
-def _units(units: Mapping[str, str], known: Sequence[Head], chosen: Mapping[str, Head | None]) -> list[str | None]:
+def _units(
+    units: Mapping[str, str], known: Sequence[ColumnHeader], chosen: Mapping[str, ColumnHeader | None]
+) -> list[str | None]:
     """Unit given for time, input and output, under that word or the name of the column."""
     out: dict[str, str] = {}
     for word, unit in units.items():
         role = word
         if word not in ROLES:
-            near = get_close_matches(word, ROLES, 1, 0.6)
-            if near:
-                raise UsageError(f"--unit {word}={unit}: did you mean {near[0]}?")
+            if near := closest(word, ROLES, cutoff=0.6):
+                raise UsageError(f"--unit {word}={unit}: did you mean {near}?")
             number = find(known, word, "unit").column.number
             role = next((r for r, head in chosen.items() if head and head.column.number == number), "")
         if not role or chosen[role] is None:
@@ -145,7 +148,9 @@ def _units(units: Mapping[str, str], known: Sequence[Head], chosen: Mapping[str,
     return [out.get(role) for role in ROLES]
 
 
-def _samples(table: Table, clock: Head | None, values: Array, known: Sequence[Head]) -> tuple[Samples, list[str]]:
+def _samples(
+    table: Table, clock: ColumnHeader | None, values: Array, known: Sequence[ColumnHeader]
+) -> tuple[Samples, list[str]]:
     """Rows without an empty cell; a row left out makes a gap in the time, and the rows around it no neighbours."""
     time = times(clock)[0] if clock is not None else np.arange(len(values), dtype=np.float64)
     keep = np.isfinite(time) & np.isfinite(values).all(axis=1)
@@ -156,7 +161,7 @@ def _samples(table: Table, clock: Head | None, values: Array, known: Sequence[He
     if np.count_nonzero(keep) < FEWEST:
         raise DataError(
             f"{table.path.name} has {np.count_nonzero(keep)} full rows of time, input and output; a record needs "
-            f"{FEWEST} to tell its sample time, and hundreds to tell a machine."
+            f"{FEWEST} to determine its sample time, and hundreds to identify a machine."
         )
     changed = np.zeros(len(values), dtype=bool)
     for head in known:
@@ -169,11 +174,71 @@ def _samples(table: Table, clock: Head | None, values: Array, known: Sequence[He
     if clock is not None:
         again[1:] = (np.diff(time) == 0) & (np.diff(values, axis=0) == 0).all(axis=1) & (np.diff(runs) == 0)
         if np.count_nonzero(again) > 0.2 * len(again):
-            again[:] = False  # a time that stands still, not rows written twice
+            again[:] = False  # a time that does not change, not duplicate rows
     if again.any():
-        notes.append(f"{np.count_nonzero(again)} row(s) stand twice, the first in line {lines[again][0]}: kept once")
+        notes.append(f"{np.count_nonzero(again)} row(s) are duplicates, the first in line {lines[again][0]}: kept once")
     places = (np.flatnonzero(keep) - np.cumsum(again))[~again]
     cuts = np.flatnonzero(np.diff(runs[~again])) + 1
     if cuts.size:
-        notes.append(f"{cuts.size + 1} runs are told apart by their labels: each is a stretch of its own")
+        notes.append(f"{cuts.size + 1} runs are distinguished by their labels: each is a separate stretch")
     return Samples(time[~again], values[~again], lines[~again], places, cuts), notes
+
+
+FLAT = 4  # samples in a row at the extreme: fewer come by chance where readings are coarse
+STEEP = 4.0  # quanta a sample: a signal that settles at its extreme comes in slower than that
+REACH = 6.0  # quanta by which the signal would have passed the extreme, had it gone on for half the flat time
+LEVELS = 16  # a signal of no more distinct values switches between levels on purpose
+
+
+def signal_findings(name: str, values: Array, unit: str = "") -> tuple[str, ...]:
+    """What is odd about one signal, shape (n,): it is constant, or looks clipped.
+
+    >>> signal_findings("u", np.ones(50))
+    ('u is constant at 1: without variation it carries no information',)
+    """
+    low, high = float(values.min()), float(values.max())
+    tail = f" {unit}" if unit else ""
+    if low == high:
+        return (f"{name} is constant at {low:g}{tail}: without variation it carries no information",)
+    if _is_staircase(values):
+        return ()
+    out = []
+    for extreme, which in ((high, "largest"), (low, "smallest")):
+        places, samples = clipped(values, extreme)
+        if places:
+            out.append(
+                f"{name} looks clipped: {places} time(s) it runs into its {which} value {extreme:g}{tail} and stays "
+                f"there, {samples} samples in all; a linear model does not saturate: lower the level or widen the range"
+            )
+    return tuple(out)
+
+
+def clipped(values: Array, extreme: float) -> tuple[int, int]:
+    """How often a signal, shape (n,), runs straight into its extreme value and stays there, and for how many samples.
+
+    Coarse readings are constant at the crest of a slow sine, and so is a settled machine. Neither
+    comes in with a slope that would have carried it well past the extreme.
+
+    >>> wave = np.sin(np.arange(200) / 5)
+    >>> clipped(wave.round(2), 1.0), clipped(np.minimum(wave, 0.7), 0.7)[0]
+    ((0, 0), 7)
+    """
+    sign = 1.0 if extreme >= values.max() else -1.0
+    at = np.concatenate([[False], values == extreme, [False]])
+    begins, ends = np.flatnonzero(~at[:-1] & at[1:]), np.flatnonzero(at[:-1] & ~at[1:])
+    lengths = ends - begins
+    steps = np.abs(np.diff(values))
+    quantum = float(steps[steps > 1e-9 * np.ptp(values)].min())
+    before = np.maximum(begins - 3, 0)
+    slope = sign * (extreme - values[before]) / np.maximum(begins - before, 1)
+    hit = (lengths >= FLAT) & (begins > 0) & (slope > STEEP * quantum) & (slope * lengths / 2 > REACH * quantum)
+    return int(hit.sum()), int(lengths[hit].sum())
+
+
+def _is_staircase(values: Array) -> bool:
+    """Whether a signal steps between levels: few of them, or mostly standing still off its extremes."""
+    inner = (values[1:] > values.min()) & (values[1:] < values.max())
+    if not inner.any() or np.count_nonzero(np.diff(values)[inner] == 0) > 0.5 * np.count_nonzero(inner):
+        return True
+    some = values[:: max(1, len(values) // 10_000)]
+    return len(np.unique(some)) <= LEVELS and len(np.unique(values)) <= LEVELS

@@ -1,4 +1,4 @@
-"""A record: evenly sampled input and output of a machine, in stretches that no regressor may cross."""
+"""Record of evenly sampled input and output, in stretches that no regressor may cross."""
 
 import hashlib
 from collections.abc import Sequence
@@ -8,22 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.display import Display, Displayable, as_columns
+from ...core.display import Display, Plottable, as_columns
 from ...core.errors import DataError
 from ...core.rounding import format_plain
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ...core.display import Frame
 
 Array = NDArray[np.float64]
 
-CLOCKS = 1e-3  # two clocks differ by parts in 1e5; a model's poles would feel no less than this
+CLOCKS = 1e-3  # two clocks differ by parts in 1e5; smaller differences do not affect the poles of a model
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Record(Displayable):
+class Record(Plottable):
     """Input u and output y at a fixed rate.
 
     Attributes
@@ -35,13 +33,13 @@ class Record(Displayable):
     starts : tuple of int
         First sample of each stretch: a run of its own, or what follows a gap. The first is 0.
     offsets : ndarray, shape (stretches, 2)
-        What was taken from u and y of each stretch: the operating point.
+        Operating point subtracted from u and y of each stretch.
     input, output, unit_u, unit_y : str
         Names and units.
     source, sha256 : str or None
         File, and hash of its bytes (of the numbers, where there is no file; of the hashes, where there are several).
     notes : tuple of str
-        What was assumed or mended on the way here.
+        Assumptions and corrections made when reading.
 
     Examples
     --------
@@ -77,7 +75,7 @@ class Record(Displayable):
                     "follows be a stretch of its own (starts)."
                 )
         if not (np.isfinite(self.sample_time) and self.sample_time > 0):
-            raise DataError(f"sample_time {self.sample_time!r} s: it lies above zero, for instance 0.02 for 50 Hz.")
+            raise DataError(f"sample_time {self.sample_time!r} s: it must be above zero, for instance 0.02 for 50 Hz.")
         starts = tuple(int(s) for s in self.starts)
         if starts[:1] != (0,) or any(b <= a for a, b in zip(starts, (*starts[1:], len(u)), strict=True)):
             raise DataError(f"starts {starts} of {len(u)} samples: they rise from 0, each below the number of samples.")
@@ -103,18 +101,12 @@ class Record(Displayable):
         return Display(f"{len(self)} samples{several}, {span}; {', '.join(ends)}", facts, None, self.notes)
 
     def to_frame(self) -> "Frame":
-        """A row a sample: time in s, input and output under their names, and the number of the stretch."""
+        """One row per sample: time in s, input and output under their names, and the number of the stretch."""
         from pandas import Index
 
         stretch = np.repeat(np.arange(len(self.starts)), np.diff([*self.starts, len(self)]))
         held = {self.input: self.u, self.output: self.y, "stretch": stretch}
         return as_columns(self, **held).set_index(Index(self.sample_time * np.arange(len(self)), name="time"))
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Output over time, the input on an axis of its own."""
-        from ..draw import record_picture
-
-        return record_picture(self, ax)
 
     @property
     def rate(self) -> float:
@@ -139,7 +131,7 @@ class Record(Displayable):
         )
 
     def centred(self, trend: bool = False) -> "Record":
-        """Less the mean (with ``trend``, the line) of each stretch; the operating point stays in ``offsets``."""
+        """The record minus the mean (with ``trend``, the line) of each stretch, which ``offsets`` keeps."""
         u, y = self.u.copy(), self.y.copy()
         assert self.offsets is not None  # noqa: S101
         offsets = self.offsets.copy()
@@ -154,7 +146,7 @@ class Record(Displayable):
         return replace(self, u=u, y=y, offsets=offsets)
 
     def less(self, u: float, y: float) -> "Record":
-        """Less one operating point for all stretches, which is kept in ``offsets``.
+        """The record minus one operating point for all stretches, which ``offsets`` keeps.
 
         >>> rec = Record(u=[2.0, 3.0], y=[10.0, 11.0], sample_time=0.1).less(2.0, 10.0)
         >>> rec.u.tolist(), rec.offsets.tolist()
@@ -166,15 +158,15 @@ class Record(Displayable):
         return replace(self, u=self.u - u, y=self.y - y, offsets=self.offsets + np.array([u, y]))
 
     def decimated(self, k: int) -> "Record":
-        """Every k-th sample, behind an anti-alias filter without phase that runs in each stretch on its own.
+        """Every k-th sample after a zero-phase anti-alias filter, applied to each stretch separately.
 
-        Input and output pass the same filter, so that the relation between them stays; 80 % of the new half rate
-        passes unchanged. Stretches of fewer than 3 new samples are left out, and that is noted.
+        Input and output pass the same filter, so that the relation between them is unchanged; 80 % of the new half rate
+        passes unchanged. Stretches of fewer than 3 new samples are left out, with a note.
 
         Raises
         ------
         DataError
-            k is no whole number of 1 or more, or no stretch is long enough.
+            k is not a whole number of 1 or more, or no stretch is long enough.
 
         Examples
         --------
@@ -214,8 +206,8 @@ class Record(Displayable):
         begins = np.concatenate([[0], np.cumsum([len(part[0]) for part in parts])])[:-1]
         slower = min(1.0, up / down)
         notes = [
-            f"brought from {self.rate:.6g} to {self.rate * up / down:.6g} Hz; what lies below "
-            f"{KEPT * slower * self.rate / 2:.4g} Hz is kept, nothing above {slower * self.rate / 2:.4g} Hz is left"
+            f"resampled from {self.rate:.6g} to {self.rate * up / down:.6g} Hz; the band below "
+            f"{KEPT * slower * self.rate / 2:.4g} Hz is kept, that above {slower * self.rate / 2:.4g} Hz removed"
         ]
         if len(kept) < len(self.starts):
             notes.append(f"{len(self.starts) - len(kept)} stretch(es) too short for the new rate are left out")

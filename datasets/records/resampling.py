@@ -1,4 +1,4 @@
-"""From one sample rate to another: through a filter that keeps what the new rate can hold, and nothing else.
+"""Resampling through an anti-alias filter, and interpolation of uneven samples.
 
 Input and output pass the same filter, which therefore drops out of the relation between them.
 """
@@ -13,11 +13,9 @@ from ...core.errors import DataError, UsageError
 
 Array = NDArray[np.float64]
 
-STOP = (
-    70.0  # dB by which what would fold back is held down: below the 16 bits of a good card, far below a sensor's noise
-)
+STOP = 70.0  # dB of stop-band attenuation against aliasing: below 16 bits, far below the noise of a sensor
 KEPT = 0.8  # share of the new half rate that passes unchanged; from there to 1.0 the filter falls
-LONGEST = 1000  # up and down factors beyond it are no ratio that anyone means
+LONGEST = 1000  # up and down factors beyond it are not a plausible ratio
 GAP = 3.0  # median steps; uneven samples further apart are not joined by a line
 
 
@@ -76,7 +74,7 @@ def ratio_of(rate: float, sample_time: float) -> Fraction:
     Fraction(2, 5)
     """
     if not (np.isfinite(rate) and rate > 0):
-        raise UsageError(f"rate {rate!r} Hz to resample to: it lies above zero, for instance 50.")
+        raise UsageError(f"rate {rate!r} Hz to resample to: it must be above zero, for instance 50.")
     exact = rate * sample_time
     ratio = Fraction(exact).limit_denominator(LONGEST)
     if not ratio or max(ratio.numerator, ratio.denominator) > LONGEST or abs(float(ratio) / exact - 1) > 1e-6:

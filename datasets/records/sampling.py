@@ -1,6 +1,6 @@
 """The time axis of a record: its step, how even it is, and where it breaks off.
 
-A model of samples knows no time between them. A sample that comes ``e`` late is wrong by ``e dy/dt``: for a sine
+A discrete-time model ignores the time between samples. A sample late by ``e`` has the error ``e dy/dt``: for a sine
 sampled ten times a period, a scatter of the steps of 1 % (rms) is an error of 0.6 % of its amplitude, as sensor
 noise at 44 dB would be. Up to there a record counts as evenly sampled.
 """
@@ -18,13 +18,13 @@ Rows = NDArray[np.intp]
 EVEN = 0.01  # rms scatter of the steps, as a share of the step: see above
 REGULAR = 0.1  # a step this far from the sample time, or from a whole number of them, is no regular one
 FEW = 0.01  # share of steps that may fall out of the beat, each a break, before the whole is called uneven
-COARSE = 0.5  # times written more coarsely than this share of the step do not tell rounding from lost samples
-FEWEST = 10  # rows; the step of fewer is hearsay
+COARSE = 0.5  # times written more coarsely than this share of the step do not distinguish rounding from lost samples
+FEWEST = 10  # rows; the step of fewer is not reliable
 
 
 @dataclass(frozen=True, slots=True)
 class TimeAxis:
-    """What a column of times says.
+    """Sample time and breaks of a column of times.
 
     Attributes
     ----------
@@ -122,25 +122,25 @@ def time_axis(
     seconds : float
         Seconds in the unit of ``time``.
     name : str
-        What to call the column in messages.
+        Name of the column in messages.
     lines : ndarray of int, shape (n,)
         Line of each row in the file.
     cuts : ndarray of int
         Rows that begin a run for another reason.
     expected : float, optional, s
-        Sample time that is known: it tells lost samples from coarse times.
+        Sample time that is known: it distinguishes lost samples from coarse times.
 
     Raises
     ------
     DataError
-        Too few rows, times that fall or stand, or steps too uneven for a model of samples.
+        Too few rows, times that fall or repeat, or steps too uneven for a model of samples.
 
     >>> axis = time_axis(np.array([0, 10, 20, 30, 60, 70, 80, 90, 100, 110.0]), 1e-3, "t", np.arange(10), np.array([]))
     >>> axis.sample_time, axis.starts.tolist(), axis.missing
     (0.01, [0, 4], 2)
     """
     if len(time) < FEWEST:
-        raise DataError(f"{len(time)} rows of numbers: the step of fewer than {FEWEST} samples cannot be told.")
+        raise DataError(f"{len(time)} rows of numbers: the step of fewer than {FEWEST} samples cannot be determined.")
     starts = run_starts(time, cuts.astype(np.intp), name, lines)
     inside = np.ones(len(time) - 1, dtype=bool)
     inside[starts[1:] - 1] = False
@@ -173,13 +173,13 @@ def _refuse_repeats(steps: Array, inside: NDArray[np.bool_], name: str, lines: R
     same = np.flatnonzero((steps == 0) & inside)
     if same.size > 0.2 * steps.size:
         raise DataError(
-            f"{name} stands still in {same.size} of {steps.size} steps: it is written too coarsely to tell the sample "
-            "time. Say --rate (Hz) instead, or export more digits."
+            f"{name} does not change in {same.size} of {steps.size} steps: it is written too coarsely for the sample "
+            "time. Give --rate (Hz) instead, or export more digits."
         )
     if same.size:
         raise DataError(
             f"{name} is the same in lines {lines[same[0]]} and {lines[same[0] + 1]}, with other values "
-            f"({same.size} such pairs): correct the times, or say --rate (Hz) if each row is a sample."
+            f"({same.size} such pairs): correct the times, or give --rate (Hz) if each row is a sample."
         )
 
 
@@ -190,7 +190,7 @@ def _step(steps: Array, place: float, name: str, expected: float | None) -> tupl
     if expected is None and place > COARSE * T and np.count_nonzero(whole & (steps > 1.5 * T)) > 0.05 * steps.size:
         raise DataError(
             f"{name} is written in steps of {place:g}, no finer than its samples: whether some are lost cannot be "
-            "told. Say --rate (Hz) instead, or export more digits."
+            "determined. Give --rate (Hz) instead, or export more digits."
         )
     for _ in range(2):
         width = max(REGULAR * T, 1.01 * place if place <= COARSE * T else 0.0)
@@ -205,15 +205,15 @@ def _uneven(steps: Array, name: str) -> str:
     low, middle, high = np.percentile(steps, [1, 50, 99])
     return (
         f"{name} is not even: its steps lie between {low:.4g} and {high:.4g}, half of them below {middle:.4g}, and a "
-        "model of samples needs one step. Record at a fixed rate, or say --resample (Hz) to interpolate."
+        "model of samples needs one step. Record at a fixed rate, or give --resample (Hz) to interpolate."
     )
 
 
 def _step_note(name: str, T: float, worst: float, place: float) -> str:
-    told = f"{name}: sampled every {T:.6g} s ({1 / T:.6g} Hz)"
+    rate = f"{name}: sampled every {T:.6g} s ({1 / T:.6g} Hz)"
     if place:
-        return f"{told}, evenly as far as times written to {place:g} s tell"
-    return f"{told}; the steps differ from that by {100 * worst:.2g} % at most" if worst > 1e-6 else f"{told}, evenly"
+        return f"{rate}, evenly within the {place:g} s to which times are written"
+    return f"{rate}; the steps differ from that by {100 * worst:.2g} % at most" if worst > 1e-6 else f"{rate}, evenly"
 
 
 def _break_notes(
@@ -240,5 +240,5 @@ def sample_time_of(rate: float | None, sample_time: float | None) -> float | Non
         raise UsageError(f"rate {rate:g} Hz and sample_time {sample_time:g} s do not agree: give one of them.")
     for option, value in (("rate", rate), ("sample_time", sample_time)):
         if value is not None and not (np.isfinite(value) and value > 0):
-            raise UsageError(f"{option} {value!r}: it lies above zero, for instance a rate of 50 Hz.")
+            raise UsageError(f"{option} {value!r}: it must be above zero, for instance a rate of 50 Hz.")
     return 1.0 / rate if rate is not None else sample_time

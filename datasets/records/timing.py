@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import DataError, UsageError
-from .columns import Head, seconds_in, times
+from .columns import ColumnHeader, seconds_in, times
 from .record import Record
 from .resampling import GAP, interpolated
 from .sampling import Rows, TimeAxis, run_starts, time_axis
@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What the caller said: columns, sample time (s), units, rate to resample to (Hz), operating point."""
+class RecordOptions:
+    """Options of `read_record`: columns, sample time (s), units, rate to resample to (Hz), operating point."""
 
     input: str | int | None
     output: str | int | None
@@ -50,15 +50,15 @@ class Samples:
     cuts: Rows
 
 
-def untimed(samples: Samples, asked: Asked, sample_time: float) -> Record:
-    """Rows taken as evenly spaced, at the rate that was given."""
+def untimed(samples: Samples, asked: RecordOptions, sample_time: float) -> Record:
+    """Rows as evenly spaced samples at the given rate."""
     gaps = np.flatnonzero(np.diff(samples.places) > 1) + 1
     starts = np.union1d(np.union1d([0], gaps), samples.cuts)
     return _even(samples, TimeAxis(sample_time, starts.astype(np.intp), 0.0, 0, ()), asked)
 
 
-def timed(clock: Head, samples: Samples, asked: Asked, unit: str | None) -> Record:
-    """Rows placed by their times; where these are no good, a given rate stands in for them."""
+def timed(clock: ColumnHeader, samples: Samples, asked: RecordOptions, unit: str | None) -> Record:
+    """Rows placed by their times, or by a given rate where the times are not usable."""
     name = f"time {clock.label}" if clock.column.name == f"col{clock.column.number}" else clock.name
     seconds, notes = _scale(clock, samples.time, asked.sample_time, unit)
     try:
@@ -77,7 +77,9 @@ def timed(clock: Head, samples: Samples, asked: Asked, unit: str | None) -> Reco
     return _even(samples, replace(axis, notes=(*notes, *axis.notes)), asked)
 
 
-def _scale(clock: Head, time: Array, sample_time: float | None, unit: str | None) -> tuple[float, tuple[str, ...]]:
+def _scale(
+    clock: ColumnHeader, time: Array, sample_time: float | None, unit: str | None
+) -> tuple[float, tuple[str, ...]]:
     """Seconds in the unit of the times: given, in the header, what the rate makes of it, or seconds if that is likely.
 
     A step of 1 or more without a unit may be seconds, milliseconds or a count: it is asked about.
@@ -85,7 +87,7 @@ def _scale(clock: Head, time: Array, sample_time: float | None, unit: str | None
     if unit is not None:
         scale = seconds_in(unit)
         if scale is None:
-            raise UsageError(f"--unit time={unit}: that is no unit of time; known are s, ms, us, min and h.")
+            raise UsageError(f"--unit time={unit}: that is not a unit of time; known are s, ms, us, min and h.")
         return scale, ()
     scale = times(clock)[1]
     if scale is not None:
@@ -95,31 +97,31 @@ def _scale(clock: Head, time: Array, sample_time: float | None, unit: str | None
     if sample_time is not None and step:
         for name, scale in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("min", 60.0)):
             if abs(step * scale / sample_time - 1) < 0.01:
-                return scale, (f"{clock.label}: times are in {name}, as the rate tells",)
+                return scale, (f"{clock.label}: times are in {name}, which the rate implies",)
     if step >= 1:
         raise UsageError(
             f"times in column {clock.label} rise by {step:g} and name no unit: {step:g} s or {step:g} ms? "
-            "Say --unit time=ms, or --rate (Hz)."
+            "Give --unit time=ms, or --rate (Hz)."
         )
-    return 1.0, (f"times in column {clock.label} name no unit: seconds are presumed",)
+    return 1.0, (f"times in column {clock.label} name no unit: seconds are assumed",)
 
 
 def _agree(measured: float, given: float, name: str, within: float) -> None:
     if abs(measured / given - 1) > within:
         raise DataError(
-            f"{name} says {measured:.6g} s between samples ({1 / measured:.6g} Hz), --rate says {given:.6g} s "
+            f"{name} gives {measured:.6g} s between samples ({1 / measured:.6g} Hz), --rate gives {given:.6g} s "
             f"({1 / given:.6g} Hz): leave the rate out, or correct the unit with --unit time=..."
         )
 
 
-def _even(samples: Samples, axis: TimeAxis, asked: Asked) -> Record:
+def _even(samples: Samples, axis: TimeAxis, asked: RecordOptions) -> Record:
     u, y = samples.values.T
     record = Record(u, y, axis.sample_time, tuple(axis.starts.tolist()), notes=axis.notes)
     return record.resampled(asked.resample) if asked.resample is not None else record
 
 
 def _uneven(samples: Samples, seconds: float, name: str, rate: float, notes: tuple[str, ...]) -> Record:
-    """Uneven samples joined by lines, at least as densely as they stand, then brought down to the rate."""
+    """Uneven samples interpolated linearly at least as densely as they are, then decimated to the rate."""
     if not (np.isfinite(rate) and rate > 0):
         raise UsageError(f"--resample {rate!r}: a rate in Hz above zero, for instance 50.")
     starts = run_starts(samples.time, samples.cuts, name, samples.lines)
@@ -135,10 +137,10 @@ def _uneven(samples: Samples, seconds: float, name: str, rate: float, notes: tup
     times_denser = max(1, int(np.ceil(1 / (middle * rate) - 1e-6)))
     begins = tuple(np.union1d(starts, gaps).tolist())
     values, begins = interpolated(time, samples.values, begins, rate * times_denser)
-    told = (
-        f"{name} is not even (steps {steps[inside].min():.4g} to {steps[inside].max():.4g} s): samples are joined by "
-        f"lines and read at {rate * times_denser:g} Hz",
+    assumptions = (
+        f"{name} is not even (steps {steps[inside].min():.4g} to {steps[inside].max():.4g} s): samples are "
+        f"interpolated linearly at {rate * times_denser:g} Hz",
         *([f"{gaps.size} gap(s) of more than {GAP:g} median steps are left open"] if gaps.size else []),
     )
-    record = Record(values[:, 0], values[:, 1], 1 / (rate * times_denser), begins, notes=(*notes, *told))
+    record = Record(values[:, 0], values[:, 1], 1 / (rate * times_denser), begins, notes=(*notes, *assumptions))
     return record.decimated(times_denser) if times_denser > 1 else record

@@ -12,7 +12,7 @@ TAIL = 200  # rows held back, among which footer and remarks are looked for
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class RowBlock:
     """Successive data rows: their line numbers, and the cells of each column."""
 
     lines: list[int]
@@ -21,7 +21,7 @@ class Block:
 
 @dataclass(slots=True)
 class Findings:
-    """What was met on the way through the rows; complete once all blocks have been taken."""
+    """Findings made while reading the rows; complete once all blocks have been read."""
 
     short: int = 0
     first_short: int = 0
@@ -34,18 +34,18 @@ class Findings:
         >>> Findings(footers=[(9, "Mean")]).sentences()
         ["Footer rows are left out: line 9 'Mean'."]
         """
-        told = []
+        sentences = []
         if self.short:
-            told.append(
+            sentences.append(
                 f"{self.short} row(s) have fewer cells than the header, the first in line "
                 f"{self.first_short}; the cells they lack count as missing."
             )
         if self.footers:
             rows = ", ".join(f"line {line} {label!r}" for line, label in self.footers)
-            told.append(f"Footer rows are left out: {rows}.")
+            sentences.append(f"Footer rows are left out: {rows}.")
         if self.remarks:
-            told.append(f"Text below the data is kept as a note: line {', '.join(map(str, self.remarks))}.")
-        return told
+            sentences.append(f"Text below the data is kept as a note: line {', '.join(map(str, self.remarks))}.")
+        return sentences
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Body:
     layout: Layout
     delimiter: str
 
-    def blocks(self, findings: Findings) -> Iterator[Block]:
+    def blocks(self, findings: Findings) -> Iterator[RowBlock]:
         """Iterate over the data in blocks of at most 2000 rows, noting what is met.
 
         Raises
@@ -85,7 +85,7 @@ class Body:
         self._cut_tail(lines, rows, findings)
         yield from self._block(lines, rows, findings)
 
-    def _block(self, lines: list[int], rows: list[Sequence[Cell]], findings: Findings) -> Iterator[Block]:
+    def _block(self, lines: list[int], rows: list[Sequence[Cell]], findings: Findings) -> Iterator[RowBlock]:
         """Bring the rows to one width; if all begin with a filled cell and have it, nothing is done."""
         width = self.layout.width
         if not all(len(row) == width and row[0] and row[0] != " " for row in rows):
@@ -96,7 +96,7 @@ class Body:
             ]
             lines, rows = [line for line, _ in kept], [row for _, row in kept]
         if rows:
-            yield Block(lines, list(zip(*rows, strict=True)))
+            yield RowBlock(lines, list(zip(*rows, strict=True)))
 
     def _fit(self, line: int, row: Sequence[Cell], findings: Findings) -> Sequence[Cell] | None:
         width = self.layout.width
@@ -129,7 +129,7 @@ class Body:
         if self.delimiter == "," and seen == 2 * width:
             return DataError(
                 f"{self.name} line {line} has {seen} cells, twice the {width} of {expected}: commas seem "
-                "to be both decimal mark and delimiter, which cannot be told apart. "
+                "to be both decimal mark and delimiter, which is ambiguous. "
                 "Export with semicolons, or with decimal points."
             )
         return DataError(
@@ -144,7 +144,7 @@ class Body:
 
 
 def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, list[str]]:
-    """Decide the decimal mark of a table, unless told, by the majority of the cells with one reading only.
+    """Decide the decimal mark of a table, unless given, by the majority of the cells with one reading only.
 
     All cells of the first block that holds such a cell are counted.
 
@@ -157,7 +157,7 @@ def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, li
     Raises
     ------
     DataError
-        Cells have two readings and no cell decides, or as many cells say point as say comma.
+        Cells have two readings and no cell decides, or as many cells have a point as a comma.
 
     >>> from .layout import find_layout
     >>> rows = [(1, ["V", "f"]), (2, ["1.234", "2,5"])]
@@ -188,7 +188,7 @@ def _majority(body: Body, evidence: Evidence) -> Decimal:
     counts = evidence.counts
     if counts["point"] != counts["comma"]:
         return "point" if counts["point"] > counts["comma"] else "comma"
-    flags = "Say --decimal point or --decimal comma."
+    flags = "Give --decimal point or --decimal comma."
     if counts["point"]:
         places = [
             f"{text.strip()!r} in line {line}" for line, _, text in map(evidence.first.__getitem__, ("point", "comma"))

@@ -1,12 +1,12 @@
 """Bytes -> text lines: what a file is, and in which encoding it was written."""
 
 import codecs
-import difflib
 import io
 from collections.abc import Iterator
 from pathlib import Path
 
 from ...core.errors import DataError
+from ...core.suggestions import closest
 
 _SIGNATURES = (
     (b"\x89PNG", "a PNG image"),
@@ -37,7 +37,7 @@ _CHUNK = 1 << 20
 
 
 def load_bytes(path: Path) -> bytes:
-    """Read a file whole, refusing with one sentence what is no file or holds nothing.
+    """Read a file whole, with an error for anything that is not a file or is empty.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def encoding_of(data: bytes, name: str) -> str:
     Raises
     ------
     DataError
-        The bytes are no text; the sentence says what they look like.
+        The bytes are not text; the message names the format they resemble.
 
     >>> encoding_of("µm".encode("utf-8"), "a.csv"), encoding_of("µm".encode("cp1252"), "a.csv")
     ('utf-8', 'cp1252')
@@ -114,7 +114,7 @@ def text_lines(data: bytes, encoding: str) -> Iterator[str]:
 
 
 def looks_like(data: bytes) -> str:
-    """Say what kind of file begins with these bytes, or "" when nothing is recognised.
+    """Kind of file that begins with these bytes, or "" when none is recognised.
 
     >>> looks_like(b"%PDF-1.7")
     'a PDF document'
@@ -126,8 +126,8 @@ def _absent(path: Path) -> str:
     folder = path.parent
     if not folder.is_dir():
         return f"{path} does not exist: there is no folder {folder}."
-    near = difflib.get_close_matches(path.name, [entry.name for entry in folder.iterdir()], n=1)
-    return f"{path} does not exist. " + (f"Did you mean {near[0]}?" if near else f"Look in {folder.resolve()}.")
+    near = closest(path.name, (entry.name for entry in folder.iterdir()), cutoff=0.6)
+    return f"{path} does not exist. " + (f"Did you mean {near}?" if near else f"Look in {folder.resolve()}.")
 
 
 def _refuse_signature(data: bytes, name: str) -> None:

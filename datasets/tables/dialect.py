@@ -16,7 +16,7 @@ _PLURALS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "b
 _MARK_NAMES = {",": "comma", ".": "point", "'": "apostrophe", "’": "apostrophe"}
 _SEP_LINE = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
 _QUOTED_OR_BARE = re.compile(r'"([^"]*)"|([^ \t"][^ \t]*)')
-_SAMPLE = 300  # lines looked at to tell the delimiter
+_SAMPLE = 300  # lines examined to find the delimiter
 _LONGEST_CELL = 30  # lines one quoted cell may span
 _END = "\x00end"  # follows the last line: a cell that swallows it was opened by a quote and never closed
 
@@ -80,7 +80,7 @@ class TextSource:
         return self.rows_of(self.lines(), 0)
 
     def lines(self) -> Iterator[str]:
-        r"""Iterate over the lines as they stand, comment lines as blank lines.
+        r"""Iterate over the lines unchanged, comment lines as blank lines.
 
         >>> list(TextSource("a.csv", b"# steel\nV;f\n", "utf-8", ";", False).lines())
         ['\n', 'V;f\n']
@@ -128,7 +128,7 @@ class TextSource:
         return [(n, line.strip()) for n, line in lines if is_comment(line, self.delimiter)]
 
     def as_written(self, numbers: set[int]) -> dict[int, str]:
-        r"""Give lines by number as they stand in the file, without the delimiters Excel pads them with.
+        r"""Give lines by number as written in the file, without the delimiters Excel pads them with.
 
         >>> TextSource("a.csv", b"Test 5;;\nV;f\n", "utf-8", ";", False).as_written({1})
         {1: 'Test 5'}
@@ -155,7 +155,7 @@ class TextSource:
 
 
 def text_source(name: str, data: bytes, encoding: str, delimiter: str | None) -> TextSource:
-    r"""Find the delimiter of a text file: as told, as its ``sep=`` line says, or as its rows suggest.
+    r"""Find the delimiter of a text file: the given one, that of its ``sep=`` line, or the one its rows suggest.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def text_source(name: str, data: bytes, encoding: str, delimiter: str | None) ->
         chosen = _DELIMITERS.get(delimiter, delimiter)
         if len(chosen) != 1 or chosen in '"\r\n':
             raise UsageError(
-                f"--delimiter {delimiter!r} is not a delimiter: say comma, semicolon, tab, bar, space or one character."
+                f"--delimiter {delimiter!r} is not a delimiter: give comma, semicolon, tab, bar, space or a character."
             )
     else:
         chosen = first[1] if first else guess_delimiter(_sample(data, encoding))
@@ -181,9 +181,9 @@ def text_source(name: str, data: bytes, encoding: str, delimiter: str | None) ->
 
 
 def guess_delimiter(lines: Sequence[str]) -> str:
-    """Tell the delimiter of a few lines of a table; " " stands for runs of blanks, "" for one column.
+    """Delimiter of a few lines of a table; " " stands for runs of blanks, "" for one column.
 
-    Semicolon, tab and bar seldom stand in a cell, so one of them that splits most lines wins; a comma may
+    Semicolon, tab and bar seldom occur in a cell, so one of them that splits most lines wins; a comma may
     be a decimal mark and a blank a part of a text, so these two are compared by the numbers they leave.
 
     >>> [guess_delimiter(lines) for lines in (["V;f", "1,5;2,5"], ["V  f", "1,5  2,5"], ["V", "1"])]
@@ -197,7 +197,7 @@ def guess_delimiter(lines: Sequence[str]) -> str:
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
-    """Split one line that stands alone.
+    """Split a single line.
 
     >>> split_line(' 1.5   "tool A" 2 ', " ")
     ['1.5', 'tool A', '2']
@@ -237,7 +237,7 @@ def _sample(data: bytes, encoding: str) -> list[str]:
 
 
 def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None:
-    """Split the lines and tell (does a text row fit the numbers' width, share of numbers in all lines, delimiter)."""
+    """(Whether a text row has the width of the numbers, share of numbers in all lines, delimiter) of the lines."""
     if delimiter != " " and not any(delimiter in line for line in lines):
         return None
     rows = [split_line(line, delimiter) for line in lines]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...core.errors import DataError
 from .body import Body, Findings
 from .numerals import Cell, Decimal, is_missing, to_floats
-from .plain import Numbers, stretches
+from .plain import NumberBlock, stretches
 
 _LISTED = 5  # bad cells kept per column
 
@@ -114,7 +114,7 @@ def gather_columns(body: Body, decimal: Decimal) -> tuple[tuple[Column, ...], ND
     findings = Findings()
     for block in stretches(body, findings, decimal):
         lines.append(np.array(block.lines, dtype=np.int64))
-        if isinstance(block, Numbers):
+        if isinstance(block, NumberBlock):
             for gathering, values in zip(gatherings, block.values.T, strict=True):
                 gathering.add_numbers(values)
             continue

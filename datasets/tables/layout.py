@@ -24,14 +24,14 @@ _FOOTERS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where the parts of a table stand.
+    """Position of the parts of a table.
 
     Parameters
     ----------
     header_line : int
         Line of the header row, 0 when there is none.
     names, unit_cells : tuple of str, one per column
-        Text as written; ``unit_cells`` holds "" where nothing is written.
+        Text as written; ``unit_cells`` holds "" where a cell is empty.
     above : int
         Last line that belongs to the head: rows below it are data.
     note_lines : tuple of int

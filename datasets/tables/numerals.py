@@ -22,7 +22,7 @@ _MISSING_TEXTS = """
     #div/0! #¡div/0! #n/a #nv #n/d #wert! #value! #valeur! #¡valor! #ref! #bezug! #num! #zahl! #null! #name?
 """
 _MISSING = frozenset(["", *_MISSING_TEXTS.split()])
-# Spellings met in long files, looked up as they stand; any other goes through the strict path.
+# Spellings met in long files, looked up unchanged; any other goes through the strict path.
 MISSING_AS_WRITTEN = _MISSING | {mark.upper() for mark in _MISSING} | {"NaN", "Null", "None"}
 
 
@@ -52,7 +52,7 @@ def parse_number(text: str, decimal: Decimal) -> float | None:
 
 
 def is_missing(text: str) -> bool:
-    """Tell whether a cell says "no value": empty, a dash, ``n/a``, ``NaN`` or a spreadsheet's error mark.
+    """Whether a cell means "no value": empty, a dash, ``n/a``, ``NaN`` or a spreadsheet's error mark.
 
     A unicode minus counts as the plain one, as it does in a number.
 
@@ -135,7 +135,7 @@ def _strict_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.
 
 @dataclass(slots=True)
 class Evidence:
-    """What the cells seen so far say about the decimal mark.
+    """Evidence on the decimal mark from the cells read so far.
 
     ``counts`` has the keys "point" and "comma" (cells that are numbers under that reading alone) and "either"
     (cells that are two different numbers); ``first`` holds one such cell each as (line, column number, text);

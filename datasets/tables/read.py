@@ -1,6 +1,5 @@
 """A text file or workbook -> columns, with no knowledge of what they mean."""
 
-import difflib
 import hashlib
 import os
 from collections.abc import Callable
@@ -11,20 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import DataError, UsageError
+from ...core.suggestions import did_you_mean
 from .body import Body, weigh_decimal
 from .decode import encoding_of, load_bytes
 from .dialect import Dialect, TextSource, split_line, text_source
 from .gather import Column, gather_columns
 from .layout import Layout, find_layout
 from .numerals import Decimal, is_missing, is_number
-from .workbook import Sheet, is_workbook, read_sheets
+from .workbook import WorkbookSheet, is_workbook, read_sheets
 
 __all__ = ["Column", "Table", "no_units", "read_table"]
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    r"""What a file holds.
+    r"""Contents of a file.
 
     Parameters
     ----------
@@ -73,19 +73,17 @@ class Table:
         found = [column for column in self.columns if column.name == name]
         if len(found) > 1:
             places = " or ".join(f"col{column.number}" for column in found)
-            raise UsageError(f"{self.path.name} has {len(found)} columns named {name!r}. Say which: {places}.")
+            raise UsageError(f"{self.path.name} has {len(found)} columns named {name!r}. Give one of {places}.")
         found = found or [column for column in self.columns if f"col{column.number}" == name]
         if found:
             return found[0]
         names = [column.name for column in self.columns]
-        folded = {known.casefold(): known for known in names}
-        near = difflib.get_close_matches(name.casefold(), folded, n=1)
-        hint = f"Did you mean {folded[near[0]]!r}?" if near else f"Its columns are {', '.join(map(repr, names))}."
+        hint = did_you_mean(name, names, cutoff=0.6, names="Its columns are ")
         raise UsageError(f"{self.path.name} has no column {name!r}. {hint}")
 
 
 def no_units(text: str) -> bool:
-    """Hold no text for a unit: the default of `read_table`, finding units rows by brackets only.
+    """False for every text: the default of `read_table`, which finds units rows by brackets only.
 
     >>> no_units("mm")
     False
@@ -103,15 +101,15 @@ def read_table(
 ) -> Table:
     r"""Read a delimited text file or an .xlsx workbook.
 
-    Encoding, delimiter, decimal mark, preamble, header, units row and footer are found; what cannot be told
-    apart is refused.
+    Encoding, delimiter, decimal mark, preamble, header, units row and footer are found; an ambiguous
+    file is refused.
 
     Parameters
     ----------
     path : str or path
         A text file in UTF-8, UTF-16 or Windows-1252, or a workbook, whatever its extension.
     is_unit : callable
-        Tells whether a cell's text is a unit; a row of such cells below the header is the units row.
+        Whether a cell's text is a unit; a row of such cells below the header is the units row.
     decimal : {"point", "comma"}, optional
         The decimal mark; by default the cells decide.
     delimiter : str, optional
@@ -134,10 +132,10 @@ def read_table(
 
     """
     if decimal not in (None, "point", "comma"):
-        raise UsageError(f"--decimal {decimal!r} is not a decimal mark: say point or comma.")
+        raise UsageError(f"--decimal {decimal!r} is not a decimal mark: give point or comma.")
     path = Path(path)
     data = load_bytes(path)
-    source: TextSource | Sheet
+    source: TextSource | WorkbookSheet
     if is_workbook(data, path.name):
         source, layout, notes, warnings = _from_workbook(data, path.name, sheet, is_unit)
     elif sheet is not None:
@@ -163,7 +161,7 @@ def read_table(
 
 def _from_workbook(
     data: bytes, name: str, title: str | None, is_unit: Callable[[str], bool]
-) -> tuple[Sheet, Layout, list[tuple[int, str]], list[str]]:
+) -> tuple[WorkbookSheet, Layout, list[tuple[int, str]], list[str]]:
     """Take the first sheet that holds a table, with a note naming the others."""
     sheets, titles = read_sheets(data, name, title)
     refusals: list[DataError] = []

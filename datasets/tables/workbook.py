@@ -1,6 +1,5 @@
 """An Excel workbook -> rows of cells."""
 
-import difflib
 import io
 import warnings
 import zipfile
@@ -8,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...core.errors import DataError, UsageError
+from ...core.suggestions import did_you_mean
 from .numerals import Cell
 
 _OLE = b"\xd0\xcf\x11\xe0"
@@ -15,10 +15,10 @@ _CURE = "Save it as .xlsx or .csv."
 
 
 @dataclass(frozen=True, slots=True)
-class Sheet:
+class WorkbookSheet:
     """The rows of one sheet; numbers stay numbers, all else is text.
 
-    >>> list(Sheet("a.xlsx", "Data", (("V",), (100.0,))))
+    >>> list(WorkbookSheet("a.xlsx", "Data", (("V",), (100.0,))))
     [(1, ('V',)), (2, (100.0,))]
     """
 
@@ -33,7 +33,7 @@ class Sheet:
     def as_written(self, numbers: set[int]) -> dict[int, str]:
         """Give rows by number as text, filled cells joined by a blank.
 
-        >>> Sheet("a.xlsx", "Data", (("Test", "", "5"),)).as_written({1})
+        >>> WorkbookSheet("a.xlsx", "Data", (("Test", "", "5"),)).as_written({1})
         {1: 'Test 5'}
         """
         return {n: " ".join(str(cell) for cell in self.rows[n - 1] if cell != "") for n in sorted(numbers)}
@@ -70,7 +70,7 @@ def is_workbook(data: bytes, name: str) -> bool:
     return ends_in_xlsx or "xl/workbook.xml" in members
 
 
-def read_sheets(data: bytes, name: str, sheet: str | None) -> tuple[Iterator[Sheet], tuple[str, ...]]:
+def read_sheets(data: bytes, name: str, sheet: str | None) -> tuple[Iterator[WorkbookSheet], tuple[str, ...]]:
     """Open a workbook.
 
     Returns
@@ -100,11 +100,10 @@ def read_sheets(data: bytes, name: str, sheet: str | None) -> tuple[Iterator[She
     if not titles:
         raise DataError(f"{name} holds no sheet of cells. {_CURE}")
     if sheet is not None and sheet not in titles:
-        near = difflib.get_close_matches(sheet, titles, n=1)
-        hint = f"Did you mean {near[0]!r}?" if near else f"Its sheets are {', '.join(map(repr, titles))}."
+        hint = did_you_mean(sheet, titles, cutoff=0.6, names="Its sheets are ")
         raise UsageError(f"{name} has no sheet {sheet!r}. {hint}")
     wanted = titles if sheet is None else (sheet,)
-    return (Sheet(name, title, _rows(book, title, name)) for title in wanted), titles
+    return (WorkbookSheet(name, title, _rows(book, title, name)) for title in wanted), titles
 
 
 def _rows(book: object, title: str, name: str) -> tuple[tuple[Cell, ...], ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.errors import UsageError
 from ...core.version import __version__
-from ...datasets.bundles import bundled
+from ...datasets.sets import bundled
 from ..file import ParameterFile, sealed
 
 Reading = Literal["inverse", "regression"]

@@ -1,23 +1,20 @@
-"""Pictures of what was measured: rows of a cutting test, and a record."""
-
-from typing import TYPE_CHECKING
+"""Figures of rows of cutting tests and of a record, registered per class."""
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..core.display import with_unit
+from ..core.display import plot, with_unit
 from ..core.plotting import BLUE, GREY, ORANGE, new_axes
+from .records.record import Record
+from .runs import Runs
 
-if TYPE_CHECKING:
-    from .records.record import Record
-    from .runs import Runs
-
-RESPONSES = ("AW", "VB", "P", "Fxz", "Fc", "F", "Fx", "I", "Ra")  # drawn where there are several: the first of these
-MOST_EDGES = 60  # lines; more are points
+RESPONSES = ("AW", "VB", "P", "Fxz", "Fc", "F", "Fx", "I", "Ra")  # the first of these that the file has is drawn
+MOST_EDGES = 60  # drawn as lines; more edges are drawn as points
 
 
-def runs_picture(runs: "Runs", ax: Axes | None = None) -> Axes:
-    """A response over time, edge by edge; without a time over the first factor."""
+@plot.register
+def runs_figure(runs: Runs, ax: Axes | None = None) -> Axes:
+    """A response against time, one line per edge; without a time column against the first factor."""
     ax = new_axes(ax)
     numbers = [name for name in runs.units if name in runs.data]
     y = next((name for name in RESPONSES if name in numbers), numbers[-1])
@@ -38,8 +35,9 @@ def runs_picture(runs: "Runs", ax: Axes | None = None) -> Axes:
     return ax
 
 
-def record_picture(rec: "Record", ax: Axes | None = None) -> Axes:
-    """Output over time, the input on an axis of its own; stretches are set apart."""
+@plot.register
+def record_figure(rec: Record, ax: Axes | None = None) -> Axes:
+    """Output and input against time on two axes; the stretches are separated by lines."""
     ax = new_axes(ax, 7.2, 3.6)
     time = rec.sample_time * np.arange(len(rec))
     ax.plot(time, rec.y, color=BLUE, lw=1.0)

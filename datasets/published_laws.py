@@ -1,4 +1,4 @@
-"""Laws as the papers print them, to set beside a refit of the same tool and work."""
+"""Laws as printed in the papers, for comparison with a fit to the same tool and work."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ class PublishedLaw:
     response : str
         Symbol; ``factor`` of an exponential law in ``factor``.
     coefficients : mapping
-        As the project names them: c0 and exponents, a and b, or A, B and k1.
+        By the names of this project: c0 and exponents, a and b, or A, B and k1.
     standard_error : float or None
         Residual standard error as printed.
     source : str
@@ -41,9 +41,9 @@ class PublishedLaw:
     factor: str = field(default="")
 
     def predict(self, factors: Mapping[str, ArrayLike]) -> NDArray[np.float64] | None:
-        """The printed law at these factors; None for a form it is not defined for, or a missing factor.
+        """Values of the printed law at these factors; None for another form or a missing factor.
 
-        >>> law = published("", "Ck 45", "Ra", "exponential")
+        >>> law = published_law("", "Ck 45", "Ra", "exponential")
         >>> law.predict({"F": [448.06]}).round(3).tolist()
         [1.102]
         """
@@ -72,12 +72,12 @@ PUBLISHED = (
 )  # fmt: skip
 
 
-def published(tool: str, work: str, response: str, form: str) -> PublishedLaw | None:
-    """The printed law of this pair and response, or None.
+def published_law(tool: str, work: str, response: str, form: str) -> PublishedLaw | None:
+    """The printed law of this tool, work, response and form, or None.
 
     Examples
     --------
-    >>> published("GC435", "709M40 (En 19)", "AW", "power").coefficients["V"]
+    >>> published_law("GC435", "709M40 (En 19)", "AW", "power").coefficients["V"]
     0.577
     """
     for law in PUBLISHED:

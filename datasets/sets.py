@@ -1,24 +1,66 @@
-"""Real measurements by name: a local copy, or a download of which every byte is known."""
+"""Data sets by name: those bundled with the package, and public measurements that are downloaded and verified."""
 
 import os
 from collections.abc import Iterable
-from difflib import get_close_matches
 from hashlib import sha256
+from importlib.resources import files
 from pathlib import Path
 
 from ..core.errors import DataError, UsageError
+from ..core.suggestions import did_you_mean
 from .public_sets import SETS, PublicFile, PublicSet
+
+
+def bundled_names() -> tuple[str, ...]:
+    """Names of the bundled sets, in alphabetical order.
+
+    >>> from fitmodels.datasets.sets import bundled_names
+    >>> "gc435_709m40" in bundled_names()
+    True
+    """
+    return tuple(sorted(f.name for f in _folder().iterdir() if (f / "data.csv").is_file()))
+
+
+def bundled(name: str) -> Path:
+    """Path of a bundled set's data.csv; the README.md in the same folder gives source, units and known problems.
+
+    Parameters
+    ----------
+    name : str
+        one of `bundled_names()`
+
+    Raises
+    ------
+    UsageError
+        The name is not bundled; the message proposes the closest one.
+
+    Examples
+    --------
+    >>> from fitmodels.datasets.sets import bundled
+    >>> bundled("ac2017_table1").name
+    'data.csv'
+
+    """
+    known = bundled_names()
+    if name not in known:
+        raise UsageError(f"no bundled data set {name!r}. {did_you_mean(name, known, names='There are ')}")
+    return _folder() / name / "data.csv"
+
+
+def _folder() -> Path:
+    return Path(str(files(__package__)))
+
 
 LOCAL = "FITMODELS_DATA"  # the environment variable that names a folder of such sets
 SHORT = 160  # letters
 
 
 def fetch(name: str, folder: str | os.PathLike[str] | None = None) -> Path:
-    """Folder of a set of real measurements, every file of it as it was published.
+    """Folder of a set of real measurements, whose files are verified to be as published.
 
     A copy in the folder that ``FITMODELS_DATA`` names is taken first; otherwise the files are downloaded once, through
     pooch (``pip install 'fitmodels[fetch]'``), and kept. Sets that were put together or converted from what is
-    published cannot be downloaded, and say from what they were made.
+    published cannot be downloaded, and the error names their sources.
 
     Parameters
     ----------
@@ -37,7 +79,7 @@ def fetch(name: str, folder: str | os.PathLike[str] | None = None) -> Path:
     UsageError
         There is no such set.
     DataError
-        No copy is here and none can be had, or a file is not what was published: what, from where, and what to do.
+        There is no local copy and no download, or a file differs from the published one; the message gives the remedy.
 
     Examples
     --------
@@ -45,12 +87,10 @@ def fetch(name: str, folder: str | os.PathLike[str] | None = None) -> Path:
     >>> datasets.fetch("nasa_millling")
     Traceback (most recent call last):
     ...
-    fitmodels.core.errors.UsageError: no set of measurements 'nasa_millling'; did you mean 'nasa_milling'?
+    fitmodels.core.errors.UsageError: no set of measurements 'nasa_millling'. Did you mean 'nasa_milling'?
     """
     if name not in SETS:
-        near = get_close_matches(name, SETS, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(SETS)}."
-        raise UsageError(f"no set of measurements {name!r}; {hint}")
+        raise UsageError(f"no set of measurements {name!r}. {did_you_mean(name, SETS, names='There are ')}")
     wanted = SETS[name]
     places = [Path(root) / name for root in (os.environ.get(LOCAL), folder) if root]
     here = next((place for place in places if _all_there(place, wanted.files)), None)
@@ -59,7 +99,7 @@ def fetch(name: str, folder: str | os.PathLike[str] | None = None) -> Path:
     if wanted.made:
         raise DataError(
             f"{name} ({wanted.what}) was {wanted.made}, so it cannot be downloaded (licence: {wanted.licence}). Set "
-            f"{LOCAL} to a folder that holds {_listed(name, wanted.files)}."
+            f"{LOCAL} to a folder that holds {_listed_files(name, wanted.files)}."
         )
     return _downloaded(name, wanted, folder)
 
@@ -70,8 +110,8 @@ def _downloaded(name: str, wanted: PublicSet, folder: str | os.PathLike[str] | N
         import pooch  # type: ignore[import-untyped, import-not-found, unused-ignore]
     except ModuleNotFoundError:
         raise DataError(
-            f"{name} is not here and pooch, which downloads it, is not installed: pip install 'fitmodels[fetch]', or "
-            f"set {LOCAL} to a folder that holds {_listed(name, wanted.files)}."
+            f"{name} has no local copy and pooch, the downloader, is not installed: pip install 'fitmodels[fetch]', "
+            f"or set {LOCAL} to a folder that holds {_listed_files(name, wanted.files)}."
         ) from None
     place = Path(pooch.os_cache("fitmodels") if folder is None else folder) / name
     for file in wanted.files:
@@ -79,8 +119,9 @@ def _downloaded(name: str, wanted: PublicSet, folder: str | os.PathLike[str] | N
             pooch.retrieve(file.url, known_hash=f"sha256:{file.sha256}", fname=file.name, path=place)
         except (OSError, ValueError) as error:  # no network, no such address (of requests: OSError), or other bytes
             raise DataError(
-                f"{name} ({wanted.what}; licence: {wanted.licence}) cannot be had from {file.url}: {_short(error)}. "
-                f"Try again, or get it by hand and set {LOCAL} to a folder that holds {_listed(name, wanted.files)}."
+                f"{name} ({wanted.what}; licence: {wanted.licence}) cannot be downloaded from {file.url}: "
+                f"{_short(error)}. Try again, or download it manually and set {LOCAL} to a folder that holds "
+                f"{_listed_files(name, wanted.files)}."
             ) from None
     return place
 
@@ -100,12 +141,12 @@ def _checked(place: Path, files: Iterable[PublicFile]) -> Path:
     return place
 
 
-def _listed(name: str, files: Iterable[PublicFile]) -> str:
+def _listed_files(name: str, files: Iterable[PublicFile]) -> str:
     *rest, last = [f"{name}/{file.name}" for file in files]
     return f"{', '.join(rest)} and {last}" if rest else last
 
 
 def _short(error: Exception) -> str:
-    """What a library says in a line, or, where that is long, what kind of error it is."""
-    said = str(error).strip()
-    return said.rstrip(".") if 0 < len(said) <= SHORT and "\n" not in said else type(error).__name__
+    """Message of an error in one line, or its type where the message is long."""
+    message = str(error).strip()
+    return message.rstrip(".") if 0 < len(message) <= SHORT and "\n" not in message else type(error).__name__
