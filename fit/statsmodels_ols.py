@@ -97,7 +97,7 @@ def ols_results(law: Fitted) -> Any:  # noqa: ANN401  statsmodels has no types
     """
     import statsmodels.formula.api as smf
 
-    formula, table = _formula(law)
+    formula, table, _ = _formula(law)
     model = smf.ols(formula, table)
     groups = _groups(law)
     if groups is None or isinstance(law.edges, NotAvailable):
@@ -122,13 +122,14 @@ def compare_statsmodels(law: Fitted) -> StatsmodelsComparison:
         results = ols_results(law)
     except FitError as error:
         return StatsmodelsComparison(law.formula.response, version, {}, {"the law": str(error).rstrip(".")})
+    names = _formula(law)[2]  # statsmodels puts the category before the factors
     bse = np.sqrt(np.diag(law.covariance()))
     by_edge = not isinstance(law.edges, NotAvailable)
     name = "standard errors by edge" if by_edge else "standard errors, rows independent"
-    differences = {"coefficients": _largest(results.params - law.theta, np.maximum(np.abs(law.theta), bse))}
+    differences = {"coefficients": _largest(results.params[names] - law.theta, np.maximum(np.abs(law.theta), bse))}
     missing = {}
     if law.df_resid > 0 and np.isfinite(bse).all() and (bse > 0).all():
-        differences[name] = _largest(results.bse - bse, bse)
+        differences[name] = _largest(results.bse[names] - bse, bse)
     else:
         missing[name] = law.no_interval or "the fit is exact"
     if by_edge:
@@ -149,12 +150,14 @@ def _formula(law: Fitted) -> tuple[str, pd.DataFrame]:
     table = pd.DataFrame(np.asarray(rows.X), columns=list(law.formula.factors))
     table[law.formula.response] = rows.observed
     terms = [f"np.log({name})" if law.formula.log_factors else name for name in law.formula.factors]
+    names = ["Intercept", *terms]
     if law.by is not None:
         levels = np.array([law.by.reference, *law.by.levels], dtype=object)
         table[COLUMN] = levels[np.hstack([1 - rows.shifts.sum(axis=1, keepdims=True), rows.shifts]).argmax(axis=1)]
         terms.append(f"C({COLUMN}, Treatment({law.by.reference!r}))")
+        names += [f"{terms[-1]}[T.{level}]" for level in law.by.levels]
     left = f"np.log({law.formula.response})" if law.formula.logarithmic else law.formula.response
-    return f"{left} ~ {' + '.join(terms)}", table
+    return f"{left} ~ {' + '.join(terms)}", table, names
 
 
 def _groups(law: Fitted) -> NDArray[np.intp] | None:
