@@ -1,39 +1,59 @@
-"""fitmodels: small empirical models of machining, fitted from a laboratory's own files.
+"""Small empirical models of machining, fitted from a laboratory's own files.
 
-The rooms, in the order the data walk through them::
+``analyse`` is the main job in one call. The packages, in the order of the data::
 
-    datasets    what was measured       a lab file -> columns and units -> Runs
-    fit         static laws             power, exponential and load laws
-    ident       dynamics                records -> models that simulate, PI gains
-    parameters  what is handed over     the parameter file: write, read, predict, export
-    controllers who uses it             replayed from a parameter file alone
-    cards       what is told            figures and the model card
-    batch       a shop of pairs         thousands of them, on one machine or a cluster
+    datasets     a laboratory's file -> columns, units, runs
+    fit          static laws: power, exponential and load laws, checks, posteriors
+    ident        dynamics: records -> models that simulate, PI gains
+    parameters   the parameter file: write, read, predict, export
+    controllers  controllers made from a parameter file, and their simulations
+    cards        figures and the model card
+    pipeline     the main job: tests -> laws, checks, posteriors, parameter file
+    batch        thousands of pairs, on one machine or a cluster
 
-A room is imported when it is first used, so that ``import fitmodels`` costs next to nothing.
+A package is imported when it is first used.
 
 >>> import fitmodels
->>> fitmodels.fit.power_law  # doctest: +ELLIPSIS
-<function power_law at ...>
+>>> analysis = fitmodels.analyse(fitmodels.datasets.bundled("ac2017_table1"), draws=1000)
+>>> [law.response for law in analysis.laws]
+['AW', 'Fxz', 'P']
 """
 
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from .core.version import __version__
 
 if TYPE_CHECKING:
-    from . import batch, cards, controllers, datasets, fit, ident, parameters
+    from . import batch, cards, controllers, datasets, fit, ident, parameters, pipeline
+    from .core.errors import FitmodelsError
+    from .pipeline import Analysis, FitOptions, analyse
 
-__all__ = ["__version__", "batch", "cards", "controllers", "datasets", "fit", "ident", "parameters"]
+__all__ = [
+    "Analysis",
+    "FitOptions",
+    "FitmodelsError",
+    "__version__",
+    "analyse",
+    "batch",
+    "cards",
+    "controllers",
+    "datasets",
+    "fit",
+    "ident",
+    "parameters",
+    "pipeline",
+]
+
+_MODULES = {"Analysis": "pipeline", "FitOptions": "pipeline", "FitmodelsError": "core.errors", "analyse": "pipeline"}
 
 
-def __getattr__(name: str) -> ModuleType:
-    if name in __all__:
-        return import_module(f".{name}", __name__)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def __getattr__(name: str) -> object:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = import_module(f".{_MODULES.get(name, name)}", __name__)
+    return getattr(module, name) if name in _MODULES else module
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return list(__all__)

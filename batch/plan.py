@@ -1,10 +1,11 @@
-"""What is to be done: which pairs a source holds, where their rows stand, and blocks of pairs that one task fits."""
+"""The plan of a batch: the pairs of a source, where their rows are, blocks of pairs, and the options of the fits."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 from ..core.display import Display, Displayable, facts_of
 from ..datasets.columns import ColumnUse
+from ..pipeline.options import FitOptions, ReadOptions
 
 
 @dataclass(frozen=True, slots=True, order=True, repr=False)
@@ -25,35 +26,53 @@ class Pair(Displayable):
         return Display(str(self))
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Reading(Displayable):
-    """How a source is read, as `datasets.read_runs` takes it; ``groups`` are columns that group the pairs.
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Reading(ReadOptions):
+    """How a source is read, and which of its columns group the pairs.
 
     Attributes
     ----------
-    map, units : mapping of str to str
-    ranges : mapping of str to tuple of float
-        For files with coded levels.
-    tool, work : str or None
-        Names of the pair, where the source does not hold them.
-    decimal, delimiter, sheet : str or None
+    map, units, ranges, tool, work, decimal, delimiter, sheet
+        As in `ReadOptions`.
     groups : tuple of str
-        Headers of columns without a role that say what a pair belongs to: its grade, its coolant.
+        Headers of columns that name a group of the pair: its grade, its coolant.
     """
 
-    map: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    ranges: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    tool: str | None = None
-    work: str | None = None
-    decimal: str | None = None
-    delimiter: str | None = None
-    sheet: str | None = None
     groups: tuple[str, ...] = ()
 
     def _display(self) -> Display:
         facts = tuple(facts_of(self))
-        return Display(", ".join(map(" ".join, facts)) or "as the source names its columns itself", facts)
+        return Display(", ".join(map(" ".join, facts)) or "columns as the source names them", facts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class BatchOptions(FitOptions):
+    """Options of the fits of a batch, and which files are made of each pair.
+
+    Attributes
+    ----------
+    files : bool
+        A parameter file for each pair, with checks and posterior, besides its row in the table.
+    keep_draws : bool
+        The draws of each posterior in a file too (about half a megabyte for each law).
+    command : str or None
+        Recorded in each parameter file.
+    """
+
+    files: bool = True
+    keep_draws: bool = False
+    command: str | None = None
+
+    @classmethod
+    def of(cls, options: FitOptions, **more: Any) -> "BatchOptions":  # noqa: ANN401
+        """The options of an analysis, with those of a batch; priors of a file by their content."""
+        shared = {one.name: getattr(options, one.name) for one in fields(FitOptions)}
+        return cls(**shared | {"priors": options.prior_tables()}, **more)
+
+    def facts(self, reading: Reading) -> dict[str, Any]:
+        """All that the numbers of a pair depend on besides its rows, for the key of its record."""
+        facts = asdict(self) | {"reading": asdict(reading)}
+        return {name: value for name, value in facts.items() if name != "command"}
 
 
 @dataclass(frozen=True, slots=True)

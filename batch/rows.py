@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from hashlib import sha256
 
 import numpy as np
 import pandas as pd
@@ -11,13 +10,14 @@ from numpy.typing import NDArray
 from ..datasets import Runs
 from ..datasets.columns import ColumnUse
 from ..datasets.runs import Source, disclaimers
+from ..pipeline.reading import digest
 from .plan import Pair
 
 NO_LINES = "Parquet"  # dialect of a source whose rows have no lines: they are counted within their pair, from 1
 
 
 @dataclass(frozen=True, slots=True)
-class About:
+class PairSource:
     """What is told of a pair besides its rows, where it comes from lab files: as `Runs` of its own file has it."""
 
     source: Source
@@ -27,7 +27,7 @@ class About:
     notes: tuple[str, ...]
 
     @classmethod
-    def of(cls, runs: Runs) -> "About":
+    def of(cls, runs: Runs) -> "PairSource":
         """Of the runs of a pair."""
         return cls(runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes)
 
@@ -48,7 +48,7 @@ class Rows:
     source : Source
         Of the rows of one lab file or several; for Parquet its ``sha256`` is empty and is taken of each pair's rows.
     assumed, warnings, notes : tuple of str
-    of_pair : mapping of Pair to About
+    of_pair : mapping of Pair to PairSource
         Source, columns, assumed, warnings and notes of pairs that have their own; the others have those above.
     """
 
@@ -60,7 +60,7 @@ class Rows:
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    of_pair: Mapping[Pair, About] = field(default_factory=dict)
+    of_pair: Mapping[Pair, PairSource] = field(default_factory=dict)
 
     def simulated(self, pair: Pair) -> bool:
         """Whether the notes of a pair say that its rows are no measurements."""
@@ -84,30 +84,9 @@ class Rows:
         about = self.of_pair.get(pair)
         if about is None:
             source = Source(self.source.name, self.source.sha256 or digest(data), len(data), self.source.dialect)
-            about = About(source, self.columns, self.assumed, self.warnings, self.notes)
+            about = PairSource(source, self.columns, self.assumed, self.warnings, self.notes)
         lines = np.arange(1, 1 + len(where)) if self.lines is None else self.lines[where]
         return pair, Runs(
             data, self.units, about.columns, lines, about.source, pair.tool, pair.work,
             about.assumed, about.warnings, about.notes,
         )  # fmt: skip
-
-
-def digest(data: pd.DataFrame) -> str:
-    """SHA-256 of rows that stand in no file of their own: names of the columns, then each column's values.
-
-    Numbers as IEEE 754 doubles, little-endian; texts as UTF-8 with a zero byte after each.
-
-    Examples
-    --------
-    >>> digest(pd.DataFrame({"V": [100.0], "tool": ["GC435"]}))[:12]
-    '041a98c4fd2f'
-    """
-    made = sha256()
-    for name in data:
-        made.update(f"{name}\0".encode())
-        values = data[name]
-        if pd.api.types.is_numeric_dtype(values):
-            made.update(values.to_numpy(dtype="<f8", na_value=np.nan).tobytes())
-        else:
-            made.update("".join(f"{value}\0" for value in values).encode())
-    return made.hexdigest()

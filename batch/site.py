@@ -10,7 +10,7 @@ from ..cards.publishing import TITLE, PublicationReport, publish
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
 from .engine import Meter
-from .result.records import PAIRS
+from .records import PAIRS
 
 SITE = "site"
 TOML = "card.toml"

@@ -1,22 +1,151 @@
-"""Outcomes of all blocks become the tables and pictures of a batch."""
+"""The tables of a batch: results by pair and law, attention, comparison, as frames and as CSV with all digits."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from pydantic_core import to_json
 
 from ..core.progress import grouped
-from .blocks_done import Done
-from .law_table import below_each_other, numbered_anew
-from .outcome import BlockOutcome, PairOutcome
+from ..datasets.vocabulary import ROLES
+from .attention import Attention, attention_frame, attention_summary, with_families
+from .comparison import Comparison, compare
+from .law_rows import (
+    AFTER,
+    BEFORE,
+    LAW,
+    PAIR,
+    PARAMETER,
+    PARTS,
+    flags,
+    group_column,
+    joined_tables,
+    law_table,
+    renumbered,
+    texts,
+)
+from .outcomes import BlockOutcome, PairOutcome, cell
+from .output_folder import claim, claimed, holds, put, retire
+from .pair_table import unknown_pairs, with_groups
 from .plan import Plan
-from .result.attention import Attention, attention_frame, attention_summary, with_families
-from .result.comparison import Comparison, compare
-from .result.place import claim, claimed, holds, put, retire
-from .result.read_pairs import unknown_pairs, with_groups
-from .result.table import csv_bytes, results_frame
+
+_FORMULA = re.compile(r"'*[=+\-@\t\r].", re.DOTALL)  # what a spreadsheet would compute
+_QUOTED = re.compile(r'[,"\n\r]')
+
+
+def results_frame(outcomes: Sequence[PairOutcome], laws: pd.DataFrame, groups: Sequence[str] = ()) -> pd.DataFrame:
+    """Give a row for each pair and law; a pair without any law keeps a row with its reason.
+
+    Parameters
+    ----------
+    outcomes : sequence of PairOutcome
+    laws : DataFrame
+        As `law_table`, a pair by its number among the outcomes.
+    groups : sequence of str
+        Headers of the columns that group the pairs; they are told as `group_column` says.
+
+    Returns
+    -------
+    DataFrame
+        ``tool, work``, the groups, ``response, form, unit, reason``; the law as a whole; each parameter with its
+        errors and interval, in the order c0, V, f, d, t; the posterior; what was left out and why. Whole numbers
+        are Int64, flags boolean, missing numbers NA or NaN, missing texts empty.
+
+    Examples
+    --------
+    >>> laws = law_table([(0, {"response": "AW", "reason": "", "nobs": 144, "params_V": 0.577})])
+    >>> none = PairOutcome("GC435", "brass", 2, reason="2 rows")
+    >>> made = results_frame([PairOutcome("GC435", "709M40", 144), none], laws)
+    >>> made[["work", "nobs", "params_V", "reason"]].to_dict("list")
+    {'work': ['709M40', 'brass'], 'nobs': [144, 2], 'params_V': [0.577, nan], 'reason': ['', '2 rows']}
+    """
+    there = np.zeros(len(outcomes), dtype=bool)
+    there[laws[PAIR].to_numpy()] = True
+    without = [(i, outcomes[i]) for i in np.flatnonzero(~there).tolist()]
+    none = law_table((i, {**dict.fromkeys(LAW), "nobs": one.nobs, "reason": one.reason}) for i, one in without)
+    table = joined_tables([laws, none] if without else [laws])
+    pair = table[PAIR].to_numpy()
+    of_pairs = {"tool": [one.tool for one in outcomes], "work": [one.work for one in outcomes]}
+    of_pairs |= {group_column(header): [one.groups.get(header, "") for one in outcomes] for header in groups}
+    columns = {name: texts(np.array(values, dtype=object)[pair]) for name, values in of_pairs.items()}
+    simulated = flags(np.array([one.simulated for one in outcomes], dtype=bool)[pair])
+    table = table.assign(simulated=simulated)
+    names = (*LAW, *_in_order(set(map(str, table)) - {PAIR}))
+    return pd.DataFrame(columns | {name: table[name] for name in names})
+
+
+def csv_bytes(frame: pd.DataFrame) -> bytes:
+    r"""Give a frame as CSV: UTF-8, a line feed after each row, every digit of a number, nothing where it is missing.
+
+    A text that a spreadsheet would take for a formula (``=2+3``, ``-x``) gets an apostrophe before it, as names come
+    from files of other people. Numbers below zero stay as they are.
+
+    Examples
+    --------
+    >>> csv_bytes(pd.DataFrame({"tool": ["=2+3", "a,b"], "nobs": [12, 9], "low_V": [-0.25, None]}))
+    b'tool,nobs,low_V\n\'=2+3,12,-0.25\n"a,b",9,\n'
+    """
+    columns = [[_text(str(name)), *_cells(frame[name])] for name in frame]
+    return ("\n".join(map(",".join, zip(*columns, strict=True))) + "\n").encode(errors="replace")
+
+
+def _in_order(names: set[str]) -> list[str]:
+    """Columns of laws in an order that does not depend on which law came first."""
+    known = [name for name in BEFORE if name in names]
+    ends = [name for name in AFTER if name in names]
+    told = {name: found for name in names if (found := PARAMETER.fullmatch(name)) and name not in (*BEFORE, *AFTER)}
+    parameters = sorted(told, key=lambda name: (*_rank(told[name][2]), PARTS.index(told[name][1])))
+    rest = names - {*LAW, *known, *ends, *parameters}
+    posterior = sorted((name for name in rest if name.startswith("posterior")), key=_rank_of_posterior)
+    return [*known, *parameters, *posterior, *ends, *sorted(rest - {*posterior})]
+
+
+def _rank(parameter: str) -> tuple[int, str]:
+    """c0, then the roles in the order in which tables tell them, then others by name."""
+    first = ["c0", *ROLES]
+    return (first.index(parameter) if parameter in first else len(first), parameter)
+
+
+def _rank_of_posterior(name: str) -> tuple[int, str, int]:
+    """By parameter: ``posterior_V``, then ``posterior_sd_V``."""
+    return (*_rank(name.removeprefix("posterior_").removeprefix("sd_")), len(name))
+
+
+def _cells(values: pd.Series) -> list[str]:
+    if values.dtype == np.float64:
+        return _floats(values.to_numpy())
+    cells = values.tolist()
+    if values.dtype == "Int64":
+        return ["" if value is pd.NA else str(value) for value in cells]
+    told_once = {text: _text(text) for text in {value for value in cells if isinstance(value, str)}}
+    return [told_once[value] if isinstance(value, str) else _number(value) for value in cells]
+
+
+def _floats(values: NDArray[np.float64]) -> list[str]:
+    """As ``repr`` writes them, ten times as fast: versions of pydantic differ only in how they write a power of ten."""
+    size = np.abs(values)
+    usual = (values == 0) | ((size >= 1e-4) & (size < 1e16))
+    told = to_json(values[usual].tolist())[1:-1].decode().split(",")
+    texts = np.full(len(values), "", dtype=object)
+    texts[usual] = told if usual.any() else []
+    for i in np.flatnonzero(~usual & ~np.isnan(values)).tolist():
+        texts[i] = repr(float(values[i]))
+    return texts.tolist()
+
+
+def _number(value: object) -> str:
+    plain = cell(value)
+    return "" if plain is None else repr(plain) if isinstance(plain, float) else str(plain)
+
+
+def _text(value: str) -> str:
+    safe = f"'{value}" if _FORMULA.match(value) else value
+    return f'"{safe.replace(chr(34), chr(34) * 2)}"' if _QUOTED.search(safe) else safe
+
 
 PART = "Part of the source could not be read: a pair that has rows there too was fitted without them."
 FIGURES = "figures/"
@@ -43,16 +172,16 @@ class Tables:
         }
 
 
-def tables_of(plan: Plan, done: Done, about: pd.DataFrame | None) -> Tables:
-    """Gather the tables of a batch; ``about`` says what pairs belong to."""
-    outcomes = [pair for block in done.outcomes for pair in block.pairs]
+def tables_of(plan: Plan, blocks: Sequence[BlockOutcome], about: pd.DataFrame | None) -> Tables:
+    """The tables of a batch; ``about`` is the table of pairs with their groups."""
+    outcomes = [pair for block in blocks for pair in block.pairs]
     warnings = [PART] if plan.unreadable else []
     if about is not None:
         strange = unknown_pairs(outcomes, about)
         warnings += [strange] if strange else []
         outcomes = list(with_groups(outcomes, about))
     groups = _groupings(outcomes, plan.reading.groups)
-    results = results_frame(outcomes, laws_of(done.outcomes), groups)
+    results = results_frame(outcomes, laws_of(blocks), groups)
     comparison = compare(results, groups)
     outcomes = with_families(outcomes, results, comparison.pairs)
     return Tables(
@@ -68,8 +197,8 @@ def tables_of(plan: Plan, done: Done, about: pd.DataFrame | None) -> Tables:
 def laws_of(blocks: Sequence[BlockOutcome]) -> pd.DataFrame:
     """The laws of all blocks, a pair by its number among the pairs of all."""
     first = np.cumsum([0, *(len(block.pairs) for block in blocks)])
-    return below_each_other([
-        numbered_anew(block.laws, np.arange(len(block.pairs)) + start)
+    return joined_tables([
+        renumbered(block.laws, np.arange(len(block.pairs)) + start)
         for block, start in zip(blocks, first, strict=False)
     ])  # fmt: skip
 
@@ -103,7 +232,7 @@ def _stand(out: Path, comparison: Comparison) -> bool:
 def _drawn(out: Path, tables: Tables) -> list[str]:
     if not len(tables.comparison.families):
         return []
-    from .result.draw import draw_comparison
+    from .figures import write_figures
 
     banner = f"{grouped(tables.simulated)} of these pairs simulated, not measured" if tables.simulated else ""
-    return [f"{FIGURES}{path.name}" for path in draw_comparison(tables.comparison, out / FIGURES, banner)]
+    return [f"{FIGURES}{path.name}" for path in write_figures(tables.comparison, out / FIGURES, banner)]

@@ -20,15 +20,12 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from fitmodels import batch
-from fitmodels.batch.blocks_done import blocks_done
 from fitmodels.batch.engine import Meter, engine
-from fitmodels.batch.plan import Reading
-from fitmodels.batch.result.place import folder_names, prepare, put
-from fitmodels.batch.result.table import csv_bytes, results_frame
+from fitmodels.batch.output_folder import folder_names, prepare, put
+from fitmodels.batch.plan import BatchOptions, Reading
+from fitmodels.batch.run_batch import MOST_PAIRS, fit_blocks
 from fitmodels.batch.source import open_source
-from fitmodels.batch.tables import laws_of
-from fitmodels.batch.whole_way import CAREFUL, QUICK
+from fitmodels.batch.tables import csv_bytes, laws_of, results_frame
 from many_laws import FACTORS, by_statsmodels, simulated
 
 AIM_LOOP, AIM_TWO = 20, 1.7
@@ -45,14 +42,12 @@ def write(pairs, path):
 
 def to_results(source, out, workers, files, most_pairs):
     """From Parquet to results.csv and the parameter files; seconds of the whole and of fitting, and the results."""
-    how = batch.How(files=files)
+    options = BatchOptions(files=files)
     begun = time.perf_counter()
-    with prepare(out, source.name, how, force=True):
+    with prepare(out, source.name, options, force=True):
         plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=out / ".batch" / "source")
-        done = blocks_done(plan, how, out, folder_names(plan.pairs) if files else {}, workers, Meter(0, "pairs"))
-        results = results_frame(
-            [pair for block in done.figures_by_plant for pair in block.pairs], laws_of(done.figures_by_plant)
-        )
+        done = fit_blocks(plan, options, out, folder_names(plan.pairs) if files else {}, workers, Meter(0, "pairs"))
+        results = results_frame([pair for block in done.outcomes for pair in block.pairs], laws_of(done.outcomes))
         put(out, "results.csv", csv_bytes(results))
     return time.perf_counter() - begun, done.seconds, results
 
@@ -72,8 +67,10 @@ def the_loop(source, out, pairs):
 
 def against_the_loop(source, folder, pairs, looped):
     with engine() as workers:
-        to_results(source, folder / "warm", workers, files=False, most_pairs=QUICK)
-        runs = [to_results(source, folder / "one", workers, files=False, most_pairs=QUICK) for _ in range(3)]
+        to_results(source, folder / "warm", workers, files=False, most_pairs=MOST_PAIRS[False])
+        runs = [
+            to_results(source, folder / "one", workers, files=False, most_pairs=MOST_PAIRS[False]) for _ in range(3)
+        ]
     whole, fitting, results = sorted(runs, key=lambda run: run[0])[1]
     read, looping, theirs = the_loop(source, folder, looped)
     loop = read + looping * pairs / looped
@@ -116,9 +113,9 @@ def main(pairs, looped, with_files):
         write(pairs, source)
         write(with_files, few)
         against_the_loop(source, folder, pairs, looped)
-        on_engines(source, folder, files=False, most_pairs=QUICK)
+        on_engines(source, folder, files=False, most_pairs=MOST_PAIRS[False])
         print(f"{with_files} pairs with parameter files")
-        on_engines(few, folder, files=True, most_pairs=CAREFUL)
+        on_engines(few, folder, files=True, most_pairs=MOST_PAIRS[True])
 
 
 if __name__ == "__main__":

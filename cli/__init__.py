@@ -1,6 +1,6 @@
-"""The command ``fitmodels``: reads arguments, calls the rooms, prints, and ends with an exit code.
+"""The command ``fitmodels``: parses arguments, calls the packages, prints, and ends with an exit code.
 
-0 done, 2 usage, 3 the data cannot be read or used, 4 a model cannot be fitted, 5 a quality gate failed.
+0 done, 2 usage, 3 the data cannot be read or used, 4 a model cannot be fitted, 5 a quality check failed.
 """
 
 import gc
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..core.version import __version__
 
-# Each command is a module of this room with ``parser()`` and ``run(args) -> exit code``.
+# Each command is a module of this package with ``parser()`` and ``run(args) -> exit code``.
 COMMANDS = (
     *("batch", "card", "check", "confirm", "excite", "export", "ident", "limits", "next", "plan", "predict", "publish"),
     *("replay", "settings", "simulate", "tune"),
@@ -22,9 +22,11 @@ DEFECT = 70
 
 
 def entry() -> int:
-    """Run the command as a process of its own, which is too short to be worth collecting garbage in."""
+    """Run the command as a process of its own, without garbage collection: the process is short."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # matrices are small: threads cost ten times what they save on a busy machine
+        os.environ.setdefault(
+            name, "1"
+        )  # small matrices: several threads cost ten times what they save on a busy machine
     gc.disable()  # the collector takes a tenth of the whole time, most of it while importing
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller, as in `fitmodels data.csv >&-`
@@ -64,33 +66,33 @@ def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
         code = int(run(args))
         sys.stdout.flush()
     except FitmodelsError as error:
-        return _say(str(error), error.exit_code)
-    except BrokenPipeError:  # the reader of the pipe has seen enough
+        return _fail(str(error), error.exit_code)
+    except BrokenPipeError:  # the reader of the pipe has closed it
         _drop_output()
         return 0
     except OSError as error:
         _drop_output()
-        return _say(f"{error.filename or 'the output'} cannot be written: {error.strerror or error}.", 2)
-    except KeyboardInterrupt as stop:  # a command may say what it keeps
-        return _say(str(stop) or "interrupted; nothing was left half-written.", 130)
+        return _fail(f"{error.filename or 'the output'} cannot be written: {error.strerror or error}.", 2)
+    except KeyboardInterrupt as stop:  # a command may state what it keeps
+        return _fail(str(stop) or "interrupted; no file is incomplete.", 130)
     except Exception as error:
         if os.environ.get("FITMODELS_TRACEBACK"):
             raise
-        return _say(
-            f"a defect of fitmodels, not of your data: {type(error).__name__}: {error}. "
-            "Set FITMODELS_TRACEBACK=1, run again and report what it prints.",
+        return _fail(
+            f"internal error of fitmodels, not of your data: {type(error).__name__}: {error}. "
+            "Set FITMODELS_TRACEBACK=1, run again and report the traceback.",
             DEFECT,
         )
     return code
 
 
 def _drop_output() -> None:
-    """Let nothing that is still to be printed fail again when the process ends."""
-    with suppress(OSError, ValueError):  # standard output is no file: nothing is left to print
+    """Redirect what is still to be printed, so that it does not fail again when the process ends."""
+    with suppress(OSError, ValueError):  # standard output is no file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _say(sentence: str, code: int) -> int:
+def _fail(sentence: str, code: int) -> int:
     from .output import complain
 
     complain(sentence)

@@ -1,22 +1,22 @@
-"""Parsing shared by the commands: help that leads with an example, and a did-you-mean on options."""
+"""Parsing shared by the commands: help that begins with an example, suggestions for misspelled options."""
 
 import argparse
 import shlex
 import sys
 from argparse import ArgumentTypeError
-from collections.abc import Iterable
-from difflib import get_close_matches
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..core.errors import UsageError
+from ..core.suggestions import closest
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose help starts with an example and whose complaints are one sentence."""
+    """A parser whose help begins with an example and whose errors are one sentence."""
 
     def __init__(self, prog: str, example: str, description: str) -> None:
         super().__init__(
@@ -28,17 +28,17 @@ class Parser(argparse.ArgumentParser):
         self.example = example
 
     def format_help(self) -> str:
-        """The example first, then what argparse has to say."""
+        """The example, then the help of argparse."""
         return f"example: {self.example}\n\n{super().format_help()}"
 
     def error(self, message: str) -> NoReturn:
-        """One sentence, with the option that was probably meant, and exit code 2."""
+        """Print one sentence, with the closest option, and end with exit code 2."""
         options = [option for action in self._actions for option in action.option_strings]
         for word in (word.rstrip(":") for word in message.split()):
-            if word.startswith("-") and word not in options and (near := nearest(word.split("=")[0], options)):
-                message += near
+            if word.startswith("-") and word not in options and (near := closest(word.split("=")[0], options, 0.6)):
+                message += f" (did you mean {near}?)"
                 break
-        sys.stderr.write(f"{self.prog}: {message}; {self.prog} -h says what there is.\n")
+        sys.stderr.write(f"{self.prog}: {message}; see '{self.prog} -h'.\n")
         raise SystemExit(2)
 
 
@@ -49,7 +49,7 @@ def seed(text: str) -> int:
     435
     """
     if not text.isdecimal():
-        raise ArgumentTypeError(f"{text} is no seed; give a whole number, 0 or more")
+        raise ArgumentTypeError(f"{text} is not a seed; give a whole number, 0 or more")
     return int(text)
 
 
@@ -60,25 +60,24 @@ def processes(text: str) -> int:
     4
     """
     if not text.isdecimal() or not 1 <= int(text) <= 256:
-        raise ArgumentTypeError(f"{text} is no number of processes; give 1 to 256")
+        raise ArgumentTypeError(f"{text} is not a number of processes; give 1 to 256")
     return int(text)
 
 
-def traced(pf: "ParameterFile", args: argparse.Namespace) -> dict[str, Any]:
-    """The provenance of a file with this command after those that made it, without folders and ``--force``."""
-    words = [Path(word).name if "/" in word else word for word in getattr(args, "words", ()) if word != "--force"]
+def typed(words: Sequence[str]) -> str:
+    """The command as it was typed.
+
+    >>> typed(["my data.csv", "--seed", "2"])
+    "fitmodels 'my data.csv' --seed 2"
+    """
+    return shlex.join(["fitmodels", *words])
+
+
+def traced(pf: "ParameterFile", typed_words: Sequence[str]) -> dict[str, Any]:
+    """The provenance of a file with this command added, without folders and ``--force``."""
+    words = [Path(word).name if "/" in word else word for word in typed_words if word != "--force"]
     then = (shlex.join(["fitmodels", *words]),) if words else ()
     return {**pf.provenance.model_dump(), "then": (*pf.provenance.then, *then)}
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """What was probably meant, to stand behind a complaint.
-
-    >>> nearest("recurson", ["region", "recursion"])
-    ' (did you mean recursion?)'
-    """
-    near = get_close_matches(word, list(known), 1, 0.6)
-    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def pairs(words: list[str] | None, option: str, example: str) -> dict[str, str]:
@@ -91,7 +90,7 @@ def pairs(words: list[str] | None, option: str, example: str) -> dict[str, str]:
     for word in words or []:
         key, equals, value = word.partition("=")
         if not (equals and key.strip() and value.strip()):
-            raise UsageError(f"{option} {word}: it is written as {example}.")
+            raise UsageError(f"{option} {word}: write it as {example}.")
         if key.strip() in out:
             raise UsageError(f"{option} {word}: {key.strip()} is given twice.")
         out[key.strip()] = value.strip()
@@ -112,6 +111,6 @@ def ranges(words: list[str] | None, option: str = "--range") -> dict[str, tuple[
             out[key] = ()
         if len(out[key]) not in (2, 3):
             raise UsageError(
-                f"{option} {key}={text}: it is low:high or low:centre:high, with decimal points, as V=50:200."
+                f"{option} {key}={text}: give low:high or low:centre:high, with decimal points, as V=50:200."
             )
     return out

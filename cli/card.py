@@ -1,4 +1,4 @@
-"""``fitmodels card``: the card of a parameter file, to read, to browse and to load."""
+"""``fitmodels card``: the model card of a parameter file in its three forms."""
 
 import argparse
 import os
@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
+from ..core.files import write_whole
 from .arguments import Parser
-from .output import Printer
+from .output import print_lines
 
 if TYPE_CHECKING:
     from ..cards.content.parts import Card
@@ -20,22 +21,20 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels card",
         "fitmodels card data-fit/GC435_709M40/params.json",
-        "Write the card of a parameter file beside it: README.md to read on paper, card.html to browse, card.json for\n"
-        "programs. Licence, authors, machine and set-up come from card.toml.",
+        "Write the card of a parameter file to its folder: README.md for reading, card.html for a browser, card.json\n"
+        "for programs. Licence, authors, machine and set-up are read from card.toml.",
     )
-    p.add_argument("file", metavar="PARAMS", help="params.json; figures and draws are looked for beside it")
-    p.add_argument("--toml", metavar="FILE", help="card.toml (default: the one beside PARAMS, where there is one)")
+    p.add_argument("file", metavar="PARAMS", help="params.json; figures and draws are expected in the same folder")
+    p.add_argument("--toml", metavar="FILE", help="card.toml (default: that in the folder of PARAMS, if any)")
     p.add_argument("--citation", action="store_true", help="write CITATION.cff too")
     p.add_argument("--zenodo", action="store_true", help="write .zenodo.json too")
-    p.add_argument("--force", action="store_true", help="replace files that are there and tell something else")
+    p.add_argument("--force", action="store_true", help="replace existing files with other content")
     p.add_argument("--json", action="store_true", help="print card.json (fitmodels.card/1), and write nothing")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the forms of the card, say what it does not tell, and return the exit code."""
-    from rich.text import Text
-
+    """Write the forms of the card, list missing fields, and return the exit code."""
     from ..cards.publishing.pair import read_pair
     from ..cards.publishing.requirements import missing_fields
 
@@ -53,8 +52,7 @@ def run(args: argparse.Namespace) -> int:
     _write(file.parent, new, force=args.force)
     lines = [f"wrote {file.parent / name}" for name in new] or [f"unchanged: {', '.join(made)}"]
     lacking = ", ".join(item.field for item in missing_fields(card))
-    lines += [f"not told: {lacking}; fitmodels publish asks for it in card.toml"] if lacking else []
-    Printer().show(Text("\n".join(lines)))
+    print_lines(lines + ([f"missing: {lacking}; fitmodels publish asks for it in card.toml"] if lacking else []))
     return 0
 
 
@@ -70,12 +68,9 @@ def _differs(path: Path, content: bytes) -> bool:
 
 
 def _write(folder: Path, new: dict[str, bytes], *, force: bool) -> None:
-    """Write all files, or none where one is there and may not be replaced."""
-    from ..core.files import write_whole
-
+    """Write all files, or none where one exists and may not be replaced."""
     held = [name for name in new if os.path.lexists(folder / name)]
     if held and not force:
-        are = "are" if len(held) > 1 else "is"
-        raise UsageError(f"{folder}: {', '.join(held)} {are} there and would change; replace with --force.")
+        raise UsageError(f"{folder}: {', '.join(held)} would be changed; replace with --force.")
     for name, content in new.items():
         write_whole(folder / name, content)

@@ -1,11 +1,10 @@
-"""``fitmodels check``: whether a parameter file may be handed to a controller."""
+"""``fitmodels check``: whether a parameter file is consistent and safe to use in a controller."""
 
 import argparse
-import json
 from pathlib import Path
 
 from .arguments import Parser
-from .output import Printer
+from .output import print_json, print_lines
 
 MARKS = {True: "ok   ", False: "FAIL ", None: "note "}
 
@@ -15,29 +14,26 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels check",
         "fitmodels check data-fit/GC435_709M40/params.json",
-        "Check a parameter file before a controller gets it: checksum, units, covariances, draws, stability, gains\n"
-        "against their specification, feed limits, windows. Exit code 0, or 5 where something stands against it.",
+        "Check a parameter file before a controller uses it: checksum, units, covariances, draws, stability, gains\n"
+        "against their specification, feed limits, windows. Exit code 0, or 5 where a check fails.",
     )
-    p.add_argument("file", metavar="PARAMS", help="params.json; the draws are looked for beside it")
+    p.add_argument("file", metavar="PARAMS", help="params.json; the draws are expected in the same folder")
     p.add_argument("--json", action="store_true", help="print the findings as JSON (fitmodels.check/1)")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
     """Print a line for each finding, and return the exit code."""
-    from rich.text import Text
-
     from .. import parameters
 
     pf = parameters.read(args.file)
     report = parameters.check(pf, Path(args.file).parent)
     if args.json:
-        facts = {"schema": "fitmodels.check/1", "file": Path(args.file).name, **report.facts()}
-        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
-        return 0 if report.ok else 5
-    out = Printer()
-    for finding in report.findings:
-        out.show(Text(MARKS[finding.passed] + finding.words))
-    last = "nothing stands against this file" if report.ok else f"{len(report.failed)} of them against this file"
-    out.show(Text(f"{len(report.findings)} findings, {last}."))
+        print_json("check", {"file": Path(args.file).name, **report.facts()})
+    else:
+        last = "all checks passed" if report.ok else f"{len(report.failed)} failed"
+        print_lines([
+            *(MARKS[finding.passed] + finding.words for finding in report.findings),
+            f"{len(report.findings)} findings, {last}.",
+        ])  # fmt: skip
     return 0 if report.ok else 5

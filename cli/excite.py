@@ -1,18 +1,19 @@
-"""``fitmodels excite``: an excitation to play on the machine, and what it would tell of a plant like the guess."""
+"""``fitmodels excite``: an excitation for the machine, and the predicted errors of a plant like the guess."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from ..core.errors import UsageError
 from .arguments import Parser
-from .dynamics import model_of
-from .output import Printer
+from .output import print_lines
+from .tune import model_of
 
 if TYPE_CHECKING:
     from ..ident import Model
 
 KINDS = ("chirp", "logarithmic", "prbs", "multisine", "steps")
-TOLD_AT = 6  # frequencies at which the predicted errors are printed
+PRINTED = 6  # frequencies at which the predicted errors are printed
 
 
 def parser() -> Parser:
@@ -21,50 +22,46 @@ def parser() -> Parser:
         "fitmodels excite",
         "fitmodels excite --amplitude 2.5 --band 0.1:2 --duration 15 --rate 50 --out excitation.csv",
         "Write an excitation as a table with its sample rate. With a guess of the plant (--like params.json) and the\n"
-        "noise of the sensor (--noise), tell how well the gain would be known: choose band and length before cutting.",
+        "noise of the sensor (--noise), print the predicted standard error of the gain, to choose band and length.",
     )
     p.add_argument("--kind", choices=KINDS, default="chirp", help="chirp sweeps evenly (CLM-2023 eq. 17; default)")
     p.add_argument("--amplitude", type=float, default=2.5, help="in the unit of the input (default: 2.5)")
     p.add_argument("--offset", type=float, default=0.0, help="operating point of the input (default: 0)")
     p.add_argument("--band", metavar="LOW:HIGH", default="0.1:2", help="Hz (default: 0.1:2)")
     p.add_argument("--duration", type=float, default=15.0, metavar="S", help="seconds (default: 15)")
-    p.add_argument("--rate", type=float, default=50.0, metavar="HZ", help="samples a second (default: 50)")
-    p.add_argument("--low", type=float, help="lowest level that is allowed")
-    p.add_argument("--high", type=float, help="highest level that is allowed")
-    p.add_argument("--max-rate", type=float, metavar="PER_S", help="largest change a second that is allowed")
+    p.add_argument("--rate", type=float, default=50.0, metavar="HZ", help="samples per second (default: 50)")
+    p.add_argument("--low", type=float, help="lowest permitted level")
+    p.add_argument("--high", type=float, help="highest permitted level")
+    p.add_argument("--max-rate", type=float, metavar="PER_S", help="largest permitted change per second")
     p.add_argument("--seed", type=int, default=1, help="of the two levels of prbs (default: 1)")
     p.add_argument("--unit", default="V", help="unit of the input (default: V)")
-    p.add_argument("--like", metavar="FILE", help="params.json with dynamics: what the plant may be")
+    p.add_argument("--like", metavar="FILE", help="params.json with dynamics, the guess of the plant")
     p.add_argument(
         "--noise", type=float, metavar="SD", help="standard deviation of the sensor noise, unit of the output"
     )
     p.add_argument("--for", dest="form", choices=["csv", "octave", "labview", "linuxcnc"], default="csv")
-    p.add_argument("--out", metavar="FILE", help="where to write; without it only what would be written is told")
-    p.add_argument("--force", action="store_true", help="replace a file that is there")
+    p.add_argument("--out", metavar="FILE", help="file to write; without it only the description is printed")
+    p.add_argument("--force", action="store_true", help="replace an existing file")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make it, tell what it would tell, and write it."""
-    from rich.text import Text
-
+    """Make the excitation, print its description and predicted errors, and write it."""
     from .. import ident
 
     u = _made(args)
     low, high = _band(args.band)
-    out = Printer()
     crest = float(abs(u - args.offset).max() / max(float((u - args.offset).std()), 1e-300))
-    out.show(
-        Text(
-            f"{args.kind}: {len(u)} samples at {args.rate:g} Hz, {len(u) / args.rate:g} s, {low:g} to {high:g} Hz, "
-            f"{u.min():.4g} to {u.max():.4g} {args.unit}, crest factor {crest:.2f}"
-        )
-    )
+    lines = [
+        f"{args.kind}: {len(u)} samples at {args.rate:g} Hz, {len(u) / args.rate:g} s, {low:g} to {high:g} Hz, "
+        f"{u.min():.4g} to {u.max():.4g} {args.unit}, crest factor {crest:.2f}"
+    ]
     if args.like is not None:
-        out.show(_told(args, u - args.offset, _guess(args)))
+        lines.append(_predicted(args, u - args.offset, _guess(args)))
     if args.out is not None:
         path = ident.write_excitation(u, args.rate, Path(args.out), args.form, args.unit, force=args.force)
-        out.show(Text(f"Written: {path}"))
+        lines.append(f"Written: {path}")
+    print_lines(lines)
     return 0
 
 
@@ -91,8 +88,6 @@ def _made(args: argparse.Namespace) -> Any:  # noqa: ANN401
 
 
 def _band(text: str) -> tuple[float, float]:
-    from ..core.errors import UsageError
-
     low, colon, high = text.partition(":")
     try:
         ends = float(low), float(high)
@@ -105,29 +100,25 @@ def _band(text: str) -> tuple[float, float]:
 
 def _guess(args: argparse.Namespace) -> "Model":
     from .. import parameters
-    from ..core.errors import UsageError
 
     if args.noise is None or not args.noise > 0:
-        raise UsageError(
-            "--like asks what the excitation would tell: say the noise of the sensor too, as --noise 0.005."
-        )
+        raise UsageError("--like predicts errors, which needs the noise of the sensor: add for instance --noise 0.005.")
     d = parameters.read(args.like).dynamics
     if d is None:
-        raise UsageError(f"{args.like} holds no dynamics; identify them first: fitmodels ident run.csv.")
+        raise UsageError(f"{args.like} contains no dynamics; identify them first: fitmodels ident run.csv.")
     if abs(d.sample_time * args.rate - 1) > 1e-6:
-        raise UsageError(f"the dynamics are sampled at {1 / d.sample_time:g} Hz; say --rate {1 / d.sample_time:g}.")
+        raise UsageError(f"the dynamics are sampled at {1 / d.sample_time:g} Hz; give --rate {1 / d.sample_time:g}.")
     return model_of(d)
 
 
-def _told(args: argparse.Namespace, u: Any, guess: "Model") -> Any:  # noqa: ANN401
+def _predicted(args: argparse.Namespace, u: Any, guess: "Model") -> str:  # noqa: ANN401
     import numpy as np
-    from rich.text import Text
 
     from .. import ident
 
-    found = ident.predicted_errors(guess, u, args.noise, frequency=np.geomspace(*_band(args.band), TOLD_AT))
+    found = ident.predicted_errors(guess, u, args.noise, frequency=np.geomspace(*_band(args.band), PRINTED))
     parts = [f"{f:.3g} Hz {row.gain_se:.2g} %" for f, row in found.response.iterrows()]
-    return Text(
-        f"On a plant like that of {args.like}, with noise {args.noise:g} {guess.unit_y} ({found.snr:.0f} dB below the "
-        f"output), the gain would be known to (standard error, by prediction): {', '.join(parts)}"
+    return (
+        f"For a plant as in {args.like}, with noise {args.noise:g} {guess.unit_y} ({found.snr:.0f} dB below the "
+        f"output), the predicted standard error of the gain is: {', '.join(parts)}"
     )

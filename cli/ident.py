@@ -1,12 +1,14 @@
-"""``fitmodels ident``: a recorded run of a machine becomes a model that simulates it."""
+"""``fitmodels ident``: a model of the dynamics of a machine from a recorded run."""
 
 import argparse
-import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import Parser, pairs, traced
-from .output import Printer
+from ..core.errors import UsageError
+from .arguments import Parser, pairs, traced, typed
+from .output import Printer, print_json
 
 if TYPE_CHECKING:
     from ..datasets import Record
@@ -16,30 +18,57 @@ if TYPE_CHECKING:
 OPTIONS = ("input", "output", "time", "rate", "sample_time", "resample", "unit", "orders", "trend", "decimal", "sheet")
 
 
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Files of runs, and the options of the command under their names."""
+
+    file: Sequence[str]
+    input: str | None = None
+    output: str | None = None
+    time: str | None = None
+    rate: float | None = None
+    sample_time: float | None = None
+    resample: float | None = None
+    unit: list[str] | None = None
+    decimal: str | None = None
+    delimiter: str | None = None
+    sheet: str | None = None
+    held_out: str | None = None
+    orders: str | None = None
+    trend: bool | None = None
+    tool: str = "unnamed"
+    work: str = "unnamed"
+    params: str | None = None
+    out: str | None = None
+    force: bool = False
+    json: bool = False
+    words: Sequence[str] = ()
+
+
 def parser() -> Parser:
     """Arguments of ``fitmodels ident``."""
     p = Parser(
         "fitmodels ident",
         "fitmodels ident run.csv --input u --output y",
-        "Identify the dynamics of a machine from evenly sampled input and output, judge the model by a free run on\n"
+        "Identify the dynamics of a machine from evenly sampled input and output, validate the model by simulation of\n"
         "samples that it was not fitted to, and write params.json, a card and figures. Several runs may be given.",
     )
     p.add_argument("file", metavar="RUN", nargs="+", help="table of samples: CSV, TXT, .xlsx, .lvm, .tdms or .mat")
-    p.add_argument("--input", metavar="COLUMN", help="what was commanded: header, or col2")
-    p.add_argument("--output", metavar="COLUMN", help="what was measured: header, or col3")
-    p.add_argument("--time", metavar="COLUMN", help="column of times, where the headers do not say")
-    p.add_argument("--rate", type=float, metavar="HZ", help="samples a second, where there is no column of times")
+    p.add_argument("--input", metavar="COLUMN", help="commanded signal: header, or col2")
+    p.add_argument("--output", metavar="COLUMN", help="measured signal: header, or col3")
+    p.add_argument("--time", metavar="COLUMN", help="column of times, where the headers are ambiguous")
+    p.add_argument("--rate", type=float, metavar="HZ", help="samples per second, where there is no column of times")
     p.add_argument("--sample-time", type=float, metavar="S", help="seconds between samples, instead of --rate")
-    p.add_argument("--resample", type=float, metavar="HZ", help="bring uneven samples to this rate")
-    p.add_argument("--unit", action="append", metavar="time=ms", help="unit of a column that names none")
-    p.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file leaves it open")
-    p.add_argument("--delimiter", metavar="MARK", help="what stands between cells, where the file leaves it open")
+    p.add_argument("--resample", type=float, metavar="HZ", help="resample uneven samples to this rate")
+    p.add_argument("--unit", action="append", metavar="time=ms", help="unit of a column that has none")
+    p.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file is ambiguous")
+    p.add_argument("--delimiter", metavar="MARK", help="delimiter of cells, where the file is ambiguous")
     p.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
-    p.add_argument("--held-out", metavar="RUN", help="a further run that judges the model")
+    p.add_argument("--held-out", metavar="RUN", help="a further run for validation")
     p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
-    p.add_argument("--trend", action="store_true", default=None, help="take off a straight line, not only the mean")
-    p.add_argument("--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis")
-    p.add_argument("--work", metavar="NAME", default="unnamed", help="name of the work material")
+    p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")
+    p.add_argument("--tool", metavar="NAME", help="name of the tool, or of the axis")
+    p.add_argument("--work", metavar="NAME", help="name of the work material")
     p.add_argument("--params", metavar="FILE", help="parameter file to add the dynamics to")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
@@ -50,11 +79,17 @@ def parser() -> Parser:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Identify, print and write."""
+    """Identify, print and write, and return the exit code."""
+    return identify_files(**vars(args))
+
+
+def identify_files(**options: Any) -> int:  # noqa: ANN401
+    """Identify the dynamics of recorded runs with the options of `Request`; None is the default of each."""
     from ..cards import terminal
     from ..core.progress import progress
     from ..ident import identify
 
+    args = Request(**{name: value for name, value in options.items() if value is not None})
     orders = _orders(args.orders)
     target = _target(args)
     with progress(lines=False) as step:
@@ -65,31 +100,26 @@ def run(args: argparse.Namespace) -> int:
         found = identify(records, held_out=held_out, orders=orders, trend=bool(args.trend))
         pf = _collected(found, records, args)
     if args.json:
-        report = {"schema": "fitmodels.report/1", "dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}
-        print(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+        print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")})
     else:
         Printer().show(terminal.identification_block(found, pf))
     written = _written(found, pf, target, args)
     if written and not args.json:
-        from rich.text import Text
-
-        Printer().show(Text(written))
+        Printer().show(written)
     return 0
 
 
 def _orders(text: str | None) -> tuple[int, int, int] | None:
-    from ..core.errors import UsageError
-
     if text is None:
         return None
     parts = text.replace(" ", "").split(",")
     if len(parts) != 3 or not all(part.isdecimal() for part in parts):
-        raise UsageError(f"--orders {text}: three whole numbers na,nb,nk, for instance 3,3,1.")
+        raise UsageError(f"--orders {text}: give three whole numbers na,nb,nk, for instance 3,3,1.")
     na, nb, nk = (int(part) for part in parts)
     return na, nb, nk
 
 
-def _read(name: str, args: argparse.Namespace) -> "Record":
+def _read(name: str, args: Request) -> "Record":
     from ..datasets import read_record
 
     return read_record(
@@ -107,24 +137,21 @@ def _read(name: str, args: argparse.Namespace) -> "Record":
     )
 
 
-def _target(args: argparse.Namespace) -> Path | None:
-    """The folder that will be written, looked at before anything is computed."""
-    from ..core.errors import UsageError
-
+def _target(args: Request) -> Path | None:
+    """The folder that will be written, checked before anything is computed."""
     if args.params is not None or (args.json and not args.out):
         return None
     folder = Path(args.out or f"{Path(args.file[0]).stem}-fit")
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; choose a folder with --out.")
     if not args.force and folder.is_dir() and any(folder.iterdir()):
-        raise UsageError(f"{folder} is there already; replace what fitmodels wrote there with --force, or use --out.")
+        raise UsageError(f"{folder} exists; replace what fitmodels wrote there with --force, or use --out.")
     return folder
 
 
-def _collected(found: "Identification", records: "list[Record]", args: argparse.Namespace) -> "ParameterFile":
-    """A new parameter file, or the one that was given with its dynamics replaced."""
+def _collected(found: "Identification", records: "list[Record]", args: Request) -> "ParameterFile":
+    """A new parameter file, or the given one with its dynamics replaced."""
     from .. import parameters
-    from ..core.errors import UsageError
     from ..parameters.file import sealed
     from ..parameters.gather.control import dynamics_section
 
@@ -132,9 +159,11 @@ def _collected(found: "Identification", records: "list[Record]", args: argparse.
     if args.params is not None:
         pf = parameters.read(args.params)
         if pf.dynamics is not None and not args.force:
-            raise UsageError(f"{args.params} holds dynamics already; replace them with --force.")
+            raise UsageError(f"{args.params} has dynamics; replace them with --force.")
         section = dynamics_section(found.model, fit)
-        return sealed(pf, dynamics=section, pi=None, provenance=traced(pf, args))  # gains were tuned on other dynamics
+        return sealed(
+            pf, dynamics=section, pi=None, provenance=traced(pf, args.words)
+        )  # gains were tuned on other dynamics
     source = records[0].source
     return parameters.collect(
         tool=args.tool,
@@ -144,12 +173,12 @@ def _collected(found: "Identification", records: "list[Record]", args: argparse.
         data_file=args.file[0] if source is None else Path(source).name,
         data_sha256=records[0].sha256,
         n_rows=len(found.record),
-        command=_command(args),
+        command=typed(args.words),
         options={name: value for name in OPTIONS if (value := getattr(args, name)) is not None},
     )
 
 
-def _written(found: "Identification", pf: "ParameterFile", folder: Path | None, args: argparse.Namespace) -> str:
+def _written(found: "Identification", pf: "ParameterFile", folder: Path | None, args: Request) -> str:
     from .. import cards, parameters
 
     if args.params is not None:
@@ -173,14 +202,3 @@ def _facts(found: "Identification") -> dict[str, Any]:
         "tried": found.tried.to_dict(orient="records"),
         "arx": {"b": found.arx.b.tolist(), "a": found.arx.a.tolist()},
     }
-
-
-def _command(args: argparse.Namespace) -> str:
-    import shlex
-
-    words = ["fitmodels", "ident", *(Path(name).name for name in args.file)]
-    for name in OPTIONS:
-        value = getattr(args, name)
-        for item in value if isinstance(value, list) else [value] if value is not None else []:
-            words += [f"--{name.replace('_', '-')}"] + ([] if item is True else [str(item)])
-    return shlex.join(words)

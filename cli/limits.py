@@ -1,14 +1,14 @@
-"""``fitmodels limits``: what machine, tool and work allow, put into a parameter file."""
+"""``fitmodels limits``: limits of machine, tool and work, written into a parameter file."""
 
 import argparse
-import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
-from .arguments import Parser, nearest, pairs, traced
-from .output import Printer
+from ..core.suggestions import did_you_mean
+from .arguments import Parser, pairs, traced
+from .output import print_json, print_lines
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
@@ -23,21 +23,19 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels limits",
         "fitmodels limits params.json P=7kW Fxz=1300N AW=0.3mm V=50:200m/min f=0.06:0.6mm/rev",
-        "Put into a parameter file what machine, tool and work allow: power, a force, and the wear at which an edge\n"
-        "is worn out, each at most; speed V, spindle speed n, feed f and feed rate fm, each from low to high.\n"
-        "`fitmodels replay` keeps to them. What is not named stays as it is.",
+        "Write limits of machine, tool and work into a parameter file: upper limits of power, of a force, and of\n"
+        "wear; ranges of speed V, spindle speed n, feed f and feed rate fm, from low to high.\n"
+        "`fitmodels replay` respects them. Limits that are not named stay as they are.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
-    p.add_argument("limits", nargs="+", metavar="P=7kW", help=f"{WRITTEN}; without a unit: the usual one")
-    p.add_argument("--force", action="store_true", help="replace limits that are in the file")
+    p.add_argument("limits", nargs="+", metavar="P=7kW", help=f"{WRITTEN}; the default unit where none is given")
+    p.add_argument("--force", action="store_true", help="replace limits in the file")
     p.add_argument("--json", action="store_true", help="print the section as JSON")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the limits, say them, and return the exit code."""
-    from rich.text import Text
-
+    """Write and print the limits, and return the exit code."""
     from .. import parameters
     from ..parameters.file import sealed
 
@@ -45,55 +43,52 @@ def run(args: argparse.Namespace) -> int:
     given = {symbol: _limit(symbol, text, pf) for symbol, text in pairs(args.limits, "limit", "P=7kW").items()}
     asked = dict(given.values())
     if len(asked) < len(given):
-        raise UsageError(f"limits {', '.join(given)}: a file holds one limit of each kind, and two are of one kind.")
+        raise UsageError(f"limits {', '.join(given)}: a file has one limit of each kind, and two are of the same kind.")
     held = {} if pf.limits is None else {k: v for k, v in pf.limits.model_dump().items() if v is not None}
     twice = [name for name in asked if name in held and held[name] != asked[name]]
     if twice and not args.force:
-        raise UsageError(f"{args.file} holds a limit of {', '.join(twice)} already; replace it with --force.")
-    changed = sealed(pf, limits={**held, **asked}, provenance=traced(pf, args))
+        raise UsageError(f"{args.file} has a limit of {', '.join(twice)}; replace it with --force.")
+    changed = sealed(pf, limits={**held, **asked}, provenance=traced(pf, args.words))
     parameters.write(changed, args.file, force=True)
     section = changed.limits
     assert section is not None  # noqa: S101  just written
     if args.json:
-        facts = {"schema": "fitmodels.limits/1", "file": Path(args.file).name, "limits": section.model_dump()}
-        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
-        return 0
-    out = Printer()
-    for line in (*_words(section.model_dump()), f"Written: limits in {args.file}"):
-        out.show(Text(line))
+        print_json("limits", {"file": Path(args.file).name, "limits": section.model_dump()})
+    else:
+        print_lines([*_sentences(section.model_dump()), f"Written: limits in {args.file}"])
     return 0
 
 
 def _limit(symbol: str, text: str, pf: "ParameterFile") -> tuple[str, dict[str, Any]]:
-    """Kind and section of one limit: a bound of a response, or a range of what the machine is set to."""
+    """Kind and section of one limit: a bound of a response, or a range of a setting of the machine."""
     from ..datasets.vocabulary import ROLES
 
     kind = RANGES.get(symbol) or _bounded(symbol)
     if kind is None:
         known = [*RANGES, *(s for s in ROLES if _bounded(s))]
-        raise UsageError(f"limit {symbol}: there are limits of {', '.join(known)}{nearest(symbol, known)}.")
+        raise UsageError(f"limit {symbol}: there is no such limit. {did_you_mean(symbol, known, 0.6)}")
     usual = ROLES[symbol].unit
     found = re.fullmatch(rf"({NUMBER})(?::({NUMBER}))?\s*(\S.*)?", text)
     if found is None or (found[2] is not None) != (symbol in RANGES):
         shape = "low:high with a unit, V=50:200m/min" if symbol in RANGES else "one number with a unit, P=7kW"
-        raise UsageError(f"limit {symbol}={text}: it is {shape}.")
+        raise UsageError(f"limit {symbol}={text}: give {shape}.")
     unit = _unit(symbol, found[3], usual)
     if symbol in RANGES:
         low, high = float(found[1]), float(found[2])
         if not 0 <= low < high:
-            raise UsageError(f"limit {symbol}={text}: low lies below high, neither below zero.")
+            raise UsageError(f"limit {symbol}={text}: low must be below high, and neither below zero.")
         return kind, {"low": low, "high": high, "unit": unit}
     value = float(found[1])
     if not value > 0:
-        raise UsageError(f"limit {symbol}={text}: it lies above zero.")
+        raise UsageError(f"limit {symbol}={text}: a limit is above zero.")
     if symbol not in pf.laws:
         held = ", ".join(pf.laws) or "nothing"
-        raise UsageError(f"limit {symbol}: the file holds laws of {held}, so nothing would keep to it.")
+        raise UsageError(f"limit {symbol}: the file has laws of {held}, so the limit would have no effect.")
     return kind, {"value": value, "unit": unit, "of": symbol}
 
 
 def _bounded(symbol: str) -> str | None:
-    """Power, force or wear, by what the symbol stands for."""
+    """Power, force or wear, by the quantity of the symbol."""
     from ..datasets.vocabulary import ROLES
 
     role = ROLES.get(symbol)
@@ -110,19 +105,19 @@ def _unit(symbol: str, given: str | None, usual: str) -> str:
     if given is None:
         return usual
     if not is_unit(given) or not same_dimension(given, usual):
-        raise UsageError(f"limit {symbol} in {given}: that is no unit of it; {usual}, say.")
+        raise UsageError(f"limit {symbol} in {given}: this is not a unit of {symbol}; give it in {usual}.")
     return given
 
 
-def _words(section: dict[str, Any]) -> list[str]:
-    said = []
+def _sentences(section: dict[str, Any]) -> list[str]:
+    sentences = []
     for name, limit in section.items():
         if limit is None:
             continue
         what = name.replace("_", " ")
         if "value" in limit:
             of = f" {limit['of']}" if limit.get("of") else ""
-            said.append(f"{what.capitalize()}{of} at most {limit['value']:g} {limit['unit']}.")
+            sentences.append(f"{what.capitalize()}{of} at most {limit['value']:g} {limit['unit']}.")
         else:
-            said.append(f"{what.capitalize()} from {limit['low']:g} to {limit['high']:g} {limit['unit']}.")
-    return said
+            sentences.append(f"{what.capitalize()} from {limit['low']:g} to {limit['high']:g} {limit['unit']}.")
+    return sentences

@@ -1,7 +1,9 @@
-"""Results to standard output through rich; messages to standard error."""
+"""Results to standard output, as text through rich or as JSON; messages to standard error."""
 
+import json
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -25,6 +27,21 @@ class Printer:
         sys.stdout.write("\n".join(line.rstrip() for line in captured.get().split("\n")))
 
 
+def print_lines(lines: Iterable[str]) -> None:
+    """Print lines of text."""
+    from rich.text import Text
+
+    out = Printer()
+    for line in lines:
+        out.show(Text(line))
+
+
+def print_json(schema: str, facts: Mapping[str, Any]) -> None:
+    """Print facts as JSON, with the schema ``fitmodels.<schema>/1`` first."""
+    report = {"schema": f"fitmodels.{schema}/1", **facts}
+    print(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+
+
 def complain(sentence: str) -> None:
-    """Say on standard error what went wrong."""
+    """Print on standard error what went wrong."""
     sys.stderr.write(f"fitmodels: {sentence}\n")

@@ -17,12 +17,12 @@ def parser() -> Parser:
         "with the run order drawn at random. Without --out the plan is printed.",
     )
     p.add_argument("--range", action="append", metavar="V=50:200", help="a condition and its range; up to six")
-    p.add_argument("--alpha", type=float, default=2.0, help="how far out the axial points stand (default: 2)")
+    p.add_argument("--alpha", type=float, default=2.0, help="distance of the axial points, coded (default: 2)")
     p.add_argument("--centre", type=int, default=4, help="edges at the centre (default: 4)")
     p.add_argument("--axial", type=int, default=2, help="edges at each axial point (default: 2)")
     p.add_argument("--seed", type=seed, default=1, help="seed of the run order (default: 1)")
     p.add_argument("--out", metavar="FILE", help="file to write")
-    p.add_argument("--force", action="store_true", help="replace the file if it is there")
+    p.add_argument("--force", action="store_true", help="replace an existing file")
     return p
 
 
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
 
     given = ranges(args.range)
     if not given:
-        raise UsageError("no range: say at least one, for instance --range V=50:200.")
+        raise UsageError("no range: give at least one, for instance --range V=50:200.")
     for name, ends in given.items():
         if len(ends) != 2:
             raise UsageError(f"--range {name}: a plan needs low:high, two numbers.")
@@ -63,5 +63,5 @@ def target(out: str | None, force: bool) -> Path | TextIO:
     if path.is_dir() or not path.parent.is_dir():
         raise UsageError(f"{out}: give the name of a file in a folder that exists.")
     if path.exists() and not force:
-        raise UsageError(f"{out} is there already; replace it with --force, or choose another name.")
+        raise UsageError(f"{out} exists; replace it with --force, or choose another name.")
     return path

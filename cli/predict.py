@@ -1,19 +1,18 @@
-"""``fitmodels predict``: what the laws of a parameter file say at given conditions, and whether that was tested."""
+"""``fitmodels predict``: predictions of the laws of a parameter file, and whether they extrapolate."""
 
 import argparse
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.errors import FitmodelsError, UsageError
+from ..core.errors import FitmodelsError, ParameterError, UsageError
+from ..core.suggestions import closest
 from .arguments import Parser, pairs
-from .output import Printer
+from .output import print_json, print_lines
 
 if TYPE_CHECKING:
     from ..parameters import LawSection, ParameterFile
@@ -46,12 +45,12 @@ def parser() -> Parser:
     p = _Parser(
         "fitmodels predict",
         "fitmodels predict data-fit/GC435_709M40/params.json V=120 f=0.2 d=2 t=8",
-        "Say what each law of PARAMS gives at these conditions, its interval, and whether that lies in the tested\n"
+        "Predict with each law of PARAMS at these conditions, with an interval, and whether they are in the tested\n"
         "region. A law on wear takes AW as given, or from the wear law at these conditions.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
-    p.add_argument("at", metavar="V=120", nargs="*", help="a condition, with a unit if it is another: V=400ft/min")
-    p.add_argument("--law", metavar="AW", help="response whose law is asked (default: all)")
+    p.add_argument("at", metavar="V=120", nargs="*", help="a condition, with its unit if it differs: V=400ft/min")
+    p.add_argument("--law", metavar="AW", help="response to predict (default: all)")
     p.add_argument(
         "--interval", choices=["mean", "prediction", "tolerance"], default="prediction",
         help="of the law, of one new row (default), or of a share of all rows",
@@ -65,58 +64,54 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Print a sentence for each law, and return the exit code."""
-    from rich.text import Text
-
     from .. import parameters
     from ..parameters.evaluation import IntervalOptions
 
     for option in ("level", "coverage"):
         if not 0 < getattr(args, option) < 1:
-            raise UsageError(f"--{option} {getattr(args, option):g}: it lies between 0 and 1, for instance 0.95.")
+            raise UsageError(f"--{option} {getattr(args, option):g}: give a number between 0 and 1, for instance 0.95.")
     pf = parameters.read(args.file)
     laws, given = _chosen(pf, args.law), _given(args.at)
     _all_known(pf, given, args.by)
     asked = IntervalOptions(args.interval, args.level, "new", args.coverage)
-    told: list[Prediction] = []
-    untold: dict[str, FitmodelsError] = {}
+    predictions: list[Prediction] = []
+    failed: dict[str, FitmodelsError] = {}
     for law in laws:
         try:
-            told.append(_told(pf, law, given, args.by, asked))
+            predictions.append(_predicted(pf, law, given, args.by, asked))
         except FitmodelsError as error:
-            untold[law.response] = error
-    if not told:
-        raise next(iter(untold.values()))
-    reasons = {name: str(reason) for name, reason in untold.items()}
+            failed[law.response] = error
+    if not predictions:
+        raise next(iter(failed.values()))
+    reasons = {name: str(reason) for name, reason in failed.items()}
     if args.json:
-        print(json.dumps(_report(pf, args.file, told, reasons), indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+        print_json("prediction", _report(pf, args.file, predictions, reasons))
         return 0
-    out = Printer()
-    for prediction in told:
-        out.show(Text(prediction.words))
-    for name, reason in reasons.items():
-        out.show(Text(f"{name} is not told: {reason}"))
-    if pf.identity.simulated:
-        out.show(Text("Not measured: the laws were fitted to a simulation."))
+    lines = [prediction.words for prediction in predictions]
+    lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items()]
+    simulated = ["Not measured: the laws were fitted to a simulation."] if pf.identity.simulated else []
+    print_lines(lines + simulated)
     return 0
 
 
-def _report(pf: "ParameterFile", file: str, told: "Sequence[Prediction]", reasons: Mapping[str, str]) -> object:
+def _report(
+    pf: "ParameterFile", file: str, predictions: "Sequence[Prediction]", reasons: Mapping[str, str]
+) -> dict[str, object]:
     return {
-        "schema": "fitmodels.prediction/1",
         "file": Path(file).name,
         "tool": pf.identity.tool,
         "work": pf.identity.work,
         "simulated": pf.identity.simulated,
-        "predictions": [prediction.facts() for prediction in told],
+        "predictions": [prediction.facts() for prediction in predictions],
         "not_told": [{"response": name, "reason": reason} for name, reason in reasons.items()],
     }
 
 
 def _chosen(pf: "ParameterFile", name: str | None) -> "list[LawSection]":
     if not pf.laws:
-        raise UsageError("the parameter file holds no law; fit one with `fitmodels data.csv`.")
+        raise UsageError("the parameter file has no law; fit one with `fitmodels data.csv`.")
     if name is not None and name not in pf.laws:
-        raise UsageError(f"--law {name}: the file holds laws of {', '.join(pf.laws)}{_meant(name, pf.laws)}.")
+        raise UsageError(f"--law {name}: the file has laws of {', '.join(pf.laws)}{_meant(name, pf.laws)}.")
     return list(pf.laws.values()) if name is None else [pf.laws[name]]
 
 
@@ -125,13 +120,15 @@ def _given(words: Sequence[str]) -> dict[str, _Value]:
     for name, text in pairs(list(words), "condition", "V=120 or V=400ft/min").items():
         found = NUMBER.fullmatch(text)
         if found is None or found[2].startswith(","):
-            raise UsageError(f"{name}={text}: it is a number with a decimal point, and a unit if need be: {name}=0.2.")
+            raise UsageError(
+                f"{name}={text}: give a number with a decimal point, and a unit if it differs: {name}=0.2."
+            )
         out[name] = _Value(float(found[1]), found[2], f"{name}={text}")
     return out
 
 
 def _all_known(pf: "ParameterFile", given: Mapping[str, _Value], by: str | None) -> None:
-    """Refuse a condition or a level that no law of the file has."""
+    """Reject a condition or a level that no law of the file has."""
     known = {f.symbol: None for law in pf.laws.values() for f in law.factors}
     for name in given:
         if name not in known:
@@ -146,30 +143,27 @@ def _all_known(pf: "ParameterFile", given: Mapping[str, _Value], by: str | None)
 
 
 def _meant(name: str, known: Mapping[str, object]) -> str:
-    """The closing words of a complaint: what was probably meant."""
+    """A suggestion at the end of an error: the same letters, the role of this name, or the closest name."""
     from ..datasets.vocabulary import roles_named, suggest_role
 
-    alike = {text.casefold(): text for text in known}
-    near = get_close_matches(name.casefold(), list(alike), 1, 0.5)
     roles = [role for role in (*roles_named(name), suggest_role(name)) if role in known]
-    found = alike.get(name.casefold()) or next(iter(roles), None) or (alike[near[0]] if near else None)
+    found = closest(name, known, 1.0) or next(iter(roles), None) or closest(name, known)
     return f" (did you mean {found}?)" if found else ""
 
 
-def _told(
+def _predicted(
     pf: "ParameterFile", law: "LawSection", given: Mapping[str, _Value], by: str | None, asked: "IntervalOptions"
 ) -> "Prediction":
-    """One law's answer, its wear from the file's wear law where it is not given."""
-    from ..core.errors import ParameterError
+    """The prediction of one law, its wear from the file's wear law where it is not given."""
     from ..parameters.prediction import predict_with_interval
 
     level = by if law.by is not None else None
     if law.by is not None and by is None:
         levels = ", ".join([law.by.reference, *law.by.shifts])
-        raise UsageError(f"the law of {law.response} is by {law.by.column}: say which level ({levels}) with --by.")
+        raise UsageError(f"the law of {law.response} is by {law.by.column}: give the level ({levels}) with --by.")
     lacking = {f.symbol: f for f in law.factors if f.symbol not in given}
     sources = {
-        name: _told(pf, pf.laws[name], given, by, asked)
+        name: _predicted(pf, pf.laws[name], given, by, asked)
         for name in WEAR
         if name in lacking and _gives(pf, lacking[name], given)
     }
@@ -179,13 +173,13 @@ def _told(
     factors = {f.symbol: _in_unit(given[f.symbol], f) for f in law.factors if f.symbol in given}
     try:
         law.predict(level, **factors, **{name: source.value for name, source in sources.items()})
-    except ParameterError as reason:  # what was asked is wrong, not the file
+    except ParameterError as reason:  # the request is wrong, not the file
         raise UsageError(str(reason)) from None
     return predict_with_interval(law, asked, level, factors, sources)
 
 
 def _gives(pf: "ParameterFile", wear: "Factor", given: Mapping[str, _Value]) -> bool:
-    """Whether the file's own law of this wear tells it, in the same unit, from what is given."""
+    """Whether the file's law of this wear predicts it, in the same unit, from the given factors."""
     law = pf.laws.get(wear.symbol)
     return law is not None and law.unit == wear.unit and not _lacks(law, given)
 
@@ -195,16 +189,14 @@ def _lacks(law: "LawSection", given: Mapping[str, _Value]) -> list[str]:
 
 
 def _needed(pf: "ParameterFile", missing: "Sequence[Factor]", given: Mapping[str, _Value]) -> str:
-    """Factors that are missing, and how else wear could be had."""
-    of_its_own = {
-        f.symbol: _lacks(pf.laws[f.symbol], given) for f in missing if f.symbol in WEAR and f.symbol in pf.laws
-    }
-    plain = [f for f in missing if f.symbol not in of_its_own]
+    """Factors that are missing, and those of the law that would predict wear."""
+    from_law = {f.symbol: _lacks(pf.laws[f.symbol], given) for f in missing if f.symbol in WEAR and f.symbol in pf.laws}
+    plain = [f for f in missing if f.symbol not in from_law]
     words = [_quantity(f) for f in plain]
     for f in missing:
-        others = [name for name in of_its_own.get(f.symbol, ()) if name not in {g.symbol for g in plain}]
+        others = [name for name in from_law.get(f.symbol, ()) if name not in {g.symbol for g in plain}]
         if others:
-            words.append(f"{_quantity(f)}, or {', '.join(others)} for its own law to give it")
+            words.append(f"{_quantity(f)}, or {', '.join(others)} for its own law")
     return f"{', '.join(words)}; add for instance {' '.join(f'{f.symbol}={_middle(f):g}' for f in plain or missing)}"
 
 
@@ -213,7 +205,7 @@ def _quantity(factor: "Factor") -> str:
 
 
 def _middle(factor: "Factor") -> float:
-    """Of the tested range, in logarithms where that can be, to two digits."""
+    """Centre of the tested range, in logarithms where possible, to two digits."""
     low, high = factor.low, factor.high
     return float(f"{np.sqrt(low * high) if low > 0 else (low + high) / 2:.2g}")
 

@@ -1,13 +1,15 @@
 """``fitmodels replay``: the papers' controllers, made from a parameter file alone and run on simulated machines."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..cards.replays import SYSTEMS
+from ..core.errors import ParameterError, UsageError
+from ..core.files import write_whole
+from ..core.suggestions import did_you_mean
 from .arguments import Parser, seed
-from .output import Printer
+from .output import Printer, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,14 +26,16 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels replay",
         "fitmodels replay params.json --system recursion",
-        "Run the controllers of the papers from a parameter file alone, on simulated machines, and draw what they do:\n"
+        "Run the controllers of the papers from a parameter file alone, on simulated machines, and draw the results:\n"
         "region and optimum, recursion to the end of tool life, constant load, constant roughness, adaptive force.\n"
-        "Instead of a file: AC-2016, AC-2017, CLM-2023, CLM-2023-slot, SURF or LYAP, the numbers as they are printed.",
+        "Instead of a file: AC-2016, AC-2017, CLM-2023, CLM-2023-slot, SURF or LYAP, the published values.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json, or the short name of a paper")
-    p.add_argument("--system", metavar="NAME", help=f"{', '.join(SYSTEMS)}; without it, all that the file can drive")
-    p.add_argument("--seed", type=seed, default=1, help="of what is drawn at random (default: 1)")
-    p.add_argument("--out", metavar="FOLDER", help="where figures go (default: figures/ beside the file)")
+    p.add_argument("--system", metavar="NAME", help=f"{', '.join(SYSTEMS)}; default: all that the file supports")
+    p.add_argument("--seed", type=seed, default=1, help="random seed (default: 1)")
+    p.add_argument(
+        "--out", metavar="FOLDER", help="folder of the figures (default: figures/ in the folder of the file)"
+    )
     p.add_argument("--json", action="store_true", help="print the same facts as JSON; draws figures only with --out")
     return p
 
@@ -43,24 +47,18 @@ def run(args: argparse.Namespace) -> int:
 
     pf, draws, home = _given(args.file)
     systems = _chosen(pf, args.system, args.file)
-    out = Printer()
-    told: list[Replayed] = []
+    results: list[Replayed] = []
     with progress(lines=False) as step:
         for system in systems:
             step.say(f"replaying {system}")
-            told.append(replays.replayed(system, pf, draws, args.seed))
-    written = [] if args.json and not args.out else _drawn(told, Path(args.out) if args.out else home)
+            results.append(replays.replayed(system, pf, draws, args.seed))
+    written = [] if args.json and not args.out else _drawn(results, Path(args.out) if args.out else home)
     if args.json:
-        facts = {
-            "schema": "fitmodels.replay/1",
-            "file": Path(args.file).name,
-            "simulated": True,
-            "seed": args.seed,
-            "systems": {one.system: {"lines": one.lines, "assumed": one.assumed, **one.facts} for one in told},
-        }
-        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+        facts = {one.system: {"lines": one.lines, "assumed": one.assumed, **one.facts} for one in results}
+        print_json("replay", {"file": Path(args.file).name, "simulated": True, "seed": args.seed, "systems": facts})
         return 0
-    for one in told:
+    out = Printer()
+    for one in results:
         out.show(_block(one))
     for line in written:
         out.show(line)
@@ -68,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _given(file: str) -> "tuple[ParameterFile, Mapping[str, Draws], Path]":
-    """The parameter file, its draws, and where its figures go."""
+    """The parameter file, its draws, and the folder of its figures."""
     from .. import parameters
     from ..parameters.published import PAPERS, published
 
@@ -80,16 +78,14 @@ def _given(file: str) -> "tuple[ParameterFile, Mapping[str, Draws], Path]":
 
 def _chosen(pf: "ParameterFile", name: str | None, file: str) -> list[str]:
     from ..cards import replays
-    from ..core.errors import ParameterError, UsageError
-    from .arguments import nearest
 
     if name is not None and name not in SYSTEMS:
-        raise UsageError(f"--system {name}: there are {', '.join(SYSTEMS)}{nearest(name, SYSTEMS)}.")
+        raise UsageError(f"--system {name}: there is no such system. {did_you_mean(name, SYSTEMS, 0.6)}")
     lacking = {system: replays.lacks(system, pf) for system in SYSTEMS if name in (None, system)}
     able = [system for system, why in lacking.items() if not why]
     if not able:
         reasons = " ".join(f"{system}: {why.rstrip('.')}." for system, why in lacking.items())
-        raise ParameterError(f"{file} drives {'no controller' if name is None else 'not this controller'}. {reasons}")
+        raise ParameterError(f"{file} supports {'no controller' if name is None else 'not this controller'}. {reasons}")
     return able
 
 
@@ -105,18 +101,16 @@ def _block(one: "Replayed") -> "RenderableType":
 
 
 def _marked(line: str) -> str:
-    """What was assumed, with its mark; a reconstruction has its own."""
+    """An assumption with its label; a reconstruction has its own."""
     return line if line.startswith("Reconstruction: ") else f"Assumed: {line.removeprefix('Assumption: ')}"
 
 
-def _drawn(told: "list[Replayed]", folder: Path) -> list[str]:
+def _drawn(results: "list[Replayed]", folder: Path) -> list[str]:
     """Figures as files, each written whole over the last of its name."""
     import io
 
-    from ..core.files import write_whole
-
     names = []
-    for one in told:
+    for one in results:
         for name, figure in one.figures.items():
             folder.mkdir(parents=True, exist_ok=True)
             with io.BytesIO() as content:

@@ -5,6 +5,7 @@ from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.errors import UsageError
 from ..core.version import __version__
 from .arguments import Parser, seed
 from .plan import target
@@ -30,21 +31,25 @@ def parser() -> Parser:
     p.add_argument("--interval", type=float, default=2.0, metavar="MIN", help="length of a sub-test (default: 2)")
     p.add_argument("--t-max", type=float, default=20.0, metavar="MIN", help="longest time on an edge (default: 20)")
     p.add_argument("--criterion", type=float, default=0.3, metavar="MM", help="wear that ends an edge (default: 0.3)")
-    p.add_argument("--icc", type=float, default=0.5, help="share of the variance between edges (default: 0.5)")
+    p.add_argument(
+        "--icc",
+        type=float,
+        default=0.5,
+        help="intraclass correlation: share of the variance between edges (default: 0.5)",
+    )
     p.add_argument("--seed", type=seed, default=1, help="seed of everything drawn (default: 1)")
     p.add_argument("--out", metavar="FILE", help="file to write; without it the data are printed")
-    p.add_argument("--force", action="store_true", help="replace the file if it is there")
+    p.add_argument("--force", action="store_true", help="replace an existing file")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the simulated data, and return the exit code."""
     from .. import parameters
-    from ..core.errors import UsageError
     from ..datasets import simulate, write_csv
 
     if not 0 <= args.icc <= 1:
-        raise UsageError(f"--icc {args.icc:g}: a share lies between 0 and 1.")
+        raise UsageError(f"--icc {args.icc:g}: a share is between 0 and 1.")
     pf = parameters.read(args.file)
     laws = _laws(pf, args.icc)
     wear = next((law.response for law in laws if law.response in ("AW", "VB")), None)
@@ -52,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         _design(pf, laws, args), laws, interval=args.interval, t_max=args.t_max,
         criterion=args.criterion if wear is not None else None, wear=wear or "AW", seed=args.seed,
     )  # fmt: skip
-    source = "/".join(Path(args.file).parts[-2:])  # not the whole path: the file may be handed on
+    source = "/".join(Path(args.file).parts[-2:])  # not the whole path: the file may be passed on
     notes = [
         f"simulated: no real measurement; drawn by fitmodels {__version__} from the laws of {source}",
         f"simulated: seed {args.seed}, intraclass correlation of the edges {args.icc:g} (assumed)",
@@ -64,15 +69,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _laws(pf: "ParameterFile", icc: float) -> "list[SimulatedLaw]":
-    """The power laws of the file, wear first, since force and power stand on it."""
-    from ..core.errors import UsageError
+    """The power laws of the file, wear first, since force and power depend on it."""
     from ..datasets import SimulatedLaw
 
     chosen = [law for law in pf.laws.values() if law.form == "power" and law.by is None]
     either = [fit for law in chosen for fit in (law, law.alternative)]
     powers = [law for law in either if law is not None and law.error == "multiplicative"]
     if not powers:
-        raise UsageError("the parameter file holds no power law with multiplicative errors: nothing to simulate from.")
+        raise UsageError("the parameter file has no power law with multiplicative errors to simulate from.")
     powers.sort(key=lambda law: law.response not in ("AW", "VB"))
     out = []
     for law in powers:

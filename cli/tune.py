@@ -1,16 +1,15 @@
-"""``fitmodels tune``: PI gains that meet a specification on the dynamics of a parameter file, put into that file."""
+"""``fitmodels tune``: PI gains that meet a specification for the dynamics of a parameter file, added to it."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import GateError
+from ..core.errors import GateError, UsageError
 from .arguments import Parser, traced
-from .dynamics import model_of
-from .output import Printer
+from .output import print_json, print_lines
 
 if TYPE_CHECKING:
+    from ..ident import Model
     from ..ident.pi.tuning import TunedPi
     from ..parameters import ParameterFile
     from ..parameters.sections.dynamics import DynamicsSection
@@ -26,7 +25,7 @@ LIMITS = {
     "travel": "travel",
     "noise_gain": "noise_gain",
 }
-AGREE = 1.25  # a gain at rest and the slope of a load law come from two experiments
+AGREE = 1.25  # DC gain and slope of a load law are from two experiments
 CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup")
 
 
@@ -35,26 +34,26 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels tune",
         "fitmodels tune params.json --rise 2 --settle 4 --overshoot 0.05",
-        "Find PI gains that meet a specification on the dynamics of a parameter file, as the controller runs them,\n"
+        "Find PI gains that meet a specification for the dynamics of a parameter file, as the controller runs them,\n"
         "and add them to the file. Times on the unit step of the reference: rise 10-90 %, settling within 2 %.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json with dynamics (fitmodels ident)")
-    asked = p.add_argument_group("what is asked; what is left out is free")
+    asked = p.add_argument_group("specification; quantities left out are free")
     asked.add_argument("--rise", type=float, metavar="S", help="rise time at most")
     asked.add_argument("--settle", type=float, metavar="S", help="settling time at most")
     asked.add_argument("--overshoot", type=float, metavar="SHARE", help="at most, as a share (default: 0.02)")
-    asked.add_argument("--undershoot", type=float, metavar="SHARE", help="swing the wrong way at most")
-    asked.add_argument("--ms", type=float, help="sensitivity peak at most; 1.3 is calm")
+    asked.add_argument("--undershoot", type=float, metavar="SHARE", help="largest undershoot")
+    asked.add_argument("--ms", type=float, help="sensitivity peak at most; 1.3 is robust")
     asked.add_argument("--phase-margin", type=float, metavar="DEG", help="at least")
     asked.add_argument("--gain-margin", type=float, metavar="FACTOR", help="at least")
     asked.add_argument("--travel", type=float, help="sum of the changes of the command at most")
     asked.add_argument("--noise-gain", type=float, help="command per unit of sensor noise at most")
-    chance = "that all of it holds, for what the record leaves open"
+    chance = "that the specification holds, given the uncertainty of the model"
     asked.add_argument("--probability", type=float, metavar="P", help=chance)
     asked.add_argument(
-        "--aim", default="ms", help="made small among the gains that meet it (default: ms; iae, travel ...)"
+        "--aim", default="ms", help="criterion minimised among admissible gains (default: ms; iae, travel ...)"
     )
-    runs = p.add_argument_group("the controller as it runs")
+    runs = p.add_argument_group("implementation of the controller")
     runs.add_argument("--form", choices=["position", "incremental"], help="default: position")
     runs.add_argument("--integration", choices=["backward", "forward", "trapezoidal"], help="default: backward")
     runs.add_argument("--delay", type=int, metavar="SAMPLES", help="of the computation")
@@ -62,26 +61,23 @@ def parser() -> Parser:
     runs.add_argument("--average", type=int, metavar="SAMPLES", help="moving average of the measurement")
     runs.add_argument("--low", type=float, help="lowest command")
     runs.add_argument("--high", type=float, help="highest command")
-    runs.add_argument("--rate", type=float, metavar="PER_S", help="largest change of the command a second")
+    runs.add_argument("--rate", type=float, metavar="PER_S", help="largest change of the command per second")
     runs.add_argument("--anti-windup", choices=["clamping", "back_calculation", "none"])
     runs.add_argument(
         "--scaling",
         type=float,
-        help="units of the command in one of the model's input: its gain at rest over the load law's slope",
+        help="units of the command per unit of the model's input: DC gain over the slope of the load law",
     )
     runs.add_argument("--unit", metavar="UNIT", help="unit of the command, with --scaling: mm/min")
     p.add_argument("--seed", type=int, default=1, help="of the draws (default: 1)")
-    p.add_argument("--force", action="store_true", help="replace gains that are there; keep gains that miss, marked")
+    p.add_argument("--force", action="store_true", help="replace gains; keep gains that miss the specification, marked")
     p.add_argument("--json", action="store_true", help="print the section as JSON")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
-    from rich.text import Text
-
     from .. import parameters
-    from ..core.errors import UsageError
     from ..core.progress import progress
     from ..parameters.file import sealed
     from ..parameters.gather.control import pi_section
@@ -89,34 +85,48 @@ def run(args: argparse.Namespace) -> int:
     pf = parameters.read(args.file)
     if pf.dynamics is None:
         raise UsageError(
-            f"{args.file} holds no dynamics; identify them first: fitmodels ident run.csv --params {args.file}."
+            f"{args.file} has no dynamics; identify them first: fitmodels ident run.csv --params {args.file}."
         )
     if pf.pi is not None and not args.force:
-        raise UsageError(f"{args.file} holds gains already; replace them with --force.")
+        raise UsageError(f"{args.file} has gains; replace them with --force.")
     if (args.scaling is None) != (args.unit is None):
-        raise UsageError("--scaling and --unit go together: how many units of the command one unit of the input is.")
+        raise UsageError(
+            "--scaling and --unit: give both, the units of the command per unit of the input and that unit."
+        )
     with progress(lines=False) as step:
         step.say("tuning")
         tuned = _tuned(pf.dynamics, args)
     if tuned.misses and not args.force:
-        raise GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, and marks them.")
+        raise GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, marked.")
     forced = "kept by --force" if tuned.misses else None
     section = pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
-    changed = sealed(pf, pi=section, provenance=traced(pf, args))
+    changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
     parameters.write(changed, args.file, force=True)
     if args.json:
-        facts = {"schema": "fitmodels.tune/1", "file": Path(args.file).name, "pi": section, "verdict": tuned.verdict}
-        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+        print_json("tune", {"file": Path(args.file).name, "pi": section, "verdict": tuned.verdict})
         return 0
-    out = Printer()
-    for line in (
-        *_words(tuned, changed),
-        *_beside_the_load_law(changed, args),
-        _drawn(tuned, Path(args.file)),
-        f"Written: pi in {args.file}",
-    ):
-        out.show(Text(line))
+    lines = [*_sentences(tuned, changed), *_scaling_by_load_law(changed, args)]
+    print_lines([*lines, _drawn(tuned, Path(args.file)), f"Written: pi in {args.file}"])
     return 0
+
+
+def model_of(d: "DynamicsSection") -> "Model":
+    """A dynamics section as a model, with its covariance where it has one."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from ..ident import Model
+    from ..parameters.sections.base import ModelCovariance
+
+    model = Model(
+        b=np.array(d.b), a=np.array(d.a), nk=d.nk, sample_time=d.sample_time, input=d.input, output=d.output,
+        unit_u=d.unit_u, unit_y=d.unit_y, band=d.band,
+    )  # fmt: skip
+    if not isinstance(d.uncertainty, ModelCovariance):
+        return model
+    order = [d.uncertainty.of.index(name) for name in model.names]
+    return replace(model, cov_params=np.array(d.uncertainty.matrix)[np.ix_(order, order)])
 
 
 def _tuned(d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
@@ -124,7 +134,7 @@ def _tuned(d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
 
     limits = {name: value for key, name in LIMITS.items() if (value := getattr(args, key)) is not None}
     controller = {name: value for name in CONTROLLER if (value := getattr(args, name)) is not None}
-    if args.scaling is not None:  # limits of the command are told in its own unit
+    if args.scaling is not None:  # limits of the command are in its own unit
         controller |= {name: controller[name] / args.scaling for name in ("low", "high", "rate") if name in controller}
     return tune_pi(model_of(d), aim=args.aim, probability=args.probability, seed=args.seed, **limits, **controller)
 
@@ -138,43 +148,43 @@ def _scaled(tuned: "TunedPi", args: argparse.Namespace) -> "TunedPi":
     return replace(tuned, gains=tuned.gains.in_units(args.unit, args.scaling))
 
 
-def _words(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
+def _sentences(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
     f, pi = tuned.figures, pf.pi
     assert pi is not None  # noqa: S101  just written
     per_sample = pi.ki * pi.sample_time
-    said = [
+    sentences = [
         tuned.verdict,
         f"On the model: rise {f.rise_time:.3g} s, settling {f.settling_time:.3g} s, overshoot "
         f"{100 * f.overshoot:.2g} %, Ms {f.ms:.3f}, phase margin {f.phase_margin:.1f} degrees, "
         f"gain margin {f.gain_margin:.2f}.",
         f"The same gains: Kp {pi.kp:.6g} {_unit(pi)}, Ki {pi.ki:.6g} {_unit(pi)} per second, "
-        + (f"{per_sample:.6g} a sample, integral time {pi.kp / pi.ki:.4g} s." if pi.ki else "no integral part."),
+        + (f"{per_sample:.6g} per sample, integral time {pi.kp / pi.ki:.4g} s." if pi.ki else "no integral part."),
     ]
     if pi.forced:
-        said.append(f"Marked in the file: {pi.forced}.")
-    return said
+        sentences.append(f"Marked in the file: {pi.forced}.")
+    return sentences
 
 
-def _beside_the_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
-    """What one unit of the model's input is in feed by the load law, where the scaling is another or was not said."""
+def _scaling_by_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
+    """The scaling of the input by the load law, where another one or none was given."""
     d, laws = pf.dynamics, [law for law in pf.laws.values() if law.form == "load_line"]
     assert d is not None  # noqa: S101  tuned on it
     if len(laws) != 1 or laws[0].unit != d.unit_y or args.unit not in (None, laws[0].factors[0].unit):
         return []
     feed, B = laws[0].factors[0].unit, laws[0].coefficients["B"]
     scaling = d.dc_gain / B if B else 0.0
-    said = args.scaling or (1.0 if d.unit_u == feed else None)
-    if scaling <= 0 or (said and max(said / scaling, scaling / said) <= AGREE):
+    given = args.scaling or (1.0 if d.unit_u == feed else None)
+    if scaling <= 0 or (given and max(given / scaling, scaling / given) <= AGREE):
         return []
-    told = (
-        f"By the load law 1 {d.unit_u} is {scaling:.4g} {feed}: the model's {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} at "
-        f"rest over the law's {B:.4g} {d.unit_y} per {feed}. "
+    by_law = (
+        f"By the load law 1 {d.unit_u} is {scaling:.4g} {feed}: the DC gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} of "
+        f"the model over the slope {B:.4g} {d.unit_y} per {feed} of the law. "
     )
-    if said is None:
-        return [f"{told}For gains in feed say --scaling {scaling:.4g} --unit {feed} --force too."]
+    if given is None:
+        return [f"{by_law}For gains in feed add --scaling {scaling:.4g} --unit {feed} --force."]
     return [
-        f"{told}Said was {said:g}, {said / scaling:.2g} times that: correct it, or ask why; a run that "
-        "was not cut as the tests were has another gain."
+        f"{by_law}The given scaling is {given:g}, {given / scaling:.2g} times that: check it; a run under other "
+        "cutting conditions than the tests has another gain."
     ]
 
 
@@ -183,7 +193,7 @@ def _unit(pi: Any) -> str:  # noqa: ANN401
 
 
 def _drawn(tuned: "TunedPi", file: Path) -> str:
-    """Map of the gains and step of the loop beside the file."""
+    """Draw the map of the gains and the step response of the loop in the folder of the file."""
     from matplotlib.figure import Figure
 
     from ..ident.pi.loop import loop_of
@@ -195,7 +205,7 @@ def _drawn(tuned: "TunedPi", file: Path) -> str:
     y = loop_of(tuned.model, tuned.gains).step(n)
     right.plot([k * tuned.model.sample_time for k in range(n)], y, color="#1f5fa8")
     right.axhline(1.0, color="0.6", lw=0.8, ls="--")
-    right.set(xlabel="time, s", ylabel="output on a unit step of the reference, by simulation")
+    right.set(xlabel="time, s", ylabel="simulated response to a unit step of the reference")
     path = file.parent / "figures" / "pi.png"
     path.parent.mkdir(exist_ok=True)
     figure.savefig(path, dpi=110)

@@ -22,6 +22,10 @@ class DataError(FitmodelsError):
     exit_code = 3
 
 
+class RecordError(DataError):
+    """A file of tests is expected, and the file is a record of one run, to be identified."""
+
+
 class FitError(FitmodelsError):
     """A law cannot be fitted to these data."""
 

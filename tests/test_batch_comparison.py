@@ -4,14 +4,13 @@ import numpy as np
 import openpyxl
 import pandas as pd
 import pytest
-from fitmodels.batch.law_table import law_table
-from fitmodels.batch.outcome import PairOutcome
-from fitmodels.batch.result.comparison import FAMILIES, PAIRS, compare
-from fitmodels.batch.result.draw import draw_comparison
-from fitmodels.batch.result.iso_groups import NAMES, is_iso_513, iso_family
-from fitmodels.batch.result.read_pairs import read_pairs, unknown_pairs, with_groups
-from fitmodels.batch.result.table import results_frame
-from fitmodels.batch.result.telling import comparison_block
+from fitmodels.batch.comparison import FAMILIES, NAMES, PAIRS, compare, is_iso_513, iso_family
+from fitmodels.batch.figures import write_figures
+from fitmodels.batch.law_rows import law_table
+from fitmodels.batch.outcomes import PairOutcome
+from fitmodels.batch.pair_table import read_pairs, unknown_pairs, with_groups
+from fitmodels.batch.tables import results_frame
+from fitmodels.batch.terminal import comparison_block
 from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -249,7 +248,7 @@ def test_pairs_that_the_source_does_not_hold_are_named():
 @pytest.mark.parametrize(("n", "pictures"), [(2, 0), (3, 2), (60, 2), (61, 2), (10_000, 2)])
 def test_pictures_are_drawn_of_any_number_of_pairs(tmp_path, n, pictures):
     made = compare(simulated(n)[0], ["iso513", "coolant"])
-    paths = draw_comparison(made, tmp_path / "figures")
+    paths = write_figures(made, tmp_path / "figures")
     assert len(paths) == pictures
     for path in paths:
         assert imread(path).shape[1] == 1265
@@ -260,7 +259,7 @@ def test_a_picture_of_many_families_long_names_and_a_wild_pair(tmp_path):
     results["grade"] = [f"a grade with a very long name and number {i % 60}" for i in range(300)]
     results.loc[0, ["params_f", "bse_f"]] = 40.0, 3.0
     made = compare(results, ["grade"])
-    assert [path.name for path in draw_comparison(made, tmp_path)] == ["exponents_AW_f.png", "exponents_AW_F-2.png"]
+    assert [path.name for path in write_figures(made, tmp_path)] == ["exponents_AW_f.png", "exponents_AW_F-2.png"]
     assert all(imread(path).shape[0] < 1200 for path in tmp_path.iterdir())
 
 

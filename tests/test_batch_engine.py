@@ -16,9 +16,11 @@ from pathlib import Path
 
 import fitmodels
 import pytest
-from fitmodels.batch.engine import Meter, by_dask, cores, engine, largest_memory, progress, same_versions
-from fitmodels.batch.engine.address import scheduler_address
-from fitmodels.batch.engine.by_joblib import AHEAD, processes
+from fitmodels.batch.engine import Meter, cores, engine, largest_memory, progress
+from fitmodels.batch.engine import dask_cluster as by_dask
+from fitmodels.batch.engine import dask_scheduler as same_versions
+from fitmodels.batch.engine.dask_scheduler import scheduler_address
+from fitmodels.batch.engine.joblib_processes import AHEAD, processes
 from fitmodels.core.errors import FitmodelsError, UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -246,11 +248,11 @@ class _Versions:
 )
 def test_the_first_that_differs_is_told_with_its_cure(scheduler, worker, words):
     with pytest.raises(UsageError, match=words):
-        same_versions.refuse_others(_Versions(scheduler, tcp=worker), "tcp://a")
+        same_versions.refuse_other_versions(_Versions(scheduler, tcp=worker), "tcp://a")
 
 
 def test_versions_that_agree_pass():
-    same_versions.refuse_others(_Versions({}, one={}, two={}), "tcp://a")
+    same_versions.refuse_other_versions(_Versions({}, one={}, two={}), "tcp://a")
 
 
 def test_a_cluster_without_workers_is_a_sentence(monkeypatch):
@@ -515,7 +517,7 @@ def test_largest_memory_is_at_least_what_is_held_now():
 def test_where_proc_is_missing_the_system_is_asked(monkeypatch):
     resource = pytest.importorskip("resource")
     linux = largest_memory()
-    monkeypatch.setattr(sys.modules["fitmodels.batch.engine.memory"], "STATUS", Path("/nowhere"))
+    monkeypatch.setattr(sys.modules["fitmodels.batch.engine.base"], "STATUS", Path("/nowhere"))
     assert largest_memory() >= linux * 0.9
     unit = 1 if sys.platform == "darwin" else 1024
     assert largest_memory() == resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

@@ -11,8 +11,8 @@ import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.batch.plan import Pair, Reading
 from fitmodels.batch.source import chunks_of, open_source, rows_of
-from fitmodels.batch.source.csv_cells import Cells
-from fitmodels.batch.source.csv_stream import converted, csv_stream
+from fitmodels.batch.source.csv_copy import converted, csv_stream
+from fitmodels.batch.source.csv_rows import Cells
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.tables.numerals import MISSING_AS_WRITTEN, to_floats
 from hypothesis import given
@@ -107,7 +107,7 @@ def test_what_is_not_read_is_said(lab, tmp_path):
     assert "header only" in reasons["broken.csv"]
     assert "fitmodels ident" in reasons["run.csv"]
     said = " ".join(plan.assumed)
-    for words in ("passed by: photo.jpg", "passed by: a-fit/T1_steel", "name no tool", "old/inches.txt",
+    for words in ("skipped: photo.jpg", "skipped: a-fit/T1_steel", "name no tool", "old/inches.txt",
                   "joined, with edges told apart by file: T1 on steel"):  # fmt: skip
         assert words in said
 
@@ -302,7 +302,7 @@ def test_sources_that_are_none(tmp_path):
 
 
 def test_a_large_file_among_others_is_to_be_given_alone(lab, tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules["fitmodels.batch.source.open_source"], "LARGE", 600)
+    monkeypatch.setattr(sys.modules["fitmodels.batch.source.common"], "LARGE", 600)
     plan = opened(lab, tmp_path)
     reasons = {item.name: item.reason for item in plan.unreadable}
     assert "by itself" in reasons["a.csv"]
@@ -468,7 +468,7 @@ def test_long_files_that_cannot_be_used(text, words, tmp_path):
 
 
 def test_a_large_file_alone_is_streamed(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules["fitmodels.batch.source.open_source"], "LARGE", 1000)
+    monkeypatch.setattr(sys.modules["fitmodels.batch.source.common"], "LARGE", 1000)
     path = tmp_path / "long.csv"
     path.write_text(long())
     plan = opened(path, tmp_path)

@@ -10,28 +10,28 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
+from fitmodels.batch import records
 from fitmodels.batch.fitting import block as block_module
-from fitmodels.batch.fitting import laws_of_pairs as laws_module
+from fitmodels.batch.fitting import pair_laws as laws_module
 from fitmodels.batch.fitting.block import fit_block, spoiled_pairs
 from fitmodels.batch.fitting.concerns import concerns_of_laws
-from fitmodels.batch.fitting.one_pair import fit_pair
-from fitmodels.batch.how import How
-from fitmodels.batch.law_table import law_table
-from fitmodels.batch.outcome import BlockOutcome, PairOutcome, cell
-from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
-from fitmodels.batch.result import records
-from fitmodels.batch.rows import About, Rows
+from fitmodels.batch.law_rows import law_table
+from fitmodels.batch.outcomes import BlockOutcome, PairOutcome, cell
+from fitmodels.batch.plan import BatchOptions, Block, Pair, Piece, Plan, Reading
+from fitmodels.batch.rows import PairSource, Rows
 from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.datasets.runs import Source
 from fitmodels.fit.defaults import asked_laws, fit_asked
+from fitmodels.pipeline import FitOptions
+from fitmodels.pipeline.pair import fit_pair
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 SAME = 1e-9  # stacks and a loop of fits, as the tests of many_power_laws hold them
 STREAM = 1e-10  # sums of a stream and rows in memory
-TABLE = How(files=False)
-FAST = How(draws=1000)
+TABLE = BatchOptions(files=False)
+FAST = BatchOptions(draws=1000)
 PARTS = ("params", "bse", "row_bse", "tvalues", "pvalues")
 UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min", "AW": "mm", "P": "kW", "VB": "mm", "I": "A"}
 WEAR = datasets.SimulatedLaw("AW", "mm", 0.009, {"V": 0.52, "f": 0.15, "d": 0.3, "t": 0.25}, 0.08, 0.07)
@@ -218,7 +218,7 @@ def test_files_of_a_block_are_those_of_the_single_command(fitted, tmp_path, monk
     runs = datasets.read_runs(source)
     data = runs.data.assign(tool=runs.tool, work=runs.work)
     rows = Rows(data, runs.lines, runs.units, runs.columns, runs.source, runs.assumed, runs.warnings, runs.notes)
-    how = How(draws=1200, criterion=0.25, draws_kept=True, command=parameters.read(path).provenance.command)
+    how = BatchOptions(draws=1200, criterion=0.25, keep_draws=True, command=parameters.read(path).provenance.command)
     (outcome,) = fitted(rows, how=how).pairs
     (tmp_path / "params.json").write_bytes(outcome.files["params.json"])
     (tmp_path / "draws.npz").write_bytes(outcome.files["draws.npz"])
@@ -275,8 +275,8 @@ def test_behind_a_shut_gate_there_is_no_file_and_the_row_stays(fitted, monkeypat
     assert not outcome.files
     assert row(outcome, "AW")["params_V"] is not None
     assert row(outcome, "AW")["no_posterior"] == "R-hat 1.2, above 1.01."
-    assert "gate of AW is shut" in row(outcome, "P")["no_posterior"]
-    assert [(c.kind, "may not be used" in c.words) for c in outcome.concerns] == [("gate shut", True)]
+    assert "draws of AW did not converge" in row(outcome, "P")["no_posterior"]
+    assert [(c.kind, "convergence checks" in c.words) for c in outcome.concerns] == [("not converged", True)]
 
 
 def test_a_criterion_without_a_wear_law_costs_the_tool_life_alone(fitted):
@@ -286,7 +286,7 @@ def test_a_criterion_without_a_wear_law_costs_the_tool_life_alone(fitted):
     assert "no tool life" in [c.kind for c in outcome.concerns]
     (_, runs), *_ = rows_of(frame).runs()
     with pytest.raises(errors.FitError, match="no wear law on time"):
-        fit_pair(runs, criterion=0.2)
+        fit_pair(runs, FitOptions(criterion=0.2))
 
 
 def test_groups_go_into_the_outcome_and_the_identity(fitted):
@@ -342,7 +342,7 @@ def test_a_defect_in_a_stack_is_the_reason_of_the_pair_at_fault_alone(fitted, mo
 
 
 def test_a_defect_while_reading_is_the_reason_of_every_pair(fitted, monkeypatch):
-    monkeypatch.setattr(block_module, "looked_over", lambda *given: 1 / 0)
+    monkeypatch.setattr(block_module, "numbered_rows", lambda *given: 1 / 0)
     found = fitted(rows_of(simulated("A", 1), simulated("B", 2)))
     assert ["ZeroDivisionError" in p.reason for p in found.pairs] == [True, True]
 
@@ -393,7 +393,7 @@ def test_columns_that_ask_for_no_law_are_the_reason(fitted):
 
 def test_what_was_odd_in_the_reading_is_a_concern(fitted):
     rows = rows_of(simulated("A", 1), simulated("B", 2))
-    own = About(rows.source, (), (), ("3 rows have fewer cells than the header.",), ())
+    own = PairSource(rows.source, (), (), ("3 rows have fewer cells than the header.",), ())
     found = fitted(replace(rows, of_pair={Pair("A", "En 19"): own}))
     assert [[(c.kind, c.words) for c in pair.concerns] for pair in found.pairs] == [
         [("doubt in reading", "3 rows have fewer cells than the header.")], [],

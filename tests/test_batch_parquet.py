@@ -16,11 +16,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from fitmodels.batch.plan import Pair, Plan, Reading
-from fitmodels.batch.source import parquet_rows as reader
-from fitmodels.batch.source import sorted_copy as copier
-from fitmodels.batch.source.blocks import packed
-from fitmodels.batch.source.parquet_plan import parquet_plan
-from fitmodels.batch.source.parquet_rows import parquet_chunks, parquet_rows
+from fitmodels.batch.source import parquet_reading as reader
+from fitmodels.batch.source import sorted_copies as copier
+from fitmodels.batch.source.common import packed
+from fitmodels.batch.source.parquet_blocks import parquet_plan
+from fitmodels.batch.source.parquet_reading import parquet_chunks, parquet_rows
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.fit import many_power_laws, power_law, streamed_power_law
 from hypothesis import given, settings
@@ -58,7 +58,7 @@ def write(table: pd.DataFrame, path: Path, **options: object) -> Path:
 
 def planned(source: Path, reading: Reading | None = None, **limits: object) -> Plan:
     work = source.parent / "work of the batch"
-    chosen = {"most_rows": 10_000, "most_pairs": 100, "work": work, "told": silent} | limits
+    chosen = {"most_rows": 10_000, "most_pairs": 100, "work": work, "report": silent} | limits
     return parquet_plan(source, reading or Reading(), **chosen)
 
 
@@ -197,7 +197,7 @@ def test_blocks_cover_all_pairs_in_order_within_the_limits(rows, most_rows, most
 
 def test_a_pair_of_more_rows_than_a_block_is_streamed_by_itself(tmp_path, monkeypatch):
     monkeypatch.setattr(reader, "CHUNK", 60)
-    monkeypatch.setattr("fitmodels.batch.source.parquet_parts.BATCH", 25)
+    monkeypatch.setattr("fitmodels.batch.source.parquet_index.BATCH", 25)
     small, large = a_shop(2), a_shop(1, rows=400, seed=5).assign(tool="large")
     table = pd.concat([small[:24], large, small[24:]])
     plan = planned(write(table, tmp_path / "a.parquet", row_group_size=100), most_rows=48)
@@ -239,7 +239,7 @@ def test_a_sorted_copy_holds_the_same_rows_pair_by_pair_in_the_same_order(tmp_pa
     monkeypatch.setattr(copier, "HELD_ROWS", held)
     table, path = scattered(tmp_path)
     told: list[str] = []
-    copied = planned(path, most_pairs=1, told=told.append)
+    copied = planned(path, most_pairs=1, report=told.append)
     direct = planned(path, most_pairs=1, reads=1e9)
     assert copies(copied)
     assert not copies(direct)
@@ -277,7 +277,7 @@ def test_a_copy_that_breaks_off_leaves_nothing_behind(tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        planned(path, most_pairs=1, told=interrupted)
+        planned(path, most_pairs=1, report=interrupted)
     assert list((tmp_path / "work of the batch" / "sorted").iterdir()) == []
     assert planned(path, most_pairs=1).rows == 8 * 24
 

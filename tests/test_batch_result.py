@@ -13,21 +13,16 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels.batch.how import How
-from fitmodels.batch.law_table import LAW, law_table
-from fitmodels.batch.outcome import NO_LAW, REFUSED, BlockOutcome, Concern, PairOutcome
+from fitmodels.batch import output_folder as place
+from fitmodels.batch import records
+from fitmodels.batch.attention import SCATTERS, UNLIKE, attention_frame, attention_summary, with_families
+from fitmodels.batch.law_rows import LAW, law_table
+from fitmodels.batch.outcomes import NO_LAW, NOT_CONVERGED, REFUSED, BlockOutcome, Concern, PairOutcome
+from fitmodels.batch.output_folder import claim, folder_names, prepare, put, sweep
+from fitmodels.batch.plan import BatchOptions as Options
 from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
-from fitmodels.batch.result import lock, place, records
-from fitmodels.batch.result.attention import (
-    SCATTERS,
-    UNLIKE,
-    attention_frame,
-    attention_summary,
-    with_families,
-)
-from fitmodels.batch.result.place import claim, folder_names, prepare, put, sweep
-from fitmodels.batch.result.records import key_of, record, recorded, written
-from fitmodels.batch.result.table import csv_bytes, group_column, results_frame
+from fitmodels.batch.records import key_of, record, recorded, written
+from fitmodels.batch.tables import csv_bytes, group_column, results_frame
 from fitmodels.core.errors import UsageError
 from fitmodels.datasets.columns import ColumnUse
 from hypothesis import given, settings
@@ -59,7 +54,7 @@ def bare(block):
 @pytest.fixture
 def out(tmp_path):
     folder = tmp_path / "lab-batch"
-    with prepare(folder, "lab", How()):
+    with prepare(folder, "lab", Options()):
         pass
     return folder
 
@@ -74,41 +69,44 @@ USE = ColumnUse(1, "Vc", "Vc", "V", "m/min", False, None)
 def test_a_moved_folder_and_another_command_keep_their_keys():
     pieces = tuple(replace(piece, path=f"/elsewhere/{piece.name}") for piece in BLOCK.pieces)
     moved = replace(BLOCK, pieces=pieces)
-    assert key_of(moved, replace(PLAN, name="copy of lab"), How(command="fitmodels batch x")) == key_of(
-        BLOCK, PLAN, How()
+    assert key_of(moved, replace(PLAN, name="copy of lab"), Options(command="fitmodels batch x")) == key_of(
+        BLOCK, PLAN, Options()
     )
 
 
 OTHERS = {
-    "a stamp": (replace(BLOCK, pieces=(replace(BLOCK.pieces[0], stamp="1"), BLOCK.pieces[1])), PLAN, How()),
-    "a piece more": (replace(BLOCK, pieces=(*BLOCK.pieces, Piece("/lab/c", "c", "1"))), PLAN, How()),
-    "a row group": (replace(BLOCK, pieces=(replace(BLOCK.pieces[0], row_group=0), BLOCK.pieces[1])), PLAN, How()),
+    "a stamp": (replace(BLOCK, pieces=(replace(BLOCK.pieces[0], stamp="1"), BLOCK.pieces[1])), PLAN, Options()),
+    "a piece more": (replace(BLOCK, pieces=(*BLOCK.pieces, Piece("/lab/c", "c", "1"))), PLAN, Options()),
+    "a row group": (replace(BLOCK, pieces=(replace(BLOCK.pieces[0], row_group=0), BLOCK.pieces[1])), PLAN,
+        Options()),
     "a partition": (
-        replace(BLOCK, pieces=(replace(BLOCK.pieces[0], partition=(("tool", "x"),)), BLOCK.pieces[1])), PLAN, How()),
-    "the pairs": (replace(BLOCK, pairs=(A,)), PLAN, How()),
-    "the order of the pairs": (replace(BLOCK, pairs=(B, A)), PLAN, How()),
-    "which piece is whose": (replace(BLOCK, of_pair=((0,), (1,))), PLAN, How()),
-    "the route": (replace(BLOCK, streamed=True), PLAN, How()),
-    "an option": (BLOCK, PLAN, How(error="additive")),
-    "the seed": (BLOCK, PLAN, How(seed=2)),
-    "draws that are kept": (BLOCK, PLAN, How(draws_kept=True)),
-    "how it is read": (BLOCK, replace(PLAN, reading=Reading(units={"V": "m/s"})), How()),
-    "how columns are understood": (BLOCK, replace(PLAN, columns=(USE,)), How()),
-    "priors of its own": (BLOCK, PLAN, How(priors={"AW": {"V": {"distribution": "normal", "mean": 0.0, "sd": 1.0}}})),
+        replace(BLOCK, pieces=(replace(BLOCK.pieces[0], partition=(("tool", "x"),)), BLOCK.pieces[1])), PLAN,
+        Options()),
+    "the pairs": (replace(BLOCK, pairs=(A,)), PLAN, Options()),
+    "the order of the pairs": (replace(BLOCK, pairs=(B, A)), PLAN, Options()),
+    "which piece is whose": (replace(BLOCK, of_pair=((0,), (1,))), PLAN, Options()),
+    "the route": (replace(BLOCK, streamed=True), PLAN, Options()),
+    "an option": (BLOCK, PLAN, Options(error="additive")),
+    "the seed": (BLOCK, PLAN, Options(seed=2)),
+    "draws that are kept": (BLOCK, PLAN, Options(keep_draws=True)),
+    "how it is read": (BLOCK, replace(PLAN, reading=Reading(units={"V": "m/s"})), Options()),
+    "how columns are understood": (BLOCK, replace(PLAN, columns=(USE,)), Options()),
+    "priors of its own": (
+        BLOCK, PLAN, Options(priors={"AW": {"V": {"distribution": "normal", "mean": 0.0, "sd": 1.0}}})),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("what", OTHERS)
 def test_another_key_follows_from(what):
-    keys = [key_of(*OTHERS[what]), key_of(BLOCK, PLAN, How())]
+    keys = [key_of(*OTHERS[what]), key_of(BLOCK, PLAN, Options())]
     assert len(set(keys)) == 2
     assert all(len(key) == 64 for key in keys)
 
 
 def test_another_key_follows_from_another_version(monkeypatch):
-    before = key_of(BLOCK, PLAN, How())
+    before = key_of(BLOCK, PLAN, Options())
     monkeypatch.setattr(records, "__version__", "9.9.9")
-    assert key_of(BLOCK, PLAN, How()) != before
+    assert key_of(BLOCK, PLAN, Options()) != before
 
 
 WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
@@ -265,7 +263,7 @@ def test_a_kill_at_any_write_leaves_what_can_be_gone_on_from(at_which, out, monk
     assert the_same(recorded(out, "1" * 64, folders), outcome(C))
     there = {path.relative_to(out).as_posix() for path in (out / "pairs").rglob("params.json")}
     assert there <= {name for one in written(out) for name in one.files}  # each is known to be ours
-    with prepare(out, "lab", How()):
+    with prepare(out, "lab", Options()):
         record(out, KEY, outcome(A, B), folders)
     assert the_same(recorded(out, KEY, folders), outcome(A, B))
 
@@ -276,28 +274,27 @@ def test_a_process_killed_while_it_writes_loses_one_block_at_most(tmp_path):
     code = f"""
 import os, signal
 from pathlib import Path
-from fitmodels.batch.how import How
-from fitmodels.batch.law_table import LAW, law_table
-from fitmodels.batch.outcome import BlockOutcome, PairOutcome
-from fitmodels.batch.plan import Pair
-from fitmodels.batch.result import place, records
+from fitmodels.batch import output_folder, records
+from fitmodels.batch.law_rows import law_table
+from fitmodels.batch.outcomes import BlockOutcome, PairOutcome
+from fitmodels.batch.plan import BatchOptions as Options, Pair
 out, calls, real = Path({str(out)!r}), [], records.write_whole
 def write_whole(path, content, **more):
     calls.append(path)
     if len(calls) == 5:
         os.kill(os.getpid(), signal.SIGKILL)
     real(path, content, **more)
-records.write_whole, folders = write_whole, place.folder_names([Pair("a", "x"), Pair("b", "x")])
-with place.prepare(out, "lab", How()):
+records.write_whole, folders = write_whole, output_folder.folder_names([Pair("a", "x"), Pair("b", "x")])
+with output_folder.prepare(out, "lab", Options()):
     for tool in "ab":
         pair = PairOutcome(tool, "x", 1, files={{"params.json": b"{{}}"}})
         records.record(out, tool * 64, BlockOutcome((pair,), law_table(()), {{}}, {{}}, 0.0, 0), folders)
 """
     ended = subprocess.run([sys.executable, "-c", code], check=False, cwd=tmp_path)
     assert ended.returncode == -9
-    assert (out / lock.LOCK).exists()
+    assert (out / place.LOCK).exists()
     folders = folder_names([Pair("a", "x"), Pair("b", "x")])
-    with prepare(out, "lab", How()):  # its lock is taken over
+    with prepare(out, "lab", Options()):  # its lock is taken over
         assert recorded(out, "a" * 64, folders) is not None
         assert recorded(out, "b" * 64, folders) is None
 
@@ -347,10 +344,9 @@ def test_numbering_is_linear():
 
 def test_an_output_folder_is_made_and_taken_up_again(tmp_path):
     out = tmp_path / "deep" / "lab-batch"
-    for how in (How(), How(), How(seed=2)):
+    for how in (Options(), Options(), Options(seed=2)):
         with prepare(out, "lab", how):
-            assert (out / lock.LOCK).exists()
-        assert not (out / lock.LOCK).exists()
+            assert (out / place.LOCK).exists()
     said = json.loads((out / place.MANIFEST).read_text())
     assert (said["schema"], said["source"], said["options"]["seed"]) == ("fitmodels.batch/1", "lab", 2)
 
@@ -360,7 +356,7 @@ def test_the_same_batch_again_writes_nothing(out):
     record(out, KEY, outcome(A), folders)
     put(out, "results.csv", b"x\n")
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
-    with prepare(out, "lab", How()):
+    with prepare(out, "lab", Options()):
         assert recorded(out, KEY, folders) is not None
         assert put(out, "results.csv", b"x\n") is False
         assert sweep(out, {KEY}) == ()
@@ -371,7 +367,7 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
     (tmp_path / "out").write_text("mine")
     with (
         pytest.raises(UsageError, match="is a file; choose a folder with --out"),
-        prepare(tmp_path / "out", "lab", How()),
+        prepare(tmp_path / "out", "lab", Options()),
     ):
         pass
 
@@ -381,7 +377,7 @@ def test_a_folder_of_somebody_else_is_refused_and_stays_as_it_is(tmp_path, force
     (tmp_path / "thesis.docx").write_text("mine")
     with (
         pytest.raises(UsageError, match=r"holds 'thesis\.docx', which batch did not write"),
-        prepare(tmp_path, "lab", How(), force),
+        prepare(tmp_path, "lab", Options(), force),
     ):
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.docx"]
@@ -391,10 +387,10 @@ def test_a_batch_of_another_source_is_refused_without_force(out):
     record(out, KEY, outcome(A), folder_names([A]))
     with (
         pytest.raises(UsageError, match="holds a batch of lab, not of shop; replace it with --force"),
-        prepare(out, "shop", How()),
+        prepare(out, "shop", Options()),
     ):
         pass
-    with prepare(out, "shop", How(), force=True):
+    with prepare(out, "shop", Options(), force=True):
         assert not (out / "pairs").exists()
     assert json.loads((out / place.MANIFEST).read_text())["source"] == "shop"
 
@@ -416,7 +412,7 @@ def test_force_takes_away_what_batch_wrote_and_nothing_else(out):
     for name in mine:
         (out / name).parent.mkdir(exist_ok=True)
         (out / name).write_text("mine")
-    with prepare(out, "lab", How(), force=True):
+    with prepare(out, "lab", Options(), force=True):
         left = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
     assert left == {*mine, ".batch/lock", ".batch/manifest.json"}
     assert not (out / "site").exists()
@@ -426,7 +422,7 @@ def test_force_takes_away_what_batch_wrote_and_nothing_else(out):
 def test_a_list_of_files_that_leads_elsewhere_is_not_followed(out, tmp_path):
     (tmp_path / "mine").write_text("mine")
     (out / place.MADE).write_text(json.dumps(["../mine", str(tmp_path / "mine"), 7]))
-    with prepare(out, "lab", How(), force=True):
+    with prepare(out, "lab", Options(), force=True):
         assert (tmp_path / "mine").exists()
 
 
@@ -437,11 +433,11 @@ def test_a_parameter_file_that_was_changed_is_not_written_over(out):
     path.write_text("tuned")
     with (
         pytest.raises(UsageError, match=r"params\.json was changed since batch wrote it; move it elsewhere"),
-        prepare(out, "lab", How(seed=2)),
+        prepare(out, "lab", Options(seed=2)),
     ):
         pass
     assert path.read_text() == "tuned"
-    with prepare(out, "lab", How(), force=True):
+    with prepare(out, "lab", Options(), force=True):
         assert not path.exists()
 
 
@@ -451,7 +447,7 @@ def test_a_copy_of_the_folder_goes_on_from_its_records(out, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(out, copy, copy_function=shutil.copyfile)
     os.utime(copy / "pairs/GC435_709M40/params.json", (4e9, 4e9))
-    with prepare(copy, "lab", How()):
+    with prepare(copy, "lab", Options()):
         assert recorded(copy, KEY, folder_names([A])) is not None
 
 
@@ -494,47 +490,44 @@ def test_a_file_where_a_folder_has_to_be_is_named(out):
 # The lock
 
 
-def held(out, pid, host):
-    (out / lock.LOCK).write_text(json.dumps({"pid": pid, "host": host}))
+HOLDER = """
+import sys
+from pathlib import Path
+from fitmodels.batch.output_folder import prepare
+from fitmodels.batch.plan import BatchOptions
+with prepare(Path(sys.argv[1]), "lab", BatchOptions()):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
 
 
 def test_a_second_batch_in_the_same_folder_is_refused(out):
-    with prepare(out, "lab", How()):
+    with prepare(out, "lab", Options()):
         with (
-            pytest.raises(UsageError, match=rf"another batch \(process {os.getpid()} on .*\) writes there now"),
-            prepare(out, "lab", How(), force=True),
+            pytest.raises(UsageError, match=r"another batch is writing there; wait until it ends or choose another"),
+            prepare(out, "lab", Options(), force=True),
         ):
             pass
-        assert (out / lock.LOCK).exists()
+        assert (out / place.LOCK).exists()
 
 
-@pytest.mark.parametrize("text", ["", "{", "[1]", '{"pid": 999999999, "host": "elsewhere"}'])
-def test_a_lock_that_may_be_alive_is_kept_and_named(out, text):
-    (out / lock.LOCK).write_text(text)
-    with pytest.raises(UsageError, match=r"if it is no more, remove .*lock"), prepare(out, "lab", How()):
-        pass
-    assert (out / lock.LOCK).read_text() == text
+def test_a_batch_of_another_process_is_refused_until_that_is_killed(out):
+    command = [sys.executable, "-c", HOLDER, str(out)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(UsageError, match="another batch is writing there"), prepare(out, "lab", Options()):
+            pass
+        holder.kill()
+        holder.wait()
+        with prepare(out, "lab", Options()):
+            pass
 
 
-def test_the_lock_of_a_process_that_is_no_more_is_taken_over(out):
-    gone = subprocess.Popen([sys.executable, "-c", ""])
-    gone.wait()
-    for pid in (gone.pid, os.getpid(), -1):  # a container gives the same number again
-        held(out, pid, lock.socket.gethostname())
-        with prepare(out, "lab", How()):
-            assert json.loads((out / lock.LOCK).read_text())["pid"] == os.getpid()
-
-
-def test_the_lock_of_a_process_that_runs_is_kept(out):
-    held(out, os.getppid(), lock.socket.gethostname())
-    with pytest.raises(UsageError, match=f"process {os.getppid()} on"), prepare(out, "lab", How()):
-        pass
-
-
-def test_a_failure_gives_the_lock_back(out):
-    with pytest.raises(KeyboardInterrupt), prepare(out, "lab", How()):
+def test_a_failure_releases_the_lock(out):
+    with pytest.raises(KeyboardInterrupt), prepare(out, "lab", Options()):
         raise KeyboardInterrupt
-    assert not (out / lock.LOCK).exists()
+    with prepare(out, "lab", Options()):
+        pass
 
 
 # Tables
@@ -713,7 +706,7 @@ def test_an_exponent_is_told_once_by_the_family_of_its_grouping():
 
 
 def test_what_compare_gives_is_understood():
-    from fitmodels.batch.result.comparison import compare
+    from fitmodels.batch.comparison import compare
 
     rng = np.random.default_rng(5)
     exponents = [*rng.normal(0.5, 0.03, 40), 1.2]
@@ -729,11 +722,11 @@ def test_every_kind_that_fitting_tells_has_its_place():
     from pathlib import Path
 
     import fitmodels.batch.fitting as room
-    from fitmodels.batch.result.attention import SEVERITY
+    from fitmodels.batch.attention import SEVERITY
 
     texts = [path.read_text("utf-8") for path in Path(room.__path__[0]).glob("*.py")]
     told = r"""(?<!>>> )(?:Concern\(|yield i, )"([^"]+)\""""
     kinds = {kind for text in texts for kind in re.findall(told, text)}
     assert len(kinds) > 12
-    assert {"fits badly", "gate shut"} <= kinds
-    assert kinds | {NO_LAW, REFUSED} <= set(SEVERITY)
+    assert {"fits badly", "verdict"} <= kinds
+    assert kinds | {NO_LAW, NOT_CONVERGED, REFUSED} <= set(SEVERITY)

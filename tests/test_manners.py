@@ -18,7 +18,7 @@ import fitmodels
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import batch, controllers, datasets, fit, ident, parameters
+from fitmodels import batch, controllers, datasets, fit, ident, parameters, pipeline
 from fitmodels.controllers.adaptive_force.stability import step_study
 from fitmodels.controllers.constant_load_milling.cut_model import CutModel
 from fitmodels.controllers.constant_load_milling.steady import steady_life
@@ -48,7 +48,7 @@ from fitmodels.parameters.published import published
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-ROOMS = (datasets, fit, ident, parameters, controllers, batch)
+ROOMS = (datasets, fit, ident, parameters, controllers, pipeline, batch)
 FACTORS = ["V", "f", "d", "t"]
 
 # --- results, one of each kind; each is made once, when a test asks for it
@@ -191,9 +191,14 @@ def many() -> ManyLaws:
 
 
 @cache
+def analysis():
+    return pipeline.analyse(datasets.bundled("ac2017_table1"), draws=1000)
+
+
+@cache
 def shop() -> batch.Batch:
     with TemporaryDirectory() as place:
-        return batch.run(datasets.bundled("gc435_709m40"), Path(place, "out"), how=batch.How(files=False))
+        return batch.run(datasets.bundled("gc435_709m40"), Path(place, "out"), files=False)
 
 
 RESULTS: dict[str, Callable[[], object]] = {
@@ -280,10 +285,9 @@ RESULTS: dict[str, Callable[[], object]] = {
     "TurningRun": turned,
     "StepSize": lambda: step_study(published("LYAP"), steps=(0.01,), duration=0.2)[0],
     "Batch": shop,
-    "Plan": lambda: shop().plan,
-    "Pair": lambda: shop().plan.pairs[0],
-    "How": lambda: batch.How(criterion=0.2),
-    "Reading": batch.Reading,
+    "Analysis": analysis,
+    "PairAnalysis": lambda: analysis().pairs[0],
+    "FitOptions": lambda: pipeline.FitOptions(criterion=0.2),
 }
 
 # What has no picture, and why
@@ -292,12 +296,11 @@ POINT = "one point: the region, life or map that it is taken from draws it"
 GIVEN = "what is asked for, not what is found"
 PICTURELESS = {
     **dict.fromkeys(("ColumnUse", "Source", "FileKind", "By", "Dropped", "LeftOut", "Refused", "Event"), SENTENCE),
-    **dict.fromkeys(
-        ("NotAvailable", "NoContinuousForm", "CheckReport", "FileFinding", "GivenFactor", "Pair"), SENTENCE
-    ),
+    **dict.fromkeys(("NotAvailable", "NoContinuousForm", "CheckReport", "FileFinding", "GivenFactor"), SENTENCE),
     **dict.fromkeys(("Corner", "OperatingPoint", "Choice", "FixedLife", "StepSize"), POINT),
     **dict.fromkeys(("SimulatedLaw", "Specification", "LifeLaws", "Rules", "CutModel"), GIVEN),
-    **dict.fromkeys(("Plan", "How", "Reading"), GIVEN),
+    **dict.fromkeys(("FitOptions",), GIVEN),
+    **dict.fromkeys(("Analysis", "PairAnalysis"), "its laws have figures; write draws them"),
 }
 # What read_table gives: Runs and Record, which are made of it, have the manners
 BEFORE = {"Table"}

@@ -40,7 +40,7 @@ def test_package_data_names_every_file_that_is_not_python():
         patterns = SETUPTOOLS["package-data"].get(f"fitmodels.{room}", [])
         carried = {path for pattern in patterns for path in (ROOT / room).glob(pattern)}
         files = {path for path in (ROOT / room).rglob("*") if path.is_file() and "__pycache__" not in path.parts}
-        left = {path.relative_to(ROOT).as_posix() for path in files - carried if path.suffix != ".py"}
+        left = {path.relative_to(ROOT).as_posix() for path in files - carried if path.suffix not in (".py", ".pyi")}
         assert not left
     assert (ROOT / "py.typed").is_file()
 

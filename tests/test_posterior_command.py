@@ -75,8 +75,8 @@ def test_priors_of_ones_own_are_used_and_a_changed_file_is_noticed(run, tmp_path
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (["--draws", "10"], 2, "10 draws: at least 1000"),
-        (["--seed", "-1"], 2, "--seed -1"),
+        (["--draws", "10"], 2, "draws 10: give a whole number from 1000"),
+        (["--seed", "-1"], 2, "seed -1"),
         (["--priors", "nowhere.toml"], 3, "nowhere.toml cannot be read"),
     ],
 )

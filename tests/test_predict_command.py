@@ -130,7 +130,7 @@ def test_wear_that_is_given_is_taken(params):
     told = run(params, "V=120", "f=0.2", "d=2", "AW=0.2")
     assert told.code == 0
     assert "not counted" not in told.out
-    assert "AW is not told: the law of AW needs t (cutting time, min); add for instance t=6.3." in told.out
+    assert "AW is not predicted: the law of AW needs t (cutting time, min); add for instance t=6.3." in told.out
 
 
 def test_outside_is_said_of_whatever_stands_on_it(params):
@@ -160,20 +160,20 @@ def test_a_level_shifts_the_law(by_material):
     ("arguments", "code", "words"),
     [
         (["V=120", "f=0.2", "d=2"], 2, ["the law of AW needs t (cutting time, min); add for instance t=6.3"]),
-        (["--law", "P", "V=120", "f=0.2", "d=2"], 2, ["needs AW (average wear, mm), or t for its own law to give it"]),
+        (["--law", "P", "V=120", "f=0.2", "d=2"], 2, ["needs AW (average wear, mm), or t for its own law"]),
         ([], 2, ["needs V (cutting speed, m/min), f (feed, mm/rev), d", "add for instance V=100 f=0.19 d=2.1 t=6.3"]),
         ([*AT, "vc=3"], 2, ["vc=3: no law of the file has a factor vc; they have V, f, d, t, AW (did you mean V?)"]),
         ([*AT, "aw=3"], 2, ["(did you mean AW?)"]),
-        ([*AT, "--law", "PP"], 2, ["--law PP: the file holds laws of AW, P (did you mean P?)"]),
+        ([*AT, "--law", "PP"], 2, ["--law PP: the file has laws of AW, P (did you mean P?)"]),
         ([*AT, "--by", "hard"], 2, ["--by hard: no law has levels"]),
         ([*AT, "--level", "95"], 2, ["--level 95", "between 0 and 1"]),
         ([*AT, "--coverage", "1"], 2, ["--coverage 1"]),
         ([*AT, "--interval", "typical"], 2, ["invalid choice: 'typical'"]),
         ([*AT, "--intervall", "mean"], 2, ["did you mean --interval?"]),
         (["V=-1", *AT[1:]], 2, ["V = -1 m/min", "positive"]),
-        (["V=fast", *AT[1:]], 2, ["V=fast: it is a number with a decimal point"]),
-        (["V=12,5", *AT[1:]], 2, ["V=12,5: it is a number with a decimal point"]),
-        (["V", *AT[1:]], 2, ["condition V: it is written as V=120"]),
+        (["V=fast", *AT[1:]], 2, ["V=fast: give a number with a decimal point"]),
+        (["V=12,5", *AT[1:]], 2, ["V=12,5: give a number with a decimal point"]),
+        (["V", *AT[1:]], 2, ["condition V: write it as V=120"]),
         (["V=1", *AT], 2, ["V is given twice"]),
         (["V=120kN", *AT[1:]], 2, ["V=120kN: V of the law is in m/min, and kN measures another quantity"]),
         (["V=120mm/minn", *AT[1:]], 2, ["unit 'mm/minn' is not listed", "did you mean"]),
@@ -189,7 +189,7 @@ def test_what_cannot_be_asked_is_one_sentence(params, arguments, code, words):
 
 
 def test_a_level_must_be_named_and_known(by_material):
-    refused(run(by_material, *AT), 2, "by material: say which level (hard, soft) with --by")
+    refused(run(by_material, *AT), 2, "by material: give the level (hard, soft) with --by")
     refused(run(by_material, *AT, "--by", "Hard"), 2, "there are hard, soft (did you mean hard?)")
 
 
@@ -201,7 +201,7 @@ def test_a_file_that_cannot_be_read(tmp_path):
 
 def test_a_file_without_a_law_or_without_its_interval(tmp_path):
     empty = parameters.write(parameters.collect(tool="a", work="b"), tmp_path / "empty.json")
-    refused(run(empty, *AT), 2, "holds no law")
+    refused(run(empty, *AT), 2, "has no law")
     two = datasets.runs_from_frame(bundled().data.iloc[:2][["t", "AW"]])
     pf = parameters.collect(tool="a", work="b", laws=[fit.power_law(two, "AW", ["t"])])
     refused(run(parameters.write(pf, tmp_path / "two.json"), "t=3"), 3, "2 observations fix 2 parameters exactly")

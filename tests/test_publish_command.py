@@ -94,7 +94,7 @@ def test_a_template_that_is_filled_in_opens_the_gate(pairs, capsys):
     assert command("publish", capsys, "pairs", "--check")[0] == 5
     (home / "card.toml").write_text(TOML, encoding="utf-8")
     assert command("publish", capsys, "pairs", "--check") == (
-        0, "3 pairs, and nothing stands against publishing.", ""
+        0, "3 pairs, ready to publish.", ""
     )  # fmt: skip
 
 
@@ -128,11 +128,11 @@ def test_the_same_facts_as_json(pairs, capsys):
 @pytest.mark.parametrize(
     ("words", "code", "sentence"),
     [
-        (["pairs"], 2, "--site: say where the site goes"),
+        (["pairs"], 2, "--site: give the folder of the site"),
         (["nowhere", "--site", "site"], 2, "nowhere: is no folder"),
         ([".hidden", "--site", "site"], 3, ".hidden: holds no params.json; fit first"),
         (["pairs", "--site", "pairs"], 2, "the site would stand among the pairs"),
-        (["pairs", "--site", "site", "--jobs", "0"], 2, "0 is no number of processes"),
+        (["pairs", "--site", "site", "--jobs", "0"], 2, "0 is not a number of processes"),
         (["pairs", "--site", "site", "--title", " "], 2, "--title: is empty"),
         (["pairs", "--sit", "site"], 2, "did you mean --site?"),
     ],
@@ -164,7 +164,7 @@ def test_what_a_card_does_not_tell_is_said(pairs, capsys):
     add(pairs, "bare", toml=None)
     out = command("card", capsys, "pairs/bare/params.json")[1]
     fields = "license, authors, contact, machine, iso513, setup, sensors"
-    assert out.endswith(f"not told: {fields}; fitmodels publish asks for it in card.toml")
+    assert out.endswith(f"missing: {fields}; fitmodels publish asks for it in card.toml")
 
 
 def test_a_card_that_tells_something_else_is_replaced_by_force_alone(pairs, capsys):
@@ -175,7 +175,7 @@ def test_a_card_that_tells_something_else_is_replaced_by_force_alone(pairs, caps
     other.write_text(TOML.replace("a lathe", "another lathe"), encoding="utf-8")
     code, out, err = command("card", capsys, "pairs/one/params.json", "--toml", other)
     assert (code, out) == (2, "")
-    assert "README.md, card.json, card.html are there and would change; replace with --force" in err
+    assert "README.md, card.json, card.html would be changed; replace with --force" in err
     assert content(pairs) == before
     assert command("card", capsys, "pairs/one/params.json", "--toml", other, "--force")[0] == 0
     assert "another lathe" in (pairs / "one" / "card.html").read_text("utf-8")

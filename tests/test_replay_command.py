@@ -60,7 +60,7 @@ def test_a_file_without_what_a_controller_needs_says_what_is_missing(tmp_path, c
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (["AC-2017", "--system", "recurson"], 2, "did you mean recursion?"),
+        (["AC-2017", "--system", "recurson"], 2, "Did you mean 'recursion'?"),
         (["AC-2017", "--system", "roughness"], 3, "not this controller"),
         (["nowhere.json"], 3, "no such file"),
         (["AC-2017", "--seed", "-1"], 2, "seed"),

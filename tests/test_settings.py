@@ -257,10 +257,10 @@ def test_a_window_may_be_said_in_any_unit_of_length(params, window, capsys):
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["--window", "220"], 2, "it is written as 180:220um"),
+        (["--window", "220"], 2, "write it as 180:220um"),
         (["--window", "180:220A"], 3, "cannot be told in 'mm'"),
-        (["--window", "a:b"], 2, "it is written as 180:220um"),
-        (["--wear-limit", "1:2"], 2, "it is written as 200um"),
+        (["--window", "a:b"], 2, "write it as 180:220um"),
+        (["--wear-limit", "1:2"], 2, "write it as 200um"),
         (["--safety-factor", "1.17"], 2, "between 0 and 1"),
         (["--windw", "1:2"], 2, "did you mean --window"),
     ],
@@ -278,6 +278,6 @@ def test_intervals_are_told(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "95% interval" in out
     assert "Fieller" in out
-    assert "is reached with a probability of 0." in out
+    assert "when the lower limit is reached: 0." in out
     assert isinstance(read(path).load_line.lower.interval, LimitInterval)
     assert read(path).load_line.dwell == 2.0

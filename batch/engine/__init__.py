@@ -5,8 +5,7 @@ Nothing here knows of cutting. joblib and Dask schedule and move data; Dask runs
 
 from ...core.progress import Meter, grouped, progress
 from ...core.threads import cores
-from .memory import largest_memory
-from .opening import engine
-from .run import Run
+from .base import Run, largest_memory
+from .selection import engine
 
 __all__ = ["Meter", "Run", "cores", "engine", "grouped", "largest_memory", "progress"]

@@ -10,18 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import pandas as pd
 
 from ...core.threads import one_thread
-from ..failures import DEFECT, GONE, Failed, tried
-from ..how import How
-from ..law_table import PAIR, below_each_other, law_table, numbered_anew
-from ..outcome import NO_LAW, BlockOutcome, Cell, Concern, PairOutcome
-from ..plan import Block, Pair, Plan
-from .concerns import concerns_of_laws
-from .groups import groups_of_pairs
-from .laws_of_pairs import laws_of_pairs
+from ..law_rows import PAIR, joined_tables, law_table, reasons, renumbered
+from ..outcomes import DEFECT, GONE, NO_LAW, BlockOutcome, Cell, Concern, Failure, PairOutcome, attempt
+from ..plan import BatchOptions, Block, Pair, Plan
+from .concerns import concerns_of_laws, groups_of_pairs
 from .pair_file import PairFiles, files_of_pair, with_cells
-from .pairs_of_rows import PairsOfRows, looked_over
+from .pair_laws import NumberedRows, laws_of_pairs, numbered_rows
 from .streamed_pair import no_law_asked, streamed_outcome
-from .table_rows import reasons
 
 if TYPE_CHECKING:
     from ...datasets import Runs
@@ -31,7 +26,7 @@ NOW_AND_THEN = 25  # files
 
 
 @one_thread
-def fit_block(block: Block, plan: Plan, how: How) -> BlockOutcome:
+def fit_block(block: Block, plan: Plan, options: BatchOptions) -> BlockOutcome:
     """Fit the pairs of a block, in any process.
 
     Parameters
@@ -39,7 +34,7 @@ def fit_block(block: Block, plan: Plan, how: How) -> BlockOutcome:
     block : Block
         Of ``plan``; its rows are read here.
     plan : Plan
-    how : How
+    options : BatchOptions
 
     Returns
     -------
@@ -47,12 +42,12 @@ def fit_block(block: Block, plan: Plan, how: How) -> BlockOutcome:
         An outcome for each pair of the block, in its order, the same wherever and whenever it is made. Nothing is
         raised but KeyboardInterrupt and MemoryError: what fails is the reason of the pairs that it touches.
     """
-    from ..engine.memory import largest_memory
+    from ..engine.base import largest_memory
 
     begun = time.perf_counter()
     with _uncollected():
-        made = tried(lambda: _fitted(block, plan, how))
-    if isinstance(made, Failed):
+        made = attempt(lambda: _fitted(block, plan, options))
+    if isinstance(made, Failure):
         made = Found(_none(block, made.reason), law_table(()), {}, {})
     memory = largest_memory()
     return BlockOutcome(*made, time.perf_counter() - begun, memory if isinstance(memory, int) else 0)
@@ -79,9 +74,9 @@ class Found(NamedTuple):
     units: Mapping[str, str]
 
 
-def _fitted(block: Block, plan: Plan, how: How) -> Found:
+def _fitted(block: Block, plan: Plan, options: BatchOptions) -> Found:
     if block.streamed:
-        one, table = streamed_outcome(block, plan, how)
+        one, table = streamed_outcome(block, plan, options)
         return Found((one,), table, {}, _units(table))
     from ..source import rows_of
 
@@ -94,13 +89,13 @@ def _fitted(block: Block, plan: Plan, how: How) -> Found:
     units: dict[str, str] = {}
     for rows in tables:
         units |= rows.units
-        ones, table = _of_rows(rows, block, plan, how, spoiled)
+        ones, table = _of_rows(rows, block, plan, options, spoiled)
         at = [place[Pair(one.tool, one.work)] for one in ones]
-        laws.append(numbered_anew(table, at))
+        laws.append(renumbered(table, at))
         for i, one in zip(at, ones, strict=True):
             twice += [i] if i in outcomes else []
             outcomes[i] = one if i not in outcomes else _twice(outcomes[i], one)
-    whole = below_each_other(laws)
+    whole = joined_tables(laws)
     pairs = tuple(outcomes.get(i) or _without(pair, spoiled.get(pair, GONE)) for i, pair in enumerate(block.pairs))
     return Found(pairs, whole[~whole[PAIR].isin(twice)].reset_index(drop=True) if twice else whole, unreadable, units)
 
@@ -122,13 +117,13 @@ def spoiled_pairs(block: Block, unreadable: Mapping[str, str]) -> dict[Pair, str
 
 
 def _of_rows(
-    rows: "Rows", block: Block, plan: Plan, how: How, spoiled: Mapping[Pair, str]
+    rows: "Rows", block: Block, plan: Plan, options: BatchOptions, spoiled: Mapping[Pair, str]
 ) -> tuple[list[PairOutcome], pd.DataFrame]:
     """Outcomes of the pairs that these rows name, and their laws."""
-    of = looked_over(rows, set(block.pairs) - set(spoiled))
+    of = numbered_rows(rows, set(block.pairs) - set(spoiled))
     if not of.pairs:
         return [], law_table(())
-    laws = laws_of_pairs(of, how)
+    laws = laws_of_pairs(of, options)
     groups, concerns = groups_of_pairs(of, plan.reading.groups)
     none = reasons(laws)
     told = concerns_of_laws(laws, none, len(of.pairs))
@@ -143,11 +138,11 @@ def _of_rows(
         doubts = (Concern("doubt in reading", words) for words in rows.doubts(pair))
         why = (*of_laws, *concerns[i], *doubts)
         outcomes.append(PairOutcome(pair.tool, pair.work, nobs, reason, why, groups[i], simulated))
-    return _with_files(of, outcomes, laws, block, plan, how) if how.files else (outcomes, laws)
+    return _with_files(of, outcomes, laws, block, plan, options) if options.files else (outcomes, laws)
 
 
 def _with_files(
-    of: PairsOfRows, outcomes: list[PairOutcome], laws: pd.DataFrame, block: Block, plan: Plan, how: How
+    of: NumberedRows, outcomes: list[PairOutcome], laws: pd.DataFrame, block: Block, plan: Plan, options: BatchOptions
 ) -> tuple[list[PairOutcome], pd.DataFrame]:
     """The same with the files of each pair that has a law, and with what came up on the way."""
     place = {pair: i for i, pair in enumerate(of.pairs)}
@@ -155,7 +150,7 @@ def _with_files(
     for done, (pair, runs) in enumerate(of.rows.runs(), 1):
         i = place[pair]
         if not outcomes[i].reason:
-            made = _files(outcomes[i], runs, block.told_of(pair), plan, how)
+            made = _files(outcomes[i], runs, block.told_of(pair), plan, options)
             cells[i] = made.cells
             outcomes[i] = replace(outcomes[i], concerns=(*outcomes[i].concerns, *made.concerns), files=made.files)
         if done % NOW_AND_THEN == 0:
@@ -163,9 +158,9 @@ def _with_files(
     return outcomes, with_cells(laws, cells)
 
 
-def _files(found: PairOutcome, runs: "Runs", beside: Mapping[str, str], plan: Plan, how: How) -> PairFiles:
+def _files(found: PairOutcome, runs: "Runs", beside: Mapping[str, str], plan: Plan, options: BatchOptions) -> PairFiles:
     known = {header: name for header, name in found.groups.items() if name}  # what the rows say counts first
-    return files_of_pair(runs, how, plan.reading, {**beside, **known})
+    return files_of_pair(runs, options, {**beside, **known})
 
 
 def _twice(one: PairOutcome, other: PairOutcome) -> PairOutcome:

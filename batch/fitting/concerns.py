@@ -1,6 +1,6 @@
-"""Why a pair needs attention: few kinds, each of which somebody can do something about."""
+"""Reasons why a pair needs attention, and the groups that it belongs to."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,12 +8,90 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...fit.defaults import WEAR
-from ..law_table import PAIR, fitted
-from ..outcome import NO_LAW, REFUSED, Concern
-from .table_rows import refusals
+from ..law_rows import PAIR, fitted, refusals
+from ..outcomes import NO_LAW, REFUSED, Concern
+from .pair_laws import NumberedRows, texts
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
+
+ABOUT = ("machine", "setup", "iso513")  # groups that the identity of a parameter file has a place for
+SHOWN = 3
+
+
+def groups_of_pairs(of: NumberedRows, headers: Sequence[str]) -> tuple[list[dict[str, str]], list[list[Concern]]]:
+    """For each pair its groups, empty text where its rows do not say, and concerns where they name several.
+
+    Examples
+    --------
+    >>> from fitmodels.datasets.runs import Source
+    >>> from fitmodels.batch.plan import Pair
+    >>> from fitmodels.batch.rows import Rows
+    >>> from fitmodels.batch.fitting.pair_laws import looked_over
+    >>> frame = pd.DataFrame({"tool": ["A", "A"], "work": ["W", "W"], "coolant": ["", "dry"]})
+    >>> rows = Rows(frame, np.arange(2), {}, (), Source("", "", 2, ""))
+    >>> groups_of_pairs(looked_over(rows, {Pair("A", "W")}), ["coolant"])
+    ([{'coolant': 'dry'}], [[]])
+    """
+    groups: list[dict[str, str]] = [dict.fromkeys(headers, "") for _ in of.pairs]
+    concerns: list[list[Concern]] = [[] for _ in of.pairs]
+    for header in (h for h in headers if h in of.rows.frame):
+        named = pd.DataFrame({"pair": of.number, "name": texts(of.rows.frame[header])})
+        named = named[named["name"] != ""].drop_duplicates()
+        for i, name in zip(*(named.drop_duplicates("pair")[c] for c in named), strict=True):
+            groups[i][header] = name
+        counts = np.bincount(named["pair"], minlength=len(of.pairs))
+        for i in np.flatnonzero(counts > 1):
+            concerns[i].append(differs(header, named["name"][named["pair"] == i].tolist()))
+    return groups, concerns
+
+
+def differs(header: str, names: Sequence[str]) -> Concern:
+    """A pair whose rows name several groups.
+
+    >>> differs("grade", ["P20", "P30"]).words
+    "'grade' names 2 groups in the rows of this pair (P20, P30); it counts as P20."
+    """
+    shown = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
+    words = f"{header!r} names {len(names)} groups in the rows of this pair ({shown}); it counts as {names[0]}."
+    return Concern("group differs within the pair", words)
+
+
+def identity_of(groups: Mapping[str, str]) -> tuple[dict[str, str], list[Concern]]:
+    """What the groups tell of the identity of a parameter file, and what cannot stand there.
+
+    Examples
+    --------
+    >>> identity_of({"ISO 513": "p20", "coolant": "dry"})
+    ({'iso513': 'P20'}, [])
+    """
+    import re
+
+    from ...parameters.sections.origin import ISO513
+
+    found = {plain: name for header, name in groups.items() if (plain := _plain(header)) in ABOUT and name}
+    group = found.get("iso513")
+    if group is None:
+        return found, []
+    if re.fullmatch(ISO513[1:-1], group.strip().upper()):
+        return found | {"iso513": group.strip().upper()}, []
+    found.pop("iso513")
+    words = f"{group!r} is no group of ISO 513 (P, M, K, N, S or H, or with its number as P20); the file has none."
+    return found, [Concern("no group of ISO 513", words)]
+
+
+def is_identity(header: str) -> bool:
+    """Whether a group of this header has a place in the identity of a parameter file.
+
+    >>> is_identity("ISO 513"), is_identity("coolant")
+    (True, False)
+    """
+    return _plain(header) in ABOUT
+
+
+def _plain(header: str) -> str:
+    return "".join(letter for letter in header.lower() if letter.isalnum())
+
 
 NOTED = ("edge_reason", "left_out")
 MUCH = 0.1  # share of rows left out
@@ -37,7 +115,7 @@ def concerns_of_laws(table: pd.DataFrame, none: Mapping[int, str], pairs: int) -
 
     Examples
     --------
-    >>> from fitmodels.batch.law_table import law_table
+    >>> from fitmodels.batch.law_rows import law_table
     >>> row = {"response": "AW", "reason": "", "rsquared": 0.3, "df": 9, "nobs": 12, "dropped": 4}
     >>> [concern.words for concern in concerns_of_laws(law_table([(0, row)]), {}, 1)[0]]
     ['AW: 4 of 16 rows are left out.', 'AW: R2 0.30, less than half of the scatter.']

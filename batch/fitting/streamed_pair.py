@@ -10,17 +10,12 @@ import pandas as pd
 from ...datasets.runs import disclaimers
 from ...datasets.vocabulary import ROLES
 from ...fit.defaults import Asked, asked_laws
-from ..failures import GONE, Failed, tried
-from ..how import How
-from ..law_table import law_table
-from ..outcome import Cell, Concern, PairOutcome
-from ..plan import Block, Plan
-from .concerns import concerns_of_laws
-from .groups import differs, identity_of
-from .laws_of_pairs import unit_of
-from .pair_file import PARAMETERS, options_of, posterior_cells, with_cells
-from .pairs_of_rows import texts
-from .table_rows import reasons, row_of, row_without
+from ..law_rows import law_table, reasons, row_of, row_without
+from ..outcomes import GONE, Cell, Concern, Failure, PairOutcome, attempt
+from ..plan import BatchOptions, Block, Plan
+from .concerns import concerns_of_laws, differs, identity_of
+from .pair_file import PARAMETERS, posterior_cells, with_cells
+from .pair_laws import texts, unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -53,7 +48,7 @@ class Seen:
         self.whole = True
 
 
-def streamed_outcome(block: Block, plan: Plan, how: How) -> tuple[PairOutcome, pd.DataFrame]:
+def streamed_outcome(block: Block, plan: Plan, options: BatchOptions) -> tuple[PairOutcome, pd.DataFrame]:
     """Fit the power laws of the pair of a streamed block; the table of its laws is that of rows in memory.
 
     Every law reads the chunks anew. Load laws, roughness and additive errors need all rows at once: they have rows
@@ -65,7 +60,7 @@ def streamed_outcome(block: Block, plan: Plan, how: How) -> tuple[PairOutcome, p
     if first is None:
         return PairOutcome(pair.tool, pair.work, 0, reason=GONE), law_table(())
     seen = Seen(plan.reading.groups)
-    fitted = _laws(block, plan, how, seen, frozenset(map(str, first.columns)))
+    fitted = _laws(block, plan, options, seen, frozenset(map(str, first.columns)))
     table = law_table((0, row) for row, _ in fitted)
     groups = {header: next(iter(seen.names.get(header, [])), "") for header in plan.reading.groups}
     none = reasons(table)
@@ -74,9 +69,11 @@ def streamed_outcome(block: Block, plan: Plan, how: How) -> tuple[PairOutcome, p
         *(differs(h, names) for h, names in seen.names.items() if len(names) > 1),
     ]
     files: Mapping[str, bytes] = {}
-    if how.files and any(law is not None for _, law in fitted):
-        made = tried(lambda: _file(block, plan, how, seen.rows, [law for _, law in fitted if law is not None], groups))
-        if isinstance(made, Failed):
+    if options.files and any(law is not None for _, law in fitted):
+        made = attempt(
+            lambda: _file(block, plan, options, seen.rows, [law for _, law in fitted if law is not None], groups)
+        )
+        if isinstance(made, Failure):
             concerns.append(Concern("no parameter file", made.reason))
         else:
             files, cells, odd = made
@@ -104,22 +101,22 @@ def _chunks(block: Block, plan: Plan) -> "Generator[pd.DataFrame, None, None]":
 
 
 def _laws(
-    block: Block, plan: Plan, how: How, seen: Seen, header: frozenset[str]
+    block: Block, plan: Plan, options: BatchOptions, seen: Seen, header: frozenset[str]
 ) -> "list[tuple[dict[str, Cell], LawFit | None]]":
     """The rows of the table and the laws; the first pass also tells which columns hold nothing, for the others."""
     asked, done = asked_laws(header.__contains__), {}
     if asked:
-        done[asked[0]] = _law(block, plan, how, asked[0], seen)
+        done[asked[0]] = _law(block, plan, options, asked[0], seen)
         if seen.whole:
             asked = asked_laws(seen.held.__contains__)
     else:
         for _ in seen.over(_chunks(block, plan)):
             pass
-    return [done[law] if law in done else _law(block, plan, how, law, None) for law in asked]
+    return [done[law] if law in done else _law(block, plan, options, law, None) for law in asked]
 
 
 def _law(
-    block: Block, plan: Plan, how: How, asked: Asked, seen: Seen | None
+    block: Block, plan: Plan, options: BatchOptions, asked: Asked, seen: Seen | None
 ) -> "tuple[dict[str, Cell], LawFit | None]":
     from ...fit import streamed_power_law
 
@@ -130,18 +127,18 @@ def _law(
             read = chunks if seen is None else seen.over(chunks)
             return streamed_power_law(read, asked.response, asked.factors)
 
-    if asked.kind != "power" or how.error == "additive":
+    if asked.kind != "power" or options.error == "additive":
         kind = "additive errors" if asked.kind == "power" else f"a law of {asked.response}"
         why = f"{asked.response}: {kind} need all rows in memory, and these are streamed; fit a sample of them."
         return row_without(asked, unit, why), None
-    made = tried(fitted)
-    if isinstance(made, Failed):
+    made = attempt(fitted)
+    if isinstance(made, Failure):
         return row_without(asked, unit, made.reason), None
     return row_of(made, asked), made
 
 
 def _file(
-    block: Block, plan: Plan, how: How, rows: int, laws: "list[LawFit]", groups: Mapping[str, str]
+    block: Block, plan: Plan, options: BatchOptions, rows: int, laws: "list[LawFit]", groups: Mapping[str, str]
 ) -> tuple[dict[str, bytes], dict[str, dict[str, Cell]], list[Concern]]:
     from ... import fit, parameters
     from ...parameters.file import as_bytes
@@ -155,9 +152,9 @@ def _file(
         no_posterior={law.response: fit.NotAvailable(NO_DRAWS) for law in laws},
         data_file=plan.name,
         n_rows=rows,
-        command=how.command or None,
-        options=options_of(how, plan.reading),
-        seed=how.seed,
+        command=options.command,
+        options=options.recorded(),
+        seed=options.seed,
         machine=identity.get("machine"),
         setup=identity.get("setup"),
         iso513=identity.get("iso513"),

@@ -7,6 +7,6 @@ csv_rows      its rows, block by block               csv_cells    cells -> numbe
 parquet_plan  Parquet -> Plan                        parquet_rows a block -> Rows, or chunks
 """
 
-from .open_source import chunks_of, open_source, rows_of, there
+from .selection import chunks_of, existing_path, open_source, rows_of
 
-__all__ = ["chunks_of", "open_source", "rows_of", "there"]
+__all__ = ["chunks_of", "existing_path", "open_source", "rows_of"]

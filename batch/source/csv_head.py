@@ -17,8 +17,9 @@ from ...datasets.tables.dialect import split_line
 from ...datasets.tables.numerals import Decimal
 from ...datasets.units import is_unit
 from ...datasets.vocabulary import ROLES, UNNAMED
+from ...pipeline.reading import refuse_record
 from ..plan import Reading
-from .lab_file import NAMED_BY_FILE, refuse_record
+from .lab_files import NAMED_BY_FILE
 
 Kind = Literal["number", "numbered", "text", "unused"]
 _BRACKETS = "[](){}<>"

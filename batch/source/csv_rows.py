@@ -1,24 +1,123 @@
-"""The rows of a long CSV, block by block: text by pyarrow, then numbers and labels; odd rows are taken care of."""
+"""Rows of a long CSV in blocks: text by pyarrow, then numbers and labels; irregular rows are counted."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pyarrow as pa  # type: ignore[import-untyped]
+import pyarrow.compute as pc  # type: ignore[import-untyped]
+
 from ...core.errors import DataError
 from ...datasets.tables.dialect import is_comment, split_line
 from ...datasets.tables.layout import footer_label
-from ...datasets.tables.numerals import MISSING_AS_WRITTEN, is_number
+from ...datasets.tables.numerals import MISSING_AS_WRITTEN, Decimal, is_missing, is_number, parse_number
 
 if TYPE_CHECKING:
-    from .csv_cells import Cells
     from .csv_head import Head
+
+_PLAIN = {"point": r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$", "comma": r"^[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?$"}
+_MINUS = "\N{MINUS SIGN}"
+
+
+@dataclass(slots=True)
+class OddCells:
+    """Cells of a column of numbers that are none: how many, and the first of them with its row, counted from 1."""
+
+    count: int = 0
+    row: int = 0
+    text: str = ""
+
+    def sentence(self, name: str) -> str:
+        """Tell it.
+
+        >>> OddCells(2, 17, "worn").sentence("VB")
+        "column 'VB': 2 cell(s) are no numbers and count as missing, the first in row 17 of the data: 'worn'."
+        """
+        return (
+            f"column {name!r}: {self.count} cell(s) are no numbers and count as missing, the first in row {self.row} "
+            f"of the data: {self.text!r}."
+        )
+
+
+@dataclass(slots=True)
+class Cells:
+    """Converts columns of cells, and remembers the odd ones."""
+
+    decimal: Decimal
+    odd: dict[str, OddCells] = field(default_factory=dict)
+
+    def numbers(self, name: str, cells: Any, first_row: int) -> Any:  # noqa: ANN401  Arrow has no static types
+        """An array of doubles, null where a cell is missing or no number.
+
+        >>> Cells("comma").numbers("f", pa.array(["1.234,5", " 0,2", None, "worn"]), 1).to_pylist()
+        [1234.5, 0.2, None, None]
+        """
+        plain = self._at_once(cells)
+        return plain if plain is not None else self._one_by_one(name, cells, first_row)
+
+    def labels(self, cells: Any, *, as_numbers: bool) -> Any:  # noqa: ANN401
+        """Texts; of a column of numbers whole ones without a point, as `Column.labels` writes them.
+
+        >>> Cells("point").labels(pa.array(["1.0", " 1", "E7", None]), as_numbers=True).to_pylist()
+        ['1', '1', 'E7', None]
+        """
+        coded = cells.dictionary_encode()
+        texts = pa.array([self._label(text, as_numbers) for text in coded.dictionary.to_pylist()], pa.string())
+        return texts.take(coded.indices)
+
+    def _label(self, text: str, as_numbers: bool) -> str | None:
+        if is_missing(text):
+            return None
+        value = parse_number(text, self.decimal) if as_numbers else None
+        if value is None:
+            return text.strip()
+        return str(int(value)) if value.is_integer() else repr(value)
+
+    def _at_once(self, cells: Any) -> Any:  # noqa: ANN401
+        """All cells as plain finite numbers, or None."""
+        if self.decimal == "comma":
+            if pc.any(pc.match_substring(cells, ".")).as_py():
+                return None  # a thousands mark, or another decimal mark
+            cells = pc.replace_substring(cells, ",", ".")
+        try:
+            values = pc.cast(cells, pa.float64())
+        except pa.ArrowInvalid:
+            return None
+        return values if pc.all(pc.is_finite(values)).as_py() is not False else None
+
+    def _one_by_one(self, name: str, cells: Any, first_row: int) -> Any:  # noqa: ANN401
+        """Plain cells at once, each of the others by the grammar of numbers."""
+        cells = pc.replace_substring(pc.utf8_trim_whitespace(cells), _MINUS, "-")
+        plain = pc.fill_null(pc.match_substring_regex(cells, _PLAIN[self.decimal]), False)
+        text = pc.replace_substring(cells, ",", ".") if self.decimal == "comma" else cells
+        values = pc.cast(pc.if_else(plain, text, None), pa.float64())
+        plain = pc.fill_null(pc.is_finite(values), False)
+        others = pc.and_(pc.is_valid(cells), pc.invert(plain))
+        if not pc.any(others).as_py():
+            return values
+        coded = pc.filter(cells, others).dictionary_encode()
+        known = coded.dictionary.to_pylist()
+        read = [parse_number(text, self.decimal) for text in known]
+        bad = [value is None and not is_missing(text) for text, value in zip(known, read, strict=True)]
+        self._note(name, coded, bad, pc.indices_nonzero(others), first_row)
+        return pc.replace_with_mask(values, others, pa.array(read, pa.float64()).take(coded.indices))
+
+    def _note(self, name: str, coded: Any, bad: list[bool], rows: Any, first_row: int) -> None:  # noqa: ANN401
+        found = pc.indices_nonzero(pa.array(bad, pa.bool_()).take(coded.indices))
+        if len(found):
+            odd = self.odd.setdefault(name, OddCells())
+            if not odd.count:
+                at = found[0].as_py()
+                odd.row, odd.text = first_row + rows[at].as_py(), coded[at].as_py()[:40]
+            odd.count += len(found)
+
 
 MOST_ODD = 100_000  # rows of another width that are held
 
 
 @dataclass(slots=True)
-class Met:
+class IrregularRows:
     """Rows of another width, comments and blank rows met on the way."""
 
     head: "Head"
@@ -73,13 +172,13 @@ class Met:
 
 
 def batches(
-    source: Path, head: "Head", met: Met, told: Callable[[str], None], block_size: int, cells: "Cells"
+    source: Path, head: "Head", met: IrregularRows, report: Callable[[str], None], block_size: int, cells: "Cells"
 ) -> Iterator[list[Any]]:
     """The columns of each block of rows, and at last of the rows that were short."""
     import pyarrow as pa  # type: ignore[import-untyped]
 
     done, waiting = 0, None
-    for texts in _texts(source, head, met, told, block_size):
+    for texts in _texts(source, head, met, report, block_size):
         if waiting is not None:
             yield _columns(waiting, head, cells, done)
             done += waiting.num_rows
@@ -95,7 +194,9 @@ def batches(
         yield _columns(pa.RecordBatch.from_arrays(columns, names=names), head, cells, done)
 
 
-def _texts(source: Path, head: "Head", met: Met, told: Callable[[str], None], block_size: int) -> Iterator[Any]:
+def _texts(
+    source: Path, head: "Head", met: IrregularRows, report: Callable[[str], None], block_size: int
+) -> Iterator[Any]:
     """Batches of rows as text, null where a cell is missing."""
     import pyarrow as pa
     from pyarrow import csv
@@ -120,13 +221,13 @@ def _texts(source: Path, head: "Head", met: Met, told: Callable[[str], None], bl
                 for k, batch in enumerate(reader, start=1):
                     if (now := min(100 * k * block_size // size, 100)) > percent:
                         percent = now
-                        told(f"converting {source.name}: {percent} %")
+                        report(f"converting {source.name}: {percent} %")
                     yield batch
         except pa.ArrowInvalid as error:
             raise _refused(source, met, error) from error
 
 
-def _refused(source: Path, met: Met, error: Exception) -> Exception:
+def _refused(source: Path, met: IrregularRows, error: Exception) -> Exception:
     if refusal := met.refusal():
         return refusal
     if "UTF8" in str(error):
@@ -166,7 +267,7 @@ def _without_blanks(batch: Any) -> Any:  # noqa: ANN401
     return batch.filter(pc.invert(blank))
 
 
-def _without_footers(batch: Any, met: Met) -> Any:  # noqa: ANN401
+def _without_footers(batch: Any, met: IrregularRows) -> Any:  # noqa: ANN401
     """The last rows that are sums or means left out."""
     while batch.num_rows:
         last = [value or "" for value in batch.slice(batch.num_rows - 1).to_pylist()[0].values()]

@@ -1,19 +1,130 @@
-"""Which pairs each row group of a Parquet source holds, and how many rows of each."""
+"""Row groups of a Parquet source: rows batch by batch, and the pairs that each contains."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...datasets.columns import ColumnUse
-from ...datasets.vocabulary import UNNAMED
+from ...datasets.vocabulary import ROLES, UNNAMED
 from ..plan import Pair, Piece, Reading, Unreadable
-from .parquet_arrow import UNREADABLE, why
-from .parquet_cells import Ints, kind_of, numbered, text_of
-from .parquet_columns import Understood, mismatch
-from .parquet_files import FILE_NAME, ParquetFile, footer, names_of_files
-from .parquet_parts import parts
+from .parquet_arrow import (
+    UNREADABLE,
+    Array,
+    Ints,
+    Labels,
+    constant,
+    kind_of,
+    labels,
+    numbered,
+    numbers,
+    pa,
+    pq,
+    text_of,
+    why,
+)
+from .parquet_schema import FILE_NAME, ParquetFile, SourceColumns, footer, mismatch, names_of_files, number_of
+
+BATCH = 262_144  # rows
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Some rows of a piece.
+
+    Attributes
+    ----------
+    n : int
+    tool, work : Labels
+        With the stand-ins where nothing is named.
+    columns : mapping of str to ndarray or Labels
+        By header: numbers of roles that are measured, as they stand in the file; texts of the others.
+    """
+
+    n: int
+    tool: Labels
+    work: Labels
+    columns: Mapping[str, Array | Labels]
+
+
+def parts(
+    piece: Piece, uses: tuple[ColumnUse, ...], reading: Reading, row_groups: Sequence[int] | None = None
+) -> Iterator[Part]:
+    """Rows of a piece with these columns, which hold those of the pair where they are columns.
+
+    Row groups of the same file may be read one after the other, as if they were one piece.
+
+    Raises whatever Arrow raises for a file that is damaged.
+    """
+    said = dict(piece.partition)
+    known = footer(piece.path, piece.stamp)
+    schema = known.schema.to_arrow_schema()
+    inside = [use.header for use in uses if use.header not in said]
+    texts = [name for name in inside if kind_of(schema.field(name).type) == "text"]
+    if row_groups is None:
+        row_groups = range(known.num_row_groups) if piece.row_group is None else [piece.row_group]
+    if not inside:
+        yield _part(sum(known.row_group(i).num_rows for i in row_groups), {}, said, uses, reading)
+        return
+    with pq.ParquetFile(
+        Path(piece.path), metadata=known, read_dictionary=texts, page_checksum_verification=True
+    ) as opened:
+        batches = opened.iter_batches(batch_size=BATCH, row_groups=row_groups, columns=inside, use_threads=False)
+        for rows in _gathered(batches):
+            yield _part(len(rows), {name: rows.column(name) for name in inside}, said, uses, reading)
+
+
+def _gathered(batches: Iterable[Any]) -> Iterator[Any]:
+    """Batches of about ``BATCH`` rows: Arrow ends one with each row group, however small."""
+    waiting: list[Any] = []
+    n = 0
+    for rows in batches:
+        waiting.append(rows)
+        n += len(rows)
+        if n >= BATCH:
+            yield _one(waiting)
+            waiting, n = [], 0
+    if waiting:
+        yield _one(waiting)
+
+
+def _one(batches: list[Any]) -> Any:  # noqa: ANN401
+    if len(batches) == 1:
+        return batches[0]
+    return pa.Table.from_batches(batches).unify_dictionaries().combine_chunks().to_batches()[0]
+
+
+def _part(
+    n: int,
+    cells: Mapping[str, Any],
+    said: Mapping[str, str],
+    uses: tuple[ColumnUse, ...],
+    reading: Reading,
+) -> Part:
+    columns: dict[str, Array | Labels] = {}
+    pair = {role: constant(getattr(reading, role) or UNNAMED[role], n) for role in UNNAMED}
+    for use in uses:
+        array = cells.get(use.header)
+        if is_measured(use):
+            columns[use.header] = np.full(n, number_of(said[use.header])) if array is None else numbers(array)
+            continue
+        found = constant(said[use.header], n) if array is None else labels(array)
+        columns[use.header] = found
+        if use.role in pair and getattr(reading, use.role) is None:
+            pair[use.role] = found.named(UNNAMED[use.role])
+    return Part(n, pair["tool"], pair["work"], columns)
+
+
+def is_measured(use: ColumnUse) -> bool:
+    """Whether a column holds numbers with a unit, no labels."""
+    return use.role is not None and ROLES[use.role].kind != "label"
+
+
+def of_rows(values: Array | Labels, rows: Ints | slice) -> Array | Labels:
+    """Some rows of a column."""
+    return values.of(rows) if isinstance(values, Labels) else values[rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +167,16 @@ class Index:
         return self.number.setdefault(pair, len(self.number))
 
 
-def indexed(files: tuple[ParquetFile, ...], known: Understood, reading: Reading, told: Callable[[str], None]) -> Index:
+def indexed(
+    files: tuple[ParquetFile, ...], known: SourceColumns, reading: Reading, report: Callable[[str], None]
+) -> Index:
     """Look through all files, in order; a file or a row group that cannot be read is told and passed by."""
     index = Index()
     keys = tuple(use for use in known.columns if use.role in UNNAMED and getattr(reading, str(use.role)) is None)
     stems = names_of_files(files) if any(use.header == FILE_NAME for use in keys) else None
     for i, file in enumerate(files):
         if i and i % 500 == 0:
-            told(f"{i} of {len(files)} files are looked through: {len(index.number)} pairs")
+            report(f"{i} of {len(files)} files are looked through: {len(index.number)} pairs")
         own = _own_partition(file, known, None if stems is None else stems[i])
         try:
             facts = footer(str(file.path), file.stamp)
@@ -77,7 +190,7 @@ def indexed(files: tuple[ParquetFile, ...], known: Understood, reading: Reading,
     return index
 
 
-def _own_partition(file: ParquetFile, known: Understood, stem: str | None) -> tuple[tuple[str, str], ...]:
+def _own_partition(file: ParquetFile, known: SourceColumns, stem: str | None) -> tuple[tuple[str, str], ...]:
     """What folders say that no column of the files does, and the file's name where that is a tool."""
     said = tuple((key, value) for key, value in file.partition if key not in known.kinds)
     return said if stem is None or FILE_NAME in known.kinds else (*said, (FILE_NAME, stem))

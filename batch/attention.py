@@ -1,0 +1,171 @@
+"""Which pairs need attention, and why: what their fits say, and what their families say of them."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .outcomes import NO_LAW, NOT_CONVERGED, REFUSED, Concern, PairOutcome
+from .plan import Pair
+
+SCATTERS = "scatters more than the others"
+UNLIKE = "unlike its family"
+SEVERITY = (  # nothing to use; a law that is missing or may mislead; what it lacks; what is said of the pair
+    NO_LAW, NOT_CONVERGED, "no parameter file", REFUSED,
+    "wear falls with time", "fits badly", "verdict", SCATTERS, UNLIKE, "draws too sure",
+    "few degrees of freedom", "no errors by edge", "factor left out", "rows left out", "doubt in reading",
+    "no tool life",
+    "group differs within the pair", "no group of ISO 513",
+)  # fmt: skip
+TIMES = 3.0  # the median scatter of a response
+FEWEST = 5  # pairs whose scatter says what is usual
+BY_CHANCE = 1e-4  # a scatter with few degrees of freedom may be so much larger than the median
+LEVEL = 0.99
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Attention:
+    """A kind of concern, and the pairs that it concerns.
+
+    Attributes
+    ----------
+    kind : str
+    pairs : int
+    examples, words : tuple of str
+        Some of the pairs, and their own words, in the order of the pairs.
+    """
+
+    kind: str
+    pairs: int
+    examples: tuple[str, ...]
+    words: tuple[str, ...]
+
+
+def attention_frame(outcomes: Sequence[PairOutcome]) -> pd.DataFrame:
+    """Give a row for each pair and concern, in the order of the pairs: ``tool, work, kind, words``."""
+    rows = [(one.tool, one.work, concern.kind, concern.words) for one in outcomes for concern in _concerns(one)]
+    return pd.DataFrame(rows, columns=["tool", "work", "kind", "words"], dtype=object)
+
+
+def attention_summary(outcomes: Sequence[PairOutcome], most: int = 3) -> list[Attention]:
+    """Kinds of concern, the gravest first and unknown ones last, with at most ``most`` examples of each.
+
+    Examples
+    --------
+    >>> few = PairOutcome("GC435", "brass", 9, concerns=(Concern("few degrees of freedom", "1 degree"),))
+    >>> none = PairOutcome("GC435", "bronze", 2, reason="2 rows are too few")
+    >>> [(item.kind, item.pairs, item.examples, item.words) for item in attention_summary([few, none])]
+    ... # doctest: +NORMALIZE_WHITESPACE
+    [('no law', 1, ('GC435 on bronze',), ('2 rows are too few',)),
+     ('few degrees of freedom', 1, ('GC435 on brass',), ('1 degree',))]
+    """
+    told: dict[str, dict[str, str]] = defaultdict(dict)
+    for one in outcomes:
+        for concern in _concerns(one):
+            told[concern.kind].setdefault(str(Pair(one.tool, one.work)), concern.words)
+    kinds = sorted(told, key=lambda kind: (_severity(kind), kind))
+    return [
+        Attention(kind, len(told[kind]), tuple(told[kind])[:most], tuple(told[kind].values())[:most]) for kind in kinds
+    ]
+
+
+def with_families(
+    outcomes: Sequence[PairOutcome], results: pd.DataFrame, pooled: pd.DataFrame | None = None
+) -> list[PairOutcome]:
+    """Outcomes with what only the other pairs can tell: too much scatter, and exponents unlike those of the family.
+
+    Parameters
+    ----------
+    outcomes : sequence of PairOutcome
+    results : DataFrame
+        As `table.results_frame`.
+    pooled : DataFrame, optional
+        The pairs of `comparison.compare`, with intervals at 95 %: ``tool, work, response, factor, family, estimate,
+        se, df, new_low, new_high`` are looked at.
+    """
+    more: dict[tuple[str, str], list[Concern]] = defaultdict(list)
+    for pair, concern in _scattering(results):
+        more[pair].append(concern)
+    for pair, concern in _unlike(pooled) if pooled is not None and len(pooled) else ():
+        more[pair].append(concern)
+    return [
+        replace(one, concerns=(*one.concerns, *extra)) if (extra := more.get((one.tool, one.work))) else one
+        for one in outcomes
+    ]
+
+
+def _concerns(one: PairOutcome) -> tuple[Concern, ...]:
+    """Those that were found; that there is no law is always one."""
+    if not one.reason or any(concern.kind == NO_LAW for concern in one.concerns):
+        return one.concerns
+    return (Concern(NO_LAW, one.reason), *one.concerns)
+
+
+def _severity(kind: str) -> int:
+    return SEVERITY.index(kind) if kind in SEVERITY else len(SEVERITY)
+
+
+def _scattering(results: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
+    """Pairs whose scale_se is above `TIMES` the median of the laws of the same response and form."""
+    from scipy.special import chdtri
+
+    if "scale_se" not in results:
+        return
+    laws = results[(results["reason"] == "") & (results["scale_se"] > 0)]
+    for (response, _), each in laws.groupby(["response", "form"], sort=False):
+        scale = each["scale_se"].to_numpy(dtype=float)
+        df = each["df_resid"].to_numpy(dtype=float, na_value=0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            chance = np.where(df > 0, np.sqrt(chdtri(df, BY_CHANCE) / df), 0.0)
+        middle = float(np.median(scale))
+        for i in np.flatnonzero(scale > np.maximum(TIMES, chance) * middle) if len(each) >= FEWEST else ():
+            words = f"{response} scatters {scale[i] / middle:.2g} times as much as in half of the pairs"
+            pair = str(each["tool"].iloc[i]), str(each["work"].iloc[i])
+            yield pair, Concern(SCATTERS, f"{words} ({scale[i]:.3g} against {middle:.3g})")
+
+
+def _unlike(pooled: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
+    """Pairs whose exponent lies outside the interval of a new pair of the family, allowing for its own error.
+
+    Where a pair belongs to several families, that of a grouping counts before all pairs together.
+    """
+    from ..fit.many.families import WHOLE
+
+    low, high = (pooled[name].to_numpy(dtype=float) for name in ("new_low", "new_high"))
+    level = max(LEVEL, 1 - 1 / len(pooled))  # of many thousand exponents one stands out by chance, not hundreds
+    middle, half = (low + high) / 2, np.hypot(_half_of_family(high - low, level), _half_of_pair(pooled, level))
+    with np.errstate(invalid="ignore"):
+        outside = np.abs(pooled["estimate"].to_numpy(dtype=float) - middle) > half
+    told = pooled.assign(_from=middle - half, _to=middle + half)[outside]
+    told = told.iloc[np.argsort((told["family"] == WHOLE).to_numpy(), kind="stable")]
+    for row in told.drop_duplicates(["tool", "work", "response", "factor"]).to_dict("records"):
+        of = "" if row["family"] == WHOLE else f"of {row['family']} "
+        words = (
+            f"{row['response']}: exponent of {row['factor']} {row['estimate']:.3g} +- {row['se']:.2g}; "
+            f"another pair {of}with this error would lie between {row['_from']:.3g} and "
+            f"{row['_to']:.3g} ({100 * level:.4g} %)"
+        )
+        yield (str(row["tool"]), str(row["work"])), Concern(UNLIKE, words)
+
+
+def _half_of_family(width: Array, level: float) -> Array:
+    """Half the interval of a new pair of the family, from the width of the 95 % one."""
+    from scipy.special import ndtri
+
+    return np.asarray(width / 2 * ndtri((1 + level) / 2) / ndtri(0.975))
+
+
+def _half_of_pair(pooled: pd.DataFrame, level: float) -> Array:
+    """Half the interval of a pair's own estimate; with few edges a normal would fall far short of it."""
+    from scipy.special import ndtri, stdtrit
+
+    df = pooled["df"].to_numpy(dtype=float)
+    known = np.isfinite(df)
+    p = (1 + level) / 2
+    times = np.where(known, stdtrit(np.where(known, np.maximum(df, 1), 1), p), ndtri(p))
+    return np.asarray(times * pooled["se"].to_numpy(dtype=float))

@@ -1,0 +1,206 @@
+"""Exponents of families of pairs (all, an ISO group, a grade, a coolant) and of each pair, by partial pooling."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from ..core.errors import UsageError
+from ..fit import pooled_exponents
+from ..fit.many.families import WHOLE, PooledExponents
+from .law_rows import group_column
+
+NAMES = {
+    "P": "P steel",
+    "M": "M stainless",
+    "K": "K cast iron",
+    "N": "N non-ferrous",
+    "S": "S superalloys and titanium",
+    "H": "H hardened",
+}
+_HEADERS = frozenset(
+    {"iso513", "iso513group", "iso513groups", "groupiso513", "isogroup", "isomaterial", "isomaterialgroup"}
+)
+_GROUP = re.compile(r"(?:ISO\s*)?([PMKNSH])[\s.-]?(?:\d{1,2}(?:\.\d+)?)?", re.IGNORECASE)
+
+
+def is_iso_513(header: str) -> bool:
+    """Whether a column's header says that it holds groups of ISO 513.
+
+    Examples
+    --------
+    >>> is_iso_513("ISO 513"), is_iso_513("iso group"), is_iso_513("ISO13399")
+    (True, True, False)
+    """
+    return re.sub("[^a-z0-9]", "", header.casefold()) in _HEADERS
+
+
+def iso_family(value: str) -> str:
+    """Name of the group that a value belongs to; a value that is none of ISO 513 stays as it is.
+
+    Examples
+    --------
+    >>> iso_family("P20"), iso_family("k"), iso_family("M stainless"), iso_family("steel")
+    ('P steel', 'K cast iron', 'M stainless', 'steel')
+    """
+    plain = value.strip()
+    found = _GROUP.fullmatch(plain)
+    return (
+        NAMES[found[1].upper()]
+        if found
+        else {name.casefold(): name for name in NAMES.values()}.get(plain.casefold(), plain)
+    )
+
+
+LAW = ("response", "factor", "grouping", "family")
+ENDS = ("mean", "mean_se", "mean_low", "mean_high", "tau", "tau_low", "tau_high", "new_low", "new_high")
+FAMILIES = (*LAW, "pairs", *ENDS)
+NAMED = ("tool", "work")
+ALONE = ("estimate", "se", "df", "low", "high")
+WITH = ("pooled", "pooled_se", "pooled_low", "pooled_high", "shrinkage")
+PAIRS = (*NAMED, *LAW, *ALONE, *WITH, "new_low", "new_high", "reason")
+TEXTS = (*NAMED, *LAW, "reason")
+DESIGN = ("row_bse", "bse", "params")  # of each factor
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Exponents over pairs and families; exponents have no unit.
+
+    Attributes
+    ----------
+    families : DataFrame
+        A row a law, factor, grouping and family: ``response, factor, grouping, family, pairs``; the family's
+        ``mean`` with ``mean_se, mean_low, mean_high``; ``tau``, the standard deviation of exponents in the family,
+        with ``tau_low, tau_high``; ``new_low, new_high``, where the exponent of a new pair lies.
+    pairs : DataFrame
+        A row a law, factor, grouping and pair that has this exponent: ``tool, work, response, factor, grouping,
+        family``; ``estimate, se, df, low, high`` alone; ``pooled, pooled_se, pooled_low, pooled_high`` with its
+        family and ``shrinkage``, the share of the way to the family's mean; the family's ``new_low, new_high``;
+        ``reason`` why it is not pooled, empty where it is.
+    level : float
+        Of every interval.
+    """
+
+    families: pd.DataFrame
+    pairs: pd.DataFrame
+    level: float = 0.95
+
+
+def compare(results: pd.DataFrame, groups: Sequence[str] = (), *, level: float = 0.95) -> Comparison:
+    """Pool each exponent of each power law over all pairs, then over the families of each grouping.
+
+    Parameters
+    ----------
+    results : DataFrame
+        A row a pair and law: ``tool, work``, the columns of ``groups``, ``response, form, reason``, and those of
+        ``ManyLaws.table``. Laws of another form than power, and c0, whose unit depends on the exponents, are left out.
+    groups : sequence of str
+        Headers of the columns that name families, each in the column that `group_column` gives it; under a header
+        such as ``iso513`` a value ``P20`` belongs to the family ``P steel``.
+    level : float
+
+    Raises
+    ------
+    UsageError
+        A grouping that the results do not hold; a level outside 0 to 1.
+
+    Examples
+    --------
+    >>> results = pd.DataFrame({
+    ...     "tool": ["a", "b", "c", "d"], "work": "steel", "response": "AW", "form": "power", "reason": "", "df": 23,
+    ...     "params_V": [0.45, 0.55, 0.60, 0.9], "bse_V": [0.05, 0.05, 0.05, 0.3],
+    ... })
+    >>> made = compare(results)
+    >>> made.families[["factor", "family", "pairs"]].values.tolist()
+    [['V', 'all pairs', 4]]
+    >>> made.pairs["pooled"].round(2).tolist()
+    [0.48, 0.55, 0.58, 0.6]
+    """
+    _check(results, groups, level)
+    found = list(_pooled(results, groups, level))
+    families = [_families(response, grouping, made) for response, grouping, made, _ in found]
+    pairs = [_pairs(response, grouping, made, named) for response, grouping, made, named in found]
+    return Comparison(_stacked(families, FAMILIES), _stacked(pairs, PAIRS), level)
+
+
+def family_names(values: pd.Series, header: str) -> pd.Series:
+    """Family of each pair by what its column says, missing where that is nothing."""
+    texts = values.astype(object).where(values.notna(), "").astype(str).str.strip()
+    name = iso_family if is_iso_513(header) else str
+    return texts.map({text: name(text) or None for text in texts.unique()}).astype(object)
+
+
+def _check(results: pd.DataFrame, groups: Sequence[str], level: float) -> None:
+    if not 0 < level < 1:
+        raise UsageError(f"level={level}: it lies between 0 and 1, for instance 0.95.")
+    missing = [name for name in groups if group_column(name) not in results]
+    if missing and len(results):
+        raise UsageError(
+            f"no column {missing[0]!r} to group the pairs by; there are {', '.join(map(str, results.columns))}."
+        )
+
+
+def _pooled(
+    results: pd.DataFrame, groups: Sequence[str], level: float
+) -> Iterator[tuple[str, str, PooledExponents, pd.DataFrame]]:
+    """Each response, factor and grouping: what pooling finds, and the names of the pairs in its order."""
+    if not len(results) or "response" not in results:
+        return
+    laws = results["reason"].isna() | (results["reason"] == "")
+    if "form" in results:
+        laws &= results["form"] == "power"
+    for response, rows in results[laws].groupby("response", sort=False):
+        for factor in _factors(rows):
+            table = _table(rows, factor, groups)
+            for grouping in (WHOLE, *groups) if len(table) else ():
+                by = None if grouping == WHOLE else f"family {grouping}"
+                yield str(response), grouping, pooled_exponents(table, factor, by=by, level=level), table[list(NAMED)]
+
+
+def _factors(rows: pd.DataFrame) -> list[str]:
+    names = [str(name).removeprefix("params_") for name in rows if str(name).startswith("params_")]
+    return [name for name in names if name != "c0" and f"bse_{name}" in rows]
+
+
+def _table(rows: pd.DataFrame, factor: str, groups: Sequence[str]) -> pd.DataFrame:
+    """Pairs that have this exponent, with numbers as numbers whatever file they come from, and their families."""
+    names = [*(f"{part}_{factor}" for part in DESIGN), "scale_se", "df"]
+    held = {name: pd.to_numeric(rows[name], errors="coerce").to_numpy(dtype=float) for name in names if name in rows}
+    table = pd.DataFrame({name: rows[name].astype(str).to_numpy() for name in NAMED} | held)
+    if "by_edge" in rows:
+        table["by_edge"] = rows["by_edge"].isin([True, "True", "true"]).to_numpy()
+    for header in groups:
+        table[f"family {header}"] = family_names(rows[group_column(header)], header).to_numpy()
+    known: pd.Series[bool] = table[f"params_{factor}"].notna()
+    return table[known]
+
+
+def _families(response: str, grouping: str, made: PooledExponents) -> pd.DataFrame:
+    if not len(made.families):
+        return pd.DataFrame(columns=list(FAMILIES))
+    law = {"response": response, "factor": made.factor, "grouping": grouping, "family": made.families.index}
+    told = made.families[["pairs", *ENDS]].reset_index(drop=True)
+    return pd.DataFrame(law).join(told.astype({"pairs": int}))[list(FAMILIES)]
+
+
+def _pairs(response: str, grouping: str, made: PooledExponents, named: pd.DataFrame) -> pd.DataFrame:
+    table = made.table
+    law = {"response": response, "factor": made.factor, "grouping": grouping, "family": table["family"]}
+    new = (
+        made.families[["new_low", "new_high"]] if len(made.families) else pd.DataFrame(columns=["new_low", "new_high"])
+    )
+    ends = {name: table["family"].map(new[name].to_dict()).astype(float) for name in new}
+    return pd.concat([named, pd.DataFrame(law), table[[*ALONE, *WITH, "reason"]], pd.DataFrame(ends)], axis=1)[
+        list(PAIRS)
+    ]
+
+
+def _stacked(frames: Sequence[pd.DataFrame], columns: Sequence[str]) -> pd.DataFrame:
+    """Frames under each other; without any, an empty one with the same columns and kinds of column."""
+    some = [frame for frame in frames if len(frame)]
+    if some:
+        return pd.concat(some, ignore_index=True)
+    kinds = {name: object if name in TEXTS else int if name == "pairs" else float for name in columns}
+    return pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in kinds.items()})

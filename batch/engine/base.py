@@ -1,0 +1,101 @@
+"""Common base of the engines, the engine of this process, signals and memory."""
+
+import signal
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from pathlib import Path
+from typing import TypeVar
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let SIGINT wait until the block ends; processes and threads that start in it never meet it.
+
+    A blocked signal is inherited from the first instruction on: a handler that the child sets, or its own way to treat
+    KeyboardInterrupt, comes too late while it still imports. And a KeyboardInterrupt between two lines of joblib or
+    Dask may leave a lock taken, for which the thread that is to be ended then waits for ever.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # starting it unblocks SIGINT in the thread that does (Python 3.11, 3.12)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+STATUS = Path("/proc/self/status")
+
+
+def largest_memory() -> int:
+    """Tell the peak of this process's resident memory, in bytes; 0 where the system (Windows) does not tell it.
+
+    On Linux it is VmHWM of proc_pid_status(5): ``ru_maxrss`` of getrusage(2), which other systems have, begins there
+    with the memory of the process that started this one.
+
+    Examples
+    --------
+    >>> largest_memory() > 1e7
+    True
+    """
+    told = [line for line in STATUS.read_text().splitlines() if line.startswith("VmHWM:")] if STATUS.exists() else []
+    if told:
+        return int(told[0].split()[1]) * 1024
+    try:
+        import resource
+    except ImportError:
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024  # bytes on macOS, kibibytes elsewhere
+
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class Run(ABC):
+    """Runs a function over tasks; made by `engine`.
+
+    The function is one that workers can import. What it raises comes out here as it is, and no task is tried again
+    for it. Only as many tasks are under way as keep the workers busy, so that results wait for whoever takes them.
+    """
+
+    @abstractmethod
+    def __call__(self, work: Callable[[T], R], tasks: Iterable[T]) -> Generator[tuple[int, R], None, None]:
+        """Give the position of a task and its result, in the order in which they are done.
+
+        Closing the iterator stops the work: no more tasks are handed out, and those at hand end with the engine.
+        """
+
+    @abstractmethod
+    def describe(self) -> str:
+        """Tell where the tasks run."""
+
+    def map(self, work: Callable[[T], R], tasks: Iterable[T]) -> list[R]:
+        """Give all results in the order of the tasks."""
+        results = dict(self(work, tasks))
+        return [results[position] for position in range(len(results))]
+
+
+class SerialRun(Run):
+    """One task at a time, when its result is asked for.
+
+    Examples
+    --------
+    >>> list(SerialRun()(abs, [-1, 2]))
+    [(0, 1), (1, 2)]
+    """
+
+    def __call__(self, work: Callable[[T], R], tasks: Iterable[T]) -> Generator[tuple[int, R], None, None]:
+        """Give position and result of each task."""
+        for position, task in enumerate(tasks):
+            yield position, work(task)
+
+    def describe(self) -> str:
+        """Tell where the tasks run."""
+        return "this process"

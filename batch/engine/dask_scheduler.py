@@ -1,0 +1,155 @@
+"""Address of a Dask scheduler, tested before a client connects, and versions of the programs on a cluster."""
+
+import asyncio
+import json
+import re
+import socket
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import UsageError
+
+OfDask = Any  # half of its names have no types
+FORM = re.compile(r"(?:(?P<scheme>tcp|tls)://)?(?P<host>[^\s:/\[\]]+|\[[0-9a-fA-F:.%\w]+\]):(?P<port>\d{1,5})/?")
+
+
+def scheduler_address(given: str, patience: float) -> str:
+    """Give the address of a scheduler, after it has said that it is one.
+
+    Parameters
+    ----------
+    given : str
+        ``host:port``, with ``tcp://`` or ``tls://`` in front of it if need be, or the path of a scheduler file.
+    patience : float
+        In s.
+
+    Raises
+    ------
+    UsageError
+        No address, no such file, nothing that answers, or something else that does.
+    """
+    address = _in_file(Path(given)) if given.endswith(".json") else given
+    parts = FORM.fullmatch(address)
+    if parts is None or not 0 < int(parts["port"]) < 65536:
+        raise UsageError(
+            f"--dask {given}: no address of a Dask scheduler; give 'local', tcp://HOST:PORT as it tells it itself "
+            "(its port is 8786 unless it says so), or its scheduler file."
+        )
+    where = f"{parts['scheme'] or 'tcp'}://{parts['host']}:{parts['port']}"
+    try:  # Dask itself tries again and again, here, and a port without anybody would take all of the time
+        socket.create_connection((parts["host"].strip("[]"), int(parts["port"])), patience).close()
+        with ThreadPoolExecutor(1) as thread:  # a notebook runs an event loop in its own
+            kind = thread.submit(lambda: asyncio.run(_kind(where, patience))).result()
+    except TimeoutError:
+        raise UsageError(no_answer(given, f"nothing in {patience:g} s")) from None
+    except (OSError, UnicodeError) as error:  # the second: a name that no name server can be asked for
+        raise UsageError(no_answer(given, getattr(error, "strerror", None) or " ".join(str(error).split()))) from None
+    if kind != "Scheduler":
+        raise UsageError(no_answer(given, f"what answers is a {kind.lower()}"))
+    return where
+
+
+async def _kind(where: str, patience: float) -> str:
+    """What it is that answers: a client would wait for ever for somebody who accepts a connection and is no_answer."""
+    distributed: Any = import_module("distributed")
+    secured = distributed.Security().get_connection_args("client")
+    if where.startswith("tls") and secured["ssl_context"] is None:
+        raise UsageError(f"{where} wants certificates: name them in Dask's configuration, distributed.comm.tls.client.")
+    async with distributed.rpc(where, connection_args=secured) as scheduler:
+        told = await asyncio.wait_for(scheduler.identity(), patience)
+    return str(told["type"])
+
+
+def no_answer(given: str, why: str) -> str:
+    """Say that no scheduler answers, and what to start."""
+    return (
+        f"no Dask scheduler answers at {given} ({why}): start one with 'dask scheduler', workers with 'dask worker "
+        "ADDRESS', and give the address that the scheduler tells, as in --dask tcp://10.0.0.3:8786."
+    )
+
+
+def _in_file(path: Path) -> str:
+    try:
+        return str(json.loads(path.read_text("utf-8"))["address"])
+    except OSError as error:
+        raise UsageError(
+            f"{path}: the scheduler file cannot be read ({error.strerror}); 'dask scheduler --scheduler-file {path}' "
+            "writes it and keeps running."
+        ) from None
+    except (ValueError, KeyError, TypeError):
+        raise UsageError(f"{path}: no scheduler file, which holds the scheduler's address as JSON.") from None
+
+
+def refuse_other_versions(client: OfDask, address: str) -> None:
+    """Refuse a cluster whose workers, or scheduler (it unpacks the tasks too), have other versions than this process.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    address : str
+
+    Raises
+    ------
+    UsageError
+        It names the first that differs and both versions.
+    """
+    look = version_probe()
+    ours = look()
+    theirs = {f"scheduler {address}": client.run_on_scheduler(look)}
+    theirs |= {f"worker {name}": seen for name, seen in client.run(look).items()}
+    for name, seen in theirs.items():
+        if seen != ours:
+            raise UsageError(
+                f"the Dask {name} has {versions_text(seen)}, this process has {versions_text(ours)}: versions must be "
+                f"equal, {remedy(seen, ours)}."
+            )
+
+
+def version_probe() -> Callable[[], dict[str, str]]:
+    """Make the function that looks.
+
+    It is made in a function so that it is sent as it stands: a function of this module would be imported by the other
+    side, which is what may not be possible there.
+    """
+
+    def look() -> dict[str, str]:
+        import sys
+        from importlib import import_module
+
+        seen = {"Python": ".".join(map(str, sys.version_info[:2]))}
+        for name in ("fitmodels", "numpy"):
+            try:
+                version = import_module(name).__version__
+            except ImportError:
+                version = ""
+            seen[name] = version.split(".")[0] if name == "numpy" else version
+        return seen
+
+    return look
+
+
+def versions_text(seen: dict[str, str]) -> str:
+    """Versions in words.
+
+    >>> versions_text({"fitmodels": "0.1.0", "Python": "3.11", "numpy": ""})
+    'fitmodels 0.1.0, Python 3.11, no numpy'
+    """
+    names = ("fitmodels", "Python", "numpy")
+    return ", ".join(f"{name} {seen[name]}" if seen[name] else f"no {name}" for name in names)
+
+
+def remedy(seen: dict[str, str], ours: dict[str, str]) -> str:
+    """What brings the other side to our versions.
+
+    >>> old = {"fitmodels": "0.1.0", "Python": "3.11", "numpy": "2"}
+    >>> remedy(old, old | {"fitmodels": "0.2.0"})
+    "pip install 'fitmodels[dask]==0.2.0'"
+    """
+    if seen["Python"] != ours["Python"]:
+        return f"in an environment of Python {ours['Python']}"
+    if seen["fitmodels"] != ours["fitmodels"]:
+        return f"pip install 'fitmodels[dask]=={ours['fitmodels']}'"
+    return f"pip install 'numpy=={ours['numpy']}.*'"

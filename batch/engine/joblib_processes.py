@@ -1,0 +1,131 @@
+"""Tasks in processes of this machine: loky's, as joblib carries it.
+
+It is loky's executor and not `joblib.Parallel`, whose unordered generator goes on handing out tasks while nobody takes
+the results, so that these pile up in memory; and loky's own pool, not the one that joblib shares with everybody in this
+process, so that it can be ended here.
+"""
+
+import re
+import threading
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import islice
+from queue import SimpleQueue
+from time import monotonic, sleep
+from typing import Any, TypeVar
+
+from ...core.errors import FitmodelsError, UsageError
+from .base import Run, uninterrupted
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+AHEAD = 2  # tasks a process: one at work and one at hand; loky takes in no more
+TAKEN_IN = 5.0  # s; it takes a thousandth of that
+FEEDER = "QueueFeederThread"  # as multiprocessing.queues names it
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+@dataclass(frozen=True, slots=True)
+class Processes(Run):
+    """Processes of this machine; made by `processes`.
+
+    Attributes
+    ----------
+    jobs : int
+    executor : concurrent.futures.Executor
+    under_way : set of Future
+        What a process may still be at.
+    """
+
+    jobs: int
+    executor: Executor
+    under_way: "set[Future[Any]]" = field(default_factory=set)
+
+    def __call__(self, work: Callable[[T], R], tasks: Iterable[T]) -> Generator[tuple[int, R], None, None]:
+        """Give position and result of each task, in the order in which they are done."""
+        numbered = enumerate(tasks)
+        positions: dict[Future[R], int] = {}
+        done: SimpleQueue[Future[R]] = SimpleQueue()
+        try:
+            while True:
+                for position, task in islice(numbered, AHEAD * self.jobs - len(positions)):
+                    positions[self._submit(work, task, done)] = position
+                if not positions:
+                    return
+                future = done.get()  # a wait that may be interrupted: concurrent.futures.wait would leave locks taken
+                self.under_way.discard(future)
+                yield positions.pop(future), future.result()
+        except BrokenProcessPool as error:
+            raise FitmodelsError(_ended(error, self.jobs)) from None
+
+    def _submit(self, work: Callable[[T], R], task: T, done: "SimpleQueue[Future[R]]") -> "Future[R]":
+        with uninterrupted():  # loky starts its processes, and the thread that restarts them, when work comes in
+            future = self.executor.submit(work, task)
+            self.under_way.add(future)
+            future.add_done_callback(done.put)
+        return future
+
+    def busy(self) -> bool:
+        """Whether a process is at a task still; it is known as soon as loky has taken in what it was given.
+
+        To kill them before would end loky's thread with a KeyError, or an InvalidStateError over a cancelled task, and
+        this process would wait for that thread for ever.
+        """
+        until = monotonic() + TAKEN_IN
+        while any(not (future.running() or future.done()) for future in self.under_way) and monotonic() < until:
+            sleep(0.001)
+        return any(not future.done() for future in self.under_way)
+
+    def describe(self) -> str:
+        """Tell where the tasks run."""
+        return f"{self.jobs} processes (joblib)"
+
+
+@contextmanager
+def processes(jobs: int) -> Iterator[Processes]:
+    """Open processes that start with the first task; those that are still at one are killed at the end."""
+    try:
+        from joblib.externals.loky import ProcessPoolExecutor  # type: ignore[import-untyped]
+    except ImportError:
+        raise UsageError("joblib is not installed: pip install 'fitmodels[batch]', or run with --jobs 1.") from None
+    with warnings.catch_warnings(), _feeders_joined():
+        # loky renews a process that has grown by 0.3 GB; that is no news, and as an error it would end loky's thread
+        warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
+        with uninterrupted():
+            executor = ProcessPoolExecutor(jobs, env=ONE_THREAD)
+        run = Processes(jobs, executor)
+        try:
+            yield run
+        finally:
+            with uninterrupted():  # a second Ctrl-C waits until all is put away
+                executor.shutdown(wait=True, kill_workers=run.busy())
+
+
+@contextmanager
+def _feeders_joined() -> Iterator[None]:
+    """Wait in the end for the threads that fed loky's queues in the block, as its shutdown does not always.
+
+    Such a thread signs off the semaphores of its queue at its very end; where the process ends before, loky's tracker
+    of resources complains on standard error.
+    """
+    before = set(threading.enumerate())
+    try:
+        yield
+    finally:
+        for thread in set(threading.enumerate()) - before:
+            if thread.name == FEEDER:
+                thread.join(TAKEN_IN)
+
+
+def _ended(error: BrokenProcessPool, jobs: int) -> str:
+    codes = re.search(r"\{(.+)\}", str(error))
+    how = f" ({codes[1]})" if codes else ""
+    return (
+        f"one of the {jobs} processes was ended from outside{how}, as the system does when memory runs out: what is "
+        "finished is kept and the same command again goes on from there; with fewer --jobs if memory ran out."
+    )

@@ -1,0 +1,252 @@
+"""The table of laws of many pairs: power laws of all pairs at once, other laws pair by pair."""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...datasets import Runs
+from ...datasets.vocabulary import ROLES
+from ...fit.defaults import Asked, asked_laws, fit_asked
+from ..law_rows import joined_tables, law_table, row_of, row_without, table_of_many
+from ..outcomes import Cell, Failure, attempt
+from ..plan import BatchOptions, Pair
+from ..rows import NO_LINES, Rows
+
+Ints = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedRows:
+    """Rows and the K pairs that they name.
+
+    Attributes
+    ----------
+    rows : Rows
+        Of these pairs alone.
+    pairs : tuple of Pair
+        In the order in which the rows name them.
+    number : ndarray of int, shape (n,)
+        Pair of each row.
+    counts : ndarray of int, shape (K,)
+    held : mapping of str to ndarray of bool, shape (K,)
+        Of each column that has a role, whether it holds anything of a pair.
+    """
+
+    rows: Rows
+    pairs: tuple[Pair, ...]
+    number: Ints
+    counts: Ints
+    held: dict[str, Flags]
+
+    def patterns(self) -> Iterator[tuple[frozenset[str], Ints]]:
+        """Symbols that hold something, and the pairs for which it is just these."""
+        names = list(self.held)
+        held = np.array([self.held[name] for name in names], dtype=bool).reshape(len(names), len(self.pairs)).T
+        patterns, which = np.unique(held, axis=0, return_inverse=True)
+        for i, pattern in enumerate(patterns):
+            yield frozenset(np.array(names)[pattern].tolist()), np.flatnonzero(which.ravel() == i)
+
+    def has(self, i: int, symbol: str) -> bool:
+        """Whether a column holds anything of pair i."""
+        return symbol in self.held and bool(self.held[symbol][i])
+
+
+def numbered_rows(rows: Rows, wanted: Collection[Pair]) -> NumberedRows:
+    """Number the pairs, leaving out rows of other ones.
+
+    Examples
+    --------
+    >>> from fitmodels.datasets.runs import Source
+    >>> frame = pd.DataFrame({"tool": ["B", "A", "B"], "work": ["W"] * 3, "V": [1.0, np.nan, 2.0]})
+    >>> rows = Rows(frame, np.arange(3), {}, (), Source("", "", 3, ""))
+    >>> found = numbered_rows(rows, {Pair("A", "W"), Pair("B", "W")})
+    >>> [str(pair) for pair in found.pairs], found.number.tolist(), found.held["V"].tolist()
+    (['B on W', 'A on W'], [0, 1, 0], [True, False])
+    """
+    number, pairs = _numbered(rows.frame)
+    known = np.array([pair in wanted for pair in pairs], dtype=bool)
+    if not known.all():
+        keep = known[number]
+        rows = replace(rows, frame=rows.frame[keep], lines=None if rows.lines is None else rows.lines[keep])
+        number, pairs = _numbered(rows.frame)
+    K = len(pairs)
+    there = {name: _there(rows.frame[name]) for name in rows.frame if name in ROLES and name not in ("tool", "work")}
+    held = {str(name): np.bincount(number[flags], minlength=K) > 0 for name, flags in there.items()}
+    return NumberedRows(rows, pairs, number, np.bincount(number, minlength=K), held)
+
+
+def without_empty_columns(runs: Runs) -> Runs:
+    """Runs without the columns that hold nothing of them, as if they stood in a file of their own.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from fitmodels import datasets
+    >>> runs = datasets.read_runs(datasets.bundled("ac2017_table1"))
+    >>> without_empty_columns(replace(runs, data=runs.data.assign(VB=np.nan))).has("VB")
+    False
+    """
+    empty = [name for name in runs.data if name in ROLES and not _there(runs.data[name]).any()]
+    if not empty:
+        return runs
+    return replace(
+        runs,
+        data=runs.data.drop(columns=empty),
+        units={name: unit for name, unit in runs.units.items() if name not in empty},
+        columns=tuple(replace(use, role=None) if use.role in empty else use for use in runs.columns),
+    )
+
+
+def texts(column: "pd.Series[str]") -> NDArray[np.object_]:
+    """Texts of a column of labels, shape (n,), empty where missing; whole numbers as ``1``, not ``1.0``.
+
+    >>> texts(pd.Series([1.0, np.nan])).tolist(), texts(pd.Series(["a", None])).tolist()
+    (['1', ''], ['a', ''])
+    """
+    code, unique = pd.factorize(column)
+    return np.array([*map(_text, unique), ""], dtype=object)[code]
+
+
+def _numbered(frame: pd.DataFrame) -> tuple[Ints, tuple[Pair, ...]]:
+    tools, tool = pd.factorize(frame["tool"], use_na_sentinel=False)
+    works, work = pd.factorize(frame["work"], use_na_sentinel=False)
+    number, keys = pd.factorize(tools.astype(np.int64) * max(len(work), 1) + works)
+    at = np.divmod(keys, max(len(work), 1))
+    named, made_of = ([str(name) for name in names] for names in (tool, work))
+    return number, tuple(Pair(named[i], made_of[j]) for i, j in zip(*(part.tolist() for part in at), strict=True))
+
+
+def _text(value: object) -> str:
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    return f"{float(value):.15g}" if number else str(value)  # type: ignore[arg-type]
+
+
+def _there(column: "pd.Series[str]") -> Flags:
+    """Where a column holds something, shape (n,): a number, or a text that is not empty."""
+    known = column.notna().to_numpy(dtype=bool)
+    if pd.api.types.is_numeric_dtype(column):
+        return known
+    return np.asarray(known & (texts(column) != ""), dtype=bool)
+
+
+NUMBER = "pair of the row"
+
+
+def laws_of_pairs(of: NumberedRows, options: BatchOptions) -> pd.DataFrame:
+    """For each pair a row for each law that its columns ask for, the columns that hold anything of it.
+
+    Parameters
+    ----------
+    of : NumberedRows
+    options : BatchOptions
+
+    Returns
+    -------
+    DataFrame
+        As `law_table`, by pair; a law that the rows of a pair do not allow has its reason. No pair raises.
+    """
+    found: list[pd.DataFrame] = []
+    for held, pairs in of.patterns():
+        for asked in asked_laws(held.__contains__):
+            if asked.kind == "power" and options.error == "multiplicative":
+                found += _stack(of, asked, pairs, "edge" if "edge" in held else None)
+            else:
+                found.append(_one_by_one(of, asked, pairs, options))
+    return joined_tables(found)
+
+
+def infinite(runs: Runs, names: Collection[str] = ROLES) -> str:
+    """Which value of these columns is infinite, or nothing; no law can be fitted to it.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from fitmodels import datasets
+    >>> runs = datasets.read_runs(datasets.bundled("ac2017_table1"))
+    >>> infinite(replace(runs, data=runs.data.assign(V=np.inf)))
+    "column 'V' line 7: inf is no measurement; leave the row out."
+    """
+    numeric = [name for name in names if name in runs.data and pd.api.types.is_numeric_dtype(runs.data[name])]
+    for name in numeric:
+        at = np.flatnonzero(np.isinf(runs.data[name].to_numpy(dtype=float, na_value=np.nan)))
+        if at.size:
+            line = runs.lines[at[0]]
+            where = f"row {line} of this pair" if runs.source.dialect == NO_LINES else f"line {line}"
+            return _no_measurement(name, where, runs.data[name].iloc[at[0]])
+    return ""
+
+
+def unit_of(units: Mapping[str, str], symbol: str) -> str:
+    """Unit of a response; the usual one where nobody says."""
+    return units.get(symbol, ROLES[symbol].unit if symbol in ROLES else "")
+
+
+def _stack(of: NumberedRows, asked: Asked, pairs: Ints, edge: str | None) -> list[pd.DataFrame]:
+    """A power law of some pairs."""
+    unit = unit_of(of.rows.units, asked.response)
+    made = attempt(lambda: _of_stack(of, asked, pairs, edge, unit))
+    if not isinstance(made, Failure):
+        return [made]
+    if made.expected or len(pairs) == 1:
+        return [law_table((i, row_without(asked, unit, made.reason)) for i in pairs.tolist())]
+    return [table for i in pairs for table in _stack(of, asked, pairs[pairs == i], edge)]  # one of them is at fault
+
+
+def _of_stack(of: NumberedRows, asked: Asked, pairs: Ints, edge: str | None, unit: str) -> pd.DataFrame:
+    from ...fit import many_power_laws
+
+    names = [asked.response, *asked.factors]
+    table = of.rows.frame[[*names, *([edge] if edge else [])]].assign(**{NUMBER: of.number})
+    rows = np.arange(len(table))
+    if len(pairs) < len(of.pairs):
+        mine = np.zeros(len(of.pairs), dtype=bool)
+        mine[pairs] = True
+        rows = np.flatnonzero(mine[of.number])
+        table = table.iloc[rows]
+    laws = many_power_laws(table, asked.response, asked.factors, pair=NUMBER, edge=edge)
+    return table_of_many(laws, unit, pd.unique(of.number[rows]), _infinite_pairs(of, names, rows))
+
+
+def _infinite_pairs(of: NumberedRows, names: list[str], rows: Ints) -> dict[int, str]:
+    """Pairs, by their number, that hold an infinite value, and the line where it stands in their file."""
+    at: dict[int, str] = {}
+    for name in names:
+        values = of.rows.frame[name].to_numpy(dtype=float, na_value=np.nan)
+        infinite = rows[np.isinf(values[rows])]
+        pairs, first = np.unique(of.number[infinite], return_index=True)
+        for pair, row in zip(pairs.tolist(), infinite[first].tolist(), strict=True):
+            if pair not in at:
+                at[pair] = _no_measurement(name, _where(of, row), values[row])
+    return at
+
+
+def _where(of: NumberedRows, row: int) -> str:
+    """Where a row stands, as whoever made the source can find it."""
+    if of.rows.lines is not None:
+        return f"line {of.rows.lines[row]}"
+    return f"row {1 + np.count_nonzero(of.number[:row] == of.number[row])} of this pair"
+
+
+def _no_measurement(name: str, where: str, value: float) -> str:
+    return f"column {name!r} {where}: {value:g} is no measurement; leave the row out."
+
+
+def _one_by_one(of: NumberedRows, asked: Asked, pairs: Ints, options: BatchOptions) -> pd.DataFrame:
+    unit = unit_of(of.rows.units, asked.response)
+    runs = dict(of.rows.runs())
+    return law_table((i, _one(runs[of.pairs[i]], asked, unit, options)) for i in pairs.tolist())
+
+
+def _one(runs: Runs, asked: Asked, unit: str, options: BatchOptions) -> dict[str, Cell]:
+    def fitted() -> dict[str, Cell]:
+        held = without_empty_columns(runs)
+        if why := infinite(held, (asked.response, *asked.factors)):
+            return row_without(asked, unit, why)
+        return row_of(fit_asked(held, asked, error=options.error), asked)
+
+    made = attempt(fitted)
+    return row_without(asked, unit, made.reason) if isinstance(made, Failure) else made

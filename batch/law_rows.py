@@ -1,0 +1,279 @@
+"""Laws as rows of a table: one row for each law, in columns of numbers, texts and flags known by their names."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from ..fit.defaults import Asked
+from .outcomes import Cell, cell
+
+if TYPE_CHECKING:
+    from ..fit import LawFit
+    from ..fit.many.laws_of_pairs import ManyLaws
+
+PAIR = "pair"  # number of the pair of a row
+LAW = ("response", "form", "unit", "reason")
+WHOLE = ("nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se")
+PARTS = ("params", "bse", "row_bse", "low", "high", "tvalues", "pvalues")  # of each parameter: ``params_V``
+NOTES = ("by_edge", "dropped", "left_out", "edge_reason")
+
+COUNTS = frozenset({"nobs", "n_edges", "df", "df_resid", "dropped"})
+FLAGS = frozenset({"by_edge", "simulated"})
+TEXTS = frozenset({*LAW, "left_out", "edge_reason", "no_posterior"})
+
+Ints = NDArray[np.intp]
+BEFORE, AFTER = ("simulated", *WHOLE), (*NOTES, "no_posterior")  # of a law: columns before and after its parameters
+PARAMETER = re.compile(f"({'|'.join(PARTS)})_(.+)", re.DOTALL)
+
+Column: TypeAlias = Any  # an array or series of doubles or texts, or of whole numbers or flags that may be missing
+
+
+def law_table(rows: Iterable[tuple[int, Mapping[str, Cell]]]) -> pd.DataFrame:
+    """Make a table of rows, each given with the number of its pair.
+
+    Returns
+    -------
+    DataFrame
+        ``pair``, the columns of `LAW` and every other that a row has: Int64 for `COUNTS`, boolean for `FLAGS`, text
+        for `TEXTS`, float for all others. What a row does not have is NA, NaN or empty, and so is what is not finite.
+
+    Examples
+    --------
+    >>> made = law_table([(3, {"response": "AW", "nobs": 9, "params_V": 0.5}), (4, {"response": "P"})])
+    >>> [made[name].tolist() for name in ("pair", "nobs", "params_V")]
+    [[3, 4], [9, <NA>], [0.5, nan]]
+    """
+    given = list(rows)
+    names = dict.fromkeys((*LAW, *(name for _, row in given for name in row)))
+    pairs = np.array([pair for pair, _ in given], dtype=np.intp)
+    return pd.DataFrame({PAIR: pairs, **{name: column(name, [row.get(name) for _, row in given]) for name in names}})
+
+
+def column(name: str, values: Sequence[object]) -> Column:
+    """Cells as a column of the kind that its name says.
+
+    >>> column("params_V", [0.5, None, float("inf")]).tolist(), column("reason", ["", None]).tolist()
+    ([0.5, nan, nan], ['', ''])
+    """
+    cells = [cell(value) for value in values]
+    if name in TEXTS:
+        return texts("" if value is None else str(value) for value in cells)
+    if name in COUNTS or name in FLAGS:
+        return pd.array(np.array(cells, dtype=object), dtype="Int64" if name in COUNTS else "boolean")
+    return np.array([np.nan if value is None else value for value in cells], dtype=float)
+
+
+def texts(values: Iterable[str]) -> Column:
+    """Texts, shape (n,): as Python's own, whatever pandas makes of them otherwise.
+
+    >>> texts(["AW", ""]).dtype
+    dtype('O')
+    """
+    return pd.Series(list(values), dtype=object)
+
+
+def counts(values: ArrayLike, there: ArrayLike = True) -> Column:
+    """Whole numbers, shape (n,), NA where they are not ``there``.
+
+    >>> counts([24, 0], [True, False]).tolist()
+    [24, <NA>]
+    """
+    whole = np.asarray(values, dtype=np.int64)
+    return pd.arrays.IntegerArray(whole, ~np.broadcast_to(np.asarray(there, dtype=bool), whole.shape))
+
+
+def flags(values: ArrayLike) -> Column:
+    """Truths, shape (n,), none of them missing.
+
+    >>> flags([True, False]).dtype
+    BooleanDtype
+    """
+    found = np.asarray(values, dtype=bool)
+    return pd.arrays.BooleanArray(found, np.zeros(found.shape, dtype=bool))
+
+
+def finite(values: ArrayLike) -> NDArray[np.float64]:
+    """Doubles, shape (n,), NaN where they are not finite.
+
+    >>> finite([1.0, float("inf")]).tolist()
+    [1.0, nan]
+    """
+    found = np.array(values, dtype=np.float64)
+    found[~np.isfinite(found)] = np.nan
+    return found
+
+
+def joined_tables(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Join tables, by pair; the rows of a pair keep their order.
+
+    Examples
+    --------
+    >>> one, other = law_table([(1, {"response": "AW"})]), law_table([(0, {"response": "P", "no_posterior": "none"})])
+    >>> joined_tables([one, other])[["pair", "response", "no_posterior"]].to_dict("list")
+    {'pair': [0, 1], 'response': ['P', 'AW'], 'no_posterior': ['none', '']}
+    """
+    if len(tables) < 2:
+        return _by_pair(tables[0]) if tables else law_table(())
+    names = dict.fromkeys(name for table in tables for name in table if name != PAIR)
+    pairs = np.concatenate([table[PAIR].to_numpy() for table in tables])
+    return _by_pair(pd.DataFrame({PAIR: pairs, **{str(name): _joined(str(name), tables) for name in names}}))
+
+
+def group_column(header: str) -> str:
+    """Column of the results for a grouping: its header, unless the table has a column of that name itself.
+
+    Examples
+    --------
+    >>> group_column("grade"), group_column("form")
+    ('grade', 'group form')
+    """
+    own = header in {"tool", "work", *LAW, *BEFORE, *AFTER} or header.startswith("posterior")
+    return f"group {header}" if own or PARAMETER.fullmatch(header) else header
+
+
+def _by_pair(table: pd.DataFrame) -> pd.DataFrame:
+    pairs = table[PAIR].to_numpy()
+    if np.all(pairs[1:] >= pairs[:-1]):
+        return table
+    return table.iloc[np.argsort(pairs, kind="stable")].reset_index(drop=True)
+
+
+def _joined(name: str, tables: Sequence[pd.DataFrame]) -> "pd.Series[Any]":
+    parts = [table[name] if name in table else pd.Series(column(name, [None] * len(table))) for table in tables]
+    return pd.concat(parts, ignore_index=True)
+
+
+def renumbered(table: pd.DataFrame, numbers: Sequence[int] | Ints) -> pd.DataFrame:
+    """The table with pair i as pair ``numbers[i]``.
+
+    >>> renumbered(law_table([(0, {"nobs": 9}), (1, {"nobs": 8})]), [5, 3])["pair"].tolist()
+    [5, 3]
+    """
+    return table.assign(**{PAIR: np.asarray(numbers, dtype=np.intp)[table[PAIR].to_numpy()]})
+
+
+def fitted(table: pd.DataFrame) -> NDArray[np.bool_]:
+    """Which rows are laws, shape (n,); the others have a reason."""
+    return (table["reason"] == "").to_numpy(dtype=bool)
+
+
+LEVEL = 0.95
+FORMS = {"power": "power", "load": "load_line", "exponential": "exponential"}
+
+
+def table_of_many(laws: "ManyLaws", unit: str, pairs: Ints, reasons: Mapping[int, str]) -> pd.DataFrame:
+    """The laws of a stack.
+
+    Parameters
+    ----------
+    laws : ManyLaws
+    unit : str
+        Of the response.
+    pairs : ndarray of int, shape (K,)
+        Their numbers.
+    reasons : mapping of int to str
+        Better words for why a pair, by its number, has no law.
+
+    Examples
+    --------
+    >>> from fitmodels import fit
+    >>> V = np.array([50.0, 80, 125, 200])
+    >>> table = {"tool": ["A"] * 4, "V": V, "AW": V**0.5 * [1, 1.1, 1, 1.1]}
+    >>> made = table_of_many(fit.many_power_laws(table, "AW", ["V"], pair="tool"), "mm", np.array([7]), {})
+    >>> made[["pair", "response", "nobs", "params_V", "reason"]].round(3).values.tolist()
+    [[7, 'AW', 4, 0.542, '']]
+    """
+    table, there, K = laws.columns() | laws.ends(LEVEL), laws.fitted, len(laws)
+    same = {"response": laws.response, "form": "power", "unit": unit}
+    columns: dict[str, Column] = {name: texts([text] * K) for name, text in same.items()}
+    columns["reason"] = texts(reasons.get(i, why) for i, why in zip(pairs.tolist(), table["reason"], strict=True))
+    for name in WHOLE:
+        columns[name] = counts(table[name], there) if name in COUNTS else finite(table[name])
+    columns["nobs"] = counts(table["nobs"])
+    columns["n_edges"] = counts(table["n_edges"], table["n_edges"] > 0)
+    for name in NOTES:
+        values = table[name]
+        columns[name] = counts(values) if name in COUNTS else flags(values) if name in FLAGS else texts(values)
+    columns |= {name: finite(table[name]) for each in laws.names for part in PARTS for name in [f"{part}_{each}"]}
+    return pd.DataFrame({PAIR: pairs, **columns})
+
+
+def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
+    """The row of one law; a factor that was asked for and left out has its columns too.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
+    >>> row = row_of(fit.load_law(runs), Asked("I", ("fm", "VB"), "load"))
+    >>> row["response"], row["form"], row["nobs"]
+    ('fm', 'feed_line', 7)
+    """
+    from ..fit.edges import EdgeInference
+
+    by_edge = isinstance(law.edges, EdgeInference)
+    row: dict[str, Cell] = {
+        "response": law.response, "form": law.form, "unit": law.units.get(law.response, ""), "reason": "",
+        **{name: cell(getattr(law, name)) for name in WHOLE},
+        "by_edge": by_edge,
+        "dropped": sum(item.count for item in law.dropped),
+        "left_out": "; ".join(f"{item.factor} {item.reason}" for item in law.left_out),
+        "edge_reason": "" if isinstance(law.edges, EdgeInference) else law.edges.reason,
+    }  # fmt: skip
+    ends = law.conf_int(LEVEL)
+    held = {name: getattr(law, name) for name in PARTS if name not in ends} | {name: ends[name] for name in ends}
+    names = law.names if asked.kind != "power" else ("c0", *asked.factors)
+    for name in names:
+        row |= {f"{part}_{name}": cell(held[part].get(name)) for part in PARTS}
+    return row
+
+
+def row_without(asked: Asked, unit: str, reason: str) -> dict[str, Cell]:
+    """The row of a law that there is not, and why.
+
+    Examples
+    --------
+    >>> row_without(Asked("AW", ("V",)), "mm", "too few rows")["params_V"] is None
+    True
+    """
+    row: dict[str, Cell] = {
+        "response": asked.response, "form": FORMS[asked.kind], "unit": unit, "reason": reason,
+        **dict.fromkeys(WHOLE), "nobs": 0, "by_edge": False, "dropped": 0, "left_out": "", "edge_reason": "",
+    }  # fmt: skip
+    names = ("c0", *asked.factors) if asked.kind == "power" else ()
+    return row | {f"{part}_{name}": None for name in names for part in PARTS}
+
+
+def refusals(table: pd.DataFrame) -> dict[int, list[str]]:
+    """Sentences of each pair that lacks a law it could have, by its number; a reason of several is said once.
+
+    Examples
+    --------
+    >>> rows = [{"response": "AW", "reason": "AW: too few rows."}, {"response": "P", "reason": "P is 1."}]
+    >>> refusals(law_table((4, row) for row in rows))
+    {4: ['AW is not fitted: too few rows.', 'P is not fitted: P is 1.']}
+    """
+    said: dict[int, dict[str, list[str]]] = {}
+    without = table[~fitted(table)]
+    for pair, response, reason in zip(*(without[name] for name in (PAIR, "response", "reason")), strict=True):
+        said.setdefault(pair, {}).setdefault(reason.removeprefix(f"{response}: "), []).append(response)
+    return {pair: [_refused(of, why) for why, of in each.items()] for pair, each in said.items()}
+
+
+def reasons(table: pd.DataFrame) -> dict[int, str]:
+    """Why a pair has no law at all, by its number.
+
+    >>> rows = [{"response": "AW", "reason": "too few rows."}, {"response": "P", "reason": ""}]
+    >>> reasons(law_table([(0, rows[0]), (0, rows[1]), (1, rows[0])]))
+    {1: 'AW is not fitted: too few rows.'}
+    """
+    with_law = set(table[PAIR][fitted(table)].tolist())
+    return {pair: " ".join(words) for pair, words in refusals(table).items() if pair not in with_law}
+
+
+def _refused(responses: Sequence[str], why: str) -> str:
+    return f"{', '.join(responses)} {'are' if len(responses) > 1 else 'is'} not fitted: {why}"

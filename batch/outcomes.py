@@ -1,0 +1,154 @@
+"""Results of one pair and of one block, and failures as sentences."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import pandas as pd
+
+from ..core.errors import FitmodelsError
+
+T = TypeVar("T")
+
+DEFECT = "a defect of fitmodels, not of the data"
+GONE = "the source holds no row of this pair any more: it changed after it was looked over. Run it again."
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why something was not had; ``expected`` where the data are to blame."""
+
+    reason: str
+    expected: bool
+
+
+def attempt(work: Callable[[], T]) -> T | Failure:
+    """What ``work`` gives, or why it gives nothing; only a lack of memory is not caught.
+
+    Examples
+    --------
+    >>> attempt(lambda: 1 / 0).reason
+    'a defect of fitmodels, not of the data: ZeroDivisionError: division by zero.'
+    """
+    try:
+        return work()
+    except MemoryError:
+        raise
+    except FitmodelsError as error:
+        return Failure(str(error), True)
+    except Exception as error:
+        return Failure(defect_sentence(error), False)
+
+
+def defect_sentence(error: Exception) -> str:
+    """An unexpected error in words, on one line.
+
+    Examples
+    --------
+    >>> defect_sentence(TypeError("no"))
+    'a defect of fitmodels, not of the data: TypeError: no.'
+    """
+    words = " ".join(str(error).split())[:500].rstrip(".")
+    return f"{DEFECT}: {type(error).__name__}{f': {words}' if words else ''}."
+
+
+Cell = str | float | int | bool | None
+
+NO_LAW, REFUSED, NOT_CONVERGED = "no law", "law refused", "not converged"  # kinds of concern used in several modules
+
+
+@dataclass(frozen=True, slots=True)
+class Concern:
+    """Why a pair needs attention: ``kind`` is that of all pairs that need it for this reason, ``words`` are its own.
+
+    >>> Concern("few edges", "4 edges for 5 parameters").kind
+    'few edges'
+    """
+
+    kind: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class PairOutcome:
+    """What came of a pair.
+
+    Attributes
+    ----------
+    tool, work : str
+    nobs : int
+        Rows that name the pair, usable or not.
+    reason : str
+        Why there is no law at all; empty otherwise.
+    concerns : tuple of Concern
+    groups : mapping of str to str
+        What the pair belongs to, by header; empty text where its rows do not say.
+    simulated : bool
+        Its rows say of themselves that they are no measurements.
+    files : mapping of str to bytes
+        ``params.json``, and ``draws.npz`` where draws are kept.
+    """
+
+    tool: str
+    work: str
+    nobs: int
+    reason: str = ""
+    concerns: tuple[Concern, ...] = ()
+    groups: Mapping[str, str] = field(default_factory=dict)
+    simulated: bool = False
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockOutcome:
+    """What came of a block: one outcome for each of its pairs, in its order, and all their laws.
+
+    Attributes
+    ----------
+    pairs : tuple of PairOutcome
+    laws : DataFrame
+        A row for each law that the columns of a pair ask for, as `law_table` makes it: ``pair``, its number among
+        ``pairs``; ``response, form, unit, reason`` (empty where there is a law); the columns of `ManyLaws.table`
+        (``nobs, n_edges, df, ..., params_V, bse_V ...``).
+    unreadable : mapping of str to str
+        Pieces that could not be read, with the sentence that says why.
+    units : mapping of str to str
+        Unit of each role.
+    seconds : float
+        How long it took.
+    memory : int
+        Largest memory of the process so far, in bytes.
+    """
+
+    pairs: tuple[PairOutcome, ...]
+    laws: pd.DataFrame
+    unreadable: Mapping[str, str]
+    units: Mapping[str, str]
+    seconds: float
+    memory: int
+
+    @property
+    def settled(self) -> bool:
+        """Whether it may stand: all could be read, and nothing failed by a defect of this program, which may pass."""
+        said = (words for pair in self.pairs for words in (pair.reason, *(each.words for each in pair.concerns)))
+        return not self.unreadable and not any(DEFECT in words for words in said)
+
+
+def cell(value: object) -> Cell:
+    """A value of a row as Python's own; what is no number, or none that is finite, is None.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> cell(np.float64(0.5)), cell(np.int64(3)), cell(float("nan")), cell("exact")
+    (0.5, 3, None, 'exact')
+    """
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    if value is pd.NA:
+        return None
+    value = value.item() if hasattr(value, "item") else value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value if isinstance(value, str | bool | int) else str(value)

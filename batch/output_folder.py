@@ -1,0 +1,280 @@
+"""The output folder: whose it is, what in it is ours, and the way out for what is no longer wanted."""
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+from ..cards.names import folder_names as _folder_names
+from ..core.errors import UsageError
+from ..core.files import locked, make_folder, write_whole
+from ..core.version import __version__
+from .plan import BatchOptions, Pair
+from .records import RECORDS, hash_of, written
+
+SCHEMA = "fitmodels.batch/1"
+MANIFEST = Path(".batch", "manifest.json")
+MADE = Path(".batch", "made.json")
+LOCK = Path(".batch", "lock")
+
+
+def folder_names(pairs: Iterable[Pair]) -> dict[Pair, str]:
+    """Folder of each pair within ``pairs/``.
+
+    Examples
+    --------
+    >>> list(folder_names([Pair("GC435", "709M40"), Pair("gc435", "709M40")]).values())
+    ['GC435_709M40', 'gc435_709M40-2']
+    """
+    each = list(dict.fromkeys(pairs))
+    return dict(zip(each, _folder_names((pair.tool, pair.work) for pair in each), strict=True))
+
+
+@contextmanager
+def prepare(out: Path, source: str, options: BatchOptions, force: bool = False) -> Iterator[None]:
+    """Make the output folder ready, and keep other batches out of it until the end of the ``with``.
+
+    Nothing is written before it is known that the folder is free or ours. What another batch of the same source left
+    stays: blocks whose keys are others are fitted anew. A folder that was made here goes again where something is
+    raised before anything was recorded in it.
+
+    Parameters
+    ----------
+    out : Path
+    source : str
+        Its name; the manifest says whose the folder is.
+    options : BatchOptions
+    force : bool
+        Take away first whatever batch wrote there; what others put there stays.
+
+    Raises
+    ------
+    UsageError
+        ``out`` is a file, holds something that batch did not write, or a batch of another source, or a parameter
+        file that was changed since; another batch writes there.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder, prepare(Path(folder, "lab-batch"), "lab", BatchOptions()):
+    ...     put(Path(folder, "lab-batch"), "results.csv", b"tool,work")
+    True
+    """
+    _free_or_ours(out, source, force)
+    new = not out.exists()
+    try:
+        make_folder(out / RECORDS)
+        with locked(out / LOCK, _in_use(out)):
+            _free_or_ours(out, source, force)  # another batch may have ended between the question and the lock
+            if force:
+                _clear(out)
+            else:
+                _unchanged_by_others(out)
+            for path in (out / RECORDS).glob(".fitmodels-*.tmp"):  # of a process that was killed
+                path.unlink()
+            _write_manifest(out, source, options)
+            yield
+    except BaseException:
+        if new:
+            _remove_new(out)
+        raise
+
+
+def _in_use(out: Path) -> str:
+    return f"{out}: another batch is writing there; wait until it ends or choose another folder with --out."
+
+
+def put(out: Path, name: str, content: bytes) -> bool:
+    """Write a file that is not of a pair (a table, a figure), whole, and only where its bytes are others.
+
+    It counts as ours from then on: ``prepare`` takes it away where it is told to.
+
+    Returns
+    -------
+    bool
+        Whether anything was written.
+    """
+    if holds(out, name, content):
+        return False
+    claim(out, [name])
+    write_whole(out / name, content, parents=True)
+    return True
+
+
+def holds(out: Path, name: str, content: bytes) -> bool:
+    """Whether a file is there with this very content."""
+    path = out / name
+    return path.is_file() and path.read_bytes() == content
+
+
+def claim(out: Path, names: Iterable[str]) -> None:
+    """Say of files within ``out`` that batch makes them; who writes them does not matter."""
+    before = _claimed(out)
+    now = sorted({*before, *names})
+    if now != before:
+        write_whole(out / MADE, (json.dumps(now, indent=1) + "\n").encode(), parents=True)
+
+
+def claimed(out: Path, under: str) -> tuple[str, ...]:
+    """Files below ``under`` that batch makes, as paths within ``out``."""
+    return tuple(name for name in _claimed(out) if name.startswith(under))
+
+
+def retire(out: Path, under: str, kept: Collection[str]) -> None:
+    """Take away files below ``under`` that batch made once and does not make any more."""
+    made = _claimed(out)
+    gone = {name for name in made if name.startswith(under) and name not in kept}
+    if gone:
+        _remove(out, gone)
+        write_whole(out / MADE, (json.dumps(sorted({*made} - gone), indent=1) + "\n").encode(), parents=True)
+
+
+def sweep(out: Path, keys: Collection[str]) -> tuple[str, ...]:
+    """Take away what earlier states of the source or other options left, once every block is recorded.
+
+    A record of another key goes, and so do the files that no record of these keys names (pairs that are gone, draws
+    that are no longer kept): as long as they are as batch wrote them, which their SHA-256 tells.
+
+    Returns
+    -------
+    tuple of str
+        Files that were taken away, as paths within ``out``.
+    """
+    if {path.stem for path in (out / RECORDS).glob("*.json")} <= set(keys):  # told by names, without opening any
+        return ()
+    records = list(written(out))
+    kept = {name for one in records if one.key in keys for name in one.files}
+    stale = [one for one in records if one.key not in keys]
+    gone = {name for one in stale for name, made in one.files.items() if name not in kept and _is(out / name, made)}
+    _remove(out, gone)
+    for one in stale:
+        (out / RECORDS / f"{one.key}.json").unlink(missing_ok=True)
+    return tuple(sorted(gone))
+
+
+def _is(path: Path, made: str) -> bool:
+    return hash_of(path) == made
+
+
+def _free_or_ours(out: Path, source: str, force: bool) -> None:
+    if out.is_symlink() and not out.exists():
+        raise UsageError(f"{out} is a link that leads nowhere; choose a folder with --out.")
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"{out} is a file; choose a folder with --out.")
+    if not out.exists():
+        return
+    manifest = _manifest(out)
+    if manifest is None:
+        foreign = sorted(name for name in _names(out) if name != MANIFEST.parent.name)
+        if foreign:
+            raise UsageError(
+                f"{out} holds {foreign[0]!r}, which batch did not write; choose another folder with --out."
+            )
+    elif manifest["source"] != source and not force:
+        raise UsageError(
+            f"{out} holds a batch of {manifest['source']}, not of {source}; replace it with --force, or write "
+            "elsewhere with --out."
+        )
+
+
+def _names(out: Path) -> list[str]:
+    try:
+        return [path.name for path in out.iterdir()]
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise UsageError(f"{out}: cannot be read: {why}; choose another place with --out.") from None
+
+
+def _manifest(out: Path) -> dict[str, Any] | None:
+    """None where there is none, or none that this version understands."""
+    try:
+        data = json.loads((out / MANIFEST).read_bytes())
+    except (OSError, ValueError):
+        return None
+    return data if isinstance(data, dict) and data.get("schema") == SCHEMA and "source" in data else None
+
+
+def _write_manifest(out: Path, source: str, options: BatchOptions) -> None:
+    """Write the manifest; one that says the same already stays, with its time."""
+    said = {"schema": SCHEMA, "source": source, "fitmodels": __version__, "options": _options(options)}
+    before = _manifest(out)
+    if before is None or {**before, "started": None} != {**said, "started": None}:
+        said["started"] = datetime.now(UTC).isoformat(timespec="seconds")
+        write_whole(out / MANIFEST, (json.dumps(said, indent=1, sort_keys=True) + "\n").encode(), parents=True)
+
+
+def _options(options: BatchOptions) -> Mapping[str, Any]:
+    """As JSON gives them back, so that they can be compared."""
+    options: dict[str, Any] = json.loads(json.dumps(asdict(options), default=str))
+    return options
+
+
+def _unchanged_by_others(out: Path) -> None:
+    """Refuse to go on over a parameter file that somebody changed, for instance with ``fitmodels tune``."""
+    ours: dict[str, set[str]] = {}
+    newest: dict[str, int] = {}
+    for one in written(out):
+        at = (out / RECORDS / f"{one.key}.json").stat().st_mtime_ns
+        for name, digest in one.files.items():
+            ours.setdefault(name, set()).add(digest)
+            newest[name] = max(newest.get(name, 0), at)
+    for name, made in ours.items():
+        path = out / name
+        # a record is written after its files: what is older than its record was not touched since
+        if path.is_file() and path.stat().st_mtime_ns >= newest[name] and hash_of(path) not in made:
+            raise UsageError(
+                f"{path} was changed since batch wrote it; move it elsewhere to keep it, or replace all that batch "
+                "wrote there with --force."
+            )
+
+
+def _remove_new(out: Path) -> None:
+    """Remove a folder in which nothing stands but whose it was to be."""
+    with suppress(OSError):
+        if all(path.relative_to(out) in (MANIFEST, LOCK) for path in out.rglob("*") if not path.is_dir()):
+            rmtree(out)
+
+
+def _clear(out: Path) -> None:
+    """Take away what the records and the list of other files name; nothing else."""
+    records = list(written(out))
+    _remove(out, {name for one in records for name in one.files} | set(_claimed(out)))
+    for path in (out / RECORDS).glob("*.json"):
+        path.unlink()
+    for rest in (MADE, MANIFEST):
+        (out / rest).unlink(missing_ok=True)
+
+
+def _claimed(out: Path) -> list[str]:
+    try:
+        data = json.loads((out / MADE).read_bytes())
+    except (OSError, ValueError):
+        return []
+    names = data if isinstance(data, list) else []
+    return [name for name in names if isinstance(name, str) and not {"", ".", ".."} & set(name.split("/"))]
+
+
+def _remove(out: Path, names: Iterable[str]) -> None:
+    """Remove files, then the folders that they leave empty."""
+    folders = set()
+    for name in names:
+        path = out / name
+        with suppress(OSError):  # a folder stands there now: not ours
+            path.unlink(missing_ok=True)
+        folders |= {parent for parent in path.parents if parent != out and parent.is_relative_to(out)}
+    for folder in sorted(folders, key=lambda path: len(path.parts), reverse=True):
+        _remove_empty(folder)
+
+
+def _remove_empty(folder: Path) -> None:
+    """Remove a folder that holds nothing, or only what a process that was killed left half written."""
+    with suppress(OSError):
+        there = list(folder.iterdir())
+        if all(path.match(".fitmodels-*.tmp") for path in there):
+            for path in there:
+                path.unlink()
+            folder.rmdir()

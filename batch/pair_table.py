@@ -1,0 +1,231 @@
+"""A table beside the source that says what pairs belong to: their ISO group, grade, coolant."""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+
+from ..core.errors import DataError, UsageError
+from ..datasets.tables.decode import encoding_of, load_bytes, text_lines
+from ..datasets.tables.dialect import is_comment, split_line, text_source
+from ..datasets.tables.numerals import Cell, is_missing
+from ..datasets.tables.workbook import is_workbook, read_sheets
+from ..datasets.vocabulary import roles_named
+from .outcomes import Concern, PairOutcome
+
+NAMES = ("tool", "work")
+MARKS = (";", "\t", "|", ",", " ")
+LISTED = 3  # pairs named in a sentence
+Line = tuple[int, Sequence[Cell]]
+
+
+def read_pairs(path: str | os.PathLike[str]) -> pd.DataFrame:
+    r"""Read the table of pairs.
+
+    Parameters
+    ----------
+    path : str or path
+        Delimited text or an .xlsx workbook, its header in the first row: a tool column, a work column or both, under
+        any of their names, and one or more others. An empty tool or work stands for all.
+
+    Returns
+    -------
+    DataFrame
+        ``tool, work``, empty where the row holds for all; then the other columns under their headers. All is text.
+
+    Raises
+    ------
+    DataError
+        It cannot be read, names neither tools nor works, tells nothing of them, or contradicts itself.
+
+    Notes
+    -----
+    Such a table may hold no number at all, by which a table of measurements is found; hence the header decides here.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "pairs.csv")
+    >>> _ = path.write_text("tool;iso513\nGC435;P20\nK10;K\n")
+    >>> read_pairs(path).to_dict("list")
+    {'tool': ['GC435', 'K10'], 'work': ['', ''], 'iso513': ['P20', 'K']}
+    """
+    path = Path(path)
+    lines = [(number, [_text(cell) for cell in cells]) for number, cells in _lines(path)]
+    filled = [(number, cells) for number, cells in lines if any(cells)]
+    if not filled:
+        raise DataError(f"{path.name} holds no filled cell. Export the table again.")
+    header, named = filled[0][1], _named(filled[0][1])
+    if not named:
+        raise DataError(
+            f"{path.name}: neither tool nor work is a column of its header, {', '.join(filter(None, header))}. The "
+            "table of pairs begins with a row of headers such as tool, work, iso513."
+        )
+    others = {name: place for place, name in enumerate(header) if name and place not in named.values()}
+    _check_header(path.name, header, others)
+    rows = [_row(path.name, number, cells, len(header)) for number, cells in filled[1:]]
+    table = pd.DataFrame(
+        {name: [cells[place] if place is not None else "" for cells in rows] for name, place in
+         {**{name: named.get(name) for name in NAMES}, **others}.items()},
+        dtype=object,
+    )  # fmt: skip
+    return _once(path.name, table, [number for number, _ in filled[1:]])
+
+
+def with_groups(outcomes: Sequence[PairOutcome], table: pd.DataFrame) -> tuple[PairOutcome, ...]:
+    """Outcomes with what the table says that their pairs belong to.
+
+    What a pair's own rows say counts first, then a row of the table for the pair, for its tool, for its work; whoever
+    says otherwise is a ``Concern("group differs", ...)``.
+
+    Raises
+    ------
+    UsageError
+        The table names none of the pairs.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"tool": ["GC435"], "work": [""], "iso513": ["P20"]})
+    >>> with_groups([PairOutcome("GC435", "709M40", 24)], table)[0].groups
+    {'iso513': 'P20'}
+    """
+    said = _said(table)
+    made = tuple(_with(outcome, said) for outcome in outcomes)
+    if outcomes and said and not any(key in said for outcome in outcomes for key in _keys(outcome)):
+        raise UsageError(
+            f"the table of pairs names {_some(said)}, none of which the source holds; it holds"
+            f" {_some([(outcome.tool, outcome.work) for outcome in outcomes])}. Check how tools and works are written."
+        )
+    return made
+
+
+def unknown_pairs(outcomes: Iterable[PairOutcome], table: pd.DataFrame) -> str:
+    """One sentence on rows of the table that no pair of the source answers to; empty where there is none.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"tool": ["GC435", "K10"], "work": ["", ""], "iso513": ["P20", "K"]})
+    >>> unknown_pairs([PairOutcome("GC435", "709M40", 24)], table)
+    'The table of pairs names what the source does not hold: K10.'
+    """
+    met = {key for outcome in outcomes for key in _keys(outcome)}
+    strange = [key for key in _said(table) if key not in met]
+    return f"The table of pairs names what the source does not hold: {_some(strange)}." if strange else ""
+
+
+def _lines(path: Path) -> Iterator[Line]:
+    data = load_bytes(path)
+    if is_workbook(data, path.name):
+        sheets, _ = read_sheets(data, path.name, None)
+        yield from next((sheet for sheet in sheets if any(any(row) for row in sheet.rows)), ())
+        return
+    encoding = encoding_of(data, path.name)
+    lines = (line for line in text_lines(data, encoding) if line.strip() and not is_comment(line, " "))
+    first = next(lines, "")
+    told = first.strip().strip('"').casefold().startswith("sep=")
+    yield from text_source(path.name, data, encoding, None if told else _delimiter(first))
+
+
+def _delimiter(header: str) -> str | None:
+    """The mark that leaves a tool or a work among the headers; of several, the one that leaves most headers."""
+    cut = {mark: [cell.strip() for cell in split_line(header, mark)] for mark in MARKS}
+    good = [mark for mark in MARKS if len(cut[mark]) > 1 and _named(cut[mark])]
+    return max(good, key=lambda mark: len(cut[mark]) - 0.5 * (mark == " ") * len(cut[mark]), default=None)
+
+
+def _named(header: Sequence[str]) -> dict[str, int]:
+    """Places of tool and work: under that very name, or else under another name for it."""
+    found: dict[str, int] = {}
+    for name in NAMES:
+        exact = [place for place, text in enumerate(header) if text.casefold() == name]
+        other = [place for place, text in enumerate(header) if text and roles_named(text)[:1] == (name,)]
+        if exact or other:
+            found[name] = (exact or other)[0]
+    return found
+
+
+def _check_header(file: str, header: Sequence[str], others: Mapping[str, int]) -> None:
+    if not others:
+        raise DataError(
+            f"{file} tells nothing of its pairs: beside {', '.join(header)} it needs a column such as iso513."
+        )
+    twice = [name for name in header if name and header.count(name) > 1]
+    if twice:
+        raise DataError(
+            f"{file} has {header.count(twice[0])} columns named {twice[0]!r}. Rename or delete all but one."
+        )
+
+
+def _row(file: str, number: int, cells: Sequence[str], width: int) -> list[str]:
+    if any(cells[width:]):
+        raise DataError(
+            f"{file} line {number} has {len(cells)} cells, its header has {width}."
+            " Name the extra column or remove the cell."
+        )
+    return [*cells[:width], *[""] * (width - len(cells))]
+
+
+def _once(file: str, table: pd.DataFrame, lines: Sequence[int]) -> pd.DataFrame:
+    """A row for each pair: rows that name it again fill its gaps, and must not contradict it."""
+    kept: dict[tuple[str, str], dict[str, str]] = {}
+    first: dict[tuple[str, str], int] = {}
+    for line, row in zip(lines, table.to_dict("records"), strict=True):
+        key = (row["tool"], row["work"])
+        if not any(key):
+            raise DataError(f"{file} line {line} names neither tool nor work. Fill one of them or delete the row.")
+        known = kept.setdefault(key, {str(name): value for name, value in row.items()})
+        for name in table.columns[2:]:
+            if row[name] and known[name] and row[name] != known[name]:
+                raise DataError(
+                    f"{file} lines {first[key]} and {line} contradict each other: {name} of {_words(key)} is"
+                    f" {known[name]!r} and {row[name]!r}. Keep one."
+                )
+            known[name] = known[name] or row[name]
+        first.setdefault(key, line)
+    return pd.DataFrame(list(kept.values()), columns=table.columns, dtype=object)
+
+
+def _said(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, str]]:
+    """What each row of the table says, by the tool and work that it names."""
+    rows = table.to_dict("records")
+    return {
+        (row["tool"], row["work"]): {str(name): str(value) for name, value in row.items() if name not in NAMES}
+        for row in rows
+    }
+
+
+def _keys(outcome: PairOutcome) -> tuple[tuple[str, str], ...]:
+    return (outcome.tool, outcome.work), (outcome.tool, ""), ("", outcome.work)
+
+
+def _with(outcome: PairOutcome, said: Mapping[tuple[str, str], Mapping[str, str]]) -> PairOutcome:
+    groups = dict(outcome.groups)
+    speaker = dict.fromkeys([name for name, value in groups.items() if value], "its own rows")
+    concerns = list(outcome.concerns)
+    for key in _keys(outcome):
+        for name, value in said.get(key, {}).items():
+            known = groups.get(name, "")
+            if value and known and value != known:
+                words = f"{name} is {known!r} by {speaker[name]} and {value!r} by the table of pairs for {_words(key)}"
+                concerns.append(Concern("group differs", f"{words}; {known!r} counts"))
+            elif value and not known:
+                speaker[name] = f"the table of pairs for {_words(key)}"
+            groups[name] = known or value
+    return replace(outcome, groups=groups, concerns=tuple(concerns))
+
+
+def _words(key: tuple[str, str]) -> str:
+    return " on ".join(part for part in key if part)
+
+
+def _some(keys: Iterable[tuple[str, str]]) -> str:
+    names = [_words(key) for key in keys]
+    return ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+
+
+def _text(cell: Cell) -> str:
+    if isinstance(cell, float):
+        return str(int(cell)) if cell.is_integer() else repr(cell)
+    return "" if is_missing(cell) else cell.strip()

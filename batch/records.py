@@ -1,0 +1,210 @@
+"""Records of finished blocks, so that a batch that was stopped goes on without fitting anything twice."""
+
+import json
+from base64 import b64decode, b64encode
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, fields
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..core.files import make_folder, write_whole
+from ..core.version import __version__
+from .law_rows import COUNTS, FLAGS, LAW, PAIR, TEXTS, Column, column
+from .outcomes import BlockOutcome, Cell, Concern, PairOutcome
+from .plan import BatchOptions, Block, Pair, Plan
+
+SCHEMA = "fitmodels.batch-block/1"
+RECORDS = Path(".batch", "blocks")
+PAIRS = "pairs"
+WRITERS = 4  # a file waits for the disk longer than for the processor: four together take a sixth of the time
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Files that a record names: their SHA-256 by their path within the output folder.
+
+    Attributes
+    ----------
+    key : str
+    files : mapping of str to str
+    """
+
+    key: str
+    files: Mapping[str, str]
+
+
+def key_of(block: Block, plan: Plan, options: BatchOptions) -> str:
+    """SHA-256 of all that the numbers of a block depend on; where its files stand is not among it.
+
+    Examples
+    --------
+    >>> from ..plan import Piece, Reading
+    >>> block = Block((Pair("GC435", "709M40"),), (Piece("/lab/a.csv", "a.csv", "7f31"),), 144)
+    >>> plan = Plan("lab", "files", (block,), 144, (), (), (), Reading())
+    >>> key_of(block, plan, BatchOptions()) == key_of(block, plan, BatchOptions(seed=2))
+    False
+    """
+    told = {field.name: getattr(block, field.name) for field in fields(block)}
+    told["pairs"] = [(pair.tool, pair.work) for pair in block.pairs]
+    told["pieces"] = [asdict(piece) | {"path": ""} for piece in block.pieces]
+    columns = [asdict(use) for use in plan.columns]
+    content = {"fitmodels": __version__, "kind": plan.kind, "block": told, "columns": columns}
+    content |= {"facts": options.facts(plan.reading)}
+    return sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, str]) -> None:
+    """Write the files of a block's pairs, then its record.
+
+    The record is first written without its outcome: whatever is stopped where, the files that batch wrote are named.
+
+    Parameters
+    ----------
+    out : Path
+        The output folder, which `place.prepare` made.
+    key : str
+        See `key_of`.
+    outcome : BlockOutcome
+    folders : mapping of Pair to str
+        See `place.folder_names`; pairs without files need none.
+
+    Raises
+    ------
+    UsageError, ParameterError
+        A folder cannot be made, a file cannot be written; those that are there are whole.
+    """
+    contents = {
+        f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}/{name}": content
+        for pair in outcome.pairs
+        for name, content in pair.files.items()
+    }
+    make_folder(out / RECORDS)
+    path = out / RECORDS / f"{key}.json"
+    head = {"schema": SCHEMA, "files": {name: sha256(content).hexdigest() for name, content in contents.items()}}
+    if contents:
+        write_whole(path, _bytes(head | {"outcome": None}), parents=True)
+        with ThreadPoolExecutor(WRITERS) as pool:
+            list(pool.map(lambda name: write_whole(out / name, contents[name], parents=True), contents))
+    write_whole(path, _bytes(head | {"outcome": _plain(outcome)}), parents=True)
+
+
+def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome | None:
+    """What came of a block that was finished before, without the bytes of its files.
+
+    None where it has to be fitted: its record is missing, torn or of another schema; a file is missing or is not as
+    it was written (its SHA-256 is compared), or belongs in another folder now.
+    """
+    data = _read(out / RECORDS / f"{key}.json")
+    if data is None or data["outcome"] is None:
+        return None
+    try:
+        outcome = _outcome(data["outcome"])
+        pairs = outcome.pairs if data["files"] else ()
+        places = {f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}" for pair in pairs}
+    except (AttributeError, KeyError, IndexError, OverflowError, TypeError, ValueError):
+        return None
+    files: dict[str, str] = data["files"]
+    stands = all(name.rpartition("/")[0] in places and hash_of(out / name) == made for name, made in files.items())
+    return outcome if stands else None
+
+
+def written(out: Path) -> Iterator[Written]:
+    """The files that each record names, whether its block was finished or not."""
+    for path in sorted((out / RECORDS).glob("*.json")):
+        data = _read(path)
+        if data is not None:
+            yield Written(path.stem, data["files"])
+
+
+def hash_of(path: Path) -> str | None:
+    """SHA-256 of a file, None where there is none to be read.
+
+    Examples
+    --------
+    >>> hash_of(Path("nowhere")) is None
+    True
+    """
+    try:
+        return sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+def _bytes(data: Mapping[str, Any]) -> bytes:
+    return (json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n").encode()
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    """A record, None where it is none that this version understands; names that lead elsewhere are none of ours."""
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA or "outcome" not in data:
+        return None
+    files = data.get("files")
+    return data if isinstance(files, dict) and all(map(_inside, files)) else None
+
+
+def _inside(name: str) -> bool:
+    parts = name.split("/")
+    return len(parts) == 3 and parts[0] == PAIRS and not any(p in ("", ".", "..") or "\\" in p for p in parts)
+
+
+def _plain(outcome: BlockOutcome) -> dict[str, Any]:
+    """The outcome as JSON takes it, without the bytes of files."""
+    pairs = [
+        {
+            "tool": pair.tool, "work": pair.work, "nobs": int(pair.nobs), "reason": pair.reason,
+            "concerns": [[concern.kind, concern.words] for concern in pair.concerns],
+            "groups": dict(pair.groups), "simulated": pair.simulated,
+        }
+        for pair in outcome.pairs
+    ]  # fmt: skip
+    laws = {str(name): _packed(values) for name, values in outcome.laws.items()}
+    rest = {"laws": laws, "unreadable": dict(outcome.unreadable), "units": dict(outcome.units)}
+    return {"pairs": pairs, **rest, "seconds": float(outcome.seconds), "memory": int(outcome.memory)}
+
+
+def _packed(values: "pd.Series[Any]") -> list[Cell] | str:
+    """A column of the table of laws: doubles in base 64, as they stand in memory; others cell by cell."""
+    if values.dtype == np.float64:
+        return b64encode(values.to_numpy(dtype="<f8").tobytes()).decode()
+    return values.astype(object).where(values.notna(), None).tolist()
+
+
+def _unpacked(name: str, packed: list[Cell] | str) -> Column:
+    """A column, or a ValueError or its like: a record may have been damaged, or written by hand."""
+    if isinstance(packed, str) != (name not in (PAIR, *TEXTS, *COUNTS, *FLAGS)):
+        raise ValueError(name)
+    if isinstance(packed, str):
+        return np.frombuffer(b64decode(packed, validate=True), dtype="<f8").astype(np.float64)
+    return np.array([_whole(value) for value in packed], dtype=np.intp) if name == PAIR else column(name, packed)
+
+
+def _whole(value: object) -> int:
+    if type(value) is int and abs(value) < 2**63:
+        return value
+    raise ValueError(value)
+
+
+def _outcome(data: Mapping[str, Any]) -> BlockOutcome:
+    pairs = tuple(
+        PairOutcome(
+            pair["tool"], pair["work"], _whole(pair["nobs"]), pair["reason"],
+            tuple(Concern(kind, words) for kind, words in pair["concerns"]), pair["groups"],
+            pair["simulated"],
+        )
+        for pair in data["pairs"]
+    )  # fmt: skip
+    columns = {name: _unpacked(name, packed) for name, packed in data["laws"].items()}
+    laws = pd.DataFrame(columns)
+    whole = {len(values) for values in columns.values()} == {len(laws)} and set(LAW) <= set(columns)
+    if not (whole and laws[PAIR].between(0, len(pairs) - 1).all()):
+        raise ValueError(PAIR)
+    return BlockOutcome(pairs, laws, data["unreadable"], data["units"], data["seconds"], data["memory"])

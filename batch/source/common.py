@@ -1,0 +1,69 @@
+"""What all kinds of sources share: suffixes, limits, blocks of pairs, names in a sentence."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PARQUET = (".parquet", ".pq", ".parq")
+LAB = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
+LARGE = 60_000_000  # bytes of a text file; read whole it takes ten times as much memory
+SHOWN = 3  # names in a sentence
+
+Ints = NDArray[np.intp]
+MapOver = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+
+
+def no_report(words: str) -> None:
+    """Receives progress updates and ignores them."""
+
+
+def is_large(path: Path) -> bool:
+    """Whether a file is a text that is not read whole."""
+    return path.suffix.lower() != ".xlsx" and path.stat().st_size > LARGE
+
+
+def some_names(names: Iterable[str]) -> str:
+    """The first of several names.
+
+    >>> some_names(["a", "b"]), some_names("abcde")
+    ('a, b', 'a, b, c and 2 more')
+    """
+    names = list(names)
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more
+
+
+STREAMED = 8  # a pair of more rows than eight blocks is streamed: two millions by default
+
+
+def packed(rows: Sequence[int] | Ints, most_rows: int, most_pairs: int) -> tuple[range, ...]:
+    """Cut pairs into blocks of at most ``most_rows`` rows and ``most_pairs`` pairs.
+
+    Parameters
+    ----------
+    rows : sequence of int
+        Rows of each pair.
+    most_rows, most_pairs : int
+        A pair of more than ``most_rows`` rows is a block of its own.
+
+    Returns
+    -------
+    tuple of range
+        Pairs of each block, one after the other.
+
+    Examples
+    --------
+    >>> packed([10, 10, 10, 90, 10], most_rows=25, most_pairs=64)
+    (range(0, 2), range(2, 3), range(3, 4), range(4, 5))
+    """
+    cuts, held = [0], 0
+    for i, n in enumerate(np.asarray(rows).tolist()):
+        if i > cuts[-1] and (held + n > most_rows or i - cuts[-1] >= most_pairs):
+            cuts.append(i)
+            held = 0
+        held += n
+    ends = [*cuts[1:], len(rows)]
+    return tuple(range(start, stop) for start, stop in zip(cuts, ends, strict=True) if stop > start)

@@ -1,0 +1,181 @@
+"""A CSV too large for memory -> a Parquet file beside the results, block by block, and its plan."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...core.errors import DataError, UsageError
+from ..plan import Plan, Reading
+from .common import no_report
+
+if TYPE_CHECKING:
+    from .csv_head import Head
+
+HEAD = 1_000_000  # bytes that tell how the file is written
+BLOCK = 2 << 20  # bytes of text converted at once; pyarrow reads up to 32 of them ahead
+GROUP = 100_000  # rows of a row group, at least
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """A Parquet file made of a CSV: where it stands, how it is to be read, and what was met on the way."""
+
+    path: Path
+    reading: Reading
+    said: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def csv_stream(
+    source: Path,
+    reading: Reading,
+    *,
+    most_rows: int,
+    most_pairs: int,
+    work: Path,
+    report: Callable[[str], None] = no_report,
+    reads: float = 4.0,
+    head: int = HEAD,
+    block_size: int = BLOCK,
+) -> Plan:
+    """Plan a CSV of any size through a Parquet copy of it.
+
+    Parameters
+    ----------
+    source : Path
+    reading, most_rows, most_pairs, report, reads : see `open_source`
+    work : Path
+        The copy goes to ``parquet`` in this folder, whole or not at all, and is used again for the same source.
+    head, block_size : int
+        Bytes that tell how the file is written, and that are converted at once.
+
+    Raises
+    ------
+    UsageError
+        pyarrow is not installed, or the options do not fit the file.
+    DataError
+        The file cannot be read as a table, or holds rows wider than its header.
+    """
+    from .parquet_blocks import parquet_plan
+
+    made = converted(source, reading, work, report, head, block_size)
+    plan = parquet_plan(
+        made.path, made.reading, most_rows=most_rows, most_pairs=most_pairs, work=work, report=report, name=source.name,
+        reads=reads,
+    )  # fmt: skip
+    return replace(plan, assumed=(*made.said, *plan.assumed), notes=made.notes)
+
+
+def converted(
+    source: Path, reading: Reading, work: Path, report: Callable[[str], None] = no_report,
+    head: int = HEAD, block_size: int = BLOCK,
+) -> Converted:  # fmt: skip
+    """The Parquet copy of a CSV, made now or found.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `csv_stream`.
+    """
+    _pyarrow(source)
+    status = source.stat()
+    facts = [str(source), status.st_size, status.st_mtime_ns, asdict(reading)]
+    key = sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
+    folder = work / "parquet" / f"{source.stem}-{key}"
+    if not (folder / "said.json").is_file():
+        part = folder.with_name(f"{folder.name}.part")
+        _cleared(source.stem, folder.parent)
+        part.mkdir(parents=True)
+        try:
+            _convert(source, reading, part, report, head, block_size)
+            if source.stat().st_mtime_ns != status.st_mtime_ns:
+                raise DataError(f"{source.name} changed while it was read: start again when it is whole.")
+            part.rename(folder)
+        except OSError as error:
+            raise DataError(
+                f"{source.name} cannot be copied to {folder.parent} as Parquet: {error.strerror or error}; "
+                "that takes about half of its size. Free some space, or choose another folder."
+            ) from error
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    kept = json.loads((folder / "said.json").read_text("utf-8"))
+    reading = replace(reading, tool=kept["tool"], work=kept["work"], decimal=None, delimiter=None, sheet=None)
+    return Converted(folder / f"{source.stem}.parquet", reading, tuple(kept["said"]), tuple(kept["notes"]))
+
+
+def _pyarrow(source: Path) -> None:
+    try:
+        import pyarrow.csv  # type: ignore[import-untyped]  # noqa: F401
+    except ImportError as error:
+        raise UsageError(
+            f"{source.name} is too large to be read whole, and pyarrow, which reads it in parts, is not installed: "
+            "pip install 'fitmodels[batch]'."
+        ) from error
+
+
+def _cleared(stem: str, folder: Path) -> None:
+    """Remove copies of what the source was before."""
+    for old in folder.glob("*") if folder.is_dir() else ():
+        if old.name.rpartition("-")[0] == stem:
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _convert(
+    source: Path, reading: Reading, part: Path, report: Callable[[str], None], size: int, block_size: int
+) -> None:
+    """Write the Parquet file and, last, what was met."""
+    from .csv_head import read_head
+
+    head = read_head(source, reading, part, size)
+    try:
+        said = _written(source, head, part, report, block_size)
+    except UnicodeError:
+        # The head had no letter that tells UTF-8 from Windows-1252, or the file changes its encoding on the way.
+        if not head.ascii:
+            raise _damaged(source, head) from None
+        head = replace(head, encoding="cp1252")
+        try:
+            said = _written(source, head, part, report, block_size)
+        except UnicodeError:
+            raise _damaged(source, head) from None
+    facts = {"tool": head.reading.tool, "work": head.reading.work, "said": [*head.assumed, *said], "notes": head.notes}
+    (part / "said.json").write_text(json.dumps(facts, ensure_ascii=False), "utf-8")
+
+
+def _damaged(source: Path, head: "Head") -> DataError:
+    return DataError(f"{source.name} holds bytes that are not {head.encoding}: save it as CSV UTF-8.")
+
+
+def _written(
+    source: Path, head: "Head", part: Path, report: Callable[[str], None], block_size: int
+) -> tuple[str, ...]:  # fmt: skip
+    """Write the rows, and say what was met.
+
+    Raises
+    ------
+    UnicodeError
+        The text is not in the encoding of the head.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq  # type: ignore[import-untyped]
+
+    from .csv_rows import Cells, IrregularRows, batches
+
+    cells, met = Cells(head.decimal), IrregularRows(head, source.name)
+    types = {"number": pa.float64(), "unused": pa.null()}
+    schema = pa.schema([(column.name, types.get(column.kind, pa.string())) for column in head.columns])
+    with pq.ParquetWriter(part / f"{source.stem}.parquet", schema) as writer:
+        held: list[Any] = []
+        for batch in batches(source, head, met, report, block_size, cells):
+            held.append(pa.RecordBatch.from_arrays(batch, schema=schema))
+            if sum(map(len, held)) >= GROUP:
+                writer.write_table(pa.Table.from_batches(held))
+                held.clear()
+        if held:
+            writer.write_table(pa.Table.from_batches(held))
+    odd = (odd.sentence(name) for name, odd in cells.odd.items())
+    return (*met.sentences(), *odd)

@@ -1,0 +1,216 @@
+"""Lab files -> a plan: every file is read once, to see which pairs it holds."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
+
+from ...core.errors import DataError, FitmodelsError, UsageError
+from ...datasets.vocabulary import ROLES
+from ..outcomes import defect_sentence
+from ..plan import Block, Pair, Piece, Plan, Reading, Unreadable
+from .common import STREAMED, MapOver, is_large, no_report, some_names
+from .lab_files import group_column, is_named_by_file, read_lab_file
+
+
+@dataclass(frozen=True, slots=True)
+class FileScan:
+    """What a file holds, or why it cannot be read; ``usage``: because of an option."""
+
+    pairs: tuple[tuple[Pair, int], ...] = ()
+    sha256: str = ""
+    named_by_file: bool = False
+    headers: tuple[str, ...] = ()
+    groups: frozenset[str] = frozenset()
+    unused: tuple[str, ...] = ()
+    reason: str = ""
+    usage: bool = False
+
+
+def files_plan(
+    source: Path,
+    paths: tuple[Path, ...],
+    reading: Reading,
+    *,
+    most_rows: int,
+    most_pairs: int,
+    report: Callable[[str], None] = no_report,
+    map_over: MapOver = map,
+    assumed: tuple[str, ...] = (),
+) -> Plan:
+    """Plan the pairs of lab files, in the order of the files and, within each, of its rows.
+
+    Parameters
+    ----------
+    source : Path
+        Folder that holds the files, or the one file.
+    paths : tuple of Path
+    reading, most_rows, most_pairs, report, map_over : see `open_source`
+    assumed : tuple of str
+        What was taken for granted so far.
+
+    Raises
+    ------
+    UsageError
+        No file has a column that groups the pairs, or the options fit no file.
+    DataError
+        No file can be read.
+    """
+    names = [path.name if path == source else path.relative_to(source).as_posix() for path in paths]
+    _no_numbers(reading.groups)
+    alone = len(paths) == 1 and paths[0] == source
+    tasks = [(str(path), reading, alone) for path in paths]
+    found: list[FileScan] = []
+    for one in map_over(scan_file, tasks):
+        found.append(one)
+        report(f"looked at {len(found)} of {len(paths)} files")
+    unreadable = tuple(Unreadable(name, one.reason) for name, one in zip(names, found, strict=True) if one.reason)
+    if len(unreadable) == len(paths):
+        raise _none_can_be_read(source, unreadable, found, alone)
+    _known_groups(reading.groups, found)
+    pieces, copies = _pieces(paths, names, found)
+    holders = _holders(pieces)
+    said = (*assumed, *_said(names, found, copies, holders, reading))
+    blocks = tuple(_blocks(holders, most_rows, most_pairs))
+    rows = sum(block.rows for block in blocks)
+    return Plan(source.name, "files", blocks, rows, (), unreadable, said, reading)
+
+
+def scan_file(task: tuple[str, Reading, bool]) -> FileScan:
+    """Read a file and keep what a plan needs of it: a task for another process."""
+    path, reading, alone = Path(task[0]), task[1], task[2]
+    try:
+        if not alone and is_large(path):
+            raise DataError(
+                f"{path.name} has {path.stat().st_size / 1e6:.0f} MB, too many to be read whole: "
+                "fit it by itself, with fitmodels batch and its name."
+            )
+        runs = read_lab_file(path, reading)
+        return FileScan(
+            pairs=tuple((Pair(part.tool, part.work), len(part)) for part in runs.pairs()),
+            sha256=runs.source.sha256,
+            named_by_file=is_named_by_file(runs, path),
+            headers=tuple(use.header for use in runs.columns),
+            unused=tuple(use.header for use in runs.columns if use.role is None and use.header.strip()),
+            groups=frozenset(name for name in reading.groups if group_column(runs, name) is not None),
+        )
+    except FitmodelsError as error:
+        return FileScan(reason=str(error), usage=isinstance(error, UsageError))
+    except MemoryError:
+        raise
+    except Exception as error:  # one odd file does not stop a thousand
+        return FileScan(reason=defect_sentence(error))
+
+
+def _none_can_be_read(
+    source: Path, unreadable: tuple[Unreadable, ...], found: list[FileScan], alone: bool
+) -> FitmodelsError:
+    kind = UsageError if all(one.usage for one in found) else DataError
+    first = unreadable[0]
+    if alone:
+        return kind(first.reason)
+    return kind(f"none of the {len(found)} files in {source} can be read; the first, {first.name}: {first.reason}")
+
+
+def _no_numbers(groups: tuple[str, ...]) -> None:
+    for name in groups:
+        if name in ROLES and ROLES[name].unit:
+            raise UsageError(
+                f"pairs cannot be grouped by {name!r}, which is the {ROLES[name].quantity}, a number of the laws: "
+                "name a column that says what a pair belongs to."
+            )
+
+
+def _known_groups(groups: tuple[str, ...], found: list[FileScan]) -> None:
+    headers = list(dict.fromkeys(header for one in found for header in one.headers))
+    for name in groups:
+        if not any(name in one.groups for one in found):
+            near = get_close_matches(name, headers, 1, 0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"there are {some_names(map(repr, headers))}."
+            raise UsageError(f"no file has a column {name!r} to group the pairs by; {hint}")
+
+
+Held = tuple[Piece, tuple[tuple[Pair, int], ...]]
+
+
+def _pieces(paths: Iterable[Path], names: Iterable[str], found: list[FileScan]) -> tuple[list[Held], list[str]]:
+    """The files that are read, with their pairs; and those that are copies of another, to the byte."""
+    pieces: list[Held] = []
+    first: dict[tuple[str, tuple[tuple[Pair, int], ...]], str] = {}
+    copies: list[str] = []
+    for path, name, one in zip(paths, names, found, strict=True):
+        if one.reason:
+            continue
+        # A copy that names no tool is another tool, by its name: it is told as a copy all the same.
+        key = (one.sha256, () if one.named_by_file else one.pairs)
+        if key in first:
+            copies.append(f"{name} ({first[key]})")
+            continue
+        first[key] = name
+        pieces.append((Piece(str(path), name, one.sha256), one.pairs))
+    return pieces, copies
+
+
+def _holders(pieces: list[Held]) -> dict[Pair, list[tuple[Piece, int]]]:
+    """The files that hold each pair, with its rows in each."""
+    holders: dict[Pair, list[tuple[Piece, int]]] = {}
+    for piece, pairs in pieces:
+        for pair, rows in pairs:
+            holders.setdefault(pair, []).append((piece, rows))
+    return holders
+
+
+def _blocks(holders: dict[Pair, list[tuple[Piece, int]]], most_rows: int, most_pairs: int) -> Iterator[Block]:
+    """Pairs in their order, as many in a block as its limits allow."""
+    pairs: list[Pair] = []
+    rows = 0
+    for pair, held in holders.items():
+        more = sum(count for _, count in held)
+        if more > STREAMED * most_rows:
+            yield replace(_block([pair], more, holders), streamed=True)
+            continue
+        if pairs and (rows + more > most_rows or len(pairs) == most_pairs):
+            yield _block(pairs, rows, holders)
+            pairs, rows = [], 0
+        pairs.append(pair)
+        rows += more
+    if pairs:
+        yield _block(pairs, rows, holders)
+
+
+def _block(pairs: list[Pair], rows: int, holders: dict[Pair, list[tuple[Piece, int]]]) -> Block:
+    pieces = {piece.path: piece for pair in pairs for piece, _ in holders[pair]}
+    ordered = sorted(pieces.values(), key=lambda piece: Path(piece.path))
+    place = {piece.path: i for i, piece in enumerate(ordered)}
+    of_pair = tuple(tuple(place[piece.path] for piece, _ in holders[pair]) for pair in pairs)
+    return Block(tuple(pairs), tuple(ordered), rows, of_pair=of_pair)
+
+
+def _said(
+    names: list[str], found: list[FileScan], copies: list[str], holders: dict[Pair, list[tuple[Piece, int]]],
+    reading: Reading,
+) -> Iterator[str]:  # fmt: skip
+    """What was taken for granted, in full sentences."""
+    if nameless := [name for name, one in zip(names, found, strict=True) if one.named_by_file]:
+        yield (
+            f"{len(nameless)} file(s) name no tool; each is a tool by the name of its file: {some_names(nameless)}. "
+            "Name one tool for all with --tool."
+        )
+    if copies:
+        yield f"{len(copies)} file(s) are copies of another, to the byte, and passed by: {some_names(copies)}."
+    if several := [str(pair) for pair, held in holders.items() if len(held) > 1]:
+        yield (
+            f"{len(several)} pair(s) stand in more than one file; what measures something is joined, with edges told "
+            f"apart by file: "
+            f"{some_names(several)}."
+        )
+    unused = Counter(name for one in found for name in dict.fromkeys(one.unused) if name not in reading.groups)
+    if unused:
+        told = [f"{name!r} ({n} file{'' if n == 1 else 's'})" for name, n in unused.most_common()]
+        yield f"Columns that no law uses: {some_names(told)}; say which is which with --map where one should be."
+    for name in reading.groups:
+        if lacking := [
+            file for file, one in zip(names, found, strict=True) if not one.reason and name not in one.groups
+        ]:
+            yield f"{len(lacking)} file(s) have no column {name!r}; their pairs are in no group: {some_names(lacking)}."

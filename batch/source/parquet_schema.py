@@ -1,0 +1,279 @@
+"""Files of a Parquet source, and their columns, from the schema and a few rows of the first file."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+
+from ...core.errors import DataError, UsageError
+from ...datasets.columns import LARGEST, ColumnUse
+from ...datasets.design import decode_levels
+from ...datasets.reading import runs_from_frame
+from ...datasets.vocabulary import ROLES, UNNAMED
+from ..plan import Reading
+from .common import PARQUET
+from .parquet_arrow import UNREADABLE, kind_of, numbers, pq, text_of
+
+NOTHING = "__HIVE_DEFAULT_PARTITION__"  # how Hive and Spark name the folder of rows without a value
+FILE_NAME = "file name"  # header of what the name of a file says of all its rows
+
+
+@dataclass(frozen=True, slots=True)
+class ParquetFile:
+    """A file of the source; ``partition`` is what its folders say: header and value, url-decoded."""
+
+    path: Path
+    name: str
+    stamp: str
+    partition: tuple[tuple[str, str], ...]
+
+
+def parquet_files(source: Path, without: Path) -> tuple[ParquetFile, ...]:
+    """Files of a source in the order of their names, those in the folder ``without`` and hidden ones left out.
+
+    Raises
+    ------
+    DataError
+        There is none.
+    """
+    source = source.resolve()
+    if source.is_file():
+        return (ParquetFile(source, source.name, stamp_of(source), ()),)
+    found = sorted(_inside(source, without.resolve()), key=lambda path: path.relative_to(source).parts)
+    if not found:
+        raise DataError(f"{source.name} holds no Parquet file ({', '.join(PARQUET)}) at any depth.")
+    names = [path.relative_to(source) for path in found]
+    return tuple(
+        ParquetFile(path, name.as_posix(), stamp_of(path), hive(name.parts[:-1]))
+        for path, name in zip(found, names, strict=True)
+    )
+
+
+def _inside(source: Path, without: Path) -> Iterator[Path]:
+    for path in source.rglob("*"):
+        hidden = any(part.startswith((".", "_")) for part in path.relative_to(source).parts)
+        if not hidden and path.suffix.lower() in PARQUET and path.is_file() and without not in path.parents:
+            yield path
+
+
+def stamp_of(path: Path) -> str:
+    """Size and time of change: what tells that a file was written again."""
+    status = path.stat()
+    return f"{status.st_size}:{status.st_mtime_ns}"
+
+
+def hive(folders: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    """What folders named ``header=value`` say.
+
+    >>> hive(("2024", "tool=GC%204325", "work=__HIVE_DEFAULT_PARTITION__"))
+    (('tool', 'GC 4325'), ('work', ''))
+    """
+    said = (re.fullmatch(r"([^=]+)=(.*)", folder) for folder in folders)
+    return tuple((unquote(m[1]), "" if m[2] == NOTHING else unquote(m[2])) for m in said if m)
+
+
+def names_of_files(files: tuple[ParquetFile, ...]) -> tuple[str, ...]:
+    """The stem of each file, or its path without the ending where two have the same stem."""
+    stems = tuple(file.path.stem for file in files)
+    if len(set(stems)) == len(stems):
+        return stems
+    return tuple(str(Path(file.name).with_suffix("").as_posix()) for file in files)
+
+
+@lru_cache(maxsize=8)
+def footer(path: str, stamp: str) -> Any:  # noqa: ANN401  the stamp is part of the key
+    """What the end of a file says of it; kept, since several blocks read from one file."""
+    return pq.read_metadata(path)
+
+
+FEW = 500  # rows that are looked at
+
+
+@dataclass(frozen=True, slots=True)
+class SourceColumns:
+    """What is read of every file.
+
+    Attributes
+    ----------
+    first : ParquetFile
+        The file from whose schema the columns are interpret_columns.
+    columns : tuple of ColumnUse
+        Its columns, then what folders say, then the file's name where that tells the tool.
+    kinds : mapping of str to str
+        Kind of each column of the first file.
+    assumed : tuple of str
+    """
+
+    first: ParquetFile
+    columns: tuple[ColumnUse, ...]
+    kinds: Mapping[str, str]
+    assumed: tuple[str, ...]
+
+
+def needed_columns(columns: tuple[ColumnUse, ...], reading: Reading) -> tuple[ColumnUse, ...]:
+    """Columns that are read: those with a role, but a name that was given, and those of the groups."""
+    given = {"tool": reading.tool, "work": reading.work}
+    groups = {group_column(columns, name).number for name in reading.groups}
+    return tuple(
+        use for use in columns if (use.role is not None and given.get(use.role) is None) or use.number in groups
+    )
+
+
+def group_column(columns: tuple[ColumnUse, ...], name: str) -> ColumnUse:
+    """The column of this header, or of this name without a unit."""
+    for use in columns:
+        if name in (use.header, use.name):
+            return use
+    headers = [use.header for use in columns]
+    near = get_close_matches(name, headers, 1, 0.5)
+    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(map(repr, headers))}."
+    raise UsageError(f"pairs are to be grouped by {name!r}, and no column is called that; {hint}")
+
+
+def interpret_columns(first: ParquetFile, files: tuple[ParquetFile, ...], reading: Reading) -> SourceColumns:
+    """Roles, units and what is assumed of them.
+
+    Raises
+    ------
+    DataError, UsageError
+        As `datasets.runs_from_frame` raises them; a group that is no column.
+    """
+    frame, kinds = _few_rows(first)
+    for key in dict(first.partition):
+        if key not in frame:
+            frame[key] = _said(key, files, len(frame))
+    frame, coded = _without_codes(frame, reading)
+    runs = runs_from_frame(frame, map=reading.map, units=reading.units, tool="-", work="-")
+    columns, assumed = runs.columns, (*coded, *runs.assumed)
+    roles = {use.role for use in columns}
+    if len(files) > 1 and not roles & {"tool", "work"} and reading.tool is None:
+        columns += (ColumnUse(len(columns) + 1, FILE_NAME, FILE_NAME, "tool", "", False, None),)
+        assumed += (f"the source names no tool: each file is one, called by its name ({names_of_files(files)[0]} ...)",)
+    assumed += tuple(
+        f"{role}: not named in the source, called {name}; name it with --{role}"
+        for role, name in UNNAMED.items()
+        if getattr(reading, role) is None and role not in {use.role for use in columns}
+    )
+    found = SourceColumns(first, columns, kinds, assumed)
+    needed_columns(columns, reading)
+    return found
+
+
+def _few_rows(file: ParquetFile) -> tuple[pd.DataFrame, dict[str, str]]:
+    """The first rows as headers and cells of a small table; none where their pages cannot be read."""
+    known = footer(str(file.path), file.stamp)
+    schema = known.schema.to_arrow_schema()
+    twice = [name for name in schema.names if schema.names.count(name) > 1]
+    if twice:
+        raise DataError(f"{file.name}: two columns are called {twice[0]!r}; rename one.")
+    try:
+        with pq.ParquetFile(file.path, metadata=known, page_checksum_verification=True) as opened:
+            batch = next(opened.iter_batches(batch_size=FEW, use_threads=False), None)
+    except UNREADABLE:
+        batch = None
+    table = schema.empty_table().to_batches() if batch is None else [batch]
+    kinds = {field.name: kind_of(field.type) for field in schema}
+    columns = {
+        name: _cells(table[0].column(i) if table else None, kind) for i, (name, kind) in enumerate(kinds.items())
+    }
+    return pd.DataFrame(columns), kinds
+
+
+def _cells(array: Any, kind: str) -> "pd.Series[Any]":  # noqa: ANN401
+    if kind not in ("number", "nothing"):
+        texts = [] if array is None else [text_of(value) for value in array.to_pylist()]
+        return pd.Series(texts, dtype=object)
+    values = np.zeros(0) if array is None else numbers(array)
+    measurable = (np.abs(values) <= LARGEST) & ((np.abs(values) >= 1 / LARGEST) | (values == 0))
+    return pd.Series(np.where(measurable, values, np.nan))  # the fit tells each pair of its absurd numbers
+
+
+def _said(key: str, files: tuple[ParquetFile, ...], n: int) -> "pd.Series[Any]":
+    """What folders say under a key, as numbers where all are numbers."""
+    values = [dict(file.partition).get(key, "") for file in files]
+    if all(is_number(value) for value in values):
+        return pd.Series(np.full(n, number_of(values[0])))
+    return pd.Series([values[0]] * n, dtype=object)
+
+
+def is_number(text: str) -> bool:
+    """Whether what a folder says is a number, or nothing."""
+    try:
+        number_of(text)
+    except ValueError:
+        return False
+    return True
+
+
+def number_of(text: str) -> float:
+    """The number that a folder says, NaN where it says nothing."""
+    return float(text) if text else float("nan")
+
+
+def _without_codes(frame: pd.DataFrame, reading: Reading) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """The frame without numbers in columns that have a range, and how those are interpret_columns."""
+    if not reading.ranges:
+        return frame, ()
+    blank = pd.DataFrame({name: _blank(frame[name]) for name in frame})
+    runs = runs_from_frame(blank, map=reading.map, units=reading.units, tool="-", work="-")
+    frame, said = frame.copy(), tuple[str, ...]()
+    for role, given in reading.ranges.items():
+        header = next((use.header for use in runs.columns if use.role == role), None)
+        if header is None:
+            raise UsageError(f"--range {role}: no column has the role {role}; there are {', '.join(runs.units)}.")
+        if np.nanmax(np.abs(frame[header].to_numpy(dtype=float)), initial=0) > 3:
+            raise UsageError(f"--range {role}: the column holds no coded levels (-1, 0, 1); leave the range out.")
+        said += decode_levels(role, np.array([-1.0, 0.0, 1.0]), given)[1]
+        frame[header] = np.nan
+    return frame, tuple(said)
+
+
+def _blank(cells: "pd.Series[Any]") -> "pd.Series[Any]":
+    return cells if cells.dtype == object or not pd.api.types.is_numeric_dtype(cells) else cells * np.nan
+
+
+def mismatch(file: ParquetFile, schema: Any, known: SourceColumns, reading: Reading) -> str | None:  # noqa: ANN401
+    """Why a file cannot be read as the first one is, None where it can."""
+    return next(_mismatches(file, schema, known, reading), None)
+
+
+def _mismatches(file: ParquetFile, schema: Any, known: SourceColumns, reading: Reading) -> Iterator[str]:  # noqa: ANN401
+    said = dict(file.partition)
+    for use in needed_columns(known.columns, reading):
+        is_numeric = use.role is not None and ROLES[use.role].kind != "label"
+        if use.header == FILE_NAME and use.header not in known.kinds:
+            continue
+        if use.header in known.kinds:
+            yield from _column_mismatch(file, schema, known, use, is_numeric)
+        elif use.header not in said:
+            yield f"{file.name}: no folder above it says {use.header}=..., as one above {known.first.name} does."
+        elif is_numeric and not is_number(said[use.header]):
+            yield f"{file.name}: its folder says {use.header}={said[use.header]}, and that is no number."
+
+
+def _column_mismatch(
+    file: ParquetFile,
+    schema: Any,  # noqa: ANN401
+    known: SourceColumns,
+    use: ColumnUse,
+    is_numeric: bool,
+) -> Iterator[str]:
+    where = schema.get_all_field_indices(use.header)
+    if len(where) != 1:
+        has = f"has {len(where)} columns {use.header!r}" if where else f"has no column {use.header!r}"
+        yield f"{file.name}: {has}, and {known.first.name} has one; write all files with the same columns."
+        return
+    here, there = kind_of(schema.field(where[0]).type), known.kinds[use.header]
+    expected = "number" if there == "nothing" and is_numeric else there
+    if here not in ("nothing", expected) and expected != "nothing":
+        yield (
+            f"{file.name}: column {use.header!r} holds {schema.field(where[0]).type}, and in {known.first.name} "
+            f"a {there}; write all files with the same types."
+        )

@@ -1,0 +1,205 @@
+"""What SOURCE is: a folder of lab files, a Parquet data set, or a CSV too large for memory."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ...core.errors import DataError, UsageError
+from ...datasets.tables.decode import load_bytes
+from ..plan import Block, Plan, Reading
+from ..rows import Rows
+from .common import LAB, PARQUET, MapOver, is_large, no_report, some_names
+
+OURS = ("results.csv", "attention.csv", "comparison.csv", "pooled.csv", "pairs", "figures", "site")
+
+
+@dataclass(frozen=True, slots=True)
+class FolderContents:
+    """What a folder holds, at any depth, in the order of the paths; without hidden files and our own output."""
+
+    lab: tuple[Path, ...]
+    parquet: tuple[Path, ...]
+    other: tuple[str, ...]
+    ours: tuple[str, ...]
+
+
+def open_source(
+    source: str | os.PathLike[str],
+    reading: Reading,
+    *,
+    most_rows: int = 250_000,
+    most_pairs: int = 1000,
+    reads: float = 4.0,
+    work: Path,
+    report: Callable[[str], None] = no_report,
+    map_over: MapOver = map,
+) -> Plan:
+    """Look through a source: which pairs it holds, where their rows stand, and in which blocks they are fitted.
+
+    Parameters
+    ----------
+    source : path
+        A folder of lab files at any depth, one lab file, a text file of any size, a Parquet file, or a folder of
+        Parquet files.
+    reading : Reading
+    most_rows, most_pairs : int
+        Of a block.
+    reads : float
+        How often a Parquet source may be read over before it is sorted by pair first.
+    work : Path
+        Folder for a copy of the source, where one is needed.
+    report : callable
+        Is told what is being done.
+    map_over : callable
+        ``map_over(work, tasks)`` gives the results in the order of the tasks; the built-in ``map`` by default.
+
+    Raises
+    ------
+    UsageError
+        A folder holds lab files beside Parquet, or ``reading`` names what is not there.
+    DataError
+        The source is missing, empty, or holds nothing that can be read.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> plan = open_source(datasets.bundled("gc435_709m40"), Reading(), work=Path("unused"))
+    >>> plan.kind, [str(pair) for pair in plan.pairs]
+    ('files', ['GC435 on 709M40 (En 19)'])
+    """
+    from .lab_plan import files_plan
+
+    path = existing_path(source)
+    limits: dict[str, Any] = {"most_rows": most_rows, "most_pairs": most_pairs}
+    onward: dict[str, Any] = {**limits, "work": work, "report": report, "reads": reads}
+    if path.is_file():
+        if path.suffix.lower() in PARQUET:
+            return _parquet(path, reading, onward)
+        if is_large(path):
+            from .csv_copy import csv_stream
+
+            return csv_stream(path, reading, **onward)
+        return files_plan(path, (path,), reading, **limits, report=report, map_over=map_over)
+    inside = folder_contents(path)
+    if inside.parquet:
+        _one_kind(path, inside)
+        return _parquet(path, reading, onward)
+    if not inside.lab:
+        raise DataError(_nothing(path, inside))
+    said = tuple(_skipped(inside))
+    return files_plan(path, inside.lab, reading, **limits, report=report, map_over=map_over, assumed=said)
+
+
+def existing_path(source: str | os.PathLike[str]) -> Path:
+    """The path of a source from the root, as it is written; a link stays one.
+
+    Raises
+    ------
+    UsageError
+        Its name is empty.
+    DataError
+        There is nothing: the sentence says which name comes nearest.
+    """
+    if not os.fspath(source):
+        raise UsageError("the name of the source is empty: name a folder of lab files, a Parquet file or a text file.")
+    path = Path(os.path.normpath(Path(source).absolute()))
+    if not path.exists():
+        load_bytes(path)
+    return path
+
+
+def _parquet(path: Path, reading: Reading, onward: Mapping[str, Any]) -> Plan:
+    from .parquet_blocks import parquet_plan
+
+    return parquet_plan(path, reading, **onward)
+
+
+def rows_of(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
+    """Rows of the pairs of a block, and the pieces that could not be read, with the reason."""
+    if plan.kind == "files":
+        from .lab_files import files_rows
+
+        return files_rows(block, plan)
+    from .parquet_reading import parquet_rows
+
+    return parquet_rows(block, plan)
+
+
+def chunks_of(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
+    """Rows of the pair of a streamed block, chunk by chunk, all with the same columns.
+
+    Raises
+    ------
+    DataError
+        A piece can no longer be read.
+    """
+    if plan.kind == "files":
+        from .lab_files import files_chunks
+
+        return files_chunks(block, plan)
+    from .parquet_reading import parquet_chunks
+
+    return parquet_chunks(block, plan)
+
+
+def folder_contents(folder: Path) -> FolderContents:
+    """Sort what a folder holds; what ``fitmodels`` wrote there is passed by.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> for name in ("b.csv", "a.TXT", ".hidden.csv", "photo.jpg"):
+    ...     (folder / name).touch()
+    >>> inside = folder_contents(folder)
+    >>> [path.name for path in inside.lab], inside.other
+    (['a.TXT', 'b.csv'], ('photo.jpg',))
+    """
+    lab, parquet, other, ours = [], [], [], []
+    for here, folders, files in os.walk(folder):
+        at = Path(here)
+        written = {name for name in folders if _is_ours(at / name)}
+        written |= {name for name in (*folders, *files) if name in OURS and (at / ".batch").is_dir()}
+        ours += [(at / name).relative_to(folder).as_posix() for name in written]
+        folders[:] = [name for name in folders if not _is_hidden(name) and name not in written]
+        for path in (at / name for name in files if not _is_hidden(name) and name not in written):
+            ending = path.suffix.lower()
+            if ending in LAB:
+                lab.append(path)
+            elif ending in PARQUET:
+                parquet.append(path)
+            else:
+                other.append(path.relative_to(folder).as_posix())
+    return FolderContents(tuple(sorted(lab)), tuple(sorted(parquet)), tuple(sorted(other)), tuple(sorted(ours)))
+
+
+def _is_hidden(name: str) -> bool:
+    return name.startswith((".", "~$"))  # ~$: the lock of a workbook that is open in Excel
+
+
+def _is_ours(folder: Path) -> bool:
+    return (folder / ".batch").is_dir() or (folder / "params.json").is_file()
+
+
+def _one_kind(folder: Path, inside: FolderContents) -> None:
+    if inside.lab:
+        found: Mapping[str, tuple[Path, ...]] = {"Parquet": inside.parquet, "lab files": inside.lab}
+        told = " and ".join(f"{kind} ({some_names(path.name for path in paths)})" for kind, paths in found.items())
+        raise UsageError(f"{folder} holds both {told}: give a folder that holds one kind.")
+
+
+def _nothing(folder: Path, inside: FolderContents) -> str:
+    beside = f"; there are {some_names(inside.other)}" if inside.other else ""
+    beside += f"; results of fitmodels are skipped ({some_names(inside.ours)})" if inside.ours else ""
+    return f"{folder} holds no lab file ({' '.join(LAB)}) and no .parquet{beside}: name the folder of the measurements."
+
+
+def _skipped(inside: FolderContents) -> Iterator[str]:
+    if inside.other:
+        yield f"{len(inside.other)} file(s) of other kinds are skipped: {some_names(inside.other)}."
+    if inside.ours:
+        yield f"Results of fitmodels are skipped: {some_names(inside.ours)}."

@@ -1,0 +1,71 @@
+"""Options shared by the commands that read or fit tests, and the analysis options made of them."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .arguments import Parser, pairs, ranges
+
+if TYPE_CHECKING:
+    from ..datasets import Runs
+    from ..pipeline import FitOptions
+
+
+def reading_options(parser: Parser) -> None:
+    """Add the options of reading a file."""
+    group = parser.add_argument_group("reading")
+    group.add_argument("--map", action="append", metavar="VB=COLUMN", help="column of a role, by name or as col7")
+    group.add_argument("--unit", action="append", metavar="t=s", help="unit of a column that has none, or a wrong one")
+    group.add_argument("--range", action="append", metavar="V=50:200", help="values of the coded levels -1 and 1")
+    group.add_argument("--tool", metavar="NAME", help="name of the tool")
+    group.add_argument("--work", metavar="NAME", help="name of the work material")
+    group.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file is ambiguous")
+    group.add_argument("--delimiter", metavar="MARK", help="delimiter of cells, where the file is ambiguous")
+    group.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
+
+
+def fitting_options(parser: Parser) -> None:
+    """Add the options of fitting laws and drawing posteriors."""
+    group = parser.add_argument_group("fitting")
+    group.add_argument(
+        "--error", choices=["multiplicative", "additive"], default="multiplicative",
+        help="multiplicative error (log scale; default), or additive error (original scale)",
+    )  # fmt: skip
+    group.add_argument("--criterion", type=float, metavar="MM", help="wear at the end of tool life (default: 0.3)")
+    group.add_argument("--gauge-sd", type=float, metavar="MM", help="standard deviation of the wear gauge")
+    group = parser.add_argument_group("posterior")
+    group.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the draws (default: 1)")
+    group.add_argument("--draws", type=int, default=4000, metavar="N", help="number of draws (default: 4000)")
+    group.add_argument(
+        "--priors", metavar="FILE", default="weak", help='TOML file, or "reference": flat (default: weak, proper)'
+    )
+    group.add_argument("--student", action="store_true", help="Student-t errors, for outlying rows or edges")
+
+
+def read_keywords(args: argparse.Namespace) -> dict[str, Any]:
+    """Reading options under the names of `datasets.read_runs`."""
+    return {
+        "map": pairs(args.map, "--map", "VB=col7"),
+        "units": pairs(args.unit, "--unit", "t=s"),
+        "ranges": ranges(args.range),
+        "tool": args.tool,
+        "work": args.work,
+        "decimal": args.decimal,
+        "delimiter": args.delimiter,
+        "sheet": args.sheet,
+    }
+
+
+def fit_options(args: argparse.Namespace, *more: str) -> "FitOptions":
+    """Analysis options from the command line; ``more`` are options that not every command has."""
+    from ..pipeline import FitOptions
+
+    names = ("error", "criterion", "gauge_sd", "seed", "draws", "priors", "student", *more)
+    return FitOptions(**read_keywords(args), **{name: getattr(args, name) for name in names})
+
+
+def read(file: str | Path, args: argparse.Namespace) -> "Runs":
+    """Read a file of tests with the options of the command."""
+    from ..datasets import read_runs
+
+    return read_runs(file, **read_keywords(args))

@@ -1,0 +1,5 @@
+from .analysis import Analysis as Analysis
+from .analysis import analyse as analyse
+from .options import FitOptions as FitOptions
+
+__all__ = ["Analysis", "FitOptions", "analyse"]

@@ -1,0 +1,192 @@
+"""The main job: every tool/work pair of a source, its laws, checks, posteriors and parameter file."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..core.display import Display, Displayable, TextTable
+from ..core.errors import FitError, UsageError
+from .options import FitOptions, fit_options
+from .pair import PairAnalysis, Step, fit_pair, no_step, parameter_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..datasets import Runs
+    from ..fit import LawFit
+    from ..fit.bayes.posterior import Posterior
+    from ..parameters import ParameterFile
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Analysis(Displayable):
+    """Result of `analyse`.
+
+    ``laws``, ``parameters``, ``posteriors`` and ``checks`` are those of the pair where there is one only.
+
+    Attributes
+    ----------
+    runs : Runs
+        All rows, as they were read.
+    pairs : tuple of PairAnalysis
+        Each with its laws, tool life, posteriors, parameter file, and the reasons for what is missing.
+    options : FitOptions
+    """
+
+    runs: "Runs"
+    pairs: tuple[PairAnalysis, ...]
+    options: FitOptions
+
+    @property
+    def pair(self) -> PairAnalysis:
+        """The pair, where there is one only.
+
+        Raises
+        ------
+        UsageError
+            There are several.
+        """
+        if len(self.pairs) != 1:
+            names = ", ".join(pair.name for pair in self.pairs)
+            raise UsageError(f"{len(self.pairs)} pairs ({names}): choose one, for instance analysis.pairs[0].")
+        return self.pairs[0]
+
+    @property
+    def laws(self) -> "tuple[LawFit, ...]":
+        """Laws of the only pair."""
+        return self.pair.laws
+
+    @property
+    def posteriors(self) -> "tuple[Posterior, ...]":
+        """Posteriors of the only pair."""
+        return self.pair.posteriors
+
+    @property
+    def checks(self) -> dict[str, Mapping[str, Any]]:
+        """Checks of each law of the only pair, by response."""
+        return self.pair.checks
+
+    @property
+    def parameters(self) -> "ParameterFile":
+        """Parameter file of the only pair.
+
+        Raises
+        ------
+        FitError
+            It has none; the message gives the reason.
+        """
+        if self.pair.parameters is None:
+            raise FitError(f"{self.pair.name} has no parameter file: {self.pair.reason}")
+        return self.pair.parameters
+
+    def write(self, folder: str | os.PathLike[str], *, force: bool = False) -> tuple[Path, ...]:
+        """Write a folder for each pair below ``folder``: parameter file, model card, figures, draws.
+
+        Each folder is written whole or not at all; one that holds this very fit is left as it is. Pairs without a
+        parameter file have no folder.
+
+        Parameters
+        ----------
+        folder : path
+        force : bool
+            Replace what fitmodels wrote there.
+
+        Returns
+        -------
+        tuple of Path
+            Folder of each pair that has one.
+
+        Raises
+        ------
+        UsageError
+            A folder holds something else and ``force`` is not given; then nothing is written.
+        FitError
+            No pair has a parameter file.
+        """
+        from .folders import pair_folders
+
+        pairs = [pair for pair in self.pairs if pair.parameters is not None]
+        if not pairs:
+            raise FitError(" ".join(f"{pair.name} has no parameter file: {pair.reason}" for pair in self.pairs))
+        folders = pair_folders([pair.runs for pair in self.pairs], folder, self.options, force=force)
+        held = zip(self.pairs, folders, strict=True)
+        return tuple(one.write(pair, self.options, force=force) for pair, one in held if pair.parameters is not None)
+
+    def _display(self) -> Display:
+        rows = tuple((pair.name, *row) for pair in self.pairs for row in pair.law_rows())
+        n = len(self.pairs)
+        head = f"{self.runs.source.name}: {len(rows)} laws of {n} pair{'' if n == 1 else 's'}, {len(self.runs)} rows"
+        head += "; simulated, not measured" if self.runs.simulated else ""
+        table = TextTable(("pair", "law", "form", "rows", "R2", "equation"), rows) if rows else None
+        missing = (
+            f"{pair.name} has no parameter file: {pair.reason}" for pair in self.pairs if pair.parameters is None
+        )
+        return Display(head, table=table, sentences=tuple(missing))
+
+
+def analyse(
+    source: "str | os.PathLike[str] | pd.DataFrame | Runs",
+    *,
+    options: FitOptions | None = None,
+    command: str | None = None,
+    **given: Any,  # noqa: ANN401  the fields of FitOptions
+) -> Analysis:
+    """Read tests, fit every law that their columns allow, check them, draw posteriors, gather parameter files.
+
+    Parameters
+    ----------
+    source : path, DataFrame or Runs
+        A file of tests, a DataFrame whose column names are read as headers of a file are, or `datasets.Runs`.
+    options : FitOptions, optional
+    command : str, optional
+        Recorded in the parameter files as the command that makes them.
+    **given
+        Options by name instead of ``options``; see `FitOptions`.
+
+    Returns
+    -------
+    Analysis
+        The same numbers as the command ``fitmodels FILE`` with these options.
+
+    Raises
+    ------
+    UsageError
+        An option that does not exist or has an impossible value.
+    DataError
+        The source cannot be read.
+    FitError
+        A criterion is given and there is no tool life.
+
+    Examples
+    --------
+    >>> from fitmodels import analyse, datasets
+    >>> analysis = analyse(datasets.bundled("ac2017_table1"), draws=1000)
+    >>> [law.response for law in analysis.laws], analysis.parameters.identity.tool
+    (['AW', 'Fxz', 'P'], 'ISO P10')
+    """
+    from .reading import read_source
+
+    if options is not None and given:
+        raise UsageError(f"{', '.join(given)}: give either options or keywords, not both.")
+    options = fit_options(given) if options is None else options
+    return analyse_runs(read_source(source, options), options, command=command)
+
+
+def analyse_runs(runs: "Runs", options: FitOptions, *, command: str | None = None, step: Step = no_step) -> Analysis:
+    """The analysis of runs that were read with ``options``; ``step`` receives progress updates."""
+    return Analysis(runs, tuple(_analysed(one, options, command, step) for one in pairs_of(runs, options)), options)
+
+
+def pairs_of(runs: "Runs", options: FitOptions) -> "tuple[Runs, ...]":
+    """Runs of each pair; all together where the levels of a category are fitted together."""
+    return (runs,) if options.by else tuple(runs.pairs())
+
+
+def _analysed(runs: "Runs", options: FitOptions, command: str | None, step: Step) -> PairAnalysis:
+    step(f"fitting {runs.tool} on {runs.work}")
+    pair = fit_pair(runs, options, step=step)
+    if not pair.laws or pair.not_converged:
+        return pair
+    return replace(pair, parameters=parameter_file(pair, options, command=command))

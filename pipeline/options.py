@@ -1,0 +1,196 @@
+"""Options of the main job, validated once: how a file of tests is read, and how the laws of each pair are fitted."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from hashlib import sha256
+from math import inf
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
+
+from ..core.display import Displayable
+from ..core.errors import UsageError
+from ..core.suggestions import did_you_mean
+
+Error: TypeAlias = Literal["multiplicative", "additive"]
+DecimalMark: TypeAlias = Literal["point", "comma"]
+
+NAMED_PRIORS = ("weak", "reference")
+# Names in the parameter file are those of the command's options.
+RECORDED = (
+    *("map", "unit", "range", "tool", "work", "by", "error", "criterion", "gauge_sd", "seed", "draws", "priors"),
+    *("student", "verify", "posterior_figures", "decimal", "delimiter", "sheet"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ReadOptions(Displayable):
+    """How a file of tests is read, as in `datasets.read_runs`.
+
+    Attributes
+    ----------
+    map, units : mapping of str to str
+        Column and unit of a role.
+    ranges : mapping of str to tuple of float
+        Low and high, or low, centre and high, of conditions in coded levels.
+    tool, work : str or None
+        Names of the pair where the file does not contain them.
+    decimal : {"point", "comma"} or None
+    delimiter, sheet : str or None
+    """
+
+    map: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    tool: str | None = None
+    work: str | None = None
+    decimal: DecimalMark | None = None
+    delimiter: str | None = None
+    sheet: str | None = None
+
+    def reading(self) -> dict[str, Any]:
+        """The keywords of `datasets.read_runs`."""
+        return {one.name: getattr(self, one.name) for one in fields(ReadOptions)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FitOptions(ReadOptions):
+    """Options of an analysis, with the names and defaults of the command ``fitmodels FILE``.
+
+    Attributes
+    ----------
+    map, units, ranges, tool, work, decimal, delimiter, sheet
+        How a file is read, as in `datasets.read_runs`.
+    by : str or None
+        A category whose levels shift the laws, fitted together.
+    error : {"multiplicative", "additive"}
+        Multiplicative errors (log scale) or additive errors (original scale).
+    criterion : float or None
+        Wear at the end of tool life, mm; 0.3 mm where None.
+    gauge_sd : float or None
+        Standard deviation of the wear gauge, mm.
+    seed, draws : int
+        Of the posterior.
+    priors : str, path or mapping
+        ``weak``, ``reference``, the path of a TOML file of priors, or its content.
+    student : bool
+        Student-t errors in the posterior.
+    verify : bool
+        Check every posterior against chains of another sampler.
+    posterior_figures : bool
+        Draw four figures of each posterior when the result is written.
+
+    Examples
+    --------
+    >>> FitOptions(criterion=0.2).criterion
+    0.2
+    >>> FitOptions(draws=3)
+    Traceback (most recent call last):
+    fitmodels.core.errors.UsageError: draws 3: give a whole number from 1000 (fewer cannot pass the convergence \
+checks) to 1000000.
+    """
+
+    by: str | None = None
+    error: Error = "multiplicative"
+    criterion: float | None = None
+    gauge_sd: float | None = None
+    seed: int = 1
+    draws: int = 4000
+    priors: str | os.PathLike[str] | Mapping[str, object] = "weak"
+    student: bool = False
+    verify: bool = False
+    posterior_figures: bool = False
+
+    def __post_init__(self) -> None:
+        from ..fit.bayes.draw_posterior import FEWEST, MOST
+
+        _check_choice("error", self.error, get_args(Error))
+        _check_choice("decimal", self.decimal, (None, *get_args(DecimalMark)))
+        for name in ("map", "units", "ranges"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise UsageError(f"{name} {getattr(self, name)!r}: give a mapping, for instance {{'V': ...}}.")
+        for name in ("tool", "work", "by", "delimiter", "sheet"):
+            if not isinstance(getattr(self, name), str | None):
+                raise UsageError(f"{name} {getattr(self, name)!r}: give a text, or leave it out.")
+        if self.criterion is not None and not (_is_number(self.criterion) and 0 < self.criterion < inf):
+            raise UsageError(f"criterion {self.criterion}: a wear criterion is above zero, for instance 0.3.")
+        if self.gauge_sd is not None and not (_is_number(self.gauge_sd) and 0 <= self.gauge_sd < inf):
+            raise UsageError(f"gauge_sd {self.gauge_sd}: a standard deviation is not below zero, for instance 0.01.")
+        if not (_is_whole(self.seed) and 0 <= self.seed < 2**32):
+            raise UsageError(f"seed {self.seed}: give a whole number from 0 to {2**32 - 1}.")
+        if not (_is_whole(self.draws) and FEWEST <= self.draws <= MOST):
+            few = f"{FEWEST} (fewer cannot pass the convergence checks)"
+            raise UsageError(f"draws {self.draws}: give a whole number from {few} to {MOST}.")
+        if not isinstance(self.priors, str | os.PathLike | Mapping):
+            raise UsageError(
+                f"priors {self.priors!r}: give 'weak', 'reference', the path of a TOML file or its content."
+            )
+        for name in ("student", "verify", "posterior_figures"):
+            _check_choice(name, getattr(self, name), (True, False))
+        self.prior_tables()  # a file of priors that cannot be read is refused here
+
+    def prior_tables(self) -> str | Mapping[str, object]:
+        """The priors as `fit.posterior` takes them, read where they are a file."""
+        from ..fit.bayes.priors_file import read_priors
+
+        if isinstance(self.priors, Mapping) or self.priors in NAMED_PRIORS:
+            return self.priors  # type: ignore[return-value]
+        return read_priors(Path(self.priors))
+
+    def recorded(self) -> dict[str, Any]:
+        """Options for the provenance of a parameter file: the kind of errors, and what differs from the defaults.
+
+        Examples
+        --------
+        >>> FitOptions(criterion=0.2, map={"VB": "col7"}).recorded()
+        {'map': ['VB=col7'], 'error': 'multiplicative', 'criterion': 0.2}
+        """
+        ranges = {symbol: ":".join(f"{end:.12g}" for end in ends) for symbol, ends in self.ranges.items()}
+        listed = {"map": _equations(self.map), "unit": _equations(self.units), "range": _equations(ranges)}
+        given: dict[str, Any] = {name: value for name, value in listed.items() if value}
+        usual = {one.name: one.default for one in fields(self)}
+        for name in RECORDED[len(listed) :]:
+            value = getattr(self, name)
+            if name == "error" or value != usual[name]:
+                given[name] = os.fspath(value) if isinstance(value, os.PathLike) else value
+        if isinstance(given.get("priors"), str) and given["priors"] not in NAMED_PRIORS:
+            given["priors_sha256"] = sha256(Path(given["priors"]).read_bytes()).hexdigest()
+        return given
+
+
+def fit_options(given: Mapping[str, Any]) -> FitOptions:
+    """Options from keywords; a name that does not exist is refused with the closest one.
+
+    Raises
+    ------
+    UsageError
+
+    Examples
+    --------
+    >>> fit_options({"criterium": 0.2})
+    Traceback (most recent call last):
+    fitmodels.core.errors.UsageError: criterium: there is no such option. Did you mean 'criterion'?
+    """
+    known = [one.name for one in fields(FitOptions)]
+    for name in given:
+        if name not in known:
+            raise UsageError(f"{name}: there is no such option. {did_you_mean(name, known)}")
+    return FitOptions(**given)
+
+
+def _check_choice(name: str, value: object, choices: tuple[object, ...]) -> None:
+    if not any(value is choice or (isinstance(value, str) and value == choice) for choice in choices):
+        raise UsageError(f"{name} {value!r}: give one of {', '.join(map(repr, choices))}.")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def _equations(of: Mapping[str, str]) -> list[str]:
+    return [f"{symbol}={value}" for symbol, value in of.items()]

@@ -1,0 +1,235 @@
+"""One tool/work pair: its laws, tool life and posteriors, and its parameter file."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from .. import fit
+from ..core.display import Display, Displayable, TextTable
+from ..core.errors import FitError
+from ..core.rounding import format_plain
+from ..datasets import Runs
+from .options import FitOptions
+
+if TYPE_CHECKING:
+    from ..fit import LawFit, NotAvailable
+    from ..fit.bayes.posterior import Posterior
+    from ..fit.defaults import Refused
+    from ..fit.life import ToolLife
+    from ..parameters import ParameterFile
+
+MOST_ROWS = 200_000  # of a law whose posterior is drawn by default
+USUAL_CRITERION = 0.3  # mm, average flank wear of ISO 3685
+
+Step = Callable[[str], None]
+
+
+def no_step(words: str) -> None:
+    """Receives progress updates and ignores them."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PairAnalysis(Displayable):
+    """Laws of the runs of a pair.
+
+    Attributes
+    ----------
+    runs : Runs
+    laws : tuple of LawFit
+    refused : tuple of Refused
+        Laws that the columns allow and the rows do not.
+    life : ToolLife or None
+    no_life : str
+        Why there is none although a criterion was given; empty otherwise.
+    posteriors : tuple of Posterior
+    no_posterior : mapping of str to NotAvailable
+        By response.
+    not_converged : str
+        Which posteriors failed their convergence checks, so that there is no parameter file; empty otherwise.
+    parameters : ParameterFile or None
+    """
+
+    runs: Runs
+    laws: "tuple[LawFit, ...]"
+    refused: "tuple[Refused, ...]"
+    life: "ToolLife | None"
+    no_life: str
+    posteriors: "tuple[Posterior, ...]"
+    no_posterior: "Mapping[str, NotAvailable]"
+    not_converged: str
+    parameters: "ParameterFile | None" = None
+
+    @property
+    def name(self) -> str:
+        """Tool and work material."""
+        return f"{self.runs.tool} on {self.runs.work}"
+
+    @property
+    def checks(self) -> dict[str, Mapping[str, Any]]:
+        """Checks of each law by response, then by name; empty where there is no parameter file."""
+        return {} if self.parameters is None else {name: law.checks for name, law in self.parameters.laws.items()}
+
+    @property
+    def reason(self) -> str:
+        """Why there is no parameter file; empty where there is one."""
+        if self.parameters is not None:
+            return ""
+        return self.not_converged or " ".join(item.reason for item in self.refused) or "no law fits these columns."
+
+    def law_rows(self) -> list[tuple[str, ...]]:
+        """Response, form, rows, edges, R2 and equation of each law, for a table."""
+        texts = {} if self.parameters is None else {name: law.equation for name, law in self.parameters.laws.items()}
+        return [
+            (law.response, law.form.replace("_", " "), str(law.nobs), format_plain(law.rsquared, 3),
+             texts.get(law.response, ""))
+            for law in self.laws
+        ]  # fmt: skip
+
+    def _display(self) -> Display:
+        laws = self.law_rows()
+        head = f"{self.name}: {len(laws)} law{'' if len(laws) == 1 else 's'} of {len(self.runs)} rows"
+        table = TextTable(("law", "form", "rows", "R2", "equation"), tuple(laws)) if laws else None
+        refused = (f"{item.response} is not fitted: {item.reason}" for item in self.refused)
+        return Display(head, table=table, sentences=(*refused, *filter(None, (self.not_converged, self.no_life))))
+
+
+def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: Step = no_step) -> PairAnalysis:
+    """Fit every law that the columns of a pair allow, solve the wear law for tool life, draw the posteriors.
+
+    Parameters
+    ----------
+    runs : Runs
+        Of one pair.
+    options : FitOptions
+    needs_life : bool
+        With a criterion and no tool life for it, raise; otherwise ``no_life`` gives the reason.
+    step : callable
+        Receives progress updates.
+
+    Raises
+    ------
+    FitError
+        A criterion is given and there is no tool life.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> fitted = fit_pair(datasets.read_runs(datasets.bundled("ac2017_table1")), FitOptions(draws=1000))
+    >>> [law.response for law in fitted.laws], fitted.life, fitted.not_converged
+    (['AW', 'Fxz', 'P'], None, '')
+    """
+    laws, refused = fit.default_laws(runs, error=options.error, by=options.by)
+    life, no_life = _life(laws, options.criterion)
+    if no_life and needs_life:
+        raise FitError(no_life)
+    posteriors, none = _posteriors(laws, options, step)
+    return PairAnalysis(runs, laws, refused, life, no_life, posteriors, none, _not_converged(posteriors))
+
+
+def parameter_file(
+    pair: PairAnalysis,
+    options: FitOptions,
+    *,
+    command: str | None = None,
+    keep_draws: bool = True,
+    **identity: str,
+) -> "ParameterFile":
+    """The parameter file of a pair.
+
+    Parameters
+    ----------
+    pair : PairAnalysis
+        With a law, and every posterior converged.
+    options : FitOptions
+    command : str, optional
+        For the provenance.
+    keep_draws : bool
+        Whether the draws are written beside the file.
+    **identity
+        ``machine``, ``setup``, ``iso513``, as in `parameters.collect`.
+
+    Raises
+    ------
+    GateError, ParameterError
+        As `parameters.collect`.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> runs, options = datasets.read_runs(datasets.bundled("ac2017_table1")), FitOptions(draws=1000)
+    >>> parameter_file(fit_pair(runs, options), options, keep_draws=False).posterior.draws_file is None
+    True
+    """
+    from .. import parameters
+
+    runs = pair.runs
+    return parameters.collect(
+        tool=runs.tool,
+        work=runs.work,
+        design=runs,
+        laws=pair.laws,
+        tool_life=pair.life,
+        posteriors=pair.posteriors,
+        no_posterior=pair.no_posterior,
+        draws_kept=keep_draws,
+        gauge_sd=options.gauge_sd,
+        simulated=runs.simulated,
+        note=". ".join(runs.disclaimers) or None,
+        data_file=runs.source.name,
+        data_sha256=runs.source.sha256,
+        n_rows=len(runs),
+        command=command,
+        options=options.recorded(),
+        seed=options.seed,
+        **identity,  # type: ignore[arg-type]
+    )
+
+
+def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife | None, str]":
+    """Tool life from the wear law on time; a failure only matters where a criterion was given."""
+    wear = next((law for law in laws if law.response in ("AW", "VB") and "t" in law.factors), None)
+    if wear is None:
+        why = f"criterion {criterion}: there is no wear law on time, so no tool life; leave the criterion out."
+        return None, "" if criterion is None else why
+    try:
+        return fit.tool_life(wear, USUAL_CRITERION if criterion is None else criterion), ""
+    except FitError as error:
+        return None, "" if criterion is None else str(error)
+
+
+def _posteriors(
+    laws: "Sequence[LawFit]", options: FitOptions, step: Step
+) -> "tuple[tuple[Posterior, ...], dict[str, NotAvailable]]":
+    """Posteriors of laws, and why others have none."""
+    posteriors: list[Posterior] = []
+    none: dict[str, NotAvailable] = {}
+    for law in laws:
+        if law.nobs > MOST_ROWS:
+            why = f"{law.nobs} rows: with so many, draws agree with the intervals; fit.posterior(law) draws them"
+            none[law.response] = fit.NotAvailable(why)
+            continue
+
+        def report(steps: int, effective: float, response: str = law.response) -> None:
+            step(f"chains for {response}: {steps} steps, {effective:.0f} effective draws so far (Ctrl-C keeps them)")
+
+        try:
+            post = fit.posterior(
+                law, seed=options.seed, draws=options.draws, priors=options.priors, verify=options.verify,
+                errors="student" if options.student else "normal", progress=report,  # type: ignore[arg-type]
+            )  # fmt: skip
+        except FitError as error:
+            none[law.response] = fit.NotAvailable(str(error).removeprefix(f"{law.response}: ").rstrip("."))
+            continue
+        posteriors.append(post)
+        if not post.gate.open:
+            break  # nothing is written: further draws would be of no use
+    return tuple(posteriors), none
+
+
+def _not_converged(posteriors: "Sequence[Posterior]") -> str:
+    failed = [post for post in posteriors if not post.gate.open]
+    found = [
+        f"the draws of {post.response} failed their convergence checks: {' '.join(post.gate.reasons)}"
+        for post in failed
+    ]
+    return " ".join(found) + " Nothing was written." if found else ""

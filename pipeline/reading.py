@@ -1,0 +1,121 @@
+"""Tests of an analysis: from a path, a DataFrame, or runs that were read before."""
+
+import os
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from ..core.errors import RecordError, UsageError
+from ..datasets import Runs, read_runs, read_table, runs_from_frame
+from ..datasets.records.formats import kind_of, looks_like_record
+from ..datasets.tables.decode import load_bytes
+from ..datasets.units import is_unit
+from .options import ReadOptions
+
+if TYPE_CHECKING:
+    from ..datasets.tables import Table
+
+OF_FILES = ("decimal", "delimiter", "sheet", "ranges")  # reading options that a DataFrame does not have
+
+
+def read_source(source: str | os.PathLike[str] | pd.DataFrame | Runs, options: ReadOptions) -> Runs:
+    """The tests of a source.
+
+    Raises
+    ------
+    UsageError
+        The options do not fit the source.
+    DataError
+        The file cannot be read; `RecordError` where it is a record of one run.
+    """
+    given = {name: value for name, value in options.reading().items() if value not in (None, {})}
+    if isinstance(source, Runs):
+        if given:
+            raise UsageError(f"{', '.join(given)}: Runs have been read already; give this to datasets.read_runs.")
+        return source
+    if isinstance(source, pd.DataFrame):
+        wrong = [name for name in given if name in OF_FILES]
+        if wrong:
+            raise UsageError(f"{', '.join(wrong)}: a DataFrame has no such option of reading; leave it out.")
+        runs = runs_from_frame(source, **given)
+        return replace(runs, source=replace(runs.source, sha256=digest(source)))
+    return read_tests(Path(source), options)
+
+
+def read_tests(path: Path, options: ReadOptions) -> Runs:
+    """The tests of a file; where it might be a record of one run as well, ``assumed`` names the other command.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read; `RecordError` where it is a record of one run.
+    UsageError
+        The options name a column or sheet that the file does not have.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> read_tests(datasets.bundled("gc435_709m40"), ReadOptions()).tool
+    'GC435'
+    """
+    table, doubt = tests_table(path, options)
+    runs = read_runs(table, **options.reading())
+    return replace(runs, assumed=(*runs.assumed, *doubt))
+
+
+def tests_table(path: Path, options: ReadOptions) -> "tuple[Table, tuple[str, ...]]":
+    """The table of a file of tests, and a sentence where it might be a record as well."""
+    of_tests = options.map or options.ranges or options.sheet  # a record has none of these
+    if not of_tests and (kind := kind_of(load_bytes(path), path.name)) != "table":
+        raise _record(path, f"a file of samples ({kind})")
+    table = read_table(
+        path, is_unit=is_unit, decimal=options.decimal, delimiter=options.delimiter, sheet=options.sheet
+    )  # fmt: skip
+    return table, () if of_tests else refuse_record(path, table)
+
+
+def refuse_record(path: Path, table: "Table") -> tuple[str, ...]:
+    """Refuse a record of one run; a sentence where a table may be either.
+
+    Raises
+    ------
+    RecordError
+    """
+    look = looks_like_record(table)
+    if look:
+        raise _record(path, look.reason)
+    if look.kind == "table":
+        return ()
+    return (f"a table of cutting tests ({look.reason}); for a record of one run use fitmodels ident {path.name}",)
+
+
+def digest(data: pd.DataFrame) -> str:
+    """SHA-256 of rows that are not a file of their own: names of the columns, then each column's values.
+
+    Numbers as IEEE 754 doubles, little-endian; texts as UTF-8 with a zero byte after each.
+
+    Examples
+    --------
+    >>> digest(pd.DataFrame({"V": [100.0], "tool": ["GC435"]}))[:12]
+    '041a98c4fd2f'
+    """
+    made = sha256()
+    for name in data:
+        made.update(f"{name}\0".encode())
+        values = data[name]
+        if pd.api.types.is_numeric_dtype(values):
+            made.update(values.to_numpy(dtype="<f8", na_value=np.nan).tobytes())
+        else:
+            made.update("".join(f"{value}\0" for value in values).encode())
+    return made.hexdigest()
+
+
+def _record(path: Path, reason: str) -> RecordError:
+    return RecordError(
+        f"{path.name} is a record of one run ({reason}): identify it with fitmodels ident {path.name}, or assign the "
+        "columns of cutting tests with --map."
+    )
