@@ -481,9 +481,9 @@ def test_a_replay_tells_depths_steps_proof_and_what_is_assumed(pf):
     assert all(found.facts["depths"][i]["steady_error_share"] < 0.02 for i in range(3))
     text = " ".join(found.lines)
     assert "150 N at 1 mm" in text
-    assert "V of the proof does not rise" in text
+    assert "the Lyapunov function V does not rise" in text
     assert "as built V does not rise at any step tried up to 20 ms" in text
-    assert "With 10 times the gain Kd the law as built never settles" in text
+    assert "With 10 times the gain Kd the law as built does not settle" in text
     assert any("Reconstruction" in line for line in found.assumed)
     assert len(found.figures) == 4
     for figure in found.figures.values():

@@ -162,10 +162,10 @@ def test_the_summary_tells_both_readings_with_their_bands_and_figures(refit):
         "last pair held",
         "95 % band of the law",
         "95 % band of edges",
-        "passes 7 kW",
+        "exceeds 7 kW",
     ):
         assert words in text
-    assert "at its peak the fixed pair takes power" in text
+    assert "peaks of the fixed pair: power" in text
     assert told.facts["replay_agrees"]
     assert any("calculated" in line for line in told.assumed)
     for figure in told.figures.values():

@@ -287,7 +287,7 @@ def test_the_summary_tells_change_regulation_gain_and_scaling(pf):
     told = replays.replayed("constant-load", pf, {}, 1)
     text = " ".join(told.lines)
     for words in ("Change the tool at VB", "inside the window of 180 to 220 um", "within the 1 % of the paper",
-                  "Against a constant feed of", "rested there for", "derived, not measured", "no draws"):  # fmt: skip
+                  "Against a constant feed of", "stayed there for", "derived, not measured", "no draws"):  # fmt: skip
         assert words in text
     assert "slot milling asks for the change" in text
     assert any("simulated" in words for words in told.assumed)

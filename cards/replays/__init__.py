@@ -1,4 +1,4 @@
-"""What a replay of a controller tells: a summary in sentences, and figures; one system of the papers a file."""
+"""Reports on replays of controllers, as sentences, numbers and figures; one module per system of the papers."""
 
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
     from ...parameters.draws import Draws
 
-# name of the system -> module of this room, with ``lacks(pf)`` and ``replayed(pf, draws, seed)``
+# name of the system -> module of this package, with ``lacks(pf)`` and ``replayed(pf, draws, seed)``
 SYSTEMS = {
     "region": "region",
     "recursion": "recursion",
@@ -24,7 +24,7 @@ SYSTEMS = {
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What one system did.
+    """Report on the replay of one system.
 
     Attributes
     ----------
@@ -33,13 +33,13 @@ class Replayed:
     title : str
         The system in a line, with its paper.
     lines : tuple of str
-        Sentences, the first the answer.
+        Sentences, the main result first.
     assumed : tuple of str
-        What the file left open, and what is a reconstruction.
+        Assumptions where the file leaves something open, and reconstructions.
     facts : dict
         The same numbers for a program: plain JSON, each name with its unit (``life_min``, ``removed_mm3``).
     figures : dict of Figure
-        By file name without its ending; each says that it is simulated.
+        By file name without extension; each is labelled as simulated.
     """
 
     system: str
@@ -51,12 +51,12 @@ class Replayed:
 
 
 def lacks(system: str, pf: "ParameterFile") -> str:
-    """Why a file cannot drive a system, in a sentence; empty where it can."""
+    """Reason why a file cannot drive a system; empty where it can."""
     found: str = import_module(f".{SYSTEMS[system]}", __name__).lacks(pf)
     return found
 
 
 def replayed(system: str, pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
-    """Replay a system from a file that lacks nothing for it."""
+    """Replay a system from a file with all that it needs."""
     found: Replayed = import_module(f".{SYSTEMS[system]}", __name__).replayed(pf, draws, seed)
     return found

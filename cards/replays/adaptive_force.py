@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from ...parameters.draws import Draws
     from ...parameters.sections.force_control import AdaptiveForceSection
 
-TITLE = "Adaptive force control in end milling (LYAP, eq. 2.1-10), held against a fixed PI"
+TITLE = "Adaptive force control in end milling (LYAP, eq. 2.1-10), compared with a fixed PI"
 RIPPLE, NOISE = 0.3, 2.0  # share of the force, and N
 
 
 def lacks(pf: "ParameterFile") -> str:
-    """Why a file cannot drive the system, with the cure; empty where it can.
+    """Reason why a file cannot drive the system, with the remedy; empty where it can.
 
     Examples
     --------
@@ -43,13 +43,13 @@ def lacks(pf: "ParameterFile") -> str:
 
 
 def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
-    """Replay each depth of the file and a cut whose depth steps, with ripple and noise; V without them.
+    """Report on each depth of the file and on steps of depth, with ripple and noise; V without them.
 
     Examples
     --------
     >>> from fitmodels.parameters.published import published
     >>> replayed(published("LYAP"), {}, 1).lines[0][:46]
-    'Simulated with 30 % ripple of the teeth and 2 '
+    'Simulated with 30 % tooth ripple and 2 N of no'
     """
     from ...controllers.adaptive_force import figures as draw
     from ...controllers.adaptive_force.runs import depth_step_run, steady_run
@@ -67,19 +67,20 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
         return depth_step_run(pf, by, depths=plan, ripple=RIPPLE, noise=NOISE, seed=seed)
 
     single, stepped = at_depths("adaptive"), in_steps("adaptive")
-    rivals, rival = ([], None) if pf.pi is None else (at_depths("pi"), in_steps("pi"))
+    pi_runs, pi_stepped = ([], None) if pf.pi is None else (at_depths("pi"), in_steps("pi"))
     proof, rows = depth_step_run(pf, depths=plan), step_study(pf)
     lines = [
-        _at_depths(single, section), _at_steps(stepped), *([_beside(single, stepped, rivals, rival)] if rival else []),
+        _at_depths(single, section), _at_steps(stepped),
+        *([_comparison(single, stepped, pi_runs, pi_stepped)] if pi_stepped else []),
         of_proof(proof, stepped), of_estimates(stepped), *of_steps(rows),
     ]  # fmt: skip
     figures = {
-        "adaptive_force_depths": draw.depths_figure(single, rivals),
-        "adaptive_force_steps": draw.steps_figure(stepped, rival),
+        "adaptive_force_depths": draw.depths_figure(single, pi_runs),
+        "adaptive_force_steps": draw.steps_figure(stepped, pi_stepped),
         "adaptive_force_energy": draw.lyapunov_figure(proof),
         "adaptive_force_step_size": draw.step_size_figure(rows),
     }
-    facts = _facts(single, stepped, rivals, rival, proof, rows)
+    facts = _facts(single, stepped, pi_runs, pi_stepped, proof, rows)
     return Replayed("adaptive-force", TITLE, tuple(lines), _assumed(pf, section, draws), facts, figures)
 
 
@@ -94,14 +95,14 @@ def _s(value: float | None) -> str:
 
 
 def _at_depths(runs: "Sequence[ForceRun]", section: "AdaptiveForceSection") -> str:
-    told = [
+    parts = [
         f"{run.settings.set_point:g} {section.unit_force} at {run.settings.depth:g} {section.unit_depth}: settled "
         f"after {_s(held.settling)}, then within {percent(held.steady)}, at {_late(run):.0f} {section.unit_u}"
         for run, held in ((run, run.segments()[0]) for run in runs)
     ]
     return (
-        f"Simulated with {100 * RIPPLE:g} % ripple of the teeth and {NOISE:g} {section.unit_force} of noise, force "
-        f"averaged over a revolution: {'; '.join(told)}."
+        f"Simulated with {100 * RIPPLE:g} % tooth ripple and {NOISE:g} {section.unit_force} of noise, force "
+        f"averaged over a revolution: {'; '.join(parts)}."
     )
 
 
@@ -117,24 +118,26 @@ def _stepped(run: "ForceRun") -> list[tuple[float, float, "RegulationMetrics"]]:
 
 
 def _at_steps(run: "ForceRun") -> str:
-    told = [
+    parts = [
         f"{before:g} to {after:g} mm: {percent(max(one.overshoot, one.undershoot))} "
-        f"{'above' if one.overshoot > one.undershoot else 'below'}, back after {_s(one.settling)}"
+        f"{'above' if one.overshoot > one.undershoot else 'below'}, settled after {_s(one.settling)}"
         for before, after, one in _stepped(run)
     ]
-    return f"Steps of depth at a set point of {run.settings.set_point:g} N: {'; '.join(told)}."
+    return f"Steps of depth at a set point of {run.settings.set_point:g} N: {'; '.join(parts)}."
 
 
-def _beside(single: "Sequence[ForceRun]", stepped: "ForceRun", rivals: "Sequence[ForceRun]", rival: "ForceRun") -> str:
-    ours, theirs = ([one for _, _, one in _stepped(run)] for run in (stepped, rival))
-    first = " and ".join(_s(run.segments()[0].settling) for run in (single[0], rivals[0]))
-    swing = [float(run.trace.command[-len(run.trace.command) // 4 :].std()) for run in (single[-1], rivals[-1])]
+def _comparison(
+    single: "Sequence[ForceRun]", stepped: "ForceRun", pi_runs: "Sequence[ForceRun]", pi_stepped: "ForceRun"
+) -> str:
+    ours, theirs = ([one for _, _, one in _stepped(run)] for run in (stepped, pi_stepped))
+    first = " and ".join(_s(run.segments()[0].settling) for run in (single[0], pi_runs[0]))
+    swing = [float(run.trace.command[-len(run.trace.command) // 4 :].std()) for run in (single[-1], pi_runs[-1])]
     return (
-        f"The fixed PI of the file on the same plant: after a step of depth the force is off by up to "
-        f"{percent(_worst(theirs))} (adaptive law {percent(_worst(ours))}) and back after {_s(_slowest(theirs))} at "
-        f"the latest (law {_s(_slowest(ours))}); at {single[0].settings.depth:g} mm law and PI settle after {first}; "
-        f"the feed command shakes by {swing[1]:.2g} mm/min, one standard deviation, and by {swing[0]:.2g} under the "
-        "law, which feeds back the rate of the force too."
+        f"The fixed PI of the file on the same plant: after a step of depth the force deviates by up to "
+        f"{percent(_worst(theirs))} (adaptive law {percent(_worst(ours))}) and settled after {_s(_slowest(theirs))} at "
+        f"most (law {_s(_slowest(ours))}); at {single[0].settings.depth:g} mm law and PI settle after {first}; "
+        f"the feed command has a standard deviation of {swing[1]:.2g} mm/min, and of {swing[0]:.2g} with the "
+        "law, which also feeds back the rate of the force."
     )
 
 
@@ -148,7 +151,7 @@ def _slowest(held: "Sequence[RegulationMetrics]") -> float | None:
 
 
 def _facts(
-    single: "Sequence[ForceRun]", stepped: "ForceRun", rivals: "Sequence[ForceRun]", rival: "ForceRun | None",
+    single: "Sequence[ForceRun]", stepped: "ForceRun", pi_runs: "Sequence[ForceRun]", pi_stepped: "ForceRun | None",
     proof: "ForceRun", rows: "Sequence[StepSize]",
 ) -> dict[str, object]:  # fmt: skip
     def at_depths(runs: "Sequence[ForceRun]") -> list[dict[str, object]]:
@@ -166,8 +169,8 @@ def _facts(
         "simulated": True,
         "depths": at_depths(single),
         "steps": at_steps(stepped),
-        "pi_depths": at_depths(rivals),
-        "pi_steps": [] if rival is None else at_steps(rival),
+        "pi_depths": at_depths(pi_runs),
+        "pi_steps": [] if pi_stepped is None else at_steps(pi_stepped),
         "largest_rise_of_V_share": energy.rise,
         "free_share": float(energy.free.mean()),
         "events": [[event.time, event.what] for event in stepped.trace.events[:100]],
@@ -193,27 +196,28 @@ def _assumed(pf: "ParameterFile", section: "AdaptiveForceSection", draws: "Mappi
     from ...controllers.adaptive_force.settings import tooth_frequency
     from ...parameters.sections.base import ModelCovariance
 
-    said = [
-        "Reconstruction: reference model, average over a revolution, limits, trapezoidal steps and what happens when a "
-        "reading is lost; the paper prints the continuous law alone.",
+    assumed = [
+        "Reconstruction: reference model, average over a revolution, limits, trapezoidal steps and the treatment "
+        "of lost "
+        "readings; the paper prints only the continuous law.",
         f"The plant is that of the file's estimates at {section.depth:g} {section.unit_depth}, with the drive as the "
         "slower pole, d = 1, and k in proportion to the depth.",
         f"Ripple ({100 * RIPPLE:g} % at {tooth_frequency(pf):g} Hz, two flutes) and noise ({NOISE:g} N) are assumed, "
-        "and lie in the reading alone.",
+        "and affect only the reading.",
         *section.notes,
     ]
     if isinstance(section.uncertainty, ModelCovariance):
         se = np.sqrt(np.diag(np.array(section.uncertainty.matrix)))
         shares = se / np.array([section.m, section.alpha, section.beta])
-        said.append(
+        assumed.append(
             f"No bands: the estimates' standard errors, {percent(shares.min())} to {percent(shares.max())}, are far "
-            "below the change of depth that the law has to learn."
+            "below the change of depth to which the law adapts."
         )
     if pf.pi is None:
-        said.append("The file has no PI gains, so nothing stands beside the law: tune them with `fitmodels tune`.")
+        assumed.append("The file has no PI gains for comparison: tune them with `fitmodels tune`.")
     if draws:
-        said.append("Draws of wear, power or force laws take no part in this system.")
-    return tuple(said)
+        assumed.append("Draws of wear, power or force laws are not used in this system.")
+    return tuple(assumed)
 
 
 ROUNDING = 1e-12  # of V
@@ -225,31 +229,31 @@ def percent(share: float) -> str:
 
 
 def of_proof(run: "ForceRun", rippled: "ForceRun") -> str:
-    """Whether V falls where it must, and what ripple and noise do to it."""
+    """Increase of the Lyapunov function V without and with ripple and noise."""
     found, shaken = run.energy(), rippled.energy()
     share = shaken.largest / float(shaken.V[list(shaken.starts)].max(initial=1e-300))
     rise = "does not rise" if found.rise < ROUNDING else f"rises by up to {percent(found.rise)}"
     return (
-        f"Without ripple and noise the energy V of the proof {rise} in the {percent(float(found.free.mean()))} of the "
-        "run in which neither depth nor a limit has changed for a revolution. With them it does, by up to "
-        f"{percent(share)} of what the largest step of depth put into it."
+        f"Without ripple and noise the Lyapunov function V {rise} in the {percent(float(found.free.mean()))} of the "
+        "run in which neither depth nor an active limit has changed for a revolution. With them it rises by up to "
+        f"{percent(share)} of its largest value after a step of depth."
     )
 
 
 def of_estimates(run: "ForceRun") -> str:
-    """Between which values the estimates stay."""
+    """Ranges of the estimates."""
     recorded = run.trace.recorded
-    told = [
+    parts = [
         f"{name} {recorded[name].min():.3g} to {recorded[name].max():.3g}" for name in ("m", "alpha", "beta")
     ]  # fmt: skip
     return (
-        f"The estimates (over k) stay bounded: {', '.join(told)}. A constant set point teaches beta alone; m and alpha "
-        "move only while F_d does, so they are no measurement of the machine."
+        f"The estimates (over k) stay bounded: {', '.join(parts)}. A constant set point excites only beta; m and alpha "
+        "change only while F_d does, so they do not identify the machine."
     )
 
 
 def of_steps(rows: "Sequence[StepSize]") -> list[str]:
-    """Up to which step V does not rise, as built and as printed, at the gain of the file and at a larger one."""
+    """Largest step at which V does not rise, as built and as printed, at the gain of the file and at a larger one."""
     built, printed, stiff = ([r for r in rows if (r.way, r.times == 1) == way] for way in (
         ("as built", True), ("as printed", True), ("as printed", False)))  # fmt: skip
     calm = [r.step for r in built if r.rise < ROUNDING and r.settled]
@@ -267,8 +271,8 @@ def of_steps(rows: "Sequence[StepSize]") -> list[str]:
     swinging = [r for r in rows if r.way == "as built" and r.times != 1]
     if swinging and not any(r.settled for r in swinging):
         lines.append(
-            f"With {swinging[0].times:g} times the gain Kd the law as built never settles: the average over a "
-            "revolution comes too late for it, and the feed swings between its limits."
+            f"With {swinging[0].times:g} times the gain Kd the law as built does not settle: the average over a "
+            "revolution adds too much delay, and the feed oscillates between its limits."
         )
     if lost := _lost(stiff):
         lines.append(f"With {stiff[0].times:g} times the gain Kd the printed law settles at short steps{lost}.")
@@ -277,4 +281,4 @@ def of_steps(rows: "Sequence[StepSize]") -> list[str]:
 
 def _lost(rows: "Sequence[StepSize]") -> str:
     steps = [r.step for r in rows if r.diverged]
-    return f", and the force runs away from {1e3 * min(steps):g} ms on" if steps else ""
+    return f", and the force diverges from {1e3 * min(steps):g} ms on" if steps else ""

@@ -26,7 +26,7 @@ LEVEL = 0.90
 
 
 def lacks(pf: "ParameterFile") -> str:
-    """Why this file cannot drive the system, in a sentence; empty where it can."""
+    """Reason why this file cannot drive the system; empty where it can."""
     if pf.load_line is None:
         return "The file has no settings of milling at constant load; set them with `fitmodels settings params.json`."
     if pf.pi is None:
@@ -47,7 +47,7 @@ def lacks(pf: "ParameterFile") -> str:
 
 
 def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
-    """Replay a tool to its change and one at constant feed beside it; tell and draw both."""
+    """Report on a tool at constant load until its change, and on one at constant feed."""
     line = line_of(pf)
     run, fixed, cut = constant_load_run(pf, seed=seed), constant_feed_run(pf), CutModel.from_parameters(pf)
     loop = loop_of(pf)
@@ -64,36 +64,36 @@ def _change(run: ToolRun, line: "LoadLineSection") -> str:
     at = f"VB {run.wear:.0f} {line.unit_wear} after {run.length:.0f} mm and {run.time / 60:.2f} min in the cut"
     low, high = line.window
     if not run.worn:
-        return f"The loop never asks for a tool change: the replay stopped at {at}, and the feed was not on its limit."
+        return f"No tool change was signalled: the replay stopped at {at}, with the feed above its lower limit."
     where = "inside" if low <= run.wear <= high else "outside"
     return f"Change the tool at {at}: {where} the window of {low:g} to {high:g} {line.unit_wear}."
 
 
 def _settings(line: "LoadLineSection") -> str:
     return (
-        f"The loop holds {line.reference:g} {line.unit_load}, {line.safety_factor:g} times the {line.worn:g} that a "
-        f"worn tool stands, with feeds from {line.lower.value:.4g} to {line.upper.value:.4g} {line.unit_feed}."
+        f"Reference load {line.reference:g} {line.unit_load}, {line.safety_factor:g} times the {line.worn:g} of a "
+        f"worn tool; feeds from {line.lower.value:.4g} to {line.upper.value:.4g} {line.unit_feed}."
     )
 
 
 def _held(run: ToolRun, line: "LoadLineSection") -> str:
     if run.worst_mean is None:
-        return "No whole pass was long enough to judge how well the load is held: 4 s of each do not count."
+        return "No completed pass was long enough to evaluate the regulation: 4 s of each are excluded."
     shares = [abs(p.mean_load / run.reference - 1) for p in run.regulated if p.mean_load is not None]
     within = "within" if max(shares) <= 0.01 else "not within"
     spread = 100 * max(p.spread for p in run.regulated if p.spread is not None) / line.reference
     spread_over = f"{spread:.1f} % of it" if spread >= 0.05 else "less than 0.1 % of it, as no noise is simulated"
     return (
-        f"After 4 s the mean load of each of {len(shares)} passes lies within {100 * max(shares):.2f} % of the "
-        f"reference ({within} the 1 % of the paper) until the lower limit is reached; readings in a pass spread over "
+        f"After 4 s the mean load of each of {len(shares)} passes is within {100 * max(shares):.2f} % of the "
+        f"reference ({within} the 1 % of the paper) until the lower limit is reached; range of readings in a pass: "
         f"{spread_over}."
     )
 
 
 def _gain(run: ToolRun, fixed: ToolRun, pf: "ParameterFile", line: "LoadLineSection") -> tuple[str, ...]:
     if not (run.worn and fixed.worn):
-        return ("A gain over constant feed cannot be told: a tool did not reach its end.",)
-    beside = f"{fixed.mean_feed:.0f} {line.unit_feed}, stopped at {criterion(pf):.4g} {line.unit_wear}"
+        return ("The gain over constant feed is not known: a tool did not reach its end.",)
+    baseline = f"{fixed.mean_feed:.0f} {line.unit_feed}, stopped at {criterion(pf):.4g} {line.unit_wear}"
     if run.rate is not None and fixed.rate is not None:
         rate = (
             f"metal removal {run.rate:.2f} against {fixed.rate:.2f} mm3/s ({100 * (run.rate / fixed.rate - 1):+.0f} %)"
@@ -101,39 +101,39 @@ def _gain(run: ToolRun, fixed: ToolRun, pf: "ParameterFile", line: "LoadLineSect
     else:
         gain = run.mean_feed / fixed.mean_feed - 1
         feeds = f"mean feed {run.mean_feed:.0f} against {fixed.mean_feed:.0f} mm/min"
-        rate = f"{feeds} and metal removal as it ({100 * gain:+.0f} %)"
+        rate = f"{feeds} and metal removal in proportion ({100 * gain:+.0f} %)"
     life = f"life {run.length:.0f} against {fixed.length:.0f} mm ({100 * (run.length / fixed.length - 1):+.0f} %)"
-    return (f"Against a constant feed of {beside}: {life}, {rate}.",)
+    return (f"Against a constant feed of {baseline}: {life}, {rate}.",)
 
 
 def _limit(pf: "ParameterFile", run: ToolRun, line: "LoadLineSection") -> str:
     dwell = ConstantLoad.from_parameters(pf).dwell
     reached = next((p.number for p in run.passes if p.limited), None)
     if reached is None:
-        return "The command never came to its lower limit."
+        return "The command never reached its lower limit."
     return (
-        f"The averaged command came to its lower limit, {line.lower.value:.4g} {line.unit_feed}, in pass {reached} and "
-        f"rested there for {run.rested:.1f} s in the cut; {dwell:g} s of it ask for the change."
+        f"The averaged command reached its lower limit, {line.lower.value:.4g} {line.unit_feed}, in pass {reached} and "
+        f"stayed there for {run.rested:.1f} s in the cut; {dwell:g} s signal the tool change."
     )
 
 
 def _overload(loop: "LoadLoop", cut: CutModel, line: "LoadLineSection") -> str:
-    """What the programmed feed draws at the end: a loop that gives it back out of the cut begins a pass with it."""
+    """Load of a worn tool at the programmed feed, with which some loops begin each pass."""
     worst = cut.A + cut.B * loop.feed_programmed + cut.k1 * line.lower.wear
     tool = f"a tool worn by {line.lower.wear:.0f} {line.unit_wear}"
     head = f"At the programmed {loop.feed_programmed:.4g} {line.unit_feed} {tool}"
     if worst <= line.worn:
-        return f"{head} draws {worst:.3f} {line.unit_load}, below the {line.worn:g} that a worn tool stands."
+        return f"{head} has a load of {worst:.3f} {line.unit_load}, below the limit of {line.worn:g}."
     does = (
-        "this loop begins a pass with the last feed, and so must any other"
+        "this loop begins a pass with the last feed, as any other must"
         if loop.form == "incremental_sum"
         else "this loop begins each pass with that feed; lower it, or begin with the last one"
     )
-    return f"{head} would draw {worst:.3f} {line.unit_load}, above the {line.worn:g} that it stands: {does}."
+    return f"{head} would have a load of {worst:.3f} {line.unit_load}, above the limit of {line.worn:g}: {does}."
 
 
 def _mixed(pf: "ParameterFile") -> tuple[tuple[str, ...], dict[str, object]]:
-    """The paper's path of slot and end milling in turn, which takes both of its files; of another file nothing."""
+    """The mixed path of slot and end milling of the paper, from both of its files; empty for another file."""
     from ...controllers.constant_load_milling.mixed_path import mixed_run
     from ...parameters.published import published
     from ...parameters.published.milling import end_milling
@@ -142,37 +142,37 @@ def _mixed(pf: "ParameterFile") -> tuple[tuple[str, ...], dict[str, object]]:
         return (), {}
     run = mixed_run([published("CLM-2023-slot"), end_milling(upper=1100.0)])
     asked = ("slot", "end")[run.passes[-1].kind]
-    said = (
+    sentence = (
         "Slot and end milling in turn with one tool (Table 3: 500 to 700 and 600 to 1100 mm/min; passes of 150 mm are "
-        f"a reconstruction): {asked} milling asks for the change, at VB {run.wear:.0f} um after {run.length:.0f} mm; "
-        "printed are 179.48 and 199.63 um."
+        f"a reconstruction): {asked} milling signals the change, at VB {run.wear:.0f} um after {run.length:.0f} mm; "
+        "the paper prints 179.48 and 199.63 um."
     )
-    return (said,), {"mixed_path": {"wear_um": run.wear, "length_mm": run.length, "asked_by": asked}}
+    return (sentence,), {"mixed_path": {"wear_um": run.wear, "length_mm": run.length, "asked_by": asked}}
 
 
 def _scaling(pf: "ParameterFile", cut: CutModel) -> str:
     pi = pf.pi
     unit = f"{cut.unit_feed} per {cut.unit_u or 'unit of the input'}"
-    told = f"The load line and the drive's gain imply a scaling of {cut.scaling:.4g} {unit} (derived, not measured)"
+    implied = f"The load line and the drive's gain imply a scaling of {cut.scaling:.4g} {unit} (derived, not measured)"
     if pi is not None and pi.scaling_u != 1 and abs(pi.scaling_u / cut.scaling - 1) > 0.02:
-        off = f"{pi.scaling_u / cut.scaling:.2f} times as strong"
-        return f"{told}; the gains were tuned for {pi.scaling_u:.4g}, and the loop is {off} as it was meant to be."
-    return f"{told}."
+        off = f"{pi.scaling_u / cut.scaling:.2f} times as large"
+        return f"{implied}; the gains were tuned for {pi.scaling_u:.4g}, and the loop gain is {off} as designed."
+    return f"{implied}."
 
 
 def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...]:
     life, used = drawn_life(pf, draws)
     if not used:
-        return ("There are no draws of the file's load and wear laws, so no band of the life can be told.",)
+        return ("No draws of the load and wear laws, so no band of the life.",)
     good = np.isfinite(life.length)
     ends = [np.quantile(of[good], [(1 - LEVEL) / 2, (1 + LEVEL) / 2]) for of in (life.length, life.wear)]
     (a, b), (c, d) = ends
     unit = CutModel.from_parameters(pf).unit_wear
-    lost = "" if good.all() else f" ({100 * np.mean(~good):.0f} % of them never reach the limit)"
+    lost = "" if good.all() else f" ({100 * np.mean(~good):.0f} % never reach the limit)"
     return (
         f"Over {good.size} posterior draws of the laws of {' and '.join(used)}{lost} the life is {a:.0f} to {b:.0f} mm "
         f"and VB at the lower limit {c:.0f} to {d:.0f} {unit} ({100 * LEVEL:.0f} % bands of the laws, calculated "
-        "without the dwell; tools scatter beyond them).",
+        "without the dwell and without the scatter of tools).",
     )
 
 
@@ -183,8 +183,9 @@ def _assumed(pf: "ParameterFile", cut: CutModel) -> tuple[str, ...]:
     notes = [note for section in (*pf.laws.values(), pf.pi, pf.load_line) if section for note in section.notes]
     marked = [n for n in notes if any(word in n.lower() for word in ("assum", "reconstruct", "derived"))]
     return (
-        "The simulated cut is the load line and the wear law; its load follows the feed by the drive's shape, gain 1.",
-        "Passes of 150 mm, 2 s out of the cut between them.",
+        "The simulated cut is the load line and the wear law; its load follows the feed with the drive's dynamics, "
+        "gain 1.",
+        "Passes of 150 mm, with 2 s out of the cut between them.",
         *dwell,
         *loop_settings(pf, own_form=True).assumed,
         *marked,

@@ -19,28 +19,25 @@ if TYPE_CHECKING:
     from ...parameters.draws import Draws
 
 TITLE = "Recursive turning to the end of an edge (AC-2017: Alaskari and Oraby 2017)"
-CALCULATED = "Everything here is calculated from the laws of the file; nothing was cut."
-CAUTION = (
-    "Each interval takes the pair that is best for itself; a sequence that spares the edge early may remove more in "
-    "its whole life."
-)
+CALCULATED = "All results are calculated from the laws of the file; none is measured."
+CAUTION = "Each interval is optimized for itself; a sequence with less wear at first may remove more in the whole life."
 COUNTED = {
-    "full": "with every time of the laws counted",
-    "published": "without the times in power and force (as in the paper)",
+    "full": "with the time factors of all laws",
+    "published": "without the time factors of power and force (as in the paper)",
 }
-ENDS = {"most speed": "the greatest speed allowed", "most feed": "the greatest feed allowed"}
-STATE = "Wear from the state reached is a reconstruction: the paper adds wear by the clock (eq. 4)."
+ENDS = {"most speed": "the upper limit of speed", "most feed": "the upper limit of feed"}
+STATE = "Wear accumulation from the wear state is a reconstruction: the paper uses the time (eq. 4)."
 
 Three = tuple[LifeDraws, LifeDraws, LifeDraws]  # plan on the law, plan on new edges, each draw its own
 
 
 def lacks(pf: "ParameterFile") -> str:
-    """Why a file cannot drive the recursion, in a sentence; empty where it can."""
+    """Reason why a file cannot drive the recursion; empty where it can."""
     return shortfall(pf)
 
 
 def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
-    """Replay the recursion, its other readings, the exact optimum, a fixed pair, and the draws."""
+    """Report on the recursion, its alternative readings, the exact optimum, a fixed pair, and the draws."""
     laws = life_laws(pf)
     rules = Rules(laws.times)
     life = whole_life(laws)
@@ -58,7 +55,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
 
 
 def _agrees(pf: "ParameterFile", life: Life) -> bool:
-    """Whether the controller, step by step on an edge of the same laws, chooses the same pairs and ends as the life."""
+    """Whether the controller, step by step on an edge of the same laws, chooses the pairs and the end of the life."""
     from ...controllers.loop import replay
 
     step, n = 60 * life.rules.interval, len(life.time)
@@ -72,81 +69,81 @@ def _life_lines(life: Life) -> list[str]:
     laws = life.laws
     if not len(life.time):
         broken = " and ".join(name for name, by in life.surfaces(0).breaks.items() if by.any())
-        return [f"No pair of the grid keeps within the limits of a new edge ({broken}): there is nothing to cut."]
-    end = "is worn out" if life.ended else "is not yet worn out (no further was computed)"
+        return [f"No pair of the grid is within the limits of a new edge ({broken})."]
+    end = "is worn out" if life.ended else "is not worn out (computation stopped)"
     first = (
-        f"The edge {end} after {life.minutes:g} min and {metal(life.removed)}, {metal(life.per_minute)} a minute, "
-        f"from {life.V[0]:g} m/min and {life.f[0]:g} mm/rev at first to {life.V[-1]:g} and {life.f[-1]:g} at last, "
+        f"The edge {end} after {life.minutes:g} min and {metal(life.removed)}, {metal(life.per_minute)} per min, "
+        f"from {life.V[0]:g} m/min and {life.f[0]:g} mm/rev in the first to {life.V[-1]:g} and {life.f[-1]:g} in "
+        "the last interval, "
         f"d {laws.d:g} mm."
     )
     return [first, _binding(life), *([_end(life)] if life.ended else [])]
 
 
 def _binding(life: Life) -> str:
-    """Which limits forbid more, and when."""
+    """Active limits by interval."""
     parts, k = [], 0
     for stops, group in groupby(life.stops):
         n = len(list(group))
-        parts.append(f"{listed([ENDS.get(stop, stop) for stop in stops]) or 'nothing'} in {_span(life, k, k + n)}")
+        parts.append(f"{listed([ENDS.get(stop, stop) for stop in stops]) or 'none'} in {_span(life, k, k + n)}")
         k += n
-    return f"A step more of speed or feed is forbidden by {'; '.join(parts)}."
+    return f"Active limits: {'; '.join(parts)}."
 
 
 def _end(life: Life) -> str:
     k = len(life.time)
     breaks = life.surfaces(k).breaks
     wear, criterion = life.laws.wear, f"{life.laws.wear.most:g} {life.laws.wear.unit}"
-    reached = f"{wear.response} stands at {life.AW[-1]:.3g} {wear.unit}"
+    reached = f"At the end {wear.response} is {life.AW[-1]:.3g} {wear.unit}"
     if breaks["wear"].all():
-        return f"Then {reached}, and every pair of the grid would take it over {criterion} in the next interval."
+        return f"{reached}; every pair of the grid would exceed {criterion} in the next interval."
     others = listed([name for name, broken in breaks.items() if name != "wear" and broken.any()])
-    return f"Then {reached}, and what would keep it under {criterion} is forbidden by {others}."
+    return f"{reached}; the pairs that keep it below {criterion} in the next interval exceed the limits of {others}."
 
 
 def _reading_lines(life: Life) -> list[str]:
-    """What the times that count and the way wear adds up cost in metal."""
+    """Effect on life and metal of the time factors and of the rule of wear accumulation."""
     if not len(life.time):
         return []
     laws, rules = life.laws, life.rules
     other = Rules("full" if rules.times == "published" else "published", rules.wear, rules.interval)
-    beside, state = whole_life(laws, other, life.grid), Rules(rules.times, "wear_state", rules.interval)
+    alternative, state = whole_life(laws, other, life.grid), Rules(rules.times, "wear_state", rules.interval)
     own, held = whole_life(laws, state, life.grid), apply_plan(life, laws, state)
     return [
-        f"This plan is made {COUNTED[rules.times]}; {COUNTED[other.times]} it would be {_lasts(beside)}, "
-        f"{_more(beside, life)}.{_wrong_times(life, beside)}",
-        f"Wear here adds up by the clock; planned from the wear reached it would be {_lasts(own)}, {_more(own, life)}.",
-        f"If edges do wear from the state reached and this plan is cut all the same, they last {_lasts(held)}, "
-        f"{_more(held, life)}.",
+        f"This plan is computed {COUNTED[rules.times]}; {COUNTED[other.times]}: {_lasts(alternative)}, "
+        f"{_more(alternative, life)}.{_wrong_times(life, alternative)}",
+        f"Wear accumulates by time in this plan; by the wear state: {_lasts(own)}, {_more(own, life)}.",
+        f"This plan on edges that wear by the wear state: {_lasts(held)}, {_more(held, life)}.",
     ]
 
 
-def _wrong_times(life: Life, beside: Life) -> str:
-    """What the plan that counts every time takes if the times do not count after all."""
-    full = beside if beside.rules.times == "full" else life
+def _wrong_times(life: Life, alternative: Life) -> str:
+    """Peak power and force of the plan with all time factors if these do not apply."""
+    full = alternative if alternative.rules.times == "full" else life
     taken = apply_plan(full, life.laws, Rules("published", life.rules.wear, life.rules.interval))
     values = {"power": taken.P, "force": taken.Fxz}
     peaks = [
         f"{rounded(float(values[name].max()))} {terms.unit}" for name, terms in life.laws.limited if len(taken.time)
     ]
-    return f" Should the times not count, the plan that counts them takes up to {listed(peaks)}." if peaks else ""
+    return f" Without the time factors, the plan that uses them reaches {listed(peaks)}." if peaks else ""
 
 
 def _exact_lines(life: Life, exact: Life | None) -> list[str]:
     if exact is None:
-        return [f"No exact optimum beside the grid: {not_convex(life.laws)}"]
+        return [f"No exact optimum: {not_convex(life.laws)}"]
     if not len(life.time) or not len(exact.time):
         return []
     return [
-        f"With the exact optimum of each interval in place of the grid's best pair: {_lasts(exact)}, "
-        f"{_more(exact, life)}, from {exact.V[0]:.1f} m/min and {exact.f[0]:.3f} mm/rev at first."
+        f"With the exact optimum of each interval instead of the best pair of the grid: {_lasts(exact)}, "
+        f"{_more(exact, life)}, {exact.V[0]:.1f} m/min and {exact.f[0]:.3f} mm/rev in the first interval."
     ]
 
 
 def _assumed(pf: "ParameterFile", laws: LifeLaws) -> tuple[str, ...]:
     times = (
-        "The times of power and force do not count, as in the paper's eq. 6 and 7 and its tables."
+        "The time factors of power and force are omitted, as in eq. 6 and 7 of the paper and its tables."
         if laws.times == "published"
-        else "All times of the laws count; the paper's own tables leave those of power and force out."
+        else "The time factors of all laws apply; the tables of the paper omit those of power and force."
     )
     tested = any(factor.symbol == "d" for law in pf.laws.values() for factor in law.factors)
     why = "the papers'" if depth(pf) == 2.5 else "the middle of the tested depths" if tested else "no law has a depth"
@@ -230,24 +227,26 @@ def drawn(laws: LifeLaws, draws: "Mapping[str, Draws]", rules: Rules, seed: int)
 
 
 def draw_lines(found: Three | None, draws: "Mapping[str, Draws]") -> list[str]:
-    """What the draws say of the life, or why they say nothing."""
+    """Bands of life and metal removed over the draws, or the reason why there are none."""
     if found is None:
-        had = f"of {', '.join(draws)} only" if draws else "none"
-        told = f"Draws: {had}, so no band of life or metal removed can be told"
-        return [f"{told}; `fitmodels data.csv` makes them as it fits a table of tests."]
+        available = f"of {', '.join(draws)} only" if draws else "none"
+        return [
+            f"Draws: {available}, so no band of life or metal removed; `fitmodels data.csv` makes draws when it fits."
+        ]
     plan, new, own = found
     band = f"{100 * LEVEL:g} % band"
     lines = [
-        f"This plan on edges of {len(plan.minutes)} drawn laws, the last pair held until they are worn out: "
+        f"This plan on edges of {len(plan.minutes)} drawn laws, the last pair held to the end: "
         f"{_bands(plan)} ({band} of the law, equal-tailed); {_share(plan.ends_early)} are worn out before the plan "
         "ends.",
-        f"On single new edges, whose own levels scatter: {_bands(new)} ({band} of edges); {_share(new.ends_early)} are "
+        f"On single new edges, with variation between edges: {_bands(new)} ({band} of edges); "
+        f"{_share(new.ends_early)} are "
         "worn out before the plan ends.",
-        f"If each of {len(own.minutes)} drawn laws chose its own pairs: {_bands(own)} ({band} of the law).",
+        f"With an own plan for each of {len(own.minutes)} drawn laws: {_bands(own)} ({band} of the law).",
         *_peak_lines(plan, band),
     ]
     if plan.left_out or plan.unended:
-        lines.append(f"{plan.left_out} draws without growing wear are left out; {plan.unended} lives were cut short.")
+        lines.append(f"{plan.left_out} draws without growing wear are excluded; {plan.unended} lives were truncated.")
     return lines
 
 
@@ -261,8 +260,8 @@ def _peak_lines(plan: LifeDraws, band: str) -> list[str]:
         low, middle, high = (rounded(end) for end in plan.band(what, LEVEL))
         passes = _share(float((values > terms.most).mean()))
         lines.append(
-            f"The plan's peak {what[5:]} is {low} to {high} {terms.unit}, middle {middle} ({band} of the law), and "
-            f"passes {terms.most:g} {terms.unit} in {passes} of the draws."
+            f"The plan's peak {what[5:]} is {low} to {high} {terms.unit}, median {middle} ({band} of the law), and "
+            f"exceeds {terms.most:g} {terms.unit} in {passes} of the draws."
         )
     return lines
 
@@ -271,8 +270,8 @@ def _bands(found: LifeDraws) -> str:
     low, middle, high = found.band("minutes", LEVEL)
     least, half, most = (end / 1000 for end in found.band("removed", LEVEL))
     return (
-        f"life {low:.3g} to {high:.3g} min, middle {middle:.3g}, and {least:.0f} to {most:.0f} cm3 removed, "
-        f"middle {half:.0f}"
+        f"life {low:.3g} to {high:.3g} min, median {middle:.3g}, and {least:.0f} to {most:.0f} cm3 removed, "
+        f"median {half:.0f}"
     )
 
 
@@ -286,26 +285,27 @@ def rounded(value: float) -> str:
 
 
 def fixed_lines(life: Life) -> list[str]:
-    """Metal, life, peak power and peak force of the best fixed pair beside the recursion's."""
+    """Metal, life, peak power and peak force of the best fixed pair, compared with the recursion."""
     fixed = best_fixed(life.laws, life.rules, life.grid) if len(life.time) else None
     if fixed is None:
         return []
     ratio, peaks = life_ratios(life, fixed), {"power": fixed.peak_power, "force": fixed.peak_force}
     own = {"power": life.P, "force": life.Fxz}
-    told = [
+    compared = [
         f"{name} {rounded(peaks[name])} {terms.unit} against {rounded(float(own[name].max()))}"
         for name, terms in life.laws.limited
     ]
     return [
-        f"The best fixed pair that keeps its limits to the end, {fixed.V:g} m/min and {fixed.f:g} mm/rev, lasts "
-        f"{fixed.minutes:.1f} min and removes {metal(fixed.removed)}, {metal(fixed.per_minute)} a minute: the "
-        f"recursion removes {ratio.per_minute:.2f} times as much a minute and {ratio.removed:.2f} times as much an edge"
-        f"{f'; at its peak the fixed pair takes {listed(told)}' if told else ''}."
+        f"The best fixed pair within the limits to the end, {fixed.V:g} m/min and {fixed.f:g} mm/rev, lasts "
+        f"{fixed.minutes:.1f} min and removes {metal(fixed.removed)}, {metal(fixed.per_minute)} per min: the "
+        f"recursion removes {ratio.per_minute:.2f} times as much per minute and {ratio.removed:.2f} times as much "
+        "per edge"
+        f"{f'; peaks of the fixed pair: {listed(compared)}' if compared else ''}."
     ]
 
 
 def fixed_facts(life: Life) -> dict[str, object] | None:
-    """The best fixed pair for a program; power and force where they are limited."""
+    """Numbers of the best fixed pair; power and force where they are limited."""
     fixed = best_fixed(life.laws, life.rules, life.grid) if len(life.time) else None
     if fixed is None:
         return None

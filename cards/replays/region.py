@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from ...parameters.draws import Draws
 
 TITLE = "Visible region and best V, f (Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006)"
-DEMANDED, LOSS = 0.95, 0.05
+REQUIRED, LOSS = 0.95, 0.05
 PRINTED = {"B": (154.7, 0.53), "H": (144.0, 0.54), "(147, 0.54)": (147.0, 0.54)}  # AC-2016, read off its charts
-WORDS = {"B": "most metal", "H": "least wear rate", "(147, 0.54)": "least wear"}
+WORDS = {"B": "greatest MRR", "H": "least wear rate", "(147, 0.54)": "least wear"}
 
 
 def lacks(pf: "ParameterFile") -> str:
-    """Why a file cannot drive the system, in a sentence; empty where it can."""
+    """Reason why a file cannot drive the system; empty where it can."""
     limits = pf.limits
     if limits is None or (limits.power, limits.force, limits.wear) == (None, None, None):
-        return "The file limits neither power, force nor wear: put one in, `fitmodels limits params.json P=7kW`, say."
+        return "The file has no limit of power, force or wear: add one, e.g. `fitmodels limits params.json P=7kW`."
     try:
         default_setting(pf).region(pf)
     except UsageError as error:
@@ -36,7 +36,7 @@ def lacks(pf: "ParameterFile") -> str:
 
 
 def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
-    """Work out the region of a file, its best pair, and what it risks."""
+    """Report on the region of a file, its best pair, and its probabilities."""
     held = default_setting(pf)
     region = held.region(pf)
     assumed = [*held.assumed, *region.notes]
@@ -63,14 +63,14 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
 
 def _optimum(region: VisibleRegion) -> list[str]:
     best = region.best
-    worth = ", ".join(f"{name} {value:.2f} %" for name, value in region.sensitivities.items())
-    held = f"It is held by {' and '.join(best.held_by)}"
+    gains = ", ".join(f"{name} {value:.2f} %" for name, value in region.sensitivities.items())
+    active = f"Active limits: {' and '.join(best.held_by)}"
     lines = [
-        f"Most metal within the limits at {_at(region)}: {best.words} (calculated).",
-        f"{held}; raising one of them by 1 % gains metal: {worth}." if worth else f"{held}.",
+        f"Greatest metal removal rate within the limits at {_at(region)}: {best.words} (calculated).",
+        f"{active}; gain in MRR per 1 % of each: {gains}." if gains else f"{active}.",
     ]
     if not best.tested:
-        lines.append("This pair lies outside what the laws were tested over: cut there before relying on it.")
+        lines.append("This pair lies outside the tested ranges of the laws: test it before relying on it.")
     corners = "; ".join(f"{c.letter} ({four(c.V)}, {four(c.f)}) {' and '.join(c.limits)}" for c in region.corners)
     lines.append(f"Corners of the region, (V m/min, f mm/rev) and the limits that meet there: {corners}.")
     return lines
@@ -78,14 +78,14 @@ def _optimum(region: VisibleRegion) -> list[str]:
 
 def _less(region: VisibleRegion) -> list[str]:
     if region.wear is None:
-        return ["The file has no power law of wear, so what a slower cut saves is not known."]
+        return ["The file has no power law of wear, so wear and MRR cannot be compared."]
     best, less = region.best, region.least_wear(LOSS)
     before, after, unit = best.values[region.wear], less.values[region.wear], best.units[region.wear]
     rate = ""
     if best.wear_rate is not None and less.wear_rate is not None:
-        rate = f", and the wear rate, least there too, from {three(best.wear_rate)} to {three(less.wear_rate)} um/min"
+        rate = f", and the wear rate, also least there, from {three(best.wear_rate)} to {three(less.wear_rate)} um/min"
     return [
-        f"{100 * LOSS:g} % less metal ({less.where}: MRR {less.MRR:.0f} mm3/min) lowers {region.wear} after "
+        f"{100 * LOSS:g} % less MRR ({less.where}: MRR {less.MRR:.0f} mm3/min) lowers {region.wear} after "
         f"{region.setting.t:g} min by {100 * (1 - after / before):.1f} %, from {three(before)} to {three(after)} {unit}"
         f"{rate}."
     ]
@@ -94,38 +94,38 @@ def _less(region: VisibleRegion) -> list[str]:
 def _risk(
     region: VisibleRegion, chances: Mapping[str, Feasibility]
 ) -> tuple[list[str], dict[str, object], dict[str, OperatingPoint]]:
-    """Sentences, facts and the best pairs for a demanded probability: of a new edge, of the laws where unsure."""
+    """Sentences, facts and best pairs at a required probability: of a new edge, and of the laws where uncertain."""
     best, lines, found = region.best, [], {}
     facts: dict[str, dict[str, object]] = {}
     for kind, chance in chances.items():
         kept = chance.at(*best.xy)
-        facts[kind] = {"of": chance.of, "draws": chance.count, "at_optimum": kept, "level": DEMANDED, "best": None}
+        facts[kind] = {"of": chance.of, "draws": chance.count, "at_optimum": kept, "level": REQUIRED, "best": None}
         head = f"For {chance.of} ({chance.count} draws)"
         try:
-            safe = chance.best(DEMANDED)
+            safe = chance.best(REQUIRED)
         except DataError as error:
             lines.append(f"{head}: {error}")
             continue
         facts[kind]["best"] = safe.facts()
         if kind == "new_edge":
-            found[f"best for {100 * DEMANDED:g} %"] = safe
+            found[f"best for {100 * REQUIRED:g} %"] = safe
         lines.append(
             f"{head} the best pair keeps all limits with probability {_percent(kept, chance.count)}; for "
-            f"{100 * DEMANDED:g} % the best is {safe.where}: MRR {safe.MRR:.0f} mm3/min, "
-            f"{100 * (1 - safe.MRR / best.MRR):.0f} % less metal{'' if safe.tested else ', outside what was tested'}."
+            f"{100 * REQUIRED:g} % the best is {safe.where}: MRR {safe.MRR:.0f} mm3/min, "
+            f"{100 * (1 - safe.MRR / best.MRR):.0f} % less MRR{'' if safe.tested else ', outside the tested ranges'}."
         )
     return lines, dict(facts), found
 
 
 def _printed(region: VisibleRegion, marks: Mapping[str, OperatingPoint], chance: Feasibility | None) -> list[str]:
-    """AC-2016's points, read off its charts, with the loads they draw and what they risk."""
+    """Points that AC-2016 reads off its charts, with their loads and probabilities."""
     out = []
     for (name, point), words in zip(marks.items(), WORDS.values(), strict=False):
         limits = [each for each in region.limits if each.symbol in point.values]
         risks = {} if chance is None else chance.risks(*point.xy)
         loads = [
             f"{each.symbol} {three(point.values[each.symbol])} {point.units[each.symbol]} for {each.value:g}"
-            + (f" (over it in {100 * risks[each.symbol]:.0f} % of new edges)" if risks else "")
+            + (f" (exceeded in {100 * risks[each.symbol]:.0f} % of new edges)" if risks else "")
             for each in limits
         ]
         over = f"over {' and '.join(point.exceeds)}" if point.exceeds else "within the limits"
@@ -142,23 +142,23 @@ def _printed(region: VisibleRegion, marks: Mapping[str, OperatingPoint], chance:
 def _chances(
     pf: "ParameterFile", held: DefaultSetting, draws: "Mapping[str, Draws]", seed: int
 ) -> tuple[dict[str, Feasibility], list[str]]:
-    """Chances of a new edge, and of the laws themselves where their parameters are uncertain; and what is assumed."""
+    """Probabilities of a new edge, and of the laws themselves where they are uncertain; and the assumptions."""
     try:
         chances = {"new_edge": held.probability(pf, draws, seed, "prediction")}
     except UsageError as error:
-        return {}, [f"How likely a pair keeps its limits is not known: {error}"]
+        return {}, [f"The probability of keeping the limits is not known: {error}"]
     sources = chances["new_edge"].sources
     if draws or not all("exactly known" in words for words in sources):
         chances["laws"] = held.probability(pf, draws, seed, "mean")
     return chances, [
-        f"Probabilities take the laws of {_grouped(sources)}.",
-        "Given the data the laws are taken as independent; so is how far the wear, power and force of a row lie off "
+        f"Probabilities are based on the laws of {_grouped(sources)}.",
+        "Given the data the laws are independent, and so are the deviations of wear, power and force of a row from "
         "them.",
     ]
 
 
 def _grouped(sources: tuple[str, ...]) -> str:
-    """Laws with the same source together."""
+    """Sources with their laws, equal ones grouped."""
     by_source: dict[str, list[str]] = {}
     for words in sources:
         name, _, source = words.partition(" ")

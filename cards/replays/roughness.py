@@ -30,19 +30,19 @@ STIFFER = 1.2
 
 
 def lacks(pf: "ParameterFile") -> str:
-    """Why a file cannot drive the system, in a sentence; empty where it can."""
+    """Reason why a file cannot drive the system; empty where it can."""
     try:
         ConstantRoughness.from_parameters(pf)
         plant = TurningForce.from_parameters(pf)
     except (ParameterError, UsageError) as error:
         return str(error)
     if not min(plant.tc, plant.ts) > 0:
-        return "The roughness section has a servo_time or process_time of 0; put in what was measured."
+        return "The roughness section has a servo_time or process_time of 0; give the measured value."
     return ""
 
 
 def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
-    """Replay a file: with and without control, a change of roughness, the tool out of the work, the other reading."""
+    """Report on a file, with and without control: constant and changed roughness, tool out of the work."""
     section = _section(pf)
     facts: dict[str, object] = {}
     controlled, constant = turn(pf, seed=seed), turn(pf, control=False, seed=seed)
@@ -75,12 +75,13 @@ def _held(pf: "ParameterFile", on: SteadyCut, off: SteadyCut, facts: dict[str, o
         "f_command_peak_to_peak_mm_per_rev": on.command_ripple, "f_without_mm_per_rev": off.f,
     }  # fmt: skip
     how = "the inverse of its law" if section.force_from == "inverse" else "a regression of force on roughness"
-    beyond = "" if _inside(law, section.force) else "; that force lies outside the law's tests"
+    beyond = "" if _inside(law, section.force) else "; that force lies outside the tested range of the law"
     return [
-        f"Ra {section.roughness:g} um is kept by holding the force at {section.force:.0f} N, by {how} ({law.equation})"
+        f"Ra {section.roughness:g} um corresponds to a reference force of {section.force:.0f} N, by {how} "
+        f"({law.equation})"
         f"{beyond}.",
         f"Simulated, in steady cut from 3 to 15 s: mean Ra {on.Ra:.3g} um, {_percent(on.Ra / section.roughness - 1)} "
-        f"from the one asked for, standard deviation {on.Ra_sd:.2f} um; at a constant feed of {off.f:.3g} mm/rev "
+        f"from the required one, standard deviation {on.Ra_sd:.2f} um; at a constant feed of {off.f:.3g} mm/rev "
         f"{off.Ra:.3g} um, {_percent(off.Ra / section.roughness - 1)}, standard deviation {off.Ra_sd:.2f} um.",
         f"Feed {on.f:.3f} mm/rev on average, {on.ripple:.3f} mm/rev peak-to-peak at the servo's output "
         f"({on.command_ripple:.3f} of the command); force {on.F:.0f} N.",
@@ -103,9 +104,7 @@ def _limited(pf: "ParameterFile", cut: TurningRun, on: SteadyCut, facts: dict[st
     rests = [f"{100 * share:.0f} % of the time on the {name}" for share, name in
              ((on.at_low, "lower limit"), (on.at_high, "upper limit")) if share]  # fmt: skip
     return (
-        f"{words}; the command rests {' and '.join(rests)}."
-        if rests
-        else f"{words}; nothing was limited in steady cut."
+        f"{words}; the command is {' and '.join(rests)}." if rests else f"{words}; no limit was active in steady cut."
     )
 
 
@@ -113,9 +112,9 @@ def _loop(section: "RoughnessSection", facts: dict[str, object]) -> str:
     loop = loop_theory(section.process_time or 0.0, section.servo_time or 0.0, section.sample_time or 0.0)
     facts |= {"crossover_Hz": loop.crossover, "enlarged": loop.enlarged, "damping": loop.damping}
     return (
-        f"The loop lessens changes of force slower than {loop.crossover:.2g} Hz (calculated); faster ones it lets "
-        f"through or makes up to {loop.enlarged:.2g} times as large, so it corrects the mean and not the scatter from "
-        "one revolution to the next."
+        f"The loop attenuates changes of force slower than {loop.crossover:.2g} Hz (calculated) and amplifies "
+        "faster ones "
+        f"by up to {loop.enlarged:.2g}, so it corrects the mean but not the variation from revolution to revolution."
     )
 
 
@@ -123,8 +122,8 @@ def _stiffer(pf: "ParameterFile", seed: int, facts: dict[str, object]) -> str:
     on, off = (steady(turn(pf, control=control, seed=seed, engaged=lambda t: STIFFER)) for control in (True, False))
     facts |= {"stiffer_times": STIFFER, "stiffer_Ra_mean_um": on.Ra, "stiffer_Ra_mean_without_um": off.Ra}
     return (
-        f"In a cut {100 * (STIFFER - 1):.0f} % stiffer than the file says (harder work, more depth) the control "
-        f"takes the feed to {on.f:.3f} mm/rev and the mean Ra is {on.Ra:.3g} um; at the constant feed {off.Ra:.3g} um."
+        f"In a cut {100 * (STIFFER - 1):.0f} % stiffer than in the file (harder work, more depth) the control "
+        f"sets the feed to {on.f:.3f} mm/rev and the mean Ra is {on.Ra:.3g} um; at constant feed {off.Ra:.3g} um."
     )
 
 
@@ -132,15 +131,16 @@ def _of_draws(pf: "ParameterFile", draws: "Mapping[str, Draws]", facts: dict[str
     section = _section(pf)
     found = draws.get(section.law)
     if found is None:
-        return ["No draws of the law's parameters: how sure the roughness at that force is, is not told."]
+        return ["No draws of the law's parameters, so no interval of the roughness at that force."]
     ln_a, b = (found.values[:, found.names.index(name)] for name in ("ln a", "b"))
     low, high = np.quantile(np.exp(ln_a + b * section.force), [0.025, 0.975])
     safe = float(np.quantile((math.log(section.roughness) - ln_a) / b, 1 - SURE))
     facts |= {"Ra_band_um": [float(low), float(high)], "F_safe_N": safe, "probability": SURE}
     return [
-        f"By {len(ln_a)} draws of the law its roughness at {section.force:.0f} N lies in {low:.3g} to {high:.3g} um "
-        f"(95 % credible); it stays at or below {section.roughness:g} um with a probability of {100 * SURE:.0f} % if "
-        f"{safe:.0f} N is held instead."
+        f"By {len(ln_a)} draws of the law the roughness at {section.force:.0f} N is {low:.3g} to {high:.3g} um "
+        f"(95 % credible interval); it stays at or below {section.roughness:g} um with a probability of "
+        f"{100 * SURE:.0f} % at "
+        f"{safe:.0f} N."
     ]
 
 
@@ -165,7 +165,8 @@ def _changed(pf: "ParameterFile", seed: int, facts: dict[str, object], figures: 
         "changed_Ra_mean_um": after.Ra, "changed_settling_s": seconds,
     }  # fmt: skip
     return [
-        f"Asked for {finer:g} um from {CHANGE:g} s on (sections A to D of the figure), the control goes from "
+        f"Required roughness {finer:g} um from {CHANGE:g} s on (sections A to D of the figure), the control "
+        "changes the feed from "
         f"{before.f:.3f} to {after.f:.3f} mm/rev; the force is within 2 % of {force:.0f} N after {seconds:.1f} s "
         f"(without disturbance), and Ra is {after.Ra:.3g} um on average."
     ]
@@ -186,8 +187,8 @@ def _out_of_work(pf: "ParameterFile", facts: dict[str, object]) -> str:
     peak = float(cut.trace.measurement[time >= end].max())
     facts |= {"feed_peak_leaving_mm_per_rev": highest, "force_peak_entering_N": peak}
     return (
-        f"As the tool leaves the work the feed rises to {highest:.3f} mm/rev and no further: below "
-        f"{section.threshold:g} N the override is left alone, at the programmed feed; as it enters again the force "
+        f"As the tool leaves the work the feed rises to {highest:.3f} mm/rev: below "
+        f"{section.threshold:g} N the control is off and the feed the programmed one; on re-entry the force "
         f"peaks at {peak:.0f} N, {_percent(peak / section.force - 1)} of the reference."
     )
 
@@ -208,7 +209,7 @@ def _other_reading(pf: "ParameterFile", seed: int, facts: dict[str, object], fig
         "command_reading_peak_to_peak_mm_per_rev": found.command_ripple,
     }  # fmt: skip
     return (
-        f"With the last command in place of the servo's feed the law is {against}, {verdict}: its command goes "
+        f"With the last command instead of the servo's feed the law is {against}, {verdict}: its command ranges "
         f"from {command.min():.3f} to {command.max():.3f} mm/rev."
     )
 
@@ -222,7 +223,8 @@ def _assumed(pf: "ParameterFile") -> tuple[str, ...]:
         "Reconstruction: the cut is kc a / ((tc s + 1)(ts s + 1)), kc a "
         f"{section.force_per_feed:.0f} N per mm/rev, tc {section.process_time:.3g} s, ts {section.servo_time:.3g} s.",
         "Reconstruction: the feed law fc = f F_ref / F takes f from a model of the servo.",
-        "Assumption: the force is disturbed uniformly by up to 10 %, drawn anew each revolution; the surface bears it.",
+        "Assumption: the force is disturbed uniformly by up to 10 %, constant over each revolution; it affects the "
+        "surface.",
         f"Assumption: the roughness is that of the file's law at each force, {law_of(pf).equation}.",
         f"Assumption: the sections of the run change at {CHANGE:g} s.",
         *chip,
@@ -242,7 +244,7 @@ def _percent(share: float) -> str:
 def table_lines(
     section: "RoughnessSection", seed: int, facts: dict[str, object], figures: "dict[str, Figure]"
 ) -> list[str]:
-    """Mean roughness with and without control, and how far the feed ripples; facts and the figure are put in."""
+    """Mean roughness with and without control, and the ripple of the feed; adds to ``facts`` and ``figures``."""
     from ...controllers.roughness.figures import table_figure
     from ...controllers.roughness.simulations import simulated_table
 
@@ -255,14 +257,14 @@ def table_lines(
                      ([run.error for run in found], [run.error_without for run in found]))  # fmt: skip
     rests = [f"{run.row.number} ({100 * run.controlled.at_high:.0f} % of the time)" for run in found
              if run.controlled.at_high > 0.05]  # fmt: skip
-    limited = f" Simulations {' and '.join(rests)} rest on the upper limit of the feed." if rests else ""
+    limited = f" Simulations {' and '.join(rests)} are at the upper limit of the feed." if rests else ""
     ripple, of_white = (max(run.controlled.ripple for run in runs) for runs in (found, white))
     facts |= {"table_mean_error": mean, "table_mean_error_without": without, "table_ripple_mm_per_rev": ripple,
               "table_ripple_drawn_each_sample_mm_per_rev": of_white}  # fmt: skip
     return [
         f"The eight simulations of Table 1: mean Ra within {100 * abs(worst.error):.1f} % of each reference with "
         f"control, {100 * mean:.1f} % off on average, {100 * without:.1f} % at the table's constant feeds.{limited}",
-        f"Largest ripple of the feed among them {ripple:.3f} mm/rev peak-to-peak with the force drawn anew each "
+        f"Largest ripple of the feed {ripple:.3f} mm/rev peak-to-peak with a disturbance constant over each "
         f"revolution, {of_white:.3f} drawn every 10 ms.",
     ]
 
