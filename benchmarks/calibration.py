@@ -59,7 +59,7 @@ def study(label: str, sets: int, *, method: str, edges: bool, natural: bool, err
             error="additive" if natural else "multiplicative", edge="edge" if edges else None,
         )  # fmt: skip
         post = fit.posterior(law, seed=done, priors=of, method=method, errors=errors, draws=2000)
-        failed += not post.gate.open
+        failed += not post.convergence.passed
         few = post.draws[np.linspace(0, len(post.draws) - 1, RANKS).astype(int)]
         for name, draws in zip(post.names, few.T, strict=True):
             ranks.setdefault(name, []).append(int((draws < true[name]).sum()))

@@ -42,7 +42,7 @@ def one(gauge, rng):
     closed = joint.closed_form[0]
     corrected = np.nan if isinstance(closed, NotAvailable) else closed.params["AW"]
     holds = (plain["low"] <= TRUE <= plain["high"], row["low"] <= TRUE <= row["high"])
-    return (power.params["AW"], corrected, row["mean"]), holds, joint.gate.open, seconds, joint.method
+    return (power.params["AW"], corrected, row["mean"]), holds, joint.convergence.passed, seconds, joint.method
 
 
 def main(data_sets):

@@ -221,15 +221,15 @@ def _posteriors(
             none[law.response] = fit.NotAvailable(str(error).removeprefix(f"{law.response}: ").rstrip("."))
             continue
         posteriors.append(post)
-        if not post.gate.open:
+        if not post.convergence.passed:
             break  # nothing is written: further draws would be of no use
     return tuple(posteriors), none
 
 
 def _not_converged(posteriors: "Sequence[Posterior]") -> str:
-    failed = [post for post in posteriors if not post.gate.open]
+    failed = [post for post in posteriors if not post.convergence.passed]
     found = [
-        f"the draws of {post.response} failed their convergence checks: {' '.join(post.gate.reasons)}"
+        f"the draws of {post.response} failed their convergence checks: {' '.join(post.convergence.reasons)}"
         for post in failed
     ]
     return " ".join(found) + " Nothing was written." if found else ""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fitmodels.fit.bayes.convergence import FIGURES, _compared, agree
+from fitmodels.fit.bayes.convergence import FIGURES, _compared, compare_draws
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
@@ -27,7 +27,7 @@ def walk(seed, n=20_000, rho=0.9, chains=4):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_draws_of_one_posterior_agree(seed):
-    told = agree((draws(seed), 1), (walk(100 + seed), 4), NAMES)
+    told = compare_draws((draws(seed), 1), (walk(100 + seed), 4), NAMES)
     assert told.agrees, told.words
     assert told.errors < 5
 
@@ -42,7 +42,7 @@ def test_draws_of_one_posterior_agree(seed):
     ids=["a mean off by a fifth of a standard deviation", "a fifth too wide", "one tail stretched"],
 )
 def test_a_difference_is_found_and_named(change, name, figures):
-    told = agree((draws(1), 1), (change(draws(2)), 1), NAMES)
+    told = compare_draws((draws(1), 1), (change(draws(2)), 1), NAMES)
     assert not told.agrees
     assert told.name == name
     assert told.figure in figures
@@ -53,28 +53,28 @@ def test_a_difference_is_found_and_named(change, name, figures):
 def test_other_tails_behind_the_same_mean_and_sd_are_found():
     """Student's t with 3 degrees of freedom, scaled to sd 1, has its 95 % quantile at 1.36 instead of 1.64."""
     t = np.random.default_rng(3).standard_t(3, size=(40_000, 3)) / np.sqrt(3)
-    told = agree((draws(1, 40_000), 1), (t, 1), NAMES)
+    told = compare_draws((draws(1, 40_000), 1), (t, 1), NAMES)
     assert not told.agrees
     assert "quantile" in told.figure
 
 
 def test_what_does_not_matter_is_no_disagreement_however_many_draws():
     many = draws(1, 400_000, 1)
-    told = agree((many, 1), (many + 0.015, 1), ("V",))
+    told = compare_draws((many, 1), (many + 0.015, 1), ("V",))
     assert told.agrees
     assert told.errors > 5
-    assert not agree((many, 1), (many + 0.05, 1), ("V",)).agrees
+    assert not compare_draws((many, 1), (many + 0.05, 1), ("V",)).agrees
 
 
 def test_draws_that_follow_from_each_other_may_differ_by_more():
     """A shift of 0.06 sd is 6 errors of two sets of 20 000 independent draws, and 2 where one set is worth 1050."""
     shift = np.array([0, 0.06, 0])
-    assert not agree((draws(1, 20_000), 1), (draws(2, 20_000) + shift, 1), NAMES).agrees
-    assert agree((draws(1, 20_000), 1), (walk(2) + shift, 4), NAMES).agrees
+    assert not compare_draws((draws(1, 20_000), 1), (draws(2, 20_000) + shift, 1), NAMES).agrees
+    assert compare_draws((draws(1, 20_000), 1), (walk(2) + shift, 4), NAMES).agrees
 
 
 def test_copies_side_by_side_count_as_one_draw():
-    told = agree((np.repeat(draws(1, 1000), 8, axis=0), 1), (draws(2) + np.array([0, 0.12, 0]), 1), NAMES)
+    told = compare_draws((np.repeat(draws(1, 1000), 8, axis=0), 1), (draws(2) + np.array([0, 0.12, 0]), 1), NAMES)
     assert told.agrees
 
 
@@ -95,13 +95,13 @@ def test_draws_that_cannot_be_judged_never_agree(bad, swap):
     spoilt = draws(2)
     spoilt[:, 1] = bad
     a, b = ((spoilt, 1), (draws(1), 1)) if swap else ((draws(1), 1), (spoilt, 1))
-    told = agree(a, b, NAMES)
+    told = compare_draws(a, b, NAMES)
     assert not told.agrees
     assert "draws of V stand still or are no numbers" in told.words
 
 
 def test_an_interrupted_route_verifies_nothing():
-    told = agree((draws(1), 1), (draws(2), 1), NAMES, interrupted=True)
+    told = compare_draws((draws(1), 1), (draws(2), 1), NAMES, interrupted=True)
     assert not told.agrees
     assert "interrupted" in told.words
 
@@ -110,9 +110,9 @@ def test_an_interrupted_route_verifies_nothing():
 @given(st.floats(1e-3, 1e3), st.floats(-1e3, 1e3), st.floats(-0.3, 0.3))
 def test_units_do_not_matter_nor_which_comes_first(scale, shift, apart):
     a, b = draws(1), draws(2) + apart
-    told = agree((a, 1), (b, 1), NAMES)
-    scaled = agree((a * scale + shift, 1), (b * scale + shift, 1), NAMES)
-    back = agree((b, 1), (a, 1), NAMES)
+    told = compare_draws((a, 1), (b, 1), NAMES)
+    scaled = compare_draws((a * scale + shift, 1), (b * scale + shift, 1), NAMES)
+    back = compare_draws((b, 1), (a, 1), NAMES)
     assert told.agrees == scaled.agrees == back.agrees
     assert (told.name, told.figure) == (scaled.name, scaled.figure) == (back.name, back.figure)
     np.testing.assert_allclose([scaled.difference, -back.difference], told.difference, rtol=1e-6, atol=1e-9)

@@ -29,9 +29,9 @@ class Target:
     def names(self):
         return tuple(f"x{j}" for j in range(len(self.start)))
 
-    told_names = names
+    parameter_names = names
 
-    def told(self, phi):
+    def parameters(self, phi):
         return phi
 
     def log_prior(self, phi):
@@ -108,7 +108,7 @@ def test_known_moments_are_found_and_the_gate_would_open(target, value, mean, sd
     assert told.r_hat.max() <= 1.01
     assert min(told.ess_bulk.min(), told.ess_tail.min()) >= 2000
     assert off(sample, value, mean, sd) < SURE
-    assert "before the gate" not in sample.words
+    assert "before the convergence" not in sample.words
 
 
 def test_a_funnel_is_either_found_or_refused():
@@ -116,7 +116,7 @@ def test_a_funnel_is_either_found_or_refused():
     sample = chains(funnel(), seed=3, ess=1000, most=3000)
     told = diagnose(("ln variance", "x"), sample.phi, sample)
     passed = told.r_hat.max() <= 1.01 and min(told.ess_bulk.min(), told.ess_tail.min()) >= 1000
-    assert passed != ("before the gate opened" in sample.words)
+    assert passed != ("before the convergence checks passed" in sample.words)
     if passed:
         assert off(sample, lambda x: x[:, 0], 0.0, 3.0) < SURE
 
@@ -174,7 +174,7 @@ def stop_at(step):
 def test_an_interrupted_run_keeps_what_it_has():
     sample = chains(normal(), seed=1, progress=stop_at(60))
     assert sample.interrupted
-    assert "interrupted before the gate opened" in sample.words
+    assert "interrupted before the convergence checks passed" in sample.words
     assert "60 steps" in sample.words
     assert len(sample.phi) >= 8 * sample.chains
     assert np.isfinite(sample.phi).all()
@@ -197,7 +197,7 @@ def test_progress_hears_of_steps_and_effective_draws():
 @pytest.mark.parametrize("most", [1, 60, 250])
 def test_at_the_most_steps_it_returns_what_there_is(most):
     sample = chains(normal(), seed=1, ess=100_000, most=most)
-    assert "before the gate opened" in sample.words
+    assert "before the convergence checks passed" in sample.words
     assert not sample.interrupted
     assert len(sample.phi) >= sample.chains
 

@@ -133,7 +133,7 @@ def test_units_do_not_matter(seed, rho, scale):
     assert mcse_mean(scale * draws)[0] == pytest.approx(abs(scale) * mcse_mean(draws)[0], rel=1e-9)
 
 
-def told(draws, chains=1, **facts):
+def diagnosed(draws, chains=1, **facts):
     """Diagnostics of the draws (S, q)."""
     names = tuple("VfdtABCDEFGH"[: draws.shape[1]])
     return diagnose(names, draws, Sample(draws, chains, "exact", "drawn for a test", **facts))
@@ -141,7 +141,7 @@ def told(draws, chains=1, **facts):
 
 def test_independent_draws_are_about_as_many_effective_ones():
     draws = np.random.default_rng(1).normal(size=(4000, 12))
-    found = told(draws)
+    found = diagnosed(draws)
     assert (found.chains, found.length) == (4, 1000)
     assert (np.abs(found.ess_bulk / 4000 - 1) < 0.15).all()
     assert (np.abs(found.ess_tail / 4000 - 1) < 0.25).all()
@@ -153,12 +153,12 @@ def test_independent_draws_are_about_as_many_effective_ones():
 def test_independent_draws_that_drift_are_found_out_by_their_pieces():
     draws = np.random.default_rng(1).normal(size=(4000, 1))
     draws[:, 0] += np.linspace(0, 1, 4000)
-    assert told(draws).r_hat[0] > 1.01
+    assert diagnosed(draws).r_hat[0] > 1.01
 
 
 def test_chains_stand_one_after_another():
     draws = np.stack([ar1(0.5, 4, 200), ar1(0.9, 4, 200, 2)], axis=2)
-    found = told(draws.reshape(800, 2), chains=4)
+    found = diagnosed(draws.reshape(800, 2), chains=4)
     assert found.r_hat.tolist() == r_hat(draws).tolist()
     assert found.ess_bulk.tolist() == ess_bulk(draws).tolist()
     assert found.ess_tail.tolist() == ess_tail(draws).tolist()
@@ -167,7 +167,7 @@ def test_chains_stand_one_after_another():
 
 def test_facts_of_the_route_are_handed_on():
     tau = np.array([3.0])
-    found = told(np.random.default_rng(1).normal(size=(400, 1)), k_hat=0.2, ess=350.0, tau=tau)
+    found = diagnosed(np.random.default_rng(1).normal(size=(400, 1)), k_hat=0.2, ess=350.0, tau=tau)
     assert (found.k_hat, found.ess_route) == (0.2, 350.0)
     assert found.tau is tau
 
@@ -177,19 +177,19 @@ def test_facts_of_the_route_are_handed_on():
     [
         (np.nan, "f: 1 of 400 draws are not finite numbers."),
         (-np.inf, "f: 1 of 400 draws are not finite numbers."),
-        ("still", "f: all draws are 0.3, so they never moved."),
-        ("rounding", "f: all draws are 0.3, so they never moved."),
+        ("still", "f: all draws are 0.3: the chains never moved."),
+        ("rounding", "f: all draws are 0.3: the chains never moved."),
     ],
 )
 def test_draws_that_cannot_be_judged_get_the_worst_answer_and_spare_the_others(spoil, note):
     draws = np.random.default_rng(1).normal(size=(400, 3))
-    clean = told(draws)
+    clean = diagnosed(draws)
     if isinstance(spoil, str):
         draws[:, 1] = 0.3
         draws[::2, 1] += 1e-17 if spoil == "still" else 5e-17  # the second is the next number there is
     else:
         draws[7, 1] = spoil
-    found = told(draws)
+    found = diagnosed(draws)
     assert found.notes == (note,)
     assert (found.r_hat[1], found.ess_bulk[1], found.ess_tail[1], found.mcse[1]) == (np.inf, 0, 0, np.inf)
     for figure in ("r_hat", "ess_bulk", "ess_tail", "mcse"):
@@ -210,10 +210,10 @@ def test_two_values_only_have_no_tails_to_speak_of():
 
 
 def test_chains_too_short_to_judge():
-    found = told(np.random.default_rng(1).normal(size=(12, 2)), chains=4)
+    found = diagnosed(np.random.default_rng(1).normal(size=(12, 2)), chains=4)
     assert found.r_hat.tolist() == [np.inf, np.inf]
     assert found.ess_bulk.tolist() == found.ess_tail.tolist() == [0, 0]
-    assert found.notes == ("4 chains of 3 draws are too short to judge: draw more than 400 in all.",)
+    assert found.notes == ("4 chains of 3 draws are too short to assess: draw more than 400 in all.",)
     with pytest.raises(UsageError, match="chains of 3 draws: at least 4"):
         r_hat(np.zeros((4, 3)))
 
@@ -221,6 +221,6 @@ def test_chains_too_short_to_judge():
 def test_chains_of_unequal_length_or_missing_names_are_refused():
     draws = np.zeros((10, 2))
     with pytest.raises(UsageError, match="4 equal chains"):
-        told(draws, chains=4)
+        diagnosed(draws, chains=4)
     with pytest.raises(UsageError, match="2 names, not 1"):
         diagnose(("V",), draws, Sample(draws, 1, "exact", ""))

@@ -73,7 +73,7 @@ def mesquite():
 def test_published_posterior_of_mesquite_bushes(mesquite):
     law = fit.power_law(mesquite, "P", ["V", "f", "d", "t"], by="work")
     density = law_density(law, reference(law, edges=False))
-    draws = density.told(exact(density, np.random.default_rng(1), DRAWS).phi)
+    draws = density.parameters(exact(density, np.random.default_rng(1), DRAWS).phi)
     if LOGVASH["mean"][5] * draws[:, 5].mean() < 0:  # which site counts as 1
         draws[:, 0] += draws[:, 5]
         draws[:, 5] *= -1
@@ -87,7 +87,7 @@ def test_published_posterior_of_mesquite_bushes(mesquite):
 def test_published_posterior_of_their_volume_alone(mesquite):
     law = fit.power_law(mesquite, "P", ["V"])
     density = law_density(law, reference(law, edges=False))
-    draws = density.told(exact(density, np.random.default_rng(2), DRAWS).phi)
+    draws = density.parameters(exact(density, np.random.default_rng(2), DRAWS).phi)
     ours = np.hypot(LOGVOLUME["mcse"], draws.std(axis=0) / np.sqrt(DRAWS))
     assert np.all(np.abs(draws.mean(axis=0) - LOGVOLUME["mean"]) < SE * ours)
 
@@ -110,7 +110,7 @@ def moments_by_sum(density, phi):
     log_density = density.log_prior(points) + density.log_likelihood(points)
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()
-    told = density.told(points)
+    told = density.parameters(points)
     mean = weight @ told
     return mean, np.sqrt(weight @ (told - mean) ** 2)
 
@@ -132,8 +132,8 @@ def test_moments_equal_a_sum_over_all_parameters(edges, strength):
     density = law_density(law, priors)
     phi = exact(density, np.random.default_rng(4), DRAWS).phi
     mean, sd = moments_by_sum(density, phi)
-    draws = density.told(phi)
-    assert np.abs((draws.mean(axis=0) - mean) / sd).max() < 0.015, density.told_names
+    draws = density.parameters(phi)
+    assert np.abs((draws.mean(axis=0) - mean) / sd).max() < 0.015, density.parameter_names
     assert draws.std(axis=0) / sd == pytest.approx(np.ones(len(sd)), abs=0.02)
 
 
@@ -178,7 +178,7 @@ def test_a_share_near_zero_and_near_one_is_drawn():
         table = pd.DataFrame({"V": V, "AW": np.exp(ln), "edge": np.repeat([f"e{i}" for i in range(30)], 6)})
         law = fit.power_law(datasets.runs_from_frame(table), "AW", ["V"])
         density = law_density(law, weak(law, edges=True))
-        icc = density.told(exact(density, np.random.default_rng(1)).phi)[:, 3]
+        icc = density.parameters(exact(density, np.random.default_rng(1)).phi)[:, 3]
         assert np.median(icc) == pytest.approx(expected, abs=0.08)
         assert (icc > 0).all()
         assert (icc < 1).all()

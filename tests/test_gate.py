@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from fitmodels.fit.bayes.convergence import gate
+from fitmodels.fit.bayes.convergence import check_convergence
 from fitmodels.fit.bayes.density import Sample
 from fitmodels.fit.bayes.diagnostics import Diagnostics, diagnose
 
@@ -27,17 +27,17 @@ def array(*values):
 
 
 def test_it_opens_at_the_limits_themselves():
-    told = gate(GOOD)
-    assert told.open
+    told = check_convergence(GOOD)
+    assert told.passed
     assert told.reasons == ()
 
 
 def test_what_a_route_does_not_know_shuts_nothing():
-    assert gate(replace(GOOD, k_hat=None, tau=None, ess_route=None)).open
+    assert check_convergence(replace(GOOD, k_hat=None, tau=None, ess_route=None)).passed
 
 
 def test_equal_weights_are_as_good_as_weights_can_be():
-    assert gate(replace(GOOD, k_hat=-np.inf)).open
+    assert check_convergence(replace(GOOD, k_hat=-np.inf)).passed
 
 
 SHUT = [
@@ -57,16 +57,19 @@ SHUT = [
         {"ess_tail": array(0, 3000, 3000)},
         "V: 0 effective draws in the tails, below 400: run longer, ten times the draws or more.",
     ),
-    ({"ess_route": 250.0}, "250 of 4000 draws count as effective, below 400: run longer: 7100 draws instead of 4000."),
+    (
+        {"ess_route": 250.0},
+        "250 of 4000 draws are effective by their weights, below 400: run longer: 7100 draws instead of 4000.",
+    ),
     (
         {"r_hat": array(1.0, 1.02, 1.16)},
-        "sd (and 1 more): R-hat 1.160 is above 1.01: the chains differ; run longer, twice the draws or more, and if "
-        "they still differ give --priors that hold it, or leave its term out.",
+        "sd (and 1 more): R-hat 1.160 is above 1.01: the chains differ; run twice the draws or more; if they "
+        "still differ, give informative --priors for it, or leave its term out.",
     ),
     (
         {"k_hat": 0.83},
-        "k-hat 0.83 of the importance weights is above 0.7: a few draws weigh more than all others, so take chains "
-        'instead, method="emcee".',
+        "k-hat 0.83 of the importance weights is above 0.7: a few draws have most of the weight; use MCMC, "
+        'method="emcee".',
     ),
     (
         {"tau": array(1, 48, 2)},
@@ -78,33 +81,35 @@ SHUT = [
     ),
     (
         {"tau": array(1, 1, np.inf)},
-        "the autocorrelation time of sd cannot be told: a walker never moved; run longer, from elsewhere.",
+        "the autocorrelation time of sd is infinite: a walker never moved; run longer, with another seed.",
     ),
 ]
 
 
 @pytest.mark.parametrize(("changed", "sentence"), SHUT, ids=[f"{next(iter(c))}-{i}" for i, (c, _) in enumerate(SHUT)])
 def test_each_fault_shuts_it_with_one_sentence(changed, sentence):
-    told = gate(replace(GOOD, **changed))
-    assert not told.open
+    told = check_convergence(replace(GOOD, **changed))
+    assert not told.passed
     assert told.reasons == (sentence,)
 
 
 @pytest.mark.parametrize("field", ["r_hat", "ess_bulk", "ess_tail", "tau"])
 def test_what_is_not_a_number_is_bad(field):
-    told = gate(replace(GOOD, **{field: array(np.nan, 500, 500) if field != "r_hat" else array(1, np.nan, 1)}))
-    assert not told.open
+    told = check_convergence(
+        replace(GOOD, **{field: array(np.nan, 500, 500) if field != "r_hat" else array(1, np.nan, 1)})
+    )
+    assert not told.passed
 
 
 @pytest.mark.parametrize("field", ["k_hat", "ess_route"])
 def test_so_it_is_for_the_route(field):
-    assert not gate(replace(GOOD, **{field: float("nan")})).open
+    assert not check_convergence(replace(GOOD, **{field: float("nan")})).passed
 
 
 def test_one_draw_is_granted_to_what_thinning_cut_off():
     """A run of 50.4 times kept one draw a time is 50 draws or, for where it began, 49."""
-    assert gate(replace(GOOD, length=49, tau=array(1, 1, 1))).open
-    assert not gate(replace(GOOD, length=48, tau=array(1, 1, 1))).open
+    assert check_convergence(replace(GOOD, length=49, tau=array(1, 1, 1))).passed
+    assert not check_convergence(replace(GOOD, length=48, tau=array(1, 1, 1))).passed
 
 
 @dataclass
@@ -114,34 +119,34 @@ class Compared:
 
 
 def test_routes_that_disagree_shut_it():
-    told = gate(GOOD, Compared(False, "the two routes disagree: the mean of V differs most"))
+    told = check_convergence(GOOD, Compared(False, "the two routes disagree: the mean of V differs most"))
     assert told.reasons == ("the two routes disagree: the mean of V differs most.",)
-    assert gate(GOOD, Compared(True, "the two routes agree")).open
+    assert check_convergence(GOOD, Compared(True, "the two routes agree")).passed
 
 
 def test_a_stopped_run_shuts_it_whatever_the_draws_say():
-    told = gate(GOOD, interrupted=True)
-    assert not told.open
-    assert told.reasons == ("the run was stopped before its end: run it again and let it finish.",)
+    told = check_convergence(GOOD, interrupted=True)
+    assert not told.passed
+    assert told.reasons == ("the run was interrupted: run it again to its end.",)
 
 
 def test_every_reason_is_told():
     faults = replace(GOOD, r_hat=array(1.5, 1, 1), ess_bulk=array(9, 900, 900), ess_tail=array(9, 900, 900), k_hat=2.0)
-    assert len(gate(faults, Compared(False, "they differ"), interrupted=True).reasons) == 6
+    assert len(check_convergence(faults, Compared(False, "they differ"), interrupted=True).reasons) == 6
 
 
 def drawn(draws, **facts):
-    return gate(diagnose(("V", "f"), draws, Sample(draws, 1, "exact", "drawn for a test", **facts)))
+    return check_convergence(diagnose(("V", "f"), draws, Sample(draws, 1, "exact", "drawn for a test", **facts)))
 
 
 def test_independent_draws_open_it():
-    assert drawn(np.random.default_rng(1).normal(size=(4000, 2))).open
+    assert drawn(np.random.default_rng(1).normal(size=(4000, 2))).passed
 
 
 def test_draws_that_never_moved_are_told_once():
     draws = np.random.default_rng(1).normal(size=(4000, 2))
     draws[:, 0] = 0.25
-    assert drawn(draws).reasons == ("V: all draws are 0.25, so they never moved.",)
+    assert drawn(draws).reasons == ("V: all draws are 0.25: the chains never moved.",)
 
 
 def test_a_draw_that_is_no_number_is_told_once():
@@ -152,4 +157,4 @@ def test_a_draw_that_is_no_number_is_told_once():
 
 def test_too_few_draws_never_open_it():
     for S in (0, 1, 15, 16, 100, 300):
-        assert not drawn(np.random.default_rng(1).normal(size=(S, 2))).open
+        assert not drawn(np.random.default_rng(1).normal(size=(S, 2))).passed

@@ -29,9 +29,9 @@ class Target:
     def names(self):
         return tuple(f"x{j}" for j in range(len(self.start)))
 
-    told_names = names
+    parameter_names = names
 
-    def told(self, phi):
+    def parameters(self, phi):
         return phi
 
     def log_prior(self, phi):

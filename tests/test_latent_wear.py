@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.bayes.convergence import agree
+from fitmodels.fit.bayes.convergence import compare_draws
 from fitmodels.fit.bayes.density import law_density
 from fitmodels.fit.bayes.joint_posterior import latent_wear
 from fitmodels.fit.bayes.latent_model import latent_density
@@ -78,7 +78,7 @@ def test_the_density_is_that_of_a_dense_covariance(errors, loads, known, named):
     phi = density.start + 0.3 * rng.normal(size=(3, len(density.start)))
     got = density.by_unit(phi)
     assert got.shape == (3, 5 if named else 20)
-    assert len(density.names) == len(density.told_names) == phi.shape[1] == density.told(phi).shape[1]
+    assert len(density.names) == len(density.parameter_names) == phi.shape[1] == density.parameters(phi).shape[1]
     phi = density.model(phi)
     for m in range(3):
         factor = np.exp(phi[m, density.place[-1].stop]) if density.gauge_df else 1.0
@@ -155,7 +155,7 @@ def test_the_exponent_of_the_true_wear_is_found_where_the_plain_fit_misses_it(ga
     for seed in range(12):
         wear, others = laws(cut(gauge, seed=seed))
         joint = latent_wear(wear, others, gauge, seed=seed, draws=2000)
-        assert joint.gate.open
+        assert joint.convergence.passed
         assert f"{others[0].params['AW']:.2f}" in joint.words
         read.append(others[0].params["AW"])
         rows.append(joint.for_law("P").loc["AW"])
@@ -180,7 +180,7 @@ def test_latent_wear_and_the_closed_form_agree_where_there_are_many_rows(gauge):
 def test_chains_and_importance_sampling_agree():
     wear, others = laws(cut(0.05, seed=5))
     one, two = (latent_wear(wear, others, 0.05, method=method) for method in ("importance", "emcee"))
-    found = agree((one.draws, one.sample.chains), (two.draws, two.sample.chains), one.names)
+    found = compare_draws((one.draws, one.sample.chains), (two.draws, two.sample.chains), one.names)
     assert found.agrees, found.words
     assert (one.method, two.method) == ("importance", "emcee")
 

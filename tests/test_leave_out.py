@@ -84,7 +84,7 @@ def test_recovers_the_density_of_whole_edges_never_seen():
     assert np.abs(told.pointwise - known).max() < 0.01  # ten Monte Carlo standard errors
     assert told.elpd == pytest.approx(sum(known), abs=0.02)
     assert told.p_eff == pytest.approx(1, abs=0.4)
-    assert told.words == f"Expected log density of 12 left-out edges {told.elpd:.1f} +- {told.se:.1f}, " + (
+    assert told.words == f"LOO by edge: elpd {told.elpd:.1f} ± {told.se:.1f} over 12 edges, " + (
         f"effective parameters {told.p_eff:.1f}."
     )
 
@@ -106,15 +106,15 @@ def test_an_edge_on_which_the_draws_lean_is_named():
     by_unit, _ = edges_about_a_mean(20_000, far=12.0)
     told = leave_one_out(by_unit, NAMES)
     assert told.doubtful == ("E1",)
-    assert "For E1 it is a guess (k-hat up to" in told.words
-    assert told.words.endswith("the draws lean on it too much; fit again without to know.")
+    assert "Unreliable for E1 (k-hat up to" in told.words
+    assert told.words.endswith("refit without it.")
 
 
 def test_no_more_than_five_edges_are_named():
     rng = np.random.default_rng(1)
     told = leave_one_out(-(rng.standard_cauchy((1000, 8)) ** 2), tuple("abcdefgh"))
     assert len(told.doubtful) == 8
-    assert "For a, b, c, d, e and 3 more it is a guess" in told.words
+    assert "Unreliable for a, b, c, d, e and 3 more" in told.words
 
 
 def test_one_edge_has_no_scatter_over_edges():

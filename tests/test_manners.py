@@ -29,7 +29,7 @@ from fitmodels.controllers.region.visible import wear_front
 from fitmodels.controllers.roughness.simulations import turn
 from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value, with_error
 from fitmodels.datasets.records.formats import looks_like_record
-from fitmodels.fit.bayes.competing_posterior import rival_posterior
+from fitmodels.fit.bayes.competing_posterior import posterior_of_form
 from fitmodels.fit.bayes.sampling import watch
 from fitmodels.fit.checks.response_scale import error_structure
 from fitmodels.fit.checks.robust_fit import dominant_edge
@@ -216,7 +216,7 @@ RESULTS: dict[str, Callable[[], object]] = {
     "Judgement": lambda: fit.judge(law()),
     "Posterior": post,
     "JointPosterior": latent,
-    "RivalPosterior": lambda: rival_posterior(law(), "second order in logs", draws=400),
+    "CompetingPosterior": lambda: posterior_of_form(law(), "second order in logs", draws=400),
     "Priors": lambda: post().priors,
     "PublishedComparison": lambda: compare_published(
         fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1"))), "", "Ck 45"

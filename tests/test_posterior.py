@@ -6,7 +6,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.bayes.convergence import agree
+from fitmodels.fit.bayes.convergence import compare_draws
 from fitmodels.fit.bayes.priors import Beta, HalfT, Normal, Priors
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
@@ -33,9 +33,9 @@ def turning(measurements):
 
 def together(law, one, other, **options):
     a, b = (fit.posterior(law, method=method, seed=seed, **options) for method, seed in ((one, 1), (other, 2)))
-    assert a.gate.open, a.gate.reasons
-    assert b.gate.open, b.gate.reasons
-    told = agree((a.draws, a.sample.chains), (b.draws, b.sample.chains), a.names)
+    assert a.convergence.passed, a.convergence.reasons
+    assert b.convergence.passed, b.convergence.reasons
+    told = compare_draws((a.draws, a.sample.chains), (b.draws, b.sample.chains), a.names)
     assert told.agrees, told.words
 
 
@@ -85,7 +85,7 @@ def test_importance_that_fails_hands_over_to_chains(monkeypatch):
     monkeypatch.setattr("fitmodels.fit.bayes.sampling.K_HAT", -10.0)
     post = fit.posterior(bundled_law(error="additive"), draws=1000)
     assert post.method == "emcee"
-    assert any("chains took over" in note for note in post.notes)
+    assert any("MCMC replaced" in note for note in post.notes)
 
 
 def test_an_outlying_edge_counts_for_less_with_student_errors():
@@ -194,7 +194,7 @@ def small(rows, edges, seed=2):
 @pytest.mark.parametrize(("rows", "edges"), [(8, 8), (8, 2), (8, 4), (12, 1), (4, 4)])
 def test_few_rows_and_few_edges_still_have_an_honest_posterior(rows, edges):
     post = fit.posterior(small(rows, edges))
-    assert post.gate.open, post.gate.reasons
+    assert post.convergence.passed, post.convergence.reasons
     table = post.table()
     assert np.isfinite(table.to_numpy()).all()
     assert table.loc["V", "sd"] < 2.1  # never wider than the prior

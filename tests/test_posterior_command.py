@@ -130,16 +130,16 @@ def test_an_interrupted_run_keeps_its_draws_and_says_so(run, tmp_path, monkeypat
 
     from fitmodels.fit.bayes import draw_posterior
 
-    whole = draw_posterior._route
+    whole = draw_posterior.draw
 
-    def stopped(*arguments):
-        found = whole(*arguments)
+    def stopped(*arguments, **options):
+        found = whole(*arguments, **options)
         return replace(found, sample=replace(found.sample, interrupted=True))
 
-    monkeypatch.setattr(draw_posterior, "_route", stopped)
+    monkeypatch.setattr(draw_posterior, "draw", stopped)
     code, _, err = run(GC435, "--out", "a")
     assert code == 5
-    assert "stopped before its end" in err
+    assert "the run was interrupted" in err
     kept = tmp_path / "a" / "GC435_709M40-En-19.draws-so-far.npz"
     assert str(kept.relative_to(tmp_path)) in err
     assert set(parameters.draws.unpacked(kept.read_bytes(), "kept")) == {"AW"}

@@ -8,8 +8,8 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.competing_densities import additive_wear, edge_slopes
-from fitmodels.fit.bayes.competing_posterior import rival_posterior
-from fitmodels.fit.bayes.convergence import agree
+from fitmodels.fit.bayes.competing_posterior import posterior_of_form
+from fitmodels.fit.bayes.convergence import compare_draws
 from fitmodels.fit.bayes.ensemble_sampler import chains
 from fitmodels.fit.bayes.exact_draws import exact
 from fitmodels.fit.checks.competing_forms import form_makers
@@ -55,7 +55,7 @@ def test_added_wear_has_the_density_of_its_formula(error, named):
     density = added(law, edges=named)
     phi = density.start + 0.1 * np.random.default_rng(1).normal(size=(2, len(density.start)))
     got = density.by_unit(phi)
-    told = pd.DataFrame(density.told(phi), columns=density.told_names)
+    told = pd.DataFrame(density.parameters(phi), columns=density.parameter_names)
     names = law.edge if named else np.arange(law.nobs).astype(str)
     V, f, t, AW = law.X.T
     for m, of in told.iterrows():
@@ -75,7 +75,7 @@ def test_edges_with_exponents_of_their_own_have_the_density_of_random_slopes():
     got = density.by_unit(phi)
     Z = law.formula.design(law.X)
     x = Z[:, 3] - Z[:, 3].mean()
-    for m, of in pd.DataFrame(density.told(phi), columns=density.told_names).iterrows():
+    for m, of in pd.DataFrame(density.parameters(phi), columns=density.parameter_names).iterrows():
         r = np.log(law.observed) - Z @ of.iloc[:5].to_numpy()
         sds = np.array([of["sd"] * np.sqrt(of["icc"] / (1 - of["icc"])), of["sd of u"]])
         D = np.outer(sds, sds) * np.array([[1, of["correlation"]], [of["correlation"], 1]])
@@ -88,8 +88,8 @@ def test_edges_with_exponents_of_their_own_have_the_density_of_random_slopes():
 
 @pytest.mark.parametrize("form", FORMS)
 def test_the_true_form_is_preferred_and_its_draws_pass_the_gate(form):
-    rival = rival_posterior(law_of(form, seed=1), form, draws=2000)
-    assert rival.gate.open, rival.gate.reasons
+    rival = posterior_of_form(law_of(form, seed=1), form, draws=2000)
+    assert rival.convergence.passed, rival.convergence.reasons
     assert rival.better, rival.words
     assert "so it is preferred" in rival.words
     assert rival.difference == pytest.approx(rival.leave_out.elpd - rival.power.elpd, abs=1e-9)
@@ -97,38 +97,38 @@ def test_the_true_form_is_preferred_and_its_draws_pass_the_gate(form):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_where_the_power_law_is_true_no_rival_is_preferred(form):
-    rival = rival_posterior(law_of(seed=2), form, draws=2000)
+    rival = posterior_of_form(law_of(seed=2), form, draws=2000)
     assert not rival.better, rival.words
     assert "the power law is kept" in rival.words
 
 
 def test_the_truth_of_added_wear_is_recovered():
     """Made with k 12, V .82, f .627; one interval in twenty may miss."""
-    table = rival_posterior(law_of(FORMS[1], seed=3)).table(0.99)
+    table = posterior_of_form(law_of(FORMS[1], seed=3)).table(0.99)
     truth = {"ln c0": np.log(0.14), "V": 0.82, "f": 0.627, "t": 0.0, "k": 12.0, "sd": 0.04}
     for name, value in truth.items():
         assert table.loc[name, "low"] < value < table.loc[name, "high"], name
 
 
 def test_in_natural_units_both_forms_have_errors_that_add():
-    rival = rival_posterior(law_of(FORMS[1], seed=4, error="additive"), draws=1000)
+    rival = posterior_of_form(law_of(FORMS[1], seed=4, error="additive"), draws=1000)
     assert rival.density.natural
     assert rival.sample.method == "importance"
     assert rival.better
 
 
 def test_forms_linear_in_logarithms_are_drawn_exactly_as_chains_would():
-    rival = rival_posterior(law_of(seed=5), FORMS[0])
+    rival = posterior_of_form(law_of(seed=5), FORMS[0])
     assert rival.sample.method == "exact"
     other = chains(rival.density, 3)
-    found = agree((rival.draws, 1), (rival.density.told(other.phi), other.chains), rival.names)
+    found = compare_draws((rival.draws, 1), (rival.density.parameters(other.phi), other.chains), rival.names)
     assert found.agrees, found.words
 
 
 def test_left_out_edges_are_foretold_as_if_never_seen():
     """Against drawing the form again without each edge in turn, rows of the law fitted anew to the others."""
     law = law_of(seed=6, edges=10)
-    rival = rival_posterior(law, FORMS[0], draws=4000)
+    rival = posterior_of_form(law, FORMS[0], draws=4000)
     for g, name in enumerate(rival.density.units):
         rows = law.edge != name
         order = np.argsort(law.edge.astype(str), kind="stable")
@@ -150,16 +150,16 @@ def test_left_out_edges_are_foretold_as_if_never_seen():
 
 def test_same_seed_same_draws():
     law = law_of(FORMS[1], edges=10)
-    one, two = (rival_posterior(law, draws=800) for _ in range(2))
+    one, two = (posterior_of_form(law, draws=800) for _ in range(2))
     assert np.array_equal(one.draws, two.draws)
     assert one.difference == two.difference
 
 
 def test_what_cannot_be_had_says_why():
     wear = fit.power_law(cut(), "AW", ["V", "f", "t"])
-    assert "no wear among the factors" in str(rival_posterior(wear, FORMS[1]))
+    assert "no wear among the factors" in str(posterior_of_form(wear, FORMS[1]))
     rows = law_of(named=False)
-    assert "several rows an edge" in str(rival_posterior(rows, FORMS[2]))
-    assert "of the form exponential" in str(rival_posterior(fit.exponential_law(cut(), "P", "AW")))
+    assert "several rows an edge" in str(posterior_of_form(rows, FORMS[2]))
+    assert "of the form exponential" in str(posterior_of_form(fit.exponential_law(cut(), "P", "AW")))
     with pytest.raises(UsageError, match="it is one of exponential in wear"):
-        rival_posterior(wear, "cubic")
+        posterior_of_form(wear, "cubic")

@@ -1,1 +1,1 @@
-"""Bayesian uncertainty of laws: priors, densities, routes to draws, their diagnostics and the gate before them."""
+"""Posteriors of laws: priors, densities, sampling methods, diagnostics and convergence checks."""

@@ -27,7 +27,7 @@ INSTALL = "pip install 'fitmodels[arviz]'"
 
 
 def to_arviz(posterior: "Posterior") -> Any:  # noqa: ANN401
-    """Hand a posterior to ArviZ.
+    """Convert a posterior to the classes of ArviZ.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _observed(posterior: "Posterior") -> tuple[dict[str, Variable], Mapping[str,
 def _attributes(posterior: "Posterior") -> dict[str, Any]:
     """Of every group, as they can be written to a file: text and numbers."""
     priors = posterior.priors
-    told = {
+    described = {
         name: {"distribution": prior.name, **asdict(prior), "unit": priors.units.get(name, "")}
         for name, prior in priors.of.items()
     }
@@ -132,6 +132,6 @@ def _attributes(posterior: "Posterior") -> dict[str, Any]:
         "words": posterior.sample.words,
         "seed": posterior.seed,
         "errors": posterior.errors,
-        "priors": json.dumps({"name": priors.name, **told}),
+        "priors": json.dumps({"name": priors.name, **described}),
         "notes": "\n".join(posterior.notes),
     }

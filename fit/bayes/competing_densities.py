@@ -33,13 +33,13 @@ Array = NDArray[np.float64]
 
 SHARE = "ln share"
 USUAL_SHARE = Normal(float(np.log(0.3)), 1.5)  # 95 % of it between 0.016 and 5.7 of the middle response
-LEAST_SHARE = 1e-3  # to start from
-SPREAD = 0.25  # of ln share, to start from
+LEAST_SHARE = 1e-3  # of the start
+SPREAD = 0.25  # of ln share, of the start
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class AdditiveWear(LawDensity):
-    """A law with wear added, its last column ln of what share 1 adds, in the unit of the response.
+    """A law with additive wear; its last column is ln of the contribution at share 1, in the unit of the response.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class AdditiveWear(LawDensity):
         """Of ``phi``."""
         return tuple(SHARE if name == "k" else name for name in LawDensity.names.__get__(self))
 
-    def told(self, phi: Array) -> Array:
-        """Parameters as they are told, ``k`` after the exponents, (m, p) -> (m, q)."""
-        out = LawDensity.told(self, phi)
+    def parameters(self, phi: Array) -> Array:
+        """Parameters of the form, ``k`` after the exponents, (m, p) -> (m, q)."""
+        out = LawDensity.parameters(self, phi)
         out[:, self.p - 1] = self.per_share * np.exp(phi[:, self.p - 1])
         return out
 
@@ -68,16 +68,16 @@ class AdditiveWear(LawDensity):
 
 
 def additive_wear(law: "LawFit", fitted: "FittedForm", edges: bool, errors: Errors = "normal") -> AdditiveWear:
-    """The density of a power law's rival in which wear adds.
+    """Density of the form in which wear is additive.
 
     Parameters
     ----------
     law : LawFit
         The power law, wear among its factors.
     fitted : FittedForm
-        The rival as least squares in ln R fits it, to start from.
+        The form fitted by least squares in ln R, as start.
     edges : bool
-        Whether edges have levels of their own.
+        Whether edges have random levels.
     errors : {"normal", "student"}
 
     Examples
@@ -87,7 +87,7 @@ def additive_wear(law: "LawFit", fitted: "FittedForm", edges: bool, errors: Erro
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     >>> law = fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"])
     >>> name, make = form_makers(law)[1]
-    >>> additive_wear(law, make(law), edges=True).told_names
+    >>> additive_wear(law, make(law), edges=True).parameter_names
     ('ln c0', 'V', 'f', 'd', 't', 'k', 'sd', 'icc')
     """
     wear = next(name for name in law.factors if name not in fitted.coefficients)
@@ -137,13 +137,13 @@ class EdgeSlopes(LawDensity):
         return (*LawDensity.names.__get__(self), "ln sd of u", "atanh correlation")
 
     @property
-    def told_names(self) -> tuple[str, ...]:
+    def parameter_names(self) -> tuple[str, ...]:
         """As the law calls its parameters, then sd, icc, sd of u and its correlation with the level."""
-        return (*LawDensity.told_names.__get__(self), "sd of u", "correlation")
+        return (*LawDensity.parameter_names.__get__(self), "sd of u", "correlation")
 
-    def told(self, phi: Array) -> Array:
-        """Parameters as they are told, (m, p) -> (m, q)."""
-        out = LawDensity.told(self, phi)
+    def parameters(self, phi: Array) -> Array:
+        """Parameters of the form, (m, p) -> (m, q)."""
+        out = LawDensity.parameters(self, phi)
         out[:, -2], out[:, -1] = np.exp(phi[:, -2]), np.tanh(phi[:, -1])
         return out
 
@@ -174,13 +174,13 @@ class EdgeSlopes(LawDensity):
 
 
 def edge_slopes(law: "LawFit") -> EdgeSlopes:
-    """The density of a power law in logarithms with edge levels and edge time exponents, normal errors.
+    """Density of a power law in logarithms with random levels and time exponents of edges, normal errors.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> edge_slopes(law).told_names[-4:]
+    >>> edge_slopes(law).parameter_names[-4:]
     ('sd', 'icc', 'sd of u', 'correlation')
     """
     base = law_density(law, weak(law, edges=True))

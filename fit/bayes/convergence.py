@@ -11,12 +11,12 @@ of the share below it); of a standard deviation: the delta method on squared dev
 
 from dataclasses import dataclass
 from math import ceil
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.display import Displayable
+from .density import Array
 from .diagnostics import PIECES, Diagnostics, ess_mean
 from .psis_loo import K_HAT
 
@@ -25,46 +25,36 @@ R_HAT = 1.01  # the same section
 TIMES = 50.0  # autocorrelation times in a chain: documentation of emcee, "Autocorrelation analysis & convergence"
 
 
-class Verdict(Protocol):
-    """What is said of two runs of the same model, side by side."""
-
-    @property
-    def agrees(self) -> bool:
-        """Whether they differ by no more than their Monte Carlo error."""
-
-    @property
-    def words(self) -> str:
-        """One sentence: where they differ, by how much, how much is allowed, what to do."""
-
-
 @dataclass(frozen=True, slots=True, repr=False)
-class Gate(Displayable):
-    """Whether draws may be used.
+class ConvergenceChecks(Displayable):
+    """Result of the convergence checks of draws.
 
     Attributes
     ----------
-    open : bool
-        Nothing is written to a parameter file while it is shut.
+    passed : bool
+        Draws that did not pass are not written to a parameter file.
     reasons : tuple of str
-        Why it is shut, a sentence each: what was found, the limit, what to do. Empty where it is open.
+        One sentence for each failed check: value, limit, remedy. Empty where all passed.
     """
 
-    open: bool
+    passed: bool
     reasons: tuple[str, ...] = ()
 
 
-def gate(diagnostics: Diagnostics, agreement: Verdict | None = None, interrupted: bool = False) -> Gate:
-    """The gate for draws.
+def check_convergence(
+    diagnostics: Diagnostics, agreement: "Agreement | None" = None, interrupted: bool = False
+) -> ConvergenceChecks:
+    """Convergence checks of draws.
 
-    It is shut below 400 effective draws in bulk, in the tails or as the route counts them, above R-hat 1.01, above
-    k-hat 0.7, by chains of fewer than 50 autocorrelation times, by routes that disagree, and where the run was stopped.
-    What is not a number is bad.
+    They fail below 400 effective draws in bulk, in the tails or of the sampling method, above R-hat 1.01, above
+    k-hat 0.7, for chains shorter than 50 autocorrelation times, for methods that disagree, and where the run was
+    interrupted. Values that are not finite fail.
 
     Parameters
     ----------
     diagnostics : Diagnostics
-    agreement : Verdict, optional
-        Of an independent run, where there was one.
+    agreement : Agreement, optional
+        With an independent run.
     interrupted : bool
 
     Examples
@@ -72,47 +62,50 @@ def gate(diagnostics: Diagnostics, agreement: Verdict | None = None, interrupted
     >>> from fitmodels.fit.bayes.diagnostics import diagnose
     >>> from fitmodels.fit.bayes.density import Sample
     >>> draws = np.random.default_rng(1).normal(size=(4000, 2))
-    >>> gate(diagnose(("V", "f"), draws, Sample(draws, 1, "exact", "drawn independently")))
-    Gate: convergence checks passed
-    >>> gate(diagnose(("V", "f"), draws, Sample(draws, 1, "importance", "reweighted", k_hat=0.83))).reasons[0][:46]
+    >>> check_convergence(diagnose(("V", "f"), draws, Sample(draws, 1, "exact", "drawn independently")))
+    ConvergenceChecks: convergence checks passed
+    >>> poor = Sample(draws, 1, "importance", "reweighted", k_hat=0.83)
+    >>> check_convergence(diagnose(("V", "f"), draws, poor)).reasons[0][:46]
     'k-hat 0.83 of the importance weights is above '
     """
     reasons = (
         *diagnostics.notes,
         *_effective(diagnostics),
-        *_alike(diagnostics),
+        *_chains_agree(diagnostics),
         *_weights(diagnostics.k_hat),
         *_long_enough(diagnostics),
         *(() if agreement is None or agreement.agrees else (agreement.words.rstrip(".") + ".",)),
-        *(("the run was stopped before its end: run it again and let it finish.",) if interrupted else ()),
+        *(("the run was interrupted: run it again to its end.",) if interrupted else ()),
     )
-    return Gate(not reasons, reasons)
+    return ConvergenceChecks(not reasons, reasons)
 
 
-def _effective(told: Diagnostics) -> list[str]:
-    """Effective draws of parameters in bulk and tails, and as the route counts them."""
-    S, reasons = told.chains * told.length, []
-    for where, ess in (("in bulk", told.ess_bulk), ("in the tails", told.ess_tail)):
-        low = ~(ess >= ESS) & _judged(told)
+def _effective(found: Diagnostics) -> list[str]:
+    """Effective draws of parameters in bulk and tails, and of the sampling method."""
+    S, reasons = found.chains * found.length, []
+    for where, ess in (("in bulk", found.ess_bulk), ("in the tails", found.ess_tail)):
+        low = ~(ess >= ESS) & _assessed(found)
         if low.any():
             j = int(np.argmin(np.where(low, np.nan_to_num(ess, nan=-1.0), np.inf)))
-            of = _with_others(told.names[j], low)
+            of = _with_others(found.names[j], low)
             reasons.append(f"{of}: {ess[j]:.0f} effective draws {where}, below {ESS:.0f}: {_longer(S, ess[j])}.")
-    route = told.ess_route
+    route = found.ess_route
     if route is not None and not route >= ESS:
-        reasons.append(f"{route:.0f} of {S} draws count as effective, below {ESS:.0f}: {_longer(S, route)}.")
+        reasons.append(
+            f"{route:.0f} of {S} draws are effective by their weights, below {ESS:.0f}: {_longer(S, route)}."
+        )
     return reasons
 
 
-def _alike(told: Diagnostics) -> list[str]:
-    """R-hat."""
-    high = ~(told.r_hat <= R_HAT) & _judged(told)
+def _chains_agree(found: Diagnostics) -> list[str]:
+    """R-hat of all parameters."""
+    high = ~(found.r_hat <= R_HAT) & _assessed(found)
     if not high.any():
         return []
-    j = int(np.argmax(np.where(high, np.nan_to_num(told.r_hat, nan=np.inf, posinf=np.inf), -np.inf)))
+    j = int(np.argmax(np.where(high, np.nan_to_num(found.r_hat, nan=np.inf, posinf=np.inf), -np.inf)))
     return [
-        f"{_with_others(told.names[j], high)}: R-hat {told.r_hat[j]:.3f} is above {R_HAT:g}: the chains differ; run "
-        "longer, twice the draws or more, and if they still differ give --priors that hold it, or leave its term out."
+        f"{_with_others(found.names[j], high)}: R-hat {found.r_hat[j]:.3f} is above {R_HAT:g}: the chains differ; run "
+        "twice the draws or more; if they still differ, give informative --priors for it, or leave its term out."
     ]
 
 
@@ -120,28 +113,28 @@ def _weights(k_hat: float | None) -> list[str]:
     if k_hat is None or k_hat <= K_HAT:
         return []
     return [
-        f"k-hat {k_hat:.2f} of the importance weights is above {K_HAT:g}: a few draws weigh more than all others, "
-        'so take chains instead, method="emcee".'
+        f"k-hat {k_hat:.2f} of the importance weights is above {K_HAT:g}: a few draws have most of the weight; "
+        'use MCMC, method="emcee".'
     ]
 
 
-def _long_enough(told: Diagnostics) -> list[str]:
-    """Chains against their autocorrelation time; one draw is granted to what thinning cut off."""
-    if told.tau is None or (told.length + 1 >= TIMES * told.tau).all():
+def _long_enough(found: Diagnostics) -> list[str]:
+    """Length of chains in autocorrelation times, with a tolerance of one draw lost by thinning."""
+    if found.tau is None or (found.length + 1 >= TIMES * found.tau).all():
         return []
-    j = int(np.argmax(np.nan_to_num(told.tau, nan=np.inf, posinf=np.inf)))
-    slowest = f" of {told.names[j]}" if len(told.tau) == len(told.names) else ""
-    if not np.isfinite(told.tau[j]):
-        return [f"the autocorrelation time{slowest} cannot be told: a walker never moved; run longer, from elsewhere."]
+    j = int(np.argmax(np.nan_to_num(found.tau, nan=np.inf, posinf=np.inf)))
+    slowest = f" of {found.names[j]}" if len(found.tau) == len(found.names) else ""
+    if not np.isfinite(found.tau[j]):
+        return [f"the autocorrelation time{slowest} is infinite: a walker never moved; run longer, with another seed."]
     return [
-        f"chains of {told.length} draws hold {told.length / told.tau[j]:.0f} autocorrelation times{slowest}, fewer "
-        f"than {TIMES:.0f}: run longer: {ceil(TIMES * told.tau[j])} draws a chain."
+        f"chains of {found.length} draws hold {found.length / found.tau[j]:.0f} autocorrelation times{slowest}, fewer "
+        f"than {TIMES:.0f}: run longer: {ceil(TIMES * found.tau[j])} draws a chain."
     ]
 
 
-def _judged(told: Diagnostics) -> NDArray[np.bool_]:
-    """Parameters of which the notes do not say already that nothing can be said."""
-    return np.isfinite(told.r_hat) if told.notes else np.ones(len(told.names), bool)
+def _assessed(found: Diagnostics) -> NDArray[np.bool_]:
+    """Parameters whose draws could be assessed: the notes name the others."""
+    return np.isfinite(found.r_hat) if found.notes else np.ones(len(found.names), bool)
 
 
 def _with_others(name: str, bad: NDArray[np.bool_]) -> str:
@@ -150,15 +143,13 @@ def _with_others(name: str, bad: NDArray[np.bool_]) -> str:
 
 
 def _longer(S: int, ess: float) -> str:
-    """What to do about too few effective draws, with a tenth to spare."""
+    """Remedy for too few effective draws, with a margin of a tenth."""
     if not ess >= 1:
         return "run longer, ten times the draws or more"
     need = 1.1 * S * ESS / ess
     unit = 10 ** max(len(str(int(need))) - 2, 0)
     return f"run longer: {ceil(need / unit) * unit} draws instead of {S}"
 
-
-Array = NDArray[np.float64]
 
 LEVEL = 1e-3  # chance of a false alarm in a whole comparison; of chains 2 or 3 times that, as errors are estimates
 FLOOR = 0.02  # standard deviations
@@ -168,23 +159,23 @@ FIGURES = ("mean", "standard deviation", *(f"{100 * share:g} % quantile" for sha
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Agreement(Displayable):
-    """What a comparison of two routes came to.
+    """Comparison of the draws of two sampling methods.
 
     Attributes
     ----------
     agrees : bool
-        Causes of no: a route that has not found the whole posterior, or two densities that are not the same. Cure:
-        more draws by chains, another seed; if it stays, the model.
+        False where a method has not explored the whole posterior, or two densities differ. Remedy: more draws by MCMC,
+        another seed; if it persists, another model.
     name, figure : str
-        The parameter and the figure of it in which the routes differ most, for what was allowed.
+        The parameter and its statistic in which the methods differ most, relative to the limit.
     difference : float
-        Of that figure, second route less first, in standard deviations of the parameter.
+        Of that statistic, second method less first, in standard deviations of the parameter.
     allowed : float
-        How far it might be from zero, in the same unit.
+        Its limit, in the same unit.
     errors : float
         The same difference in Monte Carlo standard errors.
     words : str
-        All this in one sentence.
+        The comparison in one sentence.
     """
 
     agrees: bool
@@ -196,24 +187,26 @@ class Agreement(Displayable):
     words: str
 
 
-def agree(a: tuple[Array, int], b: tuple[Array, int], names: tuple[str, ...], interrupted: bool = False) -> Agreement:
+def compare_draws(
+    a: tuple[Array, int], b: tuple[Array, int], names: tuple[str, ...], interrupted: bool = False
+) -> Agreement:
     """Compare two sets of draws.
 
     Parameters
     ----------
     a, b : tuple of ndarray, shape (S, q), and int
         Draws of the parameters, chain after chain, and of how many chains; 1 where draws are independent. Copies of a
-        weighted draw count for what they are as long as they stand side by side.
+        weighted draw must be adjacent, so that the autocorrelation accounts for them.
     names : tuple of str
         Of the q parameters.
     interrupted : bool
-        Whether one of the routes was stopped: then nothing is verified, whatever the draws say.
+        Whether one of the runs was interrupted: then the result is never an agreement.
 
     Examples
     --------
     >>> rng = np.random.default_rng(1)
-    >>> told = agree((rng.normal(size=(4000, 2)), 1), (rng.normal(size=(4000, 2)), 4), ("V", "f"))
-    >>> told.agrees
+    >>> found = compare_draws((rng.normal(size=(4000, 2)), 1), (rng.normal(size=(4000, 2)), 4), ("V", "f"))
+    >>> found.agrees
     True
     """
     from scipy.special import ndtri
@@ -223,14 +216,14 @@ def agree(a: tuple[Array, int], b: tuple[Array, int], names: tuple[str, ...], in
         by = difference / sd
         ratio = np.minimum(errors / -float(ndtri(LEVEL / 2 / errors.size)), np.abs(by) / FLOOR)
         may = np.abs(by) / ratio
-    known = np.isfinite(ratio)  # not so where draws stand still or are no numbers
+    known = np.isfinite(ratio)  # false where draws are constant or not finite
     ratio[~known] = np.inf
     at = np.unravel_index(int(ratio.argmax()), ratio.shape)
     agrees = bool(ratio[at] <= 1) and not interrupted
     figure, name = FIGURES[at[0]], names[at[1]]
-    told = float(by[at]), float(may[at] if ratio[at] > 0 else FLOOR)
-    words = _words(agrees, interrupted, bool(known[at]), name, figure, *told)
-    return Agreement(agrees, name, figure, *told, float(errors[at]), words)
+    gap = float(by[at]), float(may[at] if ratio[at] > 0 else FLOOR)
+    words = _words(agrees, interrupted, bool(known[at]), name, figure, *gap)
+    return Agreement(agrees, name, figure, *gap, float(errors[at]), words)
 
 
 def _compared(a: tuple[Array, int], b: tuple[Array, int]) -> tuple[Array, Array, Array]:
@@ -262,7 +255,7 @@ def _pieces(chains: int) -> int:
 
 
 def _error(x: Array, pieces: int) -> Array:
-    """Monte Carlo standard error of the mean of each column; no number where it stands still."""
+    """Monte Carlo standard error of the mean of each column; NaN where it is constant."""
     effective = ess_mean(x.reshape(pieces, -1, x.shape[1]))
     return np.asarray(x.std(axis=0, ddof=1) / np.sqrt(np.where(effective > 0, effective, np.nan)))
 
@@ -280,10 +273,10 @@ def _words(
     agrees: bool, interrupted: bool, known: bool, name: str, figure: str, difference: float, allowed: float
 ) -> str:
     if not known:
-        return f"the two routes cannot be compared: draws of {name} stand still or are no numbers; run more draws"
+        return f"the two methods cannot be compared: draws of {name} are constant or not finite; run more draws"
     most = f"the {figure} of {name} differs most, by {abs(difference):.2g} standard deviations ({allowed:.2g} allowed)"
     if interrupted:
-        return f"the two routes were not compared to the end, because one was interrupted: so far {most}"
+        return f"the comparison of the two methods is incomplete, as one was interrupted: so far {most}"
     if agrees:
-        return f"the two routes agree within Monte Carlo error: {most}"
-    return f"the two routes disagree: {most}; run more draws, and distrust the model if it stays so"
+        return f"the two methods agree within Monte Carlo error: {most}"
+    return f"the two methods disagree: {most}; run more draws, and revise the model if it persists"

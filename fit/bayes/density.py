@@ -36,8 +36,8 @@ class Density(Protocol):
 
     Attributes
     ----------
-    names, told_names : tuple of str
-        Of ``phi``, length p, and of what is told, length q.
+    names, parameter_names : tuple of str
+        Of ``phi``, length p, and of the parameters, length q.
     units : tuple of str
         Names of the G edges (of the rows, where there are no edges), in the order of ``by_unit``.
     start : ndarray, shape (p,)
@@ -50,7 +50,7 @@ class Density(Protocol):
     def names(self) -> tuple[str, ...]: ...  # noqa: D102
 
     @property
-    def told_names(self) -> tuple[str, ...]: ...  # noqa: D102
+    def parameter_names(self) -> tuple[str, ...]: ...  # noqa: D102
 
     @property
     def units(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -70,12 +70,12 @@ class Density(Protocol):
     def log_likelihood(self, phi: Array) -> Array:
         """Their sum, (m, p) -> (m,)."""
 
-    def told(self, phi: Array) -> Array:
-        """Parameters as they are told, (m, p) -> (m, q)."""
+    def parameters(self, phi: Array) -> Array:
+        """Parameters of the law, (m, p) -> (m, q)."""
 
 
 def log_posterior(density: Density, phi: Array) -> Array:
-    """Log posterior density but for a constant, (m, p) -> (m,); minus infinity where it is no number."""
+    """Log posterior density but for a constant, (m, p) -> (m,); minus infinity where it is not finite."""
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         value = density.log_prior(phi) + density.log_likelihood(phi)
     return np.where(np.isfinite(value), value, -np.inf)
@@ -96,16 +96,15 @@ class Sample(Displayable):
         How many chains of S / chains draws; 1 where draws are independent.
     method : {"exact", "importance", "emcee"}
     words : str
-        How they were drawn, in one sentence.
+        Sampling method and its settings in one sentence.
     k_hat : float or None
         Pareto shape of the importance weights.
     ess : float or None
-        Effective number of draws by the weights, or by the autocorrelation time: what their own route knows of
-        them, beside the diagnostics of the draws.
+        Effective number of draws by the weights, or by the autocorrelation time, as the sampling method estimates it.
     tau : ndarray, shape (p,), or None
         Autocorrelation time in draws of one chain.
     interrupted : bool
-        Whether somebody stopped it before the gate opened.
+        Whether the run was interrupted before the convergence checks passed.
     """
 
     phi: Array
@@ -119,7 +118,7 @@ class Sample(Displayable):
 
 
 Errors = Literal["normal", "student"]
-AT_ONCE = 4_000_000  # looks of a point at a row: 32 MB of residuals
+AT_ONCE = 4_000_000  # points times rows: 32 MB of residuals
 LN_2PI = float(np.log(2 * np.pi))
 NU = (2.0, 0.1)  # gamma prior of nu: shape, rate; nine tenths of it between 3.6 and 47
 
@@ -176,13 +175,13 @@ class LawDensity(Displayable):
         return ("level", *self.theta_names[1:], "ln sd", *more)
 
     @property
-    def told_names(self) -> tuple[str, ...]:
+    def parameter_names(self) -> tuple[str, ...]:
         """As the law calls its parameters, then sd, icc and nu."""
         more = (("icc",) if self.edges else ()) + (("nu",) if self.errors == "student" else ())
         return (*self.theta_names, "sd", *more)
 
-    def told(self, phi: Array) -> Array:
-        """Parameters as they are told, (m, p) -> (m, q)."""
+    def parameters(self, phi: Array) -> Array:
+        """Parameters of the law, (m, p) -> (m, q)."""
         out = phi.copy()
         out[:, 0] -= phi[:, 1 : self.p] @ self.centre[1:]
         out[:, self.p] = np.exp(phi[:, self.p])

@@ -29,12 +29,12 @@ def effective_draws(x: Array) -> Array:
     Parameters
     ----------
     x : ndarray, shape (q, chains, draws)
-        Chains as they are to be compared: halved by the caller.
+        Chains to compare: split in halves by the caller.
 
     Returns
     -------
     ndarray, shape (q,)
-        At most S log10(S); not a number where nothing moves.
+        At most S log10(S); NaN where all draws are equal.
 
     Examples
     --------
@@ -48,14 +48,14 @@ def effective_draws(x: Array) -> Array:
     short = min(n, SHORT)
     x = x - centre[:, :, None]
     tau, ended = _geyer(_products(x, short), between, n)
-    if short < n and not ended.all():  # draws that hang together: all lags, by Fourier transform
+    if short < n and not ended.all():  # correlated draws: all lags, by Fourier transform
         tau[~ended], _ = _geyer(_lags(x[~ended], n) / n, between[~ended], n)
     ess = m * n / np.maximum(tau, 1 / np.log10(m * n))
     return np.asarray(ess)
 
 
 def autocorrelation_time(chain: Array) -> Array:
-    """Integrated autocorrelation time of an ensemble, as emcee tells it: Goodman & Weare 2010, Sokal 1997.
+    """Integrated autocorrelation time of an ensemble, as emcee estimates it: Goodman & Weare 2010, Sokal 1997.
 
     Autocorrelations of the walkers are averaged, and summed up to the first lag of five times the sum.
 
@@ -66,8 +66,8 @@ def autocorrelation_time(chain: Array) -> Array:
     Returns
     -------
     ndarray, shape (p,)
-        In steps; infinite where a walker never moved, or is not a number. Walkers that swing from side to side get
-        next to nothing: take no less than 1 for them.
+        In steps; infinite where a walker never moved or is not finite. Antithetic walkers give values near 0: use at
+        least 1 for them.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def _products(x: Array, lags: int) -> Array:
 
 
 def _geyer(autocovariance: Array, between: Array, n: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Autocorrelation time by Geyer's initial monotone sequence, (q, lags) -> (q,), and whether it came to its end."""
+    """Autocorrelation time by Geyer's initial monotone sequence, (q, lags) -> (q,), and whether the sequence ended."""
     q, lags = autocovariance.shape
     within = autocovariance[:, :1] * n / (n - 1)
     rho = 1 - (within - autocovariance) / (autocovariance[:, :1] + between[:, None])
@@ -123,33 +123,33 @@ def _lags(x: Array, lags: int) -> Array:
 
 __all__ = ["Diagnostics", "autocorrelation_time", "diagnose", "ess_bulk", "ess_mean", "ess_tail", "mcse_mean", "r_hat"]
 
-PIECES = 4  # of independent draws, to compare with one another
+PIECES = 4  # of independent draws, to compare with each other
 FEWEST = 4  # draws of a chain: its halves need two each
 TAILS = (0.05, 0.95)  # quantiles whose effective draws are those of the tails: sec. 4.3 there
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Diagnostics(Displayable):
-    """What is known of how well draws stand for their posterior.
+    """Convergence diagnostics of draws.
 
     Attributes
     ----------
     names : tuple of str
         The q parameters.
     chains, length : int
-        Draws were judged as so many chains of so many draws; independent draws are cut in four.
+        Number and length of chains in the diagnostics; independent draws are split into four.
     r_hat : ndarray, shape (q,)
-        1 where chains tell the same; causes of more: too short chains, several modes, a parameter that nothing holds.
+        1 where chains agree; larger for short chains, several modes, or a parameter that is not identified.
     ess_bulk, ess_tail : ndarray, shape (q,)
         Effective draws for the middle and for the 5 and 95 % quantiles.
     mcse : ndarray, shape (q,)
         Monte Carlo standard error of the mean, in the unit of the parameter.
     k_hat, ess_route : float or None
-        As in ``Sample``: Pareto shape of the importance weights, effective draws as the route counts them.
+        As in ``Sample``: Pareto shape of the importance weights, effective draws by the sampling method.
     tau : ndarray or None
         Autocorrelation time of each parameter of the density, in draws of one chain.
     notes : tuple of str
-        Which draws could not be judged, and why.
+        Draws that could not be assessed, with the reason.
     """
 
     names: tuple[str, ...]
@@ -185,8 +185,8 @@ def diagnose(names: tuple[str, ...], draws: Array, sample: Sample) -> Diagnostic
     Examples
     --------
     >>> draws = np.random.default_rng(1).normal(size=(4000, 2))
-    >>> told = diagnose(("V", "f"), draws, Sample(draws, 1, "exact", "drawn independently"))
-    >>> bool(told.r_hat.max() < 1.01), bool(told.ess_bulk.min() > 3000)
+    >>> found = diagnose(("V", "f"), draws, Sample(draws, 1, "exact", "drawn independently"))
+    >>> bool(found.r_hat.max() < 1.01), bool(found.ess_bulk.min() > 3000)
     (True, True)
     """
     S, q = draws.shape
@@ -267,11 +267,11 @@ def _one(draws: Array, which: int) -> Array:
 
 
 def _ready(draws: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Draws by parameter, zeros for those that cannot be judged, and which these are."""
+    """Draws by parameter, zeros for those that cannot be assessed, and a mask of these."""
     draws = np.asarray(draws, dtype=np.float64)
     x = _by_parameter(draws if draws.ndim == 3 else draws[..., None])
     if x.shape[2] < FEWEST:
-        raise UsageError(f"chains of {x.shape[2]} draws: at least {FEWEST} are needed to say anything of them.")
+        raise UsageError(f"chains of {x.shape[2]} draws: at least {FEWEST} are needed for diagnostics.")
     unfit, _ = _unfit(x, ("",) * len(x))
     return np.where(unfit[:, None, None], 0.0, x), unfit
 
@@ -287,7 +287,7 @@ def _all(x: Array, unfit: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array
     bulk, left, right, mean = np.split(effective_draws(np.concatenate([scores.reshape(shape), *below, halves])), 4)
     mcse = x.std(axis=(1, 2), ddof=1) / np.sqrt(mean)
     bulk, tail = (np.where(unfit | np.isnan(ess), 0.0, ess) for ess in (bulk, np.minimum(left, right)))
-    worst, mcse = (np.where(unfit | np.isnan(told), np.inf, told) for told in (worst, mcse))
+    worst, mcse = (np.where(unfit | np.isnan(value), np.inf, value) for value in (worst, mcse))
     return worst, bulk, tail, mcse
 
 
@@ -303,17 +303,17 @@ def _halved(x: Array) -> Array:
 
 
 def _unfit(x: Array, names: tuple[str, ...]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    """Which parameters' draws cannot be judged, and a sentence for each."""
+    """Mask of the parameters whose draws cannot be assessed, and a sentence for each."""
     q, chains, n = x.shape
     if n < FEWEST:
-        return np.ones(q, bool), (f"{chains} chains of {n} draws are too short to judge: draw more than 400 in all.",)
+        return np.ones(q, bool), (f"{chains} chains of {n} draws are too short to assess: draw more than 400 in all.",)
     bad = ~np.isfinite(x).reshape(q, -1)
     broken = bad.any(axis=1)
     with np.errstate(invalid="ignore"):
         still = ~broken & (np.ptp(x, axis=(1, 2)) <= ROUNDING * np.abs(x).max(axis=(1, 2)))
     return broken | still, (
         *(f"{names[j]}: {bad[j].sum()} of {chains * n} draws are not finite numbers." for j in np.flatnonzero(broken)),
-        *(f"{names[j]}: all draws are {x[j, 0, 0]:.6g}, so they never moved." for j in np.flatnonzero(still)),
+        *(f"{names[j]}: all draws are {x[j, 0, 0]:.6g}: the chains never moved." for j in np.flatnonzero(still)),
     )
 
 
@@ -330,7 +330,7 @@ def _scores(x: Array) -> tuple[Array, Array]:
 
 
 def _placed(ordered: Array, order: NDArray[np.intp]) -> Array:
-    """Normal scores (Blom's) of ascending rows, put where they came from; ties share their mean rank."""
+    """Normal scores (Blom's) of ascending rows, in the original order; ties share their mean rank."""
     from scipy.special import ndtri
 
     q, S = ordered.shape

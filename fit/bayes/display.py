@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 from ...core.display import Display, TextTable, display, estimates, with_error
-from .competing_posterior import RivalPosterior
-from .convergence import Gate
+from .competing_posterior import CompetingPosterior
+from .convergence import ConvergenceChecks
 from .joint_posterior import JointPosterior
 from .posterior import Posterior
 from .priors import Priors
@@ -28,26 +28,26 @@ def of_posterior(post: Posterior) -> Display:
         f"{name} {with_error(float(m), float(s))}"
         for name, m, s in zip(post.names, post.draws.mean(axis=0), post.draws.std(axis=0, ddof=1), strict=True)
     )
-    head = f"{post.response}, {len(post.draws)} {post.method} draws, {state(post.gate)}: {names}"
-    return of_draws(head, post.table(), (*post.gate.reasons, post.sample.words, *post.notes))
+    head = f"{post.response}, {len(post.draws)} {post.method} draws, {state(post.convergence)}: {names}"
+    return of_draws(head, post.table(), (*post.convergence.reasons, post.sample.words, *post.notes))
 
 
 @display.register
 def of_joint_posterior(post: JointPosterior) -> Display:
     """Exponents of the true wear; the parameters of all laws."""
-    return of_draws(post.words, post.table(), (*post.gate.reasons, post.sample.words, *post.notes))
+    return of_draws(post.words, post.table(), (*post.convergence.reasons, post.sample.words, *post.notes))
 
 
 @display.register
-def of_competing_posterior(post: RivalPosterior) -> Display:
+def of_competing_posterior(post: CompetingPosterior) -> Display:
     """Comparison with the power law; the parameters."""
-    return of_draws(post.words, post.table(), (*post.gate.reasons, *post.notes))
+    return of_draws(post.words, post.table(), (*post.convergence.reasons, *post.notes))
 
 
 @display.register
-def of_gate(gate: Gate) -> Display:
+def of_convergence(checks: ConvergenceChecks) -> Display:
     """Whether the convergence checks passed, with the reasons where they failed."""
-    return Display(state(gate), sentences=gate.reasons)
+    return Display(state(checks), sentences=checks.reasons)
 
 
 @display.register
@@ -68,6 +68,6 @@ def of_priors(priors: Priors) -> Display:
     )
 
 
-def state(gate: Gate) -> str:
+def state(checks: ConvergenceChecks) -> str:
     """``convergence checks passed`` or ``convergence checks failed``."""
-    return f"convergence checks {'passed' if gate.open else 'failed'}"
+    return f"convergence checks {'passed' if checks.passed else 'failed'}"

@@ -5,24 +5,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-import numpy as np
-
 from ...core.errors import FitError, UsageError
 from ...core.threads import one_thread
 from ..edges import EdgeInference
-from .convergence import Agreement, agree
-from .density import Errors, LawDensity, Method, Sample, law_density
+from .convergence import Agreement, compare_draws
+from .density import Errors, Method, law_density
 from .posterior import Posterior
 from .priors import Flat, Priors, reference, weak
 from .priors_file import read_priors, replaced
-from .sampling import Drawn, Progress, drawn, judged
+from .sampling import Progress, draw
 
 if TYPE_CHECKING:
     from ..lawfit import LawFit
 
-FEWEST, MOST = 1000, 1_000_000  # draws: below the first no gate opens, but by chance
-MOST_ROWS = 100_000  # of a law that is not linear: every draw looks at every row
-APART = 7919  # between the seed of the draws and that of the chains that verify them
+FEWEST, MOST = 1000, 1_000_000  # draws: fewer pass the convergence checks by chance only
+MOST_ROWS = 100_000  # of a law that is not linear: every draw evaluates every row
+OFFSET = 7919  # between the seed of the draws and that of the chains that verify them
 
 
 @one_thread
@@ -37,33 +35,33 @@ def posterior(
     verify: bool = False,
     progress: Progress | None = None,
 ) -> Posterior:
-    """Draws of the parameters of a law.
+    """Draws from the posterior of the parameters of a law.
 
     Parameters
     ----------
     law : LawFit
-        Edges have a random level where the law names several edges and some of them gave several rows.
+        Edges have a random level where there are several and some of them have several rows.
     seed : int
         The same seed gives the same draws, bit for bit.
     draws : int
     priors : "weak", "reference", Priors, a mapping as read from a priors file, or the path of such a file
         Proper and weak unless given; ``reference`` is flat.
     errors : {"normal", "student"}
-        Student-t errors, of unknown degrees of freedom, make little of rows (edges) that lie far off.
+        Student-t errors, of unknown degrees of freedom, downweight outlying rows (edges).
     method : {"exact", "importance", "emcee"}, optional
-        Chosen by the model: exact where the law is linear on the scale of its normal errors, else importance
-        sampling, and chains where its k-hat exceeds 0.7.
+        By default exact where the law is linear on the scale of its normal errors, else importance sampling, and MCMC
+        (emcee) where its k-hat exceeds 0.7.
     verify : bool
-        Run chains beside, and compare.
+        Run MCMC as well, and compare.
     progress : callable, optional
         Called with the steps done and the effective draws so far.
 
     Raises
     ------
     UsageError
-        An option that there is not, or priors that cannot be.
+        An unknown option, or invalid priors.
     FitError
-        Observations that fix the parameters exactly, or a law that meets them exactly.
+        No residual degrees of freedom, or a law that fits every row exactly.
 
     Examples
     --------
@@ -78,38 +76,37 @@ def posterior(
     density = law_density(law, _priors(law, priors, edges), errors)
     linear = errors == "normal" and not (density.natural and law.law.logarithmic)
     if method == "exact" and not linear:
-        raise UsageError(f"{law.response}: no exact draws of {errors} errors in its own unit; leave method out.")
+        raise UsageError(
+            f"{law.response}: there are no exact draws of a law that is not linear in its parameters; omit method."
+        )
     if not linear and law.nobs > MOST_ROWS:
         raise FitError(
-            f"{law.response}: {law.nobs} rows; of a law that is not linear in its parameters at most {MOST_ROWS} can "
-            "be looked at in every draw. With so many rows the interval of the fit says the same."
+            f"{law.response}: {law.nobs} rows; of a law not linear in its parameters at most {MOST_ROWS} can be used; "
+            "with so many rows the confidence interval is equivalent."
         )
-    found = _route(density, "exact" if linear and method is None else method, seed, draws, progress)
-    post = Posterior(law, density, found.sample, found.told, found.diagnostics, seed, notes=(*notes, *found.notes))
+    found = draw(density, seed, draws, progress, "exact" if linear and method is None else method)
+    post = Posterior(
+        law=law,
+        density=density,
+        sample=found.sample,
+        draws=found.draws,
+        diagnostics=found.diagnostics,
+        seed=seed,
+        notes=(*notes, *found.notes),
+    )
     return replace(post, agreement=_verified(post, draws, progress)) if verify else post
 
 
-def _route(density: LawDensity, method: Method | None, seed: int, draws: int, progress: Progress | None) -> Drawn:
-    """Draws by one route; without a method importance sampling first, then chains."""
-    from .exact_draws import exact
-
-    if method == "exact":
-        return judged(density, exact(density, np.random.default_rng(seed), draws))
-    return drawn(density, seed, draws, progress, method)
-
-
-def draw_again(density: LawDensity, like: Sample, seed: int) -> Sample:
-    """Another sample of the same size by the same route, of a density that differs a little."""
-    return _route(density, "exact" if like.method == "exact" else None, seed, len(like.phi), None).sample
-
-
 def _verified(post: Posterior, draws: int, progress: Progress | None) -> Agreement:
-    """Chains on the same density, from another seed, beside the draws."""
+    """Comparison with MCMC draws of the same density from another seed."""
     from .ensemble_sampler import chains
 
-    other = chains(post.density, post.seed + APART, ess=draws, progress=progress)
-    return agree(
-        (post.draws, post.sample.chains), (post.density.told(other.phi), other.chains), post.names, other.interrupted
+    other = chains(post.density, post.seed + OFFSET, ess=draws, progress=progress)
+    return compare_draws(
+        (post.draws, post.sample.chains),
+        (post.density.parameters(other.phi), other.chains),
+        post.names,
+        other.interrupted,
     )
 
 
@@ -121,7 +118,9 @@ def _check(law: "LawFit", draws: int, seed: int, errors: str, method: str | None
     if method is not None and method not in get_args(Method):
         raise UsageError(f"method={method!r}: it is one of {', '.join(get_args(Method))}.")
     if not FEWEST <= draws <= MOST:
-        raise UsageError(f"{draws} draws: at least {FEWEST}, below which no gate opens, and at most {MOST}.")
+        raise UsageError(
+            f"{draws} draws: at least {FEWEST} (fewer cannot pass the convergence checks) and at most {MOST}."
+        )
     if law.no_interval:
         raise FitError(
             f"{law.response}: no posterior: {law.no_interval.removeprefix('no interval: ')}. Add observations."
@@ -134,16 +133,16 @@ def _check(law: "LawFit", draws: int, seed: int, errors: str, method: str | None
 
 
 def _edges(law: "LawFit") -> tuple[bool, tuple[str, ...]]:
-    """Whether edges have levels of their own, and what follows where they do not."""
+    """Whether edges have random levels, with a note where they do not."""
     if law.edge is None:
-        return False, ("rows are taken as independent: the data name no edges",)
+        return False, ("rows are assumed independent: the data name no edges",)
     G = len(set(law.edge))
     if law.nobs == G:
         return False, ()
     if G == 1:
-        return False, ("one edge only: its draws say nothing of how edges differ",)
+        return False, ("one edge only: the variance between edges is not identified",)
     if not isinstance(law.edges, EdgeInference):
-        return True, (f"few edges, so that the priors speak with them: {law.edges.reason}",)
+        return True, (f"few edges, so that the priors are influential: {law.edges.reason}",)
     return True, ()
 
 
@@ -162,21 +161,21 @@ def _priors(law: "LawFit", given: str | Path | Priors | Mapping[str, object], ed
 
 
 def _complete(law: "LawFit", priors: Priors, edges: bool) -> None:
-    """A set given as a whole has a prior for each parameter, and is proper or the reference."""
+    """Validate that a given set has a prior for each parameter, and is proper or the reference."""
     wanted = set(weak(law, edges).of)
     missing, strange = sorted(wanted - set(priors.of)), sorted(set(priors.of) - wanted)
     if missing or strange:
-        what = f"no prior for {missing[0]}" if missing else f"a prior for {strange[0]}, which it has not"
+        what = f"no prior for {missing[0]}" if missing else f"a prior for {strange[0]}, which is no parameter"
         raise UsageError(f"{law.response}: {priors.name} has {what}; its parameters are {', '.join(sorted(wanted))}.")
     if priors.name != "reference" and any(isinstance(prior, Flat) for prior in priors.of.values()):
-        raise UsageError(f"{law.response}: {priors.name} is improper; only the set called 'reference' may be flat.")
+        raise UsageError(f"{law.response}: {priors.name} is improper; only the set 'reference' may be flat.")
 
 
 def _enough_for_flat(law: "LawFit", edges: bool) -> None:
     p = len(law.theta)
     if law.nobs < p + 2:
         raise FitError(
-            f"{law.response}: flat priors need {p + 2} rows or more, and there are {law.nobs}; take weak ones."
+            f"{law.response}: flat priors need {p + 2} rows or more, and there are {law.nobs}; use weak ones."
         )
     if edges and isinstance(law.edges, EdgeInference) is False:
-        raise FitError(f"{law.response}: flat priors give no posterior here ({law.edges}); take weak ones.")
+        raise FitError(f"{law.response}: flat priors give an improper posterior here ({law.edges}); use weak ones.")

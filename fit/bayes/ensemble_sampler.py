@@ -103,15 +103,15 @@ Progress = Callable[[int, float], None]
 ENSEMBLES = 2
 WALKERS, WALKERS_EACH = 64, 10  # of one ensemble, or so many a parameter: fewer make the fitted Student-t a poor one
 SHARES = (0.7, 0.3)  # of moves to the Student-t and along differences
-FIRST = 100  # steps before the first look
+FIRST = 100  # steps before the first check
 BURN, TIMES = 10, 50  # autocorrelation times to leave out, and to run at least
-GROWTH, MOST_GROWTH = 1.2, 4.0  # steps at one look over those at the look before
+GROWTH, MOST_GROWTH = 1.2, 4.0  # steps at one check over those at the previous check
 R_HAT, LEAST_ESS = 1.01, 400
 ROWS, ROWS_A_DRAW = 20_000, 5  # at most so many draws are kept, or so many times those that were wanted
 MOST_NUMBERS = 4e7  # coordinates of all walkers at all steps that are kept in memory: 320 MB
-TOLD_EVERY = 10  # steps
-MARGIN = 1.1  # on what is thought to be needed: a look costs as much as a few dozen steps
-FEWEST, FEWEST_KEPT = 16, 8  # steps below which an interrupted run is not worth keeping, and draws of a walker
+REPORT_EVERY = 10  # steps
+MARGIN = 1.1  # on the estimated need: a check costs as much as a few dozen steps
+FEWEST, FEWEST_KEPT = 16, 8  # steps below which an interrupted run is discarded, and draws of a walker
 
 
 def chains(
@@ -128,21 +128,21 @@ def chains(
         Effective draws wanted of every parameter, bulk and tail; 400 at least.
     most : int
         Steps of each walker at the most; fewer where they would fill the memory. What there is then is returned, and
-        the gate finds it wanting.
+        the convergence checks fail.
     progress : callable, optional
         Called every ten steps with the steps done and the effective draws so far.
 
     Returns
     -------
     Sample
-        Walker after walker, burn-in left out, thinned. After Ctrl-C, what there is, with ``interrupted`` set.
+        Walker after walker, burn-in left out, thinned. After Ctrl-C, the draws so far, with ``interrupted`` set.
 
     Raises
     ------
     FitError
-        The density is nothing at its start.
+        The density is zero at its start.
     KeyboardInterrupt
-        Ctrl-C before there was anything to keep.
+        Ctrl-C before any draws could be kept.
 
     Examples
     --------
@@ -159,24 +159,26 @@ def chains(
     wanted, due, interrupted = max(float(ess), LEAST_ESS), min(FIRST, most), False
     try:
         while True:
-            walk.on(due)
-            look = _look(walk, wanted)
-            if look.enough or walk.steps >= most:
+            walk.run(due)
+            state = _assess(walk, wanted)
+            if state.enough or walk.steps >= most:
                 break
-            due = min(look.next, most)
+            due = min(state.next, most)
     except KeyboardInterrupt:
         if walk.steps < FEWEST:
             raise
-        interrupted, look = True, _look(walk, wanted)
-    m = look.kept.shape[0]
-    phi = look.kept.swapaxes(0, 1).reshape(-1, look.kept.shape[2])
-    words = _words(walk, look, most, interrupted)
-    return Sample(phi, len(phi) // m, "emcee", words, ess=look.ess, tau=look.tau / look.thin, interrupted=interrupted)
+        interrupted, state = True, _assess(walk, wanted)
+    m = state.kept.shape[0]
+    phi = state.kept.swapaxes(0, 1).reshape(-1, state.kept.shape[2])
+    words = _words(walk, state, most, interrupted)
+    return Sample(
+        phi, len(phi) // m, "emcee", words, ess=state.ess, tau=state.tau / state.thin, interrupted=interrupted
+    )
 
 
 @dataclass(slots=True)
 class _Walk:
-    """Ensembles under way, in coordinates in which the posterior is about round."""
+    """Running ensembles, in coordinates in which the posterior is close to a standard normal."""
 
     density: Density
     at: Array
@@ -218,12 +220,12 @@ class _Walk:
         """Coordinates of all walkers at one step."""
         return sum(int(state.size) for state in self.states)
 
-    def on(self, due: int) -> None:
-        """Go on, ensemble beside ensemble, until ``due`` steps are made."""
+    def run(self, due: int) -> None:
+        """Run the ensembles in parallel until ``due`` steps are made."""
         n = due - self.steps
         runs = [s.sample(z, iterations=n) for s, z in zip(self.samplers, self.states, strict=True)]
         for self.states in map(list, zip(*runs, strict=True)):
-            if self.progress and self.steps % TOLD_EVERY == 0:
+            if self.progress and self.steps % REPORT_EVERY == 0:
                 burn, rate = self.pace
                 self.progress(self.steps, max(self.steps - burn, 0.0) * rate)
 
@@ -233,8 +235,8 @@ class _Walk:
 
 
 @dataclass(frozen=True, slots=True)
-class _Look:
-    """What a walk has come to: draws (m, walkers, p) on the scale of phi, and whether they will do."""
+class _State:
+    """State of a run: draws (m, walkers, p) on the scale of phi, and whether they suffice."""
 
     kept: Array
     tau: Array
@@ -244,7 +246,7 @@ class _Look:
     next: int
 
 
-def _look(walk: _Walk, wanted: float) -> _Look:
+def _assess(walk: _Walk, wanted: float) -> _State:
     path = walk.path()
     steps, walkers, _ = path.shape
     tau = autocorrelation_time(path[steps // 2 :])
@@ -258,19 +260,19 @@ def _look(walk: _Walk, wanted: float) -> _Look:
     walk.pace = (burn, rate)
     need, enough = burn + MARGIN * max(TIMES * slowest, wanted / rate), False
     if run >= max(TIMES * slowest, wanted / rate):
-        found, alike = _gates(walk.density, kept)
+        found, alike = _diagnosed(walk.density, kept)
         enough, need = alike and found >= wanted, burn + MARGIN * run * wanted / found
     following = int(np.clip(need, GROWTH * steps, MOST_GROWTH * steps))
-    return _Look(kept, tau, thin, min(run * rate, float(len(kept) * walkers)), enough, following)
+    return _State(kept, tau, thin, min(run * rate, float(len(kept) * walkers)), enough, following)
 
 
-def _gates(density: Density, kept: Array) -> tuple[float, bool]:
-    """Least effective draws of any parameter as it is told, bulk or tail, and whether walkers and ensembles agree."""
+def _diagnosed(density: Density, kept: Array) -> tuple[float, bool]:
+    """Smallest effective sample size of the parameters, bulk or tail, and whether walkers and ensembles agree."""
     m, walkers, p = kept.shape
-    told = density.told(np.ascontiguousarray(kept.swapaxes(0, 1)).reshape(-1, p))
-    by_walker = diagnose(density.told_names, told, Sample(kept, walkers, "emcee", ""))
+    draws = density.parameters(np.ascontiguousarray(kept.swapaxes(0, 1)).reshape(-1, p))
+    by_walker = diagnose(density.parameter_names, draws, Sample(kept, walkers, "emcee", ""))
     by_ensemble = (
-        told.reshape(ENSEMBLES, walkers // ENSEMBLES, m, -1).swapaxes(1, 2).reshape(ENSEMBLES, -1, told.shape[1])
+        draws.reshape(ENSEMBLES, walkers // ENSEMBLES, m, -1).swapaxes(1, 2).reshape(ENSEMBLES, -1, draws.shape[1])
     )
     worst = max(float(by_walker.r_hat.max()), float(r_hat(by_ensemble).max()))
     found = float(np.minimum(by_walker.ess_bulk, by_walker.ess_tail).min())
@@ -278,7 +280,7 @@ def _gates(density: Density, kept: Array) -> tuple[float, bool]:
 
 
 def _within(height: Callable[[Array], Array], z: Array) -> Array:
-    """Walkers that start where the density is nothing come nearer to the mode until they do not."""
+    """Move walkers that start where the density is zero towards the mode until it is positive."""
     outside = ~np.isfinite(height(z))
     while outside.any():
         z[outside] /= 2
@@ -286,11 +288,11 @@ def _within(height: Callable[[Array], Array], z: Array) -> Array:
     return z
 
 
-def _words(walk: _Walk, look: _Look, most: int, interrupted: bool) -> str:
+def _words(walk: _Walk, state: _State, most: int, interrupted: bool) -> str:
     made = (
-        f"emcee: {ENSEMBLES} ensembles of {walk.samplers[0].nwalkers} walkers, {walk.steps} steps, one in {look.thin} "
-        f"kept, autocorrelation time {look.tau.max():.1f} steps"
+        f"emcee: {ENSEMBLES} ensembles of {walk.samplers[0].nwalkers} walkers, {walk.steps} steps, one in {state.thin} "
+        f"kept, autocorrelation time {state.tau.max():.1f} steps"
     )
     if interrupted:
-        return made + "; interrupted before the gate opened"
-    return made + ("" if look.enough else f"; stopped at {most} steps, before the gate opened")
+        return made + "; interrupted before the convergence checks passed"
+    return made + ("" if state.enough else f"; stopped at {most} steps before the convergence checks passed")

@@ -18,7 +18,7 @@ from ...datasets.runs import NOT_MEASURED
 from ..edges import EdgeInference
 from ..figures import intervals
 from ..law_figures import BLUE, GREY, ORANGE, even
-from .competing_posterior import RivalPosterior
+from .competing_posterior import CompetingPosterior
 from .curve_figures import curves, predictive
 from .density import NU
 from .joint_posterior import JointPosterior
@@ -67,12 +67,12 @@ def _marginal(posterior: Posterior, name: str, ax: Axes) -> None:
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(3))
         axis.set_major_formatter("{x:.7g}")
-    ax.set_xlabel(f"{_told(posterior, name)} [{unit}]", fontsize=9)
+    ax.set_xlabel(f"{_described(posterior, name)} [{unit}]", fontsize=9)
     ax.set_ylabel(f"density [{_inverse(unit)}]", fontsize=9)
 
 
-def _told(posterior: Posterior, name: str) -> str:
-    """A parameter's name, with what it is where the letter alone does not tell."""
+def _described(posterior: Posterior, name: str) -> str:
+    """A parameter's name, with an explanation of symbols."""
     exponent = posterior.law.form == "power" and name in posterior.law.factors
     words = {"sd": "scatter sd", "icc": "share between edges icc", "nu": "degrees of freedom nu"}
     return f"exponent of {name}" if exponent else words.get(name, name)
@@ -91,18 +91,18 @@ def _inverse(unit: str) -> str:
 def _estimates(posterior: Posterior) -> dict[str, float]:
     """What least squares, and the mixed model by edge, say of the same parameters."""
     law = posterior.law
-    told = dict(zip(law.theta_names, map(float, law.theta), strict=True))
+    known = dict(zip(law.theta_names, map(float, law.theta), strict=True))
     if posterior.errors == "student":  # its sd is another thing
-        return told
+        return known
     if not posterior.density.edges:
-        return told | ({} if law.scale_se is None else {"sd": law.scale_se})
+        return known | ({} if law.scale_se is None else {"sd": law.scale_se})
     if isinstance(law.edges, EdgeInference):
-        told |= {"sd": law.edges.mixed.sd_within, "icc": law.edges.icc}
-    return told
+        known |= {"sd": law.edges.mixed.sd_within, "icc": law.edges.icc}
+    return known
 
 
 def _prior(posterior: Posterior, name: str, x: Array) -> Array | None:
-    """Prior density of a parameter as it is told; None where it is flat, or has no density in closed form."""
+    """Prior density of a parameter; None where it is flat, or has no density in closed form."""
     if name == "nu":
         a, b = NU
         at = np.maximum(x, 1e-300)
@@ -228,8 +228,8 @@ def _not_measured(posterior: Posterior) -> str:
 
 
 @plot.register(JointPosterior)
-@plot.register(RivalPosterior)
-def intervals_figure(posterior: JointPosterior | RivalPosterior, ax: Axes | None = None) -> Axes:
+@plot.register(CompetingPosterior)
+def intervals_figure(posterior: JointPosterior | CompetingPosterior, ax: Axes | None = None) -> Axes:
     """Mean and 95 % interval of each parameter."""
     return intervals(posterior.table(), "mean", ax)
 

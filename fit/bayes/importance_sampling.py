@@ -42,7 +42,7 @@ class Mode:
     root : ndarray, shape (p, p)
         ``root @ root.T`` is the covariance of a normal density of the same curvature.
     curved : bool
-        Whether the curvature gave it; otherwise the spread the density came with did.
+        Whether ``root`` is from the curvature; otherwise it is from the initial covariance of the density.
     """
 
     at: Array
@@ -56,7 +56,7 @@ def find_mode(density: Density) -> Mode:
     Raises
     ------
     FitError
-        The density is nothing at its start.
+        The density is zero at its start.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def find_mode(density: Density) -> Mode:
     """
     at, given = np.array(density.start, dtype=float), root_of(density.spread)
     if not np.isfinite(log_posterior(density, at[None])[0]):
-        raise FitError("the posterior has no density where it should start; are priors and data in the same unit?")
+        raise FitError("the posterior density is zero at its start; check that priors and data have the same unit")
     root = given
     for _ in range(ROUNDS):
         gradient, hessian = _differences(density, at, root)
@@ -125,7 +125,7 @@ def _differences(density: Density, at: Array, root: Array) -> tuple[Array, Array
 DF = 5.0  # tails heavier than those of a posterior, and yet three proposals in four count
 AHEAD = 1.35  # proposals a draw: what a normal posterior of six parameters needs
 MOST = 10  # proposals a draw at the most
-TRUSTED_K, POOR = 0.7, 0.2  # k-hat and effective share of proposals that call for a second proposal
+RELIABLE_K, POOR = 0.7, 0.2  # k-hat and effective share of proposals that call for a second proposal
 DEFENCE = 0.3  # share of the first proposal in the mixture with the second
 WIDER = 1.1  # of the second: a covariance from weighted draws is rather too small
 AT_ONCE = 256  # points in one call, so that their residuals stay in the cache of the processor, and in memory
@@ -180,13 +180,13 @@ def importance(density: Density, rng: np.random.Generator, draws: int = 4000) ->
     Returns
     -------
     Sample
-        Whatever ``k_hat`` is: above 0.7 it must not be trusted, and chains take over. A draw may stand there
-        several times, next to itself.
+        With ``k_hat``: above 0.7 it is unreliable, and MCMC is used instead. A draw may be repeated, in adjacent
+        positions.
 
     Raises
     ------
     FitError
-        The density is nothing at its start.
+        The density is zero at its start.
 
     Examples
     --------
@@ -202,7 +202,7 @@ def importance(density: Density, rng: np.random.Generator, draws: int = 4000) ->
     mode = find_mode(density)
     parts: tuple[_Part, ...] = (_Part(1.0, mode.at, mode.root),)
     found = _propose(density, parts, rng, int(np.ceil(AHEAD * draws)))
-    if found.k_hat > TRUSTED_K or found.share < POOR:
+    if found.k_hat > RELIABLE_K or found.share < POOR:
         moved = _adapted(parts[0], found)
         again = _propose(density, moved, rng, len(found.phi))
         if _rank(again) > _rank(found):
@@ -245,8 +245,8 @@ def _adapted(first: _Part, found: _Weighted) -> tuple[_Part, ...]:
 
 
 def _rank(found: _Weighted) -> tuple[bool, float]:
-    """What makes one set of weights better than another: trusted at all, then more effective."""
-    return found.k_hat <= TRUSTED_K, found.ess
+    """Sort key of sets of weights: reliable k-hat first, then effective sample size."""
+    return found.k_hat <= RELIABLE_K, found.ess
 
 
 def _enlarged(
@@ -254,7 +254,7 @@ def _enlarged(
 ) -> _Weighted:
     """Further proposals until ``draws`` are effective, where that can be."""
     missing = int(1.05 * draws / found.share) - len(found.phi)
-    if found.ess >= draws or found.k_hat > TRUSTED_K:
+    if found.ess >= draws or found.k_hat > RELIABLE_K:
         return found
     more = _propose(density, parts, rng, max(min(missing, MOST * draws - len(found.phi)), AT_ONCE))
     return _weigh(np.vstack([found.phi, more.phi]), np.concatenate([found.raw, more.raw]))
@@ -262,8 +262,8 @@ def _enlarged(
 
 def _words(found: _Weighted, parts: int) -> str:
     about = "about the mode" if parts == 1 else "about the mode and the weighted mean"
-    trust = "" if found.k_hat <= TRUSTED_K else ", above 0.7: not to be trusted"
+    reliable = "" if found.k_hat <= RELIABLE_K else ", above 0.7: unreliable"
     return (
         f"importance: {len(found.phi)} proposals of a Student-t {about}, {found.ess:.0f} of them effective, "
-        f"k-hat {found.k_hat:.2f}{trust}"
+        f"k-hat {found.k_hat:.2f}{reliable}"
     )

@@ -12,18 +12,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.display import Plottable
 from ...core.errors import FitError, UsageError
 from ...core.threads import one_thread
 from ..available import NotAvailable
 from ..checks.gauge_error import COARSE, GaugeFit, gauge_corrected
 from ..checks.strata import no_scatter
-from .convergence import Gate, gate
-from .density import Errors, Sample, law_density
-from .diagnostics import Diagnostics
+from .density import Errors, law_density
 from .latent_model import LatentDensity, latent_density
 from .priors import Priors, weak
-from .sampling import Progress, Route, drawn
+from .sampling import PosteriorDraws, Progress, Route, draw
 
 if TYPE_CHECKING:
     from ..lawfit import LawFit
@@ -31,45 +28,33 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class JointPosterior(Plottable):
-    """Draws of the parameters of a law of wear and of laws of loads that act on the true wear.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class JointPosterior(PosteriorDraws):
+    """Draws of the parameters of a law of wear and of load laws on the true wear.
+
+    Names are ``AW: V`` .. ``P: AW``, ``P: sd``, ``P: icc``, and ``gauge sd`` where that is unknown.
 
     Attributes
     ----------
     wear_law, load_laws : LawFit, tuple of LawFit
-        As fitted, the wear taken as exact.
-    density : LatentDensity
-    sample : Sample
-    draws : ndarray, shape (S, q)
-        Draws of ``names``: ``AW: V`` .. ``P: AW``, ``P: sd``, ``P: icc``, ``gauge sd`` where that is unknown.
-    diagnostics : Diagnostics
+        As fitted, treating the wear as exact.
     closed_form : tuple of GaugeFit or NotAvailable
-        The correction of each load law by itself, without priors, or why it cannot be had.
+        The correction of each load law by itself, without priors, or the reason why there is none.
     unit : str
         Of the gauge error: ``ln`` or the unit of the wear.
     left_out, coarse : int
         Rows that some law lacks; rows in which the gauge error is more than 0.3 of the wear.
-    notes : tuple of str
+    seed : int
     """
 
     wear_law: "LawFit"
     load_laws: "tuple[LawFit, ...]"
     density: LatentDensity
-    sample: Sample
-    draws: Array
-    diagnostics: Diagnostics
     closed_form: tuple[GaugeFit | NotAvailable, ...]
     unit: str
     left_out: int
     coarse: int
     seed: int
-    notes: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Parameters, each with the response of its law."""
-        return self.density.told_names
 
     @property
     def gauge_sd(self) -> float:
@@ -77,29 +62,9 @@ class JointPosterior(Plottable):
         return self.density.gauge_sd
 
     @property
-    def method(self) -> str:
-        """``importance`` or ``emcee``."""
-        return self.sample.method
-
-    @property
     def priors(self) -> dict[str, Priors]:
-        """What was taken to be likely before the tests, by response."""
+        """Priors of the parameters by response."""
         return {law.law.response: law.priors for law in self.density.laws}
-
-    @property
-    def gate(self) -> Gate:
-        """Whether the draws may be used."""
-        return gate(self.diagnostics, None, self.sample.interrupted)
-
-    def table(self, level: float = 0.95) -> pd.DataFrame:
-        """Mean, sd, median and equal-tailed interval of each parameter, with its diagnostics."""
-        if not 0 < level < 1:
-            raise UsageError(f"level {level:g} of an interval: it lies between 0 and 1, for instance 0.95.")
-        low, median, high = np.quantile(self.draws, [(1 - level) / 2, 0.5, (1 + level) / 2], axis=0)
-        told = self.diagnostics
-        columns = {"mean": self.draws.mean(axis=0), "sd": self.draws.std(axis=0, ddof=1), "median": median}
-        columns |= {"low": low, "high": high, "r_hat": told.r_hat, "ess_bulk": told.ess_bulk, "ess_tail": told.ess_tail}
-        return pd.DataFrame(columns, index=list(self.names))
 
     def for_law(self, response: str, level: float = 0.95) -> pd.DataFrame:
         """The rows of ``table`` of one law, named as that law names its parameters."""
@@ -111,26 +76,22 @@ class JointPosterior(Plottable):
 
     @property
     def words(self) -> str:
-        """One sentence: the exponent of the true wear beside that of the wear as it was read."""
+        """One sentence: the exponents of the true wear, and of the measured wear."""
         wear, table = self.wear_law.response, self.table()
-        told = []
+        found = []
         for law in self.load_laws:
             true, plain = table.loc[f"{law.response}: {wear}"], law.conf_int().loc[wear]
-            told.append(
-                f"{law.response} goes with the true {wear} to the power {true['mean']:.2f} ({true['low']:.2f} to "
-                f"{true['high']:.2f}), as read {law.params[wear]:.2f} ({plain['low']:.2f} to {plain['high']:.2f})"
+            found.append(
+                f"exponent of {wear} in {law.response} {true['mean']:.2f} ({true['low']:.2f} to {true['high']:.2f}) "
+                f"for true wear, {law.params[wear]:.2f} ({plain['low']:.2f} to {plain['high']:.2f}) as measured"
             )
-        return f"With a gauge error of {self.gauge_sd:g} {self.unit}, {'; '.join(told)}."
-
-    def to_frame(self) -> pd.DataFrame:
-        """The draws, a column a parameter."""
-        return pd.DataFrame(self.draws, columns=list(self.names))
+        return f"With a gauge error of {self.gauge_sd:g} {self.unit}, {'; '.join(found)}."
 
 
 Rows = NDArray[np.intp]
 
 FEWEST, MOST = 400, 1_000_000  # draws
-SAME = 1e-9  # relative difference of two readings that are one
+SAME = 1e-9  # relative difference below which two readings are equal
 
 
 @one_thread
@@ -148,12 +109,12 @@ def latent_wear(
     gauge_df: float | None = None,
     method: Route | None = None,
 ) -> JointPosterior:
-    """Draws of laws of wear and loads, the loads acting on the true wear.
+    """Draws of a wear law and load laws jointly, the loads depending on the true wear.
 
     Parameters
     ----------
     wear_law : LawFit
-        Power law of the wear that was read, errors multiplicative.
+        Power law of the measured wear, errors multiplicative.
     load_laws : sequence of LawFit
         Power laws of force, power, .. with that wear among their factors, errors multiplicative, of the same runs.
     gauge_sd : float
@@ -164,21 +125,21 @@ def latent_wear(
     priors : "weak" or a mapping of response to Priors
         Responses that the mapping lacks have their weak ones. ``sd`` of the wear is that of the true wear.
     progress : callable, optional
-        Called by chains with the steps done and the effective draws so far.
+        Called by MCMC with the steps done and the effective draws so far.
     errors : {"normal", "student"}
         Student's: all readings of an edge share one heavy tail.
     gauge_df : float, optional
         Degrees of freedom ``gauge_sd`` is known from (repeated readings less one): the chi-square of its variance is
         then its prior. Taken as known otherwise.
     method : {"importance", "emcee"}, optional
-        Importance sampling, and chains where that leaves the gate shut, unless one is asked for.
+        By default importance sampling, and MCMC where that fails the convergence checks.
 
     Raises
     ------
     UsageError
-        Laws that do not go together, or a gauge error that cannot be.
+        Laws that do not belong together, or an impossible gauge error.
     FitError
-        A law that meets its rows exactly, or no rows that all laws have.
+        A law that fits its rows exactly, or no rows in common.
 
     Examples
     --------
@@ -187,7 +148,7 @@ def latent_wear(
     >>> wear = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
     >>> power = fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"])
     >>> joint = latent_wear(wear, [power], 0.03)
-    >>> bool(joint.for_law("P").loc["AW", "mean"] > power.params["AW"]), joint.gate.open
+    >>> bool(joint.for_law("P").loc["AW", "mean"] > power.params["AW"]), joint.convergence.passed
     (True, True)
     """
     laws = (wear_law, *load_laws)
@@ -199,36 +160,48 @@ def latent_wear(
     of = [law_density(law, _priors(whole, priors, edges)) for law, whole in zip(shared, laws, strict=True)]
     tau = np.array([gauge_sd]) if unit == "ln" else gauge_sd / shared[0].fitted
     density = latent_density(of, tau, gauge_sd, gauge_df, errors)
-    found = drawn(density, seed, draws, progress, method)
+    found = draw(density, seed, draws, progress, method)
     coarse = int((np.broadcast_to(tau, shared[0].nobs) > COARSE).sum())
     notes = (*_notes(laws, closed_form, left_out, coarse), *found.notes)
     return JointPosterior(
-        wear_law, tuple(load_laws), density, found.sample, found.told, found.diagnostics, closed_form, unit, left_out,
-        coarse, seed, notes,
-    )  # fmt: skip
+        wear_law=wear_law,
+        load_laws=tuple(load_laws),
+        density=density,
+        sample=found.sample,
+        draws=found.draws,
+        diagnostics=found.diagnostics,
+        closed_form=closed_form,
+        unit=unit,
+        left_out=left_out,
+        coarse=coarse,
+        seed=seed,
+        notes=notes,
+    )
 
 
 def _check(laws: "tuple[LawFit, ...]", draws: int, errors: str, gauge_sd: float, gauge_df: float | None) -> None:
     wear, names = laws[0].response, [law.response for law in laws]
     if len(laws) == 1 or len(set(names)) < len(names):
-        raise UsageError(f"laws of {', '.join(names)}: one of the wear and one of each load is what goes together.")
+        raise UsageError(f"laws of {', '.join(names)}: one law of the wear and one of each load are needed.")
     for law in laws:
         if law.form != "power" or law.error != "multiplicative":
             raise UsageError(
-                f"the law of {law.response} is of the form {law.form}, errors {law.error}: true wear is an unknown of "
-                "power laws fitted with error='multiplicative'."
+                f"the law of {law.response} is of the form {law.form}, errors {law.error}: true wear can be estimated "
+                "for power laws fitted with error='multiplicative' only."
             )
         if reason := no_scatter(law):
             raise FitError(f"{law.response}: {reason}")
     for law in laws[1:]:
         if wear not in law.factors:
             raise UsageError(
-                f"{wear} is no factor of the law of {law.response} ({', '.join(law.factors)}): leave it out."
+                f"{wear} is no factor of the law of {law.response} ({', '.join(law.factors)}): omit this law."
             )
     if errors not in ("normal", "student"):
         raise UsageError(f"errors={errors!r}: they are 'normal' or 'student'.")
     if not FEWEST <= draws <= MOST:
-        raise UsageError(f"{draws} draws: at least {FEWEST}, below which no gate opens, and at most {MOST}.")
+        raise UsageError(
+            f"{draws} draws: at least {FEWEST} (fewer cannot pass the convergence checks) and at most {MOST}."
+        )
     if gauge_df is not None and not (gauge_df > 0 and gauge_sd > 0):
         raise UsageError(f"gauge error {gauge_sd:g} from {gauge_df:g} degrees of freedom: both must be above 0.")
 
@@ -245,7 +218,7 @@ def _shared(laws: "tuple[LawFit, ...]") -> "tuple[list[LawFit], int]":
         read = law.X[:, law.factors.index(wear)]
         if not np.allclose(read, first.observed, rtol=SAME, atol=0):
             raise UsageError(
-                f"the law of {law.response} has another {wear} on the same lines: fit all laws to the same runs."
+                f"the law of {law.response} has other values of {wear} on the same lines: fit all to the same runs."
             )
     return shared, len(set.union(*lines)) - len(common)
 
@@ -267,7 +240,7 @@ def _on(law: "LawFit", lines: Rows) -> "LawFit":
 
 
 def _edges(law: "LawFit") -> bool:
-    """Whether edges have levels of their own: several edges, and several rows of some."""
+    """Whether edges have random levels: several edges, and several rows of some."""
     return law.n_edges is not None and 1 < law.n_edges < law.nobs
 
 
@@ -275,7 +248,7 @@ def _priors(law: "LawFit", given: Literal["weak"] | Mapping[str, Priors], edges:
     if isinstance(given, str):
         if given != "weak":
             raise UsageError(
-                f"priors={given!r}: 'weak', or Priors of each response (flat ones leave true wear unknown)."
+                f"priors={given!r}: 'weak', or Priors of each response (flat ones do not identify the true wear)."
             )
         return weak(law, edges)
     chosen, usual = given.get(law.response), weak(law, edges)
@@ -293,10 +266,12 @@ def _notes(
     if left_out:
         notes.append(f"{left_out} lines left out that are not in all of the laws")
     if coarse:
-        notes.append(f"in {coarse} rows the gauge error is over {COARSE:g} of the wear, where its first order is rough")
+        notes.append(
+            f"in {coarse} rows the gauge error is over {COARSE:g} of the wear, where the approximation is poor"
+        )
     if laws[0].edge is None:
-        notes.append("rows are taken as independent: the data name no edges")
+        notes.append("rows are assumed independent: the data name no edges")
     for law, found in zip(laws[1:], closed_form, strict=True):
         if isinstance(found, NotAvailable):
-            notes.append(f"{law.response}: the priors speak with the rows: {found.reason}")
+            notes.append(f"{law.response}: the priors are influential: {found.reason}")
     return tuple(notes)

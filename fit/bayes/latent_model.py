@@ -41,19 +41,19 @@ def rows_alone(
 ) -> tuple[Array, Array, list[Array], list[list[Array]]]:
     """Of each row: q, ln det, and score and information of the levels (u, v_1 .. v_K), information (m, 1 or n)."""
     S = wear + gauge
-    told, rho = wear / S, wear * gauge / S
+    reliability, rho = wear / S, wear * gauge / S
     g = [b / s for b, s in zip(slopes, sds, strict=True)]
     norm = sum((x * x for x in g), np.zeros_like(wear))
-    d = [(y - told * b * r[0]) / s for y, b, s in zip(r[1:], slopes, sds, strict=True)]
+    d = [(y - reliability * b * r[0]) / s for y, b, s in zip(r[1:], slopes, sds, strict=True)]
     p = sum((x * z for x, z in zip(g, d, strict=True)), np.zeros(1))
     left = 1 + rho * norm
     kappa = rho / left
     q = sum((z * z for z in d), r[0] * r[0] / S - kappa * p * p)
     log_det = np.log(S * left) + 2 * sum((np.log(s) for s in sds), np.zeros(1))
-    share = (1 - told) / left
+    share = (1 - reliability) / left
     scores = [r[0] / S + share * p, *((z - kappa * x * p) / s for z, x, s in zip(d, g, sds, strict=True))]
     K = len(g)
-    info = [[1 / S + (1 - told) * share * norm, *(share * x / s for x, s in zip(g, sds, strict=True))]]
+    info = [[1 / S + (1 - reliability) * share * norm, *(share * x / s for x, s in zip(g, sds, strict=True))]]
     info += [[(float(k == j) - kappa * g[k] * g[j]) / (sds[k] * sds[j]) for j in range(k, K)] for k in range(K)]
     return q, log_det, scores, info
 
@@ -85,7 +85,7 @@ def with_levels(
 class LatentDensity(Displayable):
     """A joint posterior density of a law of wear and laws of loads, but for a constant.
 
-    ``phi`` holds that of each law as a plain fit would have it, wear first, then the logit of the reliability where the
+    ``phi`` holds that of each law as in a plain fit, wear first, then the logit of the reliability where the
     gauge error has degrees of freedom, then ln nu of Student's errors (of all rows of an edge in common); ``model``
     turns it into the parameters of the laws of true wear (``LawDensity``) and ln of the gauge error over the given one.
 
@@ -98,7 +98,7 @@ class LatentDensity(Displayable):
     gauge_sd : float
         As given, in its unit, to which ``tau`` is proportional.
     gauge_df : float or None
-        Degrees of freedom it is known from; None where it is taken as known.
+        Degrees of freedom of its estimate; None where it is treated as known.
     start, spread
         As in ``Density``.
     """
@@ -115,7 +115,7 @@ class LatentDensity(Displayable):
     Z: tuple[Array, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Where each law stands in ``phi``, and its columns without the wear that was read."""
+        """Position of each law in ``phi``, and its columns without the measured wear."""
         ends = np.cumsum([0, *(len(law.names) for law in self.laws)])
         response = self.laws[0].law.response
         wear = tuple(law.theta_names.index(response) for law in self.laws[1:])
@@ -128,12 +128,12 @@ class LatentDensity(Displayable):
 
     @property
     def shares(self) -> list[int]:
-        """Where the shares between edges stand in ``phi``."""
+        """Positions of the shares between edges in ``phi``."""
         return [at.stop - 1 for at in self.place] if self.edges else []
 
     @property
     def edges(self) -> bool:
-        """Whether edges have levels of their own."""
+        """Whether edges have random levels."""
         return self.laws[0].edges
 
     @property
@@ -153,9 +153,9 @@ class LatentDensity(Displayable):
         return (*own, *gauge, *(["ln nu"] if self.errors == "student" else []))
 
     @property
-    def told_names(self) -> tuple[str, ...]:
+    def parameter_names(self) -> tuple[str, ...]:
         """As the laws call their parameters, then ``gauge sd`` and ``nu`` where they are unknown."""
-        own = [f"{law.law.response}: {name}" for law in self.laws for name in law.told_names]
+        own = [f"{law.law.response}: {name}" for law in self.laws for name in law.parameter_names]
         gauge = ["gauge sd"] if self.gauge_df is not None else []
         return (*own, *gauge, *(["nu"] if self.errors == "student" else []))
 
@@ -167,8 +167,8 @@ class LatentDensity(Displayable):
         out[:, self.shares] = log_ndtr(phi[:, self.shares]) - log_ndtr(-phi[:, self.shares])
         tau2 = float(np.mean(self.tau**2))
         if self.gauge_df is not None:
-            ln_told, ln_rest = -np.logaddexp(0, -phi[:, x]), -np.logaddexp(0, phi[:, x])
-            out[:, first.p] += 0.5 * ln_told
+            ln_reliability, ln_rest = -np.logaddexp(0, -phi[:, x]), -np.logaddexp(0, phi[:, x])
+            out[:, first.p] += 0.5 * ln_reliability
             out[:, x] = phi[:, first.p] + 0.5 * ln_rest - 0.5 * np.log(tau2)
             odds = np.exp(-phi[:, x])
         else:
@@ -182,10 +182,10 @@ class LatentDensity(Displayable):
             out[:, at.start + j] += moved
         return out
 
-    def told(self, phi: Array) -> Array:
-        """Parameters of the laws of true wear as they are told, (m, p) -> (m, q)."""
+    def parameters(self, phi: Array) -> Array:
+        """Parameters of the laws of true wear, (m, p) -> (m, q)."""
         phi = self.model(phi)
-        own = [law.told(phi[:, at]) for law, at in zip(self.laws, self.place, strict=True)]
+        own = [law.parameters(phi[:, at]) for law, at in zip(self.laws, self.place, strict=True)]
         more = np.exp(phi[:, self.place[-1].stop :])
         if self.gauge_df is not None:
             more[:, 0] *= self.gauge_sd
@@ -262,7 +262,7 @@ def latent_density(
     gauge_df: float | None = None,
     errors: Errors = "normal",
 ) -> LatentDensity:
-    """Put a density together from those of its laws; it starts where they do, the gauge error taken out.
+    """Joint density of laws; it starts where they do, with the gauge error subtracted.
 
     Parameters
     ----------

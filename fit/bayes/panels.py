@@ -30,13 +30,13 @@ MOST_PANELS = 24
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """Panels in reading order, None for an empty place; ``shared`` ones tell their scales at the border only."""
+    """Panels in reading order, None for an empty place; ``shared`` panels have axis labels at the border only."""
 
     title: str
     panels: Sequence[Panel | None]
     across: int
     size: tuple[float, float]  # of a panel, inches
-    gaps: tuple[float, float] = (0.34, 0.5)  # beside and under it, in panels
+    gaps: tuple[float, float] = (0.34, 0.5)  # horizontal and vertical, in panels
     shared: bool = False
 
 
@@ -80,8 +80,8 @@ def alone(sheet: Sheet, banner: str, ax: Axes) -> NDArray[np.object_]:
     return np.array([ax], dtype=object)
 
 
-def _border_only(ax: Axes, beside: bool, above: bool) -> None:
-    if beside:
+def _border_only(ax: Axes, right: bool, above: bool) -> None:
+    if right:
         ax.set_ylabel("")
         ax.tick_params(axis="y", which="both", labelleft=False)
     if above:

@@ -13,20 +13,22 @@ from ..available import NotAvailable
 from ..edges import left_out_moves
 from ..lawfit import LawFit
 from ..rows import as_table
-from .convergence import Agreement, Gate, gate
-from .density import Array, Errors, LawDensity, Sample
-from .diagnostics import Diagnostics
+from .density import Array, Errors, LawDensity, Method
 from .priors import Priors
 from .psis_loo import LeaveOut, leave_one_out, pareto_smoothed
+from .sampling import PosteriorDraws, check_level, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 def jackknife_of_level_model(density: LawDensity, phi: Array) -> "pd.Series[float] | None":
-    """Standard errors by edge of the coefficients about which ``phi`` (S, p) is drawn, by the names of the law.
+    """Jackknife standard errors by edge at the median of ``phi`` (S, p), indexed by the names of the law.
 
-    None where edges have no levels, or where one edge alone holds a coefficient.
+    The model assumes rows of an edge independent but for its level; the jackknife does not. Source: Bell & McCaffrey
+    2002, Survey Methodology 28, 169, on rows whitened for the level.
+
+    None where edges have no levels, or where one edge alone determines a coefficient.
 
     Examples
     --------
@@ -60,52 +62,31 @@ def jackknife_of_level_model(density: LawDensity, phi: Array) -> "pd.Series[floa
 Kind = Literal["mean", "prediction"]
 Edge = Literal["new", "same"]
 
-MOST_LOOKS, FEWEST_DRAWS = 40_000_000, 1000  # looks of a draw at a row, and draws that smoothed weights need
+MOST_EVALUATIONS, FEWEST_DRAWS = 40_000_000, 1000  # draws times rows, and draws that smoothed weights need
 FINITE_VARIANCE = 0.5  # k-hat up to which a weighted mean has one
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Posterior(Plottable):
-    """Draws of the parameters of one law.
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Posterior(PosteriorDraws):
+    """Draws of the parameters of one law, with the attributes of ``PosteriorDraws`` and the law.
 
     Attributes
     ----------
     law : LawFit
-    density : LawDensity
-        The model: its rows, priors and errors.
-    sample : Sample
-        Draws on the scale of the density, and how they were made.
-    draws : ndarray, shape (S, q)
-        Draws of ``names``.
-    diagnostics : Diagnostics
     seed : int
-    agreement : Agreement or None
-        What an independent run of chains says of these draws, where it was asked for.
-    notes : tuple of str
-        What was taken for granted.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
     >>> post = fit.posterior(law, seed=1)
-    >>> post.method, post.gate.open
+    >>> post.method, post.convergence.passed
     ('exact', True)
     """
 
     law: LawFit
     density: LawDensity
-    sample: Sample
-    draws: Array
-    diagnostics: Diagnostics
     seed: int
-    agreement: Agreement | None = None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """As ``LawFit.theta_names``, then ``sd``, ``icc`` where edges have levels, ``nu`` of Student errors."""
-        return self.density.told_names
 
     @property
     def response(self) -> str:
@@ -113,55 +94,14 @@ class Posterior(Plottable):
         return self.law.response
 
     @property
-    def method(self) -> str:
-        """``exact``, ``importance`` or ``emcee``."""
-        return self.sample.method
-
-    @property
     def priors(self) -> Priors:
-        """What was taken to be likely before the tests."""
+        """Priors of the parameters."""
         return self.density.priors
 
     @property
     def errors(self) -> Errors:
         """``normal`` or ``student``."""
         return self.density.errors
-
-    @property
-    def r_hat(self) -> "pd.Series[float]":
-        """Split R-hat of each parameter."""
-        return pd.Series(self.diagnostics.r_hat, index=list(self.names), name="r_hat")
-
-    @property
-    def ess(self) -> "pd.Series[float]":
-        """Effective number of draws of each parameter, bulk or tail, the smaller."""
-        least = np.minimum(self.diagnostics.ess_bulk, self.diagnostics.ess_tail)
-        return pd.Series(least, index=list(self.names), name="ess")
-
-    @property
-    def gate(self) -> Gate:
-        """Whether the draws may be used: nothing is handed on from behind a shut gate."""
-        return gate(self.diagnostics, self.agreement, self.sample.interrupted)
-
-    def table(self, level: float = 0.95) -> pd.DataFrame:
-        """Mean, sd, median and equal-tailed interval of each parameter, with its diagnostics."""
-        _between("level", level)
-        low, median, high = np.quantile(self.draws, [(1 - level) / 2, 0.5, (1 + level) / 2], axis=0)
-        columns = {
-            "mean": self.draws.mean(axis=0),
-            "sd": self.draws.std(axis=0, ddof=1),
-            "median": median,
-            "low": low,
-            "high": high,
-            "r_hat": self.diagnostics.r_hat,
-            "ess_bulk": self.diagnostics.ess_bulk,
-            "ess_tail": self.diagnostics.ess_tail,
-        }
-        return pd.DataFrame(columns, index=list(self.names))
-
-    def interval(self, level: float = 0.95) -> pd.DataFrame:
-        """Equal-tailed credible interval of each parameter, columns ``low`` and ``high``."""
-        return self.table(level)[["low", "high"]]
 
     def predict(
         self,
@@ -187,7 +127,7 @@ class Posterior(Plottable):
         -------
         DataFrame, columns value (median of the draws), low, high, in the unit of the response; ``attrs["words"]``.
         """
-        _between("level", level)
+        check_level(level)
         draws = self.responses(new, kind, edge=edge)
         low, value, high = np.quantile(draws, [(1 - level) / 2, 0.5, (1 + level) / 2], axis=0)
         band = pd.DataFrame({"value": value, "low": low, "high": high})
@@ -228,20 +168,20 @@ class Posterior(Plottable):
         return np.asarray(z)
 
     def sensitivity(self) -> pd.DataFrame:
-        """What halving and doubling the width of every prior does to each parameter.
+        """Prior sensitivity: change of each parameter with priors of half and of double width.
 
-        The draws are reweighted; where that cannot be trusted, they are drawn again.
+        The draws are reweighted; where k-hat of the weights exceeds 0.5, they are drawn again.
 
         Returns
         -------
-        DataFrame, columns ``halved`` and ``doubled``: move of the mean, in sds of the posterior; ``attrs["words"]``.
+        DataFrame, columns ``halved`` and ``doubled``: shift of the mean in posterior sd; ``attrs["words"]``.
         """
         mean, sd = self.draws.mean(axis=0), self.draws.std(axis=0, ddof=1)
-        moves = {name: (self._mean_under(by) - mean) / sd for name, by in (("halved", 0.5), ("doubled", 2.0))}
-        table = pd.DataFrame(moves, index=list(self.names))
+        shifts = {name: (self._mean_under(by) - mean) / sd for name, by in (("halved", 0.5), ("doubled", 2.0))}
+        table = pd.DataFrame(shifts, index=list(self.names))
         most = table.abs().max(axis=1)
         table.attrs["words"] = (
-            f"Halving or doubling the width of every prior moves {most.idxmax()} most, by {most.max():.2g} of its sd."
+            f"Prior sensitivity (half, double width): {most.idxmax()} shifts most, by {most.max():.2g} posterior sd."
         )
         return table
 
@@ -252,23 +192,23 @@ class Posterior(Plottable):
         weights, k_hat = pareto_smoothed(change)
         if k_hat <= FINITE_VARIANCE:
             return np.asarray(np.exp(weights) @ self.draws)
-        from .draw_posterior import draw_again
-
-        return np.asarray(other.told(draw_again(other, self.sample, self.seed).phi).mean(axis=0))
+        method: Method | None = "exact" if self.method == "exact" else None
+        again = draw(other, self.seed, len(self.sample.phi), method=method)
+        return np.asarray(again.draws.mean(axis=0))
 
     def jackknife(self) -> "pd.Series[float] | None":
-        """Standard errors by edge of what the draws stand about: much above their sd, the draws are too sure.
+        """Jackknife standard errors by edge of the same estimate; far above the posterior sd, the draws understate it.
 
-        None where edges have no levels, or one edge alone holds a coefficient.
+        None where edges have no levels, or one edge alone determines a coefficient.
         """
         return jackknife_of_level_model(self.density, self.sample.phi)
 
     def leave_out(self) -> LeaveOut | NotAvailable:
-        """Expected log density of an edge (a row) left out; of very many rows by fewer draws, or not at all."""
+        """Expected log predictive density of left-out edges (rows); from fewer draws where rows are very many."""
         rows = len(self.density.y)
-        draws = min(len(self.draws), MOST_LOOKS // rows)
+        draws = min(len(self.draws), MOST_EVALUATIONS // rows)
         if draws < FEWEST_DRAWS:
-            return NotAvailable(f"{rows} rows: leaving out one unit after the other says nothing new of so many")
+            return NotAvailable(f"{rows} rows: too many for leave-one-out cross-validation by row and draw")
         phi = self.sample.phi[np.linspace(0, len(self.sample.phi) - 1, draws).astype(int)]
         return leave_one_out(self.density.by_unit(phi), self.density.units)
 
@@ -284,12 +224,3 @@ class Posterior(Plottable):
         ``banner`` is text above the figure, for instance "simulated".
         """
         return Plottable.plot(self, ax, what=what, banner=banner)
-
-    def to_frame(self) -> pd.DataFrame:
-        """The draws, a column a parameter."""
-        return pd.DataFrame(self.draws, columns=list(self.names))
-
-
-def _between(name: str, share: float) -> None:
-    if not 0 < share < 1:
-        raise UsageError(f"{name} {share:g} of an interval: it lies between 0 and 1, for instance 0.95.")

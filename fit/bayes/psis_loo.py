@@ -21,9 +21,9 @@ from ..available import NotAvailable
 from .density import Array
 
 TAIL_SHARE, TAIL_ROOT = 0.2, 3.0  # M = min(0.2 S, 3 sqrt(S)): sec. 2.3 there
-FEWEST = 6  # in a tail: with fewer its lowest quarter is one draw, and no shape can be told
+FEWEST = 6  # in a tail: with fewer its lowest quarter is one draw, and the shape cannot be estimated
 PRIOR_DRAWS, PRIOR_SHAPE = 10, 0.5  # weight and place of the prior on k: sec. 2.4 there
-K_HAT = 0.7  # above it weights are not to be trusted: sec. 3.2.4 there
+K_HAT = 0.7  # above it weights are unreliable: sec. 3.2.4 there
 EQUAL = 1e-12  # of log weights: what lies closer differs by rounding alone
 
 
@@ -42,13 +42,13 @@ def pareto_smoothed(log_weights: Array, efficiency: float = 1.0) -> tuple[Array,
     log_weights : ndarray, shape (S,)
         Their exponentials sum to 1.
     k_hat : float
-        Minus infinity where all weights are equal: the proposal is the target. Infinity, with weights as they came,
-        where no shape can be had: 25 draws or fewer, or a tail of copies of one weight.
+        Minus infinity where all weights are equal: the proposal is the target. Infinity, with unsmoothed weights,
+        where the shape cannot be estimated: 25 draws or fewer, or a tail of equal weights.
 
     Raises
     ------
     FitError
-        A weight that is no number or infinite, or no weight above zero.
+        A weight that is NaN or infinite, or no weight above zero.
 
     Examples
     --------
@@ -189,29 +189,29 @@ def _unusable(log_weights: Array) -> str:
         seen = float(log_weights[bad[0]])
         return (
             f"log weight of draw {bad[0] + 1} is {seen:g}, and {bad.size} of {log_weights.size} are like it: "
-            "a weight is finite; the model has no density there, or the proposal has none."
+            "a weight is finite; the density of the model or of the proposal is zero there."
         )
-    return f"all {log_weights.size} draws have weight zero: the proposal misses the posterior; use chains."
+    return f"all {log_weights.size} draws have weight zero: the proposal misses the posterior; use MCMC."
 
 
-NAMED = 5  # edges, in words
+NAMED = 5  # edges listed in a sentence
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LeaveOut(Displayable):
-    """Expected log density of left-out edges; larger is better, and only differences between laws mean something.
+    """Expected log predictive density of left-out edges; only differences between models are meaningful.
 
     Attributes
     ----------
     units : tuple of str
         The G edges (rows, where there are no edges).
     elpd : float
-        Sum over edges of the log density of an edge under draws that have not seen it; nats, and that of the same
-        rows on the same scale where laws are compared.
+        Sum over edges of the log predictive density of an edge by draws without it, nats; comparable between models of
+        the same rows on the same scale.
     se : float or NotAvailable
         Standard error of ``elpd`` over edges.
     p_eff : float
-        Effective number of parameters: what seeing the edges adds.
+        Effective number of parameters.
     pointwise : ndarray, shape (G,)
         Of each edge.
     k_hat : ndarray, shape (G,)
@@ -227,33 +227,31 @@ class LeaveOut(Displayable):
 
     @property
     def doubtful(self) -> tuple[str, ...]:
-        """Edges whose k-hat is above 0.7: their figure is a guess; fit again without them to know it."""
+        """Edges whose k-hat is above 0.7: their value is unreliable without a refit that leaves them out."""
         return tuple(name for name, k in zip(self.units, self.k_hat, strict=True) if not k <= K_HAT)
 
     @property
     def words(self) -> str:
-        """All of it in a sentence or two."""
+        """The result in one or two sentences."""
         G, doubtful = len(self.units), self.doubtful
-        error = f" +- {self.se:.1f}" if isinstance(self.se, float) else ""
-        told = (
-            f"Expected log density of {G} left-out edges {self.elpd:.1f}{error}, effective parameters {self.p_eff:.1f}."
-        )
+        error = f" ± {self.se:.1f}" if isinstance(self.se, float) else ""
+        found = f"LOO by edge: elpd {self.elpd:.1f}{error} over {G} edges, effective parameters {self.p_eff:.1f}."
         if not doubtful:
-            return told
+            return found
         named = ", ".join(doubtful[:NAMED]) + (f" and {len(doubtful) - NAMED} more" if len(doubtful) > NAMED else "")
         return (
-            f"{told} For {named} it is a guess (k-hat up to {np.nanmax(self.k_hat):.2f}, above {K_HAT:g}): "
-            f"the draws lean on {'it' if len(doubtful) == 1 else 'them'} too much; fit again without to know."
+            f"{found} Unreliable for {named} (k-hat up to {np.nanmax(self.k_hat):.2f}, above {K_HAT:g}): "
+            f"refit without {'it' if len(doubtful) == 1 else 'them'}."
         )
 
 
 def leave_one_out(by_unit: Array, units: tuple[str, ...]) -> LeaveOut:
-    """Expected log density of each edge when it is left out.
+    """Expected log predictive density of each edge when it is left out.
 
     Parameters
     ----------
     by_unit : ndarray, shape (S, G)
-        Log likelihood of each edge at each draw; what edges share at random integrated out.
+        Log likelihood of each edge at each draw, random levels integrated out.
     units : tuple of str
         Names of the G edges.
 
@@ -269,8 +267,8 @@ def leave_one_out(by_unit: Array, units: tuple[str, ...]) -> LeaveOut:
     >>> rng = np.random.default_rng(1)
     >>> y = rng.normal(size=8)
     >>> mean = rng.normal(y.mean(), 8**-0.5, size=(4000, 1))  # draws of a mean, sd 1 known
-    >>> told = leave_one_out(-((y - mean) ** 2) / 2 - np.log(2 * np.pi) / 2, tuple("abcdefgh"))
-    >>> told.doubtful, bool(0.2 < told.p_eff < 1.2)
+    >>> found = leave_one_out(-((y - mean) ** 2) / 2 - np.log(2 * np.pi) / 2, tuple("abcdefgh"))
+    >>> found.doubtful, bool(0.2 < found.p_eff < 1.2)
     ((), True)
     """
     S, G = by_unit.shape
@@ -280,7 +278,7 @@ def leave_one_out(by_unit: Array, units: tuple[str, ...]) -> LeaveOut:
     log_weights, k_hat = smoothed_columns(-by_unit)
     pointwise = _log_sum(log_weights + by_unit)
     seen = _log_sum(by_unit) - np.log(S)
-    se = float(np.sqrt(G * pointwise.var(ddof=1))) if G > 1 else NotAvailable("one edge only: no scatter over edges")
+    se = float(np.sqrt(G * pointwise.var(ddof=1))) if G > 1 else NotAvailable("one edge only: no variance over edges")
     return LeaveOut(tuple(units), float(pointwise.sum()), se, float((seen - pointwise).sum()), pointwise, k_hat)
 
 
@@ -296,6 +294,6 @@ def _finite(by_unit: Array, units: tuple[str, ...]) -> None:
         g = int(bad.any(axis=0).argmax())
         seen = float(by_unit[bad[:, g].argmax(), g])
         raise FitError(
-            f"edge {units[g]}: log likelihood {seen:g} at {bad[:, g].sum()} of {len(by_unit)} draws; a posterior puts "
-            "no draw where an edge is impossible: draw again, by chains."
+            f"edge {units[g]}: log likelihood {seen:g} at {bad[:, g].sum()} of {len(by_unit)} draws; a posterior has "
+            "no draws where an edge is impossible: draw again by MCMC."
         )

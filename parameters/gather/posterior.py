@@ -36,10 +36,10 @@ def posterior_section(
         raise ParameterError(f"posteriors of the seeds {sorted(seeds)}: a parameter file holds one seed; draw again.")
     laws: dict[str, Any] = {response: {"reason": why.reason} for response, why in none.items()}
     for post in posteriors:
-        if not post.gate.open:
+        if not post.convergence.passed:
             raise GateError(
                 f"{post.response}: convergence checks of the draws failed, so no parameter file is written: "
-                + " ".join(post.gate.reasons)
+                + " ".join(post.convergence.reasons)
             )
         if post.response in laws:
             raise ParameterError(f"there are two posteriors of {post.response}; a parameter file holds one.")
