@@ -268,8 +268,8 @@ def test_why_there_is_no_posterior_stands_in_its_row(fitted):
 
 
 def test_behind_a_shut_gate_there_is_no_file_and_the_row_stays(fitted, monkeypatch):
-    gate = SimpleNamespace(open=False, reasons=("R-hat 1.2, above 1.01.",))
-    shut = SimpleNamespace(response="AW", gate=gate)
+    checks = SimpleNamespace(passed=False, reasons=("R-hat 1.2, above 1.01.",))
+    shut = SimpleNamespace(response="AW", convergence=checks)
     monkeypatch.setattr(fit, "posterior", lambda law, **how: shut)
     (outcome,) = fitted(rows_of(simulated("A", 1)), how=FAST).pairs
     assert not outcome.files
