@@ -96,7 +96,9 @@ def posterior_cells(pf: "ParameterFile") -> dict[str, dict[str, Cell]]:
 
 
 def _not_converged_cells(pair: PairAnalysis) -> dict[str, dict[str, Cell]]:
-    failed = {post.response: " ".join(post.convergence.reasons) for post in pair.posteriors if not post.convergence.passed}
+    failed = {
+        post.response: " ".join(post.convergence.reasons) for post in pair.posteriors if not post.convergence.passed
+    }
     others = f"the draws of {', '.join(failed)} did not converge: no draws of this pair are kept"
     return {law.response: {"no_posterior": failed.get(law.response, others)} for law in pair.laws}
 
