@@ -210,14 +210,14 @@ F0, V0, X0 = motion()
         (lambda: drive_fit(record(X0, F0, "")), "give unit=, one of m, mm"),
         (lambda: drive_fit(record(X0, F0, unit_u="V")), "'V': give force="),
         (lambda: drive_fit(record(X0, F0), 0.0), "force 0.0"),
-        (lambda: drive_fit(record(np.ones(12000), F0)), "stands still"),
+        (lambda: drive_fit(record(np.ones(12000), F0)), "is constant"),
         (lambda: drive_fit(record(X0[:150], F0[:150])), "150 samples; a drive needs 200"),
-        (lambda: drive_fit(record(X0[:800], F0[:800])), "rows at 100 Hz are left"),
-        (lambda: drive_fit(record(np.abs(V0) + 0.3, F0, "m/s")), "moves one way only"),
+        (lambda: drive_fit(record(X0[:800], F0[:800])), "rows at 100 Hz remain"),
+        (lambda: drive_fit(record(np.abs(V0) + 0.3, F0, "m/s")), "moves in one direction only"),
         (lambda: drive_fit(record(X0, F0), cutoff=500.0), "cutoff 500 Hz of a record at 1000 Hz"),
         (lambda: drive_fit(record(X0, F0), slow=1.0), "slow 1.0"),
         (lambda: drive_fit(record(X0, -F0)).simulate(F0), "Look at the sign of force"),
-        (lambda: drive_fit(record(0.2 * np.sign(np.sin(np.arange(12000) / 900)), F0, "m/s")), "is not told"),
+        (lambda: drive_fit(record(0.2 * np.sign(np.sin(np.arange(12000) / 900)), F0, "m/s")), "is not identifiable"),
     ],
     ids=[
         "no unit of motion", "no unit of force", "no force", "still", "too short", "few rows", "one way", "cutoff",
@@ -233,5 +233,5 @@ def test_refusals(call, says):
 def test_verdicts():
     F, _, x = motion(seed=3)
     assert drive_fit(record(x, F)).verdict.startswith("M 9")
-    assert "counts against the motion" in drive_fit(record(x, -F)).verdict
-    assert "That is much" in drive_fit(record(x, np.roll(F, 300))).verdict
+    assert "opposite to the motion" in drive_fit(record(x, -F)).verdict
+    assert "This is large" in drive_fit(record(x, np.roll(F, 300))).verdict

@@ -103,7 +103,7 @@ def test_averaged_error_bars_hold_for_a_long_random_input():
 def test_a_ringing_machine_is_told_from_a_short_look():
     ringing = Model(b=[0, 0.1], a=np.real(np.poly(0.999 * np.exp([0.5j, -0.5j]))), nk=1, sample_time=0.02)
     found = frequency_response(recorded(np.random.default_rng(11).standard_normal(600), 30, 1, ringing))
-    assert "has not died out" in found.notes[0]
+    assert "has not decayed" in found.notes[0]
 
 
 REFUSED = {

@@ -37,7 +37,7 @@ def write_excitation(
     Parameters
     ----------
     u : array_like, shape (N,)
-        In ``unit``; every digit is kept.
+        In ``unit``; written at full precision.
     rate : float
         Hz.
     path : path-like
@@ -45,7 +45,7 @@ def write_excitation(
     for_ : {"csv", "octave", "labview", "linuxcnc"}
     unit : str
     force : bool
-        Replace a file that is there.
+        Replace an existing file.
 
     Returns
     -------
@@ -54,9 +54,9 @@ def write_excitation(
     Raises
     ------
     IdentError
-        Values that are no numbers, a rate of zero or less.
+        Values that are not finite, a rate of zero or less.
     UsageError
-        A file is there, the folder cannot be written, or the name does not suit the program.
+        An existing file, a folder that cannot be written, or an unsuitable name.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def write_excitation(
     if re.search(r"[\s,;\[\]#]", unit):
         raise UsageError(f"unit {unit!r}: no spaces, commas or brackets.")
     if not force and os.path.lexists(path):
-        raise UsageError(f"{path} is there already; replace it with --force, or choose another name.")
+        raise UsageError(f"{path} exists already; replace it with --force, or choose another name.")
     write_whole(path, FORMS[for_](values, float(rate), unit, path))
     return path
 

@@ -1,9 +1,9 @@
-"""What an excitation would tell of a plant before it is run: the errors of an output-error fit, by Cramer and Rao.
+"""Predicted precision of an output-error fit to a planned excitation: the Cramer-Rao bound.
 
-    cov theta = sigma^2 (J'J)^-1,   J = d yhat / d theta by sensitivity filters, at a guess of the plant
+    cov theta = sigma^2 (J'J)^-1,   J = d yhat / d theta by sensitivity filters, at an assumed plant
 
-No unbiased estimate does better, and output error reaches it with noise that is white and records that are not short.
-Source: Ljung 1999, sections 7.4 and 13.3.
+The lower bound of unbiased estimates, attained by output error for white noise and long records. Source: Ljung 1999,
+sections 7.4 and 13.3.
 """
 
 from dataclasses import dataclass, replace
@@ -28,18 +28,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class PredictedErrors(Plottable):
-    """Standard errors that a fit to this excitation would have.
+    """Predicted standard errors of a fit to an excitation.
 
     Attributes
     ----------
     params : DataFrame
-        One row a coefficient: ``value`` of the guess, ``se``.
+        One row per coefficient: assumed ``value``, ``se``.
     response : DataFrame, index ``frequency`` in Hz
         ``gain`` (unit_y per unit_u), ``gain_se`` in %, ``phase`` and ``phase_se`` in degrees.
     model : Model
-        The guess with the covariance that is to be expected, for `response_band` and `step_band`.
+        The assumed plant with the predicted covariance, for `response_band` and `step_band`.
     snr : float
-        Power of the output over power of the noise, dB.
+        Signal-to-noise ratio of the output, dB.
     """
 
     params: "pd.DataFrame"
@@ -56,20 +56,20 @@ def predicted_errors(
     frequency: ArrayLike | None = None,
     runs: int = 1,
 ) -> PredictedErrors:
-    """Standard errors of coefficients, gain and phase that an excitation would give.
+    """Predicted standard errors of coefficients, gain and phase for an excitation.
 
     Parameters
     ----------
     guess : Model
-        What the plant may be; its orders are those of the fit to come.
+        Assumed plant, with the orders of the later fit.
     u : array_like, shape (N,)
-        The excitation, at the guess's sample time.
+        The excitation, at the sample time of the plant.
     noise_sd : float
         Standard deviation of the noise on the output, in its unit; white.
     frequency : array_like, optional
         Hz; by default 20 from one period in the record to half the sample rate.
     runs : int
-        How often the excitation is run, each from rest.
+        Number of repetitions, each from rest.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def predicted_errors(
     Raises
     ------
     IdentError
-        An unstable guess, an excitation that does not vary or does not tell the coefficients apart, no noise.
+        An unstable plant, a constant excitation, coefficients that are not identifiable, no noise.
 
     Examples
     --------
@@ -119,12 +119,14 @@ def predicted_errors(
 
 def _check(guess: Model, u: Array, noise_sd: float, runs: int) -> None:
     if u.ndim != 1 or not np.isfinite(u).all() or np.ptp(u) == 0:
-        raise IdentError(f"an excitation of shape {u.shape}: one column of finite numbers that vary.")
+        raise IdentError(f"an excitation of shape {u.shape}: one column of finite numbers that vary is needed.")
     if not (np.isfinite(noise_sd) and noise_sd > 0):
-        raise IdentError(f"noise_sd {noise_sd!r}: above zero, in the unit of the output. Look at a record at rest.")
+        raise IdentError(
+            f"noise_sd {noise_sd!r}: above zero, in the unit of the output. Estimate it from a record at rest."
+        )
     if runs != int(runs) or runs < 1:
         raise IdentError(f"runs {runs!r}: a whole number, 1 or more.")
     if not guess.stable:
         raise IdentError(
-            f"the guess has a pole at radius {guess.radius:.4g}: errors can be foretold of a stable plant."
+            f"the assumed plant has a pole at radius {guess.radius:.4g}: errors are predicted for stable plants only."
         )

@@ -1,9 +1,7 @@
-"""What the machine is driven with to be identified: chirp, shift register, multisine, steps; all within limits.
+"""Excitation signals (chirp, PRBS, multisine, steps) within limits of level, rate of change and frequency.
 
-Limits of an excitation: level, rate of change, frequency.
-
-What lies beyond a limit is refused in words, or the whole is made smaller when that is asked for (``limit="scale"``).
-It is never cut off: a clipped signal has other frequencies than the one that was planned.
+A signal beyond a limit raises an error, or is scaled as a whole (``limit="scale"``). It is never clipped: a clipped
+signal has another spectrum.
 """
 
 from collections.abc import Sequence
@@ -35,26 +33,25 @@ def within_limits(
     max_rate: float | None = None,
     limit: Literal["refuse", "scale"] = "refuse",
 ) -> Array:
-    """``offset`` + x where that keeps the limits; else refused, or x made smaller as a whole."""
+    """``offset`` + x if within the limits; otherwise an error, or x scaled as a whole."""
     check_kind("limit", limit, ("refuse", "scale"))
     if not np.isfinite([x.min(), x.max(), offset]).all():
         raise IdentError(f"amplitude or offset {offset:g} is not finite: give numbers.")
     change = float(np.abs(np.diff(x)).max(initial=0.0)) * rate
-    asked = (
+    checks = (
         ("level", offset + float(x.max()), high, float(x.max()), None if high is None else high - offset, "above"),
         ("level", offset + float(x.min()), low, -float(x.min()), None if low is None else offset - low, "below"),
         ("rate of change a second", change, max_rate, change, max_rate, "above"),
     )
     scale = 1.0
-    for what, value, bound, size, room, side in asked:
-        if bound is None or room is None or size <= room * (1 + 1e-12):
+    for what, value, bound, size, margin, side in checks:
+        if bound is None or margin is None or size <= margin * (1 + 1e-12):
             continue
-        if room <= 0 or limit == "refuse":
-            cure = (
-                "offset alone is beyond it" if room <= 0 else f'{room / size:.4g} of the amplitude fits: limit="scale"'
-            )
-            raise IdentError(f"{what} {value:.6g} is {side} the limit {bound:g}; {cure}.")
-        scale = min(scale, room / size)
+        if margin <= 0 or limit == "refuse":
+            fits = f'{margin / size:.4g} of the amplitude fits: limit="scale"'
+            remedy = "offset alone is beyond it" if margin <= 0 else fits
+            raise IdentError(f"{what} {value:.6g} is {side} the limit {bound:g}; {remedy}.")
+        scale = min(scale, margin / size)
     return np.asarray(offset + scale * x, dtype=np.float64)
 
 
@@ -69,7 +66,7 @@ def sample_count(duration: float, rate: float) -> int:
 
 
 def check_frequency(name: str, f: float, rate: float) -> None:
-    """Above zero and not above half the rate, or IdentError."""
+    """Raise IdentError unless the frequency is above zero and at most half the rate."""
     if not 0 < f <= rate / 2:
         raise IdentError(
             f"{name} {f:g} Hz at {rate:g} Hz: above zero and not above {rate / 2:g} Hz, half the rate. "
@@ -78,7 +75,7 @@ def check_frequency(name: str, f: float, rate: float) -> None:
 
 
 def check_kind(name: str, value: str, known: tuple[str, ...]) -> None:
-    """One of the known words, or IdentError."""
+    """Raise IdentError unless the value is one of the known ones."""
     if value not in known:
         raise IdentError(f"{name} {value!r}: one of {', '.join(known)}.")
 
@@ -116,7 +113,7 @@ def chirp(
     low, high, max_rate : float, optional
         Limits of level, and of its change in units a second.
     limit : {"refuse", "scale"}
-        What happens beyond them.
+        Behaviour beyond the limits: raise an error, or scale the signal.
 
     Returns
     -------
@@ -125,7 +122,7 @@ def chirp(
     Raises
     ------
     IdentError
-        A frequency of zero or less or above half the rate, no whole period, a limit exceeded.
+        A frequency of zero or less or above half the rate, a limit exceeded.
 
     Examples
     --------
@@ -157,7 +154,7 @@ def prbs(
     offset: float = 0.0,
     **limits: Unpack[SignalLimits],
 ) -> Array:
-    """Two levels at random, from a shift register of the longest period (2^order - 1 holds).
+    """Pseudo-random binary sequence from a maximum-length shift register (period 2^order - 1).
 
     Parameters
     ----------
@@ -166,13 +163,13 @@ def prbs(
     duration, rate : float
         s, Hz.
     hold : float
-        Shortest time at one level, s, a whole number of samples. Power falls to half at 0.44 / hold Hz.
+        Clock period, s, a whole number of samples. The power falls to half at 0.44 / hold Hz.
     order : int, optional
-        Of the register, 3 to 16; by default the least whose period outlasts the duration.
+        Of the register, 3 to 16; by default the smallest whose period exceeds the duration.
     seed : int
-        Where in its period the register starts: 1 to 2^order - 1, taken modulo that.
+        Initial state of the register: 1 to 2^order - 1, modulo that.
     low, high, max_rate, limit
-        See :func:`chirp`; a jump has the rate of its height times ``rate``.
+        See :func:`chirp`; a jump has a rate of its height times ``rate``.
 
     Examples
     --------
@@ -214,16 +211,16 @@ def multisine(
     offset: float = 0.0,
     **limits: Unpack[SignalLimits],
 ) -> Array:
-    """Sines at chosen lines with Schroeder phases: one whole period, to be repeated without a seam.
+    """Multisine with Schroeder phases: one whole period, to be repeated.
 
     Parameters
     ----------
     amplitude : float
-        Largest magnitude of the sum. How much of it is power is what `crest_factor` says.
+        Largest magnitude of the sum; see `crest_factor`.
     lines : array_like, optional
-        Hz, each a whole number of periods in the duration; by default every one from 0.1 to 2 Hz.
+        Hz, each a whole number of periods in the duration; by default all from 0.1 to 2 Hz.
     weights : array_like, optional
-        Power of each line; by default all alike.
+        Power of each line; by default equal.
     duration, rate, offset, low, high, max_rate, limit
         See :func:`chirp`.
 
@@ -261,7 +258,7 @@ def multisine(
 def steps(
     levels: Sequence[float], hold: float, rate: float = 50.0, *, offset: float = 0.0, **limits: Unpack[SignalLimits]
 ) -> Array:
-    """A train of steps: each level for ``hold`` seconds, in its turn.
+    """Sequence of steps: each level for ``hold`` seconds.
 
     Examples
     --------
@@ -275,7 +272,7 @@ def steps(
 
 
 def crest_factor(u: ArrayLike) -> float:
-    """Largest deviation from the mean over the root mean square: 1 of two levels, 1.41 of a sine; small is good.
+    """Largest deviation from the mean over the root mean square: 1 for two levels, 1.41 for a sine; small is good.
 
     >>> crest_factor([1.0, -1.0, 1.0, -1.0])
     1.0
@@ -284,5 +281,5 @@ def crest_factor(u: ArrayLike) -> float:
     x = x - x.mean()
     rms = float(np.sqrt(np.mean(x * x)))
     if rms == 0:
-        raise IdentError("crest factor of a signal that does not vary: nothing is excited.")
+        raise IdentError("crest factor of a constant signal, which does not vary: undefined.")
     return float(np.abs(x).max()) / rms

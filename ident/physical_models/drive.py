@@ -2,22 +2,19 @@
 
     F = M a + Fv v + Fc sign(v) + offset
 
-Inverse-model least squares: position differentiated centrally, every column of the equation and the force through one
-zero-phase low-pass, then every k-th row. Source: Gautier 1997, doi 10.1109/ROBOT.1997.619069; Janot, Vandanjon &
-Gautier 2014, doi 10.1109/TCST.2013.2248366. Two rules here are stricter: a force held between samples acts on a second
-difference with the mean of two samples, and rows near a reversal, where friction is not Coulomb's, are left out.
+Inverse-model least squares: position differentiated centrally, every column of the equation and the force filtered by
+one zero-phase low-pass, then every k-th row. Source: Gautier 1997, doi 10.1109/ROBOT.1997.619069; Janot, Vandanjon &
+Gautier 2014, doi 10.1109/TCST.2013.2248366. In addition, a force held between samples acts on a second difference with
+the mean of two samples, and rows near a reversal, where friction is not Coulomb's, are omitted.
 
-Standard errors where residuals hang together and no law of their correlation is known: leave out block by block.
-
-The estimate is made again without each block of samples; what it moves by is its covariance (Kunsch 1989,
-doi 10.1214/aos/1176347265, section 2; blocks do not overlap here). For least squares the estimate without block i is
+Standard errors: block jackknife (Kunsch 1989, doi 10.1214/aos/1176347265, section 2, without overlap), since the
+residuals are autocorrelated by an unknown law. For least squares the estimate without block i is
 
     theta_i = theta - (J'J - Ji'Ji)^-1 Ji' e_i
 
-so that nothing is fitted twice. Blocks as long as the residuals hang together make this honest, also where the error is
-a fault of the model (friction that is not quite Coulomb's) and not noise. A machine that repeats its movement is the
-trap: blocks in step with it all hold the same error, and the standard error comes out several times too small. So
-several lengths of block are taken, and the widest answer.
+so that no refit is needed. Blocks longer than the correlation of the residuals give valid errors, also for model error
+(friction that is not exactly Coulomb's). Blocks in phase with a periodic movement would all contain the same error and
+make the standard error several times too small: several block lengths are used, and the largest result is taken.
 """
 
 from collections.abc import Sequence
@@ -38,7 +35,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 NAMES = ("M", "Fv", "Fc", "offset")
-ALONE = 0.02  # share of a column that the others cannot make: below it nothing tells it apart from them
+INDEPENDENT = 0.02  # share of a column orthogonal to the others: below it, its coefficient is not identifiable
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -50,18 +47,18 @@ class DriveFit(Plottable):
     theta : ndarray, shape (4,)
         M kg, Fv N s/m, Fc N, offset N (kg m^2, N m s/rad, N m, N m of a rotary drive).
     cov_params : ndarray, shape (4, 4)
-        By leaving out blocks of the record: it allows for coloured residuals and for friction that is not Coulomb's;
-        about 13 degrees of freedom, so that 95 % lies at 2.2 standard errors.
+        By block jackknife, which allows for autocorrelated residuals and model error; about 13 degrees of freedom, so
+        that a 95 % interval spans 2.2 standard errors.
     relative_error : float
-        Length of the residual force over that of the force, behind the filter.
+        Norm of the residual force over that of the force, filtered.
     rows, left_out : int
-        FilteredRows used, and left out near reversals.
+        FilteredRows used, and omitted near reversals.
     motion : Motion
-        Force and motion in SI units, as the record gave them.
+        Force and motion of the record in SI units.
     rate, cutoff : float
         Hz: of the rows, and of the low-pass.
     predicted : ndarray, shape (rows, 2)
-        Force measured and force of the model, N, behind the filter.
+        Measured and modelled force, N, filtered.
     notes : tuple of str
     """
 
@@ -93,7 +90,7 @@ class DriveFit(Plottable):
 
     @property
     def offset(self) -> float:
-        """Force that holds the drive in balance, N."""
+        """Constant force offset, N."""
         return float(self.theta[3])
 
     @property
@@ -119,8 +116,8 @@ class DriveFit(Plottable):
         """
         if not (self.M > 0 and self.Fc >= 0):
             raise IdentError(
-                f"inertia {self.M:.4g}, Coulomb friction {self.Fc:.4g}: a mass with friction does not run so. Look "
-                "at the sign of force (force=-...) and at the units."
+                f"inertia {self.M:.4g}, Coulomb friction {self.Fc:.4g}: physically impossible. Check the sign of force "
+                "(force=-...) and the units."
             )
         dt = self.motion.sample_time if sample_time is None else float(sample_time)
         F = np.asarray(force, dtype=np.float64)
@@ -130,7 +127,7 @@ class DriveFit(Plottable):
     def free_run(self, rec: Record | Sequence[Record], unit: str | None = None) -> tuple[Array, Array, float]:
         """Velocity measured and simulated from the force alone (N,), m/s, and the fit in %.
 
-        Each stretch starts at its measured speed. The fit is 100 (1 - |v - simulated| / |v - mean v|).
+        Each segment starts at its measured speed. The fit is 100 (1 - |v - simulated| / |v - mean v|).
         """
         rec = rec if isinstance(rec, Record) else join_records(rec)
         known = unit or rec.unit_y or self.motion.unit
@@ -139,7 +136,7 @@ class DriveFit(Plottable):
 
     @property
     def own_run(self) -> tuple[Array, float]:
-        """Velocity simulated on the record that was fitted (N,), m/s, and the fit in %."""
+        """Velocity simulated on the estimation record (N,), m/s, and the fit in %."""
         return self._run(self.motion)
 
     def _run(self, motion: Motion) -> tuple[Array, float]:
@@ -150,16 +147,16 @@ class DriveFit(Plottable):
 
     @property
     def verdict(self) -> str:
-        """What was found and how far to trust it."""
-        told = ", ".join(f"{n} {v:.5g} +- {s:.2g}" for n, v, s in zip(NAMES, self.theta, self.bse, strict=True))
+        """Estimates, share of the unexplained force, and reservations."""
+        estimates = ", ".join(f"{n} {v:.5g} +- {s:.2g}" for n, v, s in zip(NAMES, self.theta, self.bse, strict=True))
         weak = [n for n, v, s in zip(NAMES[:3], self.theta, self.bse, strict=False) if abs(v) < 2 * s]
-        text = f"{told}; the model leaves {100 * self.relative_error:.2g} % of the force."
+        text = f"{estimates}; relative residual force {100 * self.relative_error:.2g} %."
         if self.relative_error > 0.2:
-            text += " That is much: another force acts, or force and motion are not of one time or unit."
+            text += " This is large: another force acts, or time or units of force and motion do not match."
         if weak:
-            text += f" {' and '.join(weak)} cannot be told from zero: move at more speeds, or faster."
+            text += f" {' and '.join(weak)} not significantly different from zero: excite more speeds, or higher ones."
         if (self.theta[:3] < -2 * self.bse.to_numpy()[:3]).any():
-            text += " A negative value means that the force counts against the motion: give force with a minus."
+            text += " A negative value means that the force is opposite to the motion: give force with a minus sign."
         return text
 
 
@@ -177,23 +174,23 @@ def drive_fit(
     Parameters
     ----------
     rec : Record or sequence of Record
-        Input: force, or what is proportional to it (current, control voltage). Output: position or velocity. Closed
-        loop is allowed. Moving both ways, with phases of acceleration and of steady speed.
+        Input: force, or a signal proportional to it (current, control voltage). Output: position or velocity. Closed
+        loop is allowed. Motion in both directions, with acceleration and constant speed.
     force : float or None
         N (or N m) for one unit of the input; None where the input is in N, kN or N m already.
     unit : str or None
-        Of the output (m, mm, um, mm/s, mm/min, m/s, m/min, rad, deg, rad/s, rpm), where the record names none.
+        Of the output (m, mm, um, mm/s, mm/min, m/s, m/min, rad, deg, rad/s, rpm), if the record names none.
     held : bool
-        The force is a command that holds until the next sample; False: it was measured at the sample.
+        The force is a command held until the next sample; False: measured at the sample.
     cutoff : float or None
         Low-pass, Hz; by default 0.04 of the sample rate. Well above the motion, below resonances.
     slow : float
-        FilteredRows within the filter's reach of a speed below this part of the top speed are left out.
+        FilteredRows within the filter length of a speed below this share of the top speed are omitted.
 
     Raises
     ------
     IdentError
-        Units unknown; too short a record; a drive that stands, moves one way only, or at one speed only.
+        Unknown units; too short a record; a drive at rest, moving in one direction only, or at one speed only.
 
     Examples
     --------
@@ -204,7 +201,7 @@ def drive_fit(
     {'M': 20.0, 'Fv': 50.0, 'Fc': 8.0, 'offset': 1.0}
     """
     if not 0 <= slow < 0.5:
-        raise IdentError(f"slow {slow!r}: a part of the top speed, from 0 up to 0.5.")
+        raise IdentError(f"slow {slow!r}: a share of the top speed, at least 0 and below 0.5.")
     rec = rec if isinstance(rec, Record) else join_records(rec)
     motion = motion_of(rec, force, unit, cutoff, held)
     rows = rows_of(motion, slow)
@@ -220,25 +217,25 @@ def drive_fit(
 
 
 def _check_rows(rows: FilteredRows) -> None:
-    """FilteredRows that tell the four columns apart, or IdentError."""
+    """Raise IdentError unless the four coefficients are identifiable from the rows."""
     fewest = 4 * max(COUNTS)
     if len(rows.F) < fewest:
         raise IdentError(
-            f"{len(rows.F)} rows at {rows.rate:.4g} Hz are left of the record beside {rows.left_out} near reversals; "
+            f"{len(rows.F)} rows at {rows.rate:.4g} Hz remain, besides {rows.left_out} near reversals; "
             f"{fewest} are needed. Record longer, raise cutoff or lower slow."
         )
     if not ((rows.X[:, 2] > 0.9).any() and (rows.X[:, 2] < -0.9).any()):
         raise IdentError(
-            "the drive moves one way only: Coulomb friction and offset push alike and cannot be told apart. Record "
-            "movements both ways."
+            "the drive moves in one direction only: Coulomb friction and offset are not identifiable separately. "
+            "Record motion in both directions."
         )
     X = rows.X / np.linalg.norm(rows.X, axis=0)
-    alone = 1 / np.sqrt(np.diag(np.linalg.pinv(X.T @ X)))
-    if alone.min() < ALONE:
-        name = NAMES[int(np.argmin(alone))]
+    independent = 1 / np.sqrt(np.diag(np.linalg.pinv(X.T @ X)))
+    if independent.min() < INDEPENDENT:
+        name = NAMES[int(np.argmin(independent))]
         raise IdentError(
-            f"{name} is not told by this record: {100 * alone.min():.2g} % of its column is its own, "
-            f"{100 * ALONE:.0f} % are needed. Move at several speeds and with clear acceleration."
+            f"{name} is not identifiable from this record: {100 * independent.min():.2g} % of its column is "
+            f"independent of the others, {100 * INDEPENDENT:.0f} % are needed. Move at several speeds, with pronounced acceleration."
         )
 
 

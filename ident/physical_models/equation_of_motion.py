@@ -1,11 +1,9 @@
-"""Force and motion of a drive in SI units, and the filtered rows of its equation of motion.
-
-A mass with viscous and Coulomb friction under a force held between samples, run exactly, sticking included.
+"""Equation of motion of a feed drive: data in SI units, filtered rows, and exact simulation with friction.
 
     M dv/dt = F - offset - Fv v - Fc sign(v);    at rest it stays while |F - offset| <= Fc
 
-Between changes of direction this is linear: v runs to its end speed exponentially. A sample in which v meets zero is
-cut there, and the mass sticks or turns.
+Between reversals this is linear: v approaches its final speed exponentially. A sample in which v reaches zero is split
+there, and the mass sticks or reverses.
 """
 
 from collections.abc import Sequence
@@ -22,15 +20,15 @@ from ...datasets import Record
 from ...datasets.records.record import join_records
 
 Array = NDArray[np.float64]
-MOTION_UNITS = {  # to SI, and how often it must be differentiated to be a velocity
+MOTION_UNITS = {  # factor to SI, and number of differentiations to a velocity
     "m": (1.0, 1), "mm": (1e-3, 1), "um": (1e-6, 1), "µm": (1e-6, 1), "rad": (1.0, 1), "deg": (np.pi / 180, 1),
     "m/s": (1.0, 0), "mm/s": (1e-3, 0), "m/min": (1 / 60, 0), "mm/min": (1e-3 / 60, 0),
     "rad/s": (1.0, 0), "rpm": (np.pi / 30, 0), "1/min": (np.pi / 30, 0),
 }  # fmt: skip
 ROTARY = ("rad", "deg", "rad/s", "rpm", "1/min")
 FORCE_UNITS = {"N": 1.0, "kN": 1e3, "N m": 1.0, "Nm": 1.0, "N*m": 1.0}
-PART = 0.04  # of the sample rate: the textbook's decimation by 10, which keeps 0.8 of the new half rate
-FEWEST = 200  # samples of a stretch: the filter's ends would be most of a shorter one
+CUTOFF = 0.04  # of the sample rate: decimation by 10, which retains 0.8 of the new Nyquist frequency
+FEWEST = 200  # samples of a segment: filter transients would dominate a shorter one
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -40,13 +38,13 @@ class Motion(Displayable):
     Attributes
     ----------
     force, v, a : ndarray, shape (N,)
-        N; m/s behind the low-pass; m/s^2 not filtered. (N m, rad/s and rad/s^2 of a rotary drive.)
+        N; m/s, low-pass filtered; m/s^2, not filtered. (N m, rad/s and rad/s^2 of a rotary drive.)
     raw : ndarray, shape (N,)
-        Velocity not filtered.
+        Unfiltered velocity.
     sample_time, cutoff : float
         s, Hz.
     factor : float or None
-        N for one unit of the input, where it was given.
+        N per unit of the input, if given.
     unit : str
         Of the output as recorded.
     held : bool
@@ -68,13 +66,13 @@ class Motion(Displayable):
 
     @property
     def speed_unit(self) -> str:
-        """rad/s of a rotary drive, m/s else."""
+        """rad/s for a rotary drive, otherwise m/s."""
         return "rad/s" if self.unit in ROTARY else "m/s"
 
 
 @dataclass(frozen=True, slots=True)
 class FilteredRows:
-    """Rows of F = X theta behind the filter: X (n, 4) of a, v, sign(v), 1; F (n,) N; time (n,) s; rate in Hz."""
+    """Filtered rows of F = X theta: X (n, 4) of a, v, sign(v), 1; F (n,) N; time (n,) s; rate in Hz."""
 
     X: Array
     F: Array
@@ -86,17 +84,17 @@ class FilteredRows:
 def motion_of(
     rec: Record | Sequence[Record], factor: float | None, unit: str | None, cutoff: float | None, held: bool
 ) -> Motion:
-    """The record in SI units, its offsets put back: friction depends on the speed, not on its change."""
+    """The record in SI units, its offsets restored: friction depends on the speed, not on its change."""
     rec = rec if isinstance(rec, Record) else join_records(rec)
     gain, size, times = _units(rec, factor, unit)
     rate = rec.rate
-    low = PART * rate if cutoff is None else float(cutoff)
+    low = CUTOFF * rate if cutoff is None else float(cutoff)
     if not 0 < low < 0.4 * rate:
         raise IdentError(f"cutoff {low:g} Hz of a record at {rate:g} Hz: above zero and below {0.4 * rate:g} Hz.")
     kept = [k for k, s in enumerate(rec.stretches) if s.stop - s.start >= FEWEST]
     if not kept:
         longest = max(s.stop - s.start for s in rec.stretches)
-        raise IdentError(f"the longest stretch has {longest} samples; a drive needs {FEWEST}. Record longer or faster.")
+        raise IdentError(f"the longest segment has {longest} samples; a drive needs {FEWEST}. Record longer or faster.")
     assert rec.offsets is not None  # noqa: S101  set by the record
     parts = [
         _of_stretch(
@@ -109,9 +107,9 @@ def motion_of(
     ends = np.cumsum([0, *(len(part[0]) for part in parts)]).tolist()
     force, v, a, raw = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     if not np.ptp(raw) > 0:
-        raise IdentError(f"{rec.output} stands still: a drive that does not move tells nothing of its inertia.")
+        raise IdentError(f"{rec.output} is constant: the inertia of a drive at rest is not identifiable.")
     left = len(rec.stretches) - len(kept)
-    notes = (f"{left} stretch(es) shorter than {FEWEST} samples are left out",) if left else ()
+    notes = (f"{left} segment(s) shorter than {FEWEST} samples are omitted",) if left else ()
     return Motion(
         force, v, a, raw, rec.sample_time, low, factor, unit or rec.unit_y, held,
         tuple(slice(b, e) for b, e in pairwise(ends)), notes,
@@ -119,26 +117,26 @@ def motion_of(
 
 
 def _units(rec: Record, factor: float | None, unit: str | None) -> tuple[float, float, int]:
-    """N a unit of input, SI a unit of output, and derivatives to a velocity; never guessed."""
+    """N per unit of input, SI per unit of output, and number of differentiations to a velocity."""
     if factor is None and rec.unit_u not in FORCE_UNITS:
         raise IdentError(
-            f"input {rec.input} is in {rec.unit_u or 'no named unit'!r}: give force=, the N (or N m) for one "
-            "unit of it, for instance motor constant times gear ratio over current."
+            f"input {rec.input} is in {rec.unit_u or 'no named unit'!r}: give force=, the N (or N m) per "
+            "unit, for instance motor constant times gear ratio over current."
         )
     if factor is not None and not (np.isfinite(factor) and factor != 0):
-        raise IdentError(f"force {factor!r}: N for one unit of {rec.input}, not zero.")
+        raise IdentError(f"force {factor!r}: N per unit of {rec.input}, not zero.")
     known = unit or rec.unit_y
     if known not in MOTION_UNITS:
         raise IdentError(
             f"output {rec.output} is in {known or 'no named unit'!r}: give unit=, one of {', '.join(MOTION_UNITS)}; "
-            "inertia scales with it."
+            "the inertia scales with it."
         )
     size, times = MOTION_UNITS[known]
     return (FORCE_UNITS[rec.unit_u] if factor is None else float(factor)), size, times
 
 
 def low_passed(x: Array, dt: float, cutoff: float) -> Array:
-    """Butterworth of order 4 forwards and backwards along the first axis: no phase."""
+    """Zero-phase Butterworth low-pass of order 4 along the first axis."""
     from scipy.signal import butter, sosfiltfilt
 
     return np.asarray(sosfiltfilt(butter(4, 2 * cutoff * dt, output="sos"), x, axis=0), dtype=np.float64)
@@ -154,7 +152,7 @@ def _of_stretch(force: Array, y: Array, dt: float, cutoff: float, times: int) ->
 
 
 def rows_of(motion: Motion, slow: float) -> FilteredRows:
-    """Every column and the force behind one filter, every k-th row, none within its reach of a reversal or an end."""
+    """Filtered columns and force, every k-th row, omitting rows within the filter length of a reversal or an end."""
     dt = motion.sample_time
     k = max(int(0.4 / (motion.cutoff * dt)), 1)
     reach = int(np.ceil(1 / (motion.cutoff * dt)))
@@ -162,7 +160,7 @@ def rows_of(motion: Motion, slow: float) -> FilteredRows:
     X, F, time, left = [], [], [], 0
     for s in motion.stretches:
         v, force = motion.v[s], motion.force[s]
-        # a second difference weighs the acceleration of the two samples beside it alike, and so their held forces
+        # a second difference weights the accelerations of two adjacent intervals equally, and so their held forces
         acting = (force + np.r_[force[0], force[:-1]]) / 2 if motion.held else force
         columns = np.column_stack([motion.a[s], motion.raw[s], np.sign(v), np.ones_like(v), acting])
         smooth = low_passed(columns, dt, motion.cutoff)
@@ -180,7 +178,7 @@ def rows_of(motion: Motion, slow: float) -> FilteredRows:
 def velocity_and_travel(
     force: Array, dt: float, M: float, Fv: float, Fc: float, offset: float, v0: float = 0.0
 ) -> tuple[Array, Array]:
-    """Velocity (N,) and travel from the first sample (N,), at the samples of ``force`` (N,), each held for ``dt``.
+    """Velocity (N,) and displacement (N,) at the samples of ``force`` (N,), each held for ``dt``.
 
     >>> v, x = velocity_and_travel(np.array([3.0, 3.0, 0.0, 0.0]), 1.0, M=1.0, Fv=0.0, Fc=1.0, offset=0.0)
     >>> v.tolist(), x.tolist()
@@ -196,9 +194,9 @@ def velocity_and_travel(
 
 
 def _one_sample(v: float, x: float, net: float, dt: float, M: float, Fv: float, Fc: float) -> tuple[float, float]:
-    """Velocity and place at the end of a sample."""
+    """Velocity and position at the end of a sample."""
     left = dt
-    for _ in range(2):  # under a constant force v meets zero at most once
+    for _ in range(2):  # under a constant force v reaches zero at most once
         if v == 0.0 and abs(net) <= Fc:
             return 0.0, x
         sign = 1.0 if v > 0 or (v == 0.0 and net > 0) else -1.0
@@ -213,9 +211,9 @@ def _one_sample(v: float, x: float, net: float, dt: float, M: float, Fv: float, 
 
 
 def _slide(v: float, push: float, t: float, M: float, Fv: float) -> tuple[float, float]:
-    """Velocity and travel after t under a constant push, no change of direction; exact also as Fv goes to zero."""
+    """Velocity and displacement after t under a constant force without reversal; accurate as Fv goes to zero."""
     z = Fv * t / M
-    if abs(z) < 1e-5:  # series: the closed form divides by Fv squared
+    if abs(z) < 1e-5:  # series expansion: the closed form divides by Fv squared
         gain = t * (1 - z / 2 + z * z / 6)
         return v + (push - Fv * v) / M * gain, v * gain + push / M * t * t * (0.5 - z / 6 + z * z / 24)
     gain = -expm1(-z) * M / Fv  # integral of exp(-Fv s / M)
@@ -223,7 +221,7 @@ def _slide(v: float, push: float, t: float, M: float, Fv: float) -> tuple[float,
 
 
 def _time_to_rest(v: float, push: float, M: float, Fv: float) -> float:
-    """When v meets zero."""
+    """Time at which v reaches zero."""
     if abs(Fv * v) < 1e-9 * abs(push):
         return -M * v / push
     return M / Fv * log(1 - Fv * v / push)

@@ -4,13 +4,10 @@
     process    F' + c F = k v                                       (2.2)
     together   k f_r = m F'' + (m c + d) F' + d c F                 (2.3, 2.4)
 
-From f_r to F that is (k/m) / ((s + c)(s + d/m)). A record of f_r and F tells three numbers, k/m and the two poles as a
-pair: which of them is the process (c) and which the drive (d/m) it does not tell, and m, d, k only up to one factor.
-With one of m, k, d known from elsewhere and ``drive`` saying which pole is the drive's, the rest follow.
-
-m, d, c and k of LYAP from the three ratios that a record tells and one value known from elsewhere.
-
-With r = (m/k, (mc+d)/k, dc/k) the poles -c and -d/m are the roots of r0 s^2 + r1 s + r2, and k = m / r0.
+From f_r to F this is (k/m) / ((s + c)(s + d/m)). From a record of f_r and F three numbers are identifiable, k/m and the
+pair of poles, but not which pole belongs to the process (c) and which to the drive (d/m); m, d, k are determined up to
+a common factor. Given one of m, k, d and the assignment of the poles (``drive``), the others follow: with
+r = (m/k, (mc+d)/k, dc/k) the poles -c and -d/m are the roots of r0 s^2 + r1 s + r2, and k = m / r0.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,28 +36,28 @@ PARAMETERS = ("m", "d", "c", "k")
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ForceProcess(Plottable):
-    """What a run of command and force tells of drive and process.
+    """Drive and milling process estimated from command and force.
 
     Attributes
     ----------
     ratios : ndarray, shape (3,)
-        m/k, (mc+d)/k, dc/k: what LYAP's adaptation looks for, in s^2, s and 1 times unit_u per unit_y.
+        m/k, (mc+d)/k, dc/k: the parameters that LYAP adapts, in s^2, s and 1 times unit_u per unit_y.
     cov_params : ndarray, shape (3, 3)
         Of ``ratios``, by the delta method from the discrete model.
     parameters : mapping
-        m, d, c, k as far as they follow from what was given; else empty.
+        m, d, c, k where they follow from the given values; otherwise empty.
     parameter_errors : mapping
         Their standard errors (0: given).
     identifiable : mapping
-        What each of m, d, c, k and the ratios rests on, in words.
+        Source of each of m, d, c, k and the ratios.
     zero_test : float
-        z of the coefficient that (2.3) says is zero (s^1 of the numerator): beyond 3 the record is not of this form.
+        z of the coefficient that is zero by (2.3) (s^1 of the numerator): beyond 3 the model structure is rejected.
     discrete : Model
-        The output-error model behind it.
+        The discrete output-error model.
     fit : float
-        100 (1 - |F - simulated| / |F - mean F|), %, of the reduced model, behind the state before the record.
+        100 (1 - |F - simulated| / |F - mean F|), %, of the reduced model with estimated initial state.
     time, measured, simulated : ndarray, shape (n,)
-        Of the longest stretch; the simulation includes what the past before the record left in it.
+        Of the longest segment; the simulation includes the initial state.
     """
 
     ratios: Array
@@ -111,9 +108,11 @@ class ForceProcess(Plottable):
 
     @property
     def verdict(self) -> str:
-        """What was found, on what it rests, and what speaks against it."""
-        told = ", ".join(f"{name} {v:.4g} +- {s:.2g}" for name, v, s in zip(RATIOS, self.ratios, self.bse, strict=True))
-        text = f"{told}; fit {self.fit:.1f} %."
+        """Estimates, their basis, and reservations."""
+        values = ", ".join(
+            f"{name} {v:.4g} +- {s:.2g}" for name, v, s in zip(RATIOS, self.ratios, self.bse, strict=True)
+        )
+        text = f"{values}; fit {self.fit:.1f} %."
         if self.parameters:
             errors = self.parameter_errors
             text += " " + ", ".join(f"{n} {v:.4g} +- {errors[n]:.2g}" for n, v in self.parameters.items()) + "."
@@ -122,10 +121,10 @@ class ForceProcess(Plottable):
         if abs(self.zero_test) > 3:
             text += (
                 f" The numerator has a term in s, {self.zero_test:.1f} standard errors from zero: drive or process "
-                "have another form than (2.1) and (2.2), or there is a delay."
+                "have another structure than (2.1) and (2.2), or there is a delay."
             )
         if np.abs(self.poles.imag).max() > 0:
-            text += " The poles are a swinging pair, which no positive m, d, c gives: the form does not hold."
+            text += " The poles are complex, which no positive m, d, c gives: the model structure is rejected."
         return text
 
 
@@ -142,23 +141,22 @@ def force_process_fit(
     Parameters
     ----------
     rec : Record or sequence of Record
-        Input f_r, output F, at one depth of cut (k scales with it), sampled well above both poles. F is 0 at f_r 0 by
-        (2.3): take the force of idle running off (``rec.less``), or the operating point (``rec.centred()``).
+        Input f_r, output F, at one depth of cut (k is proportional to it), sampled well above both poles. F is 0 at f_r
+        0 by (2.3): remove the idle force (``rec.less``) or the operating point (``rec.centred()``).
     m, k, d : float or None
-        At most one, known from elsewhere, in units that agree with the record.
+        At most one known value, in units consistent with the record.
     drive : {"faster", "slower"} or None
-        Whether the drive's pole d/m is the faster of the two; needed beside m, k or d, since the record does
-        not tell.
+        Whether the pole of the drive d/m is the faster one; required with m, k or d, as it is not identifiable.
 
     Raises
     ------
     IdentError
-        More than one value given; a record too short, still or without a continuous form of second order.
+        More than one value given; a record too short, constant or without a continuous form of second order.
 
     Notes
     -----
-    Output error with two poles is brought to continuous time; its numerator's term in s, zero by (2.3), is set to zero
-    and the other coefficients move with it as their covariance says (the estimate under the constraint).
+    An output-error model with two poles is converted to continuous time; the term in s of its numerator, zero by (2.3),
+    is constrained to zero, and the other coefficients are adjusted by their covariance (constrained estimate).
 
     Examples
     --------
@@ -171,12 +169,12 @@ def force_process_fit(
     """
     given = {name: value for name, value in (("m", m), ("k", k), ("d", d)) if value is not None}
     if len(given) > 1:
-        raise IdentError(f"{' and '.join(given)} given: the record fixes the rest from one of them; give one.")
+        raise IdentError(f"{' and '.join(given)} given: the others follow from one of them; give one.")
     for name, value in given.items():
         if not (np.isfinite(value) and value > 0):
             raise IdentError(f"{name} {value!r}: above zero.")
     if drive not in (None, "faster", "slower"):
-        raise IdentError(f"drive {drive!r}: 'faster' or 'slower', its pole d/m beside the process pole c.")
+        raise IdentError(f"drive {drive!r}: 'faster' or 'slower', its pole d/m relative to the process pole c.")
 
     rec = rec if isinstance(rec, Record) else join_records(rec)
     discrete = output_error(rec, nb=2, nf=2, nk=1)
@@ -204,7 +202,7 @@ def _ratios(model: Model) -> tuple[Array, Array, float]:
         up, down = _continuous(model, model.theta + h), _continuous(model, model.theta - h)
         for end in (up, down):
             if isinstance(end, str):
-                raise IdentError(f"the force process lies at the edge of having a continuous form: {end}.")
+                raise IdentError(f"the continuous form of the force process is at its limit of existence: {end}.")
         J[:, j] = np.subtract(up, down) / (2 * h[j])
     cov = J @ (np.zeros((4, 4)) if model.cov_params is None else model.cov_params) @ J.T
     zero, known = 0.0, cov[0, 0] > (1e-9 * max(abs(p[0]), abs(p[1]) * model.sample_time)) ** 2
@@ -218,7 +216,7 @@ def _ratios(model: Model) -> tuple[Array, Array, float]:
 
 
 def _continuous(model: Model, theta: Array) -> Array | str:
-    """n1, n0, a1, a0 of (n1 s + n0) / (s^2 + a1 s + a0), or why there is none."""
+    """n1, n0, a1, a0 of (n1 s + n0) / (s^2 + a1 s + a0), or the reason why there is none."""
     form = to_continuous(Model(b=np.r_[0.0, theta[2:]], a=np.r_[1.0, theta[:2]], nk=1, sample_time=model.sample_time))
     if not isinstance(form, ContinuousModel):
         return form.reason
@@ -226,7 +224,7 @@ def _continuous(model: Model, theta: Array) -> Array | str:
 
 
 def _free_run(rec: Record, ratios: Array) -> tuple[Array, float]:
-    """Simulated force (N,), what the past before each stretch left in it included, and its fit in %."""
+    """Simulated force (N,) with estimated initial states, and its fit in %."""
     from ..estimators.free_simulation import free_run, simulation_error
 
     model = ContinuousModel(np.ones(1), ratios).sampled(rec.sample_time)
@@ -237,7 +235,7 @@ def _free_run(rec: Record, ratios: Array) -> tuple[Array, float]:
 def parameters_of(
     ratios: Array, cov: Array, given: Mapping[str, float], drive: str | None
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Values and standard errors (delta method) of m, d, c, k; both empty where they do not follow.
+    """Values and standard errors (delta method) of m, d, c, k; both empty where they are not identifiable.
 
     >>> r = np.array([2.0, 76.0, 480.0]) / 400
     >>> values, _ = parameters_of(r, np.zeros((3, 3)), {"k": 400.0}, "faster")
@@ -254,24 +252,24 @@ def parameters_of(
         J[:, j] = (_values(ratios + h, given, drive) - _values(ratios - h, given, drive)) / (2 * h[j])
     errors = np.sqrt(np.maximum(np.diag(J @ cov @ J.T), 0.0))
     names = ("m", "d", "c", "k")
-    told = dict(zip(names, errors.tolist(), strict=True)) | dict.fromkeys(given, 0.0)
-    return dict(zip(names, values.tolist(), strict=True)), told
+    all_errors = dict(zip(names, errors.tolist(), strict=True)) | dict.fromkeys(given, 0.0)
+    return dict(zip(names, values.tolist(), strict=True)), all_errors
 
 
 def basis_of(ratios: Array, given: Mapping[str, float], drive: str | None) -> dict[str, str]:
-    """What each of m, d, c, k and the ratios rests on."""
-    told = dict.fromkeys(("m/k", "(mc+d)/k", "dc/k"), "from the record alone")
+    """Source of each of m, d, c, k and the ratios."""
+    basis = dict.fromkeys(("m/k", "(mc+d)/k", "dc/k"), "from the record alone")
     slow, fast = np.sort(np.abs(np.roots(ratios)))
-    pair = f"c and d/m are {slow:.4g} and {fast:.4g} rad/s, the record does not tell which is which"
+    pair = f"c and d/m are {slow:.4g} and {fast:.4g} rad/s, in an order that is not identifiable"
     why = _open(ratios, given, drive)
     for name in ("m", "d", "c", "k"):
         if name in given:
-            told[name] = "given"
+            basis[name] = "given"
         else:
-            told[name] = f"not identifiable: {why}" if why else f"from the record, with {_with(given, drive)}"
-    if "swinging" not in why:
-        told["c, d/m"] = pair if not drive else f"from the record, with the drive taken as {drive}"
-    return told
+            basis[name] = f"not identifiable: {why}" if why else f"from the record, with {_with(given, drive)}"
+    if "complex" not in why:
+        basis["c, d/m"] = pair if not drive else f"from the record, with the drive taken as {drive}"
+    return basis
 
 
 def _with(given: Mapping[str, float], drive: str | None) -> str:
@@ -279,14 +277,14 @@ def _with(given: Mapping[str, float], drive: str | None) -> str:
 
 
 def _open(ratios: Array, given: Mapping[str, float], drive: str | None) -> str:
-    """Why m, d, c, k do not follow; empty where they do."""
+    """Reason why m, d, c, k are not identifiable; empty if they are."""
     roots = np.roots(ratios)
     if np.abs(np.imag(roots)).max() > 0 or not (ratios > 0).all():
-        return "the poles are a swinging or unstable pair, which no positive m, d, c gives"
+        return "the poles are complex or unstable, which no positive m, d, c gives"
     if not given:
         return "m, d and k only as the products m/k, (mc+d)/k and dc/k; give one of m, k, d"
     if not drive:
-        return "which pole is the drive's is open; say drive='faster' or 'slower'"
+        return "the pole of the drive is not identified; give drive='faster' or 'slower'"
     return ""
 
 

@@ -1,12 +1,10 @@
-"""First or second order with delay fitted to one or several steps of the input, up or down.
+"""First- or second-order step response with delay, fitted to one or several steps of the input.
 
     order 1    gain / (T s + 1) exp(-L s)
     order 2    gain wn^2 / (s^2 + 2 zeta wn s + wn^2) exp(-L s)
 
 The time constant of a servo is the time to 63.2 % of the step (SURF, "ts"). The response to edges du_j at t_j is
-``gain sum du_j s(t - t_j - L)``: no sample grid enters, so that a delay may be any part of a sample.
-
-What a step fit says in words.
+``gain sum du_j s(t - t_j - L)``, so that the delay may be any fraction of a sample.
 """
 
 from dataclasses import dataclass
@@ -31,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class StepFit(Plottable):
-    """A step response as a formula.
+    """First- or second-order model of a step response.
 
     Attributes
     ----------
@@ -43,14 +41,14 @@ class StepFit(Plottable):
     delay : float
         s.
     names : tuple of str
-        What was estimated: gain, the shape, and the delay unless it was given or lies at zero.
+        Estimated parameters: gain, shape, and the delay unless given or zero.
     cov_params : ndarray
-        Of ``names``; the residuals are taken as an autoregression of order ``colour`` (0: white).
+        Of ``names``; the residuals are modelled as an autoregression of order ``colour`` (0: white).
     colour : int
     fit : float
         100 (1 - |y - fitted| / |y - mean y|), %.
     rate_limit : float or None
-        unit_y/s, where straight ramps describe the output clearly better.
+        unit_y/s, where ramps of limited rate describe the output clearly better.
     runs, fitted : tuple
         The steps, and the fitted output (n,) of each.
     input, output, unit_u, unit_y : str
@@ -76,7 +74,7 @@ class StepFit(Plottable):
 
     @property
     def params(self) -> "pd.Series[float]":
-        """What was estimated, by name."""
+        """Estimated parameters by name."""
         import pandas as pd
 
         all_of_them = dict(
@@ -93,14 +91,14 @@ class StepFit(Plottable):
 
     @property
     def scatter(self) -> float:
-        """Root mean square of the residuals, as a part of the response to the largest step."""
+        """Root mean square of the residuals, relative to the response to the largest step."""
         e = np.concatenate([run.y - fitted for run, fitted in zip(self.runs, self.fitted, strict=True)])
         largest = max(float(np.abs(run.size).max()) for run in self.runs)
         return float(np.sqrt(np.mean(e**2))) / (abs(self.gain) * largest)
 
     @property
     def time_constants(self) -> tuple[float, ...]:
-        """(T,), or the slow and the fast one, s; empty where the response swings (damping below 1)."""
+        """(T,), or the slow and the fast one, s; empty for an underdamped response."""
         if self.order == 1:
             return self.shape
         return time_constants(*self.shape) if self.shape[1] >= 1 else ()
@@ -112,7 +110,7 @@ class StepFit(Plottable):
 
         if self.order == 1:
             return self.delay + self.shape[0]
-        # the crossing comes before the first peak, and before 2 (1 + zeta) / wn whatever the damping
+        # the crossing precedes the first peak, and before 2 (1 + zeta) / wn whatever the damping
         first = np.pi / (self.shape[0] * np.sqrt(1 - self.shape[1] ** 2)) if self.shape[1] < 1 else np.inf
         end = min(first, 2 * (1 + self.shape[1]) / self.shape[0])
         part = 1 - np.exp(-1.0)
@@ -120,7 +118,7 @@ class StepFit(Plottable):
 
     @property
     def continuous(self) -> ContinuousModel:
-        """The formula as a transfer function."""
+        """The model as a continuous transfer function."""
         if self.order == 1:
             num, den = [self.gain], [self.shape[0], 1.0]
         else:
@@ -131,12 +129,12 @@ class StepFit(Plottable):
         )
 
     def model(self, sample_time: float) -> Model:
-        """The same behind an input that is held between samples, s."""
+        """The discrete model for an input held between samples, sample time in s."""
         return self.continuous.sampled(sample_time)
 
     @property
     def verdict(self) -> str:
-        """What was found and what speaks against it."""
+        """Estimates, quality of the fit, and reservations."""
         return verdict(self, overshoot(self.runs))
 
 
@@ -163,7 +161,7 @@ def step_response_fit(
     Raises
     ------
     IdentError
-        The input is constant or not made of steps; the output does not follow; too few samples.
+        The input is constant or not made of steps; the output does not respond; too few samples.
 
     Examples
     --------
@@ -183,7 +181,7 @@ def step_response_fit(
     )
     found = search(order, runs, delay)
     stretches = tuple(slice(a, b) for a, b in zip(found.ends[:-1], found.ends[1:], strict=True))
-    if found.loss <= 1e4 * ROUNDING * found.size:  # rounding has a colour too, and nothing to tell
+    if found.loss <= 1e4 * ROUNDING * found.size:  # rounding is coloured too
         cov, colour = found.loss / len(found.e) * inverse_of_squares(found.J), 0
     else:
         cov, colour = covariance(found.J, found.e, stretches, len(runs))
@@ -201,19 +199,19 @@ def _names(rec: Record | tuple[ArrayLike, ArrayLike]) -> tuple[str, str, str, st
     return "u", "y", "", "", ()
 
 
-POOR = 80.0  # % fit below which the form, not the noise, is the trouble
+POOR = 80.0  # % fit below which the model structure, not the noise, is inadequate
 
 
 def verdict(fit: "StepFit", over: float) -> str:
-    """Numbers with their errors, then what speaks against them; ``over`` is the measured overshoot."""
+    """Estimates with standard errors, then reservations; ``over`` is the measured overshoot."""
     units = _units(fit)
-    told = [
+    values = [
         f"{name.replace('_', ' ')} {value:.4g} +- {error:.2g}{units[name]}"
         for name, value, error in zip(fit.names, fit.params.to_numpy(), fit.bse.to_numpy(), strict=True)
     ]
-    kind = "white" if not fit.colour else f"coloured (autoregression of order {fit.colour}), which the errors allow for"
-    text = f"{', '.join(told)}; 63.2 % after {fit.time_to_63:.4g} s; fit {fit.fit:.1f} %; residuals {kind}."
-    return " ".join([text, *_against(fit, over)])
+    kind = "white" if not fit.colour else f"coloured (autoregression of order {fit.colour}), allowed for in the errors"
+    text = f"{', '.join(values)}; 63.2 % after {fit.time_to_63:.4g} s; fit {fit.fit:.1f} %; residuals {kind}."
+    return " ".join([text, *_reservations(fit, over)])
 
 
 def _units(fit: "StepFit") -> dict[str, str]:
@@ -221,13 +219,13 @@ def _units(fit: "StepFit") -> dict[str, str]:
     return {"gain": gain, "time_constant": " s", "natural_frequency": " rad/s", "damping": "", "delay": " s"}
 
 
-def _against(fit: "StepFit", over: float) -> list[str]:
+def _reservations(fit: "StepFit", over: float) -> list[str]:
     out = []
     if fit.rate_limit is not None:
         unit = f"{fit.unit_y}/s" if fit.unit_y else "1/s"
         out.append(
-            f"The output rises in straight lines of {fit.rate_limit:.4g} {unit}: a rate limit, not a lag. Its time "
-            "grows with the size of the step; step by less to see the lag."
+            f"The output is rate-limited at {fit.rate_limit:.4g} {unit}: the rise time grows with the step size. "
+            "Use smaller steps to identify the lag."
         )
     if fit.order == 1 and over > max(0.05, 4 * fit.scatter):
         out.append(f"The output overshoots by {100 * over:.0f} %: fit order 2.")
@@ -237,14 +235,16 @@ def _against(fit: "StepFit", over: float) -> list[str]:
     if fit.order == 2:
         damping, error = fit.shape[1], float(fit.bse["damping"])
         if error > damping / 2:
-            out.append("The second order is not told apart from a delay: fit order 1.")
+            out.append("The second order is not distinguishable from a delay: fit order 1.")
         elif error > 1e-6 and abs(damping - 1) < 2 * error:
-            out.append("Damping 1 lies within two standard errors: whether it swings is open.")
+            out.append("A damping ratio of 1 lies within two standard errors: over- or underdamped is not decided.")
     window = max(float(np.max(np.diff([*run.at, run.time[-1]]))) for run in fit.runs)
     if fit.time_to_63 - fit.delay > (window - fit.delay) / 3:
-        out.append(f"The step has not settled within {window:.3g} s: gain and time are extrapolated. Record longer.")
+        out.append(
+            f"The response has not settled within {window:.3g} s: gain and time are extrapolated. Record longer."
+        )
     if "delay" not in fit.names and fit.delay < 1e-6 * window:
-        out.append("No delay shows.")
+        out.append("No significant delay.")
     if fit.fit < POOR and fit.rate_limit is None:
-        out.append(f"Order {fit.order} describes it poorly: look at the figure, and try order {3 - fit.order}.")
+        out.append(f"Poor fit of order {fit.order}: check the figure, and try order {3 - fit.order}.")
     return out

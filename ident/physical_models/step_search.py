@@ -1,4 +1,4 @@
-"""Least squares over the shape and delay of a step response; gain and rest levels follow by projection."""
+"""Separable least squares for step responses: shape and delay by search, gain and initial levels by projection."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from ..estimators.filters import squares
 from .step_shapes import SHAPES, Stretch, guesses, unit_response
 
 Array = NDArray[np.float64]
-FOLLOWS = 0.1  # share of the output's variance that the best response must explain
+RESPONDS = 0.1  # share of the output variance that the best response must explain
 
 
 @dataclass(frozen=True, slots=True)
 class StepSolution:
-    """Where the search ended: residuals e (N,), J (N, p) of ``names``, rest levels, bounds of the stretches."""
+    """Result of the search: residuals e (N,), J (N, p) of ``names``, initial levels, bounds of the segments."""
 
     gain: float
     shape: list[float]
@@ -39,7 +39,7 @@ def search(order: int, runs: Sequence[Stretch], delay: float | None) -> StepSolu
     if len(y) < 4 * (order + 2):
         raise IdentError(f"{len(y)} samples for {order + 2} coefficients: {4 * (order + 2)} or more.")
     if size == 0:
-        raise IdentError("the output stands still while the input steps. Look at the sensor and at the column read.")
+        raise IdentError("the output is constant while the input steps. Check the sensor and the column read.")
     longest = max(float(run.time[-1] - run.at[0]) for run in runs)
     free = delay is None
 
@@ -50,7 +50,7 @@ def search(order: int, runs: Sequence[Stretch], delay: float | None) -> StepSolu
         x = basis(order, runs, *unpack(p))
         return np.asarray((y - gain_of(x, y) * x) / np.sqrt(size), dtype=np.float64)
 
-    # shapes within a factor 1e4 of the record's length and spacing: beyond, the record tells nothing
+    # shapes within a factor 100 of the record's length and spacing: beyond, they are not identifiable
     dt = min(float(np.diff(run.time).min()) for run in runs)
     time = (np.log(1e-2 * dt), np.log(1e2 * longest))
     low, high = [time[0]], [time[1]]
@@ -72,11 +72,11 @@ def _found(order: int, runs: Sequence[Stretch], y: Array, shape: list[float], la
     x = basis(order, runs, shape, late)
     gain = gain_of(x, y)
     e = y - gain * x
-    if squares(e) > (1 - FOLLOWS) * squares(y):
+    if squares(e) > (1 - RESPONDS) * squares(y):
         raise IdentError(
-            "the output does not follow the steps: the best response explains "
-            f"{100 * (1 - squares(e) / squares(y)):.2g} % of its variance, {100 * FOLLOWS:.0f} % are needed. "
-            "Step further, or look at the columns read."
+            "the output does not respond to the steps: the best response explains "
+            f"{100 * (1 - squares(e) / squares(y)):.2g} % of its variance, {100 * RESPONDS:.0f} % are needed. "
+            "Use larger steps, or check the columns read."
         )
     whole = np.r_[shape, late]
     columns = [x]
@@ -91,14 +91,12 @@ def _found(order: int, runs: Sequence[Stretch], y: Array, shape: list[float], la
         columns.append(gain * (both[0] - both[1]) / (2 * h))
     names = ("gain", *SHAPES[order], *(("delay",) if free else ()))
     ends = np.cumsum([0, *(len(run.y) for run in runs)]).tolist()
-    levels = [
-        float((run.y - gain * raw(order, run, shape, late)).mean()) for run in runs
-    ]  # fmt: skip
+    levels = [float((run.y - gain * raw(order, run, shape, late)).mean()) for run in runs]
     return StepSolution(gain, shape, late, names, e, np.column_stack(columns), levels, ends, squares(e), squares(y))
 
 
 def raw(order: int, run: Stretch, shape: Sequence[float], late: float) -> Array:
-    """Response (n,) of one stretch to its edges, gain 1, from rest at zero."""
+    """Response (n,) of one segment to its edges, gain 1, from rest at zero."""
     out = np.zeros(len(run.time))
     for at, size in zip(run.at, run.size, strict=True):
         begin = int(np.searchsorted(run.time, at + late))
@@ -107,7 +105,7 @@ def raw(order: int, run: Stretch, shape: Sequence[float], late: float) -> Array:
 
 
 def basis(order: int, runs: Sequence[Stretch], shape: Sequence[float], late: float) -> Array:
-    """``raw`` of every stretch less its mean: rest levels are fitted out."""
+    """``raw`` of every segment less its mean, which projects the initial levels out."""
     return np.concatenate([centred(raw(order, run, shape, late)) for run in runs])
 
 

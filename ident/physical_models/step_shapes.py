@@ -1,13 +1,10 @@
-"""Where an input steps, by how much, and whether it is made of steps at all.
-
-Unit step responses of first and second order, and first guesses of their coefficients read off the curve.
+"""Step responses: edges of the input, unit responses with starting values, and detection of a rate limit.
 
     order 1    1 / (T s + 1)                           T
     order 2    1 / (s^2 / wn^2 + 2 zeta s / wn + 1)    wn, zeta
 
-Guesses: area method and overshoot, Astrom & Hagglund 1995, PID Controllers, sections 2.4 and 2.5.
-
-Does the output rise in straight lines? Then a rate limit answers the step, and no time constant describes it.
+Starting values: area method and overshoot, Astrom & Hagglund 1995, PID Controllers, sections 2.4 and 2.5. A response of
+straight ramps indicates a rate limit, which no time constant describes.
 """
 
 import math
@@ -23,8 +20,8 @@ from ...datasets import Record
 from ..estimators.filters import ROUNDING
 
 Array = NDArray[np.float64]
-PLATEAU = 8  # samples between edges, on average: below it the input is a signal, not steps
-LEFTOVER = 0.05  # of the input's range may stay beside its plateaus: noise of a measured input
+PLATEAU = 8  # samples between edges, on average: below it the input is not a sequence of steps
+LEFTOVER = 0.05  # rms deviation from the plateaus as a share of the range: noise of a measured input
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -38,7 +35,7 @@ class Stretch(Displayable):
 
 
 def stretches_of(rec: Record) -> list[Stretch]:
-    """The stretches that hold an edge, or IdentError: the input is constant, or no steps."""
+    """The segments that contain an edge; IdentError if the input is constant or not a sequence of steps."""
     span = float(np.ptp(rec.u))
     if span == 0:
         raise IdentError(f"input {rec.input} is {rec.u[0]:g} throughout: no step. Record from before the step on.")
@@ -47,19 +44,21 @@ def stretches_of(rec: Record) -> list[Stretch]:
     left = np.concatenate([rec.u[s] - _plateaus(rec.u[s], span) for s in rec.stretches])
     off = float(np.sqrt(np.mean(left**2))) / span
     if off > LEFTOVER or not edges or edges * PLATEAU > len(rec):
-        why = f"it changes {edges} times in {len(rec)} samples" if off <= LEFTOVER else "it moves between its edges"
+        why = f"it changes {edges} times in {len(rec)} samples" if off <= LEFTOVER else "it varies between its edges"
         raise IdentError(
             f"input {rec.input} is not made of steps: {why} (at most one change in {PLATEAU} samples, "
-            f"and {LEFTOVER:.0%} of its range beside the plateaus). Fit arx or output_error instead."
+            f"and {LEFTOVER:.0%} of its range off the plateaus). Fit arx or output_error instead."
         )
     return runs
 
 
 def one_step(time: Array, y: Array, step: float, at: float) -> Stretch:
-    """A response given as times and values, at any times, to one step of the input."""
+    """A response to one step of the input, given as times and values."""
     time, y = (np.asarray(x, dtype=np.float64) for x in (time, y))
     if time.ndim != 1 or time.shape != y.shape or len(time) < PLATEAU:
-        raise IdentError(f"times have shape {time.shape}, values {y.shape}: one row of each, {PLATEAU} or more.")
+        raise IdentError(
+            f"times have shape {time.shape}, values {y.shape}: one row of each, with {PLATEAU} values or more."
+        )
     if not (np.isfinite(time).all() and np.isfinite(y).all() and (np.diff(time) > 0).all()):
         raise IdentError("times and values of a step response: finite numbers, and times that rise.")
     if not (np.isfinite(step) and step != 0):
@@ -70,14 +69,14 @@ def one_step(time: Array, y: Array, step: float, at: float) -> Stretch:
 
 
 def _edges(u: Array, span: float) -> NDArray[np.intp]:
-    """Samples whose input differs from the one before by more than noise does."""
+    """Samples at which the input changes by more than noise."""
     change = np.abs(np.diff(u))
     noise = 1.4826 * float(np.median(change)) / np.sqrt(2) if change.size else 0.0
     return np.flatnonzero(change > max(6 * noise, 1e-6 * span)) + 1
 
 
 def _plateaus(u: Array, span: float) -> Array:
-    """The input as its mean between edges."""
+    """Mean of the input between edges."""
     parts = np.split(u, _edges(u, span))
     return np.concatenate([np.full(len(part), part.mean()) for part in parts])
 
@@ -109,20 +108,20 @@ def unit_response(order: int, t: Array, shape: Sequence[float]) -> Array:
         return np.asarray(-(slow * np.expm1(-t / slow) - fast * np.expm1(-t / fast)) / (slow - fast))
     damp = np.exp(-zeta * wn * t)
     x = (zeta**2 - 1) * (wn * t) ** 2
-    # cosh(sqrt x) and sinh(sqrt x) / sqrt x, also for x < 0: no division by what is zero at zeta = 1
+    # cosh(sqrt x) and sinh(sqrt x) / sqrt x, also for x < 0: no division by zero at zeta = 1
     root = np.sqrt(x.astype(np.complex128))
     sine = np.where(np.abs(x) < 1e-8, 1 + x / 6, np.real(np.sinh(root) / np.where(root == 0, 1, root)))
     return np.asarray(1 - damp * (np.real(np.cosh(root)) + zeta * wn * t * sine))
 
 
 def time_constants(wn: float, zeta: float) -> tuple[float, float]:
-    """The slow and the fast one of a second order with zeta >= 1, s; their product is 1 / wn^2."""
+    """Slow and fast time constant of a second order with zeta >= 1, s; their product is 1 / wn^2."""
     slow = (zeta + np.sqrt(max(zeta**2 - 1, 0.0))) / wn
     return float(slow), float(1 / (wn**2 * slow))
 
 
 def guesses(order: int, runs: Sequence[Stretch], delay: float | None) -> list[tuple[list[float], float]]:
-    """Shapes and delays to start from: ([T] or [wn, zeta], delay) each."""
+    """Starting values: ([T] or [wn, zeta], delay) each."""
     z, t, dt = _longest(runs)
     area = max(float(np.trapezoid(1 - z, t)), dt)  # mean residence time: delay and time constants together
     T = float(math.e * np.trapezoid(z[t <= area], t[t <= area])) if (t <= area).sum() > 1 else area
@@ -140,12 +139,12 @@ def guesses(order: int, runs: Sequence[Stretch], delay: float | None) -> list[tu
 
 
 def overshoot(runs: Sequence[Stretch]) -> float:
-    """How far the longest response passes its end value, as a part of the step."""
+    """Overshoot of the longest response, as a fraction of the step."""
     return max(float(_longest(runs)[0].max()) - 1, 0.0)
 
 
 def _from_overshoot(z: Array, t: Array, late: float) -> list[tuple[list[float], float]]:
-    """Zeta from the height of the first peak, wn from its time."""
+    """Starting values: zeta from the height of the first peak, wn from its time."""
     peak = int(np.argmax(z))
     over = float(z[peak]) - 1
     if over < 0.01 or t[peak] <= late:
@@ -156,7 +155,7 @@ def _from_overshoot(z: Array, t: Array, late: float) -> list[tuple[list[float], 
 
 
 def _longest(runs: Sequence[Stretch]) -> tuple[Array, Array, float]:
-    """The response to the edge with the longest plateau behind it, brought to 0 ... 1; times from the edge; spacing."""
+    """Response to the edge with the longest plateau after it, scaled to 0 ... 1; times from the edge; spacing."""
     best = (np.zeros(2), np.arange(2.0), 1.0)
     for run in runs:
         ends = [*run.at[1:], run.time[-1] + 1e-9]
@@ -173,19 +172,19 @@ def _longest(runs: Sequence[Stretch]) -> tuple[Array, Array, float]:
     return best
 
 
-BETTER = 0.5  # the ramps' squared error below this part of the linear fit's: then the ramps are believed
+BETTER = 0.5  # ratio of the squared errors of ramps and linear fit below which a rate limit is reported
 
 
 def ramp_rate(runs: Sequence[Stretch], gain: float, levels: Sequence[float], loss: float) -> float | None:
-    """Slope of the ramps, unit_y/s, where ramps describe the record clearly better than a loss; else None.
+    """Rate limit, unit_y/s, where ramps describe the record clearly better than the linear fit; otherwise None.
 
     Parameters
     ----------
     runs : sequence of Stretch
     gain : float
-        unit_y per unit_u, of the linear fit; the ramps find their own from there.
+        unit_y per unit_u, of the linear fit; starting value for the ramps.
     levels : sequence of float
-        Output before the first edge of each stretch.
+        Output before the first edge of each segment.
     loss : float
         Squared error of the linear fit.
     """
@@ -204,14 +203,14 @@ def ramp_rate(runs: Sequence[Stretch], gain: float, levels: Sequence[float], los
             for run, level in zip(runs, levels, strict=True)
         )
 
-    # rate, delay and gain move by a factor 1.6, two samples and a tenth
+    # initial steps of rate, delay and gain: a factor 1.6, two samples, a tenth
     simplex = np.array([[0.0, 1.0, 0.0], [0.5, 1.0, 0.0], [0.0, 3.0, 0.0], [0.0, 1.0, 0.1]])
     best = minimize(error, simplex[0], method="Nelder-Mead", options={"maxiter": 150, "initial_simplex": simplex})
     return steep * float(np.exp(best.x[0])) if float(best.fun) < BETTER * loss else None
 
 
 def ramps(run: Stretch, gain: float, level: float, rate: float, delay: float) -> Array:
-    """Output (n,) that runs to gain times the input at a rate, from ``level``, a delay behind it.
+    """Rate-limited output (n,) that follows gain times the input from ``level`` after a delay.
 
     >>> run = Stretch(np.arange(5.0), np.zeros(5), at=np.array([1.0]), size=np.array([2.0]))
     >>> ramps(run, gain=1.0, level=0.0, rate=0.8, delay=0.0).round(9).tolist()

@@ -1,9 +1,7 @@
-"""The covariance of a model carried to gain and phase.
+"""Confidence bands of frequency and step responses from the covariance of a model.
 
-By the first derivatives (delta method) while the error is small, by draws of the coefficients where it is not.
-The gain is carried as its logarithm, so that no band reaches below zero.
-
-The covariance of a model carried to its step response.
+By the delta method for small errors, by draws of the coefficients for large ones. The band of the gain is computed for
+its logarithm, so that it stays positive.
 """
 
 from dataclasses import dataclass
@@ -23,13 +21,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Method = Literal["auto", "delta", "draws"]
-LARGE = 0.25  # standard error of ln G above which the line through the estimate is no longer the curve
+LARGE = 0.25  # standard error of ln G above which linearisation is inaccurate
 DRAWS = 2000
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ResponseBand(Plottable):
-    """Gain and phase over frequency, each pointwise within its band at ``level``.
+    """Gain and phase over frequency with pointwise confidence bands.
 
     Attributes
     ----------
@@ -38,14 +36,14 @@ class ResponseBand(Plottable):
     phase, phase_low, phase_high : ndarray, shape (F,), degrees
         Unwrapped from the lowest frequency on.
     gain_error, phase_error : ndarray, shape (F,)
-        Standard errors: a share of the gain, and degrees.
+        Standard errors: relative error of the gain, and degrees.
     outside : ndarray of bool, shape (F,)
-        Outside the excited band, where a band tells what the orders presume and not what was measured.
+        Outside the excited band, where the response is an extrapolation.
     level : float
     method : str
         ``delta`` or ``draws``.
     concern : str or None
-        What is to be said before the band is used.
+        Reservation about the band.
     """
 
     frequency: Array
@@ -63,7 +61,7 @@ class ResponseBand(Plottable):
     concern: str | None = None
 
     def to_frame(self) -> "DataFrame":
-        """A row a frequency, in Hz."""
+        """One row per frequency, in Hz."""
         return as_columns(
             self, "frequency", "gain", "gain_low", "gain_high", "phase", "phase_low", "phase_high", "outside"
         ).set_index("frequency")
@@ -72,7 +70,7 @@ class ResponseBand(Plottable):
 def response_band(
     model: Model, frequency: ArrayLike, level: float = 0.95, *, method: Method = "auto", seed: int = 1
 ) -> ResponseBand:
-    """Gain and phase with the band that the covariance of the coefficients gives them.
+    """Gain and phase with confidence bands from the covariance of the coefficients.
 
     Parameters
     ----------
@@ -81,15 +79,15 @@ def response_band(
     frequency : array_like, shape (F,)
         Hz, above zero to half the sample rate.
     level : float
-        Of each frequency by itself.
+        Pointwise confidence level.
     method : {"auto", "delta", "draws"}
-        ``auto`` draws where a standard error of ln G passes 25 %.
+        ``auto`` uses draws where a standard error of ln G exceeds 25 %.
     seed : int
 
     Raises
     ------
     IdentError
-        No covariance, a level or a frequency that cannot be.
+        No covariance, an invalid level or frequency.
 
     Notes
     -----
@@ -129,7 +127,7 @@ def response_band(
 
 
 def response_slope(model: Model, frequency: Array) -> NDArray[np.complex128]:
-    """D ln G / d theta at frequencies in Hz, shape (F, na + nb)."""
+    """Derivatives d ln G / d theta at frequencies in Hz, shape (F, na + nb)."""
     z = np.exp(-2j * np.pi * frequency * model.sample_time)[:, None]
     a, b = (np.polyval(p[::-1], z) for p in (model.a, model.b))
     by_b = z ** np.arange(model.nk, model.nk + model.nb) / b
@@ -137,10 +135,10 @@ def response_slope(model: Model, frequency: Array) -> NDArray[np.complex128]:
 
 
 def covariance_of(model: Model, level: float) -> Array:
-    """The covariance of a model that has one, at a level that can be; else IdentError."""
+    """Covariance of a model; IdentError without one, or for an invalid level."""
     if model.cov_params is None:
         raise IdentError(
-            f"a model that is {model.structure} has no covariance, so no bands: identify it from a record."
+            f"a model of structure {model.structure} has no covariance, hence no bands: identify it from a record."
         )
     if not 0 < level < 1:
         raise IdentError(f"level {level!r} of a band: between 0 and 1, for instance 0.95.")
@@ -148,14 +146,14 @@ def covariance_of(model: Model, level: float) -> Array:
 
 
 def normal(level: float) -> float:
-    """Quantile of the normal distribution that leaves 1 - level outside both ends."""
+    """Two-sided quantile of the normal distribution."""
     from statistics import NormalDist
 
     return NormalDist().inv_cdf((1 + level) / 2)
 
 
 def draws_of(model: Model, cov: Array, seed: int) -> Array:
-    """Coefficients within their covariance, shape (DRAWS, na + nb)."""
+    """Draws of the coefficients from their covariance, shape (DRAWS, na + nb)."""
     rng = np.random.default_rng(seed)
     return rng.multivariate_normal(model.theta, cov, size=DRAWS, method="eigh", check_valid="ignore")
 
@@ -169,7 +167,7 @@ def with_theta(model: Model, theta: Array) -> Model:
 def _drawn_response(
     model: Model, cov: Array, f: Array, g: NDArray[np.complex128], level: float, seed: int
 ) -> tuple[Array, Array]:
-    """Quantiles of ln |G| and of the phase about the estimate, each (2, F)."""
+    """Quantiles of ln |G| and of the phase relative to the estimate, each (2, F)."""
     ratio = np.log(np.stack([with_theta(model, th).response(f) for th in draws_of(model, cov, seed)]) / g)
     both = np.stack([ratio.real, ratio.imag], axis=1)
     low, high = np.quantile(both, [(1 - level) / 2, (1 + level) / 2], axis=0)
@@ -180,17 +178,17 @@ def _unexcited(model: Model, outside: NDArray[np.bool_]) -> str | None:
     if model.band is None or not outside.any():
         return None
     return (
-        f"outside {model.band[0]:.3g} to {model.band[1]:.3g} Hz the input had next to no power: there the band "
-        "tells what the orders presume, not what was measured."
+        f"outside {model.band[0]:.3g} to {model.band[1]:.3g} Hz the input has little power: the response there is an "
+        "extrapolation of the model."
     )
 
 
-FEWEST = 0.9  # share of draws that must be stable before a band is told by them
+FEWEST = 0.9  # share of draws that must be stable
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class StepBand(Plottable):
-    """Response to a unit step of the input within its pointwise band.
+    """Response to a unit step of the input with its pointwise confidence band.
 
     Attributes
     ----------
@@ -209,14 +207,14 @@ class StepBand(Plottable):
     method: str
 
     def to_frame(self) -> "DataFrame":
-        """A row a sample, time in s."""
+        """One row per sample, time in s."""
         return as_columns(self, "time", "step", "low", "high", "error").set_index("time")
 
 
 def step_band(
     model: Model, duration: float, level: float = 0.95, *, method: Method = "auto", seed: int = 1
 ) -> StepBand:
-    """Response to a unit step with its band, from 0 to ``duration`` seconds.
+    """Response to a unit step with its confidence band, from 0 to ``duration`` seconds.
 
     Examples
     --------
@@ -226,14 +224,14 @@ def step_band(
     ([0.0, 0.5, 0.75], [0.0, 0.01, 0.0158])
     """
     if not (np.isfinite(duration) and duration >= model.sample_time):
-        raise IdentError(f"duration {duration:g} s of a step response: one sample, {model.sample_time:g} s, or more.")
+        raise IdentError(f"duration {duration:g} s of a step response: at least one sample, {model.sample_time:g} s.")
     if not model.stable:
         raise IdentError(f"step response of a model with a pole at radius {model.radius:.4g}: it grows without bound.")
     cov = covariance_of(model, level)
     n = int(duration / model.sample_time * (1 + 1e-9)) + 1
     step, slope = step_and_slope(model, n)
     error = np.sqrt(np.einsum("ti,ij,tj->t", slope, cov, slope))
-    # a slow pole makes the far end bend long before the near end does: both are asked
+    # a slow pole makes the end of the response nonlinear first, so that the largest error decides
     settled = max(float(np.abs(step).max()), np.finfo(float).tiny)
     drawn = method == "draws" or (method == "auto" and error.max() > LARGE * settled)
     low, high = step - normal(level) * error, step + normal(level) * error
@@ -241,7 +239,7 @@ def step_band(
         draws = [th for th in draws_of(model, cov, seed) if is_stable(np.r_[1.0, th[: model.na]])]
         if len(draws) < FEWEST * DRAWS:
             raise IdentError(
-                f"{1 - len(draws) / DRAWS:.0%} of the models within the covariance are unstable: the step response has "
+                f"{1 - len(draws) / DRAWS:.0%} of the draws of the model are unstable: the step response has "
                 "no band. Record longer, excite lower frequencies, or lower the orders."
             )
         runs = np.stack([with_theta(model, th).simulate(np.ones(n)) for th in draws])
@@ -252,7 +250,7 @@ def step_band(
 
 
 def step_and_slope(model: Model, n: int) -> tuple[Array, Array]:
-    """Step response (n,) and d step / d theta (n, na + nb)."""
+    """Step response (n,) and its sensitivities d step / d theta (n, na + nb)."""
     ones, whole = np.ones(n), (slice(0, n),)
     step = model.simulate(ones)
     run = FreeRun(ones, step, whole, model.na, model.nb, model.nk)

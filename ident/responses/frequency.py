@@ -1,4 +1,4 @@
-"""Frequency response as measured, without a model: gain and phase with error bars, coherence, and the excited band."""
+"""Nonparametric frequency response: gain and phase with error bars, coherence, and the excited band."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
 from ..estimators.input_checks import check_varies
-from .impulse_response import Impulse, block_means, smooth_impulse
+from .impulse_response import ImpulseResponse, block_means, regularised_impulse
 from .spectra import excited_band, input_power, welch_estimate
 
 if TYPE_CHECKING:
@@ -20,35 +20,35 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Method = Literal["impulse", "welch"]
 MOST = 150  # frequencies by default
-LONGEST = 150  # coefficients of the impulse response; at the rate that is kept, ten periods of the highest frequency
-KEPT = 12  # samples a period of the highest excited frequency: of faster records blocks are averaged
-SHORTEST = 30  # samples of the longest stretch
-DIED_OUT = 1e-3  # variance of the last coefficient over that of the first
+LONGEST = 150  # coefficients of the impulse response; at the reduced rate, ten periods of the highest frequency
+KEPT = 12  # samples per period of the highest excited frequency: faster records are averaged in blocks
+SHORTEST = 30  # samples of the longest segment
+DECAYED = 1e-3  # variance of the last coefficient over that of the first
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FrequencyResponse(Plottable):
-    """G at frequencies, as measured.
+    """Measured frequency response.
 
     Attributes
     ----------
     frequency : ndarray, shape (F,), Hz
     response : ndarray of complex, shape (F,), unit_y per unit_u
     gain_error, phase_error : ndarray, shape (F,)
-        Standard errors: a share of the gain, and degrees.
+        Standard errors: relative error of the gain, and degrees.
     gain_low, gain_high : ndarray, shape (F,), unit_y per unit_u
     phase_low, phase_high : ndarray, shape (F,), degrees
         Pointwise, at ``level``, by Student's t with twice ``dof``.
     coherence : ndarray, shape (F,)
-        Part of the output's power that the input tells of: 1 without noise.
+        Share of the output power explained by the input: 1 without noise.
     dof : ndarray, shape (F,)
-        Complex degrees of freedom that the noise was estimated from.
+        Complex degrees of freedom of the noise estimate.
     outside : ndarray of bool, shape (F,)
         Outside the excited band.
     band : tuple of float
         Excited band, Hz.
     resolution : float
-        Hz: what is narrower is smoothed away.
+        Hz; narrower features are smoothed.
     level : float
     method : str
     notes : tuple of str
@@ -82,19 +82,9 @@ class FrequencyResponse(Plottable):
         return np.asarray(np.degrees(np.unwrap(np.angle(self.response))))
 
     def to_frame(self) -> "DataFrame":
-        """A row a frequency, in Hz."""
-        return as_columns(
-            self,
-            "frequency",
-            "gain",
-            "gain_low",
-            "gain_high",
-            "phase",
-            "phase_low",
-            "phase_high",
-            "coherence",
-            "outside",
-        ).set_index("frequency")
+        """One row per frequency, in Hz."""
+        limits = ("gain", "gain_low", "gain_high", "phase", "phase_low", "phase_high")
+        return as_columns(self, "frequency", *limits, "coherence", "outside").set_index("frequency")
 
 
 def frequency_response(
@@ -105,23 +95,22 @@ def frequency_response(
     resolution: float | None = None,
     level: float = 0.95,
 ) -> FrequencyResponse:
-    """Measure the frequency response of a record without a model.
+    """Estimate the frequency response of a record without a parametric model.
 
     Parameters
     ----------
     rec : Record
-        Means are taken off each stretch.
+        The mean of each segment is removed.
     frequency : array_like, shape (F,), optional
-        Hz; by default the bins of the longest stretch (of more than 150 an even choice on a logarithmic axis).
+        Hz; by default the bins of the longest segment (at most 150, evenly spaced on a logarithmic axis).
     method : {"impulse", "welch"}
-        ``impulse`` estimates the impulse response under a smooth prior and transforms it: right for one sweep as for
-        many runs. ``welch`` averages half-overlapping windows, as analysers do: for long random inputs, and where the
-        machine rings longer than the impulse response reaches. A sweep is not the same in any two windows, so that the
-        error bars of ``welch`` do not hold there.
+        ``impulse`` transforms a regularised impulse response: valid for one sweep as for many runs. ``welch`` averages
+        half-overlapping windows: for long random inputs, and for lightly damped plants whose impulse response is longer
+        than 150 samples. The windows of a sweep differ, so that the error bars of ``welch`` are not valid for it.
     resolution : float, optional
-        Hz, of ``welch``: twice the distance of its bins.
+        Hz, for ``welch``: twice the spacing of its bins.
     level : float
-        Of the error bars, each frequency by itself.
+        Pointwise confidence level of the error bars.
 
     Returns
     -------
@@ -130,11 +119,11 @@ def frequency_response(
     Raises
     ------
     IdentError
-        An input or output that stands still, too short a record, frequencies or a resolution that cannot be.
+        A constant input or output, too short a record, invalid frequencies or resolution.
 
     Notes
     -----
-    In closed loop the measured response is bent towards minus one over the controller: see `feedback_detected`.
+    In closed loop the estimate is biased towards minus the inverse of the controller: see `feedback_detected`.
 
     Examples
     --------
@@ -159,7 +148,9 @@ def frequency_response(
             share = np.where(np.abs(g) > 0, error / np.sqrt(2) / np.abs(g), np.inf)
         return _with_bars(f, g, share, share, coherence, dof, band, width, level, method, ())
     if resolution is not None:
-        raise IdentError('resolution is of method="welch"; the impulse response has the one that the data allow.')
+        raise IdentError(
+            'resolution is an option of method="welch"; that of the impulse response follows from the data.'
+        )
     g, by_gain, by_phase, coherence, dof, width, notes = _by_impulse(rec, f, band)
     return _with_bars(f, g, by_gain, by_phase, coherence, dof, band, width, level, method, notes)
 
@@ -171,27 +162,27 @@ def _by_impulse(
     longest = max(s.stop - s.start for s in rec.stretches)
     if longest < SHORTEST:
         raise IdentError(
-            f"the longest stretch has {longest} samples: a frequency response needs {SHORTEST}. Record longer."
+            f"the longest segment has {longest} samples: a frequency response needs {SHORTEST}. Record longer."
         )
     slower = max(int(rec.rate / max(KEPT * band[1], 2.5 * f.max())), 1)
     slow = block_means(rec.centred(), slower if longest // slower >= SHORTEST else 1)
     n = min(LONGEST, max(s.stop - s.start for s in slow.stretches) // 3)
-    found = smooth_impulse(slow, n)
+    found = regularised_impulse(slow, n)
     turn = np.exp(-2j * np.pi * np.outer(f, np.arange(n)) * slow.sample_time)
     g = np.asarray(turn @ found.g, dtype=np.complex128)
     g[g == 0] = np.finfo(float).tiny
     slope = (turn @ found.root) / g[:, None]
     errors = np.sqrt((slope.real**2).sum(axis=1)), np.sqrt((slope.imag**2).sum(axis=1))
-    notes = () if found.tail < DIED_OUT else (
-        f"the impulse response has not died out in {n * slow.sample_time:.3g} s: peaks narrower than "
-        f"{1 / (n * slow.sample_time):.2g} Hz are smoothed, and their error bars do not say so",
+    notes = () if found.tail < DECAYED else (
+        f"the impulse response has not decayed within {n * slow.sample_time:.3g} s: peaks narrower than "
+        f"{1 / (n * slow.sample_time):.2g} Hz are smoothed, which their error bars do not include",
     )  # fmt: skip
     dof, width = np.full(len(f), found.dof), 1 / (n * slow.sample_time)
     return g, errors[0], errors[1], _coherence(slow, found, f, g), dof, width, notes
 
 
-def _coherence(rec: "Record", found: Impulse, f: Array, g: NDArray[np.complex128]) -> Array:
-    """The part of the output's power, |G|^2 S_uu and noise, that the input tells of."""
+def _coherence(rec: "Record", found: ImpulseResponse, f: Array, g: NDArray[np.complex128]) -> Array:
+    """Share of the output power that the input explains: |G|^2 S_uu over |G|^2 S_uu plus noise."""
     at, power = input_power(rec)
     signal = np.abs(g) ** 2 * np.interp(f, at, power)
     h, variance = found.noise

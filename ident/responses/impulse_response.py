@@ -1,10 +1,10 @@
-"""Impulse response without orders: as many coefficients as the machine remembers samples, held smooth by a prior.
+"""Regularised impulse response: a finite impulse response with a smooth, decaying prior.
 
     y(t) = sum_k g_k u(t - k) + transient + offset + e(t),    cov(g_i, g_j) = c l^max(i, j)
 
-The prior says that a response dies out and that neighbours are alike, no more; c, l and the size of the transient are
-those under which the data are most probable. Errors are those of the posterior, and grow to the prior's where the input
-had no power: so they hold for one sweep, which cannot be averaged. Noise with a colour is whitened first.
+The prior states that the response decays and is smooth; c, l and the size of the transient maximise the marginal
+likelihood. Standard errors are those of the posterior and approach the prior's where the input has no power, so that
+they are valid for a single sweep. Coloured noise is whitened first.
 Source: Chen, Ohlsson & Ljung 2012, doi 10.1016/j.automatica.2012.05.026 (the "tuned/correlated" kernel).
 """
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from ...datasets import Record
 
 Array = NDArray[np.float64]
-MANY = 3  # stretches whose transients are estimated; of more, the heads are left out
+MANY = 3  # segments whose transients are estimated; with more, the start of each segment is omitted
 BLOCK = 8192  # rows
-TRIALS = 80  # of hyperparameters: the errors hardly feel more
+TRIALS = 80  # of hyperparameters; more have little effect on the errors
 FLAT = 1e6  # prior variance of an offset over that of the noise
 
 
 @dataclass(frozen=True, slots=True)
-class Impulse:
-    """Posterior of the impulse response.
+class ImpulseResponse:
+    """Posterior distribution of the impulse response.
 
     Attributes
     ----------
@@ -37,11 +37,11 @@ class Impulse:
     root : ndarray, shape (n, p)
         root root' is the covariance of g.
     noise : tuple of ndarray and float
-        Autoregression (starts with 1) and variance of what drives it.
+        Autoregression (starts with 1) and variance of its innovations.
     dof : int
-        Samples, less the coefficients that the data paid for.
+        Samples less the effective number of coefficients.
     tail : float
-        Prior variance at the last lag over that at the first: the machine remembers longer where this is not small.
+        Prior variance at the last lag over that at the first; if not small, the response is truncated.
     """
 
     g: Array
@@ -53,7 +53,7 @@ class Impulse:
 
 @dataclass(frozen=True, slots=True)
 class _Sums:
-    """Products of the columns (summed lags of u, summed transients, offsets) and y over N rows."""
+    """Cross products of the columns (summed lags of u, summed transients, offsets) and y over N rows."""
 
     ZZ: Array
     Zy: Array
@@ -63,12 +63,12 @@ class _Sums:
     transients: int
 
 
-def smooth_impulse(rec: "Record", n: int) -> Impulse:
-    """Estimate n coefficients; twice where the noise has a colour, the second time whitened by what the first left."""
+def regularised_impulse(rec: "Record", n: int) -> ImpulseResponse:
+    """Estimate n coefficients; for coloured noise again, with data whitened by the first residuals."""
     stretches = rec.stretches
     x, found, hyper, transients = _estimate(rec.u, rec.y, stretches, n, None)
-    tail = found.tail  # whitening may take for noise what lies beyond the last lag
-    h, _ = whitening(_left(rec.u, rec.y, stretches, n, x, transients), stretches)
+    tail = found.tail  # whitening may absorb the response beyond the last lag
+    h, _ = whitening(_residuals(rec.u, rec.y, stretches, n, x, transients), stretches)
     if len(h) > 1:
         u, y = (filtered(h, [1.0], values, stretches) for values in (rec.u, rec.y))
         _, found, _, _ = _estimate(u, y, stretches, n, hyper)
@@ -77,7 +77,7 @@ def smooth_impulse(rec: "Record", n: int) -> Impulse:
 
 
 def block_means(rec: "Record", k: int) -> "Record":
-    """Means of k samples of u and y: white noise stays white, and slow u and y keep their relation."""
+    """Block means of k samples of u and y: white noise stays white, slow dynamics are unchanged."""
     if k == 1:
         return rec
     kept = [s for s in rec.stretches if s.stop - s.start >= k]
@@ -93,29 +93,29 @@ def block_means(rec: "Record", k: int) -> "Record":
 
 def _estimate(
     u: Array, y: Array, stretches: tuple[slice, ...], n: int, start: Array | None
-) -> tuple[Array, Impulse, Array, int]:
-    """Posterior mean of all unknowns, what is told of g, hyperparameters, and stretches with a transient."""
+) -> tuple[Array, ImpulseResponse, Array, int]:
+    """Posterior mean of all unknowns, posterior of g, hyperparameters, and number of segments with a transient."""
     sums = _summed(u, y, stretches, n)
-    hyper = _most_probable(sums, start)
+    hyper = _marginal_likelihood_maximum(sums, start)
     L, D, quad = _posterior(sums, hyper)
     inverse = np.linalg.inv(L)
     x = D * (inverse.T @ (inverse @ (D * sums.Zy)))
     variance = quad / sums.rows
     root = np.cumsum((np.sqrt(variance) * D[:n, None] * inverse.T[:n])[::-1], axis=0)[::-1]
     g = _summed_up(x[:n])
-    paid = len(L) - float((inverse * inverse).sum())
+    effective = len(L) - float((inverse * inverse).sum())
     tail = float(_decay(hyper) ** n)
-    told = Impulse(g, root, (np.ones(1), variance), max(sums.rows - paid, 1.0), tail)
-    return x, told, hyper, sums.transients
+    posterior = ImpulseResponse(g, root, (np.ones(1), variance), max(sums.rows - effective, 1.0), tail)
+    return x, posterior, hyper, sums.transients
 
 
 def _summed_up(x: Array) -> Array:
-    """The sum of the later ones at each place: from weights of the prior's steps to coefficients."""
+    """Reverse cumulative sums: from weights of the prior to coefficients."""
     return np.asarray(np.cumsum(x[::-1])[::-1])
 
 
 def _columns(u: Array, s: slice, begin: int, end: int, n: int) -> Array:
-    """Sums of lags 0 ... k of u, k < n, for samples begin to end of a stretch; zero before it."""
+    """Sums of lags 0 ... k of u, k < n, for samples begin to end of a segment; zero before it."""
     lo = max(begin - n, s.start)
     part = u[lo:end]
     return np.cumsum(lagged(part, range(n), (slice(0, len(part)),))[begin - lo :], axis=1)
@@ -148,7 +148,7 @@ def _decay(hyper: Array) -> float:
 
 
 def _scale(sums: _Sums, hyper: Array) -> Array:
-    """Prior standard deviation of each coefficient over that of the noise; hyper: ln of c, decay and transient."""
+    """Prior standard deviation of each coefficient relative to the noise; hyper: ln of c, decay and transient."""
     n = sums.n
     decay = _decay(hyper)
     w = decay ** np.arange(1, n + 1) * (1 - decay)
@@ -161,19 +161,19 @@ def _scale(sums: _Sums, hyper: Array) -> Array:
 
 
 def _posterior(sums: _Sums, hyper: Array) -> tuple[Array, Array, float]:
-    """Cholesky factor of the scaled information, the scale, and the squares that are left."""
+    """Cholesky factor of the scaled information matrix, the scale, and the residual sum of squares."""
     from scipy.linalg import solve_triangular
 
     D = _scale(sums, hyper)
     M = D[:, None] * sums.ZZ * D
-    M[np.diag_indices_from(M)] += 1.0 + 1e-13 * M.diagonal().max()  # without noise, products hold no more digits
+    M[np.diag_indices_from(M)] += 1.0 + 1e-13 * M.diagonal().max()  # rounding of the products in noise-free data
     L = np.asarray(np.linalg.cholesky(M), dtype=np.float64)
     along = solve_triangular(L, D * sums.Zy, lower=True, check_finite=False)
     return L, D, max(sums.yy - float(along @ along), 1e-13 * sums.yy)
 
 
-def _most_probable(sums: _Sums, start: Array | None) -> Array:
-    """Hyperparameters with the largest marginal likelihood, the noise variance profiled out."""
+def _marginal_likelihood_maximum(sums: _Sums, start: Array | None) -> Array:
+    """Hyperparameters of maximum marginal likelihood, the noise variance profiled out."""
     from scipy.optimize import minimize
 
     def cost(hyper: Array) -> float:
@@ -189,8 +189,8 @@ def _most_probable(sums: _Sums, start: Array | None) -> Array:
     return np.asarray(minimize(cost, start, method="Nelder-Mead", options=options).x)
 
 
-def _left(u: Array, y: Array, stretches: tuple[slice, ...], n: int, x: Array, transients: int) -> Array:
-    """What the estimate leaves of y, shape (N,)."""
+def _residuals(u: Array, y: Array, stretches: tuple[slice, ...], n: int, x: Array, transients: int) -> Array:
+    """Residuals of the estimate, shape (N,)."""
     out = y - filtered(_summed_up(x[:n]), [1.0], u, stretches)
     for k, s in enumerate(stretches):
         out[s] -= x[len(x) - len(stretches) + k]

@@ -1,10 +1,8 @@
-"""Which band an input excites: outside it no model and no measured response has seen anything.
-
-Frequency response from cross-spectra averaged over half-overlapping windows (Welch 1967).
+"""Spectra: the excited band of an input, and frequency responses by averaged cross-spectra (Welch 1967).
 
     G = S_uy / S_uu,    coherence = |S_uy|^2 / (S_uu S_yy),    var |G| / |G|^2 = (1 - coh) / (2 n coh)
 
-n is the number of windows that are worth as much as independent ones. Source: Bendat & Piersol 2010, section 9.1.
+n is the equivalent number of independent windows. Source: Bendat & Piersol 2010, section 9.1.
 """
 
 from typing import TYPE_CHECKING
@@ -19,15 +17,15 @@ if TYPE_CHECKING:
     from ...datasets import Record
 
 Array = NDArray[np.float64]
-SHARE = 0.1  # of the largest smoothed power: 10 dB down the errors of a response are three times those at its best
-BINS = 5  # of the longest stretch, averaged: a sweep has ripples, a random input has gaps of a single bin
+SHARE = 0.1  # of the largest smoothed power: at -10 dB the errors of a response are three times the smallest
+BINS = 5  # of the longest segment, averaged: a sweep has ripples, a random input gaps of a single bin
 
 
 def excited_band(rec: "Record", share: float = SHARE) -> tuple[float, float]:
-    """Lowest and highest frequency, Hz, at which the input has a tenth of its largest power or more.
+    """Lowest and highest frequency, Hz, at which the input has at least a tenth of its largest power.
 
-    The rule: periodograms of all stretches, less their means, are added and averaged over 5 bins; the band runs from
-    the first to the last bin with ``share`` or more of the largest.
+    Periodograms of all segments, means removed, are added and averaged over 5 bins; the band extends from the first to
+    the last bin with at least ``share`` of the largest.
 
     Parameters
     ----------
@@ -45,8 +43,8 @@ def excited_band(rec: "Record", share: float = SHARE) -> tuple[float, float]:
 
     Notes
     -----
-    A band may hold gaps: of a square wave it spans the first harmonics, of which only the odd ones are there. An edge
-    is no sharper than one over the length of the longest stretch.
+    The band may contain gaps: a square wave has only odd harmonics. The resolution of its limits is one over the
+    length of the longest segment.
 
     Examples
     --------
@@ -63,7 +61,7 @@ def excited_band(rec: "Record", share: float = SHARE) -> tuple[float, float]:
 
 
 def input_power(rec: "Record") -> tuple[Array, Array]:
-    """Frequencies in Hz and the smoothed power of the input there, in its unit squared, per sample."""
+    """Frequencies in Hz and the smoothed power of the input, in its unit squared, per sample."""
     n = max(s.stop - s.start for s in rec.stretches)
     transforms = (np.fft.rfft(rec.u[s] - rec.u[s].mean(), n) for s in rec.stretches)
     power = sum((np.abs(U) ** 2 for U in transforms), np.zeros(n // 2 + 1))[1:] / len(rec)
@@ -72,7 +70,7 @@ def input_power(rec: "Record") -> tuple[Array, Array]:
 
 
 WINDOWS = 8  # per record by default, and
-FEWEST = 4  # below which a coherence says nothing
+FEWEST = 4  # below which a coherence is meaningless
 OVERLAPPED = 1 / 36  # squared correlation of spectra from Hann windows that overlap by half
 
 
