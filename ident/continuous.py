@@ -1,14 +1,8 @@
-"""Between a discrete model and the continuous machine behind it, with the input held between samples.
+"""Conversion between discrete and continuous models, with the input held between samples (zero-order hold).
 
-A plant x' = A x + B u whose input is held over a sample time h has exp([[A, B], [0, 0]] h) = [[Phi, Gamma], [0, 1]]
-(Franklin, Powell & Workman 1998, Digital Control of Dynamic Systems, section 4.3.3); the logarithm of the right side
-is the way back.
-
-From a continuous machine to its samples, with the input held between them and any delay.
-
-x' = A x + B u over a time h with u held: exp([[A, B], [0, 0]] h) = [[Phi, Gamma], [0, 1]]. A delay of whole samples
-and a part of one splits Gamma in two (Franklin, Powell & Workman 1998, Digital Control of Dynamic Systems, sections
-4.3.3 and 4.3.4).
+A plant x' = A x + B u whose input is held over a sample time h has exp([[A, B], [0, 0]] h) = [[Phi, Gamma], [0, 1]];
+the matrix logarithm inverts this. A delay of a fraction of a sample splits Gamma in two. Source: Franklin, Powell &
+Workman 1998, Digital Control of Dynamic Systems, sections 4.3.3 and 4.3.4.
 """
 
 from dataclasses import dataclass, replace
@@ -24,14 +18,13 @@ from .model import Model
 
 Array = NDArray[np.float64]
 
-# A pole this close to z = 0 has died out to 1e-7 within one sample: what it was before, no sample tells.
-GONE = 1e-7
+DECAYED = 1e-7  # a pole this close to z = 0 decays within one sample: its continuous pole is not identifiable
 ROUNDING = 1e-11  # of the largest coefficient, time counted in samples: a leading coefficient below it is rounding
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class NoContinuousForm(Displayable):
-    """Why a discrete model has no continuous form; false in a condition.
+    """Reason why a discrete model has no continuous form; false in a condition.
 
     >>> NoContinuousForm("a pole at z = -0.5") or "none"
     'none'
@@ -81,7 +74,7 @@ class ContinuousModel(Plottable):
             )
         if len(num) > len(den):
             raise IdentError(
-                f"the numerator has degree {len(num) - 1}, the denominator {len(den) - 1}: no machine answers so. "
+                f"the numerator has degree {len(num) - 1}, the denominator {len(den) - 1}: not causal. "
                 "The numerator has at most the degree of the denominator."
             )
         if not (np.isfinite(self.delay) and self.delay >= 0):
@@ -111,16 +104,14 @@ class ContinuousModel(Plottable):
         return np.asarray(np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-self.delay * s))
 
     def sampled(self, sample_time: float) -> Model:
-        """The same machine behind a held input, seen at samples."""
+        """The discrete model of the plant with a zero-order hold."""
         model = sampled(self.num, self.den, sample_time, self.delay)
         return replace(model, input=self.input, output=self.output, unit_u=self.unit_u, unit_y=self.unit_y)
 
     def to_control(self) -> Any:  # noqa: ANN401
-        """A python-control TransferFunction num / den; that library has no exact delay, so a delay is refused."""
+        """A python-control TransferFunction num / den; IdentError with a delay, which that library cannot represent."""
         if self.delay:
-            raise IdentError(
-                f"delay {self.delay:g} s has no rational transfer function: hand over .sampled(dt) instead."
-            )
+            raise IdentError(f"delay {self.delay:g} s has no rational transfer function: use .sampled(dt) instead.")
         try:
             control = import_module("control")
         except ImportError:
@@ -129,7 +120,7 @@ class ContinuousModel(Plottable):
 
 
 def to_continuous(model: Model) -> ContinuousModel | NoContinuousForm:
-    """The machine whose response to a held input, seen at samples, is this model.
+    """The continuous model with zero-order hold that a discrete model samples.
 
     Parameters
     ----------
@@ -139,9 +130,9 @@ def to_continuous(model: Model) -> ContinuousModel | NoContinuousForm:
     Returns
     -------
     ContinuousModel or NoContinuousForm
-        There is none with a pole on the negative real axis (it flips sign at each sample: no single continuous pole
-        does) or at zero (b longer than a by more than the delay: a finite tail, or a delay of part of a sample).
-        Frequencies lie below half the sample rate: what was aliased, no sample tells.
+        None exists for a pole on the negative real axis (it alternates at each sample, as no single continuous pole
+        does) or at zero (b longer than a by more than the delay: a finite impulse response, or a fractional delay).
+        Frequencies lie below half the sample rate: aliasing is not detectable.
 
     Examples
     --------
@@ -150,14 +141,14 @@ def to_continuous(model: Model) -> ContinuousModel | NoContinuousForm:
     >>> lag.num.round(9).tolist(), lag.den.round(9).tolist(), round(lag.delay, 9)
     ([4.0], [1.0, 2.0], 0.3)
     >>> print(to_continuous(Model(b=[0.0, 1.0], a=[1.0, 0.5], nk=1, sample_time=0.1)))
-    a pole at z = -0.5 flips sign at every sample, which no continuous pole does alone: lower the order or sample faster
+    a pole at z = -0.5 alternates at every sample, as no single continuous pole does: lower the order or sample faster
     """
     late = max(model.nk - 1, 0)
     b, a = np.trim_zeros(model.b[late:], "b"), np.trim_zeros(model.a, "b")
     if len(b) > len(a):
         return NoContinuousForm(
             f"b reaches {len(b) - 1} samples back beyond the delay and a only {len(a) - 1}: that is {len(b) - len(a)} "
-            "pole(s) at z = 0, a finite tail or a delay of part of a sample, which has no finite continuous order. "
+            "pole(s) at z = 0, a finite impulse response or a fractional delay, which has no finite continuous order. "
             "Take nb <= na"
         )
     n = len(a) - 1
@@ -174,20 +165,20 @@ def to_continuous(model: Model) -> ContinuousModel | NoContinuousForm:
 
 
 def _refused(poles: NDArray[np.complex128]) -> str:
-    """Why these poles in z have no logarithm, or nothing."""
+    """Reason why these poles in z have no logarithm; empty if they have."""
     for p in poles:
-        if abs(p) < GONE:
-            return f"a pole at z = {p.real:.2g} dies within one sample: lower the order or sample faster"
+        if abs(p) < DECAYED:
+            return f"a pole at z = {p.real:.2g} decays within one sample: lower the order or sample faster"
         if p.real < 0 and abs(p.imag) <= 1e-9 * abs(p):
             return (
-                f"a pole at z = {p.real:.4g} flips sign at every sample, which no continuous pole does alone: "
+                f"a pole at z = {p.real:.4g} alternates at every sample, as no single continuous pole does: "
                 "lower the order or sample faster"
             )
     return ""
 
 
 def _logarithm(a: Array, tail: Array, head: float) -> tuple[Array, Array]:
-    """Num and den in s, time counted in samples, both of the length of a."""
+    """Numerator and denominator in s, time in samples, both of the length of a."""
     from scipy.linalg import companion, logm
 
     n = len(a) - 1
@@ -197,7 +188,7 @@ def _logarithm(a: Array, tail: Array, head: float) -> tuple[Array, Array]:
     log = np.real(np.asarray(logm(block)))
     A, B = log[:n, :n], log[:n, n]
     den = np.real(np.poly(np.log(np.roots(a).astype(np.complex128))))
-    h, x = np.zeros(n + 1), B  # C A^k B: the numerator is what den makes of them, as in z
+    h, x = np.zeros(n + 1), B  # C A^k B: their product with den is the numerator, as in z
     h[0] = head
     for k in range(1, n + 1):
         h[k] = tail @ x
@@ -206,7 +197,7 @@ def _logarithm(a: Array, tail: Array, head: float) -> tuple[Array, Array]:
 
 
 def _trimmed(num: Array) -> Array:
-    """Leading coefficients that are rounding, at zero."""
+    """Numerator with leading coefficients that are rounding set to zero."""
     out = num.copy()
     small = np.abs(out) <= ROUNDING * np.abs(out).max(initial=0.0)
     out[: int(np.argmin(small))] = 0.0
@@ -223,7 +214,7 @@ def sampled(num: ArrayLike, den: ArrayLike, dt: float, delay: float = 0.0) -> Mo
     dt : float
         Sample time, s.
     delay : float
-        Seconds, any: a part of a sample adds one coefficient to b and none to a.
+        Seconds; a fraction of a sample adds one coefficient to b and none to a.
 
     Raises
     ------
@@ -249,7 +240,7 @@ def sampled(num: ArrayLike, den: ArrayLike, dt: float, delay: float = 0.0) -> Mo
     if n == 0:
         late = whole + (part > 0)
         return Model(b=np.r_[np.zeros(late), full[0]], a=np.ones(1), nk=late, sample_time=dt)
-    power = dt ** np.arange(n + 1)  # time counted in samples: coefficients of one size
+    power = dt ** np.arange(n + 1)  # time in samples, for coefficients of similar size
     A = np.asarray(companion(plant.den * power), dtype=np.float64)
     B = np.eye(n)[:, 0]
     C = (full * power)[1:] - full[0] * (plant.den * power)[1:]
@@ -277,7 +268,7 @@ def held(A: Array, B: Array, h: float) -> tuple[Array, Array]:
 
 
 def numerator(phi: Array, gamma: Array, C: Array, a: Array) -> Array:
-    """B of b / a = C (z - phi)^-1 gamma, in z^-1, as long as a: its impulse response times a."""
+    """Numerator b of b / a = C (z - phi)^-1 gamma, in z^-1, of the length of a: impulse response times a."""
     h, x = np.zeros(len(a)), gamma
     for k in range(1, len(a)):
         h[k] = C @ x

@@ -65,7 +65,7 @@ def of_continuous(model: ContinuousModel) -> Display:
 
 @display.register
 def of_frequency(found: FrequencyResponse) -> Display:
-    """How many frequencies, from where to where, and how well they are known; a few of them."""
+    """Number and range of frequencies, excited band and gain; a table of a few of them."""
     f, inside = found.frequency, ~found.outside
     low, high = found.band
     gains = found.gain[inside] if inside.any() else found.gain
@@ -78,7 +78,7 @@ def of_frequency(found: FrequencyResponse) -> Display:
 
 @display.register
 def of_band(found: ResponseBand) -> Display:
-    """How many frequencies; a few of them."""
+    """Number and range of frequencies, largest error; a table of a few of them."""
     f = found.frequency
     head = (
         f"gain and phase at {len(f)} frequencies, {f.min():.3g} to {f.max():.3g} Hz, within pointwise "
@@ -88,19 +88,19 @@ def of_band(found: ResponseBand) -> Display:
 
 
 def _over(found: "FrequencyResponse | ResponseBand") -> TextTable:
-    """A few frequencies: gain and phase within their bands."""
+    """Table of gain and phase with standard errors at a few frequencies."""
     rows = []
     for k in np.unique(np.linspace(0, len(found.frequency) - 1, MOST_ROWS).astype(int)):
         share, turn = float(found.gain_error[k]), float(found.phase_error[k])
         gain, phase = float(found.gain[k]), float(found.phase[k])
-        told = with_error(gain, share * gain) if share < 1 else "not known"
-        rows.append((f"{found.frequency[k]:.3g}", told, with_error(phase, turn) if share < 1 else ""))
+        shown = with_error(gain, share * gain) if share < 1 else "not known"
+        rows.append((f"{found.frequency[k]:.3g}", shown, with_error(phase, turn) if share < 1 else ""))
     return TextTable(("Hz", "gain", "phase, degrees"), tuple(rows))
 
 
 @display.register
 def of_step_band(found: StepBand) -> Display:
-    """Where the step ends and how well that is known."""
+    """Final value of the step response with its standard error."""
     end = with_error(float(found.step[-1]), float(found.error[-1]))
     return Display(f"response to a unit step over {found.time[-1]:g} s, at its end {end}, {found.method}, bands of "
                    f"{100 * found.level:g} %")  # fmt: skip
@@ -108,19 +108,21 @@ def of_step_band(found: StepBand) -> Display:
 
 @display.register
 def of_predicted(found: PredictedErrors) -> Display:
-    """Signal to noise and the errors to be expected."""
+    """Signal-to-noise ratio and predicted errors."""
     grid = estimates(list(found.params.index), found.params["value"], found.params["se"])
     worst = float(found.response["gain_se"].max())
     return Display(
-        f"{found.snr:.1f} dB of signal over noise; gain to be known to {plain(worst, 2)} % at worst", (), grid
+        f"signal-to-noise ratio {found.snr:.1f} dB; predicted standard error of the gain at most {plain(worst, 2)} %",
+        (),
+        grid,
     )
 
 
 @display.register
 def of_identification(found: Identification) -> Display:
-    """The verdict, then the model."""
+    """The model, its fit, and the verdicts."""
     shown = of_model(found.model)
-    fit = f"fit {found.validation.fit:.1f} % ({found.validated_on})"
+    fit = f"simulation fit {found.validation.fit:.1f} % ({found.validated_on})"
     words = (found.argument, *found.verdicts)
     return Display(f"{shown.head}; {fit}", shown.facts, shown.table, words)
 
@@ -131,7 +133,7 @@ def of_gains(gains: PiGains) -> Display:
     unit = _ratio(gains.unit_u, gains.unit_y)
     head = (
         f"Kp {plain(gains.kp)}{unit}, Ki {plain(gains.ki)}{unit} per second, {gains.form.replace('_', ' ')} form, "
-        f"{gains.integration} sum at {gains.sample_time:g} s"
+        f"{gains.integration} integration at {gains.sample_time:g} s"
     )
     return Display(head, tuple(facts_of(gains)))
 
@@ -144,7 +146,7 @@ def of_tuned(tuned: TunedPi) -> Display:
 
 @display.register
 def of_loop(loop: Loop) -> Display:
-    """Whether it is stable, and of what."""
+    """Stability, largest pole, gains and plant."""
     state = "stable" if loop.stable else "UNSTABLE"
     head = f"{state}, largest pole {plain(loop.radius)}; {of_gains(loop.gains).head}"
     return Display(head, (("plant", of_model(loop.model).head),))
@@ -152,27 +154,27 @@ def of_loop(loop: Loop) -> Display:
 
 @display.register
 def of_loop_trace(trace: LoopTrace) -> Display:
-    """How long, where it ended, how often a limit held it."""
+    """Duration, final output, range of the command, share of time at a limit."""
     low, high = plain(float(trace.command.min())), plain(float(trace.command.max()))
     head = (
         f"{len(trace.time)} samples over {trace.time[-1]:g} s, output ends at {plain(float(trace.output[-1]))} "
         f"{trace.unit_y}".rstrip()
         + f", command {low} to {high} {trace.unit_u}".rstrip()
     )
-    return Display(head, (("held by a limit", f"{trace.saturated.mean():.1%} of the time"),))
+    return Display(head, (("at a limit", f"{trace.saturated.mean():.1%} of the time"),))
 
 
 @display.register
 def of_check(found: PiCheck) -> Display:
-    """The verdict; each reading on a row."""
+    """The verdict; one row per interpretation."""
     rows = tuple((reading.words, "yes" if reading.stable else "no", "yes" if reading.meets else "no")
                  for reading in found.interpretations)  # fmt: skip
-    return Display(found.verdict, (), TextTable(("read as", "stable", "meets"), rows))
+    return Display(found.verdict, (), TextTable(("interpretation", "stable", "meets the specification"), rows))
 
 
 @display.register
 def of_map(found: FeasibleMap) -> Display:
-    """How much of the map meets what was asked."""
+    """Size of the map, and the share of gains that meet the specification."""
     share = float(found.feasible.mean())
     head = (
         f"{len(found.kp)} by {len(found.ki)} pairs of gains, Kp {plain(found.kp.min())} to {plain(found.kp.max())}, Ki "

@@ -1,15 +1,14 @@
-"""The whole way from a record to a verdict: band, delay, order, estimate, and a free run on samples not fitted.
+"""Identification of a record: excited band, delay, order, estimate, and validation by simulation of other samples.
 
-Orders are compared by what their free run misses, not by one-step errors, which sensor noise flatters: each is
-fitted by SRIV, and Schwarz's criterion of the free run decides,
+Orders are compared by their simulation error, not by one-step errors, which are optimistic under sensor noise: each is
+fitted by SRIV, and Schwarz's criterion of the simulation decides,
 
     BIC = N_e ln V + 2 p ln N_e,      N_e = N (1 - r) / (1 + r),
 
-V the mean square that the free run misses on all of the record, p the number of coefficients, r the lag-one correlation
-of what the best model misses: samples that follow each other count for less. Each coefficient counts twice, because a
-further pole may sit wherever noise happens to ring: its place is chosen too. nk = 0 counts 20 more, because a machine
-behind a hold answers one sample later at the earliest; and so does a pole that rings beyond the excited band, where the
-record has nothing to say.
+V the mean square simulation error over the record, p the number of coefficients, r the lag-one autocorrelation of the
+residuals of the best model, N_e the effective sample size. Each coefficient is penalised twice, because the location of
+a further pole is selected too. nk = 0 is penalised by 20, because a plant with a zero-order hold responds one sample
+later at the earliest; so is each lightly damped pole beyond the excited band, where the record holds no information.
 
 Source: Schwarz 1978, Ann. Stat. 6, 461; Ljung 1999, System Identification, sections 16.4 to 16.6.
 """
@@ -39,37 +38,37 @@ from .validation.prediction import simulated
 Array = NDArray[np.float64]
 
 MOST_ORDER, MOST_DELAY = 5, 10
-FITTED = 2 / 3  # of a single run; the rest judges
-FEWEST = 60  # samples of each part: below, the whole record is fitted and judges itself
-FIRST_LOOK = (2, 4)  # orders with which delays are looked for; a low order alone takes a wrong-way start for a delay
-DOUBT = 20.0  # of BIC: what an answer within the sample, or a ringing pole beyond the band, must be better by
-RINGS, BEYOND = 0.9, 1.5  # radius from which a pole rings; times the upper end of the band
+FITTED = 2 / 3  # of a single run; the rest is used for validation
+FEWEST = 60  # samples of each part: below, the whole record is fitted and validated
+FIRST_ORDERS = (2, 4)  # orders for the search of delays; a low order alone mistakes an inverse response for a delay
+PENALTY = 20.0  # of BIC, for nk = 0 and for each lightly damped pole beyond the band
+RINGING, BEYOND = 0.9, 1.5  # radius of a lightly damped pole; frequency relative to the upper end of the band
 EXACT = 1e-18  # of the variance: a loss below it is rounding
-MOST_SAMPLES = 10_000  # in the search: of longer records the middle stretch of this length
+MOST_SAMPLES = 10_000  # in the search: of longer records the middle part of this length
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Identification(Plottable):
-    """What a record tells of a machine.
+    """Identified model of a record with its validation.
 
     Attributes
     ----------
     record : Record
-        As it was used, less its operating point.
+        The record with its operating point removed.
     model : Model
-        Handed on: fitted to the whole record, its excited band marked.
+        Fitted to the whole record, with its excited band.
     arx : Model
-        Of the same orders by least squares, as the papers do it.
+        Of the same orders by least squares, as in the papers.
     tried : DataFrame
-        A row for each order and delay: na, nb, nk, loss (mean square missed in a free run), fit (%), bic, stable.
+        One row per order and delay: na, nb, nk, loss (mean square simulation error), fit (%), bic.
     one_step : OrderSearch
-        The same question asked of one-step errors, from one Gram matrix, as the papers do: sensor noise flatters it.
+        Order selection by one-step errors, as in the papers; optimistic under sensor noise.
     validation : Validation
-        Of a model of the same orders on samples that it was not fitted to, where the record is long enough.
+        Of a model of the same orders on samples not used for its fit, if the record is long enough.
     validated_on : str
-        Which samples these are.
+        Samples used for validation.
     bias, feedback, causality : str or None
-        Sentences where there is something to say.
+        Sentences on sensor-noise bias, feedback, and swapped signals, if detected.
     notes : tuple of str
     """
 
@@ -87,36 +86,36 @@ class Identification(Plottable):
 
     @property
     def argument(self) -> str:
-        """Why this order and delay, in two sentences."""
+        """Reason for this order and delay, in two sentences."""
         best = self.tried.iloc[0]
         first = (
             f"na {best.na:.0f}, nb {best.nb:.0f}, nk {best.nk:.0f} has the smallest BIC of {len(self.tried)} orders "
-            f"and delays by their free run (fit {best.fit:.1f} %)."
+            f"and delays (simulation fit {best.fit:.1f} %)."
         )
         other = self.tried[self.tried["na"] != best.na]
         if other.empty:
             return first
         second = other.iloc[0]
         return (
-            f"{first} The best of another order, na {second.na:.0f}, nb {second.nb:.0f}, nk {second.nk:.0f}, fits "
-            f"{second.fit:.1f} % and has a BIC {second.bic - best.bic:.0f} larger."
+            f"{first} The best model of another order, na {second.na:.0f}, nb {second.nb:.0f}, nk {second.nk:.0f}, has "
+            f"a simulation fit of {second.fit:.1f} % and a BIC larger by {second.bic - best.bic:.0f}."
         )
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """What there is to say, worst first."""
+        """Verdict and reservations, worst first."""
         low, high = self.model.band or (0.0, 0.0)
-        said = [s for s in (self.causality, self.feedback, self.bias) if s]
+        found = [s for s in (self.causality, self.feedback, self.bias) if s]
         return (
-            f"The model {self.validation.verdict} ({self.validated_on}).",
-            *(f"{s[0].upper()}{s[1:].rstrip('.')}." for s in said),
-            f"Trust it from {low:.3g} to {high:.3g} Hz, where the input had power.",
+            f"The model {self.validation.verdict} (validation on {self.validated_on}).",
+            *(f"{s[0].upper()}{s[1:].rstrip('.')}." for s in found),
+            f"Valid in the excited band, {low:.3g} to {high:.3g} Hz.",
             *(f"{s[0].upper()}{s[1:].rstrip('.')}." for s in (*self.validation.remarks, *self.model.notes)),
         )
 
     @property
     def concern(self) -> int:
-        """0 none, 1 read the verdicts, 2 do not tune on it."""
+        """0 none, 1 read the verdicts, 2 do not tune on this model."""
         return max(self.validation.concern, int(bool(self.feedback)), 2 * int(bool(self.causality)))
 
 
@@ -130,27 +129,27 @@ def identify(
     delays: Sequence[int] | None = None,
     trend: bool = False,
 ) -> Identification:
-    """Identify a machine from a record of its input and output.
+    """Identify a plant from a record of its input and output.
 
     Parameters
     ----------
     rec : Record or sequence of Record
-        One run or several; several are joined, and the last judges.
+        One run or several; several are joined, the last is used for validation.
     held_out : Record, optional
-        A further run that judges instead.
+        A separate run for validation.
     orders : (na, nb, nk), optional
-        Known; otherwise they are searched for.
+        Known orders; by default selected.
     most_order : int
-        Largest order tried.
+        Largest candidate order.
     delays : sequence of int, optional
-        Delays tried, samples; 0 to 10 unless given.
+        Candidate delays, samples; by default 0 to 10.
     trend : bool
-        Take off a straight line from each stretch, not only its mean.
+        Remove a linear trend from each segment, not only its mean.
 
     Raises
     ------
     IdentError
-        The input stands still, the record is too short for any order, or no stable model fits it.
+        The input is constant, the record too short for any order, or no stable model fits it.
 
     Examples
     --------
@@ -171,7 +170,7 @@ def identify(
     best = tried.iloc[0]
     na, nb, nk = (int(best[name]) for name in ("na", "nb", "nk"))
     feedback = feedback_detected(whole)
-    fitted, judge, validated_on = _split(whole, held_out)
+    fitted, other, validated_on = _split(whole, held_out)
     trained = _estimated(fitted, na, nb, nk, feedback)
     model = trained if fitted is whole else _estimated(whole, na, nb, nk, feedback)
     plain = arx(whole, na, nb, nk)
@@ -181,7 +180,7 @@ def identify(
         arx=replace(plain, band=band),
         tried=tried,
         one_step=choose_order(whole),
-        validation=validate(trained, judge),
+        validation=validate(trained, other),
         validated_on=validated_on,
         bias=None if feedback else warn_of_bias(plain, model, band),
         feedback=feedback,
@@ -191,7 +190,7 @@ def identify(
 
 
 def _estimated(rec: Record, na: int, nb: int, nk: int, feedback: str | None) -> Model:
-    """By output error; in a closed loop with a model of the noise, without which feedback biases."""
+    """Output error; in closed loop ARMAX, whose noise model avoids the bias by feedback."""
     if feedback:
         return armax(rec, na, nb, max(na, 1), nk)
     return output_error(rec, nb, na, nk, initial="offset")
@@ -200,11 +199,11 @@ def _estimated(rec: Record, na: int, nb: int, nk: int, feedback: str | None) -> 
 def _search(
     rec: Record, most_order: int, delays: Sequence[int] | None, orders: tuple[int, int, int] | None
 ) -> pd.DataFrame:
-    """Free runs of the orders and delays worth a look."""
+    """Simulation errors of the candidate orders and delays."""
     if orders is not None:
         return _compared(rec, [orders])
     near = sorted(set(range(MOST_DELAY + 1) if delays is None else delays))
-    looks = [order for order in FIRST_LOOK if order <= max(most_order, FIRST_LOOK[0])]
+    looks = [order for order in FIRST_ORDERS if order <= max(most_order, FIRST_ORDERS[0])]
     first = _compared(rec, [(n, n, nk) for n in looks for nk in near])
     asked = set()
     for n in range(1, most_order + 1):
@@ -214,7 +213,7 @@ def _search(
 
 
 def _delays(first: pd.DataFrame, order: int) -> set[int]:
-    """The delay whose free run of this order is best, the longest that is nearly as good, and their neighbours."""
+    """Candidate delays: the best of this order, its neighbours, and the longest that is nearly as good."""
     of = first[first["na"] == order]
     of = first if of.empty else of
     best = int(of["nk"].to_numpy()[of["bic"].to_numpy().argmin()])
@@ -223,8 +222,8 @@ def _delays(first: pd.DataFrame, order: int) -> set[int]:
 
 
 def _compared(rec: Record, asked: Sequence[tuple[int, int, int]]) -> pd.DataFrame:
-    """A row for each order that can be fitted; IdentError where none can."""
-    rows, missed, refusal = [], [], None
+    """One row per order that can be fitted; IdentError if there is none."""
+    rows, residuals, refusal = [], [], None
     for na, nb, nk in asked:
         try:
             model = sriv(rec, na, nb, nk, initial="offset")
@@ -234,39 +233,31 @@ def _compared(rec: Record, asked: Sequence[tuple[int, int, int]]) -> pd.DataFram
         if not model.stable:
             continue
         left = rec.y - simulated(model, rec)
-        rows.append(
-            {
-                "na": na,
-                "nb": nb,
-                "nk": nk,
-                "p": na + nb,
-                "loss": float(np.mean(left**2)),
-                "ringing": _ringing(model, rec),
-            }
-        )
-        missed.append(left)
+        loss = float(np.mean(left**2))
+        rows.append({"na": na, "nb": nb, "nk": nk, "p": na + nb, "loss": loss, "ringing": _ringing(model, rec)})
+        residuals.append(left)
     if not rows:
         raise refusal or IdentError(
-            "no order gives a stable model of this record: are input and output the right way round, and does the "
-            "machine come to rest by itself? Hold it in a loop and record again, or take off the trend."
+            "no order gives a stable model of this record: input and output may be swapped, or the plant is not "
+            "stable. Record it in closed loop, or remove the trend."
         )
     table = pd.DataFrame(rows)
-    fewer = _independent(missed[int(table["loss"].to_numpy().argmin())])
+    size = _effective_size(residuals[int(table["loss"].to_numpy().argmin())])
     spread = float(np.var(rec.y))
-    table["bic"] = fewer * np.log(np.maximum(table["loss"], EXACT * spread)) + 2 * table["p"] * np.log(fewer)
-    table["bic"] += DOUBT * (table["nk"] == 0) + DOUBT * table["ringing"]
+    table["bic"] = size * np.log(np.maximum(table["loss"], EXACT * spread)) + 2 * table["p"] * np.log(size)
+    table["bic"] += PENALTY * (table["nk"] == 0) + PENALTY * table["ringing"]
     table["fit"] = 100 * (1 - np.sqrt(table["loss"] / spread))
     return table.drop(columns=["p", "ringing"]).sort_values(["bic", "na", "nb"], ignore_index=True)
 
 
 def _ringing(model: Model, rec: Record) -> int:
-    """Poles that ring beyond the excited band."""
+    """Number of lightly damped poles beyond the excited band."""
     beyond = 2 * np.pi * BEYOND * excited_band(rec)[1] * model.sample_time
-    return int(np.sum((np.abs(model.poles) > RINGS) & (np.abs(np.angle(model.poles)) > beyond)))
+    return int(np.sum((np.abs(model.poles) > RINGING) & (np.abs(np.angle(model.poles)) > beyond)))
 
 
-def _independent(left: Array) -> float:
-    """How many independent samples so many are worth that follow each other."""
+def _effective_size(left: Array) -> float:
+    """Effective sample size of autocorrelated residuals."""
     power = float(left @ left)
     r = float(left[1:] @ left[:-1]) / power if power > 0 else 0.0
     r = min(max(r, 0.0), 0.99)
@@ -274,7 +265,7 @@ def _independent(left: Array) -> float:
 
 
 def _middle(rec: Record) -> Record:
-    """Not more of a very long record than a search needs."""
+    """The middle part of a very long record."""
     if len(rec) <= MOST_SAMPLES:
         return rec
     start = (len(rec) - MOST_SAMPLES) // 2
@@ -282,15 +273,15 @@ def _middle(rec: Record) -> Record:
 
 
 def _split(rec: Record, held_out: Record | None) -> tuple[Record, Record, str]:
-    """What is fitted, what judges, and that in words."""
+    """Estimation record, validation record, and a description of the latter."""
     if held_out is not None:
-        return rec, held_out, f"the {len(held_out)} samples held out, which it was not fitted to"
+        return rec, held_out, f"{len(held_out)} held-out samples"
     last = rec.starts[-1]
     if len(rec.starts) > 1 and min(last, len(rec) - last) >= FEWEST:
-        words = f"run {len(rec.starts)} of {len(rec.starts)}, by a model of the same orders fitted to the others"
+        words = f"run {len(rec.starts)} of {len(rec.starts)}, model of the same orders fitted to the others"
         return rec.part(0, last), rec.part(last, len(rec)), words
     cut = int(FITTED * len(rec))
     if len(rec) - cut < FEWEST:
-        return rec, rec, "the record is too short to hold samples back: record a second run"
-    words = f"samples {cut + 1} to {len(rec)}, by a model of the same orders fitted to those before"
+        return rec, rec, "the estimation record, too short to hold out samples: record a second run"
+    words = f"samples {cut + 1} to {len(rec)}, model of the same orders fitted to the samples before"
     return rec.part(0, cut).centred(), rec.part(cut, len(rec)), words

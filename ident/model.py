@@ -1,8 +1,8 @@
-"""A discrete transfer function with what is known of it: the hand-over from every estimator.
+"""Discrete transfer function models, the result of every estimator.
 
     y(t) = b(q) / a(q) u(t) + noise,    b(q) = b_nk q^-nk + ... + b_(nk+nb-1) q^-(nk+nb-1),    a(q) = 1 + a_1 q^-1 ...
 
-``nk`` counts samples of delay: nk = 1 is the first response that a sampled machine can give (as in MATLAB; Octave's arx
+``nk`` counts samples of delay: nk = 1 is the first possible response of a sampled plant (as in MATLAB; Octave's arx
 counts one less). Source: Ljung 1999, System Identification, section 4.2.
 """
 
@@ -25,12 +25,12 @@ Structure = Literal["arx", "sriv", "output_error", "armax", "given"]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Model(Plottable):
-    """One identified (or given) model.
+    """Identified or given discrete transfer function.
 
     Attributes
     ----------
     b, a : ndarray
-        Whole polynomials in z^-1: b keeps its nk leading zeros, a starts with 1.
+        Full polynomials in z^-1: b includes its nk leading zeros, a starts with 1.
     nk : int
         Samples of delay.
     sample_time : float
@@ -40,18 +40,18 @@ class Model(Plottable):
     cov_params : ndarray, shape (na + nb, na + nb), or None
         Covariance of ``theta`` = a_1 ... a_na, b_nk ... b_(nk+nb-1).
     noise_variance : float or None
-        Of the innovations (arx, armax) or of the output error (sriv, output_error), in unit_y squared.
+        Variance of the innovations (arx, armax) or of the output error (sriv, output_error), in unit_y squared.
     c : ndarray
-        Noise polynomial of armax; 1 otherwise.
+        Noise polynomial of armax; otherwise 1.
     n : int or None
-        Samples that it was fitted to.
+        Number of samples fitted.
     record : str or None
         SHA-256 of the record.
     input, output, unit_u, unit_y : str
     operating_point : tuple of float or None
-        Mean input and output that were taken off before the fit.
+        Mean input and output removed before the fit.
     band : tuple of float or None
-        Excited band in Hz: outside it the model has seen nothing.
+        Excited band in Hz; outside it the model is an extrapolation.
     notes : tuple of str
 
     Examples
@@ -83,18 +83,16 @@ class Model(Plottable):
         b, a, c = (np.atleast_1d(np.asarray(p, dtype=np.float64)) for p in (self.b, self.a, self.c))
         for name, p in (("b", b), ("a", a), ("c", c)):
             if p.ndim != 1 or not np.isfinite(p).all():
-                raise IdentError(f"{name} of a model is {p.tolist()}: a polynomial is a row of finite numbers.")
+                raise IdentError(f"{name} of a model is {p.tolist()}: a polynomial is an array of finite numbers.")
             object.__setattr__(self, name, p)
         if a[0] != 1 or c[0] != 1:
             raise IdentError(
                 f"a and c of a model start with 1, not {a[0]:g} and {c[0]:g}: divide by the first coefficient."
             )
         if self.nk < 0 or len(b) <= self.nk or np.any(b[: self.nk] != 0):
-            raise IdentError(
-                f"b {b.tolist()} of a model with nk {self.nk}: it begins with {self.nk} zeros, then its coefficients."
-            )
+            raise IdentError(f"b {b.tolist()} of a model with nk {self.nk}: {self.nk} zeros, then the coefficients.")
         if not self.sample_time > 0:
-            raise IdentError(f"sample_time {self.sample_time!r} s of a model: it lies above zero.")
+            raise IdentError(f"sample_time {self.sample_time!r} s of a model: a number above zero.")
 
     @property
     def na(self) -> int:
@@ -134,7 +132,7 @@ class Model(Plottable):
 
     @property
     def transfer_function(self) -> tuple[Array, Array, float]:
-        """b, a in powers of z^-1 and the sample time, as scipy and python-control take them (lengths made equal)."""
+        """b, a of equal length in powers of z^-1 and the sample time, as used by scipy and python-control."""
         n = max(len(self.b), len(self.a))
         return np.pad(self.b, (0, n - len(self.b))), np.pad(self.a, (0, n - len(self.a))), self.sample_time
 
@@ -155,7 +153,7 @@ class Model(Plottable):
 
     @property
     def stable(self) -> bool:
-        """Whether a free run dies out: every pole inside the unit circle."""
+        """Whether every pole lies inside the unit circle."""
         return self.radius < 1.0
 
     @property
@@ -170,13 +168,13 @@ class Model(Plottable):
         return np.asarray(np.polyval(self.b[::-1], z) / np.polyval(self.a[::-1], z), dtype=np.complex128)
 
     def simulate(self, u: ArrayLike) -> Array:
-        """Free run from rest on an input u (N,), shape (N,): no measured output enters."""
+        """Simulated output (N,) from rest for an input u (N,)."""
         from scipy.signal import lfilter
 
         return np.asarray(lfilter(self.b, self.a, np.asarray(u, dtype=np.float64)), dtype=np.float64)
 
     def to_control(self) -> Any:  # noqa: ANN401
-        """The model as a python-control TransferFunction; IdentError where that library is not installed."""
+        """The model as a python-control TransferFunction; IdentError if that library is not installed."""
         try:
             control = import_module("control")
         except ImportError:

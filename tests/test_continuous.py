@@ -112,11 +112,11 @@ def test_delay_of_part_of_a_sample_is_what_four_times_the_rate_shows(quarters, n
 @pytest.mark.parametrize(
     ("b", "a", "nk", "says"),
     [
-        ([0, 1.0], [1, 0.5], 1, "z = -0.5 flips sign at every sample"),
+        ([0, 1.0], [1, 0.5], 1, "z = -0.5 alternates at every sample"),
         ([0, 1.0, 0.5], [1, -1.1, 0.3, 0.0, 0.0], 1, None),
         ([0, 1.0, 0.5], [1, -0.5], 1, "1 pole(s) at z = 0"),
-        ([0, 0, 1.0, 0.5, 0.1], [1.0], 2, "finite tail"),
-        ([0, 1.0], [1, -0.5, 1e-9], 1, "dies within one sample"),
+        ([0, 0, 1.0, 0.5, 0.1], [1.0], 2, "finite impulse response"),
+        ([0, 1.0], [1, -0.5, 1e-9], 1, "decays within one sample"),
     ],
     ids=["negative pole", "zeros behind a are nothing", "b too long", "finite tail", "pole near zero"],
 )

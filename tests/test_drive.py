@@ -216,7 +216,7 @@ F0, V0, X0 = motion()
         (lambda: drive_fit(record(np.abs(V0) + 0.3, F0, "m/s")), "moves in one direction only"),
         (lambda: drive_fit(record(X0, F0), cutoff=500.0), "cutoff 500 Hz of a record at 1000 Hz"),
         (lambda: drive_fit(record(X0, F0), slow=1.0), "slow 1.0"),
-        (lambda: drive_fit(record(X0, -F0)).simulate(F0), "Look at the sign of force"),
+        (lambda: drive_fit(record(X0, -F0)).simulate(F0), "Check the sign of force"),
         (lambda: drive_fit(record(0.2 * np.sign(np.sin(np.arange(12000) / 900)), F0, "m/s")), "is not identifiable"),
     ],
     ids=[

@@ -88,12 +88,12 @@ def test_another_unit_of_the_command_scales_the_intervals():
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
-        (lambda: check_pi(PUBLISHED, 160.0, 0.006), IdentError, "nothing is asked"),
+        (lambda: check_pi(PUBLISHED, 160.0, 0.006), IdentError, "no limits"),
         (lambda: check_pi(PUBLISHED, -160.0, 0.006, 2.0), IdentError, "above zero"),
         (
             lambda: check_pi(PUBLISHED, 1.0, 1.0, 2.0, specification=Specification(ms=1.3)),
             UsageError,
-            "put them into it",
+            "include them in it",
         ),
     ],
 )

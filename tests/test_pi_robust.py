@@ -74,7 +74,7 @@ def test_draws_that_run_away_are_left_out_and_told():
     plants = draws_of_models(slow, 1000, seed=1)
     assert plants.left_out / 1000 == pytest.approx(1 - NormalDist().cdf(1.0), abs=0.04)
     held = robustness(plants, PiGains(2.0, 1.0, 0.1), Specification(rise_time=3.0), duration=20.0)
-    assert f"{plants.left_out} draws that run away" in held.verdict
+    assert f"{plants.left_out} unstable draws" in held.verdict
     assert held.n + held.left_out == 1000
 
 

@@ -40,7 +40,7 @@ def test_gains_that_meet_the_specification_are_added(file, capsys, tmp_path):
     assert pi.figures.ms <= 1.3
     assert pi.forced is None
     assert (pi.unit_u, pi.unit_y) == ("V", "A")
-    assert "meets rise time" in out
+    assert "meets the specification (rise time" in out
     assert (tmp_path / "figures" / "pi.png").read_bytes().startswith(b"\x89PNG")
     assert parameters.check(parameters.read(file)).ok
     again, _, said = tune(capsys, "--rise", "2", "--settle", "4")
@@ -52,7 +52,7 @@ def test_what_no_gains_meet_is_refused_with_5_and_marked_when_forced(file, capsy
     before = file.read_bytes()
     code, _, err = tune(capsys, "--rise", "0.01", "--settle", "0.02")
     assert code == 5
-    assert "above the 0.01 s asked for" in err
+    assert "above the required 0.01 s" in err
     assert file.read_bytes() == before
     code, out, _ = tune(capsys, "--rise", "0.01", "--settle", "0.02", "--force")
     assert code == 0
@@ -85,7 +85,7 @@ def test_the_section_as_json(file, capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ([], "asks for speed"),
+        ([], "no limit on speed"),
         (["--rise", "2", "--scaling", "1459"], "go together"),
         (["--rise", "-1"], "rise"),
         (["--rise", "2", "--probability", "0.9"], "covariance"),

@@ -226,7 +226,7 @@ def _check_rows(rows: FilteredRows) -> None:
         )
     if not ((rows.X[:, 2] > 0.9).any() and (rows.X[:, 2] < -0.9).any()):
         raise IdentError(
-            "the drive moves in one direction only: Coulomb friction and offset are not identifiable separately. "
+            "the drive moves in one direction only: Coulomb friction and offset are not separable. "
             "Record motion in both directions."
         )
     X = rows.X / np.linalg.norm(rows.X, axis=0)
@@ -235,7 +235,7 @@ def _check_rows(rows: FilteredRows) -> None:
         name = NAMES[int(np.argmin(independent))]
         raise IdentError(
             f"{name} is not identifiable from this record: {100 * independent.min():.2g} % of its column is "
-            f"independent of the others, {100 * INDEPENDENT:.0f} % are needed. Move at several speeds, with pronounced acceleration."
+            f"independent of the others, {100 * INDEPENDENT:.0f} % are needed. Move at several speeds and accelerate."
         )
 
 

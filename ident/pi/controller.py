@@ -1,7 +1,4 @@
-"""The controller as it runs, a sample at a time: form, limits, anti-windup, and entry into and exit from the cut.
-
-A loop run in time with what the linear analysis leaves out: limits, rounding, noise, and the edges of the cut.
-"""
+"""Time-domain simulation of the PI and its loop: limits, anti-windup, rounding, noise, interruptions of the cut."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -24,24 +21,24 @@ _WEIGHTS = {"backward": (1.0, 0.0), "forward": (0.0, 1.0), "trapezoidal": (0.5, 
 
 
 class PiController:
-    """A PI with its filters, limits and memory.
+    """A PI controller with its filters, limits and state.
 
-    Each ``step`` takes a reference and a measurement and returns the command that is sent (before the delay).
+    Each ``step`` takes a reference and a measurement and returns the command (before the delay).
 
     Parameters
     ----------
     gains : PiGains
     idle : float
-        Command outside the cut, unit_u; limits and rate hold there too.
+        Command outside the cut, unit_u; limits and rate apply there too.
     quantum : float
-        Step to which the command is rounded when it is sent, unit_u; 0 for none.
+        Resolution of the command, unit_u; 0 for none.
     last : float
-        Command that was sent before the first sample, unit_u.
+        Command before the first sample, unit_u.
 
     Attributes
     ----------
     limited : int
-        1 while a limit or the rate holds the command down, -1 while it holds it up, else 0.
+        1 while an upper limit or the rate is active, -1 for a lower one, otherwise 0.
 
     Examples
     --------
@@ -67,7 +64,7 @@ class PiController:
         self.cutting = True
 
     def step(self, reference: float, measurement: float, engaged: bool = True) -> float:
-        """One sample; outside the cut the command is ``idle``, and back in it goes on from the last one sent."""
+        """One sample; outside the cut the command is ``idle``, on re-entry it continues from the last one."""
         error = reference - self._see(measurement)
         if not engaged:
             self.asked = self.idle
@@ -85,7 +82,7 @@ class PiController:
         return self.filtered
 
     def _enter(self, error: float) -> None:
-        """Memory such that the first command in the cut is the last one before it."""
+        """Initialise the state so that the first command in the cut equals the last one before it (bumpless)."""
         self.asked = self.last
         self.total = self.last - self.kp * error if self.gains.form == "position" else 0.0
 
@@ -99,7 +96,7 @@ class PiController:
         return self.kp * error + self.total + (base if self.gains.form == "incremental_sum" else 0.0)
 
     def _send(self, engaged: bool) -> float:
-        """Limits, then the anti-windup that looks at them, then average and rounding."""
+        """Apply limits, anti-windup, average and rounding."""
         g, u = self.gains, self.asked
         if g.rate is not None:
             most = g.rate * g.sample_time
@@ -123,17 +120,17 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LoopTrace(Plottable):
-    """One run of a loop; every array has shape (n,).
+    """Simulation of a loop in time; every array has shape (n,).
 
     Attributes
     ----------
     time : ndarray, s
     reference, output, measurement : ndarray, unit_y
-        ``output`` is the truth; ``measurement`` adds the noise and is what the controller reads.
+        ``output`` is noise-free; ``measurement`` adds the noise and is fed back.
     command : ndarray, unit_u
-        As sent; the plant gets it ``gains.delay`` samples later.
+        Before the delay of ``gains.delay`` samples.
     limited : ndarray of int
-        1 where a limit or the rate held the command down, -1 where it held it up, else 0.
+        1 where an upper limit or the rate is active, -1 for a lower one, otherwise 0.
     engaged : ndarray of bool
         In the cut.
     unit_u, unit_y : str
@@ -151,11 +148,11 @@ class LoopTrace(Plottable):
 
     @property
     def saturated(self) -> Mask:
-        """Where a limit or the rate held the command."""
+        """Samples at which a limit or the rate is active."""
         return np.asarray(self.limited != 0)
 
     def to_frame(self) -> "DataFrame":
-        """A row a sample, time in s."""
+        """One row per sample, time in s."""
         return as_columns(
             self, "time", "reference", "output", "measurement", "command", "limited", "engaged"
         ).set_index("time")
@@ -174,9 +171,9 @@ def simulate_loop(
     quantum: float = 0.0,
     rng: int | np.random.Generator | None = None,
 ) -> LoopTrace:
-    """Run a loop from rest; delay, limits, rate and anti-windup are those of the gains.
+    """Simulate a loop from rest, with the delay, limits, rate and anti-windup of the gains.
 
-    Without limits, rounding, noise and a cut that ends it is the linear ``Loop.step`` to rounding.
+    Without limits, rounding, noise and interruptions of the cut it equals the linear ``Loop.step``.
 
     Parameters
     ----------
@@ -189,21 +186,21 @@ def simulate_loop(
     load_at : str
         ``output`` or ``input``.
     engaged : array-like of bool, shape (n,), or None
-        In the cut; None is always. Outside it neither command nor load reaches the plant, the controller sends
-        ``idle``, and on entry it goes on from the last command sent, without a bump.
+        In the cut; by default always. Outside it neither command nor load reaches the plant, the command is ``idle``,
+        and re-entry is bumpless.
     idle : float
         Command outside the cut, unit_u.
     noise : float
         Standard deviation of white measurement noise, unit_y.
     quantum : float
-        Step to which the command is rounded, unit_u (an override of whole percents); 0 for none.
+        Resolution of the command, unit_u (an override in whole per cent); 0 for none.
     rng : int or Generator, or None
-        Seed of the noise; needed with noise.
+        Seed of the noise; required with noise.
 
     Raises
     ------
     UsageError, IdentError
-        Shapes or numbers that do not fit; another sample time, a loop without delay.
+        Inconsistent shapes or numbers; another sample time, a loop without delay.
 
     Examples
     --------
@@ -215,7 +212,7 @@ def simulate_loop(
     check_pair(model, gains)
     r = np.asarray(reference, dtype=np.float64)
     if r.ndim != 1 or not np.isfinite(r).all():
-        raise UsageError(f"reference of shape {r.shape}: one row of finite numbers, one a sample.")
+        raise UsageError(f"reference of shape {r.shape}: one array of finite numbers, one per sample.")
     n = len(r)
     loads, cut = _row("load", load, n), _engaged(engaged, n)
     for name, value in (("noise", noise), ("quantum", quantum)):
@@ -226,7 +223,7 @@ def simulate_loop(
     if load_at not in ("output", "input"):
         raise UsageError(f"load_at {load_at!r}: output or input.")
     if noise and rng is None:
-        raise UsageError(f"noise {noise:g} without rng: give a seed, so that the same call gives the same run.")
+        raise UsageError(f"noise {noise:g} without rng: give a seed, so that the simulation is reproducible.")
     e = noise * np.random.default_rng(rng).standard_normal(n) if noise else np.zeros(n)
     inside, outside = (loads, np.zeros(n)) if load_at == "input" else (np.zeros(n), loads)
     controller = PiController(gains, idle, quantum, last=0.0 if n == 0 or cut[0] else idle)
@@ -238,13 +235,13 @@ def simulate_loop(
 def _run(
     model: Model, controller: PiController, r: Array, inside: Array, outside: Array, cut: Mask, e: Array
 ) -> tuple[Array, Array, NDArray[np.int8]]:
-    """Output, command sent, and whether it was limited."""
+    """Output, command, and whether it was limited."""
     b, a = model.b.tolist(), model.a[1:].tolist()
     past_x, past_y = deque([0.0] * len(b), len(b)), deque([0.0] * len(a), len(a))
     delay = controller.gains.delay
     waiting = deque([controller.last] * delay)
     out, sent, limited = np.empty(len(r)), np.empty(len(r)), np.empty(len(r), dtype=np.int8)
-    # b_0 u of this sample acts only where the command has waited; it is then known before the measurement is taken
+    # b_0 u of this sample acts only with a delay of the command, which is then known before the measurement
     for k, (ref, load, more, on, off) in enumerate(
         zip(*(v.tolist() for v in (r, inside, outside, cut, e)), strict=True)
     ):

@@ -1,4 +1,4 @@
-"""The map over Kp and Ki: where a specification holds, by how much it is missed elsewhere, and why."""
+"""Map over Kp and Ki: where a specification holds, and how much it is violated elsewhere."""
 
 from dataclasses import dataclass
 
@@ -13,15 +13,15 @@ from .specification import Specification
 from .stability_region import DECADES_KI, GainRange, decades, gain_range, grid
 
 Array = NDArray[np.float64]
-CLOSER = 24  # gains a side while the region is sought
+COARSE = 24  # gains per side while the region is located
 ROUNDS = 4
-NEAR = 0.15  # of a limit: settling jumps, so the nearest point of a coarse grid need not lie by the nearest of all
-MOST = 6e7  # samples simulated for one map, weighed by the order of the loop: above it the map is coarser
+NEAR = 0.15  # of a limit: settling time is discontinuous, so that a coarse grid may miss the best point
+MOST = 6e7  # samples simulated for one map, weighted by the order of the loop: above it the map is coarser
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FeasibleMap(Plottable):
-    """Figures of loops over a grid of gains.
+    """Figures of merit over a grid of gains.
 
     Attributes
     ----------
@@ -32,10 +32,10 @@ class FeasibleMap(Plottable):
     feasible : ndarray of bool, shape (P, I)
         Stable, and every limit met.
     worst : ndarray, shape (P, I)
-        Largest violation, as a share of its limit; 0 where feasible, infinite where unstable.
+        Largest relative violation; 0 where feasible, infinite where unstable.
     specification : Specification
     range : GainRange
-        The largest stable gains of the model; the map shows the part of it that matters.
+        Largest stabilising gains of the model; the map covers the relevant part.
     duration : float
         Of the simulated steps, s.
     """
@@ -64,30 +64,30 @@ def feasible_map(
     duration: float | None = None,
     range_: GainRange | None = None,
 ) -> FeasibleMap:
-    """Figures of n x n loops over the gains where a specification holds, or comes nearest to holding.
+    """Figures of merit of n x n loops over the gains where a specification holds, or is least violated.
 
     Parameters
     ----------
     model : Model
     specification : Specification
     template : PiGains, optional
-        All but its gains; by default a position form by the backward rule at the sample time of the model.
+        Controller apart from its gains; by default position form, backward rule, sample time of the model.
     n : int
-        Gains a side, fewer where the simulated steps are very long.
+        Gains per side, fewer for very long simulations.
     duration : float, optional
-        Of the simulated steps, s; by default several times what is asked.
+        Of the simulated steps, s; by default several times the specified times.
     range_ : GainRange, optional
-        Found from the model by default.
+        By default from the model.
 
     Returns
     -------
     FeasibleMap
-        Its limits hold the whole feasible region, or the surroundings of the nearest point.
+        It contains the whole feasible region, or the surroundings of the best point.
 
     Raises
     ------
     IdentError
-        No PI makes a stable loop with the model.
+        No PI stabilises the model.
 
     Examples
     --------
@@ -117,10 +117,10 @@ def evaluate(
 
 
 def horizon(model: Model, specification: Specification) -> float:
-    """How long steps are simulated while gains are sought, s: several times what is asked, or what the model takes."""
-    asked = [3 * (specification.settling_time or 0.0), 6 * (specification.rise_time or 0.0)]
-    if max(asked) > 0:
-        return max(*asked, 50 * model.sample_time)
+    """Duration of simulated steps, s: several times the specified times, or the settling time of the model."""
+    times = [3 * (specification.settling_time or 0.0), 6 * (specification.rise_time or 0.0)]
+    if max(times) > 0:
+        return max(*times, 50 * model.sample_time)
     slow = min(max(float(np.abs(p)) for p in [*model.poles, 0.5] if abs(p) < 1), 1 - 1e-3)
     return float(np.clip(-12 / np.log(slow), 100, 4000)) * model.sample_time
 
@@ -128,7 +128,7 @@ def horizon(model: Model, specification: Specification) -> float:
 def region_limits(
     model: Model, specification: Specification, template: PiGains, widest: GainRange, duration: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Limits of kp and of ki that hold the feasible gains, or the nearest ones: over decades first, then closer."""
+    """Limits of kp and ki that contain the feasible or best gains: a logarithmic grid, then finer linear ones."""
     p = np.r_[0.0, decades(widest.kp)] if widest.kp else np.zeros(1)
     i = decades(widest.ki, DECADES_KI)
     for _ in range(ROUNDS):
@@ -136,18 +136,18 @@ def region_limits(
         (p_low, p_high), (i_low, i_high) = limits_of(p, i, worst)
         if (worst <= 0).sum() >= 4:
             break
-        p, i = np.linspace(p_low, p_high, CLOSER), np.linspace(i_low, i_high, CLOSER)
+        p, i = np.linspace(p_low, p_high, COARSE), np.linspace(i_low, i_high, COARSE)
     return (p_low, p_high), (i_low, i_high)
 
 
 def limits_of(p: Array, i: Array, worst: Array) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Limits of the feasible pairs, or of those about as near as the nearest, and one step of the grid beyond."""
+    """Limits of the feasible pairs, or of those close to the best, extended by one grid step."""
     least = float(worst.min())
     rows, columns = np.nonzero(worst <= (1.4 * least + NEAR if least > 0 else 0.0))
     return one_step_out(p, rows), one_step_out(i, columns)
 
 
 def one_step_out(values: Array, found: NDArray[np.intp]) -> tuple[float, float]:
-    """The values at the first and the last index found, one index further out."""
+    """The values at the first and last index found, extended by one index."""
     low, high = max(found.min() - 1, 0), min(found.max() + 1, len(values) - 1)
     return float(values[low]), float(values[high])

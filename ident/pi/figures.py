@@ -31,12 +31,12 @@ def feasible_map_figure(found: FeasibleMap, ax: Axes | None = None, chosen: tupl
     for k, (name, limit, value) in enumerate(found.specification.active()):
         figure = found.figures[limit.figure].T
         figure = np.where(np.isfinite(figure), figure, np.nan)
-        told = f"{LIMITS[name].words} {limit.scale * value:g}{limit.unit}"
+        label = f"{LIMITS[name].words} {limit.scale * value:g}{limit.unit}"
         if np.nanmin(figure) < value < np.nanmax(figure):
             ax.contour(
                 found.kp, found.ki, figure, levels=[value], colors=[BLUE], linestyles=STYLES[k % 4], linewidths=1.2
             )
-            ax.plot([], [], color=BLUE, ls=STYLES[k % 4], lw=1.2, label=told)
+            ax.plot([], [], color=BLUE, ls=STYLES[k % 4], lw=1.2, label=label)
     if chosen is not None:
         ax.plot(*chosen, "o", color=ORANGE, label=f"Kp {chosen[0]:.4g}, Ki {chosen[1]:.4g} per second")
     ax.set(xlabel="Kp", ylabel="Ki, per second")
@@ -52,7 +52,7 @@ def tuned_figure(tuned: TunedPi, ax: Axes | None = None) -> Axes:
 
 @plot.register
 def loop_trace_figure(trace: LoopTrace, ax: Axes | None = None) -> Axes:
-    """Reference, measurement and output; the command on a second axis; limits marked, time out of the cut shaded."""
+    """Reference, measurement, output and command; active limits marked, time out of the cut shaded."""
     ax = new_axes(ax, 6.4, 3.6)
     t, right = trace.time, ax.twinx()
     if (trace.measurement != trace.output).any():
@@ -61,7 +61,7 @@ def loop_trace_figure(trace: LoopTrace, ax: Axes | None = None) -> Axes:
     ax.plot(t, trace.output, color=BLUE, lw=1.4, label="output")
     right.step(t, trace.command, where="post", color=ORANGE, lw=1, label="command")
     if trace.saturated.any():
-        right.plot(t[trace.saturated], trace.command[trace.saturated], ".", color=ORANGE, ms=4, label="held by a limit")
+        right.plot(t[trace.saturated], trace.command[trace.saturated], ".", color=ORANGE, ms=4, label="at a limit")
     if not trace.engaged.all():
         ax.fill_between(
             t, 0, 1, where=~trace.engaged, step="post", transform=ax.get_xaxis_transform(), color=GREY, alpha=0.15, lw=0
@@ -75,7 +75,7 @@ def loop_trace_figure(trace: LoopTrace, ax: Axes | None = None) -> Axes:
 
 @plot.register
 def gains_figure(gains: PiGains, ax: Axes | None = None) -> Axes:
-    """Gain of the controller over frequency: the sum leads at low ones, Kp remains at high ones."""
+    """Gain of the controller over frequency."""
     (num, den), dt = gains.transfer_function, gains.sample_time
     f = np.geomspace(0.5e-4 / dt, 0.499 / dt, 300)
     z = np.exp(-2j * np.pi * f * dt)
@@ -97,7 +97,7 @@ def loop_figure(loop: Loop, ax: Axes | None = None) -> Axes:
 
 @plot.register
 def check_figure(found: PiCheck, ax: Axes | None = None) -> Axes:
-    """In which scalings of the command each reading is stable, and meets the specification."""
+    """Scalings of the command in which each interpretation is stable, and meets the specification."""
     ax = whiskers({reading.words: (1.0, np.nan, np.nan) for reading in found.interpretations}, ax)
     for line in ax.get_lines():
         line.set_visible(False)
@@ -106,5 +106,5 @@ def check_figure(found: PiCheck, ax: Axes | None = None) -> Axes:
             for low, high in intervals:
                 ax.plot([low, high], [at, at], "|-", color=colour, lw=width, solid_capstyle="butt")
     ax.set(xscale="log", xlabel=f"scaling, {found.command_unit or '1'} per {found.input_unit or '1'}")
-    ax.set_title("blue: stable, orange: meets what was asked", fontsize=9)
+    ax.set_title("blue: stable, orange: meets the specification", fontsize=9)
     return ax

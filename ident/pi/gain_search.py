@@ -1,4 +1,4 @@
-"""The best gains off the grid: a small grid that closes in on the best point, round by round."""
+"""Refinement of the best gains: a small grid that contracts towards the best point."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -15,16 +15,16 @@ from .specification import Specification
 
 Array = NDArray[np.float64]
 Aim = Literal["ms", "iae", "disturbance_iae", "travel", "noise_gain", "rise_time", "settling_time", "largest_ki"]
-SIDE = 9  # gains a side of the small grid
+SIDE = 9  # gains per side of the small grid
 ROUNDS = 40
 SHRINK = 0.4
-ENOUGH, IDLE = 1e-5, 8  # a round that gains less shrinks the grid; so many of them in a row end the search
-STEPS = 2.0  # of the map to each side, where the search begins
+ENOUGH, IDLE = 1e-5, 8  # rounds with less improvement shrink the grid; so many in a row end the search
+STEPS = 2.0  # initial half width of the grid, in steps of the map
 
 
 @dataclass(frozen=True, slots=True)
 class GainPoint:
-    """Gains, the largest violation they leave, and the value of the aim."""
+    """Gains, their largest violation, and the value of the objective."""
 
     kp: float
     ki: float
@@ -33,43 +33,43 @@ class GainPoint:
 
 
 def check_aim(aim: str) -> None:
-    """An aim that there is."""
+    """Raise UsageError for an unknown objective."""
     if aim not in get_args(Aim):
-        raise UsageError(f"aim {aim!r} of PI gains: one of {', '.join(get_args(Aim))}.")
+        raise UsageError(f"objective (aim) {aim!r} of PI gains: one of {', '.join(get_args(Aim))}.")
 
 
 def aim_of(figures: dict[str, Array], ki: Array, aim: Aim) -> Array:
-    """What is to be small, in the shape of the figures; ki in a shape that fits."""
+    """Objective to minimise, in the shape of the figures; ki broadcasts to it."""
     if aim == "largest_ki":
         return np.asarray(np.broadcast_to(-np.abs(ki), figures["stable"].shape))
     return figures[aim]
 
 
 def best_of(worst: Array, aim: Array) -> int:
-    """Flat index of the smallest aim among feasible points, or of the smallest violation where there is none."""
+    """Flat index of the smallest objective among feasible points, or of the smallest violation if there are none."""
     if (worst <= 0).any():
         return int(np.argmin(np.where(worst <= 0, aim, np.inf)))
     return int(np.argmin(worst))
 
 
 def refined(model: Model, specification: Specification, template: PiGains, found: FeasibleMap, aim: Aim) -> GainPoint:
-    """The best gains near the best point of a map; where nothing is feasible, the nearest.
+    """The best gains near the best point of a map; where nothing is feasible, those of the least violation.
 
-    Small grids along the axes and along the ray of one integral time take turns; both shrink where they gain nothing.
+    Small grids along the axes and along a line of constant integral time alternate; both shrink without improvement.
     """
     steps = [STEPS / max(len(v) - 1, 1) * float(abs(v[-1] - v[0])) for v in (found.kp, found.ki)]
     starts = starts_of(found, aim)
     if not starts:
         raise IdentError(
-            f"no PI settles with this model: its largest pole has radius {model.radius:.4g}, and no gains on the map "
-            "end its ringing. Identify with lower orders, or on a longer record."
+            f"no PI meets a finite settling time with this model: its largest pole has radius {model.radius:.4g}. "
+            "Identify with lower orders, or on a longer record."
         )
     ends = [search_near(model, specification, template, found, aim, start, steps) for start in starts]
     return min(ends, key=lambda end: (end.worst, end.aim))
 
 
 def starts_of(found: FeasibleMap, aim: Aim) -> list[GainPoint]:
-    """The best point of a map; where nothing is feasible, the nearest of each quarter too: there may be valleys."""
+    """The best point of a map; where nothing is feasible, also the best of each quadrant (local minima)."""
     shape = found.worst.shape
     kp, ki = np.broadcast_to(found.kp[:, None], shape), np.broadcast_to(found.ki, shape)
     halves = [(slice(None), slice(None))]
@@ -114,7 +114,7 @@ def search_near(
 
 
 def better(one: GainPoint, other: GainPoint, by: float) -> bool:
-    """Whether a point misses less, or meets as much with a smaller aim, by more than a share of it."""
+    """Whether a point violates less, or has a smaller objective, by more than a relative amount."""
     if one.worst != other.worst:
         return one.worst < other.worst * (1 - by)
     return one.aim < other.aim - by * abs(other.aim)
@@ -126,19 +126,19 @@ def axes_grid(at: GainPoint, kp: Array, ki: Array) -> tuple[Array, Array]:
 
 
 def ray_grid(at: GainPoint, size: Array, angle: Array) -> tuple[Array, Array]:
-    """Both gains scaled by one share, and ki by another: along a line of one integral time and beside it."""
+    """Gains along and across a line of constant integral time, as two flat arrays."""
     scale, turn = 1 + np.repeat(size, len(angle)), 1 + np.tile(angle, len(size))
     return at.kp * scale, at.ki * scale * turn
 
 
 def in_quadrant(kp: Array, ki: Array, sign: float) -> tuple[Array, Array]:
-    """Gains of one sign with an integral; a kp of the other sign becomes zero."""
+    """Gains of one sign with integral action; a kp of the other sign becomes zero."""
     kp = sign * np.maximum(sign * kp, 0.0)
     return kp[sign * ki > 0], ki[sign * ki > 0]
 
 
 def point_of(table: dict[str, Array], worst: Array, kp: Array, ki: Array, aim: Aim) -> GainPoint:
-    """The best of a row of gains."""
+    """The best of an array of gains."""
     score = aim_of(table, ki, aim)
     k = best_of(worst, score)
     return GainPoint(float(kp[k]), float(ki[k]), float(worst[k]), float(score[k]))

@@ -1,4 +1,4 @@
-"""PI gains with all that a controller needs to run them, and their exact conversions.
+"""PI gains with all options of the controller, and their exact conversions.
 
 With e = reference - filtered measurement, sample time T and S the running sum of the integration rule, the forms are
 
@@ -7,12 +7,10 @@ With e = reference - filtered measurement, sample time T and S the running sum o
     incremental_sum   u_k = u_(k-1) + kp e_k + ki S_k
 
 and the rules: backward ``S_k = S_(k-1) + T e_k``, forward ``S_k = S_(k-1) + T e_(k-1)``, trapezoidal the mean of both.
-Position and incremental (velocity) form are one linear controller and part under limits: the incremental form goes on
-from the command that was sent. ``incremental_sum`` is CLM-2023 eq. 16 as it is worded, "U0 is the last control
-signal" (doi 10.1109/ACCESS.2023.3330587): its last command is an integrator more, so that kp acts as an integral gain.
-Its kp and ki are per sample: at another sample time it is another controller.
-
-What a PI must be told before it can run: the names of its forms, and a check of each number.
+Position and incremental (velocity) form are the same linear controller and differ under limits: the incremental form
+continues from the limited command. ``incremental_sum`` is CLM-2023 eq. 16 taken literally, "U0 is the last control
+signal" (doi 10.1109/ACCESS.2023.3330587): the last command is a further integrator, so that kp acts as an integral
+gain. Its kp and ki are per sample: at another sample time it is another controller.
 """
 
 import math
@@ -34,14 +32,14 @@ Averaged = Literal["measurement", "command"]
 
 
 def check_gains(gains: "PiGains") -> None:
-    """UsageError for gains that no controller could run."""
+    """Raise UsageError for invalid gains."""
     _check_numbers(gains)
     _check_names(gains)
     _check_limits(gains)
 
 
 def above_zero(name: str, value: object) -> None:
-    """UsageError unless a value is a finite number above zero."""
+    """Raise UsageError unless a value is a finite number above zero."""
     if not _finite(value) or not value > 0:  # type: ignore[operator]
         raise UsageError(f"{name} {value!r}: a finite number above zero.")
 
@@ -97,7 +95,7 @@ _SECONDS = {"s": 1.0, "min": 60.0}
 
 @dataclass(frozen=True, slots=True, repr=False)
 class PiGains(Plottable):
-    """A digital PI as it will run: gains in parallel form, and everything around them.
+    """A digital PI controller: gains in parallel form, filters, limits, anti-windup.
 
     Attributes
     ----------
@@ -108,28 +106,28 @@ class PiGains(Plottable):
     sample_time : float
         Seconds.
     form : str
-        ``position``, ``incremental`` (velocity), or ``incremental_sum``; see the head of this file.
+        ``position``, ``incremental`` (velocity), or ``incremental_sum``; see the module docstring.
     integration : str
         ``backward``, ``forward`` or ``trapezoidal``.
     delay : int
-        Whole samples between a measurement and the command that answers it reaching the plant.
+        Whole samples between a measurement and the resulting command at the plant.
     filter_time : float
-        Seconds, time constant of a first-order low-pass of the measurement,
-        ``f_k = f_(k-1) + (1 - exp(-T / filter_time)) (y_k - f_(k-1))`` (as LinuxCNC's lowpass); 0 is none.
+        Seconds, time constant of a first-order low-pass filter of the measurement,
+        ``f_k = f_(k-1) + (1 - exp(-T / filter_time)) (y_k - f_(k-1))`` (as LinuxCNC's lowpass); 0 for none.
     average : int
-        Samples of a moving average; 1 is none.
+        Samples of a moving average; 1 for none.
     average_of : str
-        What is averaged: ``measurement``, or ``command`` (as CLM-2023 does).
+        Averaged signal: ``measurement``, or ``command`` (as in CLM-2023).
     low, high : float or None
         Limits of the command, unit_u.
     rate : float or None
         Largest change of the command, unit_u per second.
     anti_windup : str
-        At a limit: ``clamping`` holds the sum while the command before was limited and the error pushes further
-        (as LinuxCNC's pid), ``back_calculation`` leads the sum back, ``none`` lets it grow. The incremental forms go
-        on from the command that was sent, but with ``none`` from the one that was asked for.
+        At a limit: ``clamping`` stops integration while the last command was limited and the error has the same sign
+        (as LinuxCNC's pid), ``back_calculation`` tracks the limited command, ``none`` continues integration. The
+        incremental forms continue from the limited command, with ``none`` from the unlimited one.
     tracking_time : float or None
-        Seconds, of back-calculation; None takes kp/ki.
+        Seconds, of back-calculation; by default kp/ki.
     unit_u, unit_y : str
 
     Examples
@@ -170,7 +168,7 @@ class PiGains(Plottable):
         """
         if not ti > 0:
             raise UsageError(
-                f"ti {ti!r} {time_unit}: an integral time lies above zero; infinite is no integral action."
+                f"ti {ti!r} {time_unit}: an integral time lies above zero; infinite for no integral action."
             )
         return cls(kp, kp / (ti * _seconds(time_unit)), sample_time, **rest)
 
@@ -217,28 +215,23 @@ class PiGains(Plottable):
         Parameters
         ----------
         unit_u, unit_y : str or None
-            New units; None keeps the old name.
+            New units; by default unchanged.
         factor, factor_y : float
-            New units in one old unit, so 1459 from V to mm/min where 1 V is 1459 mm/min. Above zero.
+            New units per old unit: 1459 from V to mm/min where 1 V is 1459 mm/min. Above zero.
         """
         above_zero("factor", factor)
         above_zero("factor_y", factor_y)
         by = factor / factor_y
         low, high, rate = (None if v is None else v * factor for v in (self.low, self.high, self.rate))
-        return replace(
-            self,
-            kp=self.kp * by,
-            ki=self.ki * by,
-            low=low,
-            high=high,
-            rate=rate,
-            unit_u=self.unit_u if unit_u is None else unit_u,
-            unit_y=self.unit_y if unit_y is None else unit_y,
-        )
+        units = {
+            "unit_u": self.unit_u if unit_u is None else unit_u,
+            "unit_y": self.unit_y if unit_y is None else unit_y,
+        }
+        return replace(self, kp=self.kp * by, ki=self.ki * by, low=low, high=high, rate=rate, **units)
 
     @property
     def forward(self) -> tuple[Array, Array]:
-        """Error to command as the plant gets it, num and den in z^-1: the form, average of the command, delay."""
+        """Error to command at the plant, num and den in z^-1: form, average of the command, delay."""
         of_kp, of_ki, den = basis(self)
         return product(summed(self.kp * of_kp, self.ki * of_ki), self.command_path), den
 
@@ -250,14 +243,14 @@ class PiGains(Plottable):
 
     @property
     def feedback(self) -> tuple[Array, Array]:
-        """Measurement to what is compared with the reference, num and den in z^-1: low-pass and average."""
+        """Measurement to the signal compared with the reference, num and den in z^-1: low-pass and average."""
         gain = -math.expm1(-self.sample_time / self.filter_time) if self.filter_time else 1.0
         average = _average(self.average if self.average_of == "measurement" else 1)
         return gain * average, np.array([1.0, gain - 1.0] if self.filter_time else [1.0])
 
     @property
     def transfer_function(self) -> tuple[Array, Array]:
-        """Minus the measurement to the command, num and den in z^-1: all of the controller that lies in the loop.
+        """Negative measurement to command, num and den in z^-1: the controller in the loop.
 
         >>> num, den = PiGains(2.0, 1.0, 0.5).transfer_function
         >>> num.tolist(), den.tolist()
@@ -268,7 +261,7 @@ class PiGains(Plottable):
 
 
 def basis(gains: PiGains) -> tuple[Array, Array, Array]:
-    """Polynomials P, Q, D in z^-1 with (kp P + ki Q) / D the PI itself; no integrator that ki = 0 would leave idle."""
+    """Polynomials P, Q, D in z^-1 with (kp P + ki Q) / D the PI; without an integrator for ki = 0."""
     extra = _DIFFERENCE if gains.form == "incremental_sum" else np.ones(1)
     if gains.ki == 0:
         return np.ones(1), np.zeros(1), extra

@@ -1,9 +1,9 @@
-"""The linear loop that a PI closes round a model: poles, responses, and the figures that judge it.
+"""Linear closed loop of a PI and a model: poles, responses, figures of merit.
 
     y = G (u + input load) + output load,    u = C (r - H y)
 
 G is the model, C the PI with its delay and an average of the command, H the low-pass and an average of the measurement;
-L = G C H. All figures are those of the unit step of the reference, from rest, unless they say otherwise.
+L = G C H. Figures refer to the unit step of the reference from rest, unless stated otherwise.
 """
 
 from dataclasses import dataclass, fields
@@ -21,17 +21,17 @@ from .loops import check_pair
 Array = NDArray[np.float64]
 Fraction = tuple[Array, Array]
 
-STILL = 1e-6  # of a transient that counts as gone
+DECAYED = 1e-6  # share of a transient that is neglected
 SHORTEST, LONGEST = 50, 50_000  # samples of a step whose duration is not given
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FiguresOfMerit(Displayable):
-    """What a loop does, as numbers.
+    """Figures of merit of a closed loop.
 
-    Times are in seconds and interpolated between samples along straight lines. Fractions are of the final value of the
-    step, which is 1 with integral action. What does not happen within the duration is infinite. An unstable loop has
-    all errors infinite, phase and delay margin 0, gain margin 1.
+    Times are in seconds, linearly interpolated between samples. Fractions refer to the final value of the step, which
+    is 1 with integral action. Events beyond the duration have infinite times. An unstable loop has infinite errors,
+    phase and delay margin 0, gain margin 1.
 
     Attributes
     ----------
@@ -49,12 +49,12 @@ class FiguresOfMerit(Displayable):
     phase_margin : float
         Degrees; smallest over all crossovers; infinite without one.
     gain_margin : float
-        The factor nearest 1 (as a ratio) that brings the loop to the edge of stability; below 1 where that is a
-        smaller gain; infinite if there is none.
+        The factor nearest 1 (as a ratio) that brings the loop to the stability limit; below 1 for a reduction of the
+        gain; infinite if there is none.
     crossover : float
-        Where |L| = 1 and the phase margin is taken, rad/s; 0 without one.
+        Gain crossover of the phase margin, |L| = 1, rad/s; 0 without one.
     delay_margin : float
-        Further delay that brings the loop to the edge of stability, s; smallest over all crossovers.
+        Additional delay that brings the loop to the stability limit, s; smallest over all crossovers.
     travel : float
         Sum of |change of the command| in a unit reference step, its first jump from 0 included, unit_u per unit_y.
     peak_u : float
@@ -96,7 +96,7 @@ class FiguresOfMerit(Displayable):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Loop(Plottable):
-    """A closed loop: its transfer functions in z^-1, from which all else follows."""
+    """A closed loop and its transfer functions in z^-1."""
 
     model: Model
     gains: PiGains
@@ -161,7 +161,7 @@ class Loop(Plottable):
         return _run(self.closed, n)
 
     def command_step(self, n: int) -> Array:
-        """Command as the plant gets it in a unit step of the reference, shape (n,), unit_u per unit_y."""
+        """Command at the plant in a unit step of the reference, shape (n,), unit_u per unit_y."""
         return _run(self.command, n)
 
     def disturbance_step(self, n: int) -> tuple[Array, Array]:
@@ -169,14 +169,14 @@ class Loop(Plottable):
         return _run(self.load, n), _run(self.sensitivity, n)
 
     def figures(self, duration: float | None = None) -> FiguresOfMerit:
-        """All figures; steps of ``duration`` s, None for until the slowest pole dies out, at most 50 000 samples."""
-        length = _until_still(self) if duration is None else duration
+        """All figures; steps of ``duration`` s, by default until the slowest pole has decayed."""
+        length = _decay_time(self) if duration is None else duration
         table = figures_on_grid(self.model, [self.gains.kp], [self.gains.ki], self.gains, length)
         return FiguresOfMerit(**{f.name: table[f.name][0].item() for f in fields(FiguresOfMerit)})
 
 
 def loop_of(model: Model, gains: PiGains) -> Loop:
-    """The loop that gains close round a model.
+    """Closed loop of a model and PI gains.
 
     Errors: IdentError for other sample times, and for a loop without a sample of delay.
     """
@@ -191,9 +191,9 @@ def _run(fraction: Fraction, n: int) -> Array:
     return np.asarray(lfilter(*fraction, np.ones(n)), dtype=np.float64)
 
 
-def _until_still(loop: Loop) -> float:
-    """Seconds until the slowest pole has shrunk to ``STILL``, within bounds."""
+def _decay_time(loop: Loop) -> float:
+    """Seconds until the slowest pole has decayed to ``DECAYED``, within bounds."""
     T, radius = loop.model.sample_time, loop.radius
     if not 0 < radius < 1:
         return SHORTEST * T
-    return float(np.clip(np.log(STILL) / np.log(radius), SHORTEST, LONGEST)) * T
+    return float(np.clip(np.log(DECAYED) / np.log(radius), SHORTEST, LONGEST)) * T

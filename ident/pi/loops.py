@@ -1,12 +1,10 @@
-"""Many loops side by side: one kind of controller, many gains, one plant or one plant a loop.
+"""Batches of loops (many gains, one or several plants), their stability and noise gain.
 
-Every integration rule is the backward one with another kp: forward sums lack kp' = -ki T, trapezoidal ones half of it.
-So a PI is ``kp' + ki T / (1 - z^-1)``, and in the form incremental_sum one sum more.
+Every integration rule is the backward one with another kp: a forward sum corresponds to kp' = kp - ki T, a trapezoidal
+one to half of that change. A PI is thus ``kp' + ki T / (1 - z^-1)``, in the form incremental_sum with a further sum.
 
-Stability and the size of a noise response of many loops, from one table of their polynomials.
-
-Source: Åström 1970, Introduction to Stochastic Control Theory, chapter 5, theorems 2.1 and 2.2 (the Jury table, and the
-variance of a signal from two such tables).
+Source of the stability test and the noise gain: Åström 1970, Introduction to Stochastic Control Theory,
+chapter 5, theorems 2.1 and 2.2 (the Jury table, and the variance of a signal from two such tables).
 """
 
 from collections.abc import Sequence
@@ -25,15 +23,15 @@ _LACK = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """m loops.
+    """Batch of m loops.
 
     Attributes
     ----------
     b, a : ndarray, shape (., 1) or (., m)
-        Plants, in powers of z^-1; one column where all loops share it.
+        Plants, in powers of z^-1; one column if common to all loops.
     kp, ki : ndarray, shape (m,)
     kind : PiGains
-        Everything of the controller but its gains; its own ki is 0 exactly where the whole batch has none.
+        Controller apart from its gains; its own ki is 0 exactly if the whole batch has no integral action.
     """
 
     b: Array
@@ -62,7 +60,7 @@ class Loops:
 
     @property
     def proportional(self) -> Array:
-        """Kp' beside the backward sum, shape (m,)."""
+        """Gain kp' of the equivalent backward rule, shape (m,)."""
         return self.kp - _LACK[self.kind.integration] * self.integral
 
     @property
@@ -76,14 +74,14 @@ class Loops:
 
     @property
     def noise_numerator(self) -> Array:
-        """Numerator of measurement noise to command, but for its sign; shape (., m)."""
+        """Numerator of measurement noise to command, without its sign; shape (., m)."""
         of_kp, of_ki, _ = basis(self.kind)
         through = columns(self.a, self.kind.command_path, self.kind.feedback[0])
         return _sum(self.kp * columns(through, of_kp), self.ki * columns(through, of_ki))
 
     @property
     def final(self) -> Array:
-        """Where the unit step of a stable loop ends, shape (m,)."""
+        """Final value of the unit step response of a stable loop, shape (m,)."""
         if basis(self.kind)[2].sum() == 0:
             return np.ones(len(self))
         b, a = self.b.sum(axis=0), self.a.sum(axis=0)
@@ -91,13 +89,13 @@ class Loops:
 
 
 def loops_of(model: Model | Sequence[Model], kp: ArrayLike, ki: ArrayLike, kind: PiGains) -> Loops:
-    """Loops of m pairs of gains round one model, or of every pair round every model (models slowest)."""
+    """Loops of m pairs of gains with one model, or of every pair with every model (models slowest)."""
     p, i = (np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (kp, ki))
     if p.ndim != 1 or p.shape != i.shape or not (np.isfinite(p).all() and np.isfinite(i).all()):
-        raise UsageError(f"kp {p.shape}, ki {i.shape}: two rows of finite numbers of the same length.")
+        raise UsageError(f"kp {p.shape}, ki {i.shape}: two arrays of finite numbers of the same length.")
     models = [model] if isinstance(model, Model) else list(model)
     if not models:
-        raise UsageError("no model: give at least one to close the loop round.")
+        raise UsageError("no model: give at least one plant.")
     for one in models:
         check_pair(one, kind)
     b, a = (_stacked([getattr(one, name) for one in models]) for name in ("b", "a"))
@@ -108,7 +106,7 @@ def loops_of(model: Model | Sequence[Model], kp: ArrayLike, ki: ArrayLike, kind:
 
 
 def split(loops: Loops) -> list[tuple[Index, Loops]]:
-    """Loops with and without integral action apart, with where they stood: an idle sum would be a pole at 1."""
+    """Loops with and without integral action separately, with their indices: an unused sum would be a pole at 1."""
     parts = []
     for value, mask in ((1.0, loops.ki != 0), (0.0, loops.ki == 0)):
         if mask.any():
@@ -118,21 +116,21 @@ def split(loops: Loops) -> list[tuple[Index, Loops]]:
 
 
 def check_pair(model: Model, gains: PiGains) -> None:
-    """A controller that can run on a model: one sample time, and a sample of delay somewhere in the loop."""
+    """Raise IdentError unless sample times agree and the loop contains at least one sample of delay."""
     if abs(model.sample_time - gains.sample_time) > 1e-9 * model.sample_time:
         raise IdentError(
             f"gains at {gains.sample_time:g} s, model at {model.sample_time:g} s: identify the model at the sample "
-            "time that the controller runs at, or run the controller at the model's."
+            "time of the controller, or run the controller at that of the model."
         )
     if model.b[0] != 0 and gains.delay == 0:
         raise IdentError(
-            f"b starts with {model.b[0]:g} (nk 0) and the controller has no delay: the command would answer itself "
-            "within one sample. Give the controller delay=1, or identify with nk=1."
+            f"b starts with {model.b[0]:g} (nk 0) and the controller has no delay: the loop is algebraic. "
+            "Give the controller delay=1, or identify with nk=1."
         )
 
 
 def columns(p: Array, *polynomials: Array) -> Array:
-    """Every column of p (n, m) times 1-D polynomials."""
+    """Products of every column of p (n, m) with 1-D polynomials."""
     for q in polynomials:
         out = np.zeros((len(p) + len(q) - 1, p.shape[1]))
         for i, c in enumerate(q.tolist()):
@@ -164,7 +162,7 @@ def stable_columns(a: Array) -> NDArray[np.bool_]:
     [True, False]
     """
     good = np.ones(a.shape[1], dtype=bool)
-    with np.errstate(all="ignore"):  # columns that have failed go on as numbers that nobody reads
+    with np.errstate(all="ignore"):  # unstable columns continue with meaningless numbers
         while len(a) > 1:
             alpha = a[-1] / a[0]
             good &= np.abs(alpha) < 1
@@ -173,7 +171,7 @@ def stable_columns(a: Array) -> NDArray[np.bool_]:
 
 
 def noise_size(b: Array, a: Array) -> Array:
-    """Standard deviation of b/a driven by unit white noise, each column on its own; stable a only, shape (m,).
+    """Standard deviation of b/a driven by unit white noise, by column; stable a only, shape (m,).
 
     >>> noise_size(np.array([[1.0], [0.0]]), np.array([[1.0], [-0.6]])).tolist()
     [1.25]

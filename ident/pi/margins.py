@@ -1,9 +1,7 @@
-"""Peaks of the sensitivities and margins of many stable loops: a common grid finds them, a local search refines them.
+"""Sensitivity peaks and stability margins of many stable loops: a common frequency grid, then local refinement.
 
-On the grid |L|, Im L and |1 + L| are products of small matrices. Each crossing and each extreme that can matter is then
-followed on its own: crossings by Illinois steps, extremes by parabolas, both to about 1e-12 in the result.
-
-Open loops on the unit circle: L = kp' X + ki T W at any frequency, and the grid on which to look for extremes.
+The open loop is L = kp' X + ki T W, so that |L|, Im L and |1 + L| on the grid are products of small matrices. Each
+relevant crossing and extremum is then refined: crossings by the Illinois rule, extrema by parabolas, to about 1e-12.
 """
 
 from collections.abc import Callable
@@ -20,14 +18,14 @@ Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
 
 WIDTH = 256  # loops on the grid at once
-SLACK = 1.08  # an extreme within this of the best on the grid may be the best
+SLACK = 1.08  # extrema within this factor of the best on the grid are refined
 ILLINOIS, PARABOLAS = 9, 4
-CLOSER = 0.15  # the next three points lie this much closer together: a smaller share would end in rounding
+CLOSER = 0.15  # reduction of the distance of the three points; smaller values end in rounding
 
 
 @dataclass(frozen=True, slots=True)
 class Brackets:
-    """Places on the grid worth a closer look: loop, and angles around or beside it."""
+    """Intervals of the grid to refine: loop, and angles left, centre and right."""
 
     loop: Index
     left: Array
@@ -36,7 +34,7 @@ class Brackets:
 
 
 def margin_figures(loops: Loops) -> dict[str, Array]:
-    """Margins and peaks, one value a loop; all loops must be stable."""
+    """Margins and sensitivity peaks, one value per loop; all loops must be stable."""
     found = _look(loops)
     m, T = len(loops), loops.kind.sample_time
     figures = {"ms": _peak(loops, found["ms"], _distance), "mt": _peak(loops, found["mt"], _share)}
@@ -45,7 +43,7 @@ def margin_figures(loops: Loops) -> dict[str, Array]:
 
 
 def _look(loops: Loops) -> dict[str, Brackets]:
-    """All places, by what they are for."""
+    """Intervals to refine, by figure."""
     places: dict[str, list[tuple[Any, ...]]] = {"ms": [], "mt": [], "gain": [], "phase": []}
     for b, a, first, stop in _by_plant(loops):
         theta = grid(b, a, loops[slice(first, stop)])
@@ -62,7 +60,7 @@ def _look(loops: Loops) -> dict[str, Brackets]:
 
 
 def _by_plant(loops: Loops) -> list[tuple[Array, Array, int, int]]:
-    """Neighbouring loops with one plant: b, a, first and stop."""
+    """Consecutive loops with the same plant: b, a, first and stop."""
     if loops.shared:
         return [(loops.b[:, 0], loops.a[:, 0], 0, len(loops))]
     both = np.vstack([loops.b, loops.a])
@@ -72,13 +70,13 @@ def _by_plant(loops: Loops) -> list[tuple[Array, Array, int, int]]:
 
 
 def _places(re: Array, im: Array) -> dict[str, tuple[Index, Index]]:
-    """Rows and columns of candidate extremes, and columns before the crossings, of L (m, nf)."""
+    """Rows and columns of candidate extrema, and columns before the crossings, of L (m, nf)."""
     size = re * re
     size += im * im
     distance = size + 2 * re
     distance += 1.0
     below = im < 0
-    below[:, -1] = below[:, -2]  # L is real at the end: looked at on its own
+    below[:, -1] = below[:, -2]  # L is real at the Nyquist frequency, which is treated separately
     return {
         "ms": _minima(distance),
         "mt": _minima(distance / size) if size.all() else _minima(distance / np.maximum(size, 1e-300)),
@@ -88,7 +86,7 @@ def _places(re: Array, im: Array) -> dict[str, tuple[Index, Index]]:
 
 
 def _minima(x: Array) -> tuple[Index, Index]:
-    """Local minima along rows that come near the smallest of the row; the ends count."""
+    """Local minima along rows close to the smallest of the row, ends included."""
     low = x <= SLACK * x.min(axis=1, keepdims=True)
     low[:, 1:] &= x[:, 1:] <= x[:, :-1]
     low[:, :-1] &= x[:, :-1] <= x[:, 1:]
@@ -102,7 +100,7 @@ def _changes(x: NDArray[np.bool_]) -> tuple[Index, Index]:
 
 
 def _distance(L: Complex) -> Array:
-    """1/|S|^2: smooth where the peak of |S| is a needle."""
+    """1/|S|^2, which is smooth where |S| has a sharp peak."""
     M = 1.0 + L
     return np.asarray(M.real**2 + M.imag**2)
 
@@ -114,7 +112,7 @@ def _share(L: Complex) -> Array:
 
 
 def _peak(loops: Loops, at: Brackets, of: Callable[[Complex], Array]) -> Array:
-    """1/sqrt of the least value over the candidates of each loop, each followed by parabolas that close in on it."""
+    """1/sqrt of the smallest value over the candidates of each loop, refined by parabolic interpolation."""
     mine = loops[at.loop]
     x = np.stack([at.left, at.centre, at.right])
     reach = (at.right - at.left) / 2
@@ -130,7 +128,7 @@ def _peak(loops: Loops, at: Brackets, of: Callable[[Complex], Array]) -> Array:
 
 
 def _vertex(x: Array, y: Array) -> Array:
-    """Foot of the parabola through three points; where it has none, or two points are one, the lowest point."""
+    """Minimum of the parabola through three points; if there is none, or two points coincide, the lowest point."""
     (x0, x1, x2), (y0, y1, y2) = x, y
     with np.errstate(divide="ignore", invalid="ignore"):
         left, right = (y1 - y0) / (x1 - x0), (y2 - y1) / (x2 - x1)
@@ -140,7 +138,7 @@ def _vertex(x: Array, y: Array) -> Array:
 
 
 def _with_ends(loops: Loops, figures: dict[str, Array]) -> None:
-    """Peaks at frequency zero, where the grid does not reach: 1 - final value, and the final value."""
+    """Peaks at frequency zero, outside the grid: 1 - final value, and the final value."""
     final = np.abs(loops.final)
     np.maximum(figures["ms"], np.abs(1.0 - loops.final), out=figures["ms"])
     np.maximum(figures["mt"], final, out=figures["mt"])
@@ -173,7 +171,7 @@ def _imaginary(L: Complex) -> Array:
 
 
 def _phase_margin(loops: Loops, at: Brackets, m: int, T: float) -> dict[str, Array]:
-    """Smallest |180 + arg L| at |L| = 1, where that is, and the smallest further lag that uses it up."""
+    """Phase margin, its crossover frequency, and the delay margin."""
     theta, L = _crossing(loops, at, _log_size)
     lead = np.angle(-L)
     margin, delay, crossover = np.full(m, np.inf), np.full(m, np.inf), np.zeros(m)
@@ -185,7 +183,7 @@ def _phase_margin(loops: Loops, at: Brackets, m: int, T: float) -> dict[str, Arr
 
 
 def _gain_margin(loops: Loops, at: Brackets) -> dict[str, Array]:
-    """The factor nearest 1, as a ratio, that puts L on -1: crossings of the negative real axis, and both ends."""
+    """The factor nearest 1, as a ratio, that moves L to -1: crossings of the negative real axis, and both ends."""
     _, L = _crossing(loops, at, _imaginary)
     every = np.arange(len(loops))
     ends = open_loops(loops, np.full(len(loops), np.pi)).real
@@ -205,7 +203,7 @@ def _gain_margin(loops: Loops, at: Brackets) -> dict[str, Array]:
 
 RATIO = 1.08  # between neighbours of the grid at low frequencies
 DECADES = 10  # below the Nyquist frequency
-TINY = 1e-9  # a pole this near 1 is an integrator
+TINY = 1e-9  # a pole this close to 1 is an integrator
 
 
 def open_loops(loops: Loops, theta: Array) -> Complex:
@@ -223,7 +221,7 @@ def parts(b: Array, a: Array, loops: Loops, theta: Array) -> tuple[Complex, Comp
 
 
 def grid(b: Array, a: Array, loops: Loops) -> Array:
-    """Angles in (0, pi]: even in the logarithm, then evenly spaced, and close together near sharp resonances."""
+    """Angles in (0, pi]: logarithmic, then linear, and dense near sharp resonances."""
     kind = loops.kind
     step = np.pi / (20 * (2 + kind.delay + kind.average + len(b)))
     bend = step / np.log(RATIO)
@@ -236,26 +234,26 @@ def grid(b: Array, a: Array, loops: Loops) -> Array:
 
 
 def _lowest(b: Array, a: Array, loops: Loops) -> float:
-    """Below every crossover and every corner: what lies lower is a straight line, or a constant."""
+    """Lowest angle, below every crossover and corner frequency."""
     gaps = np.abs(1 - np.roots(np.trim_zeros(a, "b")))
     corners = [*gaps[gaps > TINY], *_corners(loops)]
     decades = np.pi * np.power(10.0, np.arange(-DECADES, 0))
     X, W = parts(b, a, loops, decades)
     size = np.abs(np.outer(loops.proportional, X) + np.outer(loops.integral, W))
     above = np.all(size > 3, axis=0)
-    if above[0]:  # an integrator: where all |L| exceed 3 no crossover is left
+    if above[0]:  # an integrator: no crossover where all |L| exceed 3
         corners.append(decades[-1 if above.all() else int(np.argmin(above)) - 1])
     return float(max(0.05 * min(corners, default=1.0), decades[0]))
 
 
 def _corners(loops: Loops) -> Array:
-    """Smallest angle at which a PI turns from integral to proportional."""
+    """Smallest corner angle of the PI."""
     both = (loops.proportional != 0) & (loops.integral != 0)
     return np.abs(loops.integral[both] / loops.proportional[both]).min(keepdims=True) if both.any() else np.empty(0)
 
 
 def _near(roots: Complex) -> list[Array]:
-    """Angles round the roots that lie close to the circle and away from 1: there L turns within a hair."""
+    """Angles near the roots close to the unit circle and away from 1, where L changes rapidly."""
     out = []
     for root in roots:
         centre, width = abs(np.angle(root)), max(abs(1 - abs(root)), 1e-7)
@@ -266,7 +264,7 @@ def _near(roots: Complex) -> list[Array]:
 
 
 def _around(loops: Loops, theta: Array, z: Complex, sine: Complex) -> Complex:
-    """All in the loop but the plant and the PI: delay, average, low-pass, and the last sum of incremental_sum."""
+    """Loop without plant and PI: delay, average, low-pass, and the further sum of incremental_sum."""
     kind = loops.kind
     out = z**kind.delay if kind.delay else np.ones_like(z)
     if kind.average > 1:
@@ -278,7 +276,7 @@ def _around(loops: Loops, theta: Array, z: Complex, sine: Complex) -> Complex:
 
 
 def _one_less(theta: Array) -> Complex:
-    """1 - exp(-j theta) without the cancellation at small angles."""
+    """1 - exp(-j theta), accurate at small angles."""
     return np.asarray(2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta))
 
 

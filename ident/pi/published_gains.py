@@ -27,28 +27,26 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Good = NDArray[np.bool_]
 Interval = tuple[float, float]
-SCALES = 600  # scalings looked at, evenly in the logarithm
+SCALES = 600  # logarithmically spaced scalings
 BISECTIONS = 16  # of a step of that grid: to 1e-6
-DECADES = (
-    4.0  # of scalings to each side of the one that makes kp G at its largest 1; beyond, two sums drown in rounding
-)
+DECADES = 4.0  # of scalings to each side of max |kp G| = 1
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Interpretation(Displayable):
-    """One way to read two numbers.
+    """One interpretation of two published numbers.
 
     Attributes
     ----------
     words : str
         Form, unit of kp and unit of ki.
     gains : PiGains
-        In units of the command; as printed where that is the unit of the model's input.
+        In units of the command.
     scaled : bool
-        Whether the command is in another unit than the model's input, so that a scaling is open.
+        Whether the command has another unit than the model's input, with an unknown scaling.
     stable, meets : tuple of (low, high)
         Intervals of the scaling, units of the command per unit of the model's input, in which the loop is stable, and
-        meets the specification; for a reading without scaling ((1, 1),) or empty.
+        meets the specification; without scaling ((1, 1),) or empty.
     """
 
     words: str
@@ -60,16 +58,16 @@ class Interpretation(Displayable):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class PiCheck(Plottable):
-    """What two numbers come to, reading by reading.
+    """Interpretations of two published gains.
 
     Attributes
     ----------
     kp, ki : float
-        As printed.
+        As published.
     specification : Specification
     interpretations : tuple of Interpretation
     command_unit : str
-        Unit of the scaled interpretations.
+        Command unit of the scaled interpretations.
     input_unit : str
     duration : float
         Of the simulated steps, s.
@@ -85,7 +83,7 @@ class PiCheck(Plottable):
 
     @property
     def table(self) -> "pd.DataFrame":
-        """Interpretation, where it is stable, where it meets the specification, in words."""
+        """One row per interpretation: where it is stable, and where it meets the specification."""
         import pandas as pd
 
         rows = [
@@ -93,24 +91,24 @@ class PiCheck(Plottable):
             for r in self.interpretations
         ]
         unit = f"{self.command_unit} per {self.input_unit}"
-        return pd.DataFrame(rows, columns=["reading", f"stable ({unit})", f"meets the specification ({unit})"])
+        return pd.DataFrame(rows, columns=["interpretation", f"stable ({unit})", f"meets the specification ({unit})"])
 
     @property
     def verdict(self) -> str:
-        """One sentence."""
+        """Which interpretations can meet the specification."""
         good = [r for r in self.interpretations if r.meets]
         head = f"Kp {self.kp:g}, Ki {self.ki:g}, {len(self.interpretations)} interpretations"
         if not good:
-            return f"{head}: none meets {self.specification}."
+            return f"{head}: none meets the specification ({self.specification})."
         scaling = f" {self.command_unit} per {self.input_unit}"
         ways = "; ".join(
             f"{r.words}" + (f" at {intervals_text(r.meets, True)}{scaling}" if r.scaled else "") for r in good
         )
-        return f"{head}: {len(good)} can meet {self.specification}: {ways}."
+        return f"{head}: {len(good)} can meet the specification ({self.specification}): {ways}."
 
 
 def intervals_text(intervals: Sequence[Interval], scaled: bool) -> str:
-    """Intervals of a scaling in words."""
+    """Text of the intervals of a scaling."""
     if not intervals:
         return "none" if scaled else "no"
     if not scaled:
@@ -132,25 +130,25 @@ def check_pi(
     controller: PiGains | None = None,
     command_unit: str = "mm/min",
 ) -> PiCheck:
-    """Every reading of a printed Kp and Ki, with the scalings at which it is stable and meets a specification.
+    """Interpretations of a published Kp and Ki, with the scalings at which each is stable and meets a specification.
 
     Parameters
     ----------
     model : Model
         From input (V, say) to output (A).
     kp, ki : float
-        As printed. ``ki`` is read per second, per sample, and as an integral time in seconds and in minutes.
+        As published; ``ki`` is taken per second, per sample, and as an integral time in seconds and in minutes.
     rise_time, settling_time : float, optional
-        s; or give a whole ``specification``.
+        s; or give a ``specification``.
     controller : PiGains, optional
         Integration, delay, filter; by default backward at the sample time of the model.
     command_unit : str
-        Unit of the command where it is not the model's input: its scaling is what is searched.
+        Unit of the command where it is not that of the model's input: its scaling is searched.
 
     Raises
     ------
     IdentError
-        No specification, gains that are not above zero.
+        No specification, or gains not above zero.
 
     Examples
     --------
@@ -160,24 +158,24 @@ def check_pi(
     'position form, Kp in mm/min per A, Ki per second'
     """
     if specification is not None and (rise_time is not None or settling_time is not None):
-        raise UsageError("rise_time and settling_time beside a specification: put them into it.")
-    asked = Specification(rise_time, settling_time) if specification is None else specification
-    if not any(True for _ in asked.active()):
-        raise IdentError("nothing is asked for: give rise_time, settling_time or a specification.")
+        raise UsageError("rise_time and settling_time in addition to a specification: include them in it.")
+    limits = Specification(rise_time, settling_time) if specification is None else specification
+    if not any(True for _ in limits.active()):
+        raise IdentError("no limits: give rise_time, settling_time or a specification.")
     if not (np.isfinite([kp, ki]).all() and kp > 0 and ki > 0):
         raise IdentError(f"Kp {kp!r}, Ki {ki!r}: two numbers above zero.")
     base = PiGains(0.0, 0.0, model.sample_time) if controller is None else controller
-    time = horizon(model, asked)
+    time = horizon(model, limits)
     u, y = model.unit_u or "input", model.unit_y or "output"
     interpretations = []
     for unit, scaled in ((u, False), (command_unit, True)):
         for words, gains in interpretations_of(kp, ki, base, f"{unit} per {y}"):
-            interpretations.append(interpretation(model, asked, words, gains, scaled, time))
-    return PiCheck(kp, ki, asked, tuple(interpretations), command_unit, u, time)
+            interpretations.append(interpretation(model, limits, words, gains, scaled, time))
+    return PiCheck(kp, ki, limits, tuple(interpretations), command_unit, u, time)
 
 
 def interpretations_of(kp: float, ki: float, base: PiGains, unit: str) -> list[tuple[str, PiGains]]:
-    """Forms and units in which two numbers can be meant."""
+    """Forms and units of two published numbers."""
     T = base.sample_time
     of_ki = {"per second": ki, "per sample": ki / T}
     of_ti = {f"integral time {ki:g} s": kp / ki, f"integral time {ki:g} min": kp / (60 * ki)}
@@ -194,9 +192,9 @@ def interpretations_of(kp: float, ki: float, base: PiGains, unit: str) -> list[t
 
 
 def interpretation(
-    model: Model, asked: Specification, words: str, gains: PiGains, scaled: bool, duration: float
+    model: Model, limits: Specification, words: str, gains: PiGains, scaled: bool, duration: float
 ) -> Interpretation:
-    """One reading, and where it is stable and meets the specification."""
+    """One interpretation, and where it is stable and meets the specification."""
 
     def stable(scale: Array) -> Good:
         kp, ki = gains.kp / scale, gains.ki / scale
@@ -204,7 +202,7 @@ def interpretation(
 
     def meets(scale: Array) -> Good:
         kp, ki = gains.kp / scale, gains.ki / scale
-        return asked.worst(specified_figures(model, kp, ki, gains, duration, asked)) <= 0
+        return limits.worst(specified_figures(model, kp, ki, gains, duration, limits)) <= 0
 
     if not scaled:
         one = np.ones(1)
@@ -216,7 +214,7 @@ def interpretation(
 
 
 def intervals(good: Callable[[Array], Good], scale: Array) -> tuple[Interval, ...]:
-    """Runs of scalings that are good, their ends by bisection between two scalings of the grid."""
+    """Intervals of admissible scalings, their ends by bisection between two scalings of the grid."""
     first = good(scale)
     change = np.flatnonzero(np.diff(first))
     inside, outside = (np.where(first[change] == side, scale[change], scale[change + 1]) for side in (True, False))

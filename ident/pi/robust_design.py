@@ -1,7 +1,7 @@
-"""What holds on every plant that the data leave possible: worst case, and the probability of the whole specification.
+"""Robustness to the uncertainty of the model: probability of the specification, and the worst case over plants.
 
-Plants are draws of the coefficients, theta ~ N(estimate, covariance), or models that are given. Draws that run away by
-themselves are left out where the model does not: the machine stood still while it was recorded.
+Plants are draws of the coefficients, theta ~ N(estimate, covariance), or given models. Unstable draws of a stable model
+are omitted: the machine was stable while it was recorded.
 """
 
 from collections.abc import Sequence
@@ -21,21 +21,21 @@ from .gains import PiGains
 from .specification import LIMITS, Specification, figure_of
 
 Array = NDArray[np.float64]
-FEWEST = 0.5  # share of draws that must be stable before the rest can speak for the machine
-SCREENED, PLANTS = 144, 60  # gains looked at first, and the plants they are looked at on
+FEWEST = 0.5  # share of draws that must be stable
+SCREENED, PLANTS = 144, 60  # gains screened, and the number of plants used for it
 FINALISTS = 9
-ROUNDS, STEPS = 2, 5  # of the way back to the nominal gains: to 1/16 of it
+ROUNDS, STEPS = 2, 5  # of the line search towards the nominal gains: to 1/16 of it
 
 
 @dataclass(frozen=True, slots=True)
 class Plants:
-    """Models that may be the machine.
+    """Plants compatible with the data.
 
     Attributes
     ----------
     models : tuple of Model
     left_out : int
-        Draws that were unstable by themselves and are not among them.
+        Number of unstable draws omitted.
     """
 
     models: tuple[Model, ...]
@@ -44,24 +44,24 @@ class Plants:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Robustness(Displayable):
-    """One controller on many plants.
+    """Robustness of one controller over many plants.
 
     Attributes
     ----------
     probability : float
-        Share of plants on which the loop is stable and every limit is met.
+        Share of plants with a stable loop that meets every limit.
     error : float
-        Standard error of that share by the number of draws (Wilson's, so never zero).
+        Monte Carlo standard error of that share (Wilson's, never zero).
     n : int
         Plants.
     unstable : int
-        Of them, those whose closed loop is unstable.
+        Number of unstable closed loops.
     left_out : int
-        Draws that were unstable without a controller, and were not counted.
+        Unstable draws of the plant, not counted.
     missed : dict of float
-        Share of plants that misses each limit, by name.
+        Share of plants that violate each limit, by name.
     worst : dict of float
-        Worst value of each limited figure over the plants.
+        Worst value of each limited figure.
     """
 
     probability: float
@@ -75,17 +75,19 @@ class Robustness(Displayable):
     @property
     def verdict(self) -> str:
         """One sentence."""
-        chance = f"{self.probability:.1%} +- {self.error:.1%}"
-        told = f"On {self.n} plants that the data allow it holds with probability {chance}"
+        chance = f"{100 * self.probability:.1f} % (Monte Carlo SE {100 * self.error:.1f} %)"
+        text = (
+            f"Over {self.n} plants drawn from the model uncertainty, the specification holds with probability {chance}"
+        )
         if self.unstable:
-            told += f"; {self.unstable} of the loops are unstable"
+            text += f"; {self.unstable} of the loops are unstable"
         if self.missed and max(self.missed.values()) > 0:
             name = max(self.missed, key=lambda k: self.missed[k])
             limit = LIMITS[name]
-            told += f"; most often missed is the {limit.words} (worst {limit.scale * self.worst[name]:.4g}{limit.unit})"
+            text += f"; most often violated: {limit.words} (worst {limit.scale * self.worst[name]:.4g}{limit.unit})"
         if self.left_out:
-            told += f"; {self.left_out} draws that run away by themselves are left out"
-        return told + "."
+            text += f"; {self.left_out} unstable draws of the plant are omitted"
+        return text + "."
 
 
 def draws_of_models(model: Model, draws: int = 500, seed: int = 1) -> Plants:
@@ -98,7 +100,7 @@ def draws_of_models(model: Model, draws: int = 500, seed: int = 1) -> Plants:
     """
     if model.cov_params is None:
         raise IdentError(
-            f"model of structure {model.structure!r} has no covariance: nothing is known of other plants. Identify it "
+            f"model of structure {model.structure!r} has no covariance: its uncertainty is unknown. Identify it "
             "from a record, or give several models."
         )
     if draws < 10:
@@ -113,8 +115,8 @@ def draws_of_models(model: Model, draws: int = 500, seed: int = 1) -> Plants:
     kept = tuple(m for m in models if m.stable)
     if len(kept) < FEWEST * draws:
         raise IdentError(
-            f"{1 - len(kept) / draws:.0%} of the models within the covariance are unstable: the record does not tell "
-            "the machine well enough to tune on. Record longer, excite lower frequencies, or lower the orders."
+            f"{1 - len(kept) / draws:.0%} of the draws of the model are unstable: its uncertainty is too large "
+            "to tune on. Record longer, excite lower frequencies, or lower the orders."
         )
     return Plants(kept, draws - len(kept))
 
@@ -122,7 +124,7 @@ def draws_of_models(model: Model, draws: int = 500, seed: int = 1) -> Plants:
 def robustness(
     plants: Plants | Sequence[Model], gains: PiGains, specification: Specification, *, duration: float
 ) -> Robustness:
-    """How one controller fares on many plants.
+    """Robustness of one controller over many plants.
 
     Parameters
     ----------
@@ -130,7 +132,7 @@ def robustness(
     gains : PiGains
     specification : Specification
     duration : float
-        Of the simulated steps, s: several times the settling time that is asked for.
+        Of the simulated steps, s: several times the specified settling time.
 
     Examples
     --------
@@ -153,19 +155,19 @@ def robustness(
 
 
 def figures_by_plant(plants: Plants, gains: PiGains, specification: Specification, duration: float) -> dict[str, Array]:
-    """The judged figures of one controller on each plant, by name, each shape (n,)."""
+    """Figures of merit of one controller on each plant, by name, each shape (n,)."""
     table = specified_figures(plants.models, [gains.kp], [gains.ki], gains, duration, specification)
     return {name: values.reshape(len(plants.models)) for name, values in table.items()}
 
 
 def worst_value(table: dict[str, Array], name: str) -> float:
-    """Largest, or smallest where the limit is a least one, over the plants."""
+    """Worst value of a limited figure over the plants."""
     values = np.asarray(figure_of(table, LIMITS[name].figure), dtype=np.float64)
     return float(values.min() if LIMITS[name].above else values.max())
 
 
 def share_error(share: float, n: int) -> float:
-    """Standard error of a share of n draws, kept off zero as Wilson's interval keeps it (1927)."""
+    """Standard error of a share of n draws by Wilson's interval (1927), which is never zero."""
     return float(np.sqrt(share * (1 - share) / n + 1 / (4 * n * n)) / (1 + 1 / n))
 
 
@@ -177,10 +179,10 @@ def robust_gains(
     probability: float,
     template: PiGains,
 ) -> PiGains:
-    """Among gains that hold with a demanded probability those of the best aim on the model; else the most probable.
+    """Gains of the best objective among those that hold with the required probability; otherwise the most probable.
 
-    A spread of the feasible gains is screened on some of the plants, the finalists on all of them; the chosen one is
-    then led back towards the best gains of the model as far as the probability allows.
+    A selection of the feasible gains is screened on some of the plants, the finalists on all of them; the selected
+    gains are then moved towards the nominal optimum as far as the probability allows.
     """
     if not 0 < probability < 1:
         raise UsageError(f"probability {probability!r}: between 0 and 1, for instance 0.9.")
@@ -199,7 +201,7 @@ def robust_gains(
 
 
 def screened(first: Array, aims: Array, probability: float) -> NDArray[np.intp]:
-    """Candidates worth all plants: of those that may hold, from the best aim to the worst; and the highest shares."""
+    """Finalists: a selection of probable candidates by objective, and those of the highest shares."""
     highest = np.argsort(-first, kind="stable")
     likely = np.flatnonzero(first >= probability - share_error(probability, PLANTS))
     if not likely.size:
@@ -217,7 +219,7 @@ def towards_nominal(
     probability: float,
     template: PiGains,
 ) -> tuple[float, float]:
-    """The gains nearest to the nominal ones, on the line from them to ``end``, that hold with the probability."""
+    """The gains nearest to the nominal ones, on the line to ``end``, that hold with the probability."""
     low, high = 0.0, 1.0
     for _ in range(ROUNDS):
         t = np.linspace(low, high, STEPS)
@@ -229,7 +231,7 @@ def towards_nominal(
 
 
 def spread(found: FeasibleMap, aim: Aim) -> tuple[Array, Array, Array]:
-    """An even choice of the feasible gains of a map: kp, ki and their aims, each shape (m,)."""
+    """Evenly spaced selection of the feasible gains of a map: kp, ki and their objectives, each shape (m,)."""
     rows, columns = np.nonzero(found.feasible)
     side = int(np.sqrt(SCREENED))
     box = [np.minimum(side * (v - v.min()) // max(int(np.ptp(v)) + 1, 1), side - 1) for v in (rows, columns)]

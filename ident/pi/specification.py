@@ -1,4 +1,4 @@
-"""What is asked of a loop: limits on its figures, any of which may be left out."""
+"""Specifications: limits on the figures of merit of a loop, each of them optional."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -11,43 +11,43 @@ from ...core.display import Display, Displayable, facts_of
 from ...core.errors import IdentError
 
 Array = NDArray[np.float64]
-STEADY = 1e-6  # of the step: what an integral leaves is rounding
-ROUNDING = 1e-9  # of a limit: a figure that meets it but for rounding meets it
+STEADY = 1e-6  # of the step: the steady-state error with integral action is rounding
+ROUNDING = 1e-9  # of a limit: smaller violations are rounding
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FigureLimit(Displayable):
-    """How one limit reads a figure: ``figure`` stays below it, or above it where ``above``."""
+    """One kind of limit: ``figure`` must not exceed it, or not fall below it where ``above``."""
 
     figure: str
     words: str
     unit: str = ""
     above: bool = False
-    least: float = 0.0  # the limit itself lies above this
+    least: float = 0.0  # the limit itself must exceed this
     zero_allowed: bool = False
-    scale: float = 1.0  # told as figure times scale
+    scale: float = 1.0  # printed as figure times scale
 
 
 LIMITS = {
     "rise_time": FigureLimit("rise_time", "rise time (10-90 %)", " s"),
-    "settling_time": FigureLimit("settling_time", "settling time (within 2 %)", " s"),
+    "settling_time": FigureLimit("settling_time", "settling time (2 %)", " s"),
     "overshoot": FigureLimit("overshoot", "overshoot", " %", zero_allowed=True, scale=100),
     "undershoot": FigureLimit("undershoot", "undershoot", " %", zero_allowed=True, scale=100),
-    "ms": FigureLimit("ms", "sensitivity peak Ms", least=1.0),
+    "ms": FigureLimit("ms", "maximum sensitivity Ms", least=1.0),
     "phase_margin": FigureLimit("phase_margin", "phase margin", " degrees", above=True),
     "gain_margin": FigureLimit("gain_margin", "gain margin (factor)", above=True, least=1.0),
-    "disturbance": FigureLimit("disturbance_peak", "peak after a unit step of load"),
-    "travel": FigureLimit("travel", "travel of the command on a unit step of the reference"),
-    "peak_u": FigureLimit("peak_u", "largest command on a unit step of the reference"),
-    "noise_gain": FigureLimit("noise_gain", "command per unit of sensor noise (rms)"),
-    "integral_time": FigureLimit("integral_time", "integral time Kp/Ki", " s"),
-    "steady_error": FigureLimit("steady_error", "steady error", " %", zero_allowed=True, scale=100),
+    "disturbance": FigureLimit("disturbance_peak", "peak output after a unit load step"),
+    "travel": FigureLimit("travel", "total variation of the command (unit reference step)"),
+    "peak_u": FigureLimit("peak_u", "peak command (unit reference step)"),
+    "noise_gain": FigureLimit("noise_gain", "noise gain (rms command per rms sensor noise)"),
+    "integral_time": FigureLimit("integral_time", "integral time Ti", " s"),
+    "steady_error": FigureLimit("steady_error", "steady-state error", " %", zero_allowed=True, scale=100),
 }
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Specification(Displayable):
-    """Limits on the unit step of the reference and on the loop; ``None`` leaves a figure free.
+    """Limits on the unit step of the reference and on the loop; ``None`` for no limit.
 
     Attributes
     ----------
@@ -56,29 +56,29 @@ class Specification(Displayable):
     settling_time : float, optional
         s at most, until the output stays within 2 %.
     overshoot, undershoot : float, optional
-        At most, as shares of the step: 0.02 is 2 %. Undershoot is the first swing the wrong way.
+        At most, as fractions of the step: 0.02 is 2 %. Undershoot is the excursion below zero.
     ms : float, optional
-        Peak of the sensitivity at most, above 1; 1.3 is calm, 2 is the edge of what is sensible.
+        Maximum sensitivity at most, above 1; 1.3 is conservative, 2 is the usual upper bound.
     phase_margin : float, optional
         Degrees at least.
     gain_margin : float, optional
-        Factor at least, above 1.
+        Factor, at least, above 1.
     disturbance : float, optional
         Largest deviation of the output after a unit step of load, in units of the output per unit of input, at most.
     travel, peak_u : float, optional
-        Sum of the changes of the command, and largest command, on a unit step of the reference, in units of input per
-        unit of output, at most.
+        Total variation and peak of the command on a unit step of the reference, in units of input per unit of output,
+        at most.
     noise_gain : float, optional
         rms of the command over rms of white sensor noise, at most, in units of input per unit of output.
     integral_time : float, optional
-        s at most, Kp over Ki: a slower integral leaves an error standing for that long.
+        s at most, Kp over Ki: errors decay with this time constant.
     steady_error : float, optional
-        What is left of the unit step at last, either way, at most.
+        Absolute steady-state error of the unit step, at most.
 
     Examples
     --------
     >>> print(Specification(rise_time=2.0, settling_time=4.0, overshoot=0.02))
-    rise time (10-90 %) 2 s at most, settling time (within 2 %) 4 s at most, overshoot 2 % at most
+    rise time (10-90 %) <= 2 s, settling time (2 %) <= 4 s, overshoot <= 2 %
     """
 
     rise_time: float | None = None
@@ -100,23 +100,23 @@ class Specification(Displayable):
             least = limit.least * limit.scale
             if not (np.isfinite(value) and (value > limit.least or (limit.zero_allowed and value == 0))):
                 from_ = f"{least:g} or more" if limit.zero_allowed else f"above {least:g}"
-                hint = " (a share: 0.02 is 2 %)" if limit.scale == 100 else ""
-                raise IdentError(f"{name} {value!r} of a specification: a number {from_}{hint}, or leave it out.")
+                hint = " (a fraction: 0.02 is 2 %)" if limit.scale == 100 else ""
+                raise IdentError(f"{name} {value!r} of a specification: a number {from_}{hint}, or omit it.")
         if self.rise_time is not None and self.settling_time is not None and self.settling_time < 0.8 * self.rise_time:
             raise IdentError(
                 f"settling_time {self.settling_time:g} s is shorter than 0.8 times the rise_time {self.rise_time:g} s: "
-                "the rise is part of the settling. Were they taken for each other?"
+                "settling includes the rise. Were they interchanged?"
             )
 
     def active(self) -> Iterator[tuple[str, FigureLimit, float]]:
-        """Name, reading and value of each limit that is asked for."""
+        """Name, kind and value of each active limit."""
         for f in fields(self):
             value = getattr(self, f.name)
             if value is not None:
                 yield f.name, LIMITS[f.name], float(value)
 
     def violations(self, figures: Any) -> dict[str, Array]:  # noqa: ANN401  figures of one loop or of a grid
-        """By how much of itself each limit is missed, by name; 0 where it is met, infinite where the loop is unstable.
+        """Relative violation of each limit, by name; 0 where it is met, infinite for an unstable loop.
 
         ``figures`` are those of one loop or of a grid of loops; each array has their shape.
         """
@@ -128,19 +128,19 @@ class Specification(Displayable):
         return np.asarray(np.maximum.reduce([unstable, *self.violations(figures).values()]), dtype=np.float64)
 
     def misses(self, figures: Any) -> list[str]:  # noqa: ANN401
-        """A sentence for each limit that one loop misses, worst first."""
+        """A sentence for each limit that one loop violates, worst first."""
         if not bool(figure_of(figures, "stable")):
             return ["the closed loop is unstable"]
         found = [(float(v), name) for name, v in self.violations(figures).items() if v > 0]
         return [self.sentence(name, figures) for _, name in sorted(found, reverse=True)]
 
     def sentence(self, name: str, figures: Any) -> str:  # noqa: ANN401
-        """One missed limit in words."""
+        """Sentence on one violated limit."""
         limit = LIMITS[name]
-        value, asked = (limit.scale * float(v) for v in (figure_of(figures, limit.figure), getattr(self, name)))
+        value, required = (limit.scale * float(v) for v in (figure_of(figures, limit.figure), getattr(self, name)))
         side = "below" if limit.above else "above"
-        told = f"{value:.4g}{limit.unit}" if np.isfinite(value) else "without end"
-        return f"{limit.words} {told}, {side} the {asked:g}{limit.unit} asked for"
+        found = f"{value:.4g}{limit.unit}" if np.isfinite(value) else "infinite"
+        return f"{limit.words} {found}, {side} the required {required:g}{limit.unit}"
 
     def _display(self) -> Display:
         return Display(str(self), tuple(facts_of(self)))
@@ -150,10 +150,10 @@ class Specification(Displayable):
 
 
 def limit_text(limit: FigureLimit, value: float) -> str:
-    """One limit in words."""
+    """Text of one limit: rise time <= 2 s."""
     if limit.figure == "steady_error" and value <= STEADY:
-        return "no steady error"
-    return f"{limit.words} {limit.scale * value:g}{limit.unit} at {'least' if limit.above else 'most'}"
+        return "no steady-state error"
+    return f"{limit.words} {'>=' if limit.above else '<='} {limit.scale * value:g}{limit.unit}"
 
 
 def table_of(figures: Any, kp: ArrayLike, ki: ArrayLike) -> dict[str, Array]:  # noqa: ANN401  of one loop or of a grid
@@ -172,7 +172,7 @@ def figure_of(figures: Any, name: str) -> Any:  # noqa: ANN401
 
 
 def missed(limit: FigureLimit, value: float, figures: Any) -> Array:  # noqa: ANN401
-    """Share of one limit by which figures miss it; of a limit of zero, in hundredths of the step."""
+    """Relative violation of one limit; for a limit of zero, in hundredths of the step."""
     figure = np.asarray(figure_of(figures, limit.figure), dtype=np.float64)
     figure = np.abs(figure) if limit.figure == "steady_error" else figure
     over = (value - figure if limit.above else figure - value) / (abs(value) or 0.01)

@@ -1,8 +1,8 @@
-"""Which gains are worth looking at: the box that holds the stable ones, found from where loops lose their stability.
+"""Stability region of the gains: the box that contains it, from the stability boundary (D-decomposition).
 
-A pole crosses the unit circle at exp(jw) where C(exp(jw)) G(exp(jw)) = -1, two real equations that are linear in the
-two gains (the D-decomposition of Neimark 1949). The curve that they draw over w, with the lines where a pole crosses at
-1 (ki = 0) and at -1, bounds every stable region.
+A pole crosses the unit circle at exp(jw) where C(exp(jw)) G(exp(jw)) = -1, two real equations linear in the two gains
+(Neimark 1949). Their curve over w, with the lines where a pole crosses at 1 (ki = 0) and at -1, bounds every stable
+region.
 """
 
 from dataclasses import dataclass, replace
@@ -18,15 +18,15 @@ from .loops import loops_of, stable_columns
 
 Array = NDArray[np.float64]
 FREQUENCIES = 3000
-DECADES = 6.0  # of gain that are searched below the largest; of ki, which falls with the square of the speed, more
+DECADES = 6.0  # of gain searched below the largest; more for ki, which falls with the square of the bandwidth
 DECADES_KI = 10.0
-NO_GAIN = 1e-9  # of the sizes of b: below it a gain at rest is rounding
+NO_GAIN = 1e-9  # of the sum of |b|: a DC gain below it is rounding
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class GainRange(Displayable):
-    """Largest gains that the stable region reaches, both of one sign.
+    """Largest gains of the stability region, both of one sign.
 
     Attributes
     ----------
@@ -39,22 +39,22 @@ class GainRange(Displayable):
 
 
 def gain_range(model: Model, template: PiGains) -> GainRange:
-    """The box 0 ... kp, 0 ... ki that holds the stable loops with an integral, gains of one sign.
+    """The box 0 ... kp, 0 ... ki that contains the stable loops with integral action, gains of one sign.
 
     Parameters
     ----------
     model : Model
     template : PiGains
-        All but its gains: form, integration, delay, filter.
+        Controller apart from its gains: form, integration, delay, filter.
 
     Raises
     ------
     IdentError
-        No PI with gains of one sign makes a stable loop with this model.
+        No PI with gains of one sign stabilises this model.
     """
     if abs(float(model.b.sum())) <= NO_GAIN * float(np.abs(model.b).sum()):
         raise IdentError(
-            "the model has no gain at rest (its b adds up to zero): an integral would run away. Control another signal."
+            "the model has no DC gain (its b sums to zero): the integrator would diverge. Control another signal."
         )
     rest = sign_at_rest(model)
     for sign in (rest, -rest):
@@ -66,14 +66,12 @@ def gain_range(model: Model, template: PiGains) -> GainRange:
 
 
 def no_stable_gain(model: Model) -> str:
-    """Why there are no gains."""
+    """Error message for a model that no PI stabilises."""
     poles = int((np.abs(model.poles) >= 1 - 1e-9).sum())
     why = (
         f"{poles} of its poles lie at radius 1 or beyond (largest {model.radius:.4g})" if poles else "its delay is long"
     )
-    return (
-        f"no PI gains of one sign make a stable loop with this model: {why}. Shorten the delay, or use more than a PI."
-    )
+    return f"no PI with gains of one sign stabilises this model: {why}. Shorten the delay, or use another controller."
 
 
 def boxes(model: Model, template: PiGains, sign: float) -> list[tuple[float, float]]:
@@ -86,7 +84,7 @@ def boxes(model: Model, template: PiGains, sign: float) -> list[tuple[float, flo
 
 
 def boundary(model: Model, template: PiGains) -> tuple[Array, Array]:
-    """Gains (kp, ki) with a pole at exp(jw), w from low to half the sample rate; the last two are of the pole at -1."""
+    """Gains (kp, ki) with a pole at exp(jw), w from low to the Nyquist frequency; the last two have a pole at -1."""
     one = replace(template, kp=1.0, ki=1.0)
     over_kp, over_ki, den = basis(one)
     (above, below), path = one.feedback, one.command_path
@@ -101,7 +99,7 @@ def boundary(model: Model, template: PiGains) -> tuple[Array, Array]:
         x, p, q = -1 / plant, at(over_kp), at(over_ki)
         det = p.real * q.imag - p.imag * q.real
         cross = x.real * q.imag - x.imag * q.real
-        # what is left of a difference that cancels: an integrator's boundary is kp = 0
+        # rounding of a difference that cancels: the boundary of an integrator is kp = 0
         kp = np.where(np.abs(cross) <= ROUNDING * np.abs(x) * np.abs(q), 0.0, cross / det)
         ki = (p.real * x.imag - p.imag * x.real) / det
         ends_kp, ends_ki = (x[-1] / p[-1]).real, (x[-1] / q[-1]).real
@@ -109,7 +107,7 @@ def boundary(model: Model, template: PiGains) -> tuple[Array, Array]:
 
 
 def largest_stable(model: Model, template: PiGains, kp: float, ki: float) -> GainRange | None:
-    """The stable part of a box, or None; looked at over decades, then evenly."""
+    """The stable part of a box, or None; on a logarithmic grid, then on a linear one."""
     for p, i in ((decades(kp), decades(ki, DECADES_KI)), (even(kp), even(ki))):
         p = np.r_[0.0, p] if kp else np.zeros(1)
         loops = loops_of(model, *grid(p, i), replace(template, kp=1.0, ki=1.0))
@@ -122,17 +120,17 @@ def largest_stable(model: Model, template: PiGains, kp: float, ki: float) -> Gai
 
 
 def grid(kp: Array, ki: Array) -> tuple[Array, Array]:
-    """Every pair of two rows of gains, as two flat arrays; kp changes slowest."""
+    """All pairs of two arrays of gains as two flat arrays; kp changes slowest."""
     return np.repeat(kp, len(ki)), np.tile(ki, len(kp))
 
 
 def decades(largest: float, span: float = DECADES, n: int = 50) -> Array:
-    """``n`` values up to the largest over some decades, of its sign; zeros for zero."""
+    """``n`` logarithmically spaced values up to ``largest``, of its sign; zeros for zero."""
     return largest * np.logspace(-span, 0, n)
 
 
 def even(largest: float, n: int = 40) -> Array:
-    """``n`` even values up to the largest, without zero."""
+    """``n`` evenly spaced values up to ``largest``, without zero."""
     return np.linspace(0, largest, n + 1)[1:]
 
 
@@ -143,7 +141,7 @@ def sign_at_rest(model: Model) -> float:
 
 
 def without_roots(p: Array, at: float) -> float:
-    """A polynomial at a point, divided by (x - at) as often as that is zero there."""
+    """A polynomial at a point, with its roots there divided out."""
     while len(p) > 1 and abs(np.polyval(p, at)) <= 1e-12 * np.abs(p).sum():
         p = np.asarray(np.polydiv(p, [1.0, -at])[0], dtype=np.float64)
     return float(np.polyval(p, at))

@@ -1,10 +1,8 @@
-"""Step responses of many stable loops, advanced together, and the figures read off them.
+"""Step responses of many stable loops, simulated together, and their metrics (rise time, settling time, overshoot ...).
 
-One run gives all: z, the response to a unit step of load at the plant input. What the controller answers to it, turned
-round, is H y of the reference step; y itself is C z, because y = C G S r and z = G S. The recursion runs inside the
-closed loop, so that an unstable plant does not multiply the rounding.
-
-What is read off step responses as they run: a block of samples of many loops at a time.
+One simulation yields all signals: z, the response to a unit step of load at the plant input. The response of the
+controller to it, with opposite sign, is H y of the reference step; y itself is C z, because y = C G S r and z = G S.
+The recursion runs inside the closed loop, so that an unstable plant does not amplify rounding.
 """
 
 from collections.abc import Callable
@@ -16,14 +14,14 @@ from .loops import Loops
 
 Array = NDArray[np.float64]
 
-WIDTH = 4096  # loops advanced at once: the rows in work stay in the cache
-HELD = 2_500_000  # numbers held a signal: fewer loops at once where steps are long
-BLOCK = 16  # samples between two metrics
+WIDTH = 4096  # loops simulated at once: the rows in use fit in the cache
+STORED = 2_500_000  # numbers stored per signal: fewer loops at once for long steps
+BLOCK = 16  # samples between two evaluations
 
 
 def step_figures(loops: Loops, n: int) -> dict[str, Array]:
-    """Figures of the first ``n`` samples, one value a loop; all loops must be stable."""
-    width = min(WIDTH, max(HELD // n, 1))
+    """Metrics of the first ``n`` samples, one value per loop; all loops must be stable."""
+    width = min(WIDTH, max(STORED // n, 1))
     parts = [_figures(loops[slice(k, k + width)], n) for k in range(0, len(loops), width)]
     return {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
 
@@ -34,15 +32,15 @@ def _figures(loops: Loops, n: int) -> dict[str, Array]:
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
         command, error = run.advance(start, stop)
-        metrics.take(start, stop, command, error, run.z[run.pad + start : run.pad + stop])
+        metrics.update(start, stop, command, error, run.z[run.pad + start : run.pad + stop])
     return metrics.figures()
 
 
 class _Run:
     """The signals of m loops, each (pad + n, m) with ``pad`` rows of zeros before the step.
 
-    z output under load, f the same as the controller sees it, q the controller's answer turned round, w what of it
-    reaches the plant (H y of the reference step), y output of the reference step.
+    z output under load, f its filtered measurement, q the negative controller output, w its part that reaches the plant
+    (H y of the reference step), y output of the reference step.
     """
 
     def __init__(self, loops: Loops, n: int) -> None:
@@ -65,17 +63,17 @@ class _Run:
         self.q = signal()
         straight = sent == 1 and not self.late
         self.w = self.q if straight else signal()
-        self.plain = self.q if self.bare else signal()  # the answer to z itself, for y
+        self.plain = self.q if self.bare else signal()  # the response to z itself, for y
         self.y = self.w if self.bare else self.plain if straight else signal()
         self.answer, self.second, self.asked = _pi(loops), _pi(loops), _pi(loops)
         self.see, self.send, self.send_y, self.command = (_mean(k, m) for k in (seen, sent, sent, sent))
         self.plant = _plant(loops, m)
-        self.v = np.zeros((BLOCK + sent, m))  # command asked for, the rows before the block first
+        self.v = np.zeros((BLOCK + sent, m))  # unaveraged command, the rows before the block first
         self.c = np.zeros((BLOCK + 1, m))  # command sent, one row before the block first
         self.sent = sent
 
     def advance(self, start: int, stop: int) -> tuple[Array, Array]:
-        """Samples start to stop: the command sent, one row more before them, and 1 - H y."""
+        """Advance from start to stop; return the command, with one row before, and 1 - H y."""
         for k in range(self.pad + start, self.pad + stop):
             if self.late:
                 self.send(self.q, k - self.late, self.w[k])
@@ -149,7 +147,7 @@ def _mean(samples: int, m: int) -> Callable[[Array, int, Array], None]:
 
 
 def _plant(loops: Loops, m: int) -> Callable[[Array, Array, int, int], None]:
-    """z_k = sum of b (1 - w) - sum of a z, both over the past; the step of load begins at sample 0."""
+    """z_k = sum of b (1 - w) - sum of a z over the past; the load step starts at sample 0."""
     nb, na = len(loops.b), len(loops.a) - 1
     back, by_a, load = loops.b[::-1].copy(), loops.a[:0:-1].copy(), np.cumsum(loops.b, axis=0)
     one, two = np.empty(m), np.empty(m)
@@ -177,10 +175,10 @@ BAND = 0.02  # of the final value
 
 
 class StepMetrics:
-    """Running figures of m loops.
+    """Running metrics of m loops.
 
-    ``y`` (1 + n, m) is the output of the reference step with the row before the step first; it fills as the loops run.
-    ``final`` (m,) is where it ends, ``T`` the sample time.
+    ``y`` (1 + n, m) is the output of the reference step, preceded by one row; it is filled during the simulation.
+    ``final`` (m,) is its final value, ``T`` the sample time.
     """
 
     def __init__(self, y: Array, final: Array, T: float) -> None:
@@ -190,11 +188,11 @@ class StepMetrics:
         self.scale = None if (final == 1).all() else np.divide(1.0, final, out=np.ones(m), where=final != 0)
         self.top, self.bottom = np.full(m, -np.inf), np.full(m, np.inf)
         self.times = {level: np.full(m, np.inf) for level in (0.1, 0.9)}
-        self.outside = np.zeros((2, m), dtype=np.intp)  # the last block that left the band: its first and last sample
+        self.outside = np.zeros((2, m), dtype=np.intp)  # first and last sample of the last block outside the band
         self.travel, self.peak, self.iae, self.load_iae, self.load_peak = (np.zeros(m) for _ in range(5))
 
-    def take(self, start: int, stop: int, command: Array, error: Array, load: Array) -> None:
-        """Samples start to stop; command has one row more, the one before."""
+    def update(self, start: int, stop: int, command: Array, error: Array, load: Array) -> None:
+        """Update by samples start to stop; command has one row before them."""
         y = self._scaled(self.y[1 + start : 1 + stop])
         high, low = y.max(axis=0), y.min(axis=0)
         left = (high > 1 + BAND) | (low < 1 - BAND)
@@ -217,7 +215,7 @@ class StepMetrics:
         return y if self.scale is None else y * self.scale[which]
 
     def _crossings(self, level: float, high: Array, start: int, stop: int) -> None:
-        """First crossing of a level, on the straight line between two samples."""
+        """First crossing of a level, by linear interpolation."""
         times = self.times[level]
         new = np.flatnonzero((high >= level) & np.isinf(times))
         if not new.size:
@@ -228,7 +226,7 @@ class StepMetrics:
         times[new] = np.maximum((start + first - 1 + (level - before) / (after - before)) * self.T, 0.0)
 
     def _settling(self) -> Array:
-        """When the line between the last sample outside the band and the next one enters it."""
+        """Settling time, by linear interpolation after the last sample outside the band."""
         m = self.outside.shape[1]
         rows = int((self.outside[1] - self.outside[0]).max()) + 2
         at = np.minimum(self.outside[0] + np.arange(rows)[:, None], self.n - 1)
@@ -244,7 +242,7 @@ class StepMetrics:
         return np.where(never, np.inf, np.where(always, 0.0, times))
 
     def figures(self) -> dict[str, Array]:
-        """All of them, by name."""
+        """All metrics by name."""
         dead = self.final == 0
         return {
             "rise_time": np.where(

@@ -1,15 +1,12 @@
-"""PI gains from a specification: among those that meet it the ones of the smallest sensitivity peak, or another aim.
-
-Gains that were tuned, with everything that they were judged by.
-"""
+"""PI tuning to a specification: feasible gains of the smallest maximum sensitivity, or of another objective."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any, TypedDict, Unpack
 
 from ...core.display import Plottable
 from ...core.errors import IdentError, UsageError
+from ...core.suggestions import did_you_mean
 from ...core.threads import one_thread
 from ..model import Model
 from .feasible_region import FeasibleMap, feasible_map, horizon
@@ -22,24 +19,24 @@ from .specification import LIMITS, STEADY, Specification, table_of
 
 @dataclass(frozen=True, slots=True, repr=False)
 class TunedPi(Plottable):
-    """Gains, the loop they close on the model, and what was asked.
+    """Tuned PI gains with their closed loop and specification.
 
     Attributes
     ----------
     gains : PiGains
-        As the controller runs them.
+        With all options of the controller.
     figures : FiguresOfMerit
-        Of the loop on the model, run until it has died out.
+        Of the loop on the model, simulated until it has decayed.
     specification : Specification
     aim : str
     model : Model
     map : FeasibleMap
     assumed : tuple of str
-        Limits that nobody asked for.
+        Limits that were added by default.
     robustness : Robustness or None
-        What holds over draws of the covariance, or over several models.
+        Over draws of the covariance, or over several models.
     probability : float or None
-        That was demanded.
+        Required probability.
     """
 
     gains: PiGains
@@ -64,46 +61,46 @@ class TunedPi(Plottable):
 
     @property
     def misses(self) -> tuple[str, ...]:
-        """A sentence for each limit that the gains miss, worst first, and for a demanded probability."""
+        """A sentence for each violated limit, worst first, and for a required probability."""
         sentences = self.specification.misses(table_of(self.figures, self.kp, self.ki))
         held = self.robustness
         if self.probability is not None and held is not None and held.probability < self.probability - 2 * held.error:
             sentences.append(
-                f"the specification holds with a probability of {held.probability:.1%} (Monte Carlo error "
-                f"{held.error:.1%}), below the {self.probability:.1%} asked for"
+                f"the specification holds with probability {100 * held.probability:.1f} % (Monte Carlo SE "
+                f"{100 * held.error:.1f} %), below the required {100 * self.probability:.1f} %"
             )
         return tuple(sentences)
 
     @property
     def feasible(self) -> bool:
-        """Whether everything that was asked is met.
+        """Whether the specification is met.
 
-        Where not, `misses` name what fails and the gains are the nearest. Loosen one of those limits, shorten the delay
-        or the filter, or (a probability) identify more exactly: a longer record, more amplitude.
+        If not, `misses` names the violated limits and the gains have the least violation. Relax one of these limits,
+        shorten the delay or the filter, or (for a probability) identify more precisely: longer, larger amplitude.
         """
         return not self.misses
 
     @property
     def verdict(self) -> str:
-        """One paragraph: gains, what they meet or miss, what was assumed."""
+        """Gains, whether they meet the specification, and the assumptions."""
         unit = f" {self.gains.unit_u}/{self.gains.unit_y}" if self.gains.unit_u and self.gains.unit_y else ""
         head = (
             f"Kp {self.kp:.4g}{unit}, Ki {self.ki:.4g}{unit} per second, {self.gains.form} form, "
-            f"{self.gains.integration} sum at {self.gains.sample_time:g} s"
+            f"{self.gains.integration} integration, sample time {self.gains.sample_time:g} s"
         )
         if self.feasible:
-            says = f"meets {self.specification}"
+            result = f"meets the specification ({self.specification})"
         else:
-            says = "no gains meet the specification; these come nearest: " + "; ".join(self.misses)
+            result = "no gains meet the specification; least violation: " + "; ".join(self.misses)
             conflict = self.conflict
-            says += f" ({conflict})" if conflict else ""
+            result += f" ({conflict})" if conflict else ""
         assumed = f" Assumed: {'; '.join(self.assumed)}." if self.assumed else ""
         held = f" {self.robustness.verdict}" if self.robustness else ""
-        return f"{head}: {says}.{assumed}{held}"
+        return f"{head}: {result}.{assumed}{held}"
 
     @property
     def conflict(self) -> str:
-        """Which single limit stands against the others on the map; empty where there is none, or two must go."""
+        """The single limit that conflicts with the others on the map; empty if there is none, or several conflict."""
         found = {n: v > 0 for n, v in self.specification.violations(self.map.figures).items()}
         stable = self.map.figures["stable"].astype(bool)
         free = []
@@ -112,19 +109,19 @@ class TunedPi(Plottable):
             blocked = sum(others, start=~stable) > 0 if others else ~stable
             if not blocked.all():
                 free.append(name)
-        words = " or that on ".join(LIMITS[name].words for name in free)
-        return f"without the limit on {words} there are gains" if free and not self.map.any else ""
+        words = " or ".join(LIMITS[name].words for name in free)
+        return f"feasible without the limit on {words}" if free and not self.map.any else ""
 
 
-OVERSHOOT = 0.02  # as wide as the settling band
-CALM = 1.6  # Ms assumed where an aim asks for speed and nothing for robustness; 1.4 to 2 in Åström & Hägglund 2006
-LONGEST = 10.0  # integral time assumed, in settling times: 2 % of overshoot on an integrator needs about that
+OVERSHOOT = 0.02  # equal to the settling band
+ROBUST = 1.6  # default limit of Ms for objectives of speed; 1.4 to 2 in Åström & Hägglund 2006
+LONGEST = 10.0  # default limit of the integral time, in settling times: 2 % overshoot on an integrator needs that
 SPEED = ("rise_time", "settling_time", "disturbance")
 FAST: tuple[Aim, ...] = ("iae", "disturbance_iae", "rise_time", "settling_time", "largest_ki")
 
 
 class TuneOptions(TypedDict, total=False):
-    """Further limits, and the controller as it runs; see `Specification` and `PiGains`."""
+    """Further limits, and options of the controller; see `Specification` and `PiGains`."""
 
     undershoot: float | None
     ms: float | None
@@ -165,7 +162,7 @@ def tune_pi(
     n: int = 200,
     **options: Unpack[TuneOptions],
 ) -> TunedPi:
-    """Gains of a digital PI that meet a specification on a model, and by demand on what the model leaves open.
+    """Tune a digital PI to a specification on a model, optionally with a probability over its uncertainty.
 
     Parameters
     ----------
@@ -173,37 +170,37 @@ def tune_pi(
     rise_time, settling_time : float, optional
         s at most, on the unit step of the reference: 10-90 %, and within 2 %.
     overshoot : float, optional
-        At most, as a share of the step; 2 % unless said, ``None`` leaves it free.
+        At most, as a fraction of the step; default 2 %, ``None`` for no limit.
     aim : str
-        What is made small among the gains that meet everything: ``ms``, ``iae``, ``disturbance_iae``, ``travel``,
+        Objective to minimise among feasible gains: ``ms``, ``iae``, ``disturbance_iae``, ``travel``,
         ``noise_gain``, ``rise_time``, ``settling_time``; or ``largest_ki``.
     probability : float, optional
-        Demanded probability that the whole specification holds, over draws of the covariance of ``model`` or over
+        Required probability that the whole specification holds, over draws of the covariance of ``model`` or over
         ``models``.
     models : sequence of Model, optional
-        Plants that it is to hold on, instead of draws.
+        Plants to use instead of draws.
     draws, seed : int
         Draws of the coefficients from their normal distribution.
     n : int
-        Gains a side of the feasible map.
+        Gains per side of the feasible map.
     **options
-        Further limits (`Specification`) and the controller as it runs (`PiGains`).
+        Further limits (`Specification`) and options of the controller (`PiGains`).
 
     Returns
     -------
     TunedPi
-        ``feasible`` says whether everything is met. Where not, the gains are the nearest and ``misses`` say what fails.
+        ``feasible`` if the specification is met; otherwise the gains of least violation, with ``misses``.
 
     Raises
     ------
     IdentError
-        No PI is stable with this model; nothing asks for speed; a demanded probability without a covariance.
+        No PI stabilises this model; no limit on speed; a required probability without a covariance.
     UsageError
-        An option that cannot be.
+        An invalid option.
 
     Notes
     -----
-    Saturation takes no part in the figures: limits of the command are checked by ``peak_u`` or by simulation.
+    Saturation is not part of the figures: check limits of the command by ``peak_u`` or by simulation.
 
     Examples
     --------
@@ -232,41 +229,40 @@ def tune_pi(
 
 
 def sorted_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Options that are limits, and those of the controller; a name that is neither is refused."""
+    """Options that are limits, and options of the controller; UsageError for others."""
     unknown = sorted(set(options) - set(TuneOptions.__annotations__))
     if unknown:
-        near = get_close_matches(unknown[0], TuneOptions.__annotations__, 1)
-        meant = f" Did you mean {near[0]!r}?" if near else f" There are: {', '.join(TuneOptions.__annotations__)}."
-        raise UsageError(f"option {unknown[0]!r} of tune_pi is not known.{meant}")
+        hint = did_you_mean(unknown[0], TuneOptions.__annotations__, 0.6)
+        raise UsageError(f"option {unknown[0]!r} of tune_pi is not known. {hint}")
     limits = {name: value for name, value in options.items() if name in LIMITS}
     return limits, {name: value for name, value in options.items() if name not in LIMITS}
 
 
 def completed(asked: Specification, aim: Aim, model: Model) -> tuple[Specification, tuple[str, ...]]:
-    """The specification with what has to be assumed, and the sentences that say so."""
+    """The specification completed by default limits, and sentences that state them."""
     names = {name for name, _, _ in asked.active()}
     if aim not in FAST and not names & set(SPEED):
         raise IdentError(
-            f"nothing in the specification asks for speed, and the smallest {aim} alone is a controller that does "
-            "nothing. Give rise_time or settling_time, or aim='iae'."
+            f"the specification has no limit on speed, and the smallest {aim} alone is a controller with zero gains. "
+            "Give rise_time or settling_time, or aim='iae'."
         )
     assumed = []
     if asked.overshoot == OVERSHOOT:
-        assumed.append("overshoot at most 2 % (unless said otherwise)")
+        assumed.append("overshoot <= 2 %")
     if aim in FAST and not names & {"ms", "phase_margin", "gain_margin"}:
-        asked = replace(asked, ms=CALM)
-        assumed.append(f"sensitivity peak Ms at most {CALM:g}: the aim {aim} knows no robustness of its own")
+        asked = replace(asked, ms=ROBUST)
+        assumed.append(f"maximum sensitivity Ms <= {ROBUST:g}, as the objective {aim} does not ensure robustness")
     if asked.integral_time is None:
         longest = LONGEST / 3 * horizon(model, asked)
         asked = replace(asked, integral_time=longest)
-        assumed.append(f"integral time at most {longest:.3g} s: a slower one leaves an error of up to 2 % standing")
+        assumed.append(f"integral time Ti <= {longest:.3g} s, as slower ones leave errors of up to 2 % for long")
     return asked, tuple(assumed)
 
 
 def nominal_gains(
     model: Model, asked: Specification, template: PiGains, aim: Aim, n: int
 ) -> tuple[FeasibleMap, PiGains]:
-    """Map and best gains; simulated for longer where a slow tail shows after the horizon of the search."""
+    """Map and best gains; with longer simulations if slow transients appear beyond the horizon."""
     time = horizon(model, asked)
     for _ in range(3):
         found = feasible_map(model, asked, template, n, duration=time)
