@@ -134,7 +134,7 @@ def _unlike(pooled: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
 
     Where a pair belongs to several families, that of a grouping counts before all pairs together.
     """
-    from ..fit.many.families import WHOLE
+    from ..fit.many.pooling import WHOLE
 
     low, high = (pooled[name].to_numpy(dtype=float) for name in ("new_low", "new_high"))
     level = max(LEVEL, 1 - 1 / len(pooled))  # of many thousand exponents one stands out by chance, not hundreds

@@ -8,7 +8,7 @@ import pandas as pd
 
 from ..core.errors import UsageError
 from ..fit import pooled_exponents
-from ..fit.many.families import WHOLE, PooledExponents
+from ..fit.many.pooling import WHOLE, PooledExponents
 from .law_rows import group_column
 
 NAMES = {

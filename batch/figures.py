@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import UsageError
 from ..core.plotting import BLUE, GREY, ORANGE, new_axes
-from ..fit.many.families import WHOLE
+from ..fit.many.pooling import WHOLE
 from .comparison import Comparison
 
 Array = NDArray[np.float64]

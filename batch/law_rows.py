@@ -13,7 +13,7 @@ from .outcomes import Cell, cell
 
 if TYPE_CHECKING:
     from ..fit import LawFit
-    from ..fit.many.laws_of_pairs import ManyLaws
+    from ..fit.many.many_laws import ManyLaws
 
 PAIR = "pair"  # number of the pair of a row
 LAW = ("response", "form", "unit", "reason")

@@ -14,7 +14,7 @@ from ..core.progress import grouped
 from ..core.rounding import decimals, format_plain, format_rounded
 from ..datasets.columns import ColumnUse
 from ..datasets.vocabulary import ROLES
-from ..fit.many.families import WHOLE
+from ..fit.many.pooling import WHOLE
 from .comparison import LAW, Comparison
 from .plan import Plan
 from .result import Batch

@@ -14,7 +14,7 @@ import time
 import numpy as np
 import pandas as pd
 from fitmodels import fit
-from fitmodels.fit.many.in_stacks import many_power_laws
+from fitmodels.fit.many.batched import many_power_laws
 from statsmodels.regression.linear_model import OLS
 
 FACTORS = ["V", "f", "d", "t"]

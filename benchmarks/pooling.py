@@ -16,8 +16,8 @@ import time
 
 import numpy as np
 import pandas as pd
-from fitmodels.fit.many.families import pooled_exponents
-from fitmodels.fit.many.in_stacks import many_power_laws
+from fitmodels.fit.many.batched import many_power_laws
+from fitmodels.fit.many.pooling import pooled_exponents
 
 EDGES, SUBTESTS, EACH = (4, 6, 8, 12, 16, 24), 6, 4  # pairs of a family with each number of edges
 MEANS, SD = {"V": 0.577, "t": 0.245}, 0.07

@@ -13,8 +13,8 @@ from .defaults import default_laws as default_laws
 from .lawfit import LawFit as LawFit
 from .least_squares import linear as linear
 from .life import tool_life as tool_life
-from .many.families import pooled_exponents as pooled_exponents
-from .many.in_stacks import many_power_laws as many_power_laws
+from .many.batched import many_power_laws as many_power_laws
+from .many.pooling import pooled_exponents as pooled_exponents
 from .next_tests import next_runs as next_runs
 from .prediction import interval as interval
 from .regression import exponential_law as exponential_law

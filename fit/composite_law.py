@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from ..core.display import Plottable
 from ..core.errors import UsageError
 from .available import NotAvailable
+from .fitted_rows import FittedRows
 from .lawfit import LawFit
 from .laws import LawForm
 from .least_squares import linear
 from .regression import facts_of, law_of, linear_stage
-from .rows import FittedRows
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,9 @@ An edge that was cut in two levels of a category has a group for each, so that t
 every group and need no sums. The sums of a group are written as a few equivalent rows, from which the functions of
 ``edges`` give the same inference as from all rows.
 
-Coefficients of ill-conditioned columns need more digits than sums of products keep: they come from ``triangle``.
+Typical use: ``sums.add(...)`` for each chunk, ``sums.merge(other)``, then ``rows = equivalent_rows(sums, ...)``,
+``rows.solve()`` and ``infer_from_sums``. Coefficients of ill-conditioned columns (``rows.condition`` above `LARGEST`)
+need more digits than sums of products keep: those of a stream come from ``triangle``.
 
 Source: Chan, Golub & LeVeque 1983, The American Statistician 37, 242 (merging about the means).
 """
@@ -31,10 +33,12 @@ from .edges import (
     too_few_edges,
 )
 from .least_squares import LinearFit
+from .triangle import Summary, least_squares
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+LARGEST = 70.0  # condition number up to which sums of products keep the digits of an estimate
 EXACT = 1e-11  # relative residual below which a law meets its rows exactly
 MOST_LEVELS = 1 << 31  # edge and level of a group in one number
 
@@ -214,6 +218,30 @@ class EquivalentRows:
     def edge_size(self) -> Array:
         """Rows of each edge, shape (E,)."""
         return np.bincount(self.edge, weights=self.size).astype(float)
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the centred columns of the law, scaled to length one; above `LARGEST` use `triangle`."""
+        R = self._summary().R[:, :-1]
+        length = np.linalg.norm(R, axis=0)
+        return float(np.linalg.cond(R / np.where(length > 0, length, 1.0)))
+
+    def solve(self) -> LinearFit:
+        """Least squares of the logarithm of the response from the sums alone.
+
+        The error is about 1e-16 times the square of ``condition``, in standard errors below 1e-9 up to `LARGEST`.
+        """
+        about = self._summary()
+        fit = least_squares(about)
+        y = about.R[:, -1] + about.R[:, :-1] @ self.base[1:]
+        return replace(fit, params=fit.params + self.base, tss=float(y @ y))
+
+    def _summary(self) -> Summary:
+        n = float(self.size.sum())
+        mean = self.size @ self.centre / n
+        apart = np.sqrt(self.size)[:, None] * (self.centre - mean)
+        columns = np.vstack([apart, self.roots.reshape(-1, len(mean))])[:, 1:]
+        return Summary(int(n), len(mean) - 2, mean[1:], np.asarray(np.linalg.qr(columns, mode="r")))
 
     def rows(self) -> tuple[Array, Index]:
         """Design and response side by side, shape (m, p + 1), and the edge of each of these rows."""

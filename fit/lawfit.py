@@ -14,10 +14,11 @@ from ..core.intervals import Centre, Edge, Kind
 from .available import NotAvailable
 from .edge_sums import EdgeSums
 from .edges import EdgeInference
+from .fitted_rows import FittedRows, LawSource, RowAccess
 from .laws import Error, Form, LawForm
 from .prediction import interval as interval_of
 from .region import DesignRegion, design_region
-from .rows import By, Dropped, FittedRows, LawSource, LeftOut, Points, as_table, level_names
+from .rows import By, Dropped, LeftOut, Points, as_table, level_names
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ ROUNDING = 1e-11  # relative residual below which a law meets its rows exactly
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
-class LawFit(Plottable):
+class LawFit(RowAccess, Plottable):
     """A fitted law. Names of results follow statsmodels, letters the papers.
 
     Attributes
@@ -107,50 +108,6 @@ class LawFit(Plottable):
         rows, formula = replace(self._in_memory, **own), changes.get("formula", self.formula)
         sizes = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
         return replace(self, rows=rows, **sizes, **changes)
-
-    @property
-    def _in_memory(self) -> FittedRows:
-        if self.rows is None:
-            raise FitError(
-                f"the law of {self.response} was fitted to a stream and keeps no rows; this needs rows: fit a sample "
-                "of them in memory."
-            )
-        return self.rows
-
-    @property
-    def X(self) -> Array:
-        """Factors in their units, shape (n, k)."""
-        return self._in_memory.X
-
-    @property
-    def shifts(self) -> Array:
-        """Indicator columns of the category, shape (n, s)."""
-        return self._in_memory.shifts
-
-    @property
-    def observed(self) -> Array:
-        """Response, shape (n,)."""
-        return self._in_memory.observed
-
-    @property
-    def fitted(self) -> Array:
-        """Prediction for each row, shape (n,)."""
-        return self._in_memory.fitted
-
-    @property
-    def residuals(self) -> Array:
-        """Residuals on the scale of ``error``, shape (n,)."""
-        return self._in_memory.residuals
-
-    @property
-    def lines(self) -> NDArray[np.intp]:
-        """Line of each row in the file, shape (n,)."""
-        return self._in_memory.lines
-
-    @property
-    def edge(self) -> NDArray[np.object_] | None:
-        """Cutting edge of each row, shape (n,), None where the file names none."""
-        return self._in_memory.edge
 
     @property
     def law(self) -> LawForm:

@@ -40,10 +40,11 @@ from ..core.intervals import (
 )
 from .available import NotAvailable
 from .edges import EdgeInference
+from .fitted_rows import FittedRows
 from .laws import Error, LawForm
 from .least_squares import linear
 from .region import DesignRegion
-from .rows import By, FittedRows, Points, as_table
+from .rows import By, Points, as_table
 
 Array = NDArray[np.float64]
 

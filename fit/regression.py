@@ -19,11 +19,12 @@ from ..core.threads import one_thread
 from ..datasets import Runs
 from .available import NotAvailable
 from .edges import EXACT_FIT, NO_EDGES, EdgeInference, infer_by_edge
+from .fitted_rows import FittedRows, LawSource
 from .lawfit import LawFit
 from .laws import LARGEST_LOG, Error, LawForm
 from .least_squares import linear
 from .nonlinear import minimise
-from .rows import Dropped, FittedRows, LawSource, LeftOut, Rows, identifiable, select
+from .rows import Dropped, LeftOut, Rows, identifiable, select
 
 Array = NDArray[np.float64]
 # theta, its covariance (None without degrees of freedom), fitted response, residuals, total sum of squares

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ..core.display import Displayable
 from ..core.errors import FitError
 from .available import NotAvailable
+from .fitted_rows import FittedRows
 from .prediction import Fitted
-from .rows import FittedRows
 
 Array = NDArray[np.float64]
 

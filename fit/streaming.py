@@ -13,11 +13,12 @@ from .available import NotAvailable
 from .chunks import Chunk, ChunkReader, Index, RowFilter, UsableRows
 from .edge_sums import EdgeSums, EquivalentRows, equivalent_rows, infer_from_sums
 from .edges import NO_EDGES, EdgeInference
+from .fitted_rows import LawSource
 from .lawfit import LawFit
 from .laws import LawForm
 from .least_squares import LinearFit
 from .regression import check_constant, check_enough
-from .rows import CONSTANT, By, LawSource, LeftOut, Rows, identifiable
+from .rows import CONSTANT, By, LeftOut, Rows, identifiable
 from .triangle import Summary, Triangle, equivalent_columns, least_squares, merged, summary, triangle_of
 
 Array = NDArray[np.float64]

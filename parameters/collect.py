@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from ..datasets import Runs
     from ..fit import LawFit, NotAvailable
     from ..fit.bayes.posterior import Posterior
+    from ..fit.fitted_rows import LawSource
     from ..fit.life import ToolLife
-    from ..fit.rows import LawSource
     from ..ident.model import Model
     from .sections.dynamics import DynamicsSection
     from .sections.force_control import AdaptiveForceSection, RoughnessSection
@@ -174,7 +174,7 @@ def collect(
 
 def _source(laws: "Sequence[LawFit]", tool: str | None, work: str | None, data_given: bool) -> "LawSource":
     """The source of the laws; ParameterError where they have several and the caller does not give the facts."""
-    from ..fit.rows import LawSource
+    from ..fit.fitted_rows import LawSource
 
     sources = [law.source for law in laws]
     if not laws and (tool is None or work is None):

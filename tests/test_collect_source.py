@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from fitmodels import cards, datasets, fit, parameters
 from fitmodels.core.errors import ParameterError
-from fitmodels.fit.rows import LawSource
+from fitmodels.fit.fitted_rows import LawSource
 
 FACTORS = ["V", "f", "d", "t"]
 

@@ -35,7 +35,7 @@ from fitmodels.fit.checks.response_scale import error_structure
 from fitmodels.fit.checks.robust_fit import dominant_edge
 from fitmodels.fit.checks.time_exponent import common_exponent
 from fitmodels.fit.defaults import Refused
-from fitmodels.fit.many.laws_of_pairs import ManyLaws
+from fitmodels.fit.many.many_laws import ManyLaws
 from fitmodels.fit.published import compare_published
 from fitmodels.fit.rows import By, Dropped, LeftOut
 from fitmodels.ident.continuous import sampled, to_continuous

@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import FitmodelsError, UsageError
-from fitmodels.fit.many.edge_moves import edge_errors
-from fitmodels.fit.many.in_stacks import many_power_laws
-from fitmodels.fit.many.stacks import solved, stacks
+from fitmodels.fit.available import NotAvailable
+from fitmodels.fit.many.batched import many_power_laws
+from fitmodels.fit.many.batched_qr import edge_errors, solved, stacked_pairs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.regression.linear_model import OLS
@@ -267,7 +267,7 @@ def test_what_cannot_be_asked_is_said_at_the_door(asked, said):
 
 def test_every_pair_is_in_one_stack():
     counts = np.random.default_rng(1).integers(1, 4000, 300)
-    blocks = list(stacks(counts))
+    blocks = list(stacked_pairs(counts))
     assert sorted(np.concatenate(blocks)) == list(range(300))
     assert all(counts[b].max() <= 1.2 * counts[b].min() for b in blocks)
 
@@ -278,3 +278,19 @@ def test_an_edge_that_alone_holds_a_parameter_is_not_safe():
     stack = solved(np.stack([x, y]), np.array([0]), np.array([5]))
     _, safe = edge_errors(stack, np.array([0, 3]), np.array([0]), np.array([2]))
     assert not safe[0]
+
+
+def test_each_law_is_that_of_its_rows():
+    rng = np.random.default_rng(4)
+    pair, V = np.repeat(["A", "B", "C"], [30, 40, 1]), np.exp(rng.normal(4, 0.4, 71))
+    rows = pd.DataFrame({"tool": pair, "V": V, "AW": 0.01 * V**0.5 * np.exp(0.1 * rng.normal(size=71))})
+    laws = many_power_laws(rows, "AW", ["V"], pair="tool")
+    one = laws[1]
+    assert (one.nobs, one.source.tool, len(laws)) == (40, "B", 3)
+    np.testing.assert_allclose(one.params, laws.params.loc["B"], rtol=1e-10)
+    np.testing.assert_allclose(one.bse, laws.bse.loc["B"], rtol=1e-9)
+    assert not laws[-1]
+    assert str(laws[2]) == laws.reasons["C"]
+    assert [bool(law) for law in laws if isinstance(law, NotAvailable)] == [False]
+    with pytest.raises(IndexError):
+        laws[3]

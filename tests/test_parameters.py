@@ -17,8 +17,8 @@ import pandas as pd
 import pytest
 from fitmodels import fit, parameters
 from fitmodels.core.errors import ParameterError
+from fitmodels.fit.fitted_rows import LawSource
 from fitmodels.fit.laws import LawForm
-from fitmodels.fit.rows import LawSource
 from fitmodels.parameters import LawSection, ParameterFile, collect, read, write
 from fitmodels.parameters import file as file_module
 from fitmodels.parameters.file import sealed

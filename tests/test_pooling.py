@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.many.errors_of_family import moderated
-from fitmodels.fit.many.families import pooled_exponents
-from fitmodels.fit.many.in_stacks import many_power_laws
+from fitmodels.fit.many.batched import many_power_laws
+from fitmodels.fit.many.pooling import moderated, pooled_exponents
 from fitmodels.fit.many.random_effects import (
     family,
     given,

@@ -68,7 +68,7 @@ def _curve(posterior: "Posterior", j: int, level: int) -> Curve:
     there, here = (np.repeat(centre[None], n, axis=0) for n in (len(x), len(grid)))
     there[:, j], here[:, j] = x[:, j], grid
     theta = np.median(posterior.draws[:, : len(law.theta)], axis=0)
-    moved, was = (law.law.response_at(theta, law.law.design(at, law.shifts[mine])) for at in (there, x))
+    moved, was = (law.formula.response_at(theta, law.formula.design(at, law.shifts[mine])) for at in (there, x))
     held = [f"{law.by.column} {levels_of(law)[level]}"] if law.by else []
     held += [
         f"{name} {value:.3g} {law.units.get(name, '')}".rstrip()

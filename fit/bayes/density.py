@@ -280,7 +280,7 @@ def law_density(law: "LawFit", priors: Priors, errors: Errors = "normal") -> Law
     centre = np.concatenate([[0.0], Z[:, 1:].mean(axis=0)])
     start, spread = _normal_guess(law, centre, edges, errors)
     return LawDensity(
-        law.law, priors, errors, natural, (Z - centre)[order], y[order], centre,
+        law.formula, priors, errors, natural, (Z - centre)[order], y[order], centre,
         starts, sizes, labels, edges, law.theta_names, start, spread,
     )  # fmt: skip
 

@@ -74,7 +74,7 @@ def posterior(
     _check(law, draws, seed, errors, method)
     edges, notes = _edges(law)
     density = law_density(law, _priors(law, priors, edges), errors)
-    linear = errors == "normal" and not (density.natural and law.law.logarithmic)
+    linear = errors == "normal" and not (density.natural and law.formula.logarithmic)
     if method == "exact" and not linear:
         raise UsageError(
             f"{law.response}: there are no exact draws of a law that is not linear in its parameters; omit method."

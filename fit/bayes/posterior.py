@@ -147,7 +147,7 @@ class Posterior(PosteriorDraws):
             raise UsageError(f"kind={kind!r}, edge={edge!r}: 'mean' or 'prediction', of a 'new' or the 'same' edge.")
         Z = self.law.design_of(as_table(self.response, new))
         eta = self.draws[:, : len(self.law.theta)] @ Z.T
-        logarithmic, natural = self.law.law.logarithmic, self.density.natural
+        logarithmic, natural = self.law.formula.logarithmic, self.density.natural
         if kind == "mean":
             return np.exp(eta) if logarithmic else eta
         scatter = self._scatter(eta.shape, edge)

@@ -215,20 +215,20 @@ def reference(law: "LawFit", edges: bool) -> Priors:
 def units_of_priors(law: "LawFit") -> dict[str, str]:
     """Unit of what each prior is of; ``ln mm`` for the logarithm of a length in mm."""
     response = law.units.get(law.response, "")
-    level = f"ln {response}".strip() if law.law.logarithmic else response
+    level = f"ln {response}".strip() if law.formula.logarithmic else response
     units = dict.fromkeys(law.theta_names[1:], "1")
     if law.form != "power":
-        for name, factor in zip(law.law.names[1:], law.factors, strict=True):
-            top = "1" if law.law.logarithmic else response
+        for name, factor in zip(law.formula.names[1:], law.factors, strict=True):
+            top = "1" if law.formula.logarithmic else response
             units[name] = f"{top}/({law.units.get(factor, '')})"
-        units |= dict.fromkeys(law.names[1 + len(law.factors) :], "1" if law.law.logarithmic else response)
+        units |= dict.fromkeys(law.names[1 + len(law.factors) :], "1" if law.formula.logarithmic else response)
     return {"level": level, **units, "sd": "ln" if law.error == "multiplicative" else response, "icc": "1"}
 
 
 def _from_data(law: "LawFit") -> tuple[dict[str, Prior], dict[str, str]]:
     """Widths of 2.5 standard deviations of the data, for what has no usual size."""
-    y = np.log(law.observed) if law.law.logarithmic and (law.observed > 0).all() else law.observed
-    if law.law.logarithmic and not (law.observed > 0).all():
+    y = np.log(law.observed) if law.formula.logarithmic and (law.observed > 0).all() else law.observed
+    if law.formula.logarithmic and not (law.observed > 0).all():
         y = np.log(np.maximum(law.fitted, np.abs(law.fitted).max() * 1e-3))
     width = float(y.std(ddof=1)) or max(abs(float(y.mean())), 1.0)
     Z = law.design[:, 1:]

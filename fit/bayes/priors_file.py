@@ -132,7 +132,7 @@ def _numbers(where: str, kind: str, given: Mapping[str, object]) -> dict[str, fl
 def _fits_the_parameter(where: str, key: str, kind: str, law: "LawFit") -> None:
     """A scatter lies above zero, a share between 0 and 1, the rest anywhere."""
     wanted = {"sd": ("half-t",), "icc": ("beta",)}.get(key, ("normal",))
-    if key == "level" and law.law.logarithmic:
+    if key == "level" and law.formula.logarithmic:
         wanted = ("lognormal",)
     if kind not in wanted:
         raise UsageError(f"{where}: a {kind} prior does not fit it; it takes a {' or '.join(wanted)} one.")

@@ -149,7 +149,7 @@ def _check(law: LawFit, gauge_sd: float, wear: str, unit: str) -> None:
 def _uncorrectable(law: LawFit) -> str | None:
     if reason := no_scatter(law):
         return reason
-    in_units = law.error == "additive" and law.law.logarithmic
+    in_units = law.error == "additive" and law.formula.logarithmic
     return "the correction holds for multiplicative errors only: fit with error='multiplicative'" if in_units else None
 
 

@@ -84,7 +84,7 @@ def judge(law: LawFit, gauge_sd: float | None = None, *, alternative: LawFit | N
     found = adequacy(law)
     given, law = law, even_choice(law)
     checks: Checks = {**found.checks}
-    if law.law.logarithmic:  # a line has one error structure only
+    if law.formula.logarithmic:  # a line has one error structure only
         checks["error structure"] = error_structure(law, alternative if law is given else None)
     if law.form == "power":
         checks["rival forms"] = compare_forms(law)

@@ -81,7 +81,7 @@ def _of_edges(law: LawFit, strata: Strata) -> LackOfFit | NotAvailable:
     if len(between) < 2:
         return NotAvailable("every factor changes within the edges, so no two edges have the same setting")
     first = np.unique(strata.edge, return_index=True)[1]
-    setting = settings_of(law.law.design(law.X[first], law.shifts[first])[:, between])
+    setting = settings_of(law.formula.design(law.X[first], law.shifts[first])[:, between])
     S, G, p = int(setting.max()) + 1, len(strata.names), len(strata.within)
     if S == G:
         return NotAvailable(

@@ -69,7 +69,7 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
 
     if reason := no_scatter(law):
         return NotAvailable(reason)
-    if law.law.logarithmic and law.error == "additive":
+    if law.formula.logarithmic and law.error == "additive":
         return NotAvailable(
             "with additive errors the law is not linear on the scale of the response: fit with error='multiplicative'"
         )
@@ -77,7 +77,7 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
         return NotAvailable(f"{law.response} is not above zero in every row, as its powers require")
     if has_repeated_edges(law) and not isinstance(strata, Strata):
         return strata
-    of_law = 0.0 if law.law.logarithmic else 1.0
+    of_law = 0.0 if law.formula.logarithmic else 1.0
     profile = profile_of(law, strata)
     found = _interval(profile)
     if found is None:
@@ -322,7 +322,7 @@ def _loglik(law: LawFit) -> Array:
 
 
 def _no_alternative(law: LawFit) -> str:
-    if not law.law.logarithmic:
+    if not law.formula.logarithmic:
         return f"a {law.form.replace('_', ' ')} is linear: its errors are additive, and there is no alternative"
     below = int((law.observed <= 0).sum())
     if below:

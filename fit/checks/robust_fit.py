@@ -42,7 +42,7 @@ class Refit(Check, Plottable):
     @property
     def params(self) -> "pd.Series[float]":
         """Coefficients, as ``LawFit.params``."""
-        return pd.Series(self.law.law.coefficients(self.theta), index=list(self.law.names), name=self.law.response)
+        return pd.Series(self.law.formula.coefficients(self.theta), index=list(self.law.names), name=self.law.response)
 
     @property
     def bse(self) -> "pd.Series[float]":
@@ -54,7 +54,7 @@ def tangent(law: LawFit, Z: Array, theta: Array) -> tuple[Array, Array]:
     """Gradient (n, p) and residuals (n,) at theta, on the scale of the errors."""
     if law.error == "multiplicative":
         return Z, np.log(law.observed) - Z @ theta
-    return law.law.gradient(theta, Z), law.observed - law.law.response_at(theta, Z)
+    return law.formula.gradient(theta, Z), law.observed - law.formula.response_at(theta, Z)
 
 
 # Standard errors of the law without it that an edge must move some parameter by: the largest over edges and parameters
@@ -209,7 +209,7 @@ def robust(law: LawFit) -> RobustFit | NotAvailable:
             return refit
         step, weights, scale = refit
         theta = theta + step
-        if law.error == "multiplicative" or not law.law.logarithmic:
+        if law.error == "multiplicative" or not law.formula.logarithmic:
             break
         if np.abs(J @ step).max() <= 100 * CLOSE * scale:
             break

@@ -1,5 +1,5 @@
-"""Laws of thousands of pairs at once, and what a family of pairs says of each of them.
+"""Laws of thousands of pairs at once, and partial pooling over families of pairs.
 
-Rows of all pairs -> sorted rows -> stacks of equal length -> triangles -> standard errors by edge -> ManyLaws;
-whatever a stack cannot settle beyond doubt is fitted one by one. Estimates of a family -> PooledExponents.
+Rows of all pairs -> sorted rows -> batched QR -> standard errors by edge -> ManyLaws; pairs near a numerical threshold
+are fitted singly. Estimates of a family -> PooledExponents.
 """

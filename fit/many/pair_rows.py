@@ -1,4 +1,4 @@
-"""The rows of all pairs, sorted by pair and by edge, in logarithms: checked once, for stacks to be cut from."""
+"""Rows of all pairs, sorted by pair and by edge, in logarithms, and the screening of the pairs for the batched fit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,9 +9,16 @@ from numpy.typing import NDArray
 
 from ...core.errors import UsageError
 from ...datasets.runs import UNNAMED
+from ..edges import SAME
+from ..rows import CONSTANT, FEWEST
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
+# Margin of a threshold: beyond it rounding cannot have decided.
+MARGIN = 1.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,3 +153,69 @@ def _text(level: object) -> str:
 def _changes(key: Ints) -> Ints:
     """Where a sorted key takes a new value."""
     return np.flatnonzero(np.concatenate([np.ones(min(len(key), 1), dtype=bool), key[1:] != key[:-1]]))
+
+
+@dataclass(frozen=True, slots=True)
+class Screening:
+    """Varying factors of each pair, and the pairs that a batched fit takes.
+
+    Attributes
+    ----------
+    constant, within : ndarray, shape (K, k)
+        Factors that do not change in a pair, and those that change within its edges.
+    level : ndarray, shape (K, k)
+        First value of each factor, in logarithms.
+    largest : ndarray, shape (K,)
+        Largest ``|ln y|``.
+    plain : ndarray, shape (K,)
+        Pairs that a batched fit takes.
+    """
+
+    constant: Flags
+    within: Flags
+    level: Array
+    largest: Array
+    plain: Flags
+
+
+def screen(rows: PairRows) -> Screening:
+    """Screen all pairs in one pass over the rows; pairs without rows are not plain."""
+    K, k = len(rows.names), len(rows.logs) - 1
+    here = np.flatnonzero(rows.counts)
+    found = Screening(
+        np.zeros((K, k), dtype=bool), np.zeros((K, k), dtype=bool), np.zeros((K, k)), np.zeros(K),
+        np.zeros(K, dtype=bool),
+    )  # fmt: skip
+    if not here.size:
+        return found
+    starts, counts = rows.bounds[here], rows.counts[here]
+    first = _first_rows(rows, starts, counts)
+    about = np.abs(rows.logs - np.repeat(rows.logs[:, first], counts, axis=1))
+    reach = np.maximum.reduceat(about, starts, axis=1)
+    level = rows.logs[:k, first].T
+    share = reach[:k].T / np.maximum(1.0, np.abs(level))
+    constant = share <= CONSTANT
+    close = ((share > CONSTANT / MARGIN) & (share < CONSTANT * MARGIN)).any(axis=1)
+    copied = (np.add.reduceat(~about.any(axis=0), starts) > 1) & (counts >= 2 * FEWEST)
+    p = 1 + k - constant.sum(axis=1)
+    found.plain[here] = (counts > p) & (p > 1) & (reach[k] > 0) & ~close & ~copied
+    infinite = np.logical_or.reduce([np.isinf(values) for values in rows.raw.values()])
+    found.plain[rows.number[infinite]] = False
+    found.constant[here], found.level[here], found.within[here] = constant, level, _within(rows, starts)
+    found.largest[here] = np.maximum.reduceat(np.abs(rows.logs[k]), starts)
+    return found
+
+
+def _first_rows(rows: PairRows, starts: Ints, counts: Ints) -> Ints:
+    """Positions of the first row of each pair in the table, from which changes are measured as in a single fit."""
+    return np.flatnonzero(rows.source == np.repeat(np.minimum.reduceat(rows.source, starts), counts))
+
+
+def _within(rows: PairRows, starts: Ints) -> Flags:
+    """Which factors change within the edges of a pair, shape (pairs with rows, k); see ``edges``."""
+    X = rows.logs[:-1]
+    if rows.edge_starts is None:
+        return np.zeros((len(starts), len(X)), dtype=bool)
+    lengths = np.diff(rows.edge_starts, append=X.shape[1])
+    change = np.maximum.reduceat(np.abs(X - np.repeat(X[:, rows.edge_starts], lengths, axis=1)), starts, axis=1)
+    return np.asarray((change > SAME * np.maximum.reduceat(np.abs(X), starts, axis=1)).T)

@@ -1,4 +1,4 @@
-"""Exponents of a family of pairs, as draws about a common mean: the normal random-effects model, integrated exactly.
+"""Normal random-effects model of the exponents of a family of pairs, integrated over the variance between pairs.
 
     b_i ~ N(beta_i, v_i),    beta_i ~ N(mu, tau^2),    mu flat,    tau half-t
 
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FARTHEST = 16.0  # asinh(tau / c) beyond which nothing is looked for: tau of four million standard errors
-COARSE, CLOSE = 64, 24  # points of the first look for the mass, and of each closer one
-CLOSER = {"mass": 2, "top": 8}  # closer looks: at the top each is eleven times as close
+FARTHEST = 16.0  # asinh(tau / c) up to which the posterior is searched: tau of four million standard errors
+COARSE, CLOSE = 64, 24  # points of the first search for the mass, and of each closer one
+CLOSER = {"mass": 2, "top": 8}  # closer searches: at the top each is eleven times as close
 FAR = 30.0  # in the log density below its top
 PANELS, NODES = 96, 2
 FEW = 28  # nodes of tau that do for the pairs of a large family
@@ -217,12 +217,12 @@ def _unit(v: Array) -> float:
 
 
 def _farthest(b: Array, c: float) -> float:
-    """Largest asinh(tau / c) looked at; a pair of next to no error makes c small beside what exponents differ by."""
+    """Largest asinh(tau / c) searched; a pair of small error makes c small compared with the spread of exponents."""
     return max(FARTHEST, float(np.arcsinh(100 * np.ptp(b) / c)))
 
 
 def _where(log_mass: Callable[[Array], Array], farthest: float) -> tuple[float, float]:
-    """Ends of the mass, looked for ever more closely."""
+    """Ends of the mass, searched ever more closely."""
     x = np.linspace(0.0, farthest, COARSE)
     for _ in range(CLOSER["mass"] + 1):
         mass = log_mass(x)

@@ -1,7 +1,9 @@
-"""Least squares of many pairs at once: one QR of a stack of centred, column-scaled matrices.
+"""Batched least squares of many pairs, and their jackknife by edge (CR3): one QR of a stack of centred matrices.
 
-Pairs of one stack have the same factors and nearly the same number of rows; shorter ones end in rows of zeros,
-which leave the triangle as it is. It is ``linear`` with one more axis, and keeps the same digits.
+Pairs of one stack have the same factors and nearly the same number of rows; shorter ones are padded with rows of
+zeros, which leave the triangle unchanged. It is ``linear`` with one more axis, and keeps the same digits. In the
+orthonormal basis U of a pair, leaving edge g out changes the estimate by ``-(I - U_g'U_g)^-1 U_g' r_g``; these are
+systems of p equations, as many as there are edges, solved together. Sources of CR3 as in ``edges``.
 """
 
 from collections.abc import Iterator
@@ -14,8 +16,10 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-BLOCK = 32_768  # rows of a stack: what stays in a processor's own memory
+BLOCK = 32_768  # rows of a stack, so that it stays in the cache
 RAGGED = 1.2  # the longest pair of a stack over its shortest
+# Least eigenvalue of I - U_g'U_g at which ten digits of a standard error are safe; below it, pairs are fitted singly.
+SAFE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +49,12 @@ class Stack:
     apart: Array
 
 
-def stacks(counts: Ints) -> Iterator[Ints]:
+def stacked_pairs(counts: Ints) -> Iterator[Ints]:
     """Positions of pairs that go into one stack, by their numbers of rows.
 
     Examples
     --------
-    >>> [block.tolist() for block in stacks(np.array([6, 144, 6, 140]))]
+    >>> [block.tolist() for block in stacked_pairs(np.array([6, 144, 6, 140]))]
     [[0, 2], [3, 1]]
     """
     order = np.argsort(counts, kind="stable")
@@ -81,7 +85,7 @@ def solved(logs: Array, starts: Ints, counts: Ints) -> Stack:
     [[0.0, 0.5], [0.0, 0.5]]
     """
     there = np.arange(counts.max()) < counts[:, None]
-    A, means = _centred(_side_by_side(logs, starts, there), there, counts)  # (q, m, n)
+    A, means = _centred(_padded(logs, starts, there), there, counts)  # (q, m, n)
     lengths = np.sqrt(np.einsum("qmn,qmn->qm", A, A))
     Q, R = np.linalg.qr((A / lengths[:, :, None]).transpose(1, 2, 0))
     k = len(logs) - 1
@@ -104,8 +108,8 @@ def solved(logs: Array, starts: Ints, counts: Ints) -> Stack:
     )
 
 
-def _side_by_side(logs: Array, starts: Ints, there: Flags) -> Array:
-    """Rows of each pair, shape (q, m, n), where it has none those of its first row."""
+def _padded(logs: Array, starts: Ints, there: Flags) -> Array:
+    """Rows of each pair, shape (q, m, n), padded with its first row."""
     m, n = there.shape
     if there.all() and np.all(np.diff(starts) == n):
         return logs[:, starts[0] : starts[0] + m * n].reshape(-1, m, n)
@@ -142,3 +146,61 @@ def _root(slopes: Array, means: Array, counts: Ints) -> Array:
     root[:, 0, 1:] = -np.einsum("mj,mjl->ml", means, slopes)
     root[:, 1:, 1:] = slopes
     return root
+
+
+def edge_errors(stack: Stack, edge_starts: Ints, pair_starts: Ints, n_edges: Ints) -> tuple[Array, Flags]:
+    """CR3 standard errors of ``theta``, shape (m, p), and the pairs for which they are accurate, shape (m,).
+
+    Parameters
+    ----------
+    edge_starts : ndarray of int, shape (E,)
+        Where each edge begins among the rows of the stack.
+    pair_starts : ndarray of int, shape (m,)
+        Where each pair begins among the E edges.
+    n_edges : ndarray of int, shape (m,)
+    """
+    U = stack.basis
+    p, E = len(U), len(edge_starts)
+    left = np.empty((p, p, E))
+    for i in range(p):
+        for j in range(i, p):
+            left[i, j] = left[j, i] = float(i == j) - np.add.reduceat(U[i] * U[j], edge_starts)
+    score = np.add.reduceat(U * stack.residuals, edge_starts, axis=1)
+    moved, determinant = _solved(left.copy(), score)
+    safe = _safe(left, determinant)
+    spread = np.empty((len(n_edges), p, p))
+    for i in range(p):
+        for j in range(i, p):
+            spread[:, i, j] = spread[:, j, i] = np.add.reduceat(moved[i] * moved[j], pair_starts)
+    variance = np.einsum("mij,mjl,mil->mi", stack.root, spread, stack.root) * ((n_edges - 1) / n_edges)[:, None]
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(variance), np.logical_and.reduceat(safe, pair_starts)
+
+
+def _solved(A: Array, b: Array) -> tuple[Array, Array]:
+    """Solutions of E positive definite systems ``A x = b``, shapes (p, p, E) and (p, E), in place; and determinants.
+
+    Elimination over all systems at once; no pivoting is needed, and a system that is not positive definite shows
+    in its pivots, for which the determinant is then zero.
+    """
+    p = len(A)
+    determinant = np.ones(A.shape[2])
+    with np.errstate(all="ignore"):
+        for j in range(p):
+            determinant *= np.maximum(A[j, j], 0.0)
+            for i in range(j + 1, p):
+                factor = A[i, j] / A[j, j]
+                A[i, j:] -= factor * A[j, j:]
+                b[i] -= factor * b[j]
+        for i in range(p - 1, -1, -1):
+            b[i] = (b[i] - np.einsum("je,je->e", A[i, i + 1 :], b[i + 1 :])) / A[i, i]
+    return b, determinant
+
+
+def _safe(left: Array, determinant: Array) -> Flags:
+    """Whether the least eigenvalue is above ``SAFE``: as none exceeds one, it is at least the determinant."""
+    safe = determinant > SAFE
+    doubt = np.flatnonzero(~safe)
+    if doubt.size:
+        safe[doubt] = np.linalg.eigvalsh(left[:, :, doubt].transpose(2, 0, 1))[:, 0] > SAFE
+    return safe

@@ -1,7 +1,7 @@
-"""Power laws of many small pairs as stacked linear algebra, with the numbers of a loop of ``power_law``.
+"""Power laws of many small pairs by batched linear algebra, equal to a loop of ``power_law``.
 
-What decides a case rather than computes it (a factor that does not vary, copies of rows, an edge that alone holds a
-parameter) is looked at for all pairs at once; a pair near any of these borders goes the careful way, one by one.
+Decisions (a factor that does not vary, copies of rows, an edge that alone identifies a parameter) are made for all
+pairs at once; a pair near any of their thresholds is fitted singly by ``power_law``.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,19 +14,15 @@ from ...core.threads import one_thread
 from ..edges import NO_EDGES, too_few_edges
 from ..laws import LARGEST_LOG
 from ..rows import EXACT
-from .edge_moves import edge_errors
-from .estimates import Estimates, enter, nothing_yet
-from .laws_of_pairs import ManyLaws
-from .looking import MARGIN, Look, look_at
-from .one_by_one import one_law
-from .pair_rows import PairRows, sorted_rows
-from .stacks import Stack, solved, stacks
+from .batched_qr import Stack, edge_errors, solved, stacked_pairs
+from .many_laws import Estimates, ManyLaws, enter, no_estimates, single_law
+from .pair_rows import MARGIN, PairRows, Screening, screen, sorted_rows
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-# Residuals of a stack come from its QR, those of power_law from y - Z theta: below this share of |ln y| they part.
+# Residuals of a stack come from its QR, those of power_law from y - Z theta: below this share of |ln y| they differ.
 NEARLY_EXACT = 1e-5
 
 
@@ -46,7 +42,7 @@ def many_power_laws(
         Rows of all pairs: columns under the symbols of the laws, in the same units for all pairs.
     response : str
     factors : sequence of str
-        Symbols, most important first; a pair whose rows cannot tell one does without it.
+        Symbols, most important first; a pair whose rows do not identify one leaves it out.
     pair : str or sequence of str
         Column or columns that name the pair, for instance ``["tool", "work"]``.
     edge : str, optional
@@ -78,7 +74,7 @@ def many_power_laws(
     {'A': 0.542, 'B': 0.5}
     """
     rows = sorted_rows(frame, response, factors, pair, edge)
-    laws = ManyLaws(response, tuple(factors), rows.names, nothing_yet(len(rows.names), 1 + len(factors)))
+    laws = ManyLaws(response, tuple(factors), rows.names, no_estimates(len(rows.names), 1 + len(factors)), rows)
     _fill(laws, rows)
     return laws
 
@@ -87,40 +83,40 @@ def many_power_laws(
 def _fill(laws: ManyLaws, rows: PairRows) -> None:
     into = laws.estimates
     if len(laws):
-        look = look_at(rows)
-        for pattern, pairs in _by_pattern(look):
-            for block in stacks(rows.counts[pairs]):
-                _fit_stack(into, rows, look, pairs[block], pattern)
+        found = screen(rows)
+        for pattern, pairs in _by_pattern(found):
+            for block in stacked_pairs(rows.counts[pairs]):
+                _fit_stack(into, rows, found, pairs[block], pattern)
         into.dropped[:] = np.bincount(rows.number, minlength=len(laws)) - rows.counts
     order = np.argsort(rows.number, kind="stable")
     bounds = np.searchsorted(rows.number[order], np.arange(len(laws) + 1))
     for i in np.flatnonzero(~into.stacked):
-        found = one_law(rows, order[bounds[i] : bounds[i + 1]], laws.response, laws.factors)
+        found = single_law(rows, order[bounds[i] : bounds[i + 1]], laws.response, laws.factors)
         if isinstance(found, str):
             into.reason[i] = found
         else:
             enter(into, int(i), found, laws.names)
 
 
-def _by_pattern(look: Look) -> Iterator[tuple[Flags, Ints]]:
-    """Pairs that a stack may take, by the factors that vary in them."""
-    pairs = np.flatnonzero(look.plain)
-    patterns, which = np.unique(~look.constant[pairs], axis=0, return_inverse=True)
+def _by_pattern(found: Screening) -> Iterator[tuple[Flags, Ints]]:
+    """Pairs that a batched fit takes, by the factors that vary in them."""
+    pairs = np.flatnonzero(found.plain)
+    patterns, which = np.unique(~found.constant[pairs], axis=0, return_inverse=True)
     for i, pattern in enumerate(patterns):
         yield pattern, pairs[which.ravel() == i]
 
 
-def _fit_stack(into: Estimates, rows: PairRows, look: Look, pairs: Ints, pattern: Flags) -> None:
-    """Fit pairs of one pattern and write down those that are beyond doubt; the others stay for the careful way."""
+def _fit_stack(into: Estimates, rows: PairRows, found: Screening, pairs: Ints, pattern: Flags) -> None:
+    """Fit pairs of one pattern and enter those that are clear of every threshold; the others are fitted singly."""
     counts = rows.counts[pairs]
     logs = rows.logs if pattern.all() else rows.logs[np.append(pattern, True)]
     stack = solved(logs, rows.bounds[pairs], counts)
     p = stack.theta.shape[1]
     row_se = np.sqrt((stack.rss / (counts - p))[:, None] * np.einsum("mij,mij->mi", stack.root, stack.root))
-    sure = (stack.apart > EXACT * MARGIN) & (stack.rss > counts * (NEARLY_EXACT * look.largest[pairs]) ** 2)
+    sure = (stack.apart > EXACT * MARGIN) & (stack.rss > counts * (NEARLY_EXACT * found.largest[pairs]) ** 2)
     sure &= np.abs(stack.theta[:, 0]) < LARGEST_LOG / MARGIN
     se = row_se.copy()
-    n_edges, reason = _edge_reasons(rows, look, pairs, pattern)
+    n_edges, reason = _edge_reasons(rows, found, pairs, pattern)
     can = sure & (reason == "")
     if can.any() and rows.edge_starts is not None:
         safe = _by_edge(se, stack, rows, rows.edge_starts, pairs, can)
@@ -131,11 +127,11 @@ def _fit_stack(into: Estimates, rows: PairRows, look: Look, pairs: Ints, pattern
     into.rss[done], into.tss[done] = stack.rss[sure], stack.tss[sure]
     into.nobs[done], into.n_edges[done], into.stacked[done] = counts[sure], n_edges[sure], True
     into.by_edge[done], into.edge_reason[done] = can[sure], reason[sure]
-    _name_left_out(into, look, done, pattern, list(rows.raw))
+    _name_left_out(into, found, done, pattern, list(rows.raw))
 
 
 def _by_edge(se: Array, stack: Stack, rows: PairRows, edge_starts: Ints, pairs: Ints, can: Flags) -> Flags:
-    """Put standard errors by edge in ``se`` for the pairs that ``can`` have them; whether each is safe."""
+    """Put standard errors by edge in ``se`` for the pairs that ``can`` have them; whether each is accurate."""
     counts = rows.counts[pairs]
     part = stack if can.all() else _part(stack, can, np.repeat(can, counts))
     bounds = rows.edge_bounds
@@ -167,25 +163,25 @@ def _ranges(begin: Ints, lengths: Ints) -> Ints:
     return np.asarray(np.arange(lengths.sum()) + np.repeat(begin - before, lengths))
 
 
-def _edge_reasons(rows: PairRows, look: Look, pairs: Ints, pattern: Flags) -> tuple[Ints, NDArray[np.object_]]:
-    """Edges of each pair, and why they give no standard errors, in the words and the order of ``edge_inference``."""
+def _edge_reasons(rows: PairRows, found: Screening, pairs: Ints, pattern: Flags) -> tuple[Ints, NDArray[np.object_]]:
+    """Edges of each pair, and why there is no inference by edge, as in ``edge_inference``."""
     reason = np.full(len(pairs), "", dtype=object)
     if rows.edge_starts is None:
         reason[:] = NO_EDGES.reason
         return np.zeros(len(pairs), dtype=np.intp), reason
     G, counts = np.diff(rows.edge_bounds)[pairs], rows.counts[pairs]
-    between = 1 + (~look.within[pairs][:, pattern]).sum(axis=1)
+    between = 1 + (~found.within[pairs][:, pattern]).sum(axis=1)
     for i in np.flatnonzero((between + 1 > G) | (counts == G)):
         reason[i] = too_few_edges(int(counts[i]), int(G[i]), int(between[i]))
     return G, reason
 
 
-def _name_left_out(into: Estimates, look: Look, pairs: Ints, pattern: Flags, names: list[str]) -> None:
-    """Say which constant factors the laws of these pairs do without, as ``identifiable`` does."""
+def _name_left_out(into: Estimates, found: Screening, pairs: Ints, pattern: Flags, names: list[str]) -> None:
+    """Enter the constant factors that the laws of these pairs leave out, as ``identifiable`` does."""
     if pattern.all():
         return
     out = np.flatnonzero(~pattern)
     for i in pairs:
-        values = np.exp(look.level[i, out])
-        said = (f"{names[j]} constant ({v:.6g} in all {into.nobs[i]} rows)" for j, v in zip(out, values, strict=True))
-        into.left_out[i] = "; ".join(said)
+        values = np.exp(found.level[i, out])
+        texts = (f"{names[j]} constant ({v:.6g} in all {into.nobs[i]} rows)" for j, v in zip(out, values, strict=True))
+        into.left_out[i] = "; ".join(texts)

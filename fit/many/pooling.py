@@ -1,4 +1,17 @@
-"""Partial pooling: what a family of pairs (an ISO group, a grade, a coolant) says of the exponent of each of them."""
+"""Partial pooling of an exponent over families of pairs (an ISO group, a grade, a coolant), with moderated variances.
+
+The squared standard error of a pair is its variance times a factor of its design, ``se^2 = s^2 c`` with
+``c = (row_bse / scale_se)^2``. With d_i degrees of freedom s_i^2 is nearly sigma_i^2 chi^2 / d_i, and over the family
+sigma_i^2 is scaled inverse chi^2 with d_0 degrees of freedom about s_0^2. The moderated variance is
+
+    s~_i^2 = (d_0 s_0^2 + d_i s_i^2) / (d_0 + d_i),    with d_0 + d_i degrees of freedom.
+
+d_0 and s_0 follow from the spread of ln s_i^2, whose variance beyond trigamma(d_i / 2) is trigamma(d_0 / 2): a family
+with heterogeneous variances has a small d_0, and every pair keeps its own error.
+
+Source: Smyth 2004, Statistical Applications in Genetics and Molecular Biology 3, article 3, sections 3 and 6.2; the
+spread here by restricted likelihood, since pairs differ in their degrees of freedom.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -9,14 +22,14 @@ from numpy.typing import NDArray
 
 from ...core.display import Display, Plottable, TextTable, with_error
 from ...core.errors import UsageError
-from .errors_of_family import moderated
-from .laws_of_pairs import ManyLaws
-from .random_effects import Family, family, half_t, moments, of_pairs, quantiles, reml, tau_quantile, thinned
+from .many_laws import ManyLaws
+from .random_effects import Family, family, given, half_t, moments, of_pairs, quantiles, reml, tau_quantile, thinned
 
 Array = NDArray[np.float64]
 
 FEWEST = 3  # pairs of a family
 AT_ONCE = 4096  # pairs in one array over tau: about a megabyte
+NONE = 1e-6  # variance of ln sigma^2 below which variances are equal
 USED = ("se_used", "df_used")
 POOLED = ("pooled", "pooled_se", "pooled_low", "pooled_high")
 WHOLE = "all pairs"  # the family where none is asked for
@@ -32,10 +45,10 @@ class PooledExponents(Plottable):
     level : float
         Of every interval.
     prior : str
-        What tau was taken to be.
+        Prior of tau.
     table : DataFrame
         A row a pair, in the order and with the index of the table that was given: ``family``; ``estimate, se, df,
-        low, high`` of the pair alone; ``se_used, df_used``, its error with the family's say of it; ``pooled,
+        low, high`` of the pair alone; ``se_used, df_used``, moderated by those of the family; ``pooled,
         pooled_se, pooled_low, pooled_high`` with its family; ``shrinkage``, the share of the way from its own
         estimate to the family's mean; ``reason`` why it is not pooled.
     families : DataFrame
@@ -55,7 +68,7 @@ class PooledExponents(Plottable):
 
     def _display(self) -> Display:
         pooled = self.table["pooled"].notna()
-        shrunk = f", drawn {self.table['shrinkage'].median():.0%} towards its mean (median)" if pooled.any() else ""
+        shrunk = f", shrunk {self.table['shrinkage'].median():.0%} towards its mean (median)" if pooled.any() else ""
         head = f"exponent of {self.factor}: {pooled.sum()} pairs in {len(self.families)} families{shrunk}"
         ends = f"{100 * self.level:g} %"
         rows = tuple(
@@ -85,7 +98,7 @@ def pooled_exponents(
     table : DataFrame or ManyLaws
         A row a pair, with the columns ``params_V`` and ``bse_V`` for the factor V, and ``df``; without ``df`` the
         standard errors are taken as exact. Where ``row_bse_V`` and ``scale_se`` are there too, standard errors are
-        moderated by those of the family (``errors_of_family``): four edges tell little of how much they scatter.
+        moderated by those of the family (``errors_of_family``): four edges estimate their scatter poorly.
     factor : str
     by : str, optional
         Column that names the family of each pair, for instance its ISO group; None: all pairs are one.
@@ -101,8 +114,8 @@ def pooled_exponents(
 
     Notes
     -----
-    ``b_i ~ N(beta_i, v_i), beta_i ~ N(mu, tau^2)``, mu flat; integrated over tau, so that intervals hold what is not
-    known of tau too (Gelman et al. 2013, Bayesian Data Analysis, section 5.4). The error of an estimate with few
+    ``b_i ~ N(beta_i, v_i), beta_i ~ N(mu, tau^2)``, mu flat; integrated over tau, so that intervals include
+    the uncertainty of tau (Gelman et al. 2013, Bayesian Data Analysis, section 5.4). The error of an estimate with few
     edges is t-distributed; the normal that stands for it has the same 95 % interval,
     ``v_i = (se_i t(.975, df_i) / 1.96)^2`` with ``se_used`` and ``df_used``. From three degrees of freedom on this
     is nearly the variance of that t, and it is finite for any. A family of fewer than three pairs is not pooled.
@@ -118,17 +131,17 @@ def pooled_exponents(
     rows = _separate(table, factor, by, level)
     if not (tau_scale > 0 and tau_df > 0):
         raise UsageError(f"tau_scale={tau_scale}, tau_df={tau_df}: both are above zero, for instance 0.3 and 3.")
-    told = _pool(rows, half_t(tau_df, tau_scale), level)
+    found = _pool(rows, half_t(tau_df, tau_scale), level)
     if isinstance(table, pd.DataFrame):
         rows.index = table.index
     rows = rows.drop(columns="design")
     words = "uniform" if np.isinf(tau_scale) else f"tau half-t with {tau_df:g} df and scale {tau_scale:g}"
-    return PooledExponents(factor, level, words, rows, pd.DataFrame.from_dict(told, orient="index"))
+    return PooledExponents(factor, level, words, rows, pd.DataFrame.from_dict(found, orient="index"))
 
 
 def _pool(rows: pd.DataFrame, prior: Callable[[Array], Array], level: float) -> dict[str, dict[str, float]]:
-    """Fill in what each family says of its pairs, and return what it is; as arrays, since families may be many."""
-    told: dict[str, dict[str, float]] = {}
+    """Enter the pooled estimates of each family, and return its own; as arrays, since families may be many."""
+    found: dict[str, dict[str, float]] = {}
     own = {name: rows[name].to_numpy(dtype=float) for name in ("estimate", "se", "df", "design")}
     made = {name: np.full(len(rows), np.nan) for name in (*USED, *POOLED, "shrinkage")}
     reason = rows["reason"].to_numpy(dtype=object, copy=True)
@@ -137,17 +150,17 @@ def _pool(rows: pd.DataFrame, prior: Callable[[Array], Array], level: float) -> 
     for name, places in named.groupby(named, sort=True).indices.items():
         at = known[places]
         if len(at) < FEWEST:
-            reason[at] = f"a family of fewer than {FEWEST} pairs does not tell how they differ"
+            reason[at] = f"a family of fewer than {FEWEST} pairs does not identify their spread"
             continue
         se, df = _errors(own["se"][at], own["df"][at], own["design"][at])
         of = family(own["estimate"][at], _variances(se, df), prior)
-        told[str(name)] = _of_family(of, level)
+        found[str(name)] = _of_family(of, level)
         for column, values in (dict(zip(USED, (se, df), strict=True)) | _of_pairs(of, level)).items():
             made[column][at] = values
     for column, values in made.items():
         rows[column] = values
     rows["reason"] = reason
-    return told
+    return found
 
 
 def _separate(
@@ -238,3 +251,43 @@ def _of_family(of: Family, level: float) -> dict[str, float]:
         "tau_low": tau_quantile(of, tails[0]), "tau_high": tau_quantile(of, tails[1]), "tau_reml": reml(of.b, of.v),
         "new_low": new[0], "new_high": new[1],
     }  # fmt: skip
+
+
+def moderated(se: Array, df: Array, design: Array) -> tuple[Array, Array]:
+    """Standard errors and degrees of freedom moderated by the family, shapes (J,).
+
+    Parameters
+    ----------
+    se, df : ndarray, shape (J,)
+        Of each pair by itself; J is 3 or more, df finite.
+    design : ndarray, shape (J,)
+        c, the squared standard error for a variance of one.
+
+    Examples
+    --------
+    >>> se, df = moderated(np.array([0.1, 0.11, 0.09, 0.02]), np.array([20.0, 20, 20, 3]), np.ones(4))
+    >>> bool(se[3] > 0.04), bool(df[3] > 4)
+    (True, True)
+    """
+    from scipy.special import polygamma, psi
+
+    own = np.square(se) / design
+    level, noise = np.log(own) - psi(df / 2) + np.log(df / 2), polygamma(1, df / 2)
+    spread = reml(level, noise)
+    mean = float(given(np.array([spread]), level, noise).mean[0])
+    d0 = _trigamma_inverse(spread**2) * 2
+    most = df.sum()  # the information of all pairs together
+    if d0 >= most:
+        return np.sqrt(np.exp(mean) * design), np.full(len(df), most)
+    s0 = np.exp(mean + psi(d0 / 2) - np.log(d0 / 2))
+    return np.sqrt((d0 * s0 + df * own) / (d0 + df) * design), np.minimum(d0 + df, most)
+
+
+def _trigamma_inverse(value: float) -> float:
+    """Where trigamma takes a value; infinite for next to nothing."""
+    from scipy.optimize import brentq
+    from scipy.special import polygamma
+
+    if value < NONE:
+        return float("inf")
+    return float(np.exp(brentq(lambda ln_x: float(np.log(polygamma(1, np.exp(ln_x)) / value)), -30, 30)))

@@ -1,0 +1,146 @@
+"""Rows of a fitted law, and their source."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..core.errors import FitError
+from ..datasets import Runs
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LawSource:
+    """Source of the rows of a law.
+
+    Attributes
+    ----------
+    file, sha256 : str
+        Name of the data file and SHA-256 of its bytes; empty for rows in memory.
+    tool, work : str
+        Tool and work material, empty where unknown.
+    simulated : bool
+        True where the file states that its rows are simulated or computed.
+    note : str
+        The sentences in which it does.
+    n_rows : int or None
+        Rows of the pair in the file.
+    """
+
+    file: str = ""
+    sha256: str = ""
+    tool: str = ""
+    work: str = ""
+    simulated: bool = False
+    note: str = ""
+    n_rows: int | None = None
+
+    @classmethod
+    def of_runs(cls, runs: Runs) -> Self:
+        """The source of runs."""
+        file = runs.source.name if runs.source.sha256 else ""
+        note = ". ".join(runs.disclaimers)
+        return cls(file, runs.source.sha256, runs.tool, runs.work, runs.simulated, note, len(runs))
+
+
+@dataclass(frozen=True, slots=True)
+class FittedRows:
+    """Rows of a fitted law.
+
+    Attributes
+    ----------
+    X, shifts : ndarray, shape (n, k) and (n, s)
+        Factors in their units, and indicator columns of the category.
+    observed, fitted, residuals : ndarray, shape (n,)
+        Response, prediction, and residuals on the scale of the errors.
+    lines : ndarray of int, shape (n,)
+        Line of each row in the file.
+    edge : ndarray of str, shape (n,), or None
+        Cutting edge of each row.
+    """
+
+    X: Array
+    shifts: Array
+    observed: Array
+    fitted: Array
+    residuals: Array
+    lines: NDArray[np.intp]
+    edge: NDArray[np.object_] | None
+
+    def __len__(self) -> int:
+        return len(self.observed)
+
+    @property
+    def n_edges(self) -> int | None:
+        """Number of cutting edges, None where the file names none."""
+        return None if self.edge is None else len(set(self.edge))
+
+    @property
+    def edge_numbers(self) -> NDArray[np.intp]:
+        """Number of the edge of each row, in the order of their names; one edge where the file names none."""
+        if self.edge is None:
+            return np.zeros(len(self), dtype=np.intp)
+        return np.asarray(pd.factorize(self.edge, sort=True)[0], dtype=np.intp)
+
+    def domain(self, factors: Sequence[str]) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each factor."""
+        low, high = self.X.min(axis=0), self.X.max(axis=0)
+        return {name: (float(low[j]), float(high[j])) for j, name in enumerate(factors)}
+
+
+class RowAccess:
+    """Base of a law: its rows by name, where it keeps them."""
+
+    __slots__ = ()
+
+    response: str
+    rows: FittedRows | None
+
+    @property
+    def _in_memory(self) -> FittedRows:
+        if self.rows is None:
+            raise FitError(
+                f"the law of {self.response} was fitted to a stream and keeps no rows; this needs rows: fit a sample "
+                "of them in memory."
+            )
+        return self.rows
+
+    @property
+    def X(self) -> Array:
+        """Factors in their units, shape (n, k)."""
+        return self._in_memory.X
+
+    @property
+    def shifts(self) -> Array:
+        """Indicator columns of the category, shape (n, s)."""
+        return self._in_memory.shifts
+
+    @property
+    def observed(self) -> Array:
+        """Response, shape (n,)."""
+        return self._in_memory.observed
+
+    @property
+    def fitted(self) -> Array:
+        """Prediction for each row, shape (n,)."""
+        return self._in_memory.fitted
+
+    @property
+    def residuals(self) -> Array:
+        """Residuals on the scale of ``error``, shape (n,)."""
+        return self._in_memory.residuals
+
+    @property
+    def lines(self) -> NDArray[np.intp]:
+        """Line of each row in the file, shape (n,)."""
+        return self._in_memory.lines
+
+    @property
+    def edge(self) -> NDArray[np.object_] | None:
+        """Cutting edge of each row, shape (n,), None where the file names none."""
+        return self._in_memory.edge
