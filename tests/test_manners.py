@@ -470,7 +470,7 @@ def test_frames_hold_the_numbers_of_their_results():
         ("Runs", "GC435 on 709M40 (En 19), simulated: 239 rows of 24 edges; V 50 to 200 m/min, f 0.06 to 0.6 mm/rev"),
         ("Model", "given of u to y, na 2, nb 2, nk 1 at 0.02 s, gain 1.5 A/V, poles 0.75 ± 0.1936j"),
         ("Record", "600 samples, 12 s at 50 Hz; u -2.5 to 2.5 V"),
-        ("ParameterFile", "GC435 on 709M40: laws AW, P; posterior; dynamics; pi; limits"),
+        ("ParameterFile", "GC435 on 709M40, simulated: laws AW, P; posterior; dynamics; pi; limits"),
         ("VisibleRegion", "6 corners at d 2.5 mm, t 10 min; best V 147.9 m/min, f 0.5302 mm/rev: MRR 196028 mm3/min"),
     ],
 )

@@ -238,7 +238,7 @@ def test_no_rows_are_no_pairs():
 def test_it_tells_and_draws_itself():
     many = many_power_laws(pd.concat(ugly_pairs(), ignore_index=True), "AW", FACTORS, pair="tool", edge="edge")
     assert "pairs" in repr(many)
-    assert "one by one" in many.summary()
+    assert "fitted singly" in many.summary()
     assert many.plot(factor="t").get_ylabel() == "exponent of t in AW"
     with pytest.raises(UsageError, match="the laws are on V, f, d, t"):
         many.plot(factor="W")

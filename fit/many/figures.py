@@ -46,7 +46,7 @@ def shrinkage_figure(found: PooledExponents, ax: Axes | None = None) -> Axes:
     ax.vlines(x + 0.15, some["pooled_low"], some["pooled_high"], color=BLUE, lw=1.4)
     ax.plot(x + 0.15, some["pooled"], "o", ms=3, color=BLUE, label="with its family")
     names = some["family"].to_numpy()
-    for name, mean in found.pooling["mean"].items() if len(found.pooling) else ():
+    for name, mean in found.families["mean"].items() if len(found.families) else ():
         at = np.flatnonzero(names == name)
         if at.size:
             ax.hlines(mean, at[0] - 0.5, at[-1] + 0.5, color=ORANGE, lw=1.2)
