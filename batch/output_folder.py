@@ -200,17 +200,11 @@ def _manifest(out: Path) -> dict[str, Any] | None:
 
 def _write_manifest(out: Path, source: str, options: BatchOptions) -> None:
     """Write the manifest; one that says the same already stays, with its time."""
-    said = {"schema": SCHEMA, "source": source, "fitmodels": __version__, "options": _options(options)}
+    said = {"schema": SCHEMA, "source": source, "fitmodels": __version__, "options": json.loads(json.dumps(asdict(options), default=str))}
     before = _manifest(out)
     if before is None or {**before, "started": None} != {**said, "started": None}:
         said["started"] = datetime.now(UTC).isoformat(timespec="seconds")
         write_whole(out / MANIFEST, (json.dumps(said, indent=1, sort_keys=True) + "\n").encode(), parents=True)
-
-
-def _options(options: BatchOptions) -> Mapping[str, Any]:
-    """As JSON gives them back, so that they can be compared."""
-    options: dict[str, Any] = json.loads(json.dumps(asdict(options), default=str))
-    return options
 
 
 def _unchanged_by_others(out: Path) -> None:

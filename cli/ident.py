@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..core.errors import UsageError
 from .arguments import Parser, pairs, traced, typed
@@ -30,7 +30,7 @@ class Request:
     sample_time: float | None = None
     resample: float | None = None
     unit: list[str] | None = None
-    decimal: str | None = None
+    decimal: Literal["point", "comma"] | None = None
     delimiter: str | None = None
     sheet: str | None = None
     held_out: str | None = None

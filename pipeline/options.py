@@ -135,7 +135,7 @@ checks) to 1000000.
         from ..fit.bayes.priors_file import read_priors
 
         if isinstance(self.priors, Mapping) or self.priors in NAMED_PRIORS:
-            return self.priors  # type: ignore[return-value]
+            return self.priors
         return read_priors(Path(self.priors))
 
     def recorded(self) -> dict[str, Any]:

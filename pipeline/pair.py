@@ -1,7 +1,9 @@
 """One tool/work pair: its laws, tool life and posteriors, and its parameter file."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import fit
@@ -203,6 +205,7 @@ def _posteriors(
     """Posteriors of laws, and why others have none."""
     posteriors: list[Posterior] = []
     none: dict[str, NotAvailable] = {}
+    priors = Path(options.priors) if isinstance(options.priors, os.PathLike) else options.priors
     for law in laws:
         if law.nobs > MOST_ROWS:
             why = f"{law.nobs} rows: with so many, draws agree with the intervals; fit.posterior(law) draws them"
@@ -214,8 +217,8 @@ def _posteriors(
 
         try:
             post = fit.posterior(
-                law, seed=options.seed, draws=options.draws, priors=options.priors, verify=options.verify,
-                errors="student" if options.student else "normal", progress=report,  # type: ignore[arg-type]
+                law, seed=options.seed, draws=options.draws, priors=priors, verify=options.verify,
+                errors="student" if options.student else "normal", progress=report,
             )  # fmt: skip
         except FitError as error:
             none[law.response] = fit.NotAvailable(str(error).removeprefix(f"{law.response}: ").rstrip("."))

@@ -136,7 +136,7 @@ def _table(path: Path, data: bytes, reading: Reading, folder: Path) -> Table:
     try:
         head.write_bytes(data)
         return read_table(
-            head, is_unit=is_unit, decimal=reading.decimal, delimiter=reading.delimiter, sheet=reading.sheet  # type: ignore[arg-type]
+            head, is_unit=is_unit, decimal=reading.decimal, delimiter=reading.delimiter, sheet=reading.sheet
         )  # fmt: skip
     finally:
         head.unlink(missing_ok=True)
