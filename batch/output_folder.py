@@ -1,7 +1,7 @@
 """The output folder: whose it is, what in it is ours, and the way out for what is no longer wanted."""
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -200,7 +200,8 @@ def _manifest(out: Path) -> dict[str, Any] | None:
 
 def _write_manifest(out: Path, source: str, options: BatchOptions) -> None:
     """Write the manifest; one that says the same already stays, with its time."""
-    said = {"schema": SCHEMA, "source": source, "fitmodels": __version__, "options": json.loads(json.dumps(asdict(options), default=str))}
+    plain = json.loads(json.dumps(asdict(options), default=str))  # as JSON reads them back
+    said = {"schema": SCHEMA, "source": source, "fitmodels": __version__, "options": plain}
     before = _manifest(out)
     if before is None or {**before, "started": None} != {**said, "started": None}:
         said["started"] = datetime.now(UTC).isoformat(timespec="seconds")
