@@ -8,6 +8,7 @@ samples of 20 ms, 5.6 hours of milling in passes of 150 mm. Aim: under 10 s, 10 
 
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 from fitmodels.controllers.constant_load_milling.controller import ConstantLoad
@@ -22,7 +23,8 @@ STEPS, PERIOD = 1_000_000, 0.02
 
 def timed(record, noise):
     pf = published("CLM-2023")
-    cut = CutModel.from_parameters(pf).changed(c0=1e-3)
+    own = CutModel.from_parameters(pf)
+    cut = replace(own, c0=1e-3 * own.c0)
     controller, mill = ConstantLoad.from_parameters(pf), MillingCut.from_parameters(pf, cut=cut, noise=noise)
     start, busy = time.perf_counter(), time.process_time()
     trace = replay(controller, mill, duration=STEPS * PERIOD, dt=PERIOD, record=record)

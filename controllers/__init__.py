@@ -2,7 +2,7 @@
 
     loop                     protocols of controller and plant, replay, Trace
     sensor_check             validity of a sensor reading
-    plants                   general plants: a cut under a feed override, faults of sensor and process
+    faults                   plants with a fault of sensor, sign or stiffness
     region/                  AC-2016: the visible region of V and f, its best point, its probability
     recursion/               AC-2017: the best pair minute by minute, to the end of tool life
     constant_load_milling/   CLM-2023: PI on spindle load, feed limits, tool change

@@ -4,6 +4,8 @@ import filecmp
 import os
 import shutil
 import tomllib
+from collections import deque
+from operator import mul
 from pathlib import Path
 
 import pytest
@@ -103,6 +105,29 @@ def constant_load_file():
         return ParameterFile.model_validate({name: value for name, value in sections.items() if value is not None})
 
     return make
+
+
+class LinearCut:
+    """A plant: load(k) = offset + b(q)/a(q) command + wear(t) in the cut, idle outside it; b begins with 0."""
+
+    def __init__(self, b, a, offset=0.0, idle=0.0, wear=lambda t: 0.0, cutting=lambda t: True, noise=0.0):
+        self.b, self.a, self.offset, self.idle = b[1:], a[1:], offset, idle  # the replay adds the sample of delay
+        self.wear, self.cutting, self.noise, self.samples = wear, cutting, noise, 0
+        self.commands, self.drives = deque([0.0] * len(self.b), len(self.b)), deque([0.0] * len(self.a), len(self.a))
+
+    def step(self, command, dt, noise):
+        t, self.samples = self.samples * dt, self.samples + 1
+        self.commands.appendleft(command)
+        drive = sum(map(mul, self.b, self.commands)) - sum(map(mul, self.a, self.drives))
+        self.drives.appendleft(drive)
+        load = self.offset + drive + self.wear(t) if self.cutting(t) else self.idle
+        return load + self.noise * noise.standard_normal()
+
+
+@pytest.fixture(scope="session")
+def linear_cut():
+    """The class of a linear plant under a feed override."""
+    return LinearCut
 
 
 def pytest_sessionfinish(session, exitstatus):

@@ -21,8 +21,8 @@ from fitmodels.controllers.adaptive_force.plant import DriveAndCut
 from fitmodels.controllers.adaptive_force.runs import depth_step_run, steady_run
 from fitmodels.controllers.adaptive_force.signals import ReferenceModel, Revolution, averaged
 from fitmodels.controllers.adaptive_force.stability import step_study
+from fitmodels.controllers.faults import FAULTS, FaultyPlant, saturated
 from fitmodels.controllers.loop import replay
-from fitmodels.controllers.plants import FAULTS, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fitmodels import controllers, parameters
 from fitmodels.controllers.constant_load_milling.plant import MillingCut
-from fitmodels.controllers.plants import FAULTS, Cut, FaultyPlant, saturated
+from fitmodels.controllers.faults import FAULTS, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.exports.view import export_view
 from fitmodels.parameters.published import published
@@ -22,8 +22,9 @@ B18, A18 = [0.0, 0.0611, -0.1338, 0.0752], [1.0, -2.0311, 1.2104, -0.1655]
 GAIN = 1.2416e-4 * 1000 / (sum(B18) / sum(A18))  # A per override, at rest: CLM-2023's three points, 1000 mm/min
 
 
-def plant(**more) -> Cut:
-    return Cut(**{"b": [GAIN * b for b in B18], "a": A18, "offset": 0.1158, **more})
+@pytest.fixture
+def plant(linear_cut):
+    return lambda **more: linear_cut(**{"b": [GAIN * b for b in B18], "a": A18, "offset": 0.1158, **more})
 
 
 @pytest.fixture
@@ -40,13 +41,13 @@ def test_a_file_alone_makes_it_and_a_file_read_back_makes_the_same(constant_load
     assert controllers.ConstantLoad.from_parameters(again).loop == controllers.ConstantLoad.from_parameters(pf).loop
 
 
-def test_it_settles_at_the_reference_within_four_seconds(controller):
+def test_it_settles_at_the_reference_within_four_seconds(controller, plant):
     trace = controllers.replay(controller(), plant(), duration=20, dt=0.02)
     late = trace.time > 4 + 5  # 5 s: the limiter's ramp from 0
     assert np.abs(trace.measurement[late] - 0.22).max() < 0.01 * 0.22  # CLM-2023: within 1 % of the reference
 
 
-def test_the_same_seed_gives_the_same_trace(controller):
+def test_the_same_seed_gives_the_same_trace(controller, plant):
     traces = [controllers.replay(controller(), plant(noise=0.01), duration=4, dt=0.02, seed=seed) for seed in (1, 1, 2)]
     assert (traces[0].command == traces[1].command).all()
     assert (traces[0].command != traces[2].command).any()
@@ -187,16 +188,16 @@ def test_feed_stays_above_zero_where_a_file_says_next_to_nothing(constant_load_f
 
 
 @pytest.mark.parametrize(("duration", "dt"), [(0, 0.02), (1, 0), (-1, 0.02), (1e9, 1e-9), (math.nan, 0.02)])
-def test_a_replay_of_no_length_or_no_step_is_refused(controller, duration, dt):
+def test_a_replay_of_no_length_or_no_step_is_refused(controller, duration, dt, plant):
     with pytest.raises(UsageError, match="give both above zero"):
         controllers.replay(controller(), plant(), duration=duration, dt=dt)
 
 
-def test_the_plant_is_the_difference_equation_of_the_file(constant_load_file):
+def test_the_plant_is_the_difference_equation_of_the_file(constant_load_file, linear_cut):
     model = constant_load_file().dynamics
     rng = np.random.default_rng(3)
     u = rng.standard_normal(200)
-    cut = Cut(b=model.b, a=model.a)
+    cut = linear_cut(b=model.b, a=model.a)
     ours = [cut.step(0.0, 0.02, rng), *(cut.step(value, 0.02, rng) for value in u[:-1])]  # each answers the one before
     assert ours == pytest.approx(model.simulate(u), abs=1e-12)
 
@@ -367,7 +368,9 @@ def test_a_fault_in_the_loop_is_told_and_leaves_the_feed_within_its_limits(paper
 
 
 @pytest.mark.parametrize("fault", list(FAULTS))
-def test_a_fault_in_a_loop_in_position_form_leaves_its_feed_between_its_limits_and_the_programme_s(controller, fault):
+def test_a_fault_in_a_loop_in_position_form_leaves_its_feed_between_its_limits_and_the_programme_s(
+    controller, fault, plant
+):
     c = controller()
     mill = FaultyPlant(plant(noise=0.002), FAULTS[fault], start=8.0)
     trace = controllers.replay(c, mill, duration=20, dt=0.02, command=1.0)

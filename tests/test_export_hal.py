@@ -1,7 +1,7 @@
 """The HAL export, run by LinuxCNC's own components in halrun, does what `controllers.replay` of ConstantLoad does.
 
 Plant: eq. 18 of Tai, Tsai & Li 2023 (doi 10.1109/ACCESS.2023.3330587) with unit gain, behind their load line, from
-HAL's biquad, lowpass, sum2 and mux2; the same difference equation as `controllers.Cut`.
+HAL's biquad, lowpass, sum2 and mux2; the same difference equation as `LinearCut` of conftest.py.
 """
 
 import fcntl
@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from fitmodels import controllers
 from fitmodels.controllers.loop import Trace
-from fitmodels.controllers.plants import Cut
 from fitmodels.core.errors import GateError
 from fitmodels.parameters.exports import export_format
 from fitmodels.parameters.exports.view import export_view
@@ -44,13 +43,17 @@ def cutting(k: int) -> bool:
     return 100 <= k < 2350
 
 
-def replayed(pf, samples: int = SAMPLES) -> Trace:
-    dt = pf.pi.sample_time
-    plant = Cut(
-        b=[GAIN * b for b in B18], a=A18, offset=A, idle=IDLE,
-        wear=lambda t: wear(round(t / dt)), cutting=lambda t: cutting(round(t / dt)),
-    )  # fmt: skip
-    return controllers.replay(controllers.ConstantLoad.from_parameters(pf), plant, duration=samples * dt, dt=dt)
+@pytest.fixture
+def replayed(linear_cut):
+    def run(pf, samples: int = SAMPLES) -> Trace:
+        dt = pf.pi.sample_time
+        plant = linear_cut(
+            b=[GAIN * b for b in B18], a=A18, offset=A, idle=IDLE,
+            wear=lambda t: wear(round(t / dt)), cutting=lambda t: cutting(round(t / dt)),
+        )  # fmt: skip
+        return controllers.replay(controllers.ConstantLoad.from_parameters(pf), plant, duration=samples * dt, dt=dt)
+
+    return run
 
 
 def plant_in_hal(folder: Path, thread: str, samples: int) -> str:
@@ -153,14 +156,14 @@ def traced(halrun, export: str, samples: int = SAMPLES, thread: str = "servo-thr
 
 
 @pytest.mark.consumer
-def test_linuxcnc_runs_the_export_as_the_replay_does(halrun, fast):
+def test_linuxcnc_runs_the_export_as_the_replay_does(halrun, fast, replayed):
     table, ours = traced(halrun, hal_of(fast)), replayed(fast)
     difference = max(np.abs(table[:, 1] - ours.measurement).max(), np.abs(table[:, 3] - ours.command).max())
     assert difference < TOLERANCE
 
 
 @pytest.mark.consumer
-def test_a_slow_loop_gets_a_thread_of_its_own(halrun, constant_load_file):
+def test_a_slow_loop_gets_a_thread_of_its_own(halrun, constant_load_file, replayed):
     slow = constant_load_file(0.02)
     table = traced(halrun, hal_of(slow), samples=200, thread="fm-thread")
     assert np.abs(table[:, 3] - replayed(slow, 200).command).max() < TOLERANCE
@@ -173,7 +176,7 @@ def test_a_slow_loop_gets_a_thread_of_its_own(halrun, constant_load_file):
      ("addf fm.filter", "# addf fm.filter"),
      ("setp fm.select.in0 1.0", "setp fm.select.in0 0.9")],
 )  # fmt: skip
-def test_a_broken_setting_is_seen_in_the_trace(halrun, fast, broken, by):
+def test_a_broken_setting_is_seen_in_the_trace(halrun, fast, broken, by, replayed):
     export = hal_of(fast)
     assert broken in export
     table = traced(halrun, export.replace(broken, by), samples=600)
@@ -213,7 +216,7 @@ def test_an_unknown_load_lets_go_of_the_feed(halrun, fast, load):
     assert re.findall(r"OUT\s+(\S+)\s+fm\.limit\.out", said.stdout) == ["0.6", "1", "0.6"], said.stderr
 
 
-def test_the_replay_settles_engages_meets_both_limits_and_lets_go(fast):
+def test_the_replay_settles_engages_meets_both_limits_and_lets_go(fast, replayed):
     trace, loop = replayed(fast), export_view(fast).needed_loop()
     assert np.abs(trace.measurement[600:800] - loop.reference).max() < 1e-6
     assert trace.command[1350] == pytest.approx(loop.low, abs=1e-15)

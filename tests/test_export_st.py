@@ -12,7 +12,6 @@ import re
 import numpy as np
 import pytest
 from fitmodels import controllers
-from fitmodels.controllers.plants import Cut
 from fitmodels.core.errors import GateError
 from fitmodels.parameters.exports import export_format
 from fitmodels.parameters.exports.st import real
@@ -119,12 +118,12 @@ def test_the_block_does_what_the_replayed_controller_does(constant_load_file, ch
     assert {"cut", "air", "at low", "at high", "load unknown", "load known"} <= happened
 
 
-def test_in_a_cut_the_block_holds_the_reference(constant_load_file):
+def test_in_a_cut_the_block_holds_the_reference(constant_load_file, linear_cut):
     pf = constant_load_file()
     loop = export_view(pf).needed_loop()
     b, a = [0.0, 0.0611, -0.1338, 0.0752], [1.0, -2.0311, 1.2104, -0.1655]
     gain = 1.2416e-4 * 1000 / (sum(b) / sum(a))
-    plant = Cut(b=[gain * c for c in b], a=a, offset=0.1158)
+    plant = linear_cut(b=[gain * c for c in b], a=a, offset=0.1158)
     trace = controllers.replay(Block(st_of(pf)), plant, duration=30, dt=loop.sample_time)
     assert np.abs(trace.measurement[-200:] - loop.reference).max() < 1e-6
 

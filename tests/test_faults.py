@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fitmodels import controllers
 from fitmodels.controllers.adaptive_force.plant import DriveAndCut
-from fitmodels.controllers.plants import FAULTS, FaultyPlant, saturated
+from fitmodels.controllers.faults import FAULTS, FaultyPlant, saturated
 from fitmodels.controllers.roughness.plant import TurningForce
 from fitmodels.parameters.published import published
 

@@ -1,12 +1,14 @@
 """Life and metal removed over draws: the two readings, against one recursion a draw, and the band of a refit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards.replays import replayed
 from fitmodels.controllers.loop import replay
 from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
-from fitmodels.controllers.recursion.distribution import drawn_laws, life_draws
+from fitmodels.controllers.recursion.distribution import life_draws
 from fitmodels.controllers.recursion.figures import draws_figure
 from fitmodels.controllers.recursion.from_file import life_laws
 from fitmodels.controllers.recursion.interval_optimum import grid_of
@@ -56,6 +58,19 @@ def test_the_band_of_each_draws_own_recursion_holds_the_published_volume_but_is_
     low, middle, high = own.band("removed")
     assert low < whole_life(life_laws(published("AC-2017")), PUBLISHED).removed < high
     assert 0.25 < width((low, middle, high)) < 0.40
+
+
+def drawn_laws(laws, draws, k):
+    """The laws of draw k, written down apart from the package."""
+
+    def one(terms):
+        of = draws[terms.response]
+        value = dict(zip(of.names, of.values[k].tolist(), strict=True))
+        ln_c = value["ln c0"] + sum(times * value[name] for name, times in terms.put_in)
+        V, f, t, AW = (value.get(name, 0.0) for name in ("V", "f", "t", laws.wear.response))
+        return replace(terms, ln_c=ln_c, V=V, f=f, t=t, AW=AW)
+
+    return replace(laws, wear=one(laws.wear), power=one(laws.power), force=one(laws.force))
 
 
 @pytest.mark.parametrize("rules", ALL_RULES, ids=str)

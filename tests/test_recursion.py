@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels import datasets
+from fitmodels.controllers.faults import FAULTS, FaultyPlant
 from fitmodels.controllers.loop import replay
-from fitmodels.controllers.plants import FAULTS, FaultyPlant
 from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
 from fitmodels.controllers.recursion.figures import life_figure, pairs_figure, plane_figure, speeds_figure
 from fitmodels.controllers.recursion.from_file import life_laws, shortfall

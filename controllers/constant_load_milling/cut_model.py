@@ -8,14 +8,14 @@ The paper's G and load line do not agree in gain, so the line gives the gain and
 ``G(1)/B`` in feed per unit of the drive's input, is derived and no one's measurement.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from ...core.display import Displayable
-from ...core.errors import ParameterError, UsageError
+from ...core.errors import ParameterError
 from .control_laws import line_of
 
 if TYPE_CHECKING:
@@ -98,16 +98,6 @@ class CutModel(Displayable):
             sample_time=model.sample_time, scaling=gain / B, area=at.get("area"), tested_feed=at.get("fm"),
             unit_load=line.unit_load, unit_feed=line.unit_feed, unit_wear=line.unit_wear, unit_u=model.unit_u,
         )  # fmt: skip
-
-    def changed(self, **by: float) -> Self:
-        """The same cut with coefficients multiplied: ``changed(k1=1.2)`` draws a fifth more by wear.
-
-        Errors: UsageError for a name that is no coefficient, or a factor that is not above zero.
-        """
-        for name, factor in by.items():
-            if name not in ("A", "B", "k1", "c0") or not (factor > 0 and isfinite(factor)):
-                raise UsageError(f"{name} times {factor!r}: A, B, k1 and c0 are multiplied by a number above zero.")
-        return replace(self, **{name: getattr(self, name) * factor for name, factor in by.items()})
 
 
 def _load_law(pf: "ParameterFile", line: "LoadLineSection") -> "LawSection":

@@ -159,7 +159,7 @@ class TurningRecursion(Displayable):
 class WearingEdge(Displayable):
     """An edge in the cut: the command is a pair of speed and feed, the measurement its wear.
 
-    Its laws may differ from the controller's: those of a draw, see `drawn_laws`.
+    Its laws may differ from the controller's.
 
     Attributes
     ----------

@@ -10,7 +10,7 @@ Draws are processed in batches that fit in the cache.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -292,20 +292,6 @@ def life_draws(
 def responses(laws: LifeLaws) -> tuple[str, ...]:
     """Symbols of the wear and of the limited responses."""
     return (laws.wear.response, *(terms.response for _, terms in laws.limited))
-
-
-def drawn_laws(laws: LifeLaws, draws: "Mapping[str, Draws]", k: int) -> LifeLaws:
-    """The laws of draw k, for an edge to be cut: `WearingEdge(drawn_laws(laws, draws, 0))`."""
-
-    def one(terms: Terms) -> Terms:
-        if terms.response not in draws:
-            return terms
-        found = _drawn(terms, laws.wear.response, draws[terms.response], np.array([k]), None)
-        ln_c, V, f, t, AW = (float(getattr(found, name)[0]) for name in ("ln_c", "V", "f", "t", "AW"))
-        return replace(terms, ln_c=ln_c, V=V, f=f, t=t, AW=AW)
-
-    power, force = (None if terms is None else one(terms) for terms in (laws.power, laws.force))
-    return replace(laws, wear=one(laws.wear), power=power, force=force)
 
 
 def _check(laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...]) -> None:
