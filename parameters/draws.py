@@ -1,4 +1,4 @@
-"""Draws on disk: an ``.npz`` of plain numbers beside the parameter file, read without pickle, checked by its hash."""
+"""Posterior draws in an ``.npz`` file next to the parameter file, read without pickle and verified by its hash."""
 
 import hashlib
 import io
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LARGEST = 1_000_000_000  # bytes, unpacked
-CURE = "Fit again, or restore the file."
+REMEDY = "Fit again, or restore the file."
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -41,7 +41,7 @@ class Draws(Plottable):
     values: Array
 
     def to_frame(self) -> "Frame":
-        """The draws, a column a parameter."""
+        """The draws, one column per parameter."""
         return as_columns(self, **dict(zip(self.names, self.values.T, strict=True)))
 
 
@@ -63,13 +63,13 @@ def packed(draws: Mapping[str, Draws]) -> bytes:
 
 
 def read_draws(pf: "ParameterFile", folder: str | os.PathLike[str]) -> dict[str, Draws]:
-    """Draws that a parameter file speaks of, by response.
+    """Posterior draws of a parameter file, by response.
 
     Parameters
     ----------
     pf : ParameterFile
     folder : path-like
-        Where its draws file stands, beside the parameter file itself.
+        Folder of the draws file and of the parameter file.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def read_draws(pf: "ParameterFile", folder: str | os.PathLike[str]) -> dict[str,
     Raises
     ------
     ParameterError
-        The file is missing, is another than the one that was written, or holds anything but numbers and names.
+        The file is missing, is not the one that was written, or contains anything but numbers and names.
 
     Examples
     --------
@@ -97,18 +97,18 @@ def read_draws(pf: "ParameterFile", folder: str | os.PathLike[str]) -> dict[str,
         content = path.read_bytes()
     except OSError as error:
         why = (error.strerror or str(error)).lower()
-        raise ParameterError(f"{path}: the draws of {pf.identity.tool} cannot be read: {why}. {CURE}") from None
+        raise ParameterError(f"{path}: the draws of {pf.identity.tool} cannot be read: {why}. {REMEDY}") from None
     found = hashlib.sha256(content).hexdigest()
     if found != section.draws_sha256:
         raise ParameterError(
-            f"{path}: these are not the draws that the parameter file was written with (SHA-256 {found[:12]}..., "
-            f"not {str(section.draws_sha256)[:12]}...). {CURE}"
+            f"{path}: not the draws that the parameter file was written with (SHA-256 {found[:12]}..., "
+            f"not {str(section.draws_sha256)[:12]}...). {REMEDY}"
         )
     return unpacked(content, str(path))
 
 
 def unpacked(content: bytes, name: str) -> dict[str, Draws]:
-    """Draws from the bytes of a file; ParameterError names what is wrong with them."""
+    """Draws from the bytes of a file; ParameterError if they are not valid."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             size = sum(item.file_size for item in archive.infolist())
@@ -118,13 +118,17 @@ def unpacked(content: bytes, name: str) -> dict[str, Draws]:
             responses = [key.removesuffix(".draws") for key in arrays.files if key.endswith(".draws")]
             return {response: _one(arrays, response, name) for response in responses}
     except (zipfile.BadZipFile, ValueError, KeyError, EOFError, OSError) as error:
-        raise ParameterError(f"{name}: is no file of draws: {str(error).splitlines()[0].rstrip('.')}. {CURE}") from None
+        raise ParameterError(
+            f"{name}: is not a file of draws: {str(error).splitlines()[0].rstrip('.')}. {REMEDY}"
+        ) from None
 
 
 def _one(arrays: Mapping[str, NDArray[np.generic]], response: str, name: str) -> Draws:
     values, names = arrays[f"{response}.draws"], arrays[f"{response}.names"]
     if values.dtype != np.float64 or values.ndim != 2 or names.shape != values.shape[1:] or names.dtype.kind != "U":
-        raise ParameterError(f"{name}: the draws of {short(response)} are no table of numbers with a name each. {CURE}")
+        raise ParameterError(
+            f"{name}: the draws of {short(response)} are not a table of numbers with named columns. {REMEDY}"
+        )
     if not np.isfinite(values).all():
-        raise ParameterError(f"{name}: a draw of {short(response)} is not finite. {CURE}")
+        raise ParameterError(f"{name}: a draw of {short(response)} is not finite. {REMEDY}")
     return Draws(tuple(str(n) for n in names), np.asarray(values, dtype=np.float64))

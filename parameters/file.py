@@ -1,4 +1,4 @@
-"""The parameter file: its schema, and reading and writing it whole or not at all."""
+"""The parameter file: its class, and reading and writing it; an incomplete file is never left behind."""
 
 import json
 import os
@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from ..core.display import Plottable
 from ..core.errors import ParameterError
 from ..core.files import cause, write_whole
-from .file_format import CURE, SCHEMA, content_sha256, migrated, parse_strict_json
+from .file_format import REMEDY, SCHEMA, content_sha256, migrated, parse_strict_json
 from .messages import schema_message
 from .sections.base import Section, Sha256
 from .sections.dynamics import DynamicsSection, PiSection
@@ -25,7 +25,7 @@ LARGEST = 50_000_000  # bytes
 
 
 class ParameterFile(Plottable, Section):
-    """Everything handed over for one tool and work material.
+    """Parameter file of one tool and work material.
 
     Attributes
     ----------
@@ -33,13 +33,13 @@ class ParameterFile(Plottable, Section):
         ``fitmodels.parameters/1``.
     identity : IdentitySection
     design : Design or None
-        The tests behind the laws. It came later: a file without it is valid, and so says nothing of its tests.
+        The tests behind the laws; earlier files lack it and stay valid.
     laws : dict of LawSection
         By the symbol of the response.
     tool_life : ToolLifeSection or None
         Solved from the wear law at a criterion.
     posterior : Posterior or None
-        What draws of the laws' parameters say, and the file that holds them.
+        Summaries of the posterior draws of the laws' parameters, and the file that holds them.
     dynamics : Dynamics or None
         The identified feed drive and cut.
     pi : Pi or None
@@ -54,7 +54,7 @@ class ParameterFile(Plottable, Section):
         Estimates and rates of adaptive force control.
     provenance : ProvenanceSection
     content_sha256 : str or None
-        Checksum of everything else (see ``canonical``), as of the writing; it does not count when files are compared.
+        Checksum of everything else (see `file_format`) when written; it is ignored when files are compared.
 
     Sections and fields that this version does not know are kept, and written back.
 
@@ -105,8 +105,8 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
     Raises
     ------
     ParameterError
-        The file is missing, is not JSON, is of another schema or version, or breaks the schema:
-        the sentence names the place.
+        The file is missing, is not JSON, has another schema or version, or violates the schema:
+        the message names the place.
 
     Examples
     --------
@@ -121,7 +121,7 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
 
 
 def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = False) -> Path:
-    """Write a parameter file, whole or not at all, its checksum renewed.
+    """Write a parameter file and renew its checksum; an incomplete file is never left behind.
 
     Parameters
     ----------
@@ -130,17 +130,17 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     path : path-like
         In a folder that exists.
     force : bool
-        Replace a file that is there.
+        Replace an existing file.
 
     Returns
     -------
     Path
-        Where it was written.
+        The file written.
 
     Raises
     ------
     ParameterError
-        A file is there, the folder cannot be written, or a section holds what JSON cannot.
+        The file exists, the folder cannot be written, or a section has a value that JSON cannot represent.
 
     Examples
     --------
@@ -154,18 +154,18 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     path = Path(path)
     content = as_bytes(pf, str(path))
     if not force and os.path.lexists(path):
-        raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
+        raise ParameterError(f"{path}: the file exists; choose another path, or replace it with --force.")
     write_whole(path, content, error=ParameterError)
     return path
 
 
 def as_bytes(pf: ParameterFile, name: str = "the parameter file") -> bytes:
-    r"""The bytes that `write` puts on disk, the checksum renewed; ``name`` is told in errors.
+    r"""The bytes that `write` puts on disk, with the checksum renewed; ``name`` is used in errors.
 
     Raises
     ------
     ParameterError
-        A section holds what JSON cannot.
+        A section has a value that JSON cannot represent.
 
     Examples
     --------
@@ -178,12 +178,12 @@ def as_bytes(pf: ParameterFile, name: str = "the parameter file") -> bytes:
 
 
 def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
-    """The file with sections put in, and its checksum renewed.
+    """The file with the given sections added or replaced, and its checksum renewed.
 
     Raises
     ------
     ParameterError
-        A section breaks the schema, or holds what JSON cannot.
+        A section violates the schema, or has a value that JSON cannot represent.
 
     Examples
     --------
@@ -197,13 +197,13 @@ def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
 
 
 def _content(data: dict[str, Any], name: str) -> tuple[bytes, ParameterFile]:
-    """The file's bytes, its checksum last, and what they read as; what could not be read again is refused here."""
+    """Bytes of the file with its checksum, and the file read back from them, so that nothing unreadable is written."""
     try:
         renewed = {**data, "content_sha256": None}
         renewed["content_sha256"] = content_sha256(renewed)
         content = (json.dumps(renewed, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
     except (TypeError, ValueError, RecursionError) as error:
-        raise ParameterError(f"{name}: a section holds what JSON cannot: {error}.") from None
+        raise ParameterError(f"{name}: a section has a value that JSON cannot represent: {error}.") from None
     if len(content) > LARGEST:
         raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {LARGEST}.")
     return content, _parse(content, name)
@@ -220,8 +220,8 @@ def _bytes(path: Path) -> bytes:
             raise ParameterError(f"{path}: {size} bytes; a parameter file has at most {LARGEST}.")
         return path.read_bytes()
     except FileNotFoundError:
-        cure = "give the path of a params.json written by fitmodels"
-        raise ParameterError(f"{path}: there is no such file; {cure}.") from None
+        remedy = "give the path of a params.json written by fitmodels"
+        raise ParameterError(f"{path}: the file does not exist; {remedy}.") from None
     except (OSError, ValueError) as error:
         raise ParameterError(f"{path}: cannot be read: {cause(error)}.") from None
 
@@ -231,4 +231,4 @@ def _parse(content: bytes, name: str) -> ParameterFile:
     try:
         return ParameterFile.model_validate(data)
     except ValidationError as error:
-        raise ParameterError(f"{name}: {schema_message(error, data)}. {CURE}") from None
+        raise ParameterError(f"{name}: {schema_message(error, data)}. {REMEDY}") from None

@@ -1,4 +1,12 @@
-"""JSON read strictly: what two readers could understand differently is refused."""
+"""Format of the parameter file: strict JSON, canonical form with its SHA-256, and versions of the schema.
+
+The canonical form is JSON of everything in the file but ``content_sha256`` at its top: keys of every object sorted by
+code point, no blanks, ``,`` and ``:`` between, UTF-8 with only quotes, backslashes and control characters escaped as
+Python's ``json.dumps`` does, integers as digits, and a float as the shortest decimal that reads back to the same 64
+bits, as Python's ``repr`` has it. A float that is a whole number below 2^53 is written without its ``.0``, and only
+-0.0 keeps its sign and point: JSON does not distinguish 50.0 from 50, so a program that reads and writes the file again
+leaves the checksum valid, and one changed bit of one number makes it invalid.
+"""
 
 import hashlib
 import json
@@ -11,7 +19,7 @@ from .messages import short
 
 DEEPEST = 50  # levels of lists and objects
 LONGEST = 300  # digits of an integer: it still is a finite float
-CURE = "Restore the file or fit again."
+REMEDY = "Restore the file or fit again."
 
 
 def parse_strict_json(content: bytes, name: str) -> Any:  # noqa: ANN401
@@ -22,13 +30,13 @@ def parse_strict_json(content: bytes, name: str) -> Any:  # noqa: ANN401
     content : bytes
         UTF-8, with or without a byte order mark.
     name : str
-        What the sentence of an error begins with.
+        Beginning of error messages.
 
     Raises
     ------
     ParameterError
         Not UTF-8, not JSON (with line and column), NaN or infinity, a key twice in one object, a
-        number too large, half a surrogate pair, or more than 50 levels of nesting.
+        number too large, an unpaired surrogate, or more than 50 levels of nesting.
 
     Examples
     --------
@@ -45,15 +53,15 @@ def parse_strict_json(content: bytes, name: str) -> Any:  # noqa: ANN401
         )
         _check_depth(data)
     except UnicodeDecodeError as error:
-        raise ParameterError(f"{name}: is not UTF-8 text (byte {error.start}). {CURE}") from None
+        raise ParameterError(f"{name}: is not UTF-8 text (byte {error.start}). {REMEDY}") from None
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         why = error.msg.lower().removesuffix(" at")
-        raise ParameterError(f"{name}: is not JSON at {where}: {why}. {CURE}") from None
+        raise ParameterError(f"{name}: is not JSON at {where}: {why}. {REMEDY}") from None
     except RecursionError:
-        raise ParameterError(f"{name}: is nested deeper than {DEEPEST} levels. {CURE}") from None
+        raise ParameterError(f"{name}: is nested deeper than {DEEPEST} levels. {REMEDY}") from None
     except ValueError as error:
-        raise ParameterError(f"{name}: {error}. {CURE}") from None
+        raise ParameterError(f"{name}: {error}. {REMEDY}") from None
     return data
 
 
@@ -62,7 +70,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         seen: set[str] = set()
         twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-        raise ValueError(f"the key {short(twice)} stands twice in one object")
+        raise ValueError(f"the key {short(twice)} occurs twice in one object")
     return found
 
 
@@ -106,14 +114,14 @@ def _check_text(text: str) -> None:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise ValueError(f"the text {text[:20]!a} holds half a character") from None
+        raise ValueError(f"the text {text[:20]!a} contains an unpaired surrogate") from None
 
 
 WHOLE = 2.0**53  # every whole number below is a float of its own
 
 
 def canonical_bytes(data: Mapping[str, Any]) -> bytes:
-    """Bytes that the checksum is of; ValueError for a number that is not finite.
+    """The canonical form, which the checksum is computed from; ValueError for a number that is not finite.
 
     Examples
     --------
@@ -151,22 +159,22 @@ FAMILY: Final = "fitmodels.parameters"
 SCHEMA: Final = "fitmodels.parameters/1"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
-# An older version -> what makes its data the data of the next version. A step takes a copy, moves what it must, and
-# leaves the rest; ``schema_version`` is set by `migrated`. Version 1 is the first that was published.
+# Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
+# Version 1 is the first that was published.
 STEPS: Mapping[int, Step] = {}
 
 
 def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 1) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
-    A checksum that held before a step holds after it: the steps are no change by anybody else.
+    A checksum that was valid before a step is renewed after it.
 
     Parameters
     ----------
     data : object
         As JSON has it.
     name : str
-        What the sentence of an error begins with.
+        Beginning of error messages.
     steps : mapping
         From each older version, the step to the next.
     current : int
@@ -175,7 +183,7 @@ def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current
     Raises
     ------
     ParameterError
-        No parameter file; a newer version; an older one that no step starts from.
+        Not a parameter file; a newer version; an older one without a conversion.
 
     Examples
     --------

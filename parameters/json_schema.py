@@ -1,7 +1,8 @@
-"""The published JSON Schema of the parameter file: made from the classes, kept beside them, compared in a test.
+"""JSON Schema of the parameter file, generated from the classes and shipped with the package.
 
-``python -m fitmodels.parameters.json_schema`` prints it, as it is kept in ``schema/parameters-1.json``. What a schema
-cannot say (a covariance is positive semi-definite, b begins with nk zeros) is refused by the reader alone.
+``python -m fitmodels.parameters.json_schema`` prints it; a test compares it with ``schema/parameters-1.json``.
+Constraints that a schema cannot express (a covariance is positive semi-definite, b begins with nk zeros) are checked by
+the reader only.
 """
 
 import json
@@ -17,7 +18,7 @@ FILE: Final = f"parameters-{SCHEMA.partition('/')[2]}.json"
 
 
 def build_schema() -> dict[str, Any]:
-    """The schema, made from the classes.
+    """The schema generated from the classes.
 
     Examples
     --------
@@ -37,24 +38,24 @@ def build_schema() -> dict[str, Any]:
 
 
 def published_schema() -> dict[str, Any]:
-    """The schema as it is published with the package."""
+    """The schema shipped with the package."""
     content = files(__package__).joinpath("schema", FILE).read_text(encoding="utf-8")
     schema: dict[str, Any] = json.loads(content)
     return schema
 
 
 def schema_text() -> str:
-    """The schema as it stands in its file."""
+    """Text of the schema file."""
     return json.dumps(build_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
 def _first_paragraphs(schema: Any) -> None:  # noqa: ANN401
-    """Docstrings stand in a schema whole, and every name as a title too; the first paragraph is what it is for."""
+    """Keep the first paragraph of each description and drop titles, which repeat the names."""
     if isinstance(schema, dict):
         if isinstance(schema.get("title"), str):
             del schema["title"]
-        if isinstance(told := schema.get("description"), str):
-            schema["description"] = " ".join(told.split("\n\n")[0].split())
+        if isinstance(text := schema.get("description"), str):
+            schema["description"] = " ".join(text.split("\n\n")[0].split())
         for inner in schema.values():
             _first_paragraphs(inner)
     elif isinstance(schema, list):

@@ -7,9 +7,9 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
     from pydantic_core import ErrorDetails
 
-LISTED = 2  # complaints told in full; the others are counted
+LISTED = 2  # errors listed in full; the others are counted
 
-# pydantic's kinds of error, in the words of JSON
+# pydantic's kinds of error in terms of JSON
 WORDS = {
     "model_type": "should be an object",
     "model_attributes_type": "should be an object",
@@ -25,12 +25,12 @@ WORDS = {
 
 
 def schema_message(error: "ValidationError", data: object) -> str:
-    """Tell the first complaints of the schema about ``data``, each with its JSON path, as one clause."""
+    """The first validation errors of ``data``, each with its JSON path, as one clause."""
     details = error.errors(include_url=False, include_context=False)
-    told = [_one(detail, data) for detail in details[:LISTED]]
+    clauses = [_one(detail, data) for detail in details[:LISTED]]
     if len(details) > LISTED:
-        told.append(f"and {len(details) - LISTED} more")
-    return "; ".join(told)
+        clauses.append(f"and {len(details) - LISTED} more")
+    return "; ".join(clauses)
 
 
 def _one(detail: "ErrorDetails", data: object) -> str:
@@ -40,7 +40,7 @@ def _one(detail: "ErrorDetails", data: object) -> str:
     if detail["type"] == "value_error":
         return f"{where}: {detail['msg'].removeprefix('Value error, ')}"
     if detail["type"].startswith("union_tag"):
-        return f"{where} needs a kind that is known, 'covariance' or 'none'"
+        return f"{where} needs a known kind, 'covariance' or 'none'"
     words = WORDS.get(detail["type"]) or detail["msg"].removeprefix("Input ")
     seen = detail["input"]
     return f"{where} {words[0].lower()}{words[1:]}, not {short(seen)}"
@@ -70,13 +70,13 @@ def _holds(here: object, step: str | int) -> bool:
 
 
 def short_name(text: str, limit: int = 40) -> str:
-    """Shorten a name to what a sentence can carry, on one line."""
+    """A name shortened for a message, on one line."""
     text = "".join(c if c.isprintable() else "?" for c in text[: limit + 1])
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
 def short(value: object, limit: int = 40) -> str:
-    """Shorten a value to what a sentence can carry; text in quotes, the rest as JSON has it."""
+    """A value shortened for a message: text in quotes, anything else as in JSON."""
     if isinstance(value, str):
         return f"'{short_name(value, limit)}'"
     if isinstance(value, list | tuple | Mapping):

@@ -1,6 +1,6 @@
 """The setting rules of CLM-2023: from a load law and wear tests to reference load, feed limits and tool change.
 
-1. The load that a worn tool stands, times a safety factor, is the reference: 0.85 x 0.28 A, in print 0.24 A.
+1. The load that a worn tool withstands, times a safety factor, is the reference: 0.85 x 0.28 A, in print 0.24 A.
 2. The upper feed limit is the feed at the reference with a sharp tool (VB 0).
 3. The lower feed limit is the feed at the reference when the wear reaches its limit (eq. 15).
 4. The tool is changed when the feed command rests on the lower limit; the wear is then to lie in a window.
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm
 RESOLUTION = 0.01  # of the reference, in A: as the paper rounds it
-HELD = 0.01  # of the reference: a load so near was held (the paper's own regulation)
+HELD = 0.01  # of the reference: within the regulation error of the paper
 FORMS = ("load_line", "feed_line")
 
 
@@ -54,7 +54,7 @@ def settings(
     pf : ParameterFile
         With a law of the form load_line or feed_line.
     worn : float
-        Load that a worn tool stands without chipping, from the wear tests, in the unit of the load.
+        Load that a worn tool withstands without chipping, from the wear tests, in the unit of the load.
     safety_factor : float
         Above 0, below 1.
     rounded_to : float or None
@@ -62,16 +62,16 @@ def settings(
     window : tuple of float
         Wear between which the tool is to be changed, in the law's unit of wear.
     wear_limit : float, optional
-        Wear that the lower limit stands for; the top of the window unless given. Half the tools have worn further than
+        Wear at the lower limit; the top of the window unless given. Half the tools have worn further than
         this when they reach the limit, so a limit in the middle of the window keeps more of them in it.
     law, by : str, optional
         Response of the law, needed where the file holds several, and its level.
     level : float
         Of the intervals.
     dwell : float, optional
-        s that the command rests on the lower limit before the tool is called worn.
+        s that the command stays at the lower limit before the tool counts as worn.
     engagement : mapping, optional
-        When the loop takes over and lets go; see `Engagement`.
+        Engagement of the loop; see `Engagement`.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def settings(
     Raises
     ------
     UsageError
-        A number that cannot be meant.
+        A number out of range.
     ParameterError
         The file holds no load law; the limits come out in the wrong order; a line of feed held at another load.
 
@@ -129,10 +129,10 @@ def _law(pf: "ParameterFile", name: str | None) -> "LawSection":
     found = [law for key, law in pf.laws.items() if law.form in FORMS and name in (None, key)]
     if not found:
         raise ParameterError(
-            "the file holds no load law (load on feed and wear): fit runs that have the columns fm, VB and I."
+            "the file has no load law (load on feed and wear): fit runs that have the columns fm, VB and I."
         )
     if len(found) > 1:
-        raise UsageError(f"there are load laws of {', '.join(law.response for law in found)}; say which with --law.")
+        raise UsageError(f"there are load laws of {', '.join(law.response for law in found)}; choose one with --law.")
     return found[0]
 
 
@@ -141,11 +141,11 @@ def _check(
 ) -> None:
     for name, value in (("worn", worn), ("rounded_to", step), ("wear_limit", limit)):
         if value is not None and not (math.isfinite(value) and value > 0):
-            raise UsageError(f"{name} {value!r}: it lies above zero.")
+            raise UsageError(f"{name} {value!r}: it must be above zero.")
     if not 0 < factor < 1:
-        raise UsageError(f"safety_factor {factor!r}: it lies between 0 and 1, in the paper 0.85 (1/1.17).")
+        raise UsageError(f"safety_factor {factor!r}: it must be between 0 and 1, in the paper 0.85 (1/1.17).")
     if not 0 < level < 1:
-        raise UsageError(f"level {level!r}: it lies between 0 and 1, for instance 0.95.")
+        raise UsageError(f"level {level!r}: it must be between 0 and 1, for instance 0.95.")
     low, high = window
     if not 0 <= low < high < math.inf:
         raise UsageError(f"window {low:g} to {high:g}: two wears, the smaller first, in the law's unit of wear.")
@@ -164,21 +164,19 @@ def _rounded(value: float, step: float | None) -> float:
 
 
 def _check_held(law: "LawSection", reference: float) -> list[str]:
-    """A line of feed on wear is true at one load alone; the fit's notes say at which."""
+    """Notes on the load of a feed_line, which holds at one load only; the notes of the fit give that load."""
     if law.form != "feed_line":
         return []
-    told = [m for note in law.notes if (m := re.search(r"It is true at ([\d.eE+-]+) (\S+) alone", note))]
-    if not told:
-        return [
-            f"The limits are true at the load that the law of {law.response} was held at, which the file does not say."
-        ]
-    held = float(told[0][1])
+    found = [m for note in law.notes if (m := re.search(r"It is true at ([\d.eE+-]+) (\S+) alone", note))]
+    if not found:
+        return [f"The limits hold at the load of the tests of {law.response}, which the file does not state."]
+    held = float(found[0][1])
     if abs(held - reference) > HELD * held:
         raise ParameterError(
-            f"the law of {law.response} was held at {held:g} {told[0][2]} and says nothing of {reference:g}: fit runs "
-            "at several loads, or take the safety factor that leads to the load that was held."
+            f"the law of {law.response} was measured at {held:g} {found[0][2]} and does not apply to {reference:g}: "
+            "fit runs at several loads, or choose the safety factor that gives the load of the tests."
         )
-    return [f"The limits come from feeds held at {held:g} {told[0][2]}, and are true there alone."]
+    return [f"The limits come from feeds at {held:g} {found[0][2]}, and hold only there."]
 
 
 def _check_order(law: "LawSection", reference: float, lower: FeedLimit, upper: FeedLimit) -> None:
@@ -194,7 +192,7 @@ def _beyond(law: "LawSection", limit: float) -> list[str]:
     if limit <= wear.high:
         return []
     return [
-        f"No tool was measured at a wear above {wear.high:g} {wear.unit}: the lower limit at {limit:g} {wear.unit} is "
+        f"No tool was tested at a wear above {wear.high:g} {wear.unit}: the lower limit at {limit:g} {wear.unit} is "
         "extrapolated."
     ]
 
@@ -232,7 +230,7 @@ def wear_in_window(
     -------
     probability : float or None
     words : str
-        What it stands on, or why there is none.
+        Its basis, or why there is none.
     """
     if not isinstance(law.uncertainty, Covariance) or law.residual_se is None:
         return None, _reason(law)
@@ -265,7 +263,7 @@ def _feed(law: LawSection, load: float, wear: float, by: str | None) -> float:
     B = law.coefficients["B"]
     if B <= 0:
         raise ParameterError(
-            f"the law of {law.response} has B {B:g}: the load must rise with feed to tell a feed limit."
+            f"the law of {law.response} has B {B:g}: the load must increase with feed for a feed limit."
         )
     value = (load - float(law.predict(by, **_at(law, 0.0, wear)))) / B
     if not np.isfinite(value):
@@ -282,7 +280,9 @@ def _interval(law: LawSection, load: float, wear: float, by: str | None, level: 
         return LimitInterval(low=float(found.low), high=float(found.high), level=level, method="t of the line's mean")
     ends = _fieller(law, held, load, wear, by, level)
     if ends is None:
-        return NoInterval(reason=f"at {level:.0%} B is not told from zero, so no feed is ruled out; vary the feed more")
+        return NoInterval(
+            reason=f"B does not differ from zero at {level:.0%}, so no feed is excluded; vary the feed more"
+        )
     return LimitInterval(low=ends[0], high=ends[1], level=level, method="Fieller")
 
 

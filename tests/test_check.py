@@ -81,13 +81,17 @@ def test_a_good_file_passes_every_question(pf):
     ("change", "name", "words"),
     [
         (put("laws.fm", unit="furlong"), "units", r"laws\.fm \(fm\): the unit 'furlong' is not known"),
-        (put("laws.fm", unit="mm"), "units", r"the unit is 'mm', which is not of the kind of mm/min"),
+        (put("laws.fm", unit="mm"), "units", r"the unit is 'mm', which does not have the dimension of mm/min"),
         (put("laws.fm.factors.0", unit="N"), "units", r"\(VB\): the unit is 'N'"),
-        (put("limits.power", unit="N"), "units", r"limits\.power: the unit is 'N', which is not of the kind of kW"),
+        (
+            put("limits.power", unit="N"),
+            "units",
+            r"limits\.power: the unit is 'N', which does not have the dimension of kW",
+        ),
         (put("load_line", unit_load="V"), "units", r"load_line \(load\): the unit is 'V'"),
         (put("dynamics", unit_u="volts per hour"), "units", r"dynamics \(input\): the unit 'volts per hour'"),
         (put("dynamics", a=[1.0, -2.1, 1.2104, -0.1655]), "dynamics", "not stable, a pole at radius"),
-        (put("dynamics", b=[0.0, 0.1, -0.2, 0.1]), "dynamics", "gain at rest is 0"),
+        (put("dynamics", b=[0.0, 0.1, -0.2, 0.1]), "dynamics", "static gain is 0"),
         (
             put("dynamics.uncertainty", matrix=np.diag([1e-3] * 6).tolist()),
             "dynamics",
@@ -105,11 +109,11 @@ def test_a_good_file_passes_every_question(pf):
         (put("load_line.lower", value=1100.0, interval=NONE), "feed limits", "1100 is not below the upper"),
         (put("load_line.lower", value=1.0), "feed limits", "lies outside its own interval"),
         (put("limits.feed_rate", high=900.0), "feed limits", "upper feed limit 996.372 is outside the machine's"),
-        (put("load_line", window=[0.22, 0.18]), "window", "wrong way round"),
+        (put("load_line", window=[0.22, 0.18]), "window", "wrong order"),
         (put("load_line.lower", wear=0.3), "window", "a wear of 0.3 mm, outside the window"),
-        (put("load_line.upper", wear=0.25), "window", "stands for more wear than the lower"),
+        (put("load_line.upper", wear=0.25), "window", "is for more wear than the lower"),
         (put("limits.wear", value=0.1), "window", "is above the criterion, 0.1"),
-        (put("load_line", reference=0.3), "reference", "not between 0 and what a worn tool stands"),
+        (put("load_line", reference=0.3), "reference", "not between 0 and the load that a worn tool withstands"),
         (put("load_line", reference=0.2), "reference", "is not 0.85 x 0.28 = 0.238 A"),
         (put("load_line", law="I"), "reference", "law of 'I' that the limits come from is not in the file"),
         (put("load_line.engagement", engage_at=0.24), "engagement", "engages at 0.25 A, not below the reference 0.24"),
@@ -182,12 +186,12 @@ def test_draws_beside_the_file_are_looked_at(tmp_path):
     assert any(f.name == "draws" and f.passed is None for f in check(pf).findings)
     shut = changed(pf, put("posterior.laws.AW", r_hat=1.2, ess=30.0, k_hat=0.9))
     (gate,) = [f.words for f in check(shut, tmp_path).failed]
-    for words in ("R-hat 1.2 is above 1.01", "30 effective draws, below 400", "k-hat 0.9 is above 0.7"):
+    for words in ("R-hat 1.2 is above 1.01", "30 effective draws, fewer than 400", "k-hat 0.9 is above 0.7"):
         assert words in gate
     content = bytearray((tmp_path / "draws.npz").read_bytes())
     content[len(content) // 2] ^= 1
     (tmp_path / "draws.npz").write_bytes(bytes(content))
-    assert "these are not the draws" in check(pf, tmp_path).failed[0].words
+    assert "not the draws" in check(pf, tmp_path).failed[0].words
     (tmp_path / "draws.npz").unlink()
     assert "cannot be read" in check(pf, tmp_path).failed[0].words
 
@@ -338,8 +342,8 @@ def test_the_command_tells_every_finding(pf, tmp_path, capsys):
     path = write(pf, tmp_path / "params.json")
     assert main(["check", str(path)]) == 0
     out = capsys.readouterr().out
-    assert "ok   The content is what was written." in out
-    assert out.endswith(f"{len(check(pf).findings)} findings, nothing stands against this file.\n")
+    assert "ok   The content is unchanged." in out
+    assert out.endswith(f"{len(check(pf).findings)} findings, all checks passed.\n")
 
 
 def test_the_command_fails_with_5(pf, tmp_path, capsys):

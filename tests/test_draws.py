@@ -57,7 +57,7 @@ class Mischief:
 
 def test_a_pickle_is_not_opened(tmp_path, capsys):
     np.savez(tmp_path / "x.npz", **{"AW.draws": np.array([Mischief()], dtype=object), "AW.names": np.array(["V"])})
-    with pytest.raises(ParameterError, match="is no file of draws"):
+    with pytest.raises(ParameterError, match="is not a file of draws"):
         unpacked((tmp_path / "x.npz").read_bytes(), "x.npz")
     assert capsys.readouterr().out == ""
 

@@ -94,7 +94,7 @@ def test_names_are_identifiers_and_texts_are_one_plain_line(text):
 def test_a_file_that_is_there_is_kept_unless_forced(constant_load_file, kind, tmp_path):
     pf, path = constant_load_file(), tmp_path / "out"
     path.write_text("mine")
-    with pytest.raises(ParameterError, match="there is a file already"):
+    with pytest.raises(ParameterError, match="the file exists"):
         export(pf, kind, path)
     assert path.read_text() == "mine"
     assert export(pf, kind, path, force=True) == path
@@ -132,7 +132,7 @@ def test_the_command_writes_says_and_refuses(constant_load_file, tmp_path, monke
     assert main(["export", "params.json", "--to", "hal"]) == 0
     said = capsys.readouterr().out
     assert "wrote params.hal" in said
-    assert "not carried: units" in said
+    assert "not included: units" in said
     assert main(["export", "params.json", "--to", "hal"]) == 3
     assert main(["export", "params.json", "--to", "hal", "--force"]) == 0
     assert main(["export", "params.json", "--to", "hla"]) == 2

@@ -302,7 +302,7 @@ INDEFINITE = [[1.0, 0.9, -0.9, 0], [0.9, 1.0, 0.9, 0], [-0.9, 0.9, 1.0, 0], [0, 
         (covariance([[1.0], [1.0, 2.0], [], []]), "must be 4 x 4"),
         (covariance((-np.eye(4)).tolist()), "diagonal is negative"),
         (covariance(SKEWED), "not symmetric"),
-        (covariance(INDEFINITE), "no covariance"),
+        (covariance(INDEFINITE), "not a covariance"),
         (covariance((np.eye(4) + 1e3 * np.eye(4)[::-1]).tolist()), "larger than its two variances"),
         (covariance(np.eye(4).tolist(), ("ln c0", "V", "f", "f")), "named twice"),
         (covariance(np.eye(4).tolist(), ("c0", "V", "f", "material[2]")), "must be of ln c0, V, f"),
@@ -478,7 +478,7 @@ def test_an_existing_file_stands_without_force(path):
     write(whole(), path)
     before = path.read_bytes()
     other = whole(identity={**IDENTITY, "tool": "other"})
-    with pytest.raises(ParameterError, match=r"params\.json: there is a file already.*--force"):
+    with pytest.raises(ParameterError, match=r"params\.json: the file exists.*--force"):
         write(other, path)
     assert path.read_bytes() == before
     assert read(write(other, path, force=True)).identity.tool == "other"
@@ -548,12 +548,12 @@ def deep(levels):
         (b'{"schema_version": "fitmodels.card/1"}', "schema_version is 'fitmodels.card/1'"),
         (b'{"schema_version": [1]}', r"schema_version is a list"),
         (b'{"schema_version": "fitmodels.parameters/1"}', "identity is missing; provenance is missing"),
-        (b'{"a": 1, "b": 2, "a": 3}', "the key 'a' stands twice"),
+        (b'{"a": 1, "b": 2, "a": 3}', "the key 'a' occurs twice"),
         (b'{"a": NaN}', "holds NaN"),
         (b'{"a": -Infinity}', "holds -Infinity"),
         (b'{"a": 1e999}', "holds 1e999"),
         (b'{"a": ' + b"9" * 5000 + b"}", "an integer of 5000 digits"),
-        (b'{"a": "\\ud800"}', "holds half a character"),
+        (b'{"a": "\\ud800"}', "an unpaired surrogate"),
         (b'{"a": ' + b"[" * 100_000, "nested deeper"),
         (deep(60), "nested deeper than 50"),
         (
@@ -564,7 +564,7 @@ def deep(levels):
             altered(lambda d: d["laws"]["AW"]["uncertainty"].update(df=None)),
             r"laws\.AW\.uncertainty\.df should be a whole number, not null",
         ),
-        (altered(lambda d: d["laws"]["AW"].update(uncertainty={})), r"laws\.AW\.uncertainty needs a kind"),
+        (altered(lambda d: d["laws"]["AW"].update(uncertainty={})), r"laws\.AW\.uncertainty needs a known kind"),
         (
             altered(lambda d: d["laws"]["AW"].update(factors={})),
             r"laws\.AW\.factors should be a list, not an object",
@@ -588,7 +588,7 @@ def test_reading_what_is_wrong_is_one_sentence(path, content, words):
 
 
 def test_reading_what_is_not_a_file(tmp_path):
-    with pytest.raises(ParameterError, match="there is no such file"):
+    with pytest.raises(ParameterError, match="the file does not exist"):
         read(tmp_path / "nowhere.json")
     with pytest.raises(ParameterError, match="is a folder"):
         read(tmp_path)

@@ -194,7 +194,7 @@ def test_a_level_must_be_named_and_known(by_material):
 
 
 def test_a_file_that_cannot_be_read(tmp_path):
-    refused(run(tmp_path / "no.json", *AT), 3, "there is no such file")
+    refused(run(tmp_path / "no.json", *AT), 3, "the file does not exist")
     (tmp_path / "bad.json").write_text("{")
     refused(run(tmp_path / "bad.json", *AT), 3, "bad.json")
 

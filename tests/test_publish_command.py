@@ -207,7 +207,7 @@ def test_json_prints_the_card_and_writes_nothing(pairs, capsys):
 @pytest.mark.parametrize(
     ("words", "code", "sentence"),
     [
-        (["nowhere.json"], 3, "nowhere.json: there is no such file"),
+        (["nowhere.json"], 3, "nowhere.json: the file does not exist"),
         (["pairs/one/params.json", "--toml", "nowhere.toml"], 3, "nowhere.toml: cannot be read"),
         (["pairs/one/card.toml"], 3, "is not JSON"),
         (["pairs/one/params.json", "--citaton"], 2, "did you mean --citation?"),

@@ -52,7 +52,7 @@ def test_the_published_model_answers_in_frequency_as_scipy_does():
 
 
 def test_poles_and_gain_of_the_published_model():
-    """Worked out from the printed decimals: poles 0.9187 +- 0.1025i and 0.1937, gain at rest 0.1812 A/V."""
+    """Worked out from the printed decimals: poles 0.9187 +- 0.1025i and 0.1937, static gain 0.1812 A/V."""
     poles = sorted(published().poles, key=lambda p: (p.real, p.imag))
     np.testing.assert_allclose(poles, [0.1937, 0.9187 - 0.1025j, 0.9187 + 0.1025j], atol=1e-4)
     assert published().dc_gain == pytest.approx(0.1812, abs=1e-4)
@@ -88,7 +88,7 @@ def test_a_simulation_scales_with_its_input(a, b):
         ({"b": [0.5, 0.1]}, "begins with 1 zeros"),
         ({"nk": 9}, "begins with 9 zeros"),
         ({"sample_time": 0.0}, "greater than 0"),
-        ({"band": (2.0, 0.1)}, "wrong way round"),
+        ({"band": (2.0, 0.1)}, "wrong order"),
         ({"b": [0.0] * 101}, "at most 100"),
         ({"uncertainty": {"kind": "covariance", "of": ["x"], "matrix": [[1.0]]}}, "must be of a1, a2, a3, b1"),
         ({"uncertainty": {"kind": "covariance", "of": ["x"], "matrix": [[-1.0]]}}, "diagonal is negative"),
@@ -107,7 +107,7 @@ def test_an_input_that_cannot_be_simulated(u):
 
 
 def test_a_run_that_leaves_all_bounds_is_a_sentence():
-    with pytest.raises(ParameterError, match="leaves all bounds"):
+    with pytest.raises(ParameterError, match="diverges"):
         published(a=[1.0, -9.0]).simulate(np.ones(2000))
 
 

@@ -77,7 +77,7 @@ def test_all_published_points_give_limits_with_intervals():
         )
     assert line.lower.interval.low < 600 < line.lower.interval.high
     assert line.upper.interval.low < 1000 < line.upper.interval.high
-    assert any("held at 0.24 A, and are true there alone" in note for note in line.notes)
+    assert any("feeds at 0.24 A, and hold only there" in note for note in line.notes)
 
 
 def test_a_lower_limit_at_the_top_of_the_window_leaves_half_the_tools_beyond_it():
@@ -118,7 +118,7 @@ def test_fieller_is_the_delta_method_where_the_slope_is_known_well():
 def test_a_slope_that_is_not_told_from_zero_leaves_no_interval():
     line = parameters.settings(of(line_of(n=5, seed=1, noise=0.04)), 0.28, wear_limit=0.18)
     assert isinstance(line.upper.interval, NoInterval)
-    assert "B is not told from zero" in line.upper.interval.reason
+    assert "B does not differ from zero" in line.upper.interval.reason
 
 
 @pytest.mark.slow
@@ -186,9 +186,9 @@ def test_units_of_wear_and_feed_scale_through():
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"worn": 0.0}, UsageError, "worn 0.0: it lies above zero"),
+        ({"worn": 0.0}, UsageError, "worn 0.0: it must be above zero"),
         ({"worn": float("nan")}, UsageError, "worn nan"),
-        ({"safety_factor": 1.17}, UsageError, r"safety_factor 1.17: it lies between 0 and 1, in the paper 0.85"),
+        ({"safety_factor": 1.17}, UsageError, r"safety_factor 1.17: it must be between 0 and 1, in the paper 0.85"),
         ({"window": (0.22, 0.18)}, UsageError, "the smaller first"),
         ({"wear_limit": 0.3}, UsageError, "outside the window 0.18 to 0.22"),
         ({"rounded_to": 10.0}, UsageError, "rounds to nothing"),
@@ -204,13 +204,13 @@ def test_settings_that_cannot_be_meant(options, error, words):
 
 
 def test_a_file_without_a_load_law():
-    with pytest.raises(ParameterError, match="the file holds no load law"):
+    with pytest.raises(ParameterError, match="the file has no load law"):
         parameters.settings(collect(tool="a", work="b"), 0.28)
 
 
 def test_feeds_held_at_one_load_say_nothing_of_another():
     pf = of(fit.load_law(datasets.read_runs(datasets.bundled("clm2023_slot_milling"))))
-    with pytest.raises(ParameterError, match=r"was held at 0.24 A and says nothing of 0.26"):
+    with pytest.raises(ParameterError, match=r"was measured at 0.24 A and does not apply to 0.26"):
         parameters.settings(pf, 0.31)
 
 
@@ -258,7 +258,7 @@ def test_a_window_may_be_said_in_any_unit_of_length(params, window, capsys):
     ("arguments", "code", "words"),
     [
         (["--window", "220"], 2, "write it as 180:220um"),
-        (["--window", "180:220A"], 3, "cannot be told in 'mm'"),
+        (["--window", "180:220A"], 3, "cannot be converted to 'mm'"),
         (["--window", "a:b"], 2, "write it as 180:220um"),
         (["--wear-limit", "1:2"], 2, "write it as 200um"),
         (["--safety-factor", "1.17"], 2, "between 0 and 1"),

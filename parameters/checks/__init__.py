@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 
 def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> CheckReport:
-    """Check a parameter file before a controller gets it.
+    """Check a parameter file before a controller loads it.
 
-    Checksum; units known and of the right kind; covariances; the posterior's gate; dynamics stable, with a gain that
-    has a sign; gains stable on them and meeting what they were tuned to, computed again from the file alone; feed
-    limits in order and above zero; windows and settings in order; the draws beside the file.
+    Checksum; units known and of the right dimension; covariances; convergence of the posterior; dynamics stable, with a
+    gain of known sign; gains stable on them and within their specification, recomputed from the file; feed limits in
+    order and above zero; windows and settings in order; the file of draws.
 
     Parameters
     ----------
     pf : ParameterFile
     folder : path, optional
-        Where the file stands; without it the draws beside it are not looked at.
+        Folder of the file; without it the draws are not checked.
 
     Returns
     -------
@@ -52,12 +52,10 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
 
 def _checksum(pf: "ParameterFile") -> FileFinding:
     if pf.content_sha256 is None:
-        return FileFinding(
-            "checksum", None, "The file holds no content_sha256, so nobody can tell whether it was changed."
-        )
+        return FileFinding("checksum", None, "The file has no content_sha256, so a change cannot be detected.")
     found = content_sha256(pf.model_dump(exclude_unset=True))
     if found == pf.content_sha256:
-        return FileFinding("checksum", True, "The content is what was written.")
+        return FileFinding("checksum", True, "The content is unchanged.")
     return FileFinding(
         "checksum",
         False,
@@ -71,7 +69,7 @@ def _draws(pf: "ParameterFile", folder: str | os.PathLike[str] | None) -> Iterat
     if post is None or post.draws_file is None:
         return
     if folder is None:
-        yield FileFinding("draws", None, f"The draws in {post.draws_file} were not looked at: no folder was given.")
+        yield FileFinding("draws", None, f"The draws in {post.draws_file} were not checked: no folder was given.")
         return
     try:
         read = read_draws(pf, folder)
@@ -81,7 +79,5 @@ def _draws(pf: "ParameterFile", folder: str | os.PathLike[str] | None) -> Iterat
     odd = [name for name, law in post.laws.items() if law.method is not None and name not in read]
     counted = [n for n, law in post.laws.items() if n in read and law.draws not in (None, len(read[n].values))]
     wrong = odd or counted
-    words = f"{post.draws_file} holds no or other draws of {wrong[0]}; fit again." if wrong else (
-        f"{post.draws_file} is the file of draws that was written."
-    )  # fmt: skip
-    yield FileFinding("draws", not wrong, words)
+    problem = f"lacks draws of {wrong[0]}, or has another number of them; fit again" if wrong else "is unchanged"
+    yield FileFinding("draws", not wrong, f"{post.draws_file} {problem}.")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 SLACK = 2e-3  # of a limit: figures are read off a grid here, off refined extremes by the tuner
 AGREES = 0.01  # of a stated figure
-LEAST = ("phase_margin", "gain_margin")  # limits that are held from above
+LEAST = ("phase_margin", "gain_margin")  # lower limits
 WORDS = {
     "rise_time": "rise time",
     "settling_time": "settling time",
@@ -38,7 +38,7 @@ def check_gains(pf: "ParameterFile") -> Iterator[FileFinding]:
     if pi is None:
         return
     if model is None:
-        yield FileFinding("gains", None, "pi: the file holds no dynamics, so the gains could not be tried.")
+        yield FileFinding("gains", None, "pi: the file has no dynamics, so the gains could not be tested.")
         return
     stop = _fit_together(model, pi)
     if stop:
@@ -60,7 +60,7 @@ def _fit_together(model: "DynamicsSection", pi: "PiSection") -> str:
                 "many of the first make one of the second."
             )
     if model.b[0] != 0 and pi.delay == 0:
-        return "pi: neither dynamics nor gains have a sample of delay, so the command would answer itself."
+        return "pi: neither dynamics nor gains have a sample of delay, which makes an algebraic loop."
     return ""
 
 
@@ -78,9 +78,7 @@ def _tried(model: "DynamicsSection", pi: "PiSection") -> Iterator[FileFinding]:
     found = {**figures(closed), "integral_time": np.inf if pi.ti is None else abs(pi.ti)}
     asked = {} if pi.specification is None else pi.specification.asked
     if not asked:
-        yield FileFinding(
-            "specification", None, "pi: no specification is stated, so none could be held against the gains."
-        )
+        yield FileFinding("specification", None, "pi: no specification is stated, so none could be tested.")
     else:
         yield _held(asked, found, pi.forced)
     further = (
@@ -90,7 +88,7 @@ def _tried(model: "DynamicsSection", pi: "PiSection") -> Iterator[FileFinding]:
     )
     if further:
         names = ", ".join(map(short_name, further))
-        yield FileFinding("specification", None, f"pi: limits that this version does not know were not tried: {names}.")
+        yield FileFinding("specification", None, f"pi: limits unknown to this version were not tested: {names}.")
     yield from _as_stated(pi, found)
 
 
@@ -101,8 +99,10 @@ def _held(asked: Mapping[str, float], found: Mapping[str, float], forced: str | 
         if not _met(name, found[name], limit)
     ]
     if not missed:
-        told = ", ".join(f"{WORDS.get(name, name)} {found[name]:.4g} ({limit:.4g})" for name, limit in asked.items())
-        return FileFinding("specification", True, f"pi: the specification is met, computed again: {told}.")
+        figures_met = ", ".join(
+            f"{WORDS.get(name, name)} {found[name]:.4g} ({limit:.4g})" for name, limit in asked.items()
+        )
+        return FileFinding("specification", True, f"pi: the specification is met, recomputed: {figures_met}.")
     marked = f"; they are marked as forced: {forced.rstrip('.')}" if forced else ""
     return FileFinding("specification", None if forced else False, f"pi: the gains miss {', '.join(missed)}{marked}.")
 
@@ -114,7 +114,7 @@ def _met(name: str, value: float, limit: float) -> bool:
 
 
 def _as_stated(pi: "PiSection", found: Mapping[str, float]) -> Iterator[FileFinding]:
-    """Whether stated figures are those of these gains on these dynamics."""
+    """Finding on stated figures that differ from those of these gains on these dynamics."""
     if pi.figures is None:
         return
     odd = []

@@ -1,4 +1,4 @@
-"""What the gains of a file do on the dynamics of the file: the loop and its figures, from the two sections alone.
+"""Closed loop of the gains and dynamics of a file, and its figures of merit.
 
     y = G (u + load),    u = C (r - H y),    L = G C H
 
@@ -17,7 +17,7 @@ from ..sections.dynamics import DynamicsSection, PiSection
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-STILL = 1e-7  # what the slowest pole has died down to when a step is over
+STILL = 1e-7  # to which the slowest pole has decayed at the end of a step
 LONGEST = 200_000  # samples of a step
 BAND = 0.02
 MANY = 300  # coefficients: roots take time with the cube of them
@@ -81,7 +81,7 @@ def closed_loop(dynamics: DynamicsSection, pi: PiSection) -> ClosedLoop:
 
 
 def figures(loop: ClosedLoop) -> dict[str, float]:
-    """Figures of a stable loop by name, as `PiSpecification` and `PiFigures` name them; infinite is without end."""
+    """Figures of a stable loop by name, as in `PiSpecification` and `PiFigures`; inf where one does not exist."""
     radius = loop.radius
     n = LONGEST if radius >= 1 else int(np.clip(np.log(STILL) / np.log(max(radius, 1e-3)), 50, LONGEST))
     ones, T = np.ones(n), loop.sample_time

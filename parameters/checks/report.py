@@ -11,14 +11,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FileFinding(Displayable):
-    """One answer.
+    """Result of one check.
 
     Attributes
     ----------
     name : str
-        What was asked, in a word or two.
+        Name of the check.
     passed : bool or None
-        None where it could not be asked, or is worth knowing without standing against the file.
+        None where it could not be tested, or is a remark that does not fail the file.
     words : str
         One sentence.
     """
@@ -30,24 +30,24 @@ class FileFinding(Displayable):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CheckReport(Displayable):
-    """All findings on a file.
+    """All findings on a parameter file.
 
     Attributes
     ----------
     findings : tuple of FileFinding
-        In the order they were asked.
+        In the order of the checks.
     """
 
     findings: tuple[FileFinding, ...]
 
     @property
     def failed(self) -> tuple[FileFinding, ...]:
-        """Findings that stand against the file."""
+        """Findings that fail the file."""
         return tuple(f for f in self.findings if f.passed is False)
 
     @property
     def ok(self) -> bool:
-        """Whether nothing stands against the file; what could not be asked does not."""
+        """Whether no check failed; untested ones do not count."""
         return not self.failed
 
     def facts(self) -> dict[str, Any]:
@@ -58,7 +58,7 @@ class CheckReport(Displayable):
         }
 
     def to_frame(self) -> "DataFrame":
-        """A row a finding."""
+        """One row per finding."""
         from pandas import DataFrame
 
         return DataFrame([(f.name, f.passed, f.words) for f in self.findings], columns=["name", "passed", "words"])

@@ -9,7 +9,7 @@ import numpy as np
 from ...datasets.units import is_unit, same_dimension, suggest
 from ...datasets.vocabulary import ROLES, fits
 from ..messages import short, short_name
-from ..sections.base import Covariance, ModelCovariance, complaint
+from ..sections.base import Covariance, ModelCovariance, covariance_error
 from ..sections.load_line import LimitInterval
 from .report import FileFinding
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling
 R_HAT, ESS, K_HAT = 1.01, 400.0, 0.7
-SURE = 2.0  # standard errors that a gain at rest lies from zero
+SURE = 2.0  # standard errors between the static gain and zero
 
 
 def check_estimates(pf: "ParameterFile") -> Iterator[FileFinding]:
@@ -48,22 +48,22 @@ def _covariances(pf: "ParameterFile") -> Iterator[FileFinding]:
             held.append((name, section.uncertainty.matrix))
     for where, matrix in held:
         size = len(matrix)
-        why = complaint(np.array(matrix, dtype=np.float64).reshape(size, size))
-        words = f"{where}: {why}." if why else f"{where}: the covariance has no negative variance in any direction."
+        why = covariance_error(np.array(matrix, dtype=np.float64).reshape(size, size))
+        words = f"{where}: {why}." if why else f"{where}: the covariance is positive semi-definite."
         yield FileFinding("covariance", why is None, words)
 
 
 def _gate(name: str, law: "LawPosterior") -> FileFinding:
-    shut = []
+    failed = []
     if law.r_hat is not None and law.r_hat > R_HAT:
-        shut.append(f"R-hat {law.r_hat:.4g} is above {R_HAT:g}")
+        failed.append(f"R-hat {law.r_hat:.4g} is above {R_HAT:g}")
     if law.ess is None or law.ess < ESS:
-        shut.append(f"{'no' if law.ess is None else format(law.ess, '.4g')} effective draws, below {ESS:g}")
+        failed.append(f"{'no' if law.ess is None else format(law.ess, '.4g')} effective draws, fewer than {ESS:g}")
     if law.k_hat is not None and law.k_hat > K_HAT:
-        shut.append(f"k-hat {law.k_hat:.3g} is above {K_HAT:g}")
-    if shut:
-        return FileFinding("posterior", False, f"posterior.{name}: {'; '.join(shut)}; draw again.")
-    return FileFinding("posterior", True, f"posterior.{name}: the draws pass the gate.")
+        failed.append(f"k-hat {law.k_hat:.3g} is above {K_HAT:g}")
+    if failed:
+        return FileFinding("posterior", False, f"posterior.{name}: {'; '.join(failed)}; draw again.")
+    return FileFinding("posterior", True, f"posterior.{name}: the convergence checks pass.")
 
 
 def _dynamics(model: "DynamicsSection") -> Iterator[FileFinding]:
@@ -76,17 +76,17 @@ def _dynamics(model: "DynamicsSection") -> Iterator[FileFinding]:
     yield FileFinding("dynamics", True, f"dynamics: stable, every pole within radius {radius:.6g}.")
     if not np.isfinite(gain) or gain == 0:
         yield FileFinding(
-            "dynamics", False, f"dynamics: the gain at rest is {gain:g}, so no controller can hold a load."
+            "dynamics", False, f"dynamics: the static gain is {gain:g}, so no controller can hold a load."
         )
         return
     se = _gain_se(model)
     unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
     if se is not None and abs(gain) < SURE * se:
-        words = f"dynamics: the gain at rest, {gain:.4g}{unit}, has a standard error of {se:.2g}: its sign is not known"
+        words = f"dynamics: the static gain, {gain:.4g}{unit}, has a standard error of {se:.2g}: its sign is not known"
         yield FileFinding("dynamics", False, f"{words}; identify from a longer record or with more amplitude.")
         return
     known = "" if se is None else f", {abs(gain) / se if se else np.inf:.3g} standard errors from zero"
-    yield FileFinding("dynamics", True, f"dynamics: the gain at rest is {gain:.4g}{unit}{known}.")
+    yield FileFinding("dynamics", True, f"dynamics: the static gain is {gain:.4g}{unit}{known}.")
 
 
 def _gain_se(model: "DynamicsSection") -> float | None:
@@ -113,7 +113,7 @@ KINDS = {  # of each limit: a unit of its kind
 
 
 class Stated(NamedTuple):
-    """A unit in the file: where it stands, the unit, and a unit of the kind it must have, where that is known."""
+    """A unit in the file: its place, the unit, and a unit of the required dimension where that is known."""
 
     where: str
     unit: str
@@ -123,13 +123,13 @@ class Stated(NamedTuple):
 def check_units(pf: "ParameterFile") -> Iterator[FileFinding]:
     """A finding for each unit that is wrong, or one that all are right."""
     stated = [*_of_laws(pf), *_of_sections(pf)]
-    complaints = [words for item in stated if (words := _complaint(item))]
-    yield from (FileFinding("units", False, words) for words in complaints)
-    if stated and not complaints:
-        yield FileFinding("units", True, f"All {len(stated)} units are known and of the right kind.")
-    silent = [item.where for item in stated if item.kind is None and not item.unit]
-    if silent:
-        yield FileFinding("units", None, f"No unit is stated for {', '.join(silent)}.")
+    problems = [words for item in stated if (words := _problem(item))]
+    yield from (FileFinding("units", False, words) for words in problems)
+    if stated and not problems:
+        yield FileFinding("units", True, f"All {len(stated)} units are known and of the right dimension.")
+    unstated = [item.where for item in stated if item.kind is None and not item.unit]
+    if unstated:
+        yield FileFinding("units", None, f"No unit is stated for {', '.join(unstated)}.")
 
 
 def _of_laws(pf: "ParameterFile") -> Iterator[Stated]:
@@ -174,13 +174,13 @@ def _of_sections(pf: "ParameterFile") -> Iterator[Stated]:
         yield Stated(f"identity.sensors ({short_name(sensor.symbol)})", sensor.unit, None)
 
 
-def _complaint(item: Stated) -> str:
+def _problem(item: Stated) -> str:
     if not item.unit and item.kind is None:
         return ""
     if not is_unit(item.unit):
         return f"{item.where}: the unit {short(item.unit)} is not known; {suggest(item.unit[:40])}"
     if item.kind is not None and not same_dimension(item.unit, item.kind):
-        return f"{item.where}: the unit is {short(item.unit)}, which is not of the kind of {item.kind}."
+        return f"{item.where}: the unit is {short(item.unit)}, which does not have the dimension of {item.kind}."
     return ""
 
 
@@ -188,7 +188,7 @@ EXCEEDS = 1 + 1e-9
 
 
 def check_settings(pf: "ParameterFile") -> Iterator[FileFinding]:
-    """A finding for each thing out of order, and one for each section that is in order."""
+    """A finding for each setting that is not in order, and one for each section that is."""
     if (line := pf.load_line) is not None:
         yield from _findings("feed limits", "load_line", [*_feed(line), *_feed_of_machine(pf, line)])
         yield from _findings("window", "load_line", [*_window(line), *_criterion(pf, line)])
@@ -202,9 +202,9 @@ def check_settings(pf: "ParameterFile") -> Iterator[FileFinding]:
         yield from _findings("set points", "adaptive_force", list(_set_points(force)))
 
 
-def _findings(name: str, where: str, complaints: list[str]) -> Iterator[FileFinding]:
-    yield from (FileFinding(name, False, f"{where}: {words}.") for words in complaints)
-    if not complaints:
+def _findings(name: str, where: str, problems: list[str]) -> Iterator[FileFinding]:
+    yield from (FileFinding(name, False, f"{where}: {words}.") for words in problems)
+    if not problems:
         yield FileFinding(name, True, f"{where}: {name} in order.")
 
 
@@ -238,11 +238,11 @@ def _feed_of_machine(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[s
 def _window(line: "LoadLineSection") -> Iterator[str]:
     low, high = line.window
     if not low < high:
-        yield f"the tool-change window {low:g} to {high:g} {line.unit_wear} has its ends the wrong way round"
+        yield f"the tool-change window {low:g} to {high:g} {line.unit_wear} has its ends in the wrong order"
     if not low <= line.lower.wear <= high * EXCEEDS:
-        yield f"the lower feed limit stands for a wear of {line.lower.wear:g} {line.unit_wear}, outside the window"
+        yield f"the lower feed limit is for a wear of {line.lower.wear:g} {line.unit_wear}, outside the window"
     if not line.upper.wear < line.lower.wear:
-        yield f"the upper feed limit stands for more wear than the lower: {line.upper.wear:g} and {line.lower.wear:g}"
+        yield f"the upper feed limit is for more wear than the lower: {line.upper.wear:g} and {line.lower.wear:g}"
 
 
 def _criterion(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
@@ -255,7 +255,8 @@ def _criterion(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
 def _reference(line: "LoadLineSection") -> Iterator[str]:
     unit = line.unit_load
     if not 0 < line.reference < line.worn:
-        yield f"the reference {line.reference:g} is not between 0 and what a worn tool stands, {line.worn:g} {unit}"
+        limit = f"the load that a worn tool withstands, {line.worn:g} {unit}"
+        yield f"the reference {line.reference:g} is not between 0 and {limit}"
         return
     step = line.rounded_to or 0.0
     if abs(line.reference - line.safety_factor * line.worn) > step / 2 + 1e-9 * line.worn:
@@ -275,9 +276,9 @@ def _engagement(e: "Engagement", line: "LoadLineSection") -> Iterator[str]:
     if at is not None and not at + half < line.reference:
         yield f"the loop engages at {at + half:g} {line.unit_load}, not below the reference {line.reference:g}"
     if at is not None and e.load_low is not None and not e.load_low < at - half:
-        yield f"the loop lets go at {at - half:g}, not above the smallest reading {e.load_low:g}"
+        yield f"the loop disengages at {at - half:g}, not above the smallest reading {e.load_low:g}"
     if e.load_high is not None and not e.load_high > line.worn:
-        yield f"the largest reading {e.load_high:g} is not above what a worn tool stands, {line.worn:g}"
+        yield f"the largest reading {e.load_high:g} is not above the load that a worn tool withstands, {line.worn:g}"
     if e.feed_programmed is not None and not e.feed_programmed >= line.lower.value:
         yield f"the programmed feed {e.feed_programmed:g} is below the lower feed limit {line.lower.value:g}"
 
@@ -289,4 +290,4 @@ def _set_points(force: "AdaptiveForceSection") -> Iterator[str]:
     if force.low is not None and force.high is not None and not force.low < force.high:
         yield f"the limits of the command are {force.low:g} to {force.high:g}"
     if not force.alpha + force.Kd > force.lam * force.m:
-        yield "alpha + Kd is not above lambda m, so its energy need not fall"
+        yield "alpha + Kd is not above lambda m, so its Lyapunov function need not decrease"

@@ -109,6 +109,6 @@ def export(pf: "ParameterFile", kind: str, path: str | os.PathLike[str], *, forc
     content = export_format(kind).render(export_view(pf))
     path = Path(path)
     if not force and os.path.lexists(path):
-        raise ParameterError(f"{path}: there is a file already; choose another path, or replace it with --force.")
+        raise ParameterError(f"{path}: the file exists; choose another path, or replace it with --force.")
     write_whole(path, content, error=ParameterError)
     return path

@@ -1,4 +1,4 @@
-"""The PI loop on load in the units of the machine: what a controller is made from.
+"""The PI loop on load in the units of the machine, built from the sections of a parameter file.
 
 Position form, its sum by the rectangle that ends now, e = reference - filtered load:
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LoadLoop:
-    """The PI loop on load: gains, limits and settings, each in the unit that its comment says.
+    """The PI loop on load: gains, limits and settings, each in the unit of its comment.
 
     A command of a controller is ``feed / feed_programmed``, the feed override: ``low`` and ``high`` are its limits.
     """
@@ -94,7 +94,7 @@ _EARLY = {"backward": 0.0, "trapezoidal": 0.5, "forward": 1.0}
 
 @dataclass(frozen=True, slots=True)
 class LoopSettings:
-    """The loop, or why there is none; and what was assumed for want of a setting in the file."""
+    """The loop, or the reason why there is none; and the assumptions for settings missing from the file."""
 
     loop: LoadLoop | None
     lacking: str = ""
@@ -102,7 +102,7 @@ class LoopSettings:
 
 
 class _Lacking(Exception):  # noqa: N818  it ends in a sentence of the view, not in an error
-    """Why there is no loop."""
+    """Reason why there is no loop."""
 
 
 def loop_settings(pf: "ParameterFile", *, own_form: bool = False) -> LoopSettings:
@@ -176,19 +176,19 @@ def _feed_per_unit(pi: PiSection, line: LoadLineSection, programmed: float) -> f
     """Unit of the feed limits in one unit of the command."""
     if pi.unit_u in ("%", "1", "override"):
         return programmed / 100 if pi.unit_u == "%" else programmed
-    cure = "tune with the scaling of the feed drive, or convert with PiGains.in_units"
-    return _factor(pi.unit_u, line.unit_feed, "commands", "feed limits", cure)
+    remedy = "tune with the scaling of the feed drive, or convert with PiGains.in_units"
+    return _factor(pi.unit_u, line.unit_feed, "commands", "feed limits", remedy)
 
 
 def _load_per_unit(pi: PiSection, line: LoadLineSection) -> float:
     return _factor(pi.unit_y, line.unit_load, "measures", "a reference load", "give both in one unit")
 
 
-def _factor(unit: str, to: str, does: str, what: str, cure: str) -> float:
+def _factor(unit: str, to: str, does: str, what: str, remedy: str) -> float:
     if unit == to:
         return 1.0
     if not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
-        raise _Lacking(f"has a PI that {does} {plain_unit(unit)!r} but {what} in {plain_unit(to)!r}; {cure}.")
+        raise _Lacking(f"has a PI that {does} {plain_unit(unit)!r} but {what} in {plain_unit(to)!r}; {remedy}.")
     return float(convert(np.array(1.0), unit, to))
 
 
@@ -258,7 +258,7 @@ def _check_order(loop: LoadLoop) -> None:
     if not 0 < loop.reference < loop.load_high or not loop.load_low < 0:
         raise _Lacking(
             f"has a reference of {loop.reference:g} {loop.unit_load} and loads from {loop.load_low:g} to "
-            f"{loop.load_high:g}; zero and the reference lie inside what counts as a reading."
+            f"{loop.load_high:g}; zero and the reference must lie inside the range of valid readings."
         )
     if not loop.hysteresis / 2 < loop.engage_at < loop.reference - loop.hysteresis / 2:
         raise _Lacking(

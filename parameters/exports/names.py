@@ -1,4 +1,4 @@
-"""Names and texts that cannot inject into an export: what a file says is text, and stays text."""
+"""Names and texts sanitised for exports, so that text of a file cannot inject into a format."""
 
 import re
 import unicodedata

@@ -1,4 +1,4 @@
-"""Every number of the file worth carrying, under a safe name, with its unit and what it is."""
+"""All exported numbers of the file, each under a safe name, with unit and description."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One number of the file under a name that no format trips over.
+    """One number of the file under a name that is valid in every format.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def file_quantities(pf: "ParameterFile", loop: LoadLoop | None) -> tuple[Quantit
 
 
 def _unlike(name: str, taken: set[str]) -> str:
-    """The name, with a number where it is taken: two tools' names may become one identifier."""
+    """The name, with a number appended where it is taken."""
     number, free = 2, name
     while free in taken:
         free, number = f"{name}_{number}", number + 1
@@ -172,6 +172,6 @@ def _items(key: str, value: object) -> Iterable[tuple[str, object]]:
 
 
 def _unit(section: Section, name: str) -> str:
-    """Unit of a field: its section's own ``unit``, or the one that the field is told in."""
-    told = str(getattr(section, "unit", None) or _UNIT_OF.get(name, "1"))
-    return re.sub(r"unit_\w+", lambda m: str(getattr(section, m[0], m[0])), told)
+    """Unit of a field: that of its section, or that of the field."""
+    unit = str(getattr(section, "unit", None) or _UNIT_OF.get(name, "1"))
+    return re.sub(r"unit_\w+", lambda m: str(getattr(section, m[0], m[0])), unit)

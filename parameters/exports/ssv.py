@@ -2,7 +2,7 @@
 
 Schema: Modelica Association, System Structure and Parameterization 1.0 (2019), SystemStructureParameterValues.xsd. Its
 ``Unit`` needs the powers of SI base units; a unit without them would pass as a pure number, so it is not declared and
-stands in the description alone.
+is given in the description only.
 """
 
 import math
@@ -94,7 +94,7 @@ def _depths(unit: str) -> list[int]:
 
 
 def _quotient(unit: str) -> list[str]:
-    """The parts between the strokes that stand in no parenthesis."""
+    """The parts between slashes outside of parentheses."""
     parts = [""]
     for c, depth in zip(unit, _depths(unit), strict=True):
         if c == "/" and depth == 0:

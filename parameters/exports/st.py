@@ -11,7 +11,7 @@ from ...core.errors import GateError
 from .loop import LoadLoop
 from .view import ExportView
 
-LONGEST_NAME = 30  # characters of a name that older controllers tell apart
+LONGEST_NAME = 30  # significant characters of a name in older controllers
 LONGEST_AVERAGE = 1000  # samples; each is moved in each period
 
 NOT_IN_ST = (

@@ -32,7 +32,7 @@ class PlantModel:
 
 @dataclass(frozen=True, slots=True)
 class TunedGains:
-    """The PI as it was tuned, in the units of the dynamics: with `PlantModel` it closes the loop that was judged.
+    """The PI as it was tuned, in the units of the dynamics: with `PlantModel` it closes the loop that was tuned.
 
     Forms and integration rules are those of `fitmodels.ident.pi.gains`.
     """
@@ -56,7 +56,7 @@ class ExportView:
 
     ``tool``, ``work`` and ``machine`` are plain text already (see `names.plain`), ``name`` an identifier.
     ``file_quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
-    ``assumed`` says which settings the file lacks and what stands in for each.
+    ``assumed`` lists the settings that the file lacks, with the value assumed for each.
     """
 
     name: str
@@ -79,7 +79,7 @@ class ExportView:
         Raises
         ------
         GateError
-            The file has no PI gains or no settings of the loop; ``lacking`` says which.
+            The file has no PI gains or no settings of the loop; ``lacking`` names it.
         """
         if self.loop is None:
             raise GateError(f"the parameter file of {self.tool} on {self.work} {self.lacking}")
@@ -134,12 +134,12 @@ def _plant(pf: "ParameterFile") -> PlantModel | None:
 
 
 def require_check(pf: "ParameterFile") -> tuple[str, ...]:
-    """Let a file pass that may be handed on, and tell what could not be asked of its gains.
+    """Raise unless the file passes the check; returns assumptions about gains that could not be checked.
 
     Raises
     ------
     GateError
-        The check finds what must not reach a machine.
+        The file fails the check.
 
     Examples
     --------
@@ -150,7 +150,7 @@ def require_check(pf: "ParameterFile") -> tuple[str, ...]:
     report = check(pf)
     if not report.ok:
         first, *others = report.failed
-        more = f" {len(others)} more: `fitmodels check` tells them." if others else ""
+        more = f" {len(others)} more: see `fitmodels check`." if others else ""
         raise GateError(f"not exported, the file fails the check: {first.words}{more}")
     if pf.pi is None:
         return ()

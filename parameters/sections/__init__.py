@@ -1,1 +1,1 @@
-"""The sections of the parameter file: one class each, all of them frozen, keeping what they do not know."""
+"""Sections of the parameter file, one frozen class each; unknown fields are kept."""

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ...core.display import Displayable
 
-# strict: a number in quotes, or true for 1, is a mistake of whoever wrote the file
+# strict: a number in quotes, or true for 1, is an error in the file
 Number = Annotated[float, Field(strict=True)]
 NotNegative = Annotated[float, Field(strict=True, ge=0)]
 Positive = Annotated[float, Field(strict=True, gt=0)]
@@ -19,7 +19,7 @@ Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 class Section(Displayable, BaseModel):
-    """A part of the file: frozen, without NaN or infinity, and keeping the fields it does not know.
+    """A section or part of the file: frozen, without NaN or infinity; unknown fields are kept.
 
     Examples
     --------
@@ -34,13 +34,13 @@ class Section(Displayable, BaseModel):
 
 T = TypeVar("T", bound=Section)
 ROUNDING = 1e-9  # of a correlation: a matrix printed by another program keeps about ten digits
-MOST = 200  # parameters: what judges a matrix takes time with the cube of them
+MOST = 200  # parameters: checking a matrix takes time with the cube of their number
 
 
 class Covariance(Section):
     """Covariance of the law's parameters: (p, p), in the order of ``of``, with the ``df`` of its t.
 
-    ``method`` says what it stands on: rows taken as independent, or the jackknife by edge.
+    ``method`` is rows taken as independent, or the jackknife by edge.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class ModelCovariance(Section):
 
 
 class NoCovariance(Section):
-    """There is no interval, and why: as many observations as parameters, for one.
+    """Absence of a covariance, with the reason, for instance as many observations as parameters.
 
     Examples
     --------
@@ -92,20 +92,20 @@ class NoCovariance(Section):
 
 
 def checked(section: T, of: tuple[str, ...], matrix: tuple[tuple[float, ...], ...]) -> T:
-    """Give the section back where ``matrix`` is a covariance of what ``of`` names; ValueError says why it is none."""
+    """The section, if ``matrix`` is a covariance of the parameters ``of``; otherwise ValueError with the reason."""
     size = len(of)
     if len(set(of)) < size:
         raise ValueError("a parameter is named twice in 'of'")
     if len(matrix) != size or any(len(row) != size for row in matrix):
         raise ValueError(f"the matrix must be {size} x {size}, as 'of' names {size} parameters")
-    why = complaint(np.array(matrix, dtype=np.float64).reshape(size, size))
+    why = covariance_error(np.array(matrix, dtype=np.float64).reshape(size, size))
     if why:
         raise ValueError(why)
     return section
 
 
-def complaint(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> str | None:
-    """Why a square matrix is no covariance; judged on its correlations, so free of units."""
+def covariance_error(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> str | None:
+    """Reason why a square matrix is not a covariance, or None; its correlations are tested, independent of units."""
     variance = matrix.diagonal()
     if (variance < 0).any():
         return "a variance on the diagonal is negative"
@@ -117,5 +117,5 @@ def complaint(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> str 
     if not np.allclose(correlation, correlation.T, rtol=0, atol=ROUNDING):
         return "the matrix is not symmetric"
     if len(matrix) and np.linalg.eigvalsh(correlation)[0] < -len(matrix) * ROUNDING:
-        return "the matrix is no covariance: some combination of the parameters has a negative variance"
+        return "the matrix is not a covariance: some combination of the parameters has a negative variance"
     return None

@@ -1,4 +1,4 @@
-"""The dynamics section: an identified model that simulates and answers in frequency from the file alone.
+"""Sections of the identified dynamics, which simulate from the file alone, and of the PI gains tuned on them.
 
     y(t) = b(q) / a(q) u(t) + noise,    b(q) = b_nk q^-nk + ...,    a(q) = 1 + a_1 q^-1 + ...
 
@@ -40,9 +40,9 @@ class DynamicsSection(Plottable, Section):
     n, record_sha256
         Samples it was fitted to, and the checksum of their record.
     operating_point : tuple of float or None
-        Mean input and output that were taken off before the fit.
+        Mean input and output that were subtracted before the fit.
     band : tuple of float or None
-        Hz that the record excited: outside the model has seen nothing.
+        Hz that the record excited; the model is not supported outside.
     held_out_fit : float or None
         Per cent of the output of a record it was not fitted to that a free run explains, 100 (1 - rms error / rms);
         ``held_out_sha256`` is the checksum of that record.
@@ -83,7 +83,7 @@ class DynamicsSection(Plottable, Section):
         if len(self.b) <= self.nk or any(self.b[: self.nk]):
             raise ValueError(f"b with nk {self.nk} begins with {self.nk} zeros, then its coefficients")
         if self.band is not None and not self.band[0] < self.band[1]:
-            raise ValueError(f"the band {self.band[0]:g} to {self.band[1]:g} Hz has its ends the wrong way round")
+            raise ValueError(f"the band {self.band[0]:g} to {self.band[1]:g} Hz has its ends in the wrong order")
         if isinstance(self.uncertainty, ModelCovariance) and set(self.uncertainty.of) != set(self.names):
             raise ValueError(f"the covariance must be of {', '.join(self.names)}")
         return self
@@ -100,7 +100,7 @@ class DynamicsSection(Plottable, Section):
 
     @property
     def stable(self) -> bool:
-        """Whether a free run dies out: every pole inside the unit circle."""
+        """Whether every pole lies inside the unit circle."""
         return bool((np.abs(self.poles) < 1).all())
 
     @property
@@ -130,7 +130,7 @@ class DynamicsSection(Plottable, Section):
         Raises
         ------
         ParameterError
-            The input is no row of finite numbers, or the run leaves all bounds.
+            The input is not a row of finite numbers, or the simulation diverges.
         """
         from scipy.signal import lfilter
 
@@ -140,14 +140,12 @@ class DynamicsSection(Plottable, Section):
         with np.errstate(all="ignore"):
             out = np.asarray(lfilter(self.b, self.a, given), dtype=np.float64)
         if not np.isfinite(out).all():
-            raise ParameterError(
-                "the simulation leaves all bounds: the model is not stable, or the input far too large."
-            )
+            raise ParameterError("the simulation diverges: the model is not stable, or the input far too large.")
         return out
 
 
 class PiSpecification(Section):
-    """What was asked of the loop, as limits on the figures of the same name; None leaves a figure free.
+    """Requirements on the loop, as limits on the figures of the same name; None leaves a figure free.
 
     Times in s, the integral time kp/ki among them; overshoot, undershoot and steady error as shares of the step; phase
     margin in degrees at least, gain margin as a factor at least; disturbance, travel, peak_u and noise_gain in the
@@ -175,17 +173,17 @@ class PiSpecification(Section):
 
     @property
     def asked(self) -> dict[str, float]:
-        """The limits that are asked for, by name."""
+        """The limits that are set, by name."""
         values = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: value for name, value in values.items() if value is not None}
 
 
 class PiFigures(Section):
-    """What the loop does on the file's dynamics, in a unit step of the reference from rest; None is without end.
+    """Figures of merit of the loop for a unit step of the reference from rest; None is infinite.
 
     Times in s from 10 to 90 % and until within 2 %; overshoot, undershoot and steady error as shares of the step; ms
     and mt the peaks of |1 / (1 + L)| and |L / (1 + L)|; margins in degrees, as a factor, and s of further delay.
-    Further figures of the tuner stand under their own names.
+    Further figures of the tuner have their own names.
     """
 
     stable: bool = Field(strict=True)
@@ -207,7 +205,7 @@ class PiFigures(Section):
 
 
 class PiSection(Section):
-    """A digital PI as it runs.
+    """A digital PI controller.
 
     With e = reference - filtered measurement, T the sample time, S the sum by its rule:
 
@@ -239,11 +237,11 @@ class PiSection(Section):
         unit_u of the gains in one unit_u of the dynamics, and the same of unit_y: 1459 from V to mm/min; 1 where they
         are the same.
     specification, figures : PiSpecification, PiFigures or None
-        What they were tuned to, and what they reach on the dynamics of the file.
+        Requirements of the tuning, and figures of merit on the dynamics of the file.
     probability, draws
-        Share of the models that the uncertainty allows on which the whole specification holds, told from ``draws``.
+        Share of the models that the uncertainty allows on which the whole specification holds, from ``draws``.
     forced : str or None
-        Why they are kept although they miss the specification; None for gains that meet it.
+        Reason for keeping gains that miss the specification; None for gains that meet it.
     method : str or None
         How they were chosen.
     notes : tuple of str

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from ..messages import short
 from .base import ModelCovariance, NoCovariance, NotNegative, Number, Positive, Section, Text
 
-ROUNDING = 0.01  # of a reference force written by hand beside its regression
+ROUNDING = 0.01  # relative, of a reference force entered by hand with its regression
 
 
 class ForceRegression(Section):
@@ -29,7 +29,7 @@ class ForceRegression(Section):
 
 
 class RoughnessSection(Section):
-    """Reference force for a roughness, and what the override may do to hold it.
+    """Reference force for a roughness, and the limits of the feed override that holds it.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class RoughnessSection(Section):
     roughness : float
         The roughness asked for, unit_roughness.
     force : float
-        The reference, unit_force; ``force_from`` says whether it is the law's ``inverse`` or a ``regression`` of force
+        The reference, unit_force; ``force_from`` is the ``inverse`` of the law or a ``regression`` of force
         on roughness.
     regression : ForceRegression or None
         The second of these, for a roughness that is changed along the run.
@@ -93,9 +93,9 @@ class RoughnessSection(Section):
                 f"the regression is in {short(self.regression.unit)}, the force in {short(self.unit_force)}"
             )
         if self.force_from == "regression" and self.regression is not None:
-            told = self.regression.constant + self.regression.slope * math.log(self.roughness)
-            if abs(told - self.force) > ROUNDING * self.force:
-                raise ValueError(f"the reference force {self.force:g} is not that of its regression, {told:g}")
+            implied = self.regression.constant + self.regression.slope * math.log(self.roughness)
+            if abs(implied - self.force) > ROUNDING * self.force:
+                raise ValueError(f"the reference force {self.force:g} is not that of its regression, {implied:g}")
         return self
 
 
@@ -113,7 +113,7 @@ class SetPoint(Section):
 
 
 class AdaptiveForceSection(Section):
-    """Everything an adaptive force controller starts with.
+    """Initial estimates and settings of an adaptive force controller.
 
     Attributes
     ----------
@@ -134,14 +134,14 @@ class AdaptiveForceSection(Section):
     sample_time : float or None
         s of a step of the law.
     average_time : float or None
-        s over which the force is averaged, a revolution of the spindle; adaptation stands still while the command is
+        s over which the force is averaged, a revolution of the spindle; adaptation stops while the command is
         limited.
     low, high : float or None
         Limits of the command, unit_u.
     depth : float or None
         Of the run that the estimates come from, unit_depth.
     force_low, force_high : float or None
-        A reading at or beyond these is none, unit_force.
+        A reading at or beyond these is invalid, unit_force.
     notes : tuple of str
 
     Examples

@@ -1,4 +1,4 @@
-"""The small parts a law section is made of."""
+"""Parts of a law section."""
 
 from collections.abc import Mapping
 from typing import Annotated, Self
@@ -57,7 +57,7 @@ class LevelShifts(Section):
 
 
 class LeftOutFactor(Section):
-    """A factor that was asked for and is not in the law.
+    """A factor that was requested and is not in the law, with the reason.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class DroppedRows(Section):
 
 
 class Statistics(Section):
-    """Statistics of the fit by the papers' letters, None where one cannot be had.
+    """Statistics of the fit in the papers' letters, None where one is not available.
 
     Examples
     --------
@@ -100,7 +100,7 @@ class Statistics(Section):
 
 
 class Published(Section):
-    """What a paper prints for the same response, tool and work, and how far the data lie from it.
+    """Published law for the same response, tool and work, and the deviation of the data from it.
 
     ``rms_percent`` and ``worst_percent`` are of ``100 (observed / printed law - 1)`` over the rows of the
     fit, None where the file lacks a factor of the printed law; ``worst_line`` is a line of the data file.
@@ -145,16 +145,16 @@ class ToolLifeSection(Section):
 
 
 class Edges(Section):
-    """What the cutting edges say of a law: the variance between and within them, and F of what only they tell.
+    """Inference by cutting edge: variance between and within edges, and F of the factors that vary between edges.
 
-    ``between`` names the factors told between edges; ``F`` on ``F_df`` is theirs by edge and ``row_F`` theirs
+    ``between`` names the factors that vary between edges; ``F`` on ``F_df`` is theirs by edge and ``row_F`` theirs
     with rows taken as independent; ``icc`` is the share of the variance between edges. ``random_level`` holds
     the standard errors with a random level of each edge, the cross-check of the jackknife. ``reason`` is set
-    where inference by edge cannot be had.
+    where inference by edge is not available.
 
-    ``rows_per_edge`` (harmonic mean) and the degrees of freedom ``df_between`` and ``df_within`` say how well the
-    two standard deviations are known; ``smearing_within`` is the mean of exp(residual) about each edge's own
-    level, where errors multiply. Earlier files lack these four.
+    ``rows_per_edge`` (harmonic mean) and the degrees of freedom ``df_between`` and ``df_within`` give the precision
+    of the two standard deviations; ``smearing_within`` is the mean of exp(residual) about each edge's own level, where
+    errors are multiplicative. Earlier files lack these four.
 
     Examples
     --------
@@ -179,9 +179,9 @@ class Edges(Section):
 
 
 class LawCheck(Section):
-    """One check of a law: what it takes for granted, its figures and its verdict in words, or why there is none.
+    """One check of a law: null hypothesis, statistic, p and verdict in words, or the reason why it was not computed.
 
-    ``concern`` is 0 where all is well, 1 where one should look, 2 where one should act.
+    ``concern`` is 0 for no concern, 1 for a reservation, 2 for a required action.
 
     Examples
     --------
@@ -199,7 +199,7 @@ class LawCheck(Section):
 
 
 class LeverageSpace(Section):
-    """Columns of a law over which leverage is judged: their matrix, and the largest leverage of the design."""
+    """Columns of a law for which leverage is computed: their matrix, and the largest leverage of the design."""
 
     of: str
     columns: tuple[Count, ...]
@@ -208,7 +208,7 @@ class LeverageSpace(Section):
 
 
 class Region(Section):
-    """The region of a design, a window of operation: a design is a region, not a box.
+    """Tested region of a design (window of operation), by range, radius and leverage.
 
     The numbers are those that ``fitmodels.datasets.region`` evaluates.
     """
@@ -222,9 +222,9 @@ class Region(Section):
 
 
 class CompositeLaw(Section):
-    """A law with its wear put in from the wear law: what the conditions alone do to the response.
+    """A law with its wear replaced by the wear law: the effect of the conditions alone.
 
-    ``assumption`` says how the standard errors of the two laws were taken together.
+    ``assumption`` states how the standard errors of the two laws were combined.
     """
 
     wear: str

@@ -1,4 +1,4 @@
-"""Settings of milling at constant load, and of when the loop takes over and lets go.
+"""Sections of milling at constant load (settings, engagement of the loop) and of the limits of machine and tool.
 
 Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587, section II.E and eq. 15.
 """
@@ -12,7 +12,7 @@ from .base import NotNegative, Number, Positive, Section, Share, Text
 
 
 class LimitInterval(Section):
-    """Interval of a feed limit at ``level``, and how it was had.
+    """Interval of a feed limit at ``level``, and its method.
 
     Examples
     --------
@@ -34,14 +34,14 @@ class LimitInterval(Section):
 
 
 class NoInterval(Section):
-    """There is no interval of a feed limit, and why."""
+    """Absence of an interval of a feed limit, with the reason."""
 
     kind: Literal["none"] = "none"
     reason: Text
 
 
 class FeedLimit(Section):
-    """A limit of the feed: the feed at the reference load and the wear it stands for.
+    """A limit of the feed: the feed at the reference load and this wear.
 
     Examples
     --------
@@ -55,7 +55,7 @@ class FeedLimit(Section):
 
 
 class Engagement(Section):
-    """When the loop takes over and lets go, and how fast; each may be left to the machine.
+    """Engagement of the loop: thresholds, delays and rates; each may be left to the machine.
 
     Attributes
     ----------
@@ -66,11 +66,11 @@ class Engagement(Section):
     engage_at, hysteresis : float or None
         Filtered load at the middle of the hysteresis, and its whole width, in the unit of the load.
     engage_after, disengage_after : float or None
-        s above and below until the loop takes over and lets go.
+        s above and below the threshold until the loop engages and disengages.
     back_off, recover : float or None
         Override per second downwards and upwards.
     load_low, load_high : float or None
-        A reading at or outside these two is no reading.
+        A reading at or outside these two is invalid.
     sample_time : float or None
         s, period of the thread.
 
@@ -104,7 +104,7 @@ class LoadLineSection(Section):
         Load that the loop holds, unit_load: ``worn`` times ``safety_factor``, rounded to ``rounded_to`` where that is
         not None.
     worn : float
-        Load that a worn tool stands without chipping, unit_load.
+        Load that a worn tool withstands without chipping, unit_load.
     safety_factor : float
         Above 0, at most 1.
     upper, lower : FeedLimit
@@ -112,9 +112,9 @@ class LoadLineSection(Section):
     window : tuple of float
         Wear between which the tool should be changed, unit_wear.
     probability : float or None
-        That the wear lies in the window when the lower limit is reached; ``probability_of`` says from what, or why not.
+        That the wear lies in the window when the lower limit is reached; ``probability_of`` is its basis.
     dwell : float or None
-        s that the command rests on the lower limit before the tool is called worn.
+        s that the command stays at the lower limit before the tool counts as worn.
     law, by
         The law the limits come from, by the symbol of its response, and its level.
     load : str
@@ -155,7 +155,7 @@ class LoadLineSection(Section):
 
 
 class Bound(Section):
-    """The largest value allowed, with its unit, and of what where there are several (``Fxz`` of the forces).
+    """The largest value allowed, with its unit; ``of`` names the quantity where there are several (``Fxz``).
 
     Examples
     --------
@@ -169,7 +169,7 @@ class Bound(Section):
 
 
 class Range(Section):
-    """What a machine can be set to, from ``low`` to ``high``.
+    """Range of a machine setting, from ``low`` to ``high``.
 
     Examples
     --------
@@ -196,7 +196,7 @@ class LimitsSection(Section):
     power, force, wear : Bound or None
         Power of the spindle, force on tool or work, and the wear criterion at which an edge is worn out.
     feed, feed_rate, speed, spindle_speed : Range or None
-        What the machine can be set to: f, fm, V and n.
+        Ranges of the machine settings f, fm, V and n.
 
     Examples
     --------

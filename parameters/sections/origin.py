@@ -1,4 +1,4 @@
-"""Whose parameters a file holds, and where its numbers come from."""
+"""Origin of a parameter file: identity of tool and work, design of the tests, provenance."""
 
 import re
 from datetime import datetime
@@ -15,7 +15,7 @@ ISO13399 = re.compile(r"[A-Z][A-Z0-9_]{0,31}")
 
 
 class Sensor(Section):
-    """A sensor of the set-up: the symbol it measures, its unit, and what is known of it.
+    """A sensor of the set-up: the symbol it measures, its unit and its data.
 
     Examples
     --------
@@ -31,7 +31,7 @@ class Sensor(Section):
 
 
 class IdentitySection(Section):
-    """Whose parameters these are; ``simulated`` when the data came from a simulation.
+    """Tool, work, machine and set-up; ``simulated`` when the data came from a simulation.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class IdentitySection(Section):
 
 
 class ProvenanceSection(Section):
-    """Where the numbers come from: the data, the program and how it was called.
+    """Provenance: the data, the program and how it was called.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class ProvenanceSection(Section):
     command, options, seed
         How it was called.
     then : tuple of str
-        Commands that put further sections in since, in their order.
+        Commands that added further sections since, in their order.
 
     Examples
     --------
@@ -156,7 +156,7 @@ class DesignFactor(Section):
 
 
 class DesignLevel(Section):
-    """A level of the category that shifts the laws, and what was cut at it."""
+    """A level of the category that shifts the laws, with its numbers of rows and edges."""
 
     level: str
     rows: Count
@@ -170,7 +170,7 @@ class LeftOutRows(DroppedRows):
 
 
 class EdgeFacts(Section):
-    """What the cutting edges of the tests are like.
+    """Summary of the cutting edges of the tests.
 
     Attributes
     ----------
@@ -179,7 +179,7 @@ class EdgeFacts(Section):
     rows_least, rows_median, rows_most
         Rows of an edge.
     replicated, replicated_edges : int
-        Settings that more than one edge was cut at, and how many edges stand there.
+        Settings tested with more than one edge, and the number of these edges.
     settings : int
         Distinct settings of the conditions that stay the same on every edge, which ``set_by_edge`` names.
     short, short_edges
@@ -202,7 +202,7 @@ class EdgeFacts(Section):
 
 
 class Criterion(Section):
-    """The wear at which an edge counts as worn out; ``source`` says who set it."""
+    """The wear at which an edge counts as worn out; ``source`` states its origin."""
 
     wear: Text
     value: Positive
@@ -219,9 +219,9 @@ class DesignSection(Section):
     Attributes
     ----------
     rows : int
-        Of the data, those no law uses among them.
+        Of the data, including those that no law uses.
     factors : tuple of DesignFactor
-        Conditions and time, and what else a law has as a factor.
+        Conditions, time, and any other factor of a law.
     plan : str or None
         Kind of plan, where the settings are those of one that is known: ``central composite`` ...
     edges : EdgeFacts or None
@@ -229,10 +229,10 @@ class DesignSection(Section):
     by, levels
         Category that shifts the laws, and its levels.
     left_out : tuple of LeftOutRows
-        Rows that some law does without, and why.
+        Rows that some law does not use, with the reason.
     criterion : Criterion or None
     understood : tuple of str
-        What was understood of the data file, a sentence each.
+        Interpretation of the data file, one sentence each.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The posterior section: what was believed before the tests, what the draws say, and where the draws stand."""
+"""The posterior section: priors, summaries of the draws, and the file that holds the draws."""
 
 from typing import Annotated, Literal
 
@@ -8,7 +8,7 @@ from .base import Count, NotNegative, Number, Section, Text
 
 
 class Prior(Section):
-    """What was taken to be likely of one parameter before the tests, and why.
+    """Prior distribution of one parameter, and its source.
 
     Examples
     --------
@@ -23,7 +23,7 @@ class Prior(Section):
 
 
 class PosteriorSummary(Section):
-    """Draws of one parameter: mean, standard deviation, median and ends of the equal-tailed interval.
+    """Mean, standard deviation, median and equal-tailed interval of the draws of one parameter.
 
     Examples
     --------
@@ -39,19 +39,19 @@ class PosteriorSummary(Section):
 
 
 class Sensitivity(Section):
-    """How far the mean of a parameter moves, in sds, when every prior is half or twice as wide."""
+    """Prior sensitivity: shift of a posterior mean in posterior SD with priors of half and double width."""
 
     halved: Number
     doubled: Number
 
 
 class LawPosterior(Section):
-    """The posterior of one law; the gate was open, or it would not stand here.
+    """Posterior of one law, whose draws passed the convergence checks.
 
     Attributes
     ----------
     method : str
-        ``exact``, ``importance`` or ``emcee``; ``words`` say it in a sentence.
+        ``exact``, ``importance`` or ``emcee``; ``words`` describe it in a sentence.
     errors : str
         ``normal`` or ``student``.
     draws, level
@@ -59,15 +59,15 @@ class LawPosterior(Section):
     parameters : dict of PosteriorSummary
         As the draws name them: ``ln c0``, exponents, ``sd``, ``icc``.
     priors : dict of Prior
-        ``level`` is that of the linear form at the middle of the tests, ``level_at`` tells where.
+        ``level`` is that of the linear form at the middle of the tests, ``level_at`` gives the factors there.
     prior_set : str
         ``weak``, ``reference`` or the name of a file.
     r_hat, ess : float
         The largest and the smallest of any parameter; ``k_hat`` where draws were weighted.
     verified : str or None
-        What an independent run of chains said, where it was asked for.
+        Result of an independent run of chains, where requested.
     jackknife : dict of float
-        Standard errors by edge of what the draws stand about: much above their sd, the draws are too sure.
+        Standard errors by edge of the same parameters: much above the posterior sd, the posterior is too narrow.
     elpd, elpd_se
         Expected log density of a left-out edge (row), summed, and its standard error.
     reason : str or None
@@ -103,8 +103,8 @@ class LawPosterior(Section):
 class PosteriorSection(Section):
     """Posteriors of the laws, by response, and the file that holds their draws.
 
-    ``draws_file`` stands beside the parameter file, ``draws_sha256`` is of its bytes; both are None where there are no
-    draws. ``seed`` makes them again.
+    ``draws_file`` is in the folder of the parameter file, ``draws_sha256`` is of its bytes; both are None where there
+    are no draws. ``seed`` reproduces them.
 
     Examples
     --------
