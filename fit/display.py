@@ -93,7 +93,7 @@ def of_edges(edges: EdgeInference) -> Display:
 
 @display.register
 def of_bootstrap(found: EdgeBootstrap) -> Display:
-    """How many refits, and the interval of each coefficient."""
+    """Number of refits, and the interval of each coefficient."""
     ends = found.interval()
     lost = f", {found.impossible} draws of edges fixed no law" if found.impossible else ""
     grid = estimates(found.names, found.draws.mean(axis=0), found.bse, list(ends["low"]), list(ends["high"]))
@@ -218,6 +218,6 @@ def _number(value: float) -> str:
 
 
 def _rounded(value: float, se: float) -> str:
-    """To the decimals of the standard error; a number whose error is unknown or nothing to four digits."""
+    """A number to the decimals of its standard error, to four digits where that is unknown or zero."""
     places = decimals(se) if np.isfinite(se) and se > 1e-5 * abs(value) else 7
     return format_plain(value) if not 0 <= places <= 6 or abs(value) < se else f"{value:.{places}f}"

@@ -1,4 +1,4 @@
-"""Pictures of one law on given axes; ``draw_results`` and ``bayes/figures`` draw what stands beside it."""
+"""Panels of one law on given axes; the figures of other results are in ``figures`` and ``bayes/figures``."""
 
 from collections.abc import Mapping
 
@@ -21,7 +21,7 @@ STEPS = (
 )
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
 ROUNDING = 1e-24  # of the sum of squares: residuals of 1e-12, what is left of an exact law in double precision
-MOST = 4000  # points in one panel: more are slow to draw and show nothing new
+MOST = 4000  # points in one panel: more are slow to draw and overlap
 
 
 def label(law: LawFit, symbol: str) -> str:
@@ -31,12 +31,12 @@ def label(law: LawFit, symbol: str) -> str:
 
 
 def even(n: int) -> NDArray[np.intp]:
-    """Positions of an even choice of at most ``MOST`` of n points, the first and the last among them."""
+    """Positions of an even selection of at most ``MOST`` of n points, the first and the last among them."""
     return np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp)
 
 
 def _title(ax: Axes, text: str, n: int) -> None:
-    """Title of a panel of points, which says so where not all of them are drawn."""
+    """Title of a panel of points, with a note where not all of them are drawn."""
     ax.set_title(text + (f"\n{MOST} of {n} points drawn" if n > MOST else ""), fontsize=10)
 
 
@@ -47,18 +47,18 @@ def points(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     ax.plot(x[shown], y[shown], "o", ms=size, mfc="none", mec=BLUE, mew=edge)
 
 
-def _says_why(law: LawFit, ax: Axes) -> bool:
-    """Write on the panel why there are no residuals to look at, where there are none but rounding."""
+def _without_residuals(law: LawFit, ax: Axes) -> bool:
+    """Write on the panel why there are no residuals, where they are rounding errors only."""
     if law.no_interval is None and law.rss > ROUNDING * law.tss:
         return False
-    why = f"{law.nobs} rows fix\n{len(law.theta)} parameters" if law.no_interval else "the law meets every row"
+    why = f"{law.nobs} rows fix\n{len(law.theta)} parameters" if law.no_interval else "the law fits every row"
     ax.text(0.5, 0.5, f"no residuals:\n{why}", ha="center", va="center", transform=ax.transAxes, color=GREY)
     ax.set(xticks=[], yticks=[], title=law.response)
     return True
 
 
 def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
-    """Measured values against the law's, with the line on which they would be equal."""
+    """Measured values against the law's, with the line of equality."""
     ax = new_axes(ax)
     points(ax, law.fitted, law.observed)
     ends = [min(law.fitted.min(), law.observed.min()), max(law.fitted.max(), law.observed.max())]
@@ -73,9 +73,9 @@ def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
 
 
 def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
-    """Residuals against the prediction, on the scale on which they were made small."""
+    """Residuals against the prediction, on the scale of the fit."""
     ax = new_axes(ax)
-    if _says_why(law, ax):
+    if _without_residuals(law, ax):
         return ax
     ax.axhline(0, color=ORANGE, lw=1.2)
     points(ax, law.fitted, law.residuals)
@@ -99,7 +99,7 @@ def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
     from scipy.special import ndtri
 
     ax = new_axes(ax)
-    if _says_why(law, ax):
+    if _without_residuals(law, ax):
         return ax
     n = law.nobs
     scale = law.scale_se or 1.0
@@ -168,7 +168,7 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
 
 def _settings(X: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distinct rows of two columns, in their order."""
-    pairs = np.ascontiguousarray(X).view(np.complex128).ravel()  # a pair as one number is looked up in half the time
+    pairs = np.ascontiguousarray(X).view(np.complex128).ravel()  # a pair as one number is found in half the time
     return np.asarray(pd.unique(pairs)).view(np.float64).reshape(-1, 2)
 
 
@@ -182,7 +182,7 @@ def middle(ends: tuple[float, float], logs: bool) -> float:
 
 
 def _levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """About seven contour levels at numbers a person would choose."""
+    """About seven contour levels at round numbers."""
     low, high = float(z.min()), float(z.max())
     if not high > low:
         return np.array([low, low + 1e-9])
@@ -193,7 +193,7 @@ def _levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
-    """Ticks of a logarithmic axis at round numbers, written as people write them."""
+    """Ticks of a logarithmic axis at round numbers, without exponents."""
     for name, axis, ends in (("x", ax.xaxis, x), ("y", ax.yaxis, y)):
         if name in which:
             ticks = round_numbers(ends[0], ends[1])
@@ -202,7 +202,7 @@ def _plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
 
 
 def round_numbers(low: float, high: float, fewest: int = 3, most: int = 9) -> list[float]:
-    """Numbers a person would choose between two ends on a logarithmic axis, at least ``fewest`` if there are."""
+    """Round numbers between two ends of a logarithmic axis, at least ``fewest`` where possible."""
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     ticks: list[float] = []
     for steps in STEPS:

@@ -85,7 +85,7 @@ def test_a_panel_thins_its_points_and_says_so():
 
 def test_a_law_without_residuals_shows_none():
     """Neither where rows equal parameters nor where the law meets every row but for rounding."""
-    for frame, why in ((wear(3), "3 rows fix"), (wear(20, noise=0), "meets every row")):
+    for frame, why in ((wear(3), "3 rows fix"), (wear(20, noise=0), "fits every row")):
         law = power_law(runs_from_frame(frame), "AW", ["V", "t"])
         for panel in (residuals, normal_quantiles):
             ax = panel(law)

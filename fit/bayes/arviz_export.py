@@ -119,7 +119,7 @@ def _observed(posterior: "Posterior") -> tuple[dict[str, Variable], Mapping[str,
 
 
 def _attributes(posterior: "Posterior") -> dict[str, Any]:
-    """Of every group, as they can be written to a file: text and numbers."""
+    """Attributes of every group: text and numbers, which can be written to a file."""
     priors = posterior.priors
     described = {
         name: {"distribution": prior.name, **asdict(prior), "unit": priors.units.get(name, "")}

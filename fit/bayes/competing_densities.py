@@ -51,7 +51,7 @@ class AdditiveWear(LawDensity):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of ``phi``."""
+        """Names of the elements of ``phi``."""
         return tuple(SHARE if name == "k" else name for name in LawDensity.names.__get__(self))
 
     def parameters(self, phi: Array) -> Array:
@@ -61,7 +61,7 @@ class AdditiveWear(LawDensity):
         return out
 
     def residuals(self, phi: Array) -> Array:
-        """Of every row on the scale of the errors, (m, p) -> (m, n)."""
+        """Residuals of every row on the scale of the errors, (m, p) -> (m, n)."""
         last = self.p - 1
         eta = np.logaddexp(phi[:, :last] @ self.Z[:, :last].T, phi[:, last, None] + self.Z[:, last])
         return np.asarray(self.y - (np.exp(eta) if self.natural else eta))
@@ -133,12 +133,12 @@ class EdgeSlopes(LawDensity):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of ``phi``."""
+        """Names of the elements of ``phi``."""
         return (*LawDensity.names.__get__(self), "ln sd of u", "atanh correlation")
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """As the law calls its parameters, then sd, icc, sd of u and its correlation with the level."""
+        """Names of the parameters of the law, then sd, icc, sd of u and its correlation with the level."""
         return (*LawDensity.parameter_names.__get__(self), "sd of u", "correlation")
 
     def parameters(self, phi: Array) -> Array:

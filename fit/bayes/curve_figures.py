@@ -160,12 +160,12 @@ def _groups(law: "LawFit") -> tuple[list[str], list[NDArray[np.intp]], str | Non
 
 
 def _counted(name: str) -> list[str | int]:
-    """A key that puts edge 2 before edge 10."""
+    """Sort key by the numbers in a name: edge 2 before edge 10."""
     return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
 def _which(law: "LawFit", names: list[str], n: int) -> str:
-    """Which rows are drawn, in words."""
+    """Text on the selection of rows."""
     G = law.n_edges if names[0] else None
     rows = f"{n} rows" if n == law.nobs else f"{n} of {law.nobs} rows"
     edges = "" if G is None else f" of edge {names[0]}" if G == 1 else f" of {G} edges"
@@ -193,7 +193,7 @@ def _rows(posterior: "Posterior", s: Seen, limits: tuple[Array, Array], along: s
 
 
 def _stretched(ax: Axes, x: Array, *, logs: bool) -> Array:
-    """Points at one place (m,), as far apart as lets a band be seen."""
+    """Coincident points (m,), spread so that a band is visible."""
     low, high = ax.get_xlim()
     to = np.linspace(-0.04, 0.04, len(x)) if len(x) > 1 else np.array([-0.04, 0.04])
     return x * (high / low) ** to if logs else x + (high - low) * to

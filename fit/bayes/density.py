@@ -170,13 +170,13 @@ class LawDensity(Displayable):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of ``phi``."""
+        """Names of the elements of ``phi``."""
         more = (("logit icc",) if self.edges else ()) + (("ln nu",) if self.errors == "student" else ())
         return ("level", *self.theta_names[1:], "ln sd", *more)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """As the law calls its parameters, then sd, icc and nu."""
+        """Names of the parameters of the law, then sd, icc and nu."""
         more = (("icc",) if self.edges else ()) + (("nu",) if self.errors == "student" else ())
         return (*self.theta_names, "sd", *more)
 
@@ -208,7 +208,7 @@ class LawDensity(Displayable):
         return total
 
     def residuals(self, phi: Array) -> Array:
-        """Of every row on the scale of the errors, (m, p) -> (m, n)."""
+        """Residuals of every row on the scale of the errors, (m, p) -> (m, n)."""
         eta = phi[:, : self.p] @ self.Z.T
         if self.natural and self.law.logarithmic:
             np.exp(eta, out=eta)
@@ -216,7 +216,7 @@ class LawDensity(Displayable):
         return eta
 
     def gradient(self, phi: Array) -> Array:
-        """Columns along which residuals fall at one point, (p,) -> (n, p): Z, or the gradient in natural units."""
+        """Negative gradient of the residuals at one point, (p,) -> (n, p): Z, or the gradient on the original scale."""
         if not (self.natural and self.law.logarithmic):
             return self.Z
         return np.asarray(np.exp(self.Z @ phi[: self.p])[:, None] * self.Z)
@@ -296,7 +296,7 @@ def _units(law: "LawFit", edges: bool) -> tuple[NDArray[np.intp], NDArray[np.int
 
 
 def _normal_guess(law: "LawFit", centre: Array, edges: bool, errors: Errors) -> tuple[Array, Array]:
-    """Estimates of the fit and their covariance, as a place to start from and a shape to start with."""
+    """Estimates of the fit and their covariance, as start of samplers."""
     from ..edges import EdgeInference
 
     theta, df = law.theta.copy(), max(law.df_resid, 1)

@@ -50,7 +50,7 @@ class HalfByHalf:
     propose_from: Callable[[Array, Array, Random], tuple[Array, Array]]
 
     def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:  # noqa: ANN401 emcee has no types
-        """Move every walker once: what emcee calls."""
+        """Move every walker once: the method that emcee calls."""
         random: Random = model.random
         accepted = np.zeros(len(state.coords), dtype=bool)
         half = np.arange(len(accepted)) % 2 == 0
@@ -66,7 +66,7 @@ class HalfByHalf:
 
 
 def towards_others(moving: Array, others: Array, random: Random) -> tuple[Array, Array]:
-    """A draw of the Student-t with mean and covariance of the others, wherever the walker was.
+    """A draw of the Student-t with mean and covariance of the others, independent of the walker.
 
     Examples
     --------
@@ -230,7 +230,7 @@ class _Walk:
                 self.progress(self.steps, max(self.steps - burn, 0.0) * rate)
 
     def path(self) -> Array:
-        """Where the walkers were, (steps, walkers of all ensembles, p)."""
+        """Positions of the walkers, (steps, walkers of all ensembles, p)."""
         return np.concatenate([s.get_chain()[: self.steps] for s in self.samplers], axis=1)
 
 

@@ -32,7 +32,7 @@ Counts = NDArray[np.int64]
 POINTS = 80  # of ln sd in a cell
 ROUGH, WINDOW_ROUNDS = 24, 40  # points of the search for its mass, and most rounds of it
 STEPS, FINE_STEPS = np.linspace(0, 1, ROUGH), np.linspace(0, 1, POINTS)
-WIDE = 5.0  # of the first look: five to seven sds of ln sd, which is about 1 / sqrt(2 n)
+WIDE = 5.0  # of the first window: five to seven sds of ln sd, which is about 1 / sqrt(2 n)
 ROUNDS = 3
 FAR = 16.0  # in the log density below its top: beyond it lies 1e-7 of the mass
 
@@ -49,7 +49,7 @@ class Given:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Cross products of the rows about their own fit, so that no digit of RSS is lost, and sums over each edge."""
+    """Cross products of the rows about their least-squares fit, which keeps RSS precise, and sums over edges."""
 
     plain: Array
     gram: Array
@@ -62,7 +62,7 @@ class Rows:
 
     @classmethod
     def of(cls, density: LawDensity) -> "Rows":
-        """Look at all rows, once."""
+        """Sums over all rows of a density."""
         Z = density.Z
         Q, R = np.linalg.qr(Z)
         plain = np.linalg.solve(R, Q.T @ density.y)
@@ -85,7 +85,7 @@ class Rows:
 
 
 class Table(Protocol):
-    """Scatter and coefficients in each cell of icc; ``log_mass`` is what lies in the cell, but for a constant."""
+    """Posterior of scatter and coefficients in each cell of icc; ``log_mass`` is that of the cell."""
 
     log_mass: Array
 
@@ -93,7 +93,7 @@ class Table(Protocol):
 
     @staticmethod
     def rough_mass(density: LawDensity, given: Given) -> Array:
-        """The same near enough to see where it lies."""
+        """Approximation of ``log_mass``, to locate it."""
 
     def draw(self, counts: Counts, rng: np.random.Generator) -> tuple[Array, Array]:
         """Coefficients (S, p) and ln sd (S,): ``counts`` of each cell, one after the other."""
@@ -110,7 +110,7 @@ class FlatTable:
 
     @staticmethod
     def rough_mass(density: LawDensity, given: Given) -> Array:
-        """The mass itself."""
+        """``log_mass`` itself."""
         mass: Array = FlatTable(density, given).log_mass
         return mass
 
@@ -142,7 +142,7 @@ class ProperTable:
         self.log_mass = top + np.log(self.cumulated[:, -1]) - given.log_det / 2
 
     def _log_density(self, ln_sd: Array) -> Array:
-        """Of ln sd in each cell but for what goes with icc alone, (R, K) -> (R, K)."""
+        """Log density of ln sd in each cell, up to terms of icc alone, (R, K) -> (R, K)."""
         sd2 = np.exp(2 * ln_sd)
         ratio = self.values[:, :, None] / sd2[:, None, :]
         drawn = np.einsum("rj,rjk->rk", self.d**2, ratio / (1 + ratio)) + np.log1p(ratio).sum(axis=1)
@@ -151,7 +151,7 @@ class ProperTable:
         return np.asarray(out)
 
     def _window(self) -> tuple[Array, Array]:
-        """Points of ln sd and the log density there, widened and zoomed in on until the mass fills them."""
+        """Points of ln sd and the log density there, adapted until the mass fills them."""
         middle, half = 0.5 * np.log(self.given.rss / self.n), WIDE / np.sqrt(self.n)
         low, high = middle - half, middle + 2 * half
         row = np.arange(len(middle))
@@ -176,7 +176,7 @@ class ProperTable:
         width2 = np.diag([prior.sd**2 for prior in normal])
         off = given.b - [prior.mean for prior in normal]
         sd2 = given.rss / n
-        for _ in range(ROUNDS):  # (b - m)' (G^-1 + W / sd^2)^-1 (b - m) is what keeping to the priors adds to RSS
+        for _ in range(ROUNDS):  # (b - m)' (G^-1 + W / sd^2)^-1 (b - m) is the contribution of the priors to RSS
             inner = eye + given.G @ width2 / sd2[:, None, None]
             kept = np.linalg.solve(inner, (given.G @ off[:, :, None]))[:, :, 0]
             sd2 = (given.rss + np.einsum("ri,ri->r", off, kept)) / n
@@ -192,10 +192,10 @@ class ProperTable:
         return self.mean + self.width * _times(self.U, counts, e), ln_sd
 
     def _ln_sd(self, counts: Counts, rng: np.random.Generator) -> Array:
-        """Invert the distribution in each cell, its density taken as straight between points."""
+        """Draws of ln sd in each cell by inversion, the density linear between points."""
         cell = np.repeat(np.arange(len(counts)), counts)
         u, total = rng.random(len(cell)), self.cumulated[:, -1]
-        share = self.cumulated / total[:, None] + np.arange(len(total))[:, None]  # one rising row of all cells
+        share = self.cumulated / total[:, None] + np.arange(len(total))[:, None]  # one increasing array of all cells
         at = np.minimum(np.searchsorted(share.ravel(), u + cell) - cell * (POINTS - 1), POINTS - 2)
         point = cell * POINTS + at
         before = np.where(at > 0, self.cumulated.ravel()[cell * (POINTS - 1) + np.maximum(at, 1) - 1], 0.0)
@@ -251,12 +251,12 @@ def exact(density: LawDensity, rng: np.random.Generator, draws: int = 4000) -> S
         counts = rng.multinomial(draws, share / share.sum())
         beta, ln_sd = table.draw(counts, rng)
         logit = np.repeat(centres, counts) + width * (rng.random(draws) - 0.5)
-        phi = np.column_stack([beta, ln_sd, logit])[rng.permutation(draws)]  # cell after cell until here
+        phi = np.column_stack([beta, ln_sd, logit])[rng.permutation(draws)]  # cells were in order until here
     return Sample(phi, 1, "exact", _words(density), ess=float(draws))
 
 
 def _table(density: LawDensity, rows: Rows, make: type[Table]) -> tuple[Table, Array, float]:
-    """Scatter in the cells of logit icc that hold the mass, and these; looked for again where an end stands out."""
+    """Table over the cells of logit icc that have the mass, their centres and width; refined where an end has mass."""
 
     def closely(density: LawDensity, given: Given) -> Array:
         return make(density, given).log_mass
@@ -271,7 +271,7 @@ def _table(density: LawDensity, rows: Rows, make: type[Table]) -> tuple[Table, A
 
 
 def _cells(density: LawDensity, rows: Rows, mass_of: Callable[[LawDensity, Given], Array]) -> tuple[Array, float]:
-    """Centres of the cells of logit icc that hold the mass, and their width."""
+    """Centres of the cells of logit icc with the mass, and their width."""
     low, high = LOGIT
     for _ in range(GRID_ROUNDS):
         rough, width = _split(low, high, COARSE)

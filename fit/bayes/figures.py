@@ -29,7 +29,7 @@ from .priors import Beta, HalfT, Normal, Priors, units_of_priors
 Array = NDArray[np.float64]
 
 MOST_PAIRED = 9  # parameters: 36 panels
-PAIRED = 1000  # draws in a panel of pairs: more hide each other
+PAIRED = 1000  # draws in a panel of pairs: more overlap
 BOUNDS = {"sd": (0.0, inf), "icc": (0.0, 1.0), "nu": (0.0, inf)}
 STRONG = 0.7  # correlation that is marked
 
@@ -74,7 +74,7 @@ def _marginal(posterior: Posterior, name: str, ax: Axes) -> None:
 def _described(posterior: Posterior, name: str) -> str:
     """A parameter's name, with an explanation of symbols."""
     exponent = posterior.law.form == "power" and name in posterior.law.factors
-    words = {"sd": "scatter sd", "icc": "share between edges icc", "nu": "degrees of freedom nu"}
+    words = {"sd": "scatter sd", "icc": "intraclass correlation icc", "nu": "degrees of freedom nu"}
     return f"exponent of {name}" if exponent else words.get(name, name)
 
 
@@ -89,10 +89,10 @@ def _inverse(unit: str) -> str:
 
 
 def _estimates(posterior: Posterior) -> dict[str, float]:
-    """What least squares, and the mixed model by edge, say of the same parameters."""
+    """Estimates of the same parameters by least squares, and by the mixed model by edge."""
     law = posterior.law
     known = dict(zip(law.theta_names, map(float, law.theta), strict=True))
-    if posterior.errors == "student":  # its sd is another thing
+    if posterior.errors == "student":  # its sd is another parameter
         return known
     if not posterior.density.edges:
         return known | ({} if law.scale_se is None else {"sd": law.scale_se})
@@ -132,12 +132,12 @@ def _of_constant(posterior: Posterior) -> Normal | None:
 
 
 def pairs(posterior: Posterior) -> Sheet:
-    """Each pair of parameters with its correlation; of many parameters those that hang together most."""
+    """Each pair of parameters with its correlation; of many parameters the most correlated ones."""
     r: Array = np.asarray(np.corrcoef(posterior.draws.T))
     q = len(r)
     strongest = np.argsort(-np.sort(np.abs(np.nan_to_num(r)), axis=1)[:, -2], kind="stable")[:MOST_PAIRED]
     kept = np.sort(strongest)
-    some = f", the {len(kept)} of {q} that hang together most" if len(kept) < q else ""
+    some = f", the {len(kept)} of {q} most correlated" if len(kept) < q else ""
     title = f"{posterior.response}: pairs of parameters{some}, with their correlation; {posterior.method} draws"
     panels = [partial(_pair, posterior, j, i, r[i, j]) if j < i else None for i in kept[1:] for j in kept[:-1]]
     across = len(kept) - 1

@@ -26,15 +26,15 @@ from .psis_loo import effective, pareto_smoothed, resample
 Array = NDArray[np.float64]
 
 STEP = 0.05  # of the stencil, in standard deviations: a log density of 1e3 then leaves 1e-7 of noise in the Hessian
-NEAR = 1e-3  # decrement at which a last whole step ends on the top: it misses it by less than 0.001 sd
+NEAR = 1e-3  # decrement below which a last full step reaches the mode within 0.001 sd
 ROUNDS = 30
 LENGTHS = 2.0 ** np.array([1, 0, -1, -2, -3, -5, -8])
-LEAST_ROOT = 1e-3  # least eigenvalue of a guessed correlation: few edges give a covariance that is nearly singular
+LEAST_ROOT = 1e-3  # least eigenvalue of a guessed correlation: few edges give a nearly singular covariance
 
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """Where a density is highest.
+    """Mode of a density, and its curvature there.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Mode:
 
 
 def find_mode(density: Density) -> Mode:
-    """Climb from ``density.start``.
+    """Mode of a density by Newton's method from ``density.start``.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def find_mode(density: Density) -> Mode:
 
 
 def root_of(covariance: Array) -> Array:
-    """A root of a covariance, of one that is not quite positive definite too, (p, p) -> (p, p)."""
+    """Square root of a covariance, also of one that is not quite positive definite, (p, p) -> (p, p)."""
     variance = np.diag(covariance)
     sd = np.sqrt(np.where(np.isfinite(variance) & (variance > 0), variance, 1.0))
     correlation = np.where(np.isfinite(covariance), covariance, 0.0) / np.outer(sd, sd)
@@ -122,13 +122,13 @@ def _differences(density: Density, at: Array, root: Array) -> tuple[Array, Array
         return (forth - back) / (2 * STEP), hessian / STEP**2
 
 
-DF = 5.0  # tails heavier than those of a posterior, and yet three proposals in four count
-AHEAD = 1.35  # proposals a draw: what a normal posterior of six parameters needs
+DF = 5.0  # tails heavier than those of a posterior; about 3 proposals in 4 are effective
+OVERSAMPLE = 1.35  # proposals a draw: what a normal posterior of six parameters needs
 MOST = 10  # proposals a draw at the most
 RELIABLE_K, POOR = 0.7, 0.2  # k-hat and effective share of proposals that call for a second proposal
 DEFENCE = 0.3  # share of the first proposal in the mixture with the second
 WIDER = 1.1  # of the second: a covariance from weighted draws is rather too small
-AT_ONCE = 256  # points in one call, so that their residuals stay in the cache of the processor, and in memory
+AT_ONCE = 256  # points in one call, so that their residuals fit the cache of the processor
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +201,7 @@ def importance(density: Density, rng: np.random.Generator, draws: int = 4000) ->
     """
     mode = find_mode(density)
     parts: tuple[_Part, ...] = (_Part(1.0, mode.at, mode.root),)
-    found = _propose(density, parts, rng, int(np.ceil(AHEAD * draws)))
+    found = _propose(density, parts, rng, int(np.ceil(OVERSAMPLE * draws)))
     if found.k_hat > RELIABLE_K or found.share < POOR:
         moved = _adapted(parts[0], found)
         again = _propose(density, moved, rng, len(found.phi))
@@ -213,7 +213,7 @@ def importance(density: Density, rng: np.random.Generator, draws: int = 4000) ->
 
 
 def _propose(density: Density, parts: tuple[_Part, ...], rng: np.random.Generator, n: int) -> _Weighted:
-    """Draw n proposals and weigh them."""
+    """Draw n proposals and their weights."""
     p = len(parts[0].at)
     z = rng.standard_normal((n, p)) / np.sqrt(rng.chisquare(DF, (n, 1)) / DF)
     if len(parts) == 1:
@@ -234,7 +234,7 @@ def _weigh(phi: Array, raw: Array) -> _Weighted:
 
 
 def _adapted(first: _Part, found: _Weighted) -> tuple[_Part, ...]:
-    """The first proposal in defence, and one with mean and covariance of the weighted draws."""
+    """The first proposal as defensive component, and one with mean and covariance of the weighted draws."""
     w = found.weights
     mean = w @ found.phi
     off = (found.phi - mean) * np.sqrt(w)[:, None]
@@ -252,7 +252,7 @@ def _rank(found: _Weighted) -> tuple[bool, float]:
 def _enlarged(
     density: Density, parts: tuple[_Part, ...], rng: np.random.Generator, found: _Weighted, draws: int
 ) -> _Weighted:
-    """Further proposals until ``draws`` are effective, where that can be."""
+    """Further proposals until ``draws`` are effective, where that is possible."""
     missing = int(1.05 * draws / found.share) - len(found.phi)
     if found.ess >= draws or found.k_hat > RELIABLE_K:
         return found

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 def rows_alone(
     r: list[Array], wear: Array, gauge: Array, sds: list[Array], slopes: list[Array]
 ) -> tuple[Array, Array, list[Array], list[list[Array]]]:
-    """Of each row: q, ln det, and score and information of the levels (u, v_1 .. v_K), information (m, 1 or n)."""
+    """For each row: q, ln det, score and information of the levels (u, v_1 .. v_K), information (m, 1 or n)."""
     S = wear + gauge
     reliability, rho = wear / S, wear * gauge / S
     g = [b / s for b, s in zip(slopes, sds, strict=True)]
@@ -143,7 +143,7 @@ class LatentDensity(Displayable):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of ``phi``, each with the response of its law: ``P: V as read``."""
+        """Names of the elements of ``phi``, each with the response of its law: ``P: V as read``."""
         first, *loads = self.laws
         own = [f"{first.law.response}: {name}" for name in first.names]
         for law in loads:
@@ -154,7 +154,7 @@ class LatentDensity(Displayable):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """As the laws call their parameters, then ``gauge sd`` and ``nu`` where they are unknown."""
+        """Names of the parameters of the laws, then ``gauge sd`` and ``nu`` where they are unknown."""
         own = [f"{law.law.response}: {name}" for law in self.laws for name in law.parameter_names]
         gauge = ["gauge sd"] if self.gauge_df is not None else []
         return (*own, *gauge, *(["nu"] if self.errors == "student" else []))
@@ -250,7 +250,7 @@ class LatentDensity(Displayable):
         return sds[0] ** 2, tau**2, sds[1:], slopes
 
     def _level_sds(self, phi: Array) -> list[Array]:
-        """Of the edge levels, of wear and each load, (m, 1)."""
+        """Standard deviations of the edge levels of wear and each load, (m, 1)."""
         columns = [at.start + law.p for law, at in zip(self.laws, self.place, strict=True)]
         return [np.exp(phi[:, j, None] + 0.5 * phi[:, j + 1, None]) for j in columns]
 

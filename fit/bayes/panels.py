@@ -95,7 +95,7 @@ WHOLE, HALF = (0.025, 0.975), (0.25, 0.75)
 
 
 def conditions(law: "LawFit", X: Array, level: NDArray[np.intp]) -> pd.DataFrame:
-    """Factors (n, k), and the level of the category, as the law is asked."""
+    """Factors (n, k), and the level of the category, as a table for predictions."""
     new = pd.DataFrame(X, columns=list(law.factors))
     return new if law.by is None else new.assign(**{law.by.column: np.array(levels_of(law))[level]})
 
@@ -111,7 +111,7 @@ def level_of_rows(law: "LawFit") -> NDArray[np.intp]:
 
 
 def bands_at(posterior: "Posterior", new: pd.DataFrame) -> tuple[Array, Array]:
-    """Quantiles of the law (5, m) and of a row of a new edge (2, m); one scatter a draw, so that bands are smooth."""
+    """Quantiles of the law (5, m) and of a row of a new edge (2, m); one error per draw, so that bands are smooth."""
     law, one = posterior.responses(new), new.iloc[:1]
     centre, row = posterior.responses(one), posterior.responses(one, "prediction")
     rows = law + (row - centre) if posterior.density.natural else law * (row / centre)
@@ -119,7 +119,7 @@ def bands_at(posterior: "Posterior", new: pd.DataFrame) -> tuple[Array, Array]:
 
 
 def a_row(posterior: "Posterior") -> str:
-    """Of what the band of rows is, in words."""
+    """Text on the population of a predictive band."""
     return "a row of a new edge" if posterior.density.edges else "a row"
 
 

@@ -120,7 +120,7 @@ class Posterior(PosteriorDraws):
         kind : {"mean", "prediction"}
             Of the law itself (of errors that multiply: the median of rows), or of one new row.
         edge : {"new", "same"}
-            Of a row: on an edge not yet cut, or on one at the level of the law.
+            Of a row: on a new edge, or on one at the level of the law.
         level : float
 
         Returns
@@ -156,7 +156,7 @@ class Posterior(PosteriorDraws):
         return np.exp(eta + scatter)
 
     def _scatter(self, shape: tuple[int, ...], edge: Edge) -> Array:
-        """Of one new row for each draw, on the scale of the errors; the same at every call."""
+        """Error of one new row for each draw, on the scale of the errors; the same at every call."""
         rng = np.random.default_rng(self.seed)
         column = dict(zip(self.names, self.draws.T, strict=True))
         sd = column["sd"]
@@ -218,7 +218,9 @@ class Posterior(PosteriorDraws):
 
         return to_arviz(self)
 
-    def plot(self, what: str = "marginals", ax: "Axes | None" = None, *, banner: str = "") -> Any:  # noqa: ANN401
+    def plot(  # type: ignore[override]  # the kind of figure first, as in ``post.plot("pairs")``
+        self, what: str = "marginals", ax: "Axes | None" = None, *, banner: str = ""
+    ) -> Any:  # noqa: ANN401
         """Draw ``marginals``, ``pairs``, ``predictive`` (by edge) or ``curves``; the axes are returned.
 
         ``banner`` is text above the figure, for instance "simulated".

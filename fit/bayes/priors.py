@@ -66,7 +66,7 @@ class Normal(Displayable):
         return -0.5 * ((x - self.mean) / self.sd) ** 2 - log(self.sd) - 0.5 * log(2 * pi)
 
     def scaled(self, by: float) -> "Normal":
-        """The same with ``by`` times the width."""
+        """The prior with ``by`` times the width."""
         return replace(self, sd=self.sd * by)
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
@@ -89,7 +89,7 @@ class HalfT(Displayable):
         return constant - (v + 1) / 2 * np.log1p((x / self.scale) ** 2 / v)
 
     def scaled(self, by: float) -> "HalfT":
-        """The same with ``by`` times the width."""
+        """The prior with ``by`` times the width."""
         return replace(self, scale=self.scale * by)
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
@@ -99,7 +99,7 @@ class HalfT(Displayable):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Beta(Displayable):
-    """Beta from 0 to 1; ``Beta(1, 1)`` is uniform. It has no width: scaling leaves it as it is."""
+    """Beta from 0 to 1; ``Beta(1, 1)`` is uniform. It has no width: scaling does not change it."""
 
     a: float
     b: float
@@ -111,7 +111,7 @@ class Beta(Displayable):
         return constant + (self.a - 1) * np.log(x) + (self.b - 1) * np.log1p(-x)
 
     def scaled(self, by: float) -> "Beta":
-        """The same."""
+        """The prior itself."""
         return self
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
@@ -130,11 +130,11 @@ class Flat(Displayable):
         return np.zeros_like(x)
 
     def scaled(self, by: float) -> "Flat":
-        """The same."""
+        """The prior itself."""
         return self
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
-        """Refuse: there is nothing to draw from."""
+        """Refuse: a flat prior has no draws."""
         raise UsageError("a flat prior has no draws: give a proper one, for instance a normal.")
 
 
@@ -153,7 +153,7 @@ class Priors(Plottable):
     name : str
         ``weak``, ``reference`` or the file they come from.
     units, sources : mapping of str to str
-        Of each, for people.
+        Of each prior, for display.
     """
 
     of: Mapping[str, Prior]
@@ -167,11 +167,11 @@ class Priors(Plottable):
         return not any(isinstance(prior, Flat) for prior in self.of.values())
 
     def scaled(self, by: float) -> "Priors":
-        """The same with ``by`` times every width."""
+        """The priors with ``by`` times every width."""
         return replace(self, of={name: prior.scaled(by) for name, prior in self.of.items()})
 
     def with_(self, name: str, **changed: Prior) -> "Priors":
-        """The same with some of them replaced, under a new name."""
+        """The priors with some of them replaced, under a new name."""
         return replace(self, of={**self.of, **changed}, name=name)
 
 
@@ -200,20 +200,20 @@ def weak(law: "LawFit", edges: bool) -> Priors:
         of, sources = _from_data(law)
     if edges:
         of["icc"] = Beta(1.0, 1.0)
-        sources["icc"] = "uniform: nothing is known of how far edges differ"
+        sources["icc"] = "uniform: no prior knowledge of the variance between edges"
     return Priors(of, "weak", units, sources)
 
 
 def reference(law: "LawFit", edges: bool) -> Priors:
-    """Flat for everything but the share between edges; improper, and used as a whole or not at all."""
+    """Flat priors for all parameters but the share between edges; improper, only used as a whole."""
     of: dict[str, Prior] = {name: Flat() for name in ("level", *law.theta_names[1:], "sd")}
     if edges:
         of["icc"] = Beta(1.0, 1.0)
-    return Priors(of, "reference", units_of_priors(law), dict.fromkeys(of, "flat, as published posteriors take it"))
+    return Priors(of, "reference", units_of_priors(law), dict.fromkeys(of, "flat, as in published posteriors"))
 
 
 def units_of_priors(law: "LawFit") -> dict[str, str]:
-    """Unit of what each prior is of; ``ln mm`` for the logarithm of a length in mm."""
+    """Unit of the parameter of each prior; ``ln mm`` for the logarithm of a length in mm."""
     response = law.units.get(law.response, "")
     level = f"ln {response}".strip() if law.formula.logarithmic else response
     units = dict.fromkeys(law.theta_names[1:], "1")
@@ -226,7 +226,7 @@ def units_of_priors(law: "LawFit") -> dict[str, str]:
 
 
 def _from_data(law: "LawFit") -> tuple[dict[str, Prior], dict[str, str]]:
-    """Widths of 2.5 standard deviations of the data, for what has no usual size."""
+    """Widths of 2.5 standard deviations of the data, for quantities without a usual size."""
     y = np.log(law.observed) if law.formula.logarithmic and (law.observed > 0).all() else law.observed
     if law.formula.logarithmic and not (law.observed > 0).all():
         y = np.log(np.maximum(law.fitted, np.abs(law.fitted).max() * 1e-3))

@@ -1,4 +1,4 @@
-"""Priors from a file of one's own: TOML, a table for each law, replacing what it names and nothing else.
+"""Priors from a TOML file with a table for each law, which replace the weak priors they name.
 
     [AW]
     source = "forty tests of the same grade, 2019"
@@ -73,7 +73,7 @@ def replaced(priors: Priors, law: "LawFit", tables: Mapping[str, object], name: 
     if table is None:
         return priors
     if not isinstance(table, dict):
-        raise UsageError(f"{name}: {law.response} must be a table of priors, and is {table!r}.")
+        raise UsageError(f"{name}: {law.response} must be a table of priors, not {table!r}.")
     known = list(priors.of)
     of, sources = dict(priors.of), dict(priors.sources)
     for key, given in table.items():
@@ -130,7 +130,7 @@ def _numbers(where: str, kind: str, given: Mapping[str, object]) -> dict[str, fl
 
 
 def _fits_the_parameter(where: str, key: str, kind: str, law: "LawFit") -> None:
-    """A scatter lies above zero, a share between 0 and 1, the rest anywhere."""
+    """Validate the support: a scatter above zero, a share between 0 and 1, other parameters real."""
     wanted = {"sd": ("half-t",), "icc": ("beta",)}.get(key, ("normal",))
     if key == "level" and law.formula.logarithmic:
         wanted = ("lognormal",)

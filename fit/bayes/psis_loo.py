@@ -69,7 +69,7 @@ def pareto_smoothed(log_weights: Array, efficiency: float = 1.0) -> tuple[Array,
 
 
 def smoothed_columns(log_weights: Array, efficiency: float = 1.0) -> tuple[Array, Array]:
-    """The same for each column, (S, G) -> (S, G) and k-hat (G,).
+    """Smoothed log weights and k-hat of each column, (S, G) -> (S, G) and (G,).
 
     Examples
     --------
@@ -81,7 +81,7 @@ def smoothed_columns(log_weights: Array, efficiency: float = 1.0) -> tuple[Array
 
 
 def tail_length(S: int, efficiency: float = 1.0) -> int:
-    """How many of S weights are smoothed.
+    """Number of the S weights that are smoothed.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def resample(rng: np.random.Generator, weights: Array, n: int) -> NDArray[np.int
     """Indices of n draws in proportion to their weights, by systematic resampling.
 
     A draw of weight w is taken floor(n w) times or once more: Kitagawa 1996, J. Comput. Graph. Stat. 5, 1. Indices
-    ascend, so copies of a draw stand side by side, and the autocorrelation of what is drawn counts them.
+    ascend, so copies of a draw are adjacent, and the autocorrelation of the resample accounts for them.
 
     Parameters
     ----------

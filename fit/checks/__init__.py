@@ -1,1 +1,1 @@
-"""Is a law good enough to use: every check of it, one a file, and what they say together (``judgement``)."""
+"""Checks of a law by topic; ``judgement`` runs all of them."""

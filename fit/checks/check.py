@@ -118,7 +118,7 @@ def sentences(checks: Mapping[str, Check | NotAvailable], rows_are_independent: 
         raise UsageError(f"most={most}: at least one sentence is needed.")
     there = {name: check for name, check in checks.items() if isinstance(check, Check)}
     wrong = sorted((check for check in there.values() if check.concern), key=lambda check: -check.concern)
-    fine = [": ".join(filter(None, (TITLES[name], check.result))) for name, check in there.items() if not check.concern]
+    fine = [", ".join(filter(None, (TITLES[name], check.result))) for name, check in there.items() if not check.concern]
     passed = [f"Passed: {'; '.join(fine)}."] if fine else []
     first = [*(check.verdict for check in wrong), *_not_testable(checks, rows_are_independent)]
     if most == 1:

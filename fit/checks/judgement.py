@@ -79,7 +79,7 @@ def judge(law: LawFit, gauge_sd: float | None = None, *, alternative: LawFit | N
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "P", ["V", "f", "d", "t", "AW"])
     >>> fit.judge(law).checks["collinearity"].level
-    'failed'
+    'warning'
     """
     found = adequacy(law)
     given, law = law, even_choice(law)

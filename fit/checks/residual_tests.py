@@ -216,7 +216,7 @@ def spread(law: LawFit, residuals: Residuals) -> Homoscedasticity | NotAvailable
     if float(squares @ squares) <= HELD * size:
         return NotAvailable(f"residuals of {residuals.of} are all equal in size: their variance cannot be compared")
     s2, axes = np.linalg.eigh(_covariance_of_squares(Q, residuals))
-    free = s2 > HELD  # of two rows an edge nothing shows how scatter changes within it
+    free = s2 > HELD  # two rows per edge have no information on variance changes within it
     scores = (axes.T @ (Q.T @ squares))[free]
     statistic = n * float((scores**2 / s2[free]).sum()) / float(squares @ squares)
     pull = scaled.T @ squares

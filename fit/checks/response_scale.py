@@ -28,7 +28,7 @@ from .strata import Array, Strata, has_repeated_edges, linear_columns, no_scatte
 Profile = Callable[[Array], Array]
 
 DROP = 1.920729410347062  # half the .95 quantile of chi-squared on one degree of freedom
-WIDEST = 10.0  # powers beyond it are no transformation anybody would use
+WIDEST = 10.0  # powers beyond it are no useful transformation
 STEPS = 12  # parts of one zoom: the top lies in two of them, an end in one
 ZOOMS = 6
 
@@ -171,7 +171,7 @@ def _edge_residue(strata: Strata) -> Profile:
 
 
 def _interval(profile: Profile) -> tuple[float, float, float] | None:
-    """Power of the largest likelihood and the ends of its interval; None where an end lies beyond ``WIDEST``."""
+    """Power of the largest likelihood and the ends of its interval; None where an end is beyond ``WIDEST``."""
     at, apart = 0.0, WIDEST
     for _ in range(ZOOMS):
         points = np.linspace(max(at - apart, -WIDEST), min(at + apart, WIDEST), STEPS + 1)
@@ -180,7 +180,7 @@ def _interval(profile: Profile) -> tuple[float, float, float] | None:
     step = 2 * WIDEST / STEPS**2  # a parabola through three points finds the top where the zoom meets rounding
     left, top, right = profile(np.array([at - step / 100, at, at + step / 100]))
     move = step / 200 * float((left - right) / min(left - 2 * top + right, -1e-300))
-    at += min(max(move, -step), step)  # where the likelihood is flat but for rounding, the parabola's top is anywhere
+    at += min(max(move, -step), step)  # where the likelihood is flat but for rounding, the parabola has no definite top
     limit = float(profile(np.array([at]))[0]) - DROP
     if (profile(np.array([-WIDEST, WIDEST])) >= limit).any():
         return None

@@ -138,7 +138,7 @@ def _slopes(edge: Codes, time: Array, columns: Array) -> Array:
 
 
 def _least(X: Array, y: Array) -> tuple[Array, float, int]:
-    """Coefficients, residual sum of squares and rank; columns that add nothing are no harm."""
+    """Coefficients, residual sum of squares and rank; redundant columns are allowed."""
     if not X.shape[1]:
         return np.empty(0), float(y @ y), 0
     b, _, rank, _ = np.linalg.lstsq(X, y, rcond=1e-9)
