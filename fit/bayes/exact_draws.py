@@ -295,5 +295,5 @@ def _icc_prior(prior: Prior, logit: Array) -> Array:
 
 
 def _words(density: LawDensity) -> str:
-    two = "scatter and share between edges from their grid" if density.edges else "scatter from its own distribution"
+    two = "scatter and icc on a grid" if density.edges else "scatter from its own distribution"
     return f"exact: independent draws, coefficients in closed form given {two}"
