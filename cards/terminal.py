@@ -13,6 +13,7 @@ from ..datasets import Runs
 from ..datasets.columns import ColumnUse
 from ..datasets.vocabulary import ROLES
 from ..fit.defaults import Refused
+from ..fit.statsmodels_ols import TOLERANCE
 from ..parameters import ParameterFile
 from ..parameters.gather.description import column_words, unused_conditions
 from .content.dynamics import dynamics_part
@@ -23,6 +24,7 @@ from .content.posterior import EXPLANATIONS
 from .content.tables import check_table, coefficient_table
 
 if TYPE_CHECKING:
+    from ..fit.statsmodels_ols import StatsmodelsComparison
     from ..ident.identification import Identification
 
 NOTHING = (
@@ -70,6 +72,20 @@ def pair_blocks(runs: Runs, pf: ParameterFile, refused: Sequence[Refused]) -> li
     blocks.append(Padding(Text(about_intervals(pf)), (0, 0, 1, 0)))
     others = [*map(_refusal, refused), *unused_conditions(runs, pf.laws)]
     return [*blocks, Text("\n".join(others) + "\n")] if others else blocks
+
+
+def comparison_block(comparisons: "Sequence[StatsmodelsComparison]") -> RenderableType:
+    """Largest relative differences of the laws from statsmodels, and what was not compared."""
+    largest = max(one.largest for one in comparisons)
+    rows = tuple((one.response, name, f"{value:.1e}") for one in comparisons for name, value in one.differences.items())
+    missing = (
+        f"{one.response}: {name} not compared: {reason}."
+        for one in comparisons for name, reason in one.not_compared.items()
+    )  # fmt: skip
+    head = Text(f"Comparison with statsmodels {comparisons[0].version}", style="bold")
+    head.append(f"   largest relative difference {largest:.1e}, limit {TOLERANCE:.0e}" if rows else "", "not bold")
+    table = [_table(TextTable(("law", "compared", "relative difference"), rows))] if rows else []
+    return _block(head, *table, *_texts(missing))
 
 
 def nothing_fitted(runs: Runs, refused: Sequence[Refused]) -> str:

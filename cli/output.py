@@ -36,9 +36,9 @@ def print_lines(lines: Iterable[str]) -> None:
         out.show(Text(line))
 
 
-def print_json(schema: str, facts: Mapping[str, Any]) -> None:
-    """Print facts as JSON, with the schema ``fitmodels.<schema>/1`` first."""
-    report = {"schema": f"fitmodels.{schema}/1", **facts}
+def print_json(schema: str, facts: Mapping[str, Any], version: int = 1) -> None:
+    """Print facts as JSON, with the schema ``fitmodels.<schema>/<version>`` first."""
+    report = {"schema": f"fitmodels.{schema}/{version}", **facts}
     print(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
 
 

@@ -35,7 +35,11 @@ def parser() -> Parser:
     reading_options(p)
     fitting_options(p)
     p.add_argument("--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together")
-    p.add_argument("--verify", action="store_true", help="check every posterior by chains of another sampler (slow)")
+    p.add_argument(
+        "--verify",
+        action="store_true",
+        help="compare laws with statsmodels, and posteriors with chains of another sampler (some seconds a law)",
+    )
     pictures = "four figures of each posterior: marginals, pairs, by edge, curves"
     p.add_argument("--posterior-figures", action="store_true", help=pictures)
     p.add_argument("--version", "-V", action="version", version=f"fitmodels {__version__}")
@@ -76,8 +80,8 @@ def run(args: argparse.Namespace) -> int:
             out.show(_written(pair, folder))
         reports.append(_report(pair, folder))
     if args.json:
-        print_json("report", {"understood": _facts(runs), "pairs": reports})
-    if any(pair.not_converged for pair in analysis.pairs):
+        print_json("report", {"understood": _facts(runs), "pairs": reports}, version=2)
+    if any(pair.failed for pair in analysis.pairs):
         return 5
     return 4 if any(pair.parameters is None for pair in analysis.pairs) else 0
 
@@ -112,13 +116,15 @@ def _show(pair: "PairAnalysis", folder: "Folder | None", args: argparse.Namespac
 
     if not args.json:
         out.show(terminal.pair_head(pair.runs))
-    if pair.not_converged:
-        complain(f"{pair.name}: {pair.not_converged}{_kept(pair, folder)}")
+    if pair.failed:
+        complain(f"{pair.name}: {pair.failed}{_kept(pair, folder)}")
     elif pair.parameters is None:
         complain(terminal.nothing_fitted(pair.runs, pair.refused))
     elif not args.json:
         for block in terminal.pair_blocks(pair.runs, pair.parameters, pair.refused):
             out.show(block)
+    if pair.comparisons and not args.json:
+        out.show(terminal.comparison_block(pair.comparisons))
 
 
 def _kept(pair: "PairAnalysis", folder: "Folder | None") -> str:
@@ -142,14 +148,17 @@ def _written(pair: "PairAnalysis", folder: "Folder") -> str:
 
 
 def _report(pair: "PairAnalysis", folder: "Folder | None") -> dict[str, Any]:
+    from dataclasses import asdict
+
     pf = pair.parameters
     return {
         "tool": pair.runs.tool,
         "work": pair.runs.work,
         "folder": None if folder is None or pf is None else str(folder.path),
         "parameters": None if pf is None else pf.model_dump(mode="json"),
-        "gate": pair.not_converged or None,
+        "gate": pair.failed or None,
         "refused": [{"response": item.response, "reason": item.reason} for item in pair.refused],
+        "statsmodels": [{**asdict(one), "agrees": one.agrees} for one in pair.comparisons],
     }
 
 

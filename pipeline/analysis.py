@@ -187,6 +187,6 @@ def pairs_of(runs: "Runs", options: FitOptions) -> "tuple[Runs, ...]":
 def _analysed(runs: "Runs", options: FitOptions, command: str | None, step: Step) -> PairAnalysis:
     step(f"fitting {runs.tool} on {runs.work}")
     pair = fit_pair(runs, options, step=step)
-    if not pair.laws or pair.not_converged:
+    if not pair.laws or pair.failed:
         return pair
     return replace(pair, parameters=parameter_file(pair, options, command=command))

@@ -77,7 +77,7 @@ class FitOptions(ReadOptions):
     student : bool
         Student-t errors in the posterior.
     verify : bool
-        Check every posterior against chains of another sampler.
+        Compare every law with statsmodels, and every posterior with chains of another sampler.
     posterior_figures : bool
         Draw four figures of each posterior when the result is written.
 

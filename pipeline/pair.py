@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..fit.bayes.posterior import Posterior
     from ..fit.defaults import Refused
     from ..fit.life import ToolLife
+    from ..fit.statsmodels_ols import StatsmodelsComparison
     from ..parameters import ParameterFile
 
 MOST_ROWS = 200_000  # of a law whose posterior is drawn by default
@@ -48,6 +49,8 @@ class PairAnalysis(Displayable):
         By response.
     not_converged : str
         Which posteriors failed their convergence checks, so that there is no parameter file; empty otherwise.
+    comparisons : tuple of StatsmodelsComparison
+        Of each law with statsmodels, where the options ask for verification.
     parameters : ParameterFile or None
     """
 
@@ -59,6 +62,7 @@ class PairAnalysis(Displayable):
     posteriors: "tuple[Posterior, ...]"
     no_posterior: "Mapping[str, NotAvailable]"
     not_converged: str
+    comparisons: "tuple[StatsmodelsComparison, ...]" = ()
     parameters: "ParameterFile | None" = None
 
     @property
@@ -72,11 +76,20 @@ class PairAnalysis(Displayable):
         return {} if self.parameters is None else {name: law.checks for name, law in self.parameters.laws.items()}
 
     @property
+    def failed(self) -> str:
+        """Which verification failed, so that there is no parameter file; empty otherwise."""
+        differing = [one.sentence for one in self.comparisons if not one.agrees]
+        disagreement = (
+            f"The laws differ from statsmodels: {' '.join(differing)} Nothing was written." if differing else ""
+        )
+        return " ".join(filter(None, (self.not_converged, disagreement)))
+
+    @property
     def reason(self) -> str:
         """Why there is no parameter file; empty where there is one."""
         if self.parameters is not None:
             return ""
-        return self.not_converged or " ".join(item.reason for item in self.refused) or "no law fits these columns."
+        return self.failed or " ".join(item.reason for item in self.refused) or "no law fits these columns."
 
     def law_rows(self) -> list[tuple[str, ...]]:
         """Response, form, rows, edges, R2 and equation of each law, for a table."""
@@ -92,7 +105,7 @@ class PairAnalysis(Displayable):
         head = f"{self.name}: {len(laws)} law{'' if len(laws) == 1 else 's'} of {len(self.runs)} rows"
         table = TextTable(("law", "form", "rows", "R2", "equation"), tuple(laws)) if laws else None
         refused = (f"{item.response} is not fitted: {item.reason}" for item in self.refused)
-        return Display(head, table=table, sentences=(*refused, *filter(None, (self.not_converged, self.no_life))))
+        return Display(head, table=table, sentences=(*refused, *filter(None, (self.failed, self.no_life))))
 
 
 def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: Step = no_step) -> PairAnalysis:
@@ -125,7 +138,8 @@ def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: 
     if no_life and needs_life:
         raise FitError(no_life)
     posteriors, none = _posteriors(laws, options, step)
-    return PairAnalysis(runs, laws, refused, life, no_life, posteriors, none, _not_converged(posteriors))
+    comparisons = _comparisons(laws, step) if options.verify else ()
+    return PairAnalysis(runs, laws, refused, life, no_life, posteriors, none, _not_converged(posteriors), comparisons)
 
 
 def parameter_file(
@@ -227,6 +241,13 @@ def _posteriors(
         if not post.convergence.passed:
             break  # nothing is written: further draws would be of no use
     return tuple(posteriors), none
+
+
+def _comparisons(laws: "Sequence[LawFit]", step: Step) -> "tuple[StatsmodelsComparison, ...]":
+    from ..fit.statsmodels_ols import compare_statsmodels
+
+    step("comparing with statsmodels")
+    return tuple(map(compare_statsmodels, laws))
 
 
 def _not_converged(posteriors: "Sequence[Posterior]") -> str:

@@ -4,6 +4,8 @@ Reference: statsmodels' OLS with ``cov_type="cluster-crv3"`` and its mixed linea
 """
 
 import dataclasses
+import json
+import re
 import subprocess
 import sys
 
@@ -122,3 +124,34 @@ def test_statsmodels_is_not_imported_by_the_main_job(tmp_path):
         "sys.exit(99 if 'statsmodels' in sys.modules else code)"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=False).returncode == 0
+
+
+def test_verify_prints_the_comparison_and_ends_with_0(tmp_path, monkeypatch, capsys):
+    from fitmodels.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    assert main([str(datasets.bundled("ac2017_table2")), "--verify", "--draws", "1000"]) == 0
+    printed = capsys.readouterr().out
+    assert "Comparison with statsmodels" in printed
+    assert "limit 1e-06" in printed
+    assert re.search(r"AW +coefficients +\d\.\de-1\d", printed)
+    assert "AW: variance components not compared: no edge column" in printed
+
+
+def test_verify_writes_nothing_and_ends_with_5_where_the_programs_differ(tmp_path, monkeypatch, capsys):
+    from fitmodels.cli import main
+    from fitmodels.fit import statsmodels_ols
+
+    monkeypatch.chdir(tmp_path)
+    true = statsmodels_ols.compare_statsmodels
+
+    def shifted(law):
+        return true(dataclasses.replace(law, theta=law.theta * (1 + 3 * TOLERANCE)))
+
+    monkeypatch.setattr(statsmodels_ols, "compare_statsmodels", shifted)
+    assert main([str(datasets.bundled("ac2017_table2")), "--verify", "--draws", "1000"]) == 5
+    assert "differ from statsmodels: AW against statsmodels" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    assert main([str(datasets.bundled("ac2017_table2")), "--draws", "1000", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["pairs"][0]["statsmodels"] == []
