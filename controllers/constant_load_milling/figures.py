@@ -92,7 +92,8 @@ def _along(
 @plot.register
 def plot_tool_run(run: ToolRun, ax: Axes | None = None) -> Axes:
     """Load with its reference, and the feed command."""
-    return plot(run.trace, ax)
+    axes: Axes = plot(run.trace, ax)
+    return axes
 
 
 @plot.register

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from .probability import Feasibility, Kind, feasibility
+from .probability import Feasibility, feasibility
+from .sampled_laws import Kind
 from .visible import VisibleRegion, visible_region
 
 if TYPE_CHECKING:

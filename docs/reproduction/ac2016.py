@@ -1,4 +1,4 @@
-"""The numbers that AC-2016 prints (Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006), beside ours."""
+"""Ledger of AC-2016 (Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006)."""
 
 import math
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ def entries() -> list[Entry]:
 def _tests() -> Iterator[Entry]:
     edges = float(central_composite(DOMAIN, seed=1)["edge"].nunique())
     yield Entry("section II", "tests of the central composite design", "24", edges, "", "reproduced",
-                "of our plan over the same three factors; the paper's own plan is not printed")  # fmt: skip
+                "of a plan over the same three factors; the paper's own plan is not printed")  # fmt: skip
     for symbol, words, unit in (("V", "50-200", "m/min"), ("f", "0.06-0.6", "mm/rev"), ("d", "1.5-3", "mm")):
         yield Entry("section II", f"domain of {symbol}", words, None, unit, "not computable", "a choice of the tests")
     yield Entry("section II", "length of a sub-test", "2", None, "min", "not computable", "a choice of the tests")
@@ -59,11 +59,11 @@ def _substituted(pf: ParameterFile) -> Iterator[Entry]:
     one, deep, late = (visible_region(pf, d=d, t=t) for d, t in ((1.0, 1.0), (math.e, 1.0), (1.0, math.e)))
     h = pf.laws["AW"].coefficients["t"]
     yield Entry("eq. 7", "constant of the wear rate", "7.62e-3", h * pf.laws["AW"].coefficients["c0"], "mm/min",
-                "corrected with proof", f"d/dt of t^{h} brings the factor {h}, which the print leaves out")  # fmt: skip
+                "corrected with proof", f"d/dt of t^{h} has the factor {h}, which the print omits")  # fmt: skip
     yield Entry("eq. 7", "exponent of t in the wear rate", "-0.755", h - 1, "", "reproduced")
     table: tuple[tuple[str, str, tuple[tuple[str, Verdict, str], ...]], ...] = (
         ("eq. 8", "P", (
-            ("0.264", "corrected with proof", "a lost zero: 0.140 (7.62e-3)^0.342, and eq. 10's 0.067 agrees with it"),
+            ("0.264", "corrected with proof", "a missing zero: 0.140 (7.62e-3)^0.342; eq. 10's 0.067 agrees with it"),
             ("1.0173", "reproduced", ""), ("0.6845", "reproduced", ""), ("0.9288", "reproduced", ""),
             ("0.0348", "reproduced", ""),
         )),
@@ -84,7 +84,7 @@ def _substituted(pf: ParameterFile) -> Iterator[Entry]:
             float(late.planes[name].intercept - at.intercept),
         )
         for what, value, (printed, verdict, why) in zip(("", "V", "f", "d", "t"), ours, lines, strict=True):
-            quantity = f"exponent of {what} in {name}" if what else f"constant of {name} with its wear put in"
+            quantity = f"exponent of {what} in {name}" if what else f"constant of {name} with its wear substituted"
             yield Entry(place, quantity, printed, value, "" if what else at.unit, verdict, why)
 
 
@@ -108,7 +108,7 @@ def _at_depth_and_time(region: VisibleRegion) -> Iterator[Entry]:
 def _visible(region: VisibleRegion) -> Iterator[Entry]:
     for what, printed, unit in (("depth of cut", "2.5", "mm"), ("time", "10", "min"), ("limit of P", "7", "kW"),
                                 ("limit of Fxz", "1300", "N")):  # fmt: skip
-        yield Entry("section III", what, printed, None, unit, "not computable", "chosen, not found")
+        yield Entry("section III", what, printed, None, unit, "not computable", "a choice, not a result")
     yield Entry("Fig. 4", "corners of the visible region, ABCDEFA", "6", float(len(region.corners)), "", "reproduced",
                 "; ".join(f"{c.letter} {c.V:.4g}, {c.f:.4g}" for c in region.corners))  # fmt: skip
 
@@ -119,13 +119,16 @@ def _loads(point: OperatingPoint) -> str:
 
 def _most_metal(region: VisibleRegion) -> Iterator[Entry]:
     best, printed = region.best, region.at(*B)
-    place, why = "Fig. 5, point B", f"read off a chart: {_loads(printed)}, over both limits; the exact corner of both"
+    place, why = (
+        "Fig. 5, point B",
+        f"read off a chart: {_loads(printed)}, exceeding both limits; the computed value is their exact intersection",
+    )
     yield Entry(place, "V of the greatest MRR", "154.7", best.V, "m/min", "corrected with proof", why)
     yield Entry(place, "f of the greatest MRR", "0.53", best.f, "mm/rev", "reproduced", "the exact corner")
     yield Entry(place, "greatest MRR", "205000", best.MRR, "mm3/min", "corrected with proof", why)
     yield Entry(place, "MRR at the printed pair", "205000", printed.MRR, "mm3/min", "reproduced", "to 5000 mm3/min")
     for name, limit in (("P", "7"), ("Fxz", "1300")):
-        yield Entry(place, f"{name} at the printed pair, said to lie on the boundary", limit, printed.values[name],
+        yield Entry(place, f"{name} at the printed pair, stated to lie on the boundary", limit, printed.values[name],
                     printed.units[name], "corrected with proof", "by eq. 4 to 6")  # fmt: skip
     yield from _wear_of("Fig. 6", printed, "27", "0.27")
 
@@ -134,33 +137,35 @@ def _wear_of(place: str, point: OperatingPoint, rate: str, wear: str) -> Iterato
     at = f"at V {point.V:g}, f {point.f:g}"
     without = 100 * point.values["AW"]  # AW/t in um/min after 10 min
     yield Entry(place, f"wear rate {at}", rate, point.wear_rate, "um/min", "corrected with proof",
-                f"the print is AW/t, {without:.1f} cut to whole um/min; dAW/dt is 0.245 of it")  # fmt: skip
+                f"the print is AW/t, {without:.1f} truncated to whole um/min; dAW/dt is 0.245 of it")  # fmt: skip
     if wear:
-        yield Entry("Fig. 7", f"AW {at}", wear, point.values["AW"], "mm", "reproduced", "cut, not rounded, in print")
+        yield Entry(
+            "Fig. 7", f"AW {at}", wear, point.values["AW"], "mm", "reproduced", "truncated, not rounded, in print"
+        )
 
 
 def _least_wear(region: VisibleRegion) -> Iterator[Entry]:
     printed, other = region.at(*H), region.at(*K)
     exact = region.least_wear(1 - 195000 / region.best.MRR)
-    why = f"the exact pair of least wear at 195000 mm3/min; the printed one draws {_loads(printed)[:-6]}, over 1300 N"
+    why = f"the exact pair of least wear at 195000 mm3/min; the printed one has {_loads(printed)[:-6]}, over 1300 N"
     place = "Fig. 6, point H"
     yield Entry(place, "V of the least wear rate", "144", exact.V, "m/min", "corrected with proof", why)
     yield Entry(place, "f of the least wear rate", "0.54", exact.f, "mm/rev", "corrected with proof", why)
     yield Entry(place, "MRR at the printed pair", "195000", printed.MRR, "mm3/min", "reproduced", "to 5000 mm3/min")
-    yield Entry(place, "Fxz at the printed pair, said to lie inside", "1300", printed.values["Fxz"], "N",
+    yield Entry(place, "Fxz at the printed pair, stated to lie inside", "1300", printed.values["Fxz"], "N",
                 "corrected with proof", f"{_loads(printed)}: inside the limit of power alone")  # fmt: skip
     yield from _wear_of("Fig. 6", printed, "26", "")
-    why = f"at a given t wear and its rate are least at one pair; the printed one draws {_loads(other)[:-6]}"
+    why = f"at a given t wear and its rate are least at one pair; the printed one has {_loads(other)[:-6]}"
     yield Entry("Fig. 7", "V of the least wear", "147", exact.V, "m/min", "corrected with proof", why)
     yield Entry("Fig. 7", "f of the least wear", "0.54", exact.f, "mm/rev", "corrected with proof", why)
     yield Entry("Fig. 7", "AW at V 147, f 0.54", "0.26", other.values["AW"], "mm", "reproduced",
-                "cut, not rounded, in print")  # fmt: skip
+                "truncated, not rounded, in print")  # fmt: skip
 
 
 def _ranges(region: VisibleRegion) -> Iterator[Entry]:
     best, exact = region.best, region.least_wear(1 - 195000 / region.best.MRR)
     why = (
-        "from the exact pair of least wear at 195000 mm3/min to the exact optimum; the printed range is over the limits"
+        "from the exact pair of least wear at 195000 mm3/min to the exact optimum; the printed range exceeds the limits"
     )
     for what, printed, ours, unit in (
         ("least V", "144", exact.V, "m/min"), ("greatest V", "155", best.V, "m/min"),
@@ -169,6 +174,6 @@ def _ranges(region: VisibleRegion) -> Iterator[Entry]:
         yield Entry("region BGH", f"{what} of the practical range", printed, ours, unit, "corrected with proof", why)
     yield Entry("region BGH", "least f of the practical range", "0.53", best.f, "mm/rev", "reproduced")
     yield Entry("section III", "speed and feed beyond which nothing is gained", "144, 0.5", None, "m/min, mm/rev",
-                "not computable", "a judgement of what metal and wear are worth")  # fmt: skip
+                "not computable", "a trade-off of metal and wear")  # fmt: skip
     yield Entry("section IV", "gain in MRR over fixed speed and feed", "5", None, "%", "not computable",
                 "the fixed speed and feed are not named")  # fmt: skip

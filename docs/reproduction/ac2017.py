@@ -1,6 +1,6 @@
 """AC-2017, number by number: Alaskari and Oraby, Kuwait J. Sci. (accepted June 2017).
 
-A column of a table is one line, that of its worst row; the numbers that the text quotes have lines of their own.
+A column of a table is one entry, that of its worst row; numbers quoted in the text have their own entries.
 """
 
 import csv
@@ -16,7 +16,7 @@ from fitmodels.controllers.recursion.life import BySpeed, Life, by_speed, fixed_
 from fitmodels.parameters.published import published
 
 UNIT = {"V": "m/min", "f": "mm/rev", "P": "kW", "Fxz": "N", "MRR": "mm3/min"}  # the others are wear, mm
-NO_PAIR = "The pair of the test stands in a figure only; the text gives its speed and the ranges of feed and depth."
+NO_PAIR = "The pair of the test is in a figure only; the text gives its speed and the ranges of feed and depth."
 MEASURED = "Measured in the paper's own wear-time tests, whose rows and pairs are not printed."
 
 
@@ -57,14 +57,14 @@ def _equations(laws: LifeLaws) -> list[Entry]:
 
 
 def _left_out(laws: LifeLaws, place: str, name: str, unit: str) -> Entry:
-    """What the times left out of eq. 6 and 7 are worth at Table 2, row 10."""
+    """Effect at Table 2, row 10, of the times omitted in eq. 6 and 7."""
     row = _rows("ac2017_table2")[9]
     terms = laws.power if name == "P" else laws.force
     assert terms is not None  # noqa: S101 - the paper's file has both
     ours = float(terms(float(row["V"]), float(row["f"]), 2.0, float(row["AW"])))
     return Entry(place, f"{name} at Table 2, row 10, with t^{terms.t:g} of its own law", row[name], ours, unit,
-                 "corrected with proof", f"{place} leaves out t^{terms.t:g} of its own law; the tables follow "
-                 "without it. 'published' computes as printed, 'full' with it.")  # fmt: skip
+                 "corrected with proof", f"{place} omits t^{terms.t:g} of its own law; so do the "
+                 "tables. 'published' computes as printed, 'full' with it.")  # fmt: skip
 
 
 def _search(life: Life) -> list[Entry]:
@@ -92,7 +92,7 @@ def _columns(table: BySpeed) -> dict[str, np.ndarray]:
 
 
 def _table(life: Life, k: int, name: str, place: str) -> list[Entry]:
-    """A line for each column, that of the row that is furthest off in units of its last digit."""
+    """An entry for each column: its row with the largest difference in units of the last digit."""
     rows, columns = _rows(name), _columns(by_speed(life, k))
     out = []
     for column in (column for column in columns if column in rows[0]):
@@ -106,8 +106,8 @@ def _table(life: Life, k: int, name: str, place: str) -> list[Entry]:
         i = int(np.argmax(off))
         if off[i] > 1.0:
             raise SystemExit(f"{place}, {column}, row {i + 1}: printed {cells[i]}, computed {ours[i]:.9g}")
-        why = f"Worst of {len(rows) - misprint} rows: {off[i]:.2f} of a unit of its last digit."
-        out.append(Entry(f"{place}, row {i + 1}", f"{column}, the row furthest off", cells[i], float(ours[i]),
+        why = f"Worst of {len(rows) - misprint} rows: {off[i]:.2f} units of the last digit."
+        out.append(Entry(f"{place}, row {i + 1}", f"{column}, row of the largest difference", cells[i], float(ours[i]),
                          UNIT.get(column, "mm"), "reproduced", why))  # fmt: skip
     return out
 
@@ -119,7 +119,7 @@ def _misprint(row: dict[str, str], ours: float) -> Entry:
 
 
 def _sequence(life: Life) -> list[Entry]:
-    """The pairs of minutes 1, 2 and 14 and the end, run by the controller on an edge in the one replay loop."""
+    """The pairs of minutes 1, 2 and 14 and the end, from a replay of the controller on an edge."""
     controller = TurningRecursion.from_parameters(published("AC-2017"))
     trace = replay(controller, WearingEdge(controller.laws), duration=7200, dt=60, until="worn out")
     V, f = trace.command[:-1].T

@@ -45,7 +45,7 @@ def _settings(end: ParameterFile, slot: ParameterFile) -> list[Entry]:
         Entry("Section III.A.1", "reference current, 0.85 x 0.28 A", "0.24", round(product, 2), "A", "reproduced",
               f"the product is {product:.3f} A, rounded"),
         Entry("Section III.A.1", "safety factor, 1/0.85", "1.17", 1 / line.safety_factor, "", "reproduced",
-              "cut off after two decimals, not rounded"),
+              "truncated after two decimals"),
         Entry("Section III.A.1", "upper limit, feed of a sharp tool at 0.24 A, end", "1000", _feed(of_end, 0.0),
               "mm/min", "reconstructed", "the line goes through this point"),
         Entry("Section III.A.2", "feed of a sharp tool at 0.24 A, slot", "600", _feed(of_slot, 0.0), "mm/min",
@@ -70,9 +70,9 @@ def _points(end: ParameterFile, slot: ParameterFile) -> list[Entry]:
         Entry("Section III.A.2", "VB at 500 mm/min and 0.24 A, slot", "180~190", _wear(of_slot, 0.24, 500), "um",
               "reconstructed", ON_LINE),
         Entry("Fig. 6", "current at 1000 mm/min on chipping, end", "0.298", None, "A", "not computable",
-              f"no VB is printed with it; the line puts it at {chipped:.0f} um; section II.G has 220 to 230 um"),
+              f"no VB is printed with it; by the line it is {chipped:.0f} um; section II.G has 220 to 230 um"),
         Entry("Section III.A.2", "current at 800 mm/min on chipping, slot", "0.282", None, "A", "not computable",
-              f"no VB is printed with it; the line puts it at {odd:.0f} um, a sharp tool: the idle current of end "
+              f"no VB is printed with it; by the line it is {odd:.0f} um, a sharp tool: the idle current of end "
               "milling, assumed for slot milling, is too low for this point"),
         Entry("Section II.G", "wear window", "180-220", None, "um", "not computable", "chosen from photographs"),
     ]  # fmt: skip
@@ -85,14 +85,14 @@ def _gains(end: ParameterFile, slot: ParameterFile) -> list[Entry]:
     )
     found = []
     for name, pf in (("end", end), ("slot", slot)):
-        told = figures(closed_loop(pf.dynamics, pf.pi))
+        metrics = figures(closed_loop(pf.dynamics, pf.pi))
         place = f"Section III.B, {name} milling, {pf.pi.scaling_u:.0f} (mm/min)/V"
         found += [
-            Entry(place, "rise time", "at most 2", told["rise_time"], "s", "reconstructed", why + "; it is met"),
+            Entry(place, "rise time", "at most 2", metrics["rise_time"], "s", "reconstructed", why + "; it is met"),
             Entry(
-                place, "settling time", "at most 4", told["settling_time"], "s", "reconstructed", why + "; it is met"
+                place, "settling time", "at most 4", metrics["settling_time"], "s", "reconstructed", why + "; it is met"
             ),
-            Entry(place, "steady error", "0", told["steady_error"], "", "reconstructed", why),
+            Entry(place, "steady error", "0", metrics["steady_error"], "", "reconstructed", why),
         ]
     unit = {"kp": 1.0, "ki": 0.0, "form": "position", "average": 1, "scaling_u": 1.0}
     bare = figures(closed_loop(end.dynamics, end.pi.model_copy(update=unit)))["gain_margin"]
@@ -166,7 +166,7 @@ def _end_gain(run: ToolRun, fixed: ToolRun) -> list[Entry]:
         Entry(place, "MRR at constant load", "3.79", run.rate, "mm3/s", "reconstructed",
               f"3.79 is a mean feed of {3.79 * 60 / 0.28:.0f} mm/min; the line gives {run.mean_feed:.0f}"),
         Entry(place, "MRR at 700 mm/min, ae 1.4, ap 0.2", "3.26", fixed.rate, "mm3/s", "reproduced",
-              "700 x 1.4 x 0.2 / 60; cut off after two decimals, not rounded"),
+              "700 x 1.4 x 0.2 / 60; truncated after two decimals"),
         Entry(place, "gain of MRR, 3.79/3.26", "16", _gain(3.79, 3.26), "%", "reproduced"),
         Entry(place, "gain of MRR, replayed", "16", _gain(run.rate, fixed.rate), "%", "reconstructed", ON_LINE),
     ]  # fmt: skip
@@ -181,12 +181,12 @@ def _slot_gain(run: ToolRun, fixed: ToolRun) -> list[Entry]:
         Entry(place, "gain of life, replayed", "44", _gain(run.length, fixed.length), "%", "reconstructed", WEAR),
         Entry(place, "MRR at constant load", "3.93", run.rate, "mm3/s", "reconstructed",
               f"3.93 is a mean feed of {3.93 * 60 / 0.4:.0f} mm/min, above the {run.mean_feed:.0f} of a tool that goes "
-              "from 600 to 500; test 1 cut less deep and faster, as the paper says"),
+              "from 600 to 500; test 1 cut less deep and faster, as the paper states"),
         Entry(place, "MRR at 400 mm/min, full width of 2 mm, ap 0.2", "2.53", fixed.rate, "mm3/s",
               "corrected with proof", "400 x 2.0 x 0.2 / 60"),
         Entry(place, "gain of MRR, 3.93/2.53", "55", _gain(3.93, 2.53), "%", "reproduced", "of the misprinted 2.53"),
         Entry(place, "gain of MRR, 3.93 over the removal at 400 mm/min", "55", _gain(3.93, fixed.rate), "%",
-              "corrected with proof", "with the misprint mended"),
+              "corrected with proof", "with the misprint corrected"),
         Entry(place, "gain of MRR, replayed", "55", _gain(run.rate, fixed.rate), "%", "reconstructed", ON_LINE),
     ]  # fmt: skip
 

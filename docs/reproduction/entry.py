@@ -1,4 +1,4 @@
-"""One line of the reproduction ledger: what a paper prints, what the running code gives, and the verdict."""
+"""One row of the reproduction ledger: printed value, computed value and verdict."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,22 +8,22 @@ Verdict = Literal["reproduced", "corrected with proof", "reconstructed", "not co
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A printed number and ours.
+    """A printed and a computed value.
 
     Attributes
     ----------
     place : str
-        Where it is printed: ``Table 1, row 11``.
+        Location in the paper: ``Table 1, row 11``.
     quantity : str
-        What it is, in words and the paper's letters.
+        Description with the symbols of the paper.
     printed : float or str
-        As it stands in print: a string keeps its digits, ``"217500"``, ``"0.0611"``.
+        As printed: a string keeps its digits, ``"217500"``, ``"0.0611"``.
     ours : float or None
         From the running code at full precision; None where it is not computable.
     unit : str
     verdict : str
     why : str
-        The proof of a correction, what was reconstructed, or why it is not computable; may be empty when reproduced.
+        Proof of a correction, assumption of a reconstruction, or reason; may be empty when reproduced.
     """
 
     place: str

@@ -1,4 +1,4 @@
-"""LYAP's lines of the reproduction ledger: adaptive cutting force control in end milling by Lyapunov's method."""
+"""Ledger of LYAP: adaptive cutting force control in end milling by Lyapunov's method."""
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fitmodels.parameters.sections.force_control import AdaptiveForceSection
 
 RADIUS = 0.005  # m, of the 10 mm tool
-TEETH = 2  # assumed: the paper does not say
+TEETH = 2  # assumed: not in the paper
 FIGURES = {1.0: "7", 2.0: "8", 4.0: "9"}
 LATE = 0.25  # the last share of a run
 
@@ -47,7 +47,7 @@ def _set_points(section: "AdaptiveForceSection", runs: "Mapping[float, ForceRun]
         yield Entry(
             place, f"target cutting force at {point.depth:g} mm", f"{point.force:g}", point.force, "N (printed Nm)",
             "corrected with proof",
-            "F is the force of (2.2), told by a dynamometer. As a torque on the 10 mm tool it would be "
+            "F is the force of (2.2), measured by a dynamometer. As a torque on the 10 mm tool it would be "
             f"{point.force / RADIUS / 1000:.0f} kN at the edge and {point.force * omega / 1000:.0f} kW at the spindle.",
         )  # fmt: skip
         yield Entry(
@@ -63,7 +63,7 @@ def _speed(section: "AdaptiveForceSection") -> Iterator[Entry]:
     yield Entry("Section 4", "spindle speed", "3000", 60 * turns, "1/min", "reproduced", "the file averages over 20 ms")
     yield Entry(
         "Section 4", "revolution and tooth frequency that follow", "not printed", TEETH * turns, "Hz", "reconstructed",
-        f"{turns:g} Hz a revolution; {TEETH} flutes are assumed, the paper does not say how many.",
+        f"{turns:g} Hz a revolution; {TEETH} flutes are assumed, the paper gives no number.",
     )  # fmt: skip
 
 
@@ -74,13 +74,14 @@ def _equations(run: "ForceRun", stepped: "ForceRun") -> Iterator[Entry]:
     )  # fmt: skip
     yield Entry(
         "eq. 5", "beta^ k / beta at the end, at 4 mm", "no k", _beta(run) * run.plant.k, "", "corrected with proof",
-        "(5) gives f_r and (6) puts it in for k f_r, so k is left out: the estimate ends at beta / k, and beta^ / beta "
+        "(5) gives f_r and (6) substitutes it for k f_r, so k is omitted: the estimate ends at beta / k, and beta^ "
+        "/ beta "
         f"is {_beta(run):.4g}.",
     )  # fmt: skip
     yield Entry(
         "eq. 9", "largest rise of V between steps of depth, with the P that it needs", "no P", stepped.energy().rise,
         "", "reconstructed",
-        "The paper asks for a symmetric positive definite P and prints none. V falls only with P = [[beta + Kd lambda "
+        "The paper requires a symmetric positive definite P and prints none. V falls only with P = [[beta + Kd lambda "
         "+ lambda (alpha + Kd), lambda m], [lambda m, m]] and alpha + Kd > lambda m, which gives "
         "V' = -2 (alpha + Kd - lambda m) F~'^2 - 2 lambda (beta + Kd lambda) F~^2. "
         f"Without lambda m off the diagonal V rises by up to {_rise(stepped, (1.0, 0.0, 1.0)):.2g} of itself in the "
@@ -94,8 +95,9 @@ def _equations(run: "ForceRun", stepped: "ForceRun") -> Iterator[Entry]:
     )  # fmt: skip
     yield Entry(
         "eq. 5", "F_d'' of a step of the set point", "not printed", None, "", "not computable",
-        "A step has no F_d'. F_d is led by a second-order model of 0.15 s: reconstructed. A constant F_d then teaches "
-        "beta alone.",
+        "A step has no F_d'. F_d is filtered by a second-order model of 0.15 s: reconstructed. A constant F_d then "
+        "excites "
+        "beta only.",
     )  # fmt: skip
 
 
@@ -159,7 +161,7 @@ def _step_sizes(pf: "ParameterFile") -> Iterator[Entry]:
         "eq. 5-10", "largest rise of V at 1 ms, one Euler step at a time", "not printed", at[1.0].rise, "share of V",
         "reconstructed",
         f"At no step tried is it none: {at[min(at)].rise:.2g} at {min(at):g} ms, {at[10.0].rise:.2g} at 10 ms; the "
-        f"force runs away from {_lost(printed):g} ms on, with {stiff[0].times:g} times Kd from {_lost(stiff):g} ms on.",
+        f"force diverges from {_lost(printed):g} ms on, with {stiff[0].times:g} times Kd from {_lost(stiff):g} ms on.",
     )  # fmt: skip
 
 

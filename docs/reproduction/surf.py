@@ -1,4 +1,4 @@
-"""The numbers that the constant-roughness paper (SURF) prints, beside ours."""
+"""Ledger of the constant-roughness paper (SURF)."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -46,14 +46,16 @@ def _settings() -> Iterator[Entry]:
     yield Entry("section 3", "highest feed, 150 % of 0.2 mm/rev", "0.3", high, "mm/rev", "reproduced")
     low = turn(pf, duration=0.1).low
     yield Entry("section 3", "lowest feed, 0 % of 0.2 mm/rev", "0", low, "mm/rev", "reconstructed",
-                "a floor of a tenth of 0.2: from 0 the feed law, which multiplies, never comes back")  # fmt: skip
+                "a floor of a tenth of 0.2: from 0 the feed law, which multiplies, cannot recover")  # fmt: skip
 
 
 def _equations() -> Iterator[Entry]:
     rows = table1()
     x = np.column_stack([np.ones(len(rows)), [row.F_without for row in rows]])
     ln_a, b = fit.linear(x, np.log([row.Ra_ref for row in rows])).params
-    why = "least squares of ln Ra_ref on F without control, the eight rows of Table 1: the paper says 1500 experiments"
+    why = (
+        "least squares of ln Ra_ref on F without control, the eight rows of Table 1: the paper states 1500 experiments"
+    )
     yield Entry("eq. 5", "constant of Ra = a exp(b F)", "0.2401", float(np.exp(ln_a)), "um", "reproduced", why)
     yield Entry("eq. 5", "exponent of Ra = a exp(b F)", "0.0034", float(b), "1/N", "reproduced", why)
 
@@ -74,7 +76,7 @@ def _text() -> Iterator[Entry]:
         for reading in READINGS:
             ours = reference_force(surf(), Ra, reading)
             yield Entry("eq. 4", f"reference force at Ra {Ra:g} um, {reading}", printed, ours, "N", "reconstructed",
-                        "eq. 4 is lost in the copy used; printed is the controlled force of Table 1")  # fmt: skip
+                        "eq. 4 is missing in the copy used; printed: controlled force of Table 1")  # fmt: skip
 
 
 def _sections(reading: Reading) -> tuple[SteadyCut, SteadyCut]:
@@ -124,7 +126,7 @@ def _by_equation_5(place: str, row: TableRow) -> Entry:
     what = "Ra with control, eq. 5 at the printed F"
     if round(ours, 2) == row.Ra:
         return Entry(place, what, f"{row.Ra}", ours, "um", "reproduced")
-    why = "the paper says that Ra was calculated by eq. 5; the printed F and Ra of one row do not lie on it"
+    why = "the paper states that Ra was calculated by eq. 5; the printed F and Ra of one row do not satisfy it"
     return Entry(place, what, f"{row.Ra}", ours, "um", "corrected with proof", why)
 
 
