@@ -52,7 +52,7 @@ def site_of(
     stamp["of"] = _of(pairs, title, keys)
     if before is not None and before.get("of") == stamp["of"] and (out / SITE / "cards.json").is_file():
         return PublicationReport(site=out / SITE, unchanged=True, found=sum(1 for _ in pairs.glob("*/params.json")))
-    report = publish(pairs, out / SITE, title=title, jobs=jobs, force=True, told=meter.say)
+    report = publish(pairs, out / SITE, title=title, jobs=jobs, force=True, progress=meter.say)
     published = report.ok and report.site is not None
     write_whole(out / STAMP, json.dumps(stamp if published else {**stamp, "of": None}).encode(), parents=True)
     return report

@@ -1,4 +1,4 @@
-"""Figures written beside a card: laws as panels, posteriors, and an identification."""
+"""Figures in the folder of a card: laws as panels, posteriors, and an identification."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -46,7 +46,7 @@ def draw_posteriors(posteriors: Sequence[Posterior], folder: Path, banner: str =
 
 
 def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Figure:
-    """One column a law, at most four beside each other; the kinds of panel stand under each other."""
+    """One column for each law, at most four in a row; the kinds of panel below each other."""
     blocks = -(-len(laws) // 4)
     across = -(-len(laws) // blocks)
     down = blocks * len(panels)
@@ -75,7 +75,7 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> None:
-    """Write them into ``folder``; ``caption`` is told on each."""
+    """Write them into ``folder``; ``caption`` is printed on each."""
     from ..ident import frequency_response
     from ..ident.figures import bode, order_map, residual_correlations, simulated_fit
 

@@ -47,10 +47,12 @@ def run(args: argparse.Namespace) -> int:
     with progress(lines=False) as step:
         step.say("reading")
         if args.check:
-            report = publishing.check(args.folder, args.site, jobs=jobs, told=step.say)
+            report = publishing.check(args.folder, args.site, jobs=jobs, progress=step.say)
         else:
             title = args.title or publishing.TITLE
-            report = publishing.publish(args.folder, args.site, title=title, jobs=jobs, force=args.force, told=step.say)
+            report = publishing.publish(
+                args.folder, args.site, title=title, jobs=jobs, force=args.force, progress=step.say
+            )
     if args.json:
         print_json("publish", report.facts())
     else:

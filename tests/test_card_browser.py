@@ -12,7 +12,7 @@ import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards.content.card import compose
 from fitmodels.cards.content.profiler import profile_all
-from fitmodels.cards.forms.page import page_html, tell
+from fitmodels.cards.forms.page import page_html, value_texts
 from fitmodels.core.rounding import format_plain
 
 pytestmark = pytest.mark.browser
@@ -90,7 +90,7 @@ def shown(tab, pf, at):
     """Whether the page shows what ``profile`` says at a point, for each law."""
     card = compose(pf)
     for i, (response, answer) in enumerate(profile_all(card.profiler, at).items()):
-        value, low, high = tell(answer)
+        value, low, high = value_texts(answer)
         row = tab.locator(f"#answer-{i}")
         assert row.locator("th var").first.inner_text() == response
         assert row.locator(".value").inner_text() == value
@@ -149,7 +149,9 @@ def test_every_step_of_every_slider_says_what_profile_says(opened, wear):
         assert values[-1] == pytest.approx(factor.high.value * 1.2, rel=0.01)
         for value, line in zip(values, seen, strict=True):
             answers = profile_all(profiler, {**profiler.start, factor.symbol: value}).values()
-            told = [text for answer in answers for v, low, high in [tell(answer)] for text in (v, f"{low} to {high}")]
+            told = [
+                text for answer in answers for v, low, high in [value_texts(answer)] for text in (v, f"{low} to {high}")
+            ]
             assert line[1:-1] == told, (factor.symbol, value)
 
 
@@ -199,7 +201,7 @@ def test_without_scripts_the_predictions_stand_in_a_table(opened, wear):
     profiler = compose(wear).profiler
     first = tab.locator("#profiler-table tbody tr").first.inner_text()
     for answer in profile_all(profiler, profiler.start).values():
-        value, low, high = tell(answer)
+        value, low, high = value_texts(answer)
         assert re.search(rf"{re.escape(value)}\s*{re.escape(low)} to {re.escape(high)}", first)
     assert all(format_plain(profiler.start[f.symbol], 4) in first for f in profiler.factors)
 

@@ -15,7 +15,7 @@ from fitmodels.cards.publishing.requirements import (
     check_publication,
     missing_fields,
 )
-from fitmodels.core.errors import DataError, GateError
+from fitmodels.core.errors import DataError
 from fitmodels.parameters import collect
 from fitmodels.parameters.file import sealed
 from hypothesis import given
@@ -73,11 +73,8 @@ def test_all_that_is_missing_is_said_in_one_go(pf):
     assert [item.field for item in missing_fields(compose(pf))] == ASKED
     report = check_publication(compose(pf), pf)
     assert not report.ok
-    assert [words.partition(":")[0] for words in report.sentences()] == ASKED
-    with pytest.raises(GateError, match="7 things stand against it") as caught:
-        report.raise_if_shut()
-    assert caught.value.exit_code == 5
-    assert all(QUESTIONS[name].example in str(caught.value) for name in ASKED)
+    assert [item.field for item in report.missing] == ASKED
+    assert all(QUESTIONS[name].example in card_toml_template(compose(pf)) for name in ASKED)
 
 
 def test_a_complete_card_passes(pf, toml):
@@ -85,7 +82,6 @@ def test_a_complete_card_passes(pf, toml):
     card = published(pf, told)
     report = check_publication(card, pf)
     assert (report.missing, report.refusals, report.ok) == ((), (), True)
-    report.raise_if_shut()
     assert "identity" not in card.empty
     assert "publication" not in card.empty
 
@@ -164,7 +160,7 @@ def test_what_card_toml_tells_stands_in_the_card_and_is_marked(pf, toml):
     assert (i.machine, i.iso513, i.setup) == ("Colchester Mascot lathe", "P20", "dry, overhang 30 mm")
     assert [(s.symbol, s.words) for s in i.sensors] == [("AW", "SD of a reading 0.005 mm")]
     assert [(p.name, p.number.text or p.words) for p in i.tool_properties] == [("RE", "0.8"), ("ISOC", "SNMG 120408")]
-    assert i.note.startswith("From card.toml, not from the parameter file: machine, ISO 513 group, set-up, sensors")
+    assert "From card.toml, not from the parameter file: machine, ISO 513 group, set-up, sensors" in i.note
     assert "From card.toml" in card_markdown(card)
     assert i.content_sha256 == pf.content_sha256 == compose(pf).identity.content_sha256
 
@@ -180,10 +176,10 @@ def test_card_toml_fills_in_what_the_file_leaves_open(pf, toml):
 @pytest.mark.parametrize(
     ("there", "word"),
     [
-        ({"machine": "another lathe"}, "machine is 'Colchester Mascot lathe', but the parameter file says 'another"),
-        ({"iso513": "M10"}, "iso513 is 'P20', but the parameter file says 'M10'"),
-        ({"iso13399": {"RE": 1.2}}, "tool_properties.RE is 0.8, but the parameter file says 1.2"),
-        ({"sensors": [{"symbol": "AW", "unit": "um"}]}, "unit of sensor AW is 'mm', but the parameter file says 'um'"),
+        ({"machine": "another lathe"}, "machine is 'Colchester Mascot lathe', but the parameter file has 'another"),
+        ({"iso513": "M10"}, "iso513 is 'P20', but the parameter file has 'M10'"),
+        ({"iso13399": {"RE": 1.2}}, "tool_properties.RE is 0.8, but the parameter file has 1.2"),
+        ({"sensors": [{"symbol": "AW", "unit": "um"}]}, "unit of sensor AW is 'mm', but the parameter file has 'um'"),
     ],
 )
 def test_card_toml_never_contradicts_the_file_silently(pf, toml, there, word):
@@ -194,7 +190,7 @@ def test_card_toml_never_contradicts_the_file_silently(pf, toml, there, word):
 
 def test_no_sensors_beside_sensors_of_the_file_is_refused(pf, toml):
     known = sealed(pf, identity={**pf.identity.model_dump(), "sensors": [{"symbol": "AW", "unit": "mm"}]})
-    with pytest.raises(DataError, match="no_sensors is told, but the parameter file has 1"):
+    with pytest.raises(DataError, match="no_sensors is given, but the parameter file has 1"):
         read_toml(toml('no_sensors = "none"')).applied(known)
 
 
@@ -202,7 +198,7 @@ def test_no_sensors_beside_sensors_of_the_file_is_refused(pf, toml):
     ("text", "word"),
     [
         ("licence = 'MIT'", "'licence' is no key; did you mean license?"),
-        ("qqqq = 1", "'qqqq' is no key; it knows license"),
+        ("qqqq = 1", "'qqqq' is no key; the keys are license"),
         ("license = 1", "license should be text in double quotes, not 1"),
         ("license = 'all rights reserved'", "license 'all rights reserved' is not an SPDX identifier"),
         ("authors = 'Doe'", "authors should be a list of texts"),
@@ -214,7 +210,7 @@ def test_no_sensors_beside_sensors_of_the_file_is_refused(pf, toml):
         ("[[sensors]]\nsymbol = 'AW'", "sensors[0].unit is missing"),
         ("[[sensors]]\nsymbol = 'AW'\nunits = 'mm'", "'units' is no key of sensor 1; did you mean unit?"),
         ("[[sensors]]\nsymbol = 'AW'\nunit = 'mm'\nsd = 'x'", "sensors[0].sd should be a"),
-        ("no_sensors = 'x'\n[[sensors]]\nsymbol = 'AW'\nunit = 'mm'", "leave one of them out"),
+        ("no_sensors = 'x'\n[[sensors]]\nsymbol = 'AW'\nunit = 'mm'", "remove one of them"),
         ("[tool_properties]\nre = 1", "'re' is no symbol of ISO 13399"),
         ("tool_properties = 1", "tool_properties should be an object"),
         ("license = ", "is not TOML"),

@@ -14,7 +14,7 @@ from fitmodels.cards.content.card import compose
 from fitmodels.cards.content.parts import PublicationPart
 from fitmodels.cards.content.profiler import profile_all
 from fitmodels.cards.forms import page as module
-from fitmodels.cards.forms.page import equation, page_html, points, prose, tell
+from fitmodels.cards.forms.page import equation, page_html, points, prose, value_texts
 from fitmodels.parameters import ParameterFile
 from hypothesis import given
 from hypothesis import strategies as st
@@ -316,12 +316,12 @@ def test_the_table_of_predictions_says_what_the_parameter_file_says(gc435):
         assert told.inside == ("inside the tested region" in words)
     assert float(start.removal) == pytest.approx(1000 * at["V"] * at["f"] * at["d"], rel=5e-4)
     low_speed = profile_all(card.profiler, {**at, "V": 50.0})["AW"]
-    assert rest[0].values[0][:3] == tell(low_speed)
+    assert rest[0].values[0][:3] == value_texts(low_speed)
 
 
 @given(st.floats(1e-6, 1e6), st.floats(1e-3, 3.0))
 def test_a_prediction_is_told_between_its_ends(value, spread):
-    told = [float(text) for text in tell((value, value * np.exp(-spread), value * np.exp(spread)))]
+    told = [float(text) for text in value_texts((value, value * np.exp(-spread), value * np.exp(spread)))]
     assert told[1] <= told[0] <= told[2]
 
 

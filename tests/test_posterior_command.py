@@ -122,7 +122,7 @@ def test_a_law_that_rows_meet_exactly_has_a_reason_and_no_draws(run, tmp_path):
 def test_verified_draws_say_so(run, tmp_path):
     code, out, _ = run(SHORT, "--out", "a", "--verify")
     assert code == 0, out
-    assert "Checked by chains" in " ".join(out.split())
+    assert "Verified by MCMC" in " ".join(out.split())
 
 
 def test_an_interrupted_run_keeps_its_draws_and_says_so(run, tmp_path, monkeypatch):

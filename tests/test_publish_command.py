@@ -79,9 +79,9 @@ def test_what_lacks_is_listed_in_one_go_with_5_and_asked_for_in_a_template(pairs
     code, out, err = command("publish", capsys, "pairs", *options)
     assert (code, err) == (5, "")
     assert (
-        "FAIL bare: not told: license, authors, contact, machine, iso513, setup, sensors; say it in card.toml." in out
+        "FAIL bare: missing: license, authors, contact, machine, iso513, setup, sensors; add them in card.toml." in out
     )
-    assert "FAIL half: not told: authors, contact, machine, iso513, setup, sensors; say it in card.toml." in out
+    assert "FAIL half: missing: authors, contact, machine, iso513, setup, sensors; add them in card.toml." in out
     assert "wrote pairs/bare/card.toml: fill it in" in out
     assert out.endswith("2 of 4 pairs cannot be published; no site was written.")
     assert 'license = ""' in (pairs / "bare" / "card.toml").read_text("utf-8")
@@ -131,7 +131,7 @@ def test_the_same_facts_as_json(pairs, capsys):
         (["pairs"], 2, "--site: give the folder of the site"),
         (["nowhere", "--site", "site"], 2, "nowhere: is no folder"),
         ([".hidden", "--site", "site"], 3, ".hidden: holds no params.json; fit first"),
-        (["pairs", "--site", "pairs"], 2, "the site would stand among the pairs"),
+        (["pairs", "--site", "pairs"], 2, "the site would be inside the folder of its pairs"),
         (["pairs", "--site", "site", "--jobs", "0"], 2, "0 is not a number of processes"),
         (["pairs", "--site", "site", "--title", " "], 2, "--title: is empty"),
         (["pairs", "--sit", "site"], 2, "did you mean --site?"),
@@ -192,7 +192,7 @@ def test_a_citation_without_an_author_writes_nothing(pairs, capsys):
     before = content(home)
     code, _, err = command("card", capsys, "pairs/bare/params.json", "--citation")
     assert code == 2
-    assert "no author is told" in err
+    assert "no author is given" in err
     assert content(home) == before
 
 

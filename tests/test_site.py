@@ -243,7 +243,7 @@ def test_the_newest_stands_first_and_a_card_without_a_date_at_1970(made):
     assert dates[:2] == ["2024-05-01T10:00:00Z", "2023-02-03T00:00:00Z"]
     assert set(dates[2:]) == {"1970-01-01T00:00:00Z"}
     assert top.find(f"{ATOM}updated").text == dates[0]
-    assert "stands at 1970-01-01" in top.find(f"{ATOM}subtitle").text
+    assert "dated 1970-01-01" in top.find(f"{ATOM}subtitle").text
 
 
 @given(st.datetimes(timezones=st.none() | st.timezones()).map(datetime.isoformat) | st.text())
@@ -304,7 +304,7 @@ def test_slugs_are_always_different(named):
 def test_one_job_and_two_write_the_same_bytes(pairs, made, tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "FEW", 2)
     heard = []
-    publishing.publish(pairs, tmp_path / "two", jobs=2, told=heard.append)
+    publishing.publish(pairs, tmp_path / "two", jobs=2, progress=heard.append)
     assert content(tmp_path / "two") == content(made)
     assert heard[-1] == f"{4 + len(HOSTILE)} of {4 + len(HOSTILE)} cards"
 
@@ -356,7 +356,7 @@ def test_an_interrupt_leaves_the_old_site_and_nothing_beside_it(tmp_path, when):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        publishing.publish(pairs, out, force=True, told=told)
+        publishing.publish(pairs, out, force=True, progress=told)
     assert content(out) == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pairs", "site"]
 
@@ -392,7 +392,7 @@ def test_a_folder_of_somebody_else_is_not_replaced_even_by_force(tmp_path):
     [
         ("nowhere", "site", UsageError, "is no folder"),
         (".", "site", DataError, r"holds no params\.json; fit first"),
-        ("pairs", "pairs", UsageError, "the site would stand among the pairs"),
+        ("pairs", "pairs", UsageError, "the site would be inside the folder of its pairs"),
         ("pairs", "file", UsageError, "is a file"),
         ("pairs", "file/site", UsageError, "cannot be written"),
     ],
@@ -423,11 +423,11 @@ def test_everything_is_refused_in_one_go_and_what_is_missing_is_asked_for(tmp_pa
         ("bare", "field"), ("broken", "unreadable"), ("changed", "check"), ("toml", "unreadable"), ("twin", "twice"),
     ]  # fmt: skip
     said = {p.folder: p.words for p in report.problems}
-    assert said["bare"] == "not told: license, authors, contact, machine, iso513, setup, sensors; say it in card.toml."
+    assert said["bare"] == "missing: license, authors, contact, machine, iso513, setup, sensors; add them in card.toml."
     assert said["broken"].startswith("params.json: is not JSON at line 1")
     assert "did you mean license?" in said["toml"]
     assert "content was changed after it was written" in said["changed"]
-    assert said["twin"] == "Its content is that of good: publish one of the two."
+    assert said["twin"] == "same content as good: publish one of the two."
     assert [path.relative_to(pairs).as_posix() for path in report.templates] == ["bare/card.toml"]
     assert not out.exists()
     after = content(pairs)
@@ -444,7 +444,7 @@ def test_what_none_of_many_tells_is_asked_for_once_above_them(tmp_path):
     report = publishing.check(pairs)
     assert [path.relative_to(pairs).as_posix() for path in report.templates] == ["card.toml"]
     asked = (pairs / "card.toml").read_text("utf-8")
-    assert "none of the 2 cards below" in asked
+    assert "all of the 2 cards below" in asked
     assert 'license = ""' in asked
     assert "iso513 =" not in asked  # that of the material: asked beside each pair
     assert publishing.check(pairs).templates == ()  # it is asked for already

@@ -121,5 +121,5 @@ def at_words(law: LawSection, at: Mapping[str, float], by: str | None = None, di
 
 
 def reference(law: LawSection) -> str | None:
-    """The level at which a law with levels is told."""
+    """The level at which a law with levels is shown."""
     return None if law.by is None else law.by.reference

@@ -136,7 +136,7 @@ def _caption(stem: str) -> str:
 
 
 def _of_picture(pf: ParameterFile, stem: str) -> str:
-    """What a picture shows, with the numbers of the file that it is about."""
+    """Text alternative of a picture, with its numbers in the parameter file."""
     laws = pf.laws.values()
     if stem == "observed_predicted" and pf.laws:
         fits = [f"{law.response} R² {law.statistics.r2:.4f}" for law in laws if law.statistics.r2 is not None]

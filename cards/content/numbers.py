@@ -104,7 +104,7 @@ def fact_line(facts: Iterable[FactPart]) -> str:
 
 
 def quantity(value: NumberPart) -> str:
-    """Text and unit, as they stand in a sentence.
+    """Text and unit, as in a sentence.
 
     >>> quantity(figure(0.15, unit="mm"))
     '0.15 mm'

@@ -1,4 +1,4 @@
-"""What a card holds, once for paper, browser and program: every number with the text it is told by."""
+"""Content of a card, the same for print, browser and programs: every number with its text."""
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -12,26 +12,26 @@ class Part(HasRepr, BaseModel):
 
 
 class NumberPart(Part):
-    """A number and how it is told: ``text`` is ``value`` rounded by its uncertainty, without its unit.
+    """A number with its text: ``text`` is ``value`` rounded by its uncertainty, without its unit.
 
     Markdown and HTML show ``text``, and no number of their own. A share in per cent has its per cent as ``value``.
     """
 
-    value: float | None = None  # None: there is none, and the text is empty or says why
+    value: float | None = None  # None: there is none, and the text is empty or gives the reason
     text: str = ""
     unit: str = ""
 
 
 class FactPart(Part):
-    """A number under a name a reader knows."""
+    """A number under a name."""
 
     name: str
     number: NumberPart
-    words: str = ""  # what it is, where the name does not say it
+    words: str = ""  # an explanation, if the name needs one
 
 
 class SensorPart(Part):
-    """What measured, in words and as numbers."""
+    """A sensor: symbol, unit, model, sample rate and accuracy."""
 
     symbol: str
     unit: str
@@ -40,7 +40,7 @@ class SensorPart(Part):
 
 
 class IdentityPart(Part):
-    """Whose card it is; an empty string is said to be missing."""
+    """Tool, work, machine and set-up; an empty string is a missing fact."""
 
     tool: str
     work: str
@@ -57,7 +57,7 @@ class IdentityPart(Part):
 
 
 class PublicationPart(Part):
-    """Who publishes it, and what one may do with it: from ``card.toml``."""
+    """Authors, licence and so on, from ``card.toml``."""
 
     license: str = ""  # SPDX
     authors: tuple[str, ...] = ()
@@ -83,7 +83,7 @@ class DesignPart(Part):
 
     factors: tuple[FactorRangePart, ...] = ()
     facts: tuple[FactPart, ...] = ()  # rows, edges, rows an edge, replicates, failed runs, wear criterion ...
-    understood: tuple[str, ...] = ()  # what was understood of the file, a sentence each
+    understood: tuple[str, ...] = ()  # how the data file was read, one sentence each
 
 
 class CoefficientPart(Part):
@@ -96,9 +96,9 @@ class CoefficientPart(Part):
     p: NumberPart
     low: NumberPart
     high: NumberPart
-    row_se: NumberPart  # rows as independent: the papers' statistics
+    row_se: NumberPart  # assuming independent rows, as published laws do
     other: NumberPart  # the fit with the other error structure
-    printed: NumberPart  # as the paper prints it
+    printed: NumberPart  # as published
 
 
 class CheckPart(Part):
@@ -121,11 +121,11 @@ class DrawnParameterPart(Part):
     low: NumberPart
     high: NumberPart
     prior: str
-    moved: str  # by priors half and twice as wide, in sd
+    moved: str  # with priors of half and double width, in SD
 
 
 class PosteriorPart(Part):
-    """What the draws say; ``reason`` where there are none."""
+    """Posterior of a law; ``reason`` where there is none."""
 
     reason: str = ""
     method: str = ""
@@ -144,9 +144,9 @@ class LawPart(Part):
     unit: str
     equation: str  # to the digits one computes with
     form: str
-    structure: str  # which fit this is, in words
+    structure: str  # error structure and method
     level: NumberPart  # of the intervals
-    statistics: tuple[FactPart, ...]  # R2, F, SE, n: the papers'
+    statistics: tuple[FactPart, ...]  # R2, F, SE, n: assuming independent rows
     by_edge: tuple[FactPart, ...] = ()  # F by edge, ICC ...
     edge_words: str = ""
     coefficients: tuple[CoefficientPart, ...]
@@ -170,17 +170,17 @@ class ToolLifePart(Part):
 
 
 class UncertaintyPart(Part):
-    """One statement in the manner of the GUM: value, u, expanded uncertainty U = k u, coverage factor and level.
+    """One statement according to the GUM: value, u, expanded uncertainty U = k u, coverage factor and level.
 
-    ``low`` and ``high`` are the same interval where it is not symmetric (errors that multiply).
+    ``low`` and ``high`` are the same interval where it is asymmetric (multiplicative errors).
     """
 
     quantity: str
     symbol: str
     at: str  # where: ``V 100 m/min, f 0.19 mm/rev, t 10 min``
-    of: str  # the law itself, or one further row on a new edge
+    of: str  # the fitted law, or one new observation on a new edge
     value: NumberPart
-    standard: NumberPart  # u, and U of it: first order where errors multiply
+    standard: NumberPart  # u, and U of it: first order for multiplicative errors
     expanded: NumberPart
     k: NumberPart
     df: NumberPart  # of the t that k is a quantile of
@@ -201,7 +201,7 @@ class DynamicsPart(Part):
 
 
 class GainsPart(Part):
-    """The PI as it runs: gains with form and units, and what they reach."""
+    """The PI controller: gains with form and units, and its performance."""
 
     facts: tuple[FactPart, ...]  # Kp, Ki, Ti, sample time, form ...
     reached: tuple[FactPart, ...] = ()  # rise, settling, Ms, margins, probability
@@ -218,16 +218,16 @@ class WindowPart(Part):
 
 
 class FigurePart(Part):
-    """A figure: its name, caption, and a text alternative that says what it shows."""
+    """A figure: name, caption, text alternative."""
 
     name: str
     caption: str
     alternative: str
-    file: str = ""  # a picture beside the card; empty: HTML draws it inline
+    file: str = ""  # a picture in the folder of the card; empty: drawn inline in HTML
 
 
 class ProvenancePart(Part):
-    """What repeats it."""
+    """Data, command, seed and versions that reproduce the file."""
 
     data_file: str = ""
     data_sha256: str = ""
@@ -239,7 +239,7 @@ class ProvenancePart(Part):
 
 
 class LeverageSpacePart(Part):
-    """Columns of z = (1, coded factors) in which leverage z' M z is judged, and the largest of the design."""
+    """Columns of z = (1, coded factors) in which leverage z' M z is computed, and the largest of the design."""
 
     columns: tuple[int, ...]
     matrix: tuple[tuple[float, ...], ...]
@@ -247,7 +247,7 @@ class LeverageSpacePart(Part):
 
 
 class ProfiledRegionPart(Part):
-    """Where the tests lie: what the profiler greys outside of.
+    """The tested region; the profiler greys points outside.
 
     coded_i = (x_i - centre_i) / half_range_i, x_i = ln factor where ``logs``. Inside is |coded_i| <= 1 + rounding of
     every factor, sum coded_i^2 <= radius^2 (1 + slack), and z' M z <= largest (1 + slack) in every space.
@@ -263,11 +263,11 @@ class ProfiledRegionPart(Part):
 
 
 class ProfiledLawPart(Part):
-    """What the profiler computes a response and its band from, and nothing else.
+    """All that the profiler needs to compute a response and its band.
 
     eta = sum(theta_i z_i), z = (1, ln factor ...) of a power law, (1, factor) of an exponential one; the response is
-    R = exp(eta). Its band for one further row on a new edge is exp(eta +- t sqrt(z' C z + scatter^2)) where errors
-    multiply, and R +- t sqrt(R^2 z' C z + scatter^2) where they add.
+    R = exp(eta). Its band for one new observation on a new edge is exp(eta +- t sqrt(z' C z + scatter^2)) for
+    multiplicative errors, and R +- t sqrt(R^2 z' C z + scatter^2) for additive ones.
     """
 
     response: str
@@ -279,12 +279,12 @@ class ProfiledLawPart(Part):
     low: tuple[float, ...]  # tested range of each factor
     high: tuple[float, ...]
     region: ProfiledRegionPart | None = None  # None: the ranges alone
-    by: str = ""  # the level that is shown, where the law has levels: ``material 1``
+    by: str = ""  # the level shown, if the law has levels: ``material 1``
     theta: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...] = ()  # empty: no band
     scatter: float | None = None
     t: float | None = None  # quantile of the level
-    wear: str = ""  # the factor that is another law's response, put in
+    wear: str = ""  # the factor substituted by the law of which it is the response
 
 
 class ProfilerPart(Part):
@@ -293,21 +293,21 @@ class ProfilerPart(Part):
     factors: tuple[FactorRangePart, ...] = ()
     start: dict[str, float] = Field(default_factory=dict)
     laws: tuple[ProfiledLawPart, ...] = ()
-    of: str = "one further row"  # what the bands are of
+    of: str = "one new observation"  # kind of the bands
     level: float = 0.95
-    removal: bool = False  # MRR = 1000 V f d can be told
+    removal: bool = False  # MRR = 1000 V f d can be computed
 
 
 class Card(Part):
     """A model card of a tool/work pair, schema ``fitmodels.card/1``.
 
-    ``empty`` says of every section that has nothing to say why: name of the field -> a sentence.
+    ``empty``: name of each empty field -> the reason in a sentence.
     """
 
     schema_: str = Field(default="fitmodels.card/1", alias="schema")
     slug: str
     title: str
-    summary: str  # the card in one or two sentences
+    summary: str  # one or two sentences
     identity: IdentityPart
     publication: PublicationPart = PublicationPart()
     design: DesignPart | None = None

@@ -150,7 +150,7 @@ def _region(law: LawSection) -> ProfiledRegionPart | None:
     r = law.region
     if r is None:
         return None
-    known = 1 + len(law.factors)  # beyond them stand the indicators of levels, 0 at the reference
+    known = 1 + len(law.factors)  # the rest are the indicators of levels, 0 at the reference
     spaces = []
     for space in r.spaces:
         kept = [i for i, column in enumerate(space.columns) if column < known]

@@ -19,7 +19,7 @@ ORCID = re.compile(r"\s*\(?(?:https?://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX
 
 @dataclass(frozen=True, slots=True)
 class Author:
-    """A person with both names, or an institution with ``name`` alone; ORCID where it is told."""
+    """A person with both names, or an institution with ``name`` alone; ORCID if given."""
 
     name: str
     family: str = ""
@@ -28,7 +28,7 @@ class Author:
 
 
 def author(written: str) -> Author:
-    """What an entry of ``authors`` says.
+    """An entry of ``authors`` as an author.
 
     >>> author("Doe, Jane (0000-0002-1825-0097)")
     Author(name='Doe, Jane', family='Doe', given='Jane', orcid='0000-0002-1825-0097')
@@ -48,7 +48,7 @@ def citation_cff(card: Card) -> str:
     Raises
     ------
     UsageError
-        No author is told.
+        There is no author.
 
     Examples
     --------
@@ -80,12 +80,12 @@ def citation_cff(card: Card) -> str:
 
 
 def zenodo_json(card: Card) -> str:
-    """.zenodo.json; its description is HTML, so what stands in it is escaped.
+    """.zenodo.json; its description is HTML, so its content is escaped.
 
     Raises
     ------
     UsageError
-        No author is told.
+        There is no author.
     """
     p = card.publication
     paragraphs = (card.summary, *card.safety, f"{card.end}.")
@@ -101,13 +101,13 @@ def zenodo_json(card: Card) -> str:
         "language": "eng",
         "doi": p.doi,
     }
-    told = {name: value for name, value in said.items() if value}
-    return json.dumps(told, ensure_ascii=False, indent=1) + "\n"
+    given = {name: value for name, value in said.items() if value}
+    return json.dumps(given, ensure_ascii=False, indent=1) + "\n"
 
 
 def _authors(card: Card) -> list[Author]:
     if not card.publication.authors:
-        raise UsageError(f"{card.title}: no author is told, and a citation needs one; say authors in card.toml.")
+        raise UsageError(f"{card.title}: no author is given, and a citation needs one; add authors in card.toml.")
     return [author(each) for each in card.publication.authors]
 
 

@@ -24,7 +24,7 @@ HELD_OUT = "held-out fit"
 
 
 def hub_metadata(card: Card) -> dict[str, Any]:
-    """What stands in the head: licence, tags, results, then who the card is of.
+    """Front matter: licence, tags, results, then tool and work.
 
     ``huggingface_hub.ModelCard.load`` reads it, and gives its ``model-index`` back as it was.
 
@@ -80,7 +80,7 @@ def _results(card: Card) -> Iterator[dict[str, Any]]:
 
 
 def _result(task: str, name: str, config: str, metrics: list[dict[str, Any]], card: Card) -> dict[str, Any]:
-    data = card.provenance.data_file or "not told"
+    data = card.provenance.data_file or "not given"
     return {
         "task": {"type": task, "name": name},
         "dataset": {"type": _hub_name(data), "name": data, "config": config},

@@ -14,7 +14,7 @@ RAW_IN_A_SCRIPT = "<>&\u2028\u2029"  # could end the element, or a line of an ol
 
 
 def json_ld(card: Card) -> str:
-    """JSON-LD that may stand in a script element as it is.
+    """JSON-LD that is safe in a script element.
 
     >>> from fitmodels import parameters
     >>> from fitmodels.cards.content.card import compose
@@ -29,7 +29,7 @@ def json_ld(card: Card) -> str:
 
 
 def _dataset(card: Card) -> Iterator[dict[str, Any]]:
-    """The measurements, where a file of data stands behind the card."""
+    """The measurements, if the card has a data file."""
     p = card.provenance
     if not (p.data_file or p.data_sha256):
         return

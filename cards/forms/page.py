@@ -22,7 +22,7 @@ SPACES = re.compile(r"\s+")
 
 
 class ProfiledPoint(NamedTuple):
-    """A line of the table that stands in for the profiler: where, and what each law says there."""
+    """A line of the table in place of the profiler: a point and the predictions there."""
 
     at: tuple[str, ...]
     values: tuple["ProfiledValue", ...]
@@ -39,18 +39,18 @@ class ProfiledValue(NamedTuple):
 
 
 def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "", beside: Sequence[str] = ()) -> str:
-    """The page of a card: everything that it tells, in one HTML file.
+    """The page of a card: all its content in one HTML file.
 
     Parameters
     ----------
     card : Card
-        What is told.
+        The content.
     pf : ParameterFile, optional
-        Behind it, for the figures of laws, drive and loop; without it they are told in words alone.
+        The source of the card, for figures of laws, dynamics and loop; without it there are only text alternatives.
     json_ld : str
         A JSON text for programs that read pages, put in as ``application/ld+json``.
     beside : sequence of str
-        Files beside the page, where it stands in a site: it links to them, and back to the site.
+        Files in the folder of the page, in a site: the page links to them and back to the site.
 
     Returns
     -------
@@ -98,19 +98,19 @@ def _point(profiler: ProfilerPart, at: Mapping[str, float]) -> ProfiledPoint:
     laws = {law.response: law for law in profiler.laws}
     known = {law.response: inside(law, {**at, **wears}) for law in profiler.laws}
     values = tuple(
-        ProfiledValue(*tell(answers[name]), known[name] and (not law.wear or known[law.wear]))
+        ProfiledValue(*value_texts(answers[name]), known[name] and (not law.wear or known[law.wear]))
         for name, law in laws.items()
     )
     removal = f"{float(format_plain(1000 * at['V'] * at['f'] * at['d'], 4)):.12g}" if profiler.removal else ""
     return ProfiledPoint(tuple(format_plain(at[f.symbol], 4) for f in profiler.factors), values, removal)
 
 
-def tell(answer: Value) -> tuple[str, str, str]:
-    """A prediction to the digits that its band deserves, as the script of the page tells it.
+def value_texts(answer: Value) -> tuple[str, str, str]:
+    """A prediction to the digits that its band supports, as in the script of the page.
 
-    >>> tell((0.15213, 0.1231, 0.1884))
+    >>> value_texts((0.15213, 0.1231, 0.1884))
     ('0.152', '0.123', '0.188')
-    >>> tell((0.15213, None, None))
+    >>> value_texts((0.15213, None, None))
     ('0.1521', '', '')
     """
     value, low, high = answer
@@ -144,7 +144,7 @@ WORTH = re.compile(
     r"|(?P<power_of_ten>[-−]?\d[\d.]*e-?\d+)"
     rf"|(?P<letters>\bU = k u\b|\b[uk] = \d[\d.e-]*(?: (?:{UNITS})(?![\w/]))?)"
 )
-LEVELS = " for "  # from here on an equation tells which level of a category it is of
+LEVELS = " for "  # separates an equation from the level of the category that it is of
 TOKEN = re.compile(r"(?P<number>\d+\.?\d*(?:e[+-]?\d+)?)|(?P<function>exp|ln)(?=\()|(?P<name>[^\W\d]\w*)")
 POWER = re.compile(r"\^(-?[\d.]+(?:e[+-]?\d+)?)")
 DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/)?(10\.\d{4,9}/\S+)")
@@ -180,12 +180,12 @@ def equation(text: str) -> Markup:
     >>> print(equation("AW = 0.5 V^0.3"))
     <var>AW</var> = 0.5 <var>V</var><span class="hat">^</span><sup>0.3</sup>
     """
-    text, told, level = text.partition(LEVELS)
+    text, separator, level = text.partition(LEVELS)
     out, at = [], 0
     for power in POWER.finditer(text):
         out += [_names(text[at : power.start()]), Markup('<span class="hat">^</span><sup>{}</sup>').format(power[1])]
         at = power.end()
-    return Markup().join([*out, _names(text[at:]), escape(told + level)])
+    return Markup().join([*out, _names(text[at:]), escape(separator + level)])
 
 
 def prose(text: str) -> Markup:
@@ -213,7 +213,7 @@ def anchor(index: int, prefix: str) -> str:
 
 
 def data_block(text: str) -> Markup:
-    """JSON that stands in a script element: nothing in it can end the element or begin a comment."""
+    """JSON for a script element: nothing in it can end the element or begin a comment."""
     for letter in "<>&\u2028\u2029":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return Markup(text)  # noqa: S704

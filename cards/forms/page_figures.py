@@ -96,8 +96,8 @@ def exponents(figure: FigurePart, laws: Sequence[LawPart]) -> Iterator[PanelDraw
     margin = 0.05 * (max(*ends, 0.0) - min(*ends, 0.0))
     axis = even(min(*ends, 0.0) - margin, max(*ends, 0.0) + margin, "exponent")
     down = PanelAxis(rows - 0.5, -0.7)
-    room = Margins(height=ROW * rows + 46, left=64.0, right=56.0, top=6.0)
-    yield PanelDrawing(figure.caption, figure.alternative, axis, down, lambda panel: _forest(panel, groups), room)
+    margins = Margins(height=ROW * rows + 46, left=64.0, right=56.0, top=6.0)
+    yield PanelDrawing(figure.caption, figure.alternative, axis, down, lambda panel: _forest(panel, groups), margins)
 
 
 def _exponents(law: LawPart) -> list[CoefficientPart]:
@@ -144,7 +144,7 @@ def responses(figure: FigurePart, card: Card, pf: ParameterFile) -> Iterator[Pan
 
 
 def _sentences(text: str, responses: Sequence[str]) -> list[str]:
-    """What a text says of each response, where it has a sentence for each in order; else all of it, each time."""
+    """The sentence of a text on each response, in order; the whole text for each if there is none."""
     starts, after = [], 0
     for name in responses:
         found = [at for turn in ("increases", "decreases") if (at := text.find(f"{name} {turn} from", after)) >= 0]
@@ -186,10 +186,10 @@ def _over(law: LawSection, symbol: str, x: Array) -> tuple[Array, tuple[Array, A
     at: dict[str, Any] = {**middle(law), symbol: x}
     level = reference(law)
     try:
-        told = law.get_prediction("prediction", by=level, **at)
+        found = law.get_prediction("prediction", by=level, **at)
     except ParameterError:
         return np.asarray(law.predict(by=level, **at)), None
-    return np.asarray(told.value), (np.asarray(told.low), np.asarray(told.high))
+    return np.asarray(found.value), (np.asarray(found.low), np.asarray(found.high))
 
 
 Array = NDArray[np.float64]
@@ -215,9 +215,9 @@ def bode(figure: FigurePart, model: DynamicsSection) -> Iterator[PanelDrawing]:
     gain, phase = np.log10(np.abs(G)), np.degrees(np.unwrap(np.angle(G)))
     across = decades(float(np.log10(f[0])), float(np.log10(nyquist)), "frequency, Hz")
     unit = f"{model.unit_y or 'output'}/{model.unit_u or 'input'}"
-    room = 0.08 * float(np.ptp(gain)) + 0.05
+    margin = 0.08 * float(np.ptp(gain)) + 0.05
     for name, values, up in (
-        ("gain", gain, decades(float(gain.min()) - room, float(gain.max()) + room, f"gain, {unit}")),
+        ("gain", gain, decades(float(gain.min()) - margin, float(gain.max()) + margin, f"gain, {unit}")),
         ("phase", phase, even(float(phase.min()) - 10, float(phase.max()) + 10, "phase, degrees")),
     ):
         title = f"{name.capitalize()} over frequency"

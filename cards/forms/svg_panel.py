@@ -1,6 +1,6 @@
-"""One small matplotlib panel, drawn again and again, and its SVG made fit to stand inside a page.
+"""One small matplotlib panel, drawn again and again, and its SVG prepared for a page.
 
-Matplotlib draws the shapes; words are set where it says, as text of the page. Colours become classes, so that a figure
+Matplotlib draws the shapes; words are placed as text of the page. Colours become classes, so that a figure
 follows the font of the page and its light or dark scheme, and a name can never be read as markup.
 """
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# colours that stand for classes of the style sheet, written the way matplotlib writes them
+# colours that represent classes of the style sheet, written the way matplotlib writes them
 INK, SOFT, LINE, BAND, TESTED = (f"#{k:02d}{k:02d}{k:02d}" for k in range(1, 6))
 CLASSES = {INK: "ink", SOFT: "soft", LINE: "line", BAND: "band", TESTED: "tested"}
 WIDTH = 340.0  # px, about that of a phone: text keeps its size there
@@ -46,7 +46,7 @@ class PanelAxis(NamedTuple):
 
 
 class Margins(NamedTuple):
-    """Height of a panel and what is left for words at its sides, px."""
+    """Height of a panel and its margins for words, px."""
 
     height: float = 210.0
     left: float = 44.0
@@ -59,7 +59,7 @@ MARGINS = Margins()
 
 
 class PanelCanvas:
-    """What a figure is drawn on: ``ax`` for shapes in data, `text` for words in px.
+    """Canvas of a figure: ``ax`` for shapes in data, `text` for words in px.
 
     Attributes
     ----------
@@ -69,13 +69,13 @@ class PanelCanvas:
         ``text`` elements.
     """
 
-    def __init__(self, ax: "Axes", x: PanelAxis, y: PanelAxis, room: Margins) -> None:
-        self.ax, self.x, self.y, self.room = ax, x, y, room
+    def __init__(self, ax: "Axes", x: PanelAxis, y: PanelAxis, margins: Margins) -> None:
+        self.ax, self.x, self.y, self.margins = ax, x, y, margins
         self.words: list[str] = []
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Data as px from the left and from the top."""
-        r = self.room
+        r = self.margins
         across, down = WIDTH - r.left - r.right, r.height - r.top - r.bottom
         right = (x - self.x.low) / (self.x.high - self.x.low) * across
         up = (y - self.y.low) / (self.y.high - self.y.low) * down
@@ -88,18 +88,18 @@ class PanelCanvas:
 
     def above(self, x: float, words: str) -> None:
         """Put words over the panel, about x."""
-        self.text(self.at(x, 0.0)[0], self.room.top - 3, words, "middle", "f-soft")
+        self.text(self.at(x, 0.0)[0], self.margins.top - 3, words, "middle", "f-soft")
 
 
 class PanelDrawing(NamedTuple):
-    """A panel to be drawn: title, text alternative, axes, what to put on them, and room."""
+    """A panel to be drawn: title, text alternative, axes, drawing function, margins."""
 
     title: str
     alternative: str
     x: PanelAxis
     y: PanelAxis
     draw: Callable[[PanelCanvas], None]
-    room: Margins = MARGINS
+    margins: Margins = MARGINS
 
 
 @contextmanager
@@ -116,23 +116,23 @@ def svg(number: int, drawing: PanelDrawing) -> str:
 
     ``number`` sets its ids apart from those of other figures in the page. Called within `settings`.
     """
-    title, alternative, x, y, draw, room = drawing
+    title, alternative, x, y, draw, margins = drawing
     figure, ax = _paper(get_ident())
     for artist in (*ax.lines, *ax.collections, *ax.patches):
         artist.remove()
-    figure.set_size_inches(WIDTH / 72, room.height / 72)
-    across, down = WIDTH - room.left - room.right, room.height - room.top - room.bottom
-    place = (room.left / WIDTH, room.bottom / room.height, across / WIDTH, down / room.height)
+    figure.set_size_inches(WIDTH / 72, margins.height / 72)
+    across, down = WIDTH - margins.left - margins.right, margins.height - margins.top - margins.bottom
+    place = (margins.left / WIDTH, margins.bottom / margins.height, across / WIDTH, down / margins.height)
     ax.set_position(place)
     ax.set_xlim(x.low, x.high)
     ax.set_ylim(y.low, y.high)
-    panel = PanelCanvas(ax, x, y, room)
+    panel = PanelCanvas(ax, x, y, margins)
     draw(panel)
     _frame(panel)
     buffer: Any = StringIO()
     figure.canvas.print_svg(buffer, metadata=NO_METADATA)  # type: ignore[attr-defined]  # of the SVG canvas
     body = cleaned(buffer.getvalue(), f"f{number}-") + "".join(f"{word}\n" for word in panel.words)
-    head = f'<svg class="panel" viewBox="0 0 {WIDTH:g} {room.height:g}" role="img"'
+    head = f'<svg class="panel" viewBox="0 0 {WIDTH:g} {margins.height:g}" role="img"'
     return (
         f'{head} aria-labelledby="f{number}-t f{number}-d" font-size="{SIZE:g}">\n<title id="f{number}-t">'
         f'{escape(title)}</title>\n<desc id="f{number}-d">{escape(alternative)}</desc>\n{body}</svg>'
@@ -176,7 +176,7 @@ def at_levels(low: float, high: float, levels: Sequence[tuple[float, str]], name
 
 def _frame(panel: PanelCanvas) -> None:
     """Two lines with ticks, their labels, and the names of the axes."""
-    x, y, r = panel.x, panel.y, panel.room
+    x, y, r = panel.x, panel.y, panel.margins
     end, base = WIDTH - r.right, r.height - r.bottom
     lines = [f"M{r.left:g} {r.top:g}V{base:g}H{end:g}"] if y.ticks else [f"M{r.left:g} {base:g}H{end:g}"]
     for value, label in zip(x.ticks, x.labels, strict=True):

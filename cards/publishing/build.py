@@ -1,4 +1,4 @@
-"""A site of many cards: all judged first, then written whole or not at all."""
+"""A site of many cards: all checked first, then written completely or not at all."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import UsageError
-from ...core.files import staged, write_whole
+from ...core.files import cause, staged, write_whole
 from .entries import CardEntry, with_slugs
 from .feeds import atom_feed, card_list
 from .pages import compare_page, index_page
-from .pair import TOML, PairReview, PairTask, PublicationProblem, look, pair_folders
+from .pair import TOML, PairReview, PairTask, PublicationProblem, pair_folders, review
 from .pool import each
 from .requirements import QUESTIONS, shared_template
 from .site_folder import NAMES, put, refuse, same
@@ -23,20 +23,20 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class PublicationReport:
-    """What was found, and what was written.
+    """Result of publishing: cards, problems, files written.
 
     Attributes
     ----------
-    cards : tuple of Entry
-        Of the site, in its order; empty where something stands against it.
-    problems : tuple of Problem
+    cards : tuple of CardEntry
+        Of the site, in its order; empty if there are problems.
+    problems : tuple of PublicationProblem
         All of them, in the order of the folders.
     templates : tuple of Path
-        ``card.toml`` written to be filled in.
+        Templates of ``card.toml`` that were written.
     site : Path or None
-        Where the site stands; None where none was written.
+        Folder of the site; None if none was written.
     unchanged : bool
-        The very same site was there already.
+        The site existed already with the same content.
     found : int
         Pairs in the folder.
     """
@@ -50,7 +50,7 @@ class PublicationReport:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing stands against publishing."""
+        """Whether there are no problems."""
         return not self.problems
 
     def facts(self) -> dict[str, Any]:
@@ -73,39 +73,39 @@ def publish(
     title: str = TITLE,
     jobs: int = 1,
     force: bool = False,
-    told: Progress = lambda words: None,
+    progress: Progress = lambda words: None,
 ) -> PublicationReport:
     """Write the static site of all pairs in a folder: index, comparison, a folder a card, feed and list.
 
-    Everything is made in a hidden folder beside the site first: a failure or an interrupt leaves the old site as it
-    was. Of what stands in ``site`` only the names of a site are replaced, its folder ``cards`` as a whole.
+    Everything is written to a hidden folder next to the site first: a failure or an interrupt leaves the old site as
+    it was. In ``site`` only the files of a site are replaced, its folder ``cards`` as a whole.
 
     Parameters
     ----------
     folder : path
-        Holds folders with ``params.json``, at any depth; ``card.toml`` beside it adds to the card, one in ``folder``
-        itself to the cards of all.
+        Holds folders with ``params.json``, at any depth; a ``card.toml`` there adds to the card, one in ``folder``
+        itself to all cards.
     site : path
-        Where the site goes.
+        Folder of the site.
     title : str
-        Of the site; its feed is known by it.
+        Of the site; the id of its feed depends on it.
     jobs : int
         Processes; the bytes do not depend on it.
     force : bool
         Replace another site of ours.
-    told : callable
-        Hears how far it is.
+    progress : callable
+        Receives progress messages.
 
     Returns
     -------
     Report
-        With ``problems`` where something stands against publishing: nothing is written then but a ``card.toml`` to be
-        filled in: one in ``folder`` for what none of several pairs tells, or one beside each file that needs it.
+        With ``problems``, if any: then only templates of ``card.toml`` are written, one in ``folder`` for fields that
+        all pairs lack, or one in the folder of each pair.
 
     Raises
     ------
     UsageError
-        The folder is missing, the site stands already and ``force`` is not given, or it cannot be written.
+        The folder is missing, the site exists and ``force`` is not given, or it cannot be written.
     DataError
         The folder holds no ``params.json``.
 
@@ -129,15 +129,15 @@ def publish(
         with staged(site.absolute().parent) as hidden:
             made = hidden / "made"
             made.mkdir()
-            looked = _look(folder, pairs, jobs, told, made / "cards")
-            problems = _against(looked)
+            reviews = _review(folder, pairs, jobs, progress, made / "cards")
+            problems = _problems(reviews)
             if problems:
-                return PublicationReport(problems=problems, templates=_templates(folder, looked), found=len(pairs))
-            entries = _fill(made, looked, title)
+                return PublicationReport(problems=problems, templates=_templates(folder, reviews), found=len(pairs))
+            entries = _fill(made, reviews, title)
             unchanged = _put(made, site, hidden, force)
     except OSError as error:
         raise UsageError(
-            f"{site}: the site cannot be written: {error.strerror or error}; choose another place with --site."
+            f"{site}: the site cannot be written: {cause(error)}; choose another place with --site."
         ) from None
     return PublicationReport(cards=tuple(entries), site=site, unchanged=unchanged, found=len(pairs))
 
@@ -147,49 +147,51 @@ def check(
     site: str | os.PathLike[str] | None = None,
     *,
     jobs: int = 1,
-    told: Progress = lambda words: None,
+    progress: Progress = lambda words: None,
 ) -> PublicationReport:
-    """Judge all pairs in a folder as ``publish`` does, and write no site."""
+    """Check all pairs in a folder as ``publish`` does, without writing a site."""
     folder, site = Path(folder), None if site is None else Path(site)
     pairs = pair_folders(folder, site)
-    looked = _look(folder, pairs, jobs, told)
-    problems = _against(looked)
-    entries = () if problems else tuple(_ordered(looked))
-    return PublicationReport(entries, problems, _templates(folder, looked), found=len(pairs))
+    reviews = _review(folder, pairs, jobs, progress)
+    problems = _problems(reviews)
+    entries = () if problems else tuple(_ordered(reviews))
+    return PublicationReport(entries, problems, _templates(folder, reviews), found=len(pairs))
 
 
-def _look(folder: Path, pairs: Sequence[Path], jobs: int, told: Progress, to: Path | None = None) -> list[PairReview]:
+def _review(
+    folder: Path, pairs: Sequence[Path], jobs: int, progress: Progress, to: Path | None = None
+) -> list[PairReview]:
     shared = folder / TOML
     above = shared if os.path.lexists(shared) and folder not in pairs else None
     tasks = [
         PairTask(pair, pair.relative_to(folder).as_posix(), None if to is None else to / f".{number}", above)
         for number, pair in enumerate(pairs)
     ]
-    return each(look, tasks, jobs, lambda done: told(f"{done} of {len(tasks)} cards"))
+    return each(review, tasks, jobs, lambda done: progress(f"{done} of {len(tasks)} cards"))
 
 
-def _against(looked: Sequence[PairReview]) -> tuple[PublicationProblem, ...]:
-    """Everything that stands against them, pair by pair."""
+def _problems(reviews: Sequence[PairReview]) -> tuple[PublicationProblem, ...]:
+    """All problems, pair by pair."""
     found: list[PublicationProblem] = []
     first: dict[str, str] = {}
-    for one in looked:
+    for one in reviews:
         found += one.problems
         if one.entry is None:
             continue
         other = first.setdefault(one.entry.content_sha256, one.task.name)
         if other != one.task.name:
-            words = f"Its content is that of {other}: publish one of the two."
+            words = f"same content as {other}: publish one of the two."
             found.append(PublicationProblem(one.task.name, "twice", words))
     return tuple(found)
 
 
-def _templates(folder: Path, looked: Sequence[PairReview]) -> tuple[Path, ...]:
-    """Write what is to be filled in, where nothing stands yet; a folder that cannot be written to goes without.
+def _templates(folder: Path, reviews: Sequence[PairReview]) -> tuple[Path, ...]:
+    """Write templates of card.toml where there is none; folders without write access are skipped.
 
-    What none of several pairs tells is asked for once, above them; only then is each asked for the rest.
+    Fields that all of several pairs lack are requested once, in the folder above; then the rest pair by pair.
     """
-    asking = [one for one in looked if one.template]
-    alike = _asked_of_all(asking) if len(asking) > 1 and all(one.task.folder != folder for one in looked) else []
+    asking = [one for one in reviews if one.template]
+    alike = _asked_of_all(asking) if len(asking) > 1 and all(one.task.folder != folder for one in reviews) else []
     if alike:
         wanted = {folder / TOML: shared_template(len(asking), alike)}
     else:
@@ -204,21 +206,21 @@ def _templates(folder: Path, looked: Sequence[PairReview]) -> tuple[Path, ...]:
 
 
 def _asked_of_all(asking: Sequence[PairReview]) -> list[str]:
-    """Fields that none of these tells; the ISO group is asked beside each pair, since it is that of its material."""
+    """Fields that all of these lack; the ISO group belongs to the material of each pair."""
     each = [{name for problem in one.problems for name in problem.fields} for one in asking]
     return [name for name in QUESTIONS if name != "iso513" and all(name in fields for fields in each)]
 
 
-def _ordered(looked: Sequence[PairReview]) -> list[CardEntry]:
-    named = with_slugs([one.entry for one in looked if one.entry is not None])
+def _ordered(reviews: Sequence[PairReview]) -> list[CardEntry]:
+    named = with_slugs([one.entry for one in reviews if one.entry is not None])
     return sorted(named, key=lambda e: (e.title.casefold(), e.slug))
 
 
-def _fill(made: Path, looked: Sequence[PairReview], title: str) -> list[CardEntry]:
-    """Give every card the folder of its slug, and write what stands around them."""
-    entries = _ordered(looked)
+def _fill(made: Path, reviews: Sequence[PairReview], title: str) -> list[CardEntry]:
+    """Name the folder of every card by its slug, and write the pages, the feed and the list."""
+    entries = _ordered(reviews)
     slugs = {e.content_sha256: e.slug for e in entries}
-    for one in looked:
+    for one in reviews:
         if one.entry is not None and one.task.to is not None:
             one.task.to.rename(made / "cards" / slugs[one.entry.content_sha256])
     pages = {
@@ -233,7 +235,7 @@ def _fill(made: Path, looked: Sequence[PairReview], title: str) -> list[CardEntr
 
 
 def _put(made: Path, site: Path, hidden: Path, force: bool) -> bool:
-    """Put the site in its place; whether the very same was there already."""
+    """Move the site to its place; True if the same site existed already."""
     held = [name for name in NAMES if (site / name).exists()]
     if held and same(made, site):
         return True

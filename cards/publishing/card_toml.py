@@ -5,13 +5,14 @@ import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from ...core.errors import DataError
+from ...core.files import cause
+from ...core.suggestions import closest
 from ...parameters import ParameterFile
 from ...parameters.messages import schema_message, short, short_name
 from ...parameters.sections.origin import IdentitySection, Sensor
@@ -24,20 +25,20 @@ NO_SENSORS = "none"  # symbol of the entry that holds why there was no sensor
 
 @dataclass(frozen=True, slots=True)
 class PublicationMetadata:
-    """What card.toml tells.
+    """Metadata of card.toml.
 
     Attributes
     ----------
     publication : Publication
         Licence, authors, contact, DOI, title, keywords.
     machine, iso513, setup : str
-        Empty where it does not say.
+        Empty if not given.
     sensors : tuple of Sensor
-        One with the symbol ``none`` holds why there was none.
+        One with the symbol ``none`` holds the reason for having none.
     tool_properties : dict
         By the symbols of ISO 13399.
     name : str
-        The file, for sentences.
+        The file, for messages.
     """
 
     publication: PublicationPart = field(default_factory=PublicationPart)
@@ -49,14 +50,14 @@ class PublicationMetadata:
     name: str = "card.toml"
 
     def applied(self, pf: ParameterFile) -> ParameterFile:
-        """The file with this identity, for a card: its checksum stays that of the file on disk, so it is not written.
+        """The file with this identity, for a card; its checksum remains that of the file on disk, so do not write it.
 
-        The note says what comes from card.toml.
+        The note names the facts from card.toml.
 
         Raises
         ------
         DataError
-            Both tell something, and not the same.
+            The two contradict each other.
         """
         given = {"machine": self.machine, "iso513": self.iso513, "setup": self.setup}
         new: dict[str, Any] = {k: v for k, v in given.items() if v and not self._same(k, getattr(pf.identity, k), v)}
@@ -73,20 +74,22 @@ class PublicationMetadata:
         return pf.model_copy(update={"identity": identity, "content_sha256": checksum(pf)})
 
     def _same(self, name: str, there: object, here: object) -> bool:
-        """Whether the file tells it already; that it tells something else is refused."""
+        """Whether the parameter file has this value already; another value is an error."""
         if there in (None, ""):
             return False
         if there != here:
             raise DataError(
-                f"{self.name}: {short_name(name)} is {short(here)}, but the parameter file says {short(there)}; leave "
-                "it out here, or fit again with what is right."
+                f"{self.name}: {short_name(name)} is {short(here)}, but the parameter file has {short(there)}; remove "
+                "it here, or fit again with the correct value."
             )
         return True
 
     def _sensors(self, there: tuple[Sensor, ...]) -> Iterator[Sensor]:
-        """Sensors of the file, with what it leaves open filled in, then further ones."""
+        """Sensors of the file completed by those of card.toml, then further ones."""
         if there and any(s.symbol == NO_SENSORS for s in self.sensors):
-            raise DataError(f"{self.name}: no_sensors is told, but the parameter file has {len(there)}; leave it out.")
+            raise DataError(
+                f"{self.name}: no_sensors is given, but the parameter file has {len(there)} sensors; remove it."
+            )
         here = {s.symbol: s for s in self.sensors}
         for old in there:
             new = here.pop(old.symbol, old)
@@ -115,12 +118,12 @@ def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None
     ----------
     path : path
     above : path, optional
-        Another one, which tells what this one does not.
+        Another one, for fields that this one lacks.
 
     Raises
     ------
     DataError
-        It is no TOML, has a key that is not known, or a value of the wrong kind: the sentence says which.
+        It is not TOML, has an unknown key, or a value of the wrong type; the message names it.
 
     Examples
     --------
@@ -164,29 +167,30 @@ def _parsed(path: Path, name: str) -> dict[str, Any]:
         raise DataError(f"{name}: is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         why = str(error)[:1].lower() + str(error)[1:]
-        raise DataError(f"{name}: is not TOML: {why}; texts stand in double quotes, lists in brackets.") from None
+        raise DataError(f"{name}: is not TOML: {why}; write texts in double quotes, lists in brackets.") from None
     except (OSError, ValueError) as error:
-        why = (getattr(error, "strerror", None) or str(error)).lower()
-        raise DataError(f"{name}: cannot be read: {why}; fitmodels publish FOLDER --check writes a template.") from None
+        raise DataError(
+            f"{name}: cannot be read: {cause(error)}; fitmodels publish FOLDER --check writes a template."
+        ) from None
 
 
 def _laid_over(above: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
-    """What both tell, the nearer one first; sensors and the reason for having none are one thing.
+    """Both files merged, ``data`` first; sensors and the reason for having none are one field.
 
-    A question that is left open, as in a template, hides nothing.
+    Empty fields, as in a template, have no precedence.
     """
-    told = {key: value for key, value in data.items() if value not in ("", [])}
+    given = {key: value for key, value in data.items() if value not in ("", [])}
     about_sensors = {"sensors", "no_sensors"}
-    hidden = about_sensors if about_sensors & set(told) else set()
-    return {**{key: value for key, value in above.items() if key not in hidden}, **told}
+    hidden = about_sensors if about_sensors & set(given) else set()
+    return {**{key: value for key, value in above.items() if key not in hidden}, **given}
 
 
 def _known(data: Mapping[str, Any], keys: Iterable[str], name: str, where: str = "") -> None:
     for key in data:
         if key not in keys:
-            near = get_close_matches(key, list(keys), 1, 0.5)
-            meant = f"did you mean {near[0]}?" if near else f"it knows {', '.join(keys)}."
-            raise DataError(f"{name}: {short(key)} is no key{where}; {meant}")
+            near = closest(key, keys)
+            hint = f"did you mean {near}?" if near else f"the keys are {', '.join(keys)}."
+            raise DataError(f"{name}: {short(key)} is no key{where}; {hint}")
 
 
 def _text(data: Mapping[str, Any], key: str, name: str) -> str:
@@ -219,18 +223,15 @@ def _of_identity(data: Mapping[str, Any], texts: Mapping[str, str], name: str) -
     for number, item in enumerate(sensors, 1):
         _known(item, SENSOR_KEYS, name, f" of sensor {number}")
     if sensors and texts["no_sensors"]:
-        raise DataError(f"{name}: no_sensors is told beside {len(sensors)} sensors; leave one of them out.")
+        raise DataError(f"{name}: no_sensors is given with {len(sensors)} sensors; remove one of them.")
     if texts["no_sensors"]:
         sensors = [{"symbol": NO_SENSORS, "unit": "", "model": texts["no_sensors"]}]
     properties = data.get("tool_properties", {})
-    told = {"sensors": _floats(sensors), "tool_properties": properties, "iso513": texts["iso513"] or None}
+    given = {"iso513": texts["iso513"] or None, "iso13399": properties, "sensors": _floats(sensors)}
     try:
-        made = IdentitySection.model_validate({
-            "tool": "x", "work": "x", "simulated": False, "iso513": told["iso513"], "iso13399": properties,
-            "sensors": told["sensors"],
-        })  # fmt: skip
+        made = IdentitySection.model_validate({"tool": "x", "work": "x", "simulated": False, **given})
     except ValidationError as error:
-        words = schema_message(error, {"iso513": told["iso513"], "iso13399": properties, "sensors": told["sensors"]})
+        words = schema_message(error, given)
         raise DataError(f"{name}: {words.replace('iso13399', 'tool_properties')}.") from None
     return {"sensors": made.sensors, "tool_properties": dict(made.iso13399)}
 

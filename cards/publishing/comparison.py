@@ -2,7 +2,7 @@
 
 Two exponents b and b0 with standard errors s and s0 on nu and nu0 degrees of freedom differ at the 95 % level where
 |b - b0| / sqrt(s^2 + s0^2) is beyond the quantile of t with (s^2 + s0^2)^2 / (s^4/nu + s0^4/nu0) degrees of freedom
-(Welch 1947, doi 10.1093/biomet/34.1-2.28). Of many pairs held against one, some differ so by chance; Holm's adjusted
+(Welch 1947, doi 10.1093/biomet/34.1-2.28). Of many pairs compared with one, some differ by chance; Holm's adjusted
 p values (Holm 1979, Scand. J. Statist. 6, 65) keep the chance of a single wrong mark among all of them below 5 %.
 """
 
@@ -49,10 +49,10 @@ def tables(entries: Sequence[CardEntry]) -> list[ComparisonTable]:
 
 
 def comparison(entries: Sequence[CardEntry]) -> dict[str, Any]:
-    """What the script needs: pairs, and for each law and factor the exponents.
+    """Data of the script: pairs, and for each law and factor the exponents.
 
     An exponent is a list: place of its pair, value, standard error, degrees of freedom, low, high, then the three
-    texts it is told by. Numbers have seven digits: enough for every mark, and a third of the page.
+    texts. Numbers have seven digits: enough for every mark, and a third of the page size.
 
     Examples
     --------

@@ -11,7 +11,7 @@ from .entries import CardEntry
 from .site_folder import SCHEMA
 
 ATOM = "http://www.w3.org/2005/Atom"
-UNDATED = "1970-01-01T00:00:00Z"  # of a card that tells no date: the feed has no clock
+UNDATED = "1970-01-01T00:00:00Z"  # of a card without a date: the feed has no clock
 NAMESPACE = uuid.uuid5(uuid.NAMESPACE_URL, "fitmodels.site/1")
 
 
@@ -19,7 +19,7 @@ def atom_feed(entries: Sequence[CardEntry], title: str) -> bytes:
     """The feed as XML.
 
     An entry's id comes from the content of its parameter file, the feed's from its title: the same content keeps its
-    id wherever the site stands. Links are relative, so that the feed works beside the pages it names.
+    id wherever the site is. Links are relative, so that the feed works in the folder of its pages.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def atom_feed(entries: Sequence[CardEntry], title: str) -> bytes:
     top = ET.Element("feed", xmlns=ATOM)
     _add(top, "id", f"urn:uuid:{uuid.uuid5(NAMESPACE, title)}")
     _add(top, "title", title)
-    _add(top, "subtitle", f"Model cards, newest first. A card that tells no date stands at {UNDATED[:10]}.")
+    _add(top, "subtitle", f"Model cards, newest first. Cards without a date are dated {UNDATED[:10]}.")
     _add(top, "updated", max((date for date, _ in dated), default=UNDATED))
     ET.SubElement(_add(top, "author"), "name").text = _clean(title)
     _add(top, "generator", "fitmodels")

@@ -1,4 +1,4 @@
-"""The two pages of a site, each one file: its style and script stand in it, allowed by their checksums."""
+"""The two pages of a site, each one file with its style and script, allowed by their checksums."""
 
 import json
 from collections.abc import Sequence

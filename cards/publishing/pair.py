@@ -20,7 +20,7 @@ TOML = "card.toml"
 
 @dataclass(frozen=True, slots=True)
 class PublicationProblem:
-    """One thing that stands against publishing a pair: its folder within FOLDER, and a sentence.
+    """A problem with publishing a pair: its folder within FOLDER, and a sentence.
 
     ``kind`` is ``unreadable``, ``field``, ``check`` or ``twice``; ``fields`` are those that are empty.
     """
@@ -33,17 +33,17 @@ class PublicationProblem:
 
 @dataclass(frozen=True, slots=True)
 class PairTask:
-    """A pair to be looked at.
+    """A pair to be reviewed.
 
     Attributes
     ----------
     folder : Path
     name : str
-        What it is called in the report.
+        Its name in the report.
     to : Path or None
-        Where its card goes, if anywhere.
+        Folder of its card, if it is to be written.
     above : Path or None
-        The ``card.toml`` that holds for all pairs, where there is one.
+        The ``card.toml`` for all pairs, if there is one.
     """
 
     folder: Path
@@ -54,7 +54,7 @@ class PairTask:
 
 @dataclass(frozen=True, slots=True)
 class PairReview:
-    """What came of a pair: its entry, or what stands against it and the ``card.toml`` to fill in."""
+    """Result of one pair: its entry, or its problems and a template of ``card.toml``."""
 
     task: PairTask
     entry: CardEntry | None
@@ -63,7 +63,7 @@ class PairReview:
 
 
 def pair_folders(folder: Path, site: Path | None = None) -> tuple[Path, ...]:
-    """Folders that hold a ``params.json``, sorted by their path; hidden ones and the site itself are passed by.
+    """Folders with a ``params.json``, sorted by path, without hidden ones and the site itself.
 
     Raises
     ------
@@ -82,7 +82,9 @@ def pair_folders(folder: Path, site: Path | None = None) -> tuple[Path, ...]:
     ['a']
     """
     if not folder.is_dir():
-        raise UsageError(f"{folder}: is no folder; give the one that holds the pairs, each with its {PARAMETERS}.")
+        raise UsageError(
+            f"{folder}: is no folder; give the one with the folders of the pairs, each with its {PARAMETERS}."
+        )
     own = None if site is None else site.resolve()
     found = []
     for place, below, names in os.walk(folder):
@@ -98,8 +100,8 @@ def _real(place: str, name: str) -> Path:
     return Path(place, name).resolve()
 
 
-def look(task: PairTask) -> PairReview:
-    """Read a pair and judge it; where nothing stands against it write its card."""
+def review(task: PairTask) -> PairReview:
+    """Read and check a pair; write its card if there are no problems."""
     try:
         pf, whole, card = read_pair(task.folder, above=task.above)
         report = check_publication(card, pf, task.folder)
@@ -107,7 +109,7 @@ def look(task: PairTask) -> PairReview:
         return PairReview(
             task, None, (PublicationProblem(task.name, "unreadable", str(error).replace(f"{task.folder}/", "")),)
         )
-    problems = tuple(_against(task, report))
+    problems = tuple(_problems(task, report))
     if problems:
         asks = any(p.kind == "field" for p in problems) and not os.path.lexists(task.folder / TOML)
         return PairReview(task, None, problems, card_toml_template(card) if asks else "")
@@ -118,18 +120,18 @@ def look(task: PairTask) -> PairReview:
 def read_pair(
     folder: Path, name: str = PARAMETERS, toml: Path | None = None, above: Path | None = None
 ) -> tuple[ParameterFile, ParameterFile, Card]:
-    """The parameter file as it is on disk, the same with what ``card.toml`` says of its identity, and their card.
+    """The parameter file on disk, the same with the metadata of ``card.toml``, and their card.
 
     Parameters
     ----------
     folder : Path
-        Where the parameter file stands, and the pictures and draws beside it.
+        Folder of the parameter file with its pictures and draws.
     name : str
         Of the parameter file.
     toml : Path, optional
-        By default the ``card.toml`` beside it, where there is one.
+        By default the one in ``folder``, if there is one.
     above : Path, optional
-        A ``card.toml`` that holds for many pairs; what the other says counts first.
+        A ``card.toml`` for many pairs; ``toml`` has precedence.
 
     Raises
     ------
@@ -141,29 +143,29 @@ def read_pair(
         toml = folder / TOML
     if toml is None and above is None:
         return pf, pf, compose(pf, folder=folder)
-    told = read_toml(toml or above or TOML, above if toml else None)
-    whole = told.applied(pf)
-    return pf, whole, compose(whole, publication=told.publication, folder=folder)
+    metadata = read_toml(toml or above or TOML, above if toml else None)
+    whole = metadata.applied(pf)
+    return pf, whole, compose(whole, publication=metadata.publication, folder=folder)
 
 
-def _against(task: PairTask, report: PublicationCheck) -> Iterator[PublicationProblem]:
-    """What is empty, in one sentence; what only a new fit brings; then each refusal."""
+def _problems(task: PairTask, report: PublicationCheck) -> Iterator[PublicationProblem]:
+    """Missing fields in one sentence, those that need a new fit, failed checks."""
     asked = tuple(m.field for m in report.missing if m.field in QUESTIONS)
     if asked:
-        yield PublicationProblem(task.name, "field", f"not told: {', '.join(asked)}; say it in {TOML}.", asked)
+        yield PublicationProblem(task.name, "field", f"missing: {', '.join(asked)}; add them in {TOML}.", asked)
     for m in report.missing:
         if m.field not in QUESTIONS:
-            yield PublicationProblem(task.name, "field", f"not told: {m.field}; {m.why}. {m.ask}", (m.field,))
+            yield PublicationProblem(task.name, "field", f"missing: {m.field}; {m.why}. {m.ask}", (m.field,))
     for words in report.refusals:
         yield PublicationProblem(task.name, "check", words)
 
 
 def _write(folder: Path, to: Path, pf: ParameterFile, card: Card) -> dict[str, str]:
     """Write the folder of a card; SHA-256 of each file by its path."""
-    beside = [PARAMETERS, *(f.file for f in card.figures if f.file)]
+    copied = [PARAMETERS, *(f.file for f in card.figures if f.file)]
     if pf.posterior is not None and pf.posterior.draws_file is not None:
-        beside.append(pf.posterior.draws_file)  # without them the file that is published fails its own check
-    made = {name: (folder / name).read_bytes() for name in beside}
+        copied.append(pf.posterior.draws_file)  # without them the file that is published fails its own check
+    made = {name: (folder / name).read_bytes() for name in copied}
     named = sorted(name for name in (*made, README, PROGRAM) if "/" not in name)
     for name, content in card_files(card, pf, named).items():
         made["index.html" if name == PAGE else name] = content

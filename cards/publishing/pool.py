@@ -1,4 +1,4 @@
-"""Many pieces of work on several cores, their results in the order of the work."""
+"""Tasks on several processes, results in their order."""
 
 import gc
 import signal
@@ -20,8 +20,8 @@ NOW_AND_THEN = 200
 AT_ONCE = 4  # pieces handed to a process: enough that the way costs nothing, few enough that none waits at the end
 
 
-def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, told: Callable[[int], None]) -> list[R]:
-    """Results of ``work`` for each piece; ``told`` hears how many are done.
+def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, progress: Callable[[int], None]) -> list[R]:
+    """Results of ``work`` for each piece; ``progress`` receives the number done.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, told: Callable[
     pieces : sequence
     jobs : int
         Processes; with one, or few pieces, all is done here.
-    told : callable
+    progress : callable
 
     Raises
     ------
@@ -43,7 +43,7 @@ def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, told: Callable[
     [2, 1]
     """
     if jobs == 1 or len(pieces) < FEW:
-        return _here(work, pieces, told)
+        return _here(work, pieces, progress)
     # begun afresh: a copy of a process with threads may hang
     pool = ProcessPoolExecutor(min(jobs, len(pieces)), get_context("spawn"), _begin)
     results: list[R] = []
@@ -52,7 +52,7 @@ def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, told: Callable[
             begun = pool.map(work, pieces, chunksize=AT_ONCE)
         for result in begun:
             results.append(result)
-            told(len(results))
+            progress(len(results))
     except BrokenProcessPool:
         raise FitmodelsError(
             "a process that writes cards was ended from outside, perhaps for want of memory; "
@@ -63,11 +63,11 @@ def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, told: Callable[
     return results
 
 
-def _here(work: Callable[[T], R], pieces: Sequence[T], told: Callable[[int], None]) -> list[R]:
+def _here(work: Callable[[T], R], pieces: Sequence[T], progress: Callable[[int], None]) -> list[R]:
     results: list[R] = []
     for piece in pieces:
         results.append(work(piece))
-        told(len(results))
+        progress(len(results))
         if len(results) % NOW_AND_THEN == 0:
             gc.collect()  # the command runs without the collector
     return results

@@ -21,7 +21,7 @@ def refuse(site: Path, folder: Path) -> None:
         raise UsageError(f"{site}: is a file; choose a folder with --site.")
     here, real = site.resolve(), folder.resolve()
     if real == here or here / "cards" in (real, *real.parents):
-        raise UsageError(f"{site}: the site would stand among the pairs it is made of; choose another --site.")
+        raise UsageError(f"{site}: the site would be inside the folder of its pairs; choose another --site.")
     held = [name for name in NAMES if (site / name).exists()]
     if held and not is_site(site):
         raise UsageError(
