@@ -1,4 +1,4 @@
-"""What a diagnostic says when it cannot be had: the reason, never a NaN."""
+"""A diagnostic that could not be computed, with the reason; never a NaN."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from ..core.display import Displayable
 
 @dataclass(frozen=True, slots=True, repr=False)
 class NotAvailable(Displayable):
-    """A diagnostic that these data do not allow; false in a condition.
+    """A diagnostic that these data do not allow, with the reason; false in a condition.
 
     Examples
     --------

@@ -140,7 +140,7 @@ def _numbers(name: str, column: "pd.Series[str]", first: int) -> Array:
     infinite = np.isinf(values)
     if infinite.any():
         row = int(np.argmax(infinite))
-        raise DataError(f"column {name!r} row {first + row}: {values[row]} is no measurement; leave the row out.")
+        raise DataError(f"column {name!r} row {first + row}: {values[row]} is not a measurement; leave the row out.")
     return values
 
 

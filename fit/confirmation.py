@@ -239,7 +239,7 @@ def _usable(law: LawFit, runs: Runs) -> tuple[bool, pd.DataFrame, tuple[Dropped,
 
 
 def _positive(law: LawFit) -> Literal["all", "factors", "none"]:
-    """Which columns the law needs above zero."""
+    """The columns that the law needs above zero."""
     if law.error == "multiplicative":
         return "all"
     return "factors" if law.formula.log_factors else "none"

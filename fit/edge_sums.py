@@ -288,7 +288,7 @@ def equivalent_rows(
 
 def _moves(first: Array, far: Array, edge: Index) -> Array:
     """Largest change of each column of the law within an edge, from the first rows of groups and their moves."""
-    opening = first[np.unique(edge, return_index=True)[1]][edge]  # groups stand in the order of their first rows
+    opening = first[np.unique(edge, return_index=True)[1]][edge]  # groups are in the order of their first rows
     moves: Array = np.abs(first - opening).max(axis=0)
     factors = slice(1, 1 + far.shape[1])
     moves[factors] = np.maximum(moves[factors], far.max(axis=0))

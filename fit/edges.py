@@ -3,7 +3,7 @@
 Rows of one cutting edge are repeated measures. The jackknife leaves out one edge at a time: it assumes nothing of the
 dependence of rows within an edge, holds its level for what changes between edges (V, f, d) and within them (t), and
 gives one covariance for the whole law. A random level of each edge, ``y = Z theta + u_edge + e`` with
-``u ~ N(0, s_b^2)`` and ``e ~ N(0, s_w^2)``, is fitted beside it by restricted maximum likelihood; it splits the
+``u ~ N(0, s_b^2)`` and ``e ~ N(0, s_w^2)``, is fitted as well, by restricted maximum likelihood; it splits the
 variance. Given the ratio ``k = s_b^2 / s_w^2`` it is least squares of rows in which the mean of each edge is shrunk by
 ``1 / sqrt(1 + n_g k)``, so that the search is over one number, the intraclass correlation.
 
@@ -140,11 +140,6 @@ class EdgeInference(Plottable):
         return self.n_edges / float(np.sum(1.0 / self.sizes))
 
     @property
-    def sd_new(self) -> float:
-        """Standard deviation of a row of a new edge about the law."""
-        return float(np.hypot(self.mixed.sd_between, self.mixed.sd_within))
-
-    @property
     def icc(self) -> float:
         """Share of the residual variance that lies between edges."""
         return self.mixed.icc
@@ -187,7 +182,7 @@ def infer_by_edge(
 
 
 def changes_within(columns: Array, edge: Index) -> NDArray[np.bool_]:
-    """Which columns (n, c) change among the rows of one edge, edges numbered from 0.
+    """Whether each column (n, c) changes among the rows of one edge, edges numbered from 0.
 
     Examples
     --------
@@ -201,7 +196,7 @@ def changes_within(columns: Array, edge: Index) -> NDArray[np.bool_]:
 
 
 def too_few_edges(nobs: int, G: int, between: int) -> str:
-    """Why inference by edge is impossible with so few edges; empty where it is possible.
+    """Reason why so few edges allow no inference by edge; empty where they do.
 
     ``between`` counts the parameters that change between edges only.
     """
@@ -216,7 +211,7 @@ def too_few_edges(nobs: int, G: int, between: int) -> str:
 
 
 def indispensable(edge: str) -> str:
-    """Why there is no inference by edge where one edge cannot be left out."""
+    """Reason for no inference by edge where one edge cannot be left out."""
     return (
         f"edge {edge} alone identifies a parameter of the law: it cannot be estimated without it. Cut another edge "
         "near its conditions"

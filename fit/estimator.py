@@ -34,9 +34,9 @@ class PowerLawRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc, un
     Parameters
     ----------
     error : {"multiplicative", "additive"}
-        Where the residuals live: in the logarithm of y, or in its own unit.
+        Scale of the residuals: the logarithm of y, or its own unit.
     floor : float, optional
-        The least that a gauge tells, above zero: smaller readings, zero among them, are taken as ``floor``. Without it
+        Resolution of the gauge, above zero: smaller readings, zero among them, are taken as ``floor``. Without it
         a zero is refused, as a power law has no logarithm of it. Negative readings are refused always.
     response : str
         What y is called in ``law_`` and in messages.
@@ -44,10 +44,10 @@ class PowerLawRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc, un
     Attributes
     ----------
     law_ : LawFit
-        The fit, with its standard errors, checks, tables and pictures; factors are called as the columns of a
+        The fit, with its standard errors, tables and figures; factors are called as the columns of a
         DataFrame, or ``x0``, ``x1`` ...
     coef_ : ndarray, shape (n_features,)
-        Exponents; 0 of a feature that the rows do not tell apart from others or that does not change.
+        Exponents; 0 of a feature that the rows do not identify or that does not change.
     intercept_ : float
         ln c0.
     n_features_in_, feature_names_in_
@@ -131,13 +131,13 @@ class PowerLawRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc, un
     def _above(self, values: Array, what: str) -> Array:
         """Values above zero: small ones lifted to the floor, others refused."""
         if self.floor is not None and not self.floor > 0:
-            raise ValueError(f"floor {self.floor!r}: the least that a gauge tells lies above zero, for instance 0.001.")
+            raise ValueError(f"floor {self.floor!r}: the resolution of the gauge is above zero, for instance 0.001.")
         least = float(values.min())
         if least < 0:
             raise ValueError(f"Negative values in data: {what} holds {least:g}, and {NEEDS}. Leave such rows out.")
         if least == 0 and self.floor is None:
             raise ValueError(
-                f"{what} holds 0, and {NEEDS}. Leave such rows out, or give floor, the least that is told."
+                f"{what} holds 0, and {NEEDS}. Leave such rows out, or give floor, the resolution of the gauge."
             )
         return values if self.floor is None else np.maximum(values, self.floor)
 

@@ -98,16 +98,12 @@ class RowAccess:
 
     __slots__ = ()
 
-    response: str
     rows: FittedRows | None
 
     @property
     def _in_memory(self) -> FittedRows:
         if self.rows is None:
-            raise FitError(
-                f"the law of {self.response} was fitted to a stream and keeps no rows; this needs rows: fit a sample "
-                "of them in memory."
-            )
+            raise FitError("a law of a stream keeps no rows, and this needs them: fit a sample of them in memory.")
         return self.rows
 
     @property

@@ -91,7 +91,7 @@ class LawFit(RowAccess, Plottable):
     @classmethod
     def of_rows(cls, rows: FittedRows, formula: LawForm, **facts: Any) -> Self:  # noqa: ANN401
         """A law of rows in memory; their number, edges and domain are taken from the rows."""
-        own = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
+        own: dict[str, Any] = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
         return cls(formula=formula, rows=rows, **own, **facts)
 
     def with_rows(self, **changes: Any) -> Self:  # noqa: ANN401
@@ -106,7 +106,7 @@ class LawFit(RowAccess, Plottable):
         """
         own = {name: changes.pop(name) for name in FittedRows.__slots__ if name in changes}
         rows, formula = replace(self._in_memory, **own), changes.get("formula", self.formula)
-        sizes = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
+        sizes: dict[str, Any] = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
         return replace(self, rows=rows, **sizes, **changes)
 
     @property
@@ -179,7 +179,7 @@ class LawFit(RowAccess, Plottable):
 
     @property
     def no_interval(self) -> str | None:
-        """Why there is no interval, or None where there is one."""
+        """Reason why there is no interval, or None."""
         if self.df_resid > 0:
             return None
         return f"no interval: {self.nobs} observations fix {len(self.theta)} parameters exactly"

@@ -84,7 +84,7 @@ def linear(X: ArrayLike, y: ArrayLike) -> LinearFit:
     Parameters
     ----------
     X : array, shape (n, k)
-        Regressors. A constant column is the intercept, wherever it stands; without one there is none.
+        Regressors. A constant column in any position is the intercept; without one there is none.
     y : array, shape (n,)
 
     Raises

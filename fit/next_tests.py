@@ -188,7 +188,7 @@ def _candidates(place: DesignRegion, cut: Trials, repeats: bool) -> tuple[Array,
 
 
 def _reached(place: DesignRegion, cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
-    """Which settings of the grid the region of the tests reaches: no further out than the furthest test."""
+    """Whether each setting of the grid lies in the region of the tests."""
     level = None if name is None else np.full(len(grid), name, dtype=object)
     old = _rows(place, cut, cut.X, cut.level)
     M = linear(old, np.zeros(len(old))).cov_unscaled
@@ -269,7 +269,7 @@ def d_optimal(M: Array, candidates: Array, n: int, most: int, rng: np.random.Gen
     -------
     chosen : ndarray of int, shape (n,), ascending
     gain : float
-        What the determinant of Z'Z is multiplied by.
+        Factor of the determinant of Z'Z.
 
     Examples
     --------
@@ -291,7 +291,7 @@ def d_optimal(M: Array, candidates: Array, n: int, most: int, rng: np.random.Gen
 
 
 def determinant_gain(M: Array, added: Array) -> float:
-    """What the determinant of the information is multiplied by when rows (n, p) are added."""
+    """Factor by which the determinant of the information grows when rows (n, p) are added."""
     return float(np.linalg.det(np.eye(len(M)) + M @ added.T @ added))
 
 

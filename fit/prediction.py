@@ -282,7 +282,7 @@ def interval(
 
 
 def _inside(law: Fitted, table: pd.DataFrame) -> tuple[NDArray[np.bool_], str]:
-    """Which points lie where the law was tested, shape (n,), and where that is, in words."""
+    """Whether each point lies in the tested region, shape (n,), and the region in words."""
     try:
         region = law.region
     except FitError:

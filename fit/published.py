@@ -25,7 +25,7 @@ class PublishedComparison(Plottable):
         Root mean square of, and largest, ``100 (observed / printed law - 1)``; None where the file lacks a
         factor of the printed law.
     worst_line : int or None
-        Line of the file in which the largest stands.
+        Line of the file with the largest.
     """
 
     source: str

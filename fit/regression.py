@@ -56,7 +56,7 @@ def power_law(
     error : {"multiplicative", "additive"}
         Least squares of ln R, or of R itself. ``LawFit.alternative`` gives the other one.
     edge : str or None
-        Column that says which cutting edge a row is from; standard errors and intervals are then by edge.
+        Column with the cutting edge of each row; standard errors and intervals are then by edge.
         None: rows are taken as independent, as the papers do.
     by : str, optional
         Category (work material, say) whose level multiplies the law by exp(shift).
@@ -115,7 +115,7 @@ def exponential_law(
 def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "VB") -> LawFit:
     """Fit the load line ``I = A + B fm + k1 VB`` (Tai, Tsai & Li 2023, eq. 14).
 
-    Where most rows stand at one held current, eq. 14 has nothing to fit; eq. 15, feed on wear, is fitted to
+    Where most rows are at one held current, eq. 14 cannot be fitted; eq. 15, feed on wear, is fitted to
     those rows instead and the notes say so. Errors are additive.
 
     Raises

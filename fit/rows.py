@@ -21,7 +21,7 @@ FEWEST = 4
 # R2 of a factor on the others above 1 - 1e-8 is a computed column, not a measured one: a wear printed to
 # six decimals from a power law of V and f still leaves a condition number of 3e5, so a rank test misses it.
 EXACT = 1e-8
-# Rows that are looked at first where there are more.
+# Rows that are tested first where there are more.
 SOME = 10_000
 # Relative spread below which a column is the same number written down n times.
 CONSTANT = 1e-9
@@ -29,7 +29,7 @@ CONSTANT = 1e-9
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Dropped(Displayable):
-    """Rows that a fit leaves out: why, how many, and the first lines of the file they stand in."""
+    """Rows left out of a fit: reason, number, and their first lines in the file."""
 
     reason: str
     count: int
@@ -47,7 +47,7 @@ class By(Displayable):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LeftOut(Displayable):
-    """A factor that the law does without, and why."""
+    """A factor left out of the law, with the reason."""
 
     factor: str
     reason: str
@@ -144,8 +144,8 @@ def _without_copies(
 ) -> tuple[NDArray[np.bool_], int]:
     """Keep one row of each measurement where a file repeats every one of them.
 
-    A mean force written beside six roughness readings is one measurement, not six. Only the plain case
-    counts: every distinct row (response, factors, edge and category, to all digits) stands there 6, 12 ...
+    A mean force repeated with six roughness readings is one measurement, not six. Only the plain case
+    counts: every distinct row (response, factors, edge and category, to all digits) occurs 6, 12 ...
     times.
     """
     table = pd.DataFrame({name: values[keep] for name, values in columns.items()})
@@ -165,7 +165,7 @@ def _without_copies(
 
 
 def _alone(table: pd.DataFrame) -> bool:
-    """Whether the first row has no equal, which settles that not every row has one."""
+    """Whether the first row has no copy, so that not every row has one."""
     equal = np.ones(len(table), dtype=bool)
     for name in table:
         values = table[name].to_numpy()
@@ -193,10 +193,10 @@ def identifiable(
 
     Parameters
     ----------
-    names : the k factors, most important first: of two that say the same the later is left out
+    names : the k factors, most important first: of two dependent ones the later is left out
     terms : ndarray, shape (n, k), the factors as they enter the law (their logarithms in a power law)
     shifts : ndarray, shape (n, s), indicator columns of a category
-    logs : whether ``terms`` are logarithms; it only words the reason
+    logs : whether ``terms`` are logarithms; used in the reason only
 
     Examples
     --------
@@ -220,12 +220,12 @@ def identifiable(
 
 
 def _dependence(column: Array, others: Array, shifts: Array, names: list[str], logs: bool) -> str | None:
-    """Why ``column`` adds nothing to ``others``, or None where it does."""
+    """Reason why ``column`` depends on ``others``, or None where it does not."""
     n = len(column)
     p = 1 + others.shape[1] + shifts.shape[1]
-    if p < 2 or n <= p:  # too few rows to tell: the fit itself counts them
+    if p < 2 or n <= p:  # too few rows for a test: the fit itself counts them
         return None
-    if n > SOME and _told_by_some(column, others, shifts):
+    if n > SOME and _independent_in_part(column, others, shifts):
         return None
     fit = linear(np.hstack([np.ones((n, 1)), shifts, others]), column)
     if fit.rss > EXACT * fit.tss:
@@ -236,15 +236,15 @@ def _dependence(column: Array, others: Array, shifts: Array, names: list[str], l
         return "it changes only with the category"
     if logs:
         law = " ".join(f"{name}^{b:.4g}" for name, b in used)
-        return f"an exact product of others ({law}): these rows cannot tell its effect from theirs"
+        return f"an exact product of others ({law}): these rows do not identify its effect"
     law = " + ".join(f"{b:.4g} {name}" for name, b in used)
-    return f"an exact sum of others ({law}): these rows cannot tell its effect from theirs"
+    return f"an exact sum of others ({law}): these rows do not identify its effect"
 
 
-def _told_by_some(column: Array, others: Array, shifts: Array) -> bool:
-    """Whether an even choice of rows already shows that ``column`` is no function of the others.
+def _independent_in_part(column: Array, others: Array, shifts: Array) -> bool:
+    """Whether an even selection of rows shows that ``column`` is not a function of the others.
 
-    What these rows leave unexplained, all rows leave too, so a yes is as sure as from all of them.
+    The sum of squares that these rows leave unexplained is a lower bound of that of all rows.
     """
     few = slice(None, None, -(-len(column) // SOME))
     ones = np.ones((len(column[few]), 1))

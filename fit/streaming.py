@@ -50,7 +50,7 @@ def streamed_power_law(
     factors : sequence of str
         Symbols, most important first. A constant, or an exact product of earlier ones, is left out by name.
     edge : str or None
-        Column that says which cutting edge a row is from; rows of an edge may stand in any chunk.
+        Column with the cutting edge of each row; rows of an edge may stand in any chunk.
         None: rows are taken as independent.
     by : str, optional
         Category whose level multiplies the law by exp(shift).

@@ -1,4 +1,4 @@
-"""Gather results into a parameter file: each becomes its section, number for number."""
+"""Collection of results into a parameter file, one section for each."""
 
 import platform
 from collections.abc import Mapping, Sequence
@@ -86,7 +86,7 @@ def collect(
     no_posterior : mapping of str to NotAvailable, optional
         Reasons of responses without one.
     draws_kept : bool
-        Whether their draws will stand in a file beside this one, whose name and checksum are then recorded.
+        Whether their draws will be in a file next to this one, whose name and checksum are then recorded.
         Without it the section is complete but for the draws, which its seed makes again.
     gauge_sd : float, optional
         Standard deviation of the wear gauge, in the unit of the wear.

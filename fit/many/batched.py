@@ -46,7 +46,7 @@ def many_power_laws(
     pair : str or sequence of str
         Column or columns that name the pair, for instance ``["tool", "work"]``.
     edge : str, optional
-        Column that says which cutting edge of its pair a row is from; standard errors, t and p are then by edge.
+        Column with the cutting edge of each row; standard errors, t and p are then by edge.
         None: rows are taken as independent.
 
     Returns
@@ -91,11 +91,11 @@ def _fill(laws: ManyLaws, rows: PairRows) -> None:
     order = np.argsort(rows.number, kind="stable")
     bounds = np.searchsorted(rows.number[order], np.arange(len(laws) + 1))
     for i in np.flatnonzero(~into.stacked):
-        found = single_law(rows, order[bounds[i] : bounds[i + 1]], laws.response, laws.factors)
-        if isinstance(found, str):
-            into.reason[i] = found
+        law = single_law(rows, order[bounds[i] : bounds[i + 1]], laws.response, laws.factors)
+        if isinstance(law, str):
+            into.reason[i] = law
         else:
-            enter(into, int(i), found, laws.names)
+            enter(into, int(i), law, laws.names)
 
 
 def _by_pattern(found: Screening) -> Iterator[tuple[Flags, Ints]]:

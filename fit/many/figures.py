@@ -13,7 +13,7 @@ from .pooling import PooledExponents
 
 Array = NDArray[np.float64]
 
-NAMED = 16  # families whose names have room beside each other
+NAMED = 16  # families whose names fit next to each other
 MOST = 60  # pairs drawn one by one; of more, evenly chosen ones in their order
 
 
@@ -72,8 +72,8 @@ def _reach(some: pd.DataFrame) -> dict[str, tuple[float, float]]:
     if some.empty:
         return {}
     held = some[["estimate", "pooled_low", "pooled_high"]].to_numpy()
-    room = 0.15 * float(np.ptp(held))
-    return {"ylim": (float(held.min()) - room, float(held.max()) + room)}
+    margin = 0.15 * float(np.ptp(held))
+    return {"ylim": (float(held.min()) - margin, float(held.max()) + margin)}
 
 
 def _some(value: Array) -> NDArray[np.intp]:

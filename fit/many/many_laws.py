@@ -96,13 +96,13 @@ def single_law(rows: PairRows, mine: Ints, response: str, factors: tuple[str, ..
     infinite = [(name, i) for name, values in rows.raw.items() for i in mine[np.isinf(values[mine])][:1]]
     if infinite:
         name, i = infinite[0]
-        return f"column {name!r} row {i}: {rows.raw[name][i]} is no measurement; leave the row out."
+        return f"column {name!r} row {i}: {rows.raw[name][i]} is not a measurement; leave the row out."
     data = pd.DataFrame({name: values[mine] for name, values in rows.raw.items()})
     if rows.edge is not None:
         data[EDGE] = rows.edge[mine].astype(object)
     source = Source("rows of one pair", "", len(mine), "in memory")
-    names = rows.names.iloc[int(rows.number[mine[0]])] if len(mine) else {}
-    tool, work = (str(names.get(role, "")) for role in ("tool", "work"))
+    pair = rows.names.iloc[rows.number[mine[:1]]]
+    tool, work = ("".join(map(str, pair[role])) if role in pair else "" for role in ("tool", "work"))
     runs = Runs(data, {}, (), mine, source, tool, work)
     try:
         return power_law(runs, response, factors, edge=None if rows.edge is None else EDGE)
@@ -152,7 +152,7 @@ class ManyLaws(Plottable):
 
     @property
     def fitted(self) -> NDArray[np.bool_]:
-        """Which pairs have a law, shape (K,)."""
+        """Whether each pair has a law, shape (K,)."""
         return np.asarray(self.estimates.reason == "", dtype=bool)
 
     @property
@@ -162,7 +162,7 @@ class ManyLaws(Plottable):
 
     @property
     def reasons(self) -> "pd.Series[str]":
-        """Why a pair has no law, indexed by the columns that name it; empty where all have one."""
+        """Reasons of the pairs without a law, indexed by the columns that name them."""
         no = ~self.fitted
         return pd.Series(self.estimates.reason[no], index=self._index()[no], name="reason", dtype=object)
 

@@ -60,7 +60,7 @@ class PairRows:
 
     @property
     def edge_bounds(self) -> Ints:
-        """Where each pair's edges begin among ``edge_starts``, shape (K + 1,)."""
+        """Position of the first edge of each pair among ``edge_starts``, shape (K + 1,)."""
         starts = self.bounds[:-1] if self.edge_starts is None else self.edge_starts
         return np.searchsorted(starts, self.bounds)
 
@@ -100,7 +100,7 @@ def _check(table: pd.DataFrame, response: str, factors: Sequence[str], keys: lis
     if isinstance(factors, str) or not factors:
         raise UsageError(f"factors={factors!r}: it is a list of one or more names, for instance ['V', 'f'].")
     if not keys:
-        raise UsageError("pair=[]: name the column or columns that tell one pair from another, for instance 'tool'.")
+        raise UsageError("pair=[]: name the column or columns that identify a pair, for instance 'tool'.")
     if response in factors:
         raise UsageError(f"{response} is the response and cannot be its own factor; leave it out of the factors.")
     for name in (response, *factors, *keys, *([] if edge is None else [edge])):
@@ -108,7 +108,9 @@ def _check(table: pd.DataFrame, response: str, factors: Sequence[str], keys: lis
             raise UsageError(f"no column {name!r}; there are {', '.join(map(str, table.columns))}.")
     both = [name for name in keys if name in (response, *factors)]
     if both:
-        raise UsageError(f"{both[0]} names the pair and stands in the law: it is constant in each pair; leave it out.")
+        raise UsageError(
+            f"{both[0]} names the pair and is a factor or the response: it is constant in each pair; leave it out."
+        )
 
 
 def _numbers(table: pd.DataFrame, name: str) -> Array:
@@ -130,7 +132,7 @@ def _numbered(table: pd.DataFrame, keys: list[str]) -> tuple[Ints, pd.DataFrame]
 
 
 def _named(column: "pd.Series[str]", name: str) -> "pd.Series[str]":
-    """A column that names pairs, with a stand-in where it does not."""
+    """A column that names pairs, with a placeholder where it is empty."""
     missing = column.isna() | (column == "")
     return column.astype(object).where(~missing, UNNAMED.get(name, "unnamed")) if missing.any() else column
 
@@ -151,7 +153,7 @@ def _text(level: object) -> str:
 
 
 def _changes(key: Ints) -> Ints:
-    """Where a sorted key takes a new value."""
+    """Positions where a sorted key takes a new value."""
     return np.flatnonzero(np.concatenate([np.ones(min(len(key), 1), dtype=bool), key[1:] != key[:-1]]))
 
 
@@ -212,7 +214,7 @@ def _first_rows(rows: PairRows, starts: Ints, counts: Ints) -> Ints:
 
 
 def _within(rows: PairRows, starts: Ints) -> Flags:
-    """Which factors change within the edges of a pair, shape (pairs with rows, k); see ``edges``."""
+    """Whether each factor changes within the edges of a pair, shape (pairs with rows, k); see ``edges``."""
     X = rows.logs[:-1]
     if rows.edge_starts is None:
         return np.zeros((len(starts), len(X)), dtype=bool)

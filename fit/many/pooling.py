@@ -116,7 +116,7 @@ def pooled_exponents(
     -----
     ``b_i ~ N(beta_i, v_i), beta_i ~ N(mu, tau^2)``, mu flat; integrated over tau, so that intervals include
     the uncertainty of tau (Gelman et al. 2013, Bayesian Data Analysis, section 5.4). The error of an estimate with few
-    edges is t-distributed; the normal that stands for it has the same 95 % interval,
+    edges is t-distributed; it is replaced by the normal with the same 95 % interval,
     ``v_i = (se_i t(.975, df_i) / 1.96)^2`` with ``se_used`` and ``df_used``. From three degrees of freedom on this
     is nearly the variance of that t, and it is finite for any. A family of fewer than three pairs is not pooled.
 
@@ -284,7 +284,7 @@ def moderated(se: Array, df: Array, design: Array) -> tuple[Array, Array]:
 
 
 def _trigamma_inverse(value: float) -> float:
-    """Where trigamma takes a value; infinite for next to nothing."""
+    """Inverse of trigamma; infinite for values near zero."""
     from scipy.optimize import brentq
     from scipy.special import polygamma
 

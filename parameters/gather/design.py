@@ -33,9 +33,9 @@ ISO_3685 = 0.3  # mm, average flank wear
 
 @dataclass(frozen=True, slots=True)
 class LabelColumn:
-    """A column of names: number of each row's name, -1 where it is missing; row where each name first stands.
+    """A column of names: number of each row's name, -1 where it is missing; first row of each name.
 
-    ``starts`` are the rows where another name stands than in the row above.
+    ``starts`` are the rows where the name differs from the row above.
     """
 
     codes: Index
@@ -51,7 +51,7 @@ class LabelColumn:
 
 @dataclass(frozen=True, slots=True)
 class NumberColumn:
-    """A factor: its numbers (n,), the rows where another stands than above, and its levels where they are few."""
+    """A factor: its numbers (n,), the rows where it differs from the row above, and its levels where they are few."""
 
     numbers: Array
     starts: Index
@@ -247,7 +247,7 @@ def _few(x: Array) -> Array:
 
 
 def _starts(column: NDArray[Any]) -> Index:
-    """Where something else stands than in the row above, the first row with them."""
+    """Rows that differ from the row above, the first row included."""
     return np.concatenate([[0], 1 + np.flatnonzero(column[1:] != column[:-1])]).astype(np.intp)[: len(column)]
 
 

@@ -274,7 +274,7 @@ def known(value: float | None) -> float | None:
 
 
 def quantity_of(symbol: str) -> str:
-    """What a symbol stands for, in words; the symbol itself where it is unknown."""
+    """Meaning of a symbol in words; the symbol itself where it is unknown."""
     from ...datasets.vocabulary import ROLES
 
     role = ROLES.get(symbol)
