@@ -1,6 +1,6 @@
 """Checks of single values: covariances, posterior, dynamics, units, and settings in order."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -101,14 +101,18 @@ def _gain_se(model: "DynamicsSection") -> float | None:
     return float(np.sqrt(variance)) if np.isfinite(variance) and variance >= 0 else None
 
 
-KINDS = {  # of each limit: a unit of its kind
-    "power": "kW",
-    "force": "N",
-    "wear": "mm",
-    "feed": "mm/rev",
-    "feed_rate": "mm/min",
-    "speed": "m/min",
+KINDS = {  # of each limit: a unit of its dimension
+    "power": "kW", "force": "N", "wear": "mm", "feed": "mm/rev", "feed_rate": "mm/min", "speed": "m/min",
     "spindle_speed": "1/min",
+}  # fmt: skip
+# field of a section -> quantity, and a unit of its dimension where that is known
+SECTION_UNITS: Mapping[str, Mapping[str, tuple[str, str | None]]] = {
+    "tool_life": {"unit": ("", "min"), "unit_of_wear": ("wear", "mm")},
+    "load_line": {"unit_feed": ("feed", "mm/min"), "unit_wear": ("wear", "mm")},
+    "roughness": {"unit_roughness": ("", "um"), "unit_force": ("force", "N"), "unit_feed": ("feed", "mm/rev")},
+    "adaptive_force": {"unit_force": ("force", "N"), "unit_depth": ("depth", "mm"), "unit_u": ("command", None)},
+    "dynamics": {"unit_u": ("input", None), "unit_y": ("output", None)},
+    "pi": {"unit_u": ("command", None), "unit_y": ("measurement", None)},
 }
 
 
@@ -135,9 +139,6 @@ def check_units(pf: "ParameterFile") -> Iterator[FileFinding]:
 def _of_laws(pf: "ParameterFile") -> Iterator[Stated]:
     for key, law in pf.laws.items():
         yield from _of_law(law, f"laws.{short_name(key)}")
-    if pf.tool_life is not None:
-        yield Stated("tool_life", pf.tool_life.unit, "min")
-        yield Stated("tool_life (wear)", pf.tool_life.unit_of_wear, "mm")
 
 
 def _of_law(law: "LawSection", where: str) -> Iterator[Stated]:
@@ -154,22 +155,13 @@ def _of_sections(pf: "ParameterFile") -> Iterator[Stated]:
         for name, kind in KINDS.items():
             if (bound := getattr(pf.limits, name)) is not None:
                 yield Stated(f"limits.{name}", bound.unit, kind)
+    for name, units in SECTION_UNITS.items():
+        if (section := getattr(pf, name)) is not None:
+            for field, (quantity, kind) in units.items():
+                where = f"{name} ({quantity})" if quantity else name
+                yield Stated(where, getattr(section, field), kind)
     if (line := pf.load_line) is not None:
         yield Stated("load_line (load)", line.unit_load, ROLES[line.load].unit if line.load in ROLES else None)
-        yield Stated("load_line (feed)", line.unit_feed, "mm/min")
-        yield Stated("load_line (wear)", line.unit_wear, "mm")
-    if (rough := pf.roughness) is not None:
-        yield Stated("roughness", rough.unit_roughness, "um")
-        yield Stated("roughness (force)", rough.unit_force, "N")
-        yield Stated("roughness (feed)", rough.unit_feed, "mm/rev")
-    if (force := pf.adaptive_force) is not None:
-        yield Stated("adaptive_force (force)", force.unit_force, "N")
-        yield Stated("adaptive_force (depth)", force.unit_depth, "mm")
-        yield Stated("adaptive_force (command)", force.unit_u, None)
-    for name, section in (("dynamics", pf.dynamics), ("pi", pf.pi)):
-        if section is not None:
-            yield Stated(f"{name} (input)" if name == "dynamics" else "pi (command)", section.unit_u, None)
-            yield Stated(f"{name} (output)" if name == "dynamics" else "pi (measurement)", section.unit_y, None)
     for sensor in pf.identity.sensors:
         yield Stated(f"identity.sensors ({short_name(sensor.symbol)})", sensor.unit, None)
 

@@ -131,7 +131,7 @@ def ssv_file(view: ExportView) -> str:
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<ssv:ParameterSet xmlns:ssv="{SSP}ParameterValues" xmlns:ssc="{SSP}Common"',
         f'    {head}',
-        f'    description="{_text(_description(view))}">',
+        f'    description="{_text("; ".join((*view.origin, *view.remarks(NOT_IN_SSV))))}">',
         "  <ssv:Parameters>",
         *(_parameter(q, q.unit in units) for q in view.quantities),
         "  </ssv:Parameters>",
@@ -139,16 +139,6 @@ def ssv_file(view: ExportView) -> str:
         "</ssv:ParameterSet>",
         "",
     ])  # fmt: skip
-
-
-def _description(view: ExportView) -> str:
-    return "; ".join((
-        f"tool {view.tool}, work {view.work}, machine {view.machine}",
-        *(("SIMULATED data, not measured",) if view.simulated else ()),
-        f"parameter file {view.checksum}",
-        *(f"assumed: {words}" for words in view.assumed),
-        *(f"not carried: {words}" for words in NOT_IN_SSV),
-    ))  # fmt: skip
 
 
 def _parameter(quantity: Quantity, declared: bool) -> str:

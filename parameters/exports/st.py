@@ -199,12 +199,9 @@ def _constants(loop: LoadLoop) -> str:
 def _head(view: ExportView, loop: LoadLoop) -> str:
     lines = (
         f"{view.made_by}: constant load, PI with limits, engagement and anti-windup",
-        f"tool {view.tool}, work {view.work}, machine {view.machine}",
-        *(("SIMULATED data, not measured",) if view.simulated else ()),
-        f"parameter file {view.checksum}",
+        *view.origin,
         f"call once every {loop.sample_time:.15g} s; the programme says F {loop.feed_programmed:.15g} {loop.unit_feed}",
-        *(f"assumed: {words}" for words in view.assumed),
-        *(f"not carried: {words}" for words in NOT_IN_ST),
+        *view.remarks(NOT_IN_ST),
     )
     return "".join(f"(* {_comment(line)} *)\n" for line in lines)
 

@@ -16,13 +16,8 @@ NOT_IN_C = (
 def c_header(view: ExportView) -> str:
     """Give the header."""
     guard = f"FITMODELS_{view.name.upper()}_H"
-    head = [
-        f"{view.made_by}: tool {view.tool}, work {view.work}, machine {view.machine}",
-        *(["SIMULATED data, not measured"] if view.simulated else []),
-        f"parameter file {view.checksum}",
-        *(f"assumed: {words}" for words in view.assumed),
-        *(f"not carried: {words}" for words in NOT_IN_C),
-    ]
+    pair, *origin = view.origin
+    head = [f"{view.made_by}: {pair}", *origin, *view.remarks(NOT_IN_C)]
     return "\n".join([
         *(f"/* {_c_comment(words)} */" for words in head),
         f"#ifndef {guard}", f"#define {guard}", "",

@@ -73,6 +73,17 @@ class ExportView:
     assumed: tuple[str, ...]
     lacking: str = "has no PI gains; find them with `fitmodels tune params.json`."
 
+    @property
+    def origin(self) -> tuple[str, ...]:
+        """Lines that state the pair, whether the data are simulated, and the parameter file."""
+        simulated = ("SIMULATED data, not measured",) if self.simulated else ()
+        pair = f"tool {self.tool}, work {self.work}, machine {self.machine}"
+        return (pair, *simulated, f"parameter file {self.checksum}")
+
+    def remarks(self, not_carried: tuple[str, ...]) -> tuple[str, ...]:
+        """Lines on what was assumed and what the format cannot carry."""
+        return (*(f"assumed: {words}" for words in self.assumed), *(f"not carried: {words}" for words in not_carried))
+
     def needed_loop(self) -> LoadLoop:
         """Give the loop, or refuse: for an export that is nothing without gains.
 

@@ -53,20 +53,16 @@ def lyap() -> ParameterFile:
     """
     sections: dict[str, object] = {
         "identity": {
-            "tool": "10 mm flat end mill",
-            "work": "SKD41",
-            "machine": "Makino",
-            "setup": "milling at 3000 1/min, force by dynamometer under the work",
-            "iso13399": {"DC": DIAMETER},
+            "tool": "10 mm flat end mill", "work": "SKD41", "machine": "Makino",
+            "setup": "milling at 3000 1/min, force by dynamometer under the work", "iso13399": {"DC": DIAMETER},
             "simulated": True,
             "note": "The paper prints set points, tool, speed and work; all else is from a simulated run or assumed.",
         },
-        "dynamics": _dynamics(),
-        "pi": _pi(),
+        "dynamics": _dynamics(), "pi": _pi(),
         "limits": {"spindle_speed": {"low": SPINDLE_SPEED, "high": SPINDLE_SPEED, "unit": "1/min"}},
         "adaptive_force": _adaptive_force(),
         "provenance": {"fitmodels": __version__, "options": {"paper": "LYAP", "source": "eq. 2.1-10"}, "seed": SEED},
-    }
+    }  # fmt: skip
     return sealed(ParameterFile.model_validate(sections))
 
 
@@ -76,24 +72,10 @@ def _adaptive_force() -> dict[str, object]:
     return {
         **dict(zip(("m", "alpha", "beta"), ESTIMATES, strict=True)),
         "uncertainty": {"kind": "covariance", "of": ("m", "alpha", "beta"), "matrix": COVARIANCE, "df": SAMPLES - 4},
-        "g1": rate * time**4,
-        "g2": rate * time**2,
-        "g3": rate,
-        "Kd": 0.05,
-        "lam": 30.0,
-        "set_points": [{"depth": depth, "force": force} for depth, force in SET_POINTS.items()],
-        "unit_u": "mm/min",
-        "unit_force": "N",
-        "unit_depth": "mm",
-        "reference_time": time,
-        "reference_damping": 1.0,
-        "sample_time": 0.001,
-        "average_time": REVOLUTION,
-        "low": LOW,
-        "high": HIGH,
-        "depth": DEPTH,
-        "force_low": -20.0,
-        "force_high": 1500.0,
+        "g1": rate * time**4, "g2": rate * time**2, "g3": rate, "Kd": 0.05, "lam": 30.0,
+        "set_points": [{"depth": depth, "force": force} for depth, force in SET_POINTS.items()], "unit_u": "mm/min",
+        "unit_force": "N", "unit_depth": "mm", "reference_time": time, "reference_damping": 1.0, "sample_time": 0.001,
+        "average_time": REVOLUTION, "low": LOW, "high": HIGH, "depth": DEPTH, "force_low": -20.0, "force_high": 1500.0,
         "notes": [
             "Set points, depths and the spindle speed behind average_time: as printed; the paper gives the forces in "
             "Nm, a misprint for N.",
@@ -103,28 +85,18 @@ def _adaptive_force() -> dict[str, object]:
             "Assumption: Kd, lambda, rates, reference model, limits of command and reading, sample time. Rates g2 and "
             "g1 are g3 times reference_time squared and to the fourth, the sizes of F_d' and F_d'' against F_d.",
         ],
-    }
+    }  # fmt: skip
 
 
 def _dynamics() -> dict[str, object]:
     names = ("a1", "a2", "b1", "b2")
     return {
-        "structure": "output_error",
-        "b": B,
-        "a": A,
-        "nk": 1,
-        "sample_time": SAMPLE_TIME,
-        "input": "feed command",
-        "output": "F",
-        "unit_u": "mm/min",
-        "unit_y": "N",
+        "structure": "output_error", "b": B, "a": A, "nk": 1, "sample_time": SAMPLE_TIME, "input": "feed command",
+        "output": "F", "unit_u": "mm/min", "unit_y": "N",
         "uncertainty": {"kind": "covariance", "of": names, "matrix": MODEL_COVARIANCE, "df": SAMPLES - 4},
-        "noise_variance": NOISE_VARIANCE,
-        "n": SAMPLES,
-        "operating_point": (0.0, 0.0),
-        "band": (0.1, 5.0),
+        "noise_variance": NOISE_VARIANCE, "n": SAMPLES, "operating_point": (0.0, 0.0), "band": (0.1, 5.0),
         "notes": [SIMULATED, "The noise is coloured by the teeth; the standard errors allow for it."],
-    }
+    }  # fmt: skip
 
 
 def _pi() -> dict[str, object]:

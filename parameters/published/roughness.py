@@ -87,13 +87,10 @@ def surf(simulation: int = 3, *, force_from: Reading = "inverse", feed: float = 
     a, b = (A, B) if force_from == "inverse" else _line("ln Ra", tuple(rows.values()))
     sections: dict[str, object] = {
         "identity": {
-            "tool": "unnamed-tool",
-            "work": "Ck 45",
-            "machine": "GF NDM 16 lathe",
+            "tool": "unnamed-tool", "work": "Ck 45", "machine": "GF NDM 16 lathe",
             "setup": f"turning at {SPINDLE_SPEED:g} rpm; d 1 mm is stated for simulation 3 alone",
             "sensors": [{"symbol": "F", "unit": "N", "model": "Kistler dynamometer", "sample_rate": 1 / SAMPLE_TIME}],
-            "simulated": True,
-            "note": "Table 1 holds simulations by the paper's own model, no measurement.",
+            "simulated": True, "note": "Table 1 holds simulations by the paper's own model, no measurement.",
         },
         "laws": {"Ra": _equation_5(rows) if force_from == "inverse" else _controlled(a, b, rows)},
         "roughness": _settings(rows[simulation], force_from, feed, (a, b), _line("F", tuple(rows.values()))),
@@ -101,7 +98,7 @@ def surf(simulation: int = 3, *, force_from: Reading = "inverse", feed: float = 
             "fitmodels": __version__,
             "options": {"paper": "SURF", "source": SOURCE, "simulation": simulation, "force_from": force_from},
         },
-    }
+    }  # fmt: skip
     return sealed(ParameterFile.model_validate(sections))
 
 
@@ -122,19 +119,11 @@ def _settings(
     constant, slope = line
     ln = float(np.log(row.Ra_ref))
     return {
-        "law": "Ra",
-        "roughness": row.Ra_ref,
+        "law": "Ra", "roughness": row.Ra_ref,
         "force": (ln - float(np.log(a))) / b if force_from == "inverse" else constant + slope * ln,
-        "force_from": force_from,
-        "regression": {"constant": constant, "slope": slope, "unit": "N"},
-        "threshold": THRESHOLD,
-        "threshold_time": WAIT,
-        "override_low": 0.0,
-        "override_high": OVERRIDE,
-        "feed": feed,
-        "sample_time": SAMPLE_TIME,
-        "servo_time": SERVO_TIME,
-        "force_per_feed": row.F_without / row.f_without,
+        "force_from": force_from, "regression": {"constant": constant, "slope": slope, "unit": "N"},
+        "threshold": THRESHOLD, "threshold_time": WAIT, "override_low": 0.0, "override_high": OVERRIDE, "feed": feed,
+        "sample_time": SAMPLE_TIME, "servo_time": SERVO_TIME, "force_per_feed": row.F_without / row.f_without,
         "process_time": REVOLUTION,
         "notes": [
             f"Reconstruction: eq. 4 is lost; the reference force is {_READING[force_from]}.",
@@ -143,7 +132,7 @@ def _settings(
             f"Assumption: {WAIT:g} s above the threshold, three revolutions; the paper says a specified time.",
             "The paper limits the feed by chip thickness too and prints no value: none stands here.",
         ],
-    }
+    }  # fmt: skip
 
 
 _READING = {"inverse": "the inverse of eq. 5", "regression": "the regression of Table 1's controlled F on ln Ra_ref"}
@@ -171,17 +160,9 @@ def _controlled(a: float, b: float, rows: dict[int, TableRow]) -> dict[str, Any]
 def _law(a: float, b: float, forces: list[float], *, n: int, uncertainty: str, notes: list[str]) -> dict[str, Any]:
     low, high = min(forces), max(forces)
     return {
-        "form": "exponential",
-        "response": "Ra",
-        "quantity": "arithmetic mean roughness",
-        "unit": "um",
-        "equation": f"Ra = {a:.6g} exp({b:.6g} F)",
-        "error": "multiplicative",
-        "coefficients": {"a": a, "b": b},
+        "form": "exponential", "response": "Ra", "quantity": "arithmetic mean roughness", "unit": "um",
+        "equation": f"Ra = {a:.6g} exp({b:.6g} F)", "error": "multiplicative", "coefficients": {"a": a, "b": b},
         "factors": [{"symbol": "F", "quantity": "resultant cutting force", "unit": "N", "low": low, "high": high}],
-        "uncertainty": {"kind": "none", "reason": uncertainty},
-        "residual_scale": "ln",
-        "n": n,
-        "df": n - 2,
+        "uncertainty": {"kind": "none", "reason": uncertainty}, "residual_scale": "ln", "n": n, "df": n - 2,
         "notes": notes,
-    }
+    }  # fmt: skip

@@ -66,43 +66,26 @@ def _file(
 ) -> ParameterFile:
     sections: dict[str, object] = {
         "identity": {
-            "tool": "GC435",
-            "work": "709M40 (En 19)",
-            "machine": "Colchester Mascot centre lathe",
-            "iso513": "P",
-            "setup": "dry rough turning, multi-coated carbide",
-            "simulated": False,
-            "note": note,
+            "tool": "GC435", "work": "709M40 (En 19)", "machine": "Colchester Mascot centre lathe", "iso513": "P",
+            "setup": "dry rough turning, multi-coated carbide", "simulated": False, "note": note,
         },
         "laws": {law.response: _law(law, f"{source}, {eq}") for law, eq in zip(LAWS, equations, strict=True)},
         "limits": {
-            "power": {"value": POWER, "unit": "kW", "of": "P"},
-            **limits,
-            "speed": _range("V"),
-            "feed": _range("f"),
+            "power": {"value": POWER, "unit": "kW", "of": "P"}, **limits, "speed": _range("V"), "feed": _range("f"),
         },
         "provenance": {"fitmodels": __version__, "options": {"paper": paper, "source": source}},
-    }
+    }  # fmt: skip
     return sealed(ParameterFile.model_validate(sections))
 
 
 def _law(law: SimulatedLaw, source: str) -> dict[str, Any]:
     powers = " ".join(f"{name}^{exponent:g}" for name, exponent in law.exponents.items())
     return {
-        "form": "power",
-        "response": law.response,
-        "quantity": ROLES[law.response].quantity,
-        "unit": law.unit,
-        "equation": f"{law.response} = {law.c0:g} {powers}",
-        "error": "multiplicative",
-        "coefficients": {"c0": law.c0, **law.exponents},
-        "factors": [_factor(name) for name in law.exponents],
-        "uncertainty": {"kind": "none", "reason": NO_ROWS},
-        "residual_se": STANDARD_ERROR[law.response],
-        "residual_scale": "ln",
-        "n": 0,
-        "df": 0,
-        "n_edges": TESTS,
+        "form": "power", "response": law.response, "quantity": ROLES[law.response].quantity, "unit": law.unit,
+        "equation": f"{law.response} = {law.c0:g} {powers}", "error": "multiplicative",
+        "coefficients": {"c0": law.c0, **law.exponents}, "factors": [_factor(name) for name in law.exponents],
+        "uncertainty": {"kind": "none", "reason": NO_ROWS}, "residual_se": STANDARD_ERROR[law.response],
+        "residual_scale": "ln", "n": 0, "df": 0, "n_edges": TESTS,
         "statistics": {"r2": R2[law.response], "F": F[law.response]},
         "notes": [
             f"{source}.",
@@ -110,7 +93,7 @@ def _law(law: SimulatedLaw, source: str) -> dict[str, Any]:
             "The number of rows is not printed: n and df are 0 for unknown; 24 edges, sub-tests of 2 min.",
             *_assumptions(law),
         ],
-    }
+    }  # fmt: skip
 
 
 def _assumptions(law: SimulatedLaw) -> list[str]:
