@@ -119,6 +119,6 @@ def _predicted(args: argparse.Namespace, u: Any, guess: "Model") -> str:  # noqa
     found = ident.predicted_errors(guess, u, args.noise, frequency=np.geomspace(*_band(args.band), PRINTED))
     parts = [f"{f:.3g} Hz {row.gain_se:.2g} %" for f, row in found.response.iterrows()]
     return (
-        f"For a plant as in {args.like}, with noise {args.noise:g} {guess.unit_y} ({found.snr:.0f} dB below the "
-        f"output), the predicted standard error of the gain is: {', '.join(parts)}"
+        f"For a plant as in {args.like}, with noise {args.noise:g} {guess.unit_y} (signal-to-noise ratio "
+        f"{found.snr:.0f} dB), the predicted standard error of the gain is: {', '.join(parts)}"
     )

@@ -41,13 +41,13 @@ def parser() -> Parser:
     asked = p.add_argument_group("specification; quantities left out are free")
     asked.add_argument("--rise", type=float, metavar="S", help="rise time at most")
     asked.add_argument("--settle", type=float, metavar="S", help="settling time at most")
-    asked.add_argument("--overshoot", type=float, metavar="SHARE", help="at most, as a share (default: 0.02)")
-    asked.add_argument("--undershoot", type=float, metavar="SHARE", help="largest undershoot")
-    asked.add_argument("--ms", type=float, help="sensitivity peak at most; 1.3 is robust")
+    asked.add_argument("--overshoot", type=float, metavar="FRACTION", help="at most, as a fraction (default: 0.02)")
+    asked.add_argument("--undershoot", type=float, metavar="FRACTION", help="largest undershoot")
+    asked.add_argument("--ms", type=float, help="maximum sensitivity Ms at most; 1.3 is conservative")
     asked.add_argument("--phase-margin", type=float, metavar="DEG", help="at least")
     asked.add_argument("--gain-margin", type=float, metavar="FACTOR", help="at least")
-    asked.add_argument("--travel", type=float, help="sum of the changes of the command at most")
-    asked.add_argument("--noise-gain", type=float, help="command per unit of sensor noise at most")
+    asked.add_argument("--travel", type=float, help="total variation of the command at most")
+    asked.add_argument("--noise-gain", type=float, help="rms command per rms sensor noise at most")
     chance = "that the specification holds, given the uncertainty of the model"
     asked.add_argument("--probability", type=float, metavar="P", help=chance)
     asked.add_argument(
@@ -154,11 +154,11 @@ def _sentences(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
     per_sample = pi.ki * pi.sample_time
     sentences = [
         tuned.verdict,
-        f"On the model: rise {f.rise_time:.3g} s, settling {f.settling_time:.3g} s, overshoot "
-        f"{100 * f.overshoot:.2g} %, Ms {f.ms:.3f}, phase margin {f.phase_margin:.1f} degrees, "
+        f"Nominal model: rise time {f.rise_time:.3g} s, settling time {f.settling_time:.3g} s, overshoot "
+        f"{100 * f.overshoot:.2g} %, maximum sensitivity Ms {f.ms:.3f}, phase margin {f.phase_margin:.1f} degrees, "
         f"gain margin {f.gain_margin:.2f}.",
-        f"The same gains: Kp {pi.kp:.6g} {_unit(pi)}, Ki {pi.ki:.6g} {_unit(pi)} per second, "
-        + (f"{per_sample:.6g} per sample, integral time {pi.kp / pi.ki:.4g} s." if pi.ki else "no integral part."),
+        f"Equivalent gains: Kp {pi.kp:.6g} {_unit(pi)}, Ki {pi.ki:.6g} {_unit(pi)} per second, "
+        + (f"{per_sample:.6g} per sample, integral time {pi.kp / pi.ki:.4g} s." if pi.ki else "no integral action."),
     ]
     if pi.forced:
         sentences.append(f"Marked in the file: {pi.forced}.")

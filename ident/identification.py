@@ -205,11 +205,11 @@ def _search(
     near = sorted(set(range(MOST_DELAY + 1) if delays is None else delays))
     looks = [order for order in FIRST_ORDERS if order <= max(most_order, FIRST_ORDERS[0])]
     first = _compared(rec, [(n, n, nk) for n in looks for nk in near])
-    asked = set()
+    candidates = set()
     for n in range(1, most_order + 1):
         order = min((abs(look - n), -look, look) for look in looks)[2]
-        asked |= {(n, nb, k) for nb in (max(n - 1, 1), n) for k in _delays(first, order) if k in near}
-    return _compared(rec, sorted(asked))
+        candidates |= {(n, nb, k) for nb in (max(n - 1, 1), n) for k in _delays(first, order) if k in near}
+    return _compared(rec, sorted(candidates))
 
 
 def _delays(first: pd.DataFrame, order: int) -> set[int]:
@@ -221,10 +221,10 @@ def _delays(first: pd.DataFrame, order: int) -> set[int]:
     return {best - 1, best, best + 1, longest}
 
 
-def _compared(rec: Record, asked: Sequence[tuple[int, int, int]]) -> pd.DataFrame:
+def _compared(rec: Record, candidates: Sequence[tuple[int, int, int]]) -> pd.DataFrame:
     """One row per order that can be fitted; IdentError if there is none."""
     rows, residuals, refusal = [], [], None
-    for na, nb, nk in asked:
+    for na, nb, nk in candidates:
         try:
             model = sriv(rec, na, nb, nk, initial="offset")
         except IdentError as error:

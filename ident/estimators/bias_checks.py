@@ -78,7 +78,7 @@ def _residual_share(total: Gram, columns: list[np.intp], target: np.intp) -> flo
     return float(1 - g[:-1, -1] @ theta)
 
 
-def feedback_detected(rec: "Record", nk: int = 0) -> str | None:
+def feedback_detected(rec: Record, nk: int = 0) -> str | None:
     """Note if the input depends on the noise of the output (feedback), otherwise None.
 
     The output is regressed on 20 past y and 20 past u, then also on 5 future u (Sims 1972). In open loop the future u
@@ -142,7 +142,7 @@ def feedback_detected(rec: "Record", nk: int = 0) -> str | None:
     )
 
 
-def _advanced(rec: "Record", by: int) -> "Record":
+def _advanced(rec: Record, by: int) -> Record:
     """Output y with u of ``by`` samples later; the last samples of each segment, without future u, are omitted."""
     from dataclasses import replace
 

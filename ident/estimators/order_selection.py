@@ -5,7 +5,7 @@
 Sources: Akaike 1969, 1974; Schwarz 1978; Hurvich & Tsai 1989; Rissanen 1978 in the form of Ljung 1999, section 16.4.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -134,6 +134,7 @@ def choose_order(
 
 
 Ranges = tuple[list[int], list[int], list[int]]
+CRITERIA = ("aic", "aicc", "bic", "fpe", "mdl")
 Columns = dict[str, NDArray[Any]]
 
 
@@ -189,7 +190,7 @@ def _columns(rss: Array, held: Array | None, ranges: Ranges, n: int) -> Columns:
     k = (na + nb).astype(np.float64)
     finite = np.isfinite(loss)
     columns = {"na": na[finite], "nb": nb[finite], "nk": nk[finite], "loss": loss[finite]}
-    columns |= {name: value(loss[finite], k[finite], n) for name, value in CRITERIA.items()}
+    columns |= criteria(loss[finite], k[finite], n)
     if held is not None:
         columns["left_out"] = held[:, :, kept].ravel()[finite]
     return columns
@@ -238,35 +239,13 @@ def _words(columns: Columns, at: int) -> str:
     return ", ".join(f"{name} {columns[name][at]}" for name in ("na", "nb", "nk"))
 
 
-def aic(loss: Array, k: Array, n: int) -> Array:
-    """Akaike's: n ln V + 2 k."""
-    return np.asarray(n * np.log(loss) + 2 * k)
-
-
-def aicc(loss: Array, k: Array, n: int) -> Array:
-    """AIC with its small-sample term 2 k (k + 1) / (n - k - 1)."""
-    return np.asarray(aic(loss, k, n) + 2 * k * (k + 1) / np.maximum(n - k - 1, 0.5))
-
-
-def bic(loss: Array, k: Array, n: int) -> Array:
-    """Schwarz's: n ln V + k ln n."""
-    return np.asarray(n * np.log(loss) + k * np.log(n))
-
-
-def fpe(loss: Array, k: Array, n: int) -> Array:
-    """V (1 + k / n) / (1 - k / n): the loss to expect on new data of the same kind."""
-    return np.asarray(loss * (n + k) / (n - k))
-
-
-def mdl(loss: Array, k: Array, n: int) -> Array:
-    """V (1 + k ln n / n)."""
-    return np.asarray(loss * (1 + k * np.log(n) / n))
-
-
-CRITERIA: dict[str, Callable[[Array, Array, int], Array]] = {
-    "aic": aic,
-    "aicc": aicc,
-    "bic": bic,
-    "fpe": fpe,
-    "mdl": mdl,
-}
+def criteria(loss: Array, k: Array, n: int) -> dict[str, Array]:
+    """AIC, AICc, BIC, FPE (loss to expect on new data) and MDL by name, of losses with k coefficients and n rows."""
+    aic = n * np.log(loss) + 2 * k
+    return {
+        "aic": aic,
+        "aicc": aic + 2 * k * (k + 1) / np.maximum(n - k - 1, 0.5),
+        "bic": n * np.log(loss) + k * np.log(n),
+        "fpe": loss * (n + k) / (n - k),
+        "mdl": loss * (1 + k * np.log(n) / n),
+    }

@@ -113,12 +113,8 @@ def _products(u: Array, y: Array, lags: Lags) -> Array:
         return np.asarray(phi.T @ phi)
     place, mirror = _places(lags)
     # lags of x with itself start at -1, not 0: numpy would use the symmetric product, slower at this width
-    asked = (
-        (y, y, -1, lags.y),
-        (u, u, -1, lags.last - lags.first),
-        (u, y, lags.first - lags.y, lags.last),
-    )
-    sums = _sums(asked, first, count)
+    terms = ((y, y, -1, lags.y), (u, u, -1, lags.last - lags.first), (u, y, lags.first - lags.y, lags.last))
+    sums = _sums(terms, first, count)
     lower = sums[place] + _ends(u, y, lags, first, first + count)
     return np.asarray(lower.ravel()[mirror])
 
@@ -153,12 +149,12 @@ def _ends(u: Array, y: Array, lags: Lags, first: int, stop: int) -> Array:
     return np.asarray((phi * inside).T @ phi)
 
 
-def _sums(asked: Sequence[tuple[Array, Array, int, int]], first: int, count: int) -> Array:
+def _sums(terms: Sequence[tuple[Array, Array, int, int]], first: int, count: int) -> Array:
     """Sums of x(s) z(s + l) over s = first ... first + count - 1, l = lo ... hi, for each (x, z, lo, hi) in a row."""
-    held = [np.zeros((M, M + hi - lo)) for _, _, lo, hi in asked]
+    held = [np.zeros((M, M + hi - lo)) for _, _, lo, hi in terms]
     for begin in range(first, first + count, PIECE):
         size = min(PIECE, first + count - begin)
-        for (x, z, lo, _), sums in zip(asked, held, strict=True):
+        for (x, z, lo, _), sums in zip(terms, held, strict=True):
             left = x[begin : begin + size].reshape(-1, M).T
             width = sums.shape[1]
             for c in range(0, width, M):

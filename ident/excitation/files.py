@@ -24,13 +24,7 @@ Form = Literal["csv", "octave", "labview", "linuxcnc"]
 
 
 def write_excitation(
-    u: ArrayLike,
-    rate: float,
-    path: str | os.PathLike[str],
-    for_: Form = "csv",
-    unit: str = "V",
-    *,
-    force: bool = False,
+    u: ArrayLike, rate: float, path: str | os.PathLike[str], for_: Form = "csv", unit: str = "V", *, force: bool = False
 ) -> Path:
     """Write an excitation for a program that plays it back.
 

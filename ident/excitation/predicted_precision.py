@@ -19,6 +19,7 @@ from ..estimators.free_simulation import FreeRun, sensitivities
 from ..estimators.input_checks import check_identifiable
 from ..model import Model
 from ..responses.confidence_bands import response_slope
+from ..responses.spectra import checked_frequencies
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,12 +50,7 @@ class PredictedErrors(Plottable):
 
 
 def predicted_errors(
-    guess: Model,
-    u: ArrayLike,
-    noise_sd: float,
-    *,
-    frequency: ArrayLike | None = None,
-    runs: int = 1,
+    guess: Model, u: ArrayLike, noise_sd: float, *, frequency: ArrayLike | None = None, runs: int = 1
 ) -> PredictedErrors:
     """Predicted standard errors of coefficients, gain and phase for an excitation.
 
@@ -99,9 +95,7 @@ def predicted_errors(
     nyquist = 0.5 / guess.sample_time
     if frequency is None:
         frequency = np.geomspace(1 / (len(values) * guess.sample_time), nyquist, 20)
-    f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
-    if not ((f > 0) & (f <= nyquist * (1 + 1e-9))).all():
-        raise IdentError(f"frequencies lie above zero and not above {nyquist:g} Hz, half the sample rate.")
+    f = checked_frequencies(frequency, nyquist)
     slope, g = response_slope(model, f), model.response(f)
     errors = [np.sqrt(((d @ cov) * d).sum(axis=1)) for d in (slope.real, slope.imag)]
     response = pd.DataFrame(

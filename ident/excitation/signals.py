@@ -242,9 +242,9 @@ def multisine(
         check_frequency("line", float(line), rate)
     off = np.abs(f * n / rate - np.round(f * n / rate)) > 1e-6
     if not f.size or off.any() or len(np.unique(np.round(f * n / rate))) < len(f):
-        told = f"line {f[off][0]:g} Hz" if off.any() else f"{len(f)} lines"
+        which = f"line {f[off][0]:g} Hz" if off.any() else f"{len(f)} lines"
         raise IdentError(
-            f"{told} in {n / rate:g} s: each line once, and a whole number of periods (k / {n / rate:g} Hz)."
+            f"{which} in {n / rate:g} s: each line once, and a whole number of periods (k / {n / rate:g} Hz)."
         )
     power = np.ones(len(f)) if weights is None else np.asarray(weights, dtype=np.float64)
     if power.shape != f.shape or not (power > 0).all():

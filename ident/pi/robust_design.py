@@ -137,8 +137,8 @@ def robustness(
     Examples
     --------
     >>> model = Model(b=[0.0, 0.02], a=[1.0, -0.98], nk=1, sample_time=0.02, cov_params=np.diag([1e-8, 1e-8]))
-    >>> plants, asked = draws_of_models(model, 200), Specification(rise_time=0.6)
-    >>> held = robustness(plants, PiGains(4.0, 4.0, 0.02), asked, duration=4.0)
+    >>> plants, limits = draws_of_models(model, 200), Specification(rise_time=0.6)
+    >>> held = robustness(plants, PiGains(4.0, 4.0, 0.02), limits, duration=4.0)
     >>> held.probability, held.unstable
     (1.0, 0)
     """

@@ -211,21 +211,21 @@ def tune_pi(
     """
     check_aim(aim)
     limits, controller = sorted_options(dict(options))
-    asked, assumed = completed(
+    target, assumed = completed(
         Specification(rise_time, settling_time, overshoot, steady_error=STEADY, **limits), aim, model
     )
     units = {"unit_u": model.unit_u, "unit_y": model.unit_y}
     template = PiGains(0.0, 0.0, model.sample_time, **{**units, **controller})
-    found, gains = nominal_gains(model, asked, template, aim, n)
+    found, gains = nominal_gains(model, target, template, aim, n)
     held: Robustness | None = None
     if probability is not None or models is not None:
         plants = draws_of_models(model, draws, seed) if models is None else models
         if probability is not None:
             gains = robust_gains(plants, found, gains, aim, probability, template)
         fresh = draws_of_models(model, draws, seed + 1) if models is None else plants
-        held = robustness(fresh, gains, asked, duration=found.duration)
+        held = robustness(fresh, gains, target, duration=found.duration)
     figures = loop_of(model, gains).figures()
-    return TunedPi(gains, figures, asked, aim, model, found, assumed, held, probability)
+    return TunedPi(gains, figures, target, aim, model, found, assumed, held, probability)
 
 
 def sorted_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -238,37 +238,37 @@ def sorted_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, A
     return limits, {name: value for name, value in options.items() if name not in LIMITS}
 
 
-def completed(asked: Specification, aim: Aim, model: Model) -> tuple[Specification, tuple[str, ...]]:
+def completed(target: Specification, aim: Aim, model: Model) -> tuple[Specification, tuple[str, ...]]:
     """The specification completed by default limits, and sentences that state them."""
-    names = {name for name, _, _ in asked.active()}
+    names = {name for name, _, _ in target.active()}
     if aim not in FAST and not names & set(SPEED):
         raise IdentError(
             f"the specification has no limit on speed, and the smallest {aim} alone is a controller with zero gains. "
             "Give rise_time or settling_time, or aim='iae'."
         )
     assumed = []
-    if asked.overshoot == OVERSHOOT:
+    if target.overshoot == OVERSHOOT:
         assumed.append("overshoot <= 2 %")
     if aim in FAST and not names & {"ms", "phase_margin", "gain_margin"}:
-        asked = replace(asked, ms=ROBUST)
+        target = replace(target, ms=ROBUST)
         assumed.append(f"maximum sensitivity Ms <= {ROBUST:g}, as the objective {aim} does not ensure robustness")
-    if asked.integral_time is None:
-        longest = LONGEST / 3 * horizon(model, asked)
-        asked = replace(asked, integral_time=longest)
+    if target.integral_time is None:
+        longest = LONGEST / 3 * horizon(model, target)
+        target = replace(target, integral_time=longest)
         assumed.append(f"integral time Ti <= {longest:.3g} s, as slower ones leave errors of up to 2 % for long")
-    return asked, tuple(assumed)
+    return target, tuple(assumed)
 
 
 def nominal_gains(
-    model: Model, asked: Specification, template: PiGains, aim: Aim, n: int
+    model: Model, target: Specification, template: PiGains, aim: Aim, n: int
 ) -> tuple[FeasibleMap, PiGains]:
     """Map and best gains; with longer simulations if slow transients appear beyond the horizon."""
-    time = horizon(model, asked)
+    time = horizon(model, target)
     for _ in range(3):
-        found = feasible_map(model, asked, template, n, duration=time)
-        point = refined(model, asked, template, found, aim)
+        found = feasible_map(model, target, template, n, duration=time)
+        point = refined(model, target, template, found, aim)
         gains = replace(template, kp=point.kp, ki=point.ki)
-        if point.worst > 0 or float(asked.worst(table_of(loop_of(model, gains).figures(), gains.kp, gains.ki))) <= 0:
+        if point.worst > 0 or float(target.worst(table_of(loop_of(model, gains).figures(), gains.kp, gains.ki))) <= 0:
             break
         time *= 4
     return found, gains

@@ -15,6 +15,7 @@ from ...core.errors import IdentError
 from ..estimators.filters import filtered, is_stable
 from ..estimators.free_simulation import FreeRun, regressor_columns
 from ..model import Model
+from .spectra import checked_frequencies
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -101,12 +102,7 @@ def response_band(
     >>> [round(float(x[0]), 3) for x in (band.gain_low, band.gain, band.gain_high)]
     [0.943, 0.996, 1.053]
     """
-    f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
-    nyquist = 0.5 / model.sample_time
-    if f.ndim != 1 or not f.size or not ((f > 0) & (f <= nyquist * (1 + 1e-9))).all():
-        raise IdentError(
-            f"frequencies of a response lie above zero and not above {nyquist:g} Hz, half the sample rate."
-        )
+    f = checked_frequencies(frequency, 0.5 / model.sample_time)
     cov = covariance_of(model, level)
     slope = response_slope(model, f)
     error = np.sqrt(np.stack([np.einsum("fi,ij,fj->f", d, cov, d) for d in (slope.real, slope.imag)]))

@@ -8,14 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
+from ...datasets.records.record import Record
 from ..estimators.input_checks import check_varies
 from .impulse_response import ImpulseResponse, block_means, regularised_impulse
-from .spectra import excited_band, input_power, welch_estimate
+from .spectra import checked_frequencies, excited_band, input_power, welch_estimate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from ...datasets import Record
 
 Array = NDArray[np.float64]
 Method = Literal["impulse", "welch"]
@@ -88,7 +88,7 @@ class FrequencyResponse(Plottable):
 
 
 def frequency_response(
-    rec: "Record",
+    rec: Record,
     frequency: ArrayLike | None = None,
     *,
     method: Method = "impulse",
@@ -156,7 +156,7 @@ def frequency_response(
 
 
 def _by_impulse(
-    rec: "Record", f: Array, band: tuple[float, float]
+    rec: Record, f: Array, band: tuple[float, float]
 ) -> tuple[NDArray[np.complex128], Array, Array, Array, Array, float, tuple[str, ...]]:
     """G, errors of ln |G| and of the phase, coherence, degrees of freedom, resolution, notes."""
     longest = max(s.stop - s.start for s in rec.stretches)
@@ -181,7 +181,7 @@ def _by_impulse(
     return g, errors[0], errors[1], _coherence(slow, found, f, g), dof, width, notes
 
 
-def _coherence(rec: "Record", found: ImpulseResponse, f: Array, g: NDArray[np.complex128]) -> Array:
+def _coherence(rec: Record, found: ImpulseResponse, f: Array, g: NDArray[np.complex128]) -> Array:
     """Share of the output power that the input explains: |G|^2 S_uu over |G|^2 S_uu plus noise."""
     at, power = input_power(rec)
     signal = np.abs(g) ** 2 * np.interp(f, at, power)
@@ -209,13 +209,10 @@ def _with_bars(
     )  # fmt: skip
 
 
-def _frequencies(rec: "Record", frequency: ArrayLike | None) -> Array:
+def _frequencies(rec: Record, frequency: ArrayLike | None) -> Array:
     nyquist, n = rec.rate / 2, max(s.stop - s.start for s in rec.stretches)
     if frequency is not None:
-        f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
-        if f.ndim != 1 or not f.size or not ((f > 0) & (f <= nyquist * (1 + 1e-9))).all():
-            raise IdentError(f"frequencies lie above zero and not above {nyquist:g} Hz, half the sample rate.")
-        return f
+        return checked_frequencies(frequency, nyquist)
     bins = np.arange(1, n // 2 + 1)
     if len(bins) > MOST:
         bins = np.unique(np.round(np.geomspace(1, n // 2, MOST)).astype(np.intp))

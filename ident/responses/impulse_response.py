@@ -9,15 +9,13 @@ Source: Chen, Ohlsson & Ljung 2012, doi 10.1016/j.automatica.2012.05.026 (the "t
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.records.record import Record
 from ..estimators.filters import filtered, lagged, whitening
-
-if TYPE_CHECKING:
-    from ...datasets import Record
 
 Array = NDArray[np.float64]
 MANY = 3  # segments whose transients are estimated; with more, the start of each segment is omitted
@@ -63,7 +61,7 @@ class _Sums:
     transients: int
 
 
-def regularised_impulse(rec: "Record", n: int) -> ImpulseResponse:
+def regularised_impulse(rec: Record, n: int) -> ImpulseResponse:
     """Estimate n coefficients; for coloured noise again, with data whitened by the first residuals."""
     stretches = rec.stretches
     x, found, hyper, transients = _estimate(rec.u, rec.y, stretches, n, None)
@@ -76,7 +74,7 @@ def regularised_impulse(rec: "Record", n: int) -> ImpulseResponse:
     return found
 
 
-def block_means(rec: "Record", k: int) -> "Record":
+def block_means(rec: Record, k: int) -> Record:
     """Block means of k samples of u and y: white noise stays white, slow dynamics are unchanged."""
     if k == 1:
         return rec

@@ -5,23 +5,19 @@
 n is the equivalent number of independent windows. Source: Bendat & Piersol 2010, section 9.1.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...core.errors import IdentError
+from ...datasets.records.record import Record
 from ..estimators.input_checks import check_varies
-
-if TYPE_CHECKING:
-    from ...datasets import Record
 
 Array = NDArray[np.float64]
 SHARE = 0.1  # of the largest smoothed power: at -10 dB the errors of a response are three times the smallest
 BINS = 5  # of the longest segment, averaged: a sweep has ripples, a random input gaps of a single bin
 
 
-def excited_band(rec: "Record", share: float = SHARE) -> tuple[float, float]:
+def excited_band(rec: Record, share: float = SHARE) -> tuple[float, float]:
     """Lowest and highest frequency, Hz, at which the input has at least a tenth of its largest power.
 
     Periodograms of all segments, means removed, are added and averaged over 5 bins; the band extends from the first to
@@ -60,7 +56,7 @@ def excited_band(rec: "Record", share: float = SHARE) -> tuple[float, float]:
     return float(f[there[0]]), float(f[there[-1]])
 
 
-def input_power(rec: "Record") -> tuple[Array, Array]:
+def input_power(rec: Record) -> tuple[Array, Array]:
     """Frequencies in Hz and the smoothed power of the input, in its unit squared, per sample."""
     n = max(s.stop - s.start for s in rec.stretches)
     transforms = (np.fft.rfft(rec.u[s] - rec.u[s].mean(), n) for s in rec.stretches)
@@ -75,7 +71,7 @@ OVERLAPPED = 1 / 36  # squared correlation of spectra from Hann windows that ove
 
 
 def welch_estimate(
-    rec: "Record", frequency: Array, resolution: float | None
+    rec: Record, frequency: Array, resolution: float | None
 ) -> tuple[NDArray[np.complex128], Array, Array, Array, float]:
     """G, its complex standard error, coherence and degrees of freedom at frequencies, and the resolution in Hz."""
     from scipy.signal import csd
@@ -104,3 +100,11 @@ def welch_estimate(
     worth = count / (1 + 2 * OVERLAPPED * (count - 1) / count)
     error = np.sqrt(np.maximum(1 - coherence, 0.0) * s_yy / s_uu / max(worth - 1, 1.0))
     return g, error, coherence, np.full(len(at), worth - 1), 2 * float(f[1])
+
+
+def checked_frequencies(frequency: ArrayLike, nyquist: float) -> Array:
+    """Frequencies in Hz as an array (F,); IdentError unless above zero and not above half the sample rate."""
+    f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+    if f.ndim != 1 or not f.size or not ((f > 0) & (f <= nyquist * (1 + 1e-9))).all():
+        raise IdentError(f"frequencies lie above zero and not above {nyquist:g} Hz, half the sample rate.")
+    return f

@@ -5,20 +5,17 @@ The simulation is decisive: one step ahead, even a model that repeats the last s
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.display import Plottable
 from ...core.errors import IdentError
+from ...datasets.records.record import Record
 from ..estimators.bias_checks import feedback_detected
 from ..model import Model
 from .prediction import check_frame, fit_percent, k_steps, lagged_inputs, one_step, simulated
 from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
-
-if TYPE_CHECKING:
-    from ...datasets import Record
 
 Array = NDArray[np.float64]
 GOOD, POOR = 80.0, 50.0  # % of fit: R2 0.96 and 0.75
@@ -80,7 +77,7 @@ class Validation(Plottable):
     concern: int = 0
 
 
-def validate(model: Model, other: "Record", steps: Sequence[int] = (1, 5, 10), lags: int = LAGS) -> Validation:
+def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lags: int = LAGS) -> Validation:
     """Validate a model by simulating a record.
 
     Parameters
@@ -173,7 +170,7 @@ def with_verdict(found: Validation, name: str) -> Validation:
     return replace(found, verdict=text, concern=max(concern, int(bool(found.remarks))))
 
 
-def long_stretches(model: Model, rec: "Record", steps: Sequence[int]) -> tuple["Record", tuple[str, ...]]:
+def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Record, tuple[str, ...]]:
     """The segments long enough for a simulation, and a remark on those left out."""
     if not steps or any(k != int(k) or k < 1 for k in steps):
         raise IdentError(f"steps {list(steps)!r}: whole numbers of 1 or more.")
@@ -224,8 +221,8 @@ def plausibility_remarks(model: Model, longest: float) -> tuple[str, ...]:
     settling = settling_time(model)
     if settling > longest:
         remarks.append(
-            f"the step response settles in {settling:.3g} s but the longest segment lasts {longest:.3g} s: the DC gain "
-            f"({model.dc_gain:.4g}) is an extrapolation"
+            f"the step response settles in {settling:.3g} s but the longest segment lasts {longest:.3g} s: its "
+            f"static gain ({model.dc_gain:.4g}) is an extrapolation"
         )
     for p in model.poles[np.abs(model.poles) > 0]:
         s = np.log(p) / model.sample_time

@@ -8,25 +8,23 @@ every other structure, whose prediction over any horizon is the simulation. Sour
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import IdentError
+from ...datasets.records.record import Record
 from ..estimators.filters import filtered, lagged
 from ..estimators.free_simulation import FreeRun, free_responses, projected_out, regressor_columns
 from ..estimators.prediction_error import equation_rows, innovations
 from ..model import Model
 
-if TYPE_CHECKING:
-    from ...datasets import Record
-
 Array = NDArray[np.float64]
 Offset = Literal["estimate", "training"]
 
 
-def simulated(model: Model, rec: "Record", state: bool = True, offset: Offset = "estimate") -> Array:
+def simulated(model: Model, rec: Record, state: bool = True, offset: Offset = "estimate") -> Array:
     """Simulated output, shape (N,), in the frame of ``rec.y``.
 
     Parameters
@@ -72,7 +70,7 @@ def free_columns(run: FreeRun, a: Array, constant: bool) -> list[tuple[slice, Ar
     return [(s, np.full((s.stop - s.start, 1), (s.stop - s.start) ** -0.5)) for s in run.stretches]
 
 
-def operating_points(model: Model, rec: "Record") -> tuple[Array, Array]:
+def operating_points(model: Model, rec: Record) -> tuple[Array, Array]:
     """Operating point of the model relative to the offsets of the record, for each sample: u and y, shape (N,)."""
     length = [s.stop - s.start for s in rec.stretches]
     offsets = np.asarray(rec.offsets)
@@ -82,7 +80,7 @@ def operating_points(model: Model, rec: "Record") -> tuple[Array, Array]:
     return np.repeat(at[:, 0], length), np.repeat(at[:, 1], length)
 
 
-def check_frame(model: Model, rec: "Record") -> None:
+def check_frame(model: Model, rec: Record) -> None:
     """Raise IdentError unless the model can simulate the record."""
     if abs(rec.sample_time / model.sample_time - 1) > 1e-3:
         raise IdentError(
@@ -135,7 +133,7 @@ class OneStep:
     free: list[tuple[slice, Array]]
 
 
-def one_step(model: Model, rec: "Record", simulated: Array) -> OneStep:
+def one_step(model: Model, rec: Record, simulated: Array) -> OneStep:
     """One-step errors; without a noise model, the errors of the simulation ``simulated`` (N,)."""
     if model.structure not in PREDICTORS:
         at_u, _ = operating_points(model, rec)
@@ -162,7 +160,7 @@ def k_steps(model: Model, step: OneStep, k: int) -> Array:
     return filtered(h, [1.0], step.e, step.stretches)
 
 
-def lagged_inputs(rec: "Record", step: OneStep, lags: range) -> Array:
+def lagged_inputs(rec: Record, step: OneStep, lags: range) -> Array:
     """Inputs u(t - lag) at the rows of ``step``, shape (N, lags); lags below zero are future inputs; zero outside."""
     u = np.concatenate([rec.u[s] - rec.u[s].mean() for s in rec.stretches])
     past = [lag for lag in lags if lag >= 0]
