@@ -30,6 +30,20 @@ def figures(pf: ParameterFile, folder: Path | None = None) -> tuple[FigurePart, 
     return (*_drawn(pf), *_pictures(pf, folder))
 
 
+def response_text(pf: ParameterFile, law: LawSection) -> str:
+    """A law at both ends of its first factor, in a sentence."""
+    first, rest, of = law.factors[0], middle(law), profiled(law, pf)
+    low, high = ({**rest, first.symbol: end} for end in (first.low, first.high))
+    others = {name: value for name, value in rest.items() if name != first.symbol}
+    at = at_words(law, others, reference(law))
+    ends = [
+        f"{_value(of, here)} at {first.symbol} {quantity(figure(end, 4, first.unit))}"
+        for here, end in ((low, first.low), (high, first.high))
+    ]
+    turn = "increases" if profile(of, high)[0] > profile(of, low)[0] else "decreases"
+    return f"{law.response} {turn} from {ends[0]} to {ends[1]}{f', with {at}' if at else ''}."
+
+
 def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
     """Those drawn from the parameter file alone."""
     powers = [law for law in pf.laws.values() if law.form == "power"]
@@ -41,7 +55,7 @@ def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
         yield FigurePart(
             name="responses",
             caption=RESPONSES.format(band_of(pf)),
-            alternative=" ".join(_of_response(pf, law) for law in moved),
+            alternative=" ".join(response_text(pf, law) for law in moved),
         )
     if pf.dynamics is not None:
         yield FigurePart(name="dynamics", caption=DYNAMICS, alternative=_of_dynamics(pf.dynamics))
@@ -76,20 +90,6 @@ def _of_exponents(tables: dict[str, list[CoefficientPart]]) -> str:
         if lines
     ]
     return f"Exponents as points with bars. {'; '.join(said)}."
-
-
-def _of_response(pf: ParameterFile, law: LawSection) -> str:
-    """A law at both ends of its first factor, in a sentence."""
-    first, rest, of = law.factors[0], middle(law), profiled(law, pf)
-    low, high = ({**rest, first.symbol: end} for end in (first.low, first.high))
-    others = {name: value for name, value in rest.items() if name != first.symbol}
-    at = at_words(law, others, reference(law))
-    ends = [
-        f"{_value(of, here)} at {first.symbol} {quantity(figure(end, 4, first.unit))}"
-        for here, end in ((low, first.low), (high, first.high))
-    ]
-    turn = "increases" if profile(of, high)[0] > profile(of, low)[0] else "decreases"
-    return f"{law.response} {turn} from {ends[0]} to {ends[1]}{f', with {at}' if at else ''}."
 
 
 def _value(law: ProfiledLawPart, at: dict[str, float]) -> str:
@@ -146,7 +146,7 @@ def _of_picture(pf: ParameterFile, stem: str) -> str:
                   if law.residual_se is not None]  # fmt: skip
         return f"Residuals scatter about zero; their standard error: {', '.join(spread) or 'not known'}."
     if stem == "response_surfaces" and pf.laws:
-        return " ".join(_of_response(pf, law) if law.form in LOGARITHMIC else law.equation for law in laws)
+        return " ".join(response_text(pf, law) if law.form in LOGARITHMIC else law.equation for law in laws)
     if stem == "pi" and pf.pi is not None and pf.pi.figures is not None:
         return _of_loop(pf.pi)
     if stem == "bode" and pf.dynamics is not None:

@@ -9,7 +9,7 @@ from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_parts import DroppedRows, LawCheck
 from .design import factor_ranges
-from .numbers import LEVEL, NONE, count, fact, figure, number, percent, places, probability, spread
+from .numbers import LEVEL, NONE, count, fact, figure, number, percent, places, probability, spread, t_quantile
 from .parts import CheckPart, CoefficientPart, FactPart, LawPart, NumberPart, ToolLifePart
 from .posterior import posterior_of, posterior_part
 
@@ -150,7 +150,7 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
     taylor = [f"Taylor's n = {life.taylor_n:.3g} in V T^n = C."] if life.taylor_n is not None else []
     return ToolLifePart(
         equation=" ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)]),
-        words=(definition, f"{place}, T = {format_plain(life.typical, 3)} {life.unit}{end}", *taylor),
+        words=(definition, *taylor, f"{place}, T = {format_plain(life.typical, 3)} {life.unit}{end}"),
     )
 
 
@@ -329,9 +329,7 @@ def _half_widths(law: LawSection, level: float) -> dict[str, float]:
     cov = law.uncertainty
     if not isinstance(cov, Covariance):
         return {}
-    from scipy.special import stdtrit
-
-    q = float(stdtrit(cov.df, (1 + level) / 2))
+    q = t_quantile(cov.df, level)
     se = np.sqrt(np.diag(np.array(cov.matrix)))
     return {name.removeprefix("ln "): float(q * s) for name, s in zip(cov.of, se, strict=True)}
 

@@ -8,7 +8,7 @@ from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_fields import LOGARITHMIC
 from .design import factor_ranges, middle_of
-from .numbers import LEVEL
+from .numbers import LEVEL, t_quantile
 from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
 
 ROW, ON_NEW_EDGE = "one new observation", "one new observation on a new edge"
@@ -133,11 +133,9 @@ def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None,
     scatter = math.hypot(e.sd_between, e.sd_within) if _split(law) else law.residual_se  # type: ignore[union-attr, arg-type]
     if not isinstance(held, Covariance) or scatter is None:
         return (), None, None
-    from scipy.special import stdtrit
-
     order = [held.of.index(name) for name in law.parameter_names[: 1 + len(law.factors)]]
     matrix = tuple(tuple(held.matrix[i][j] for j in order) for i in order)
-    return matrix, scatter, float(stdtrit(held.df, (1 + LEVEL) / 2))
+    return matrix, scatter, t_quantile(held.df)
 
 
 def _split(law: LawSection) -> bool:

@@ -17,7 +17,7 @@ from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_parts import ToolLifeSection
 from .design import at_words, middle, reference
 from .laws import degrees
-from .numbers import LEVEL, count, percent
+from .numbers import LEVEL, count, percent, t_quantile
 from .parts import NumberPart, UncertaintyPart
 from .profiler import ON_NEW_EDGE, ROW
 
@@ -109,20 +109,14 @@ def _of_an_edge(law: LawSection, life: ToolLifeSection) -> tuple[str, float | No
     return of, sd if law.error == "multiplicative" else sd / life.criterion
 
 
-def _quantile(df: int) -> float:
-    from scipy.special import stdtrit
-
-    return float(stdtrit(df, (1 + LEVEL) / 2))
-
-
 def _from_ends(value: float, low: float, high: float, df: int, *, multiplies: bool) -> _Found:
-    k = _quantile(df)
+    k = t_quantile(df)
     half = value * math.log(high / low) / 2 if multiplies else (high - low) / 2
     return _Found(value, half / k, k, df, low, high, multiplies)
 
 
 def _from_ln(value: float, u_ln: float, df: int) -> _Found:
-    k = _quantile(df)
+    k = t_quantile(df)
     return _Found(value, value * u_ln, k, df, value * math.exp(-k * u_ln), value * math.exp(k * u_ln), multiplies=True)
 
 

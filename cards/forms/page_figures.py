@@ -13,6 +13,7 @@ from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
 from ...parameters.sections.dynamics import DynamicsSection
 from ...parameters.sections.law_fields import LOGARITHMIC
 from ..content.design import middle, reference
+from ..content.figure_texts import response_text
 from ..content.parts import Card, CoefficientPart, FigurePart, LawPart
 from .svg_panel import (
     BAND,
@@ -79,7 +80,7 @@ def _drawings(figure: FigurePart, card: Card, pf: ParameterFile | None) -> Itera
     elif pf is None:
         return
     elif figure.name == "responses":
-        yield from responses(figure, card, pf)
+        yield from responses(card, pf)
     elif figure.name == "dynamics" and pf.dynamics is not None:
         yield from bode(figure, pf.dynamics)
     elif figure.name == "loop" and pf.dynamics is not None and pf.pi is not None:
@@ -130,29 +131,16 @@ def _line(panel: PanelCanvas, row: float) -> float:
     return panel.at(0.0, row)[1] + 0.35 * SIZE
 
 
-def responses(figure: FigurePart, card: Card, pf: ParameterFile) -> Iterator[PanelDrawing]:
+def responses(card: Card, pf: ParameterFile) -> Iterator[PanelDrawing]:
     """Each law over its first factor, the others at the middle of their ranges, with the tested range marked."""
     laws = [law for law in pf.laws.values() if law.form in LOGARITHMIC and law.factors]
     levels = {law.response: law.domain[0].levels for law in card.laws if law.domain}
-    said = _sentences(figure.alternative, [law.response for law in laws])
-    for law, alternative in zip(laws, said, strict=True):
+    for law in laws:
         at_low, at_high = law.factors[0].low, law.factors[0].high
         ticks = [(n.value, n.text) for n in levels.get(law.response, ()) if n.value is not None]
         ends = [(at_low, f"{at_low:.4g}"), (at_high, f"{at_high:.4g}")]
         title = f"{law.response} over {law.factors[0].symbol}"
-        yield _response(law, title, alternative, ticks if len(ticks) > 1 else ends)
-
-
-def _sentences(text: str, responses: Sequence[str]) -> list[str]:
-    """The sentence of a text on each response, in order; the whole text for each if there is none."""
-    starts, after = [], 0
-    for name in responses:
-        found = [at for turn in ("increases", "decreases") if (at := text.find(f"{name} {turn} from", after)) >= 0]
-        if not found:
-            return [text] * len(responses)
-        after = min(found)
-        starts.append(after)
-    return [text[a:b].strip() for a, b in zip(starts, [*starts[1:], len(text)], strict=True)]
+        yield _response(law, title, response_text(pf, law), ticks if len(ticks) > 1 else ends)
 
 
 def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tuple[float, str]]) -> PanelDrawing:

@@ -32,12 +32,17 @@ class MissingField:
 
 @dataclass(frozen=True, slots=True)
 class FieldQuestion:
-    """A field of card.toml: the reason for it, a description, an example, and its empty line."""
+    """A field of card.toml: the reason for it, a description, an example."""
 
     why: str
     ask: str
     example: str
-    line: str
+
+    @property
+    def line(self) -> str:
+        """The empty field."""
+        key, _, value = self.example.partition(" = ")
+        return f"{key} = " + ("[]" if value.startswith("[") else '""')
 
 
 QUESTIONS: dict[str, FieldQuestion] = {
@@ -45,45 +50,38 @@ QUESTIONS: dict[str, FieldQuestion] = {
         "without a licence nobody may use the numbers",
         "SPDX identifier of the licence, from https://spdx.org/licenses; LicenseRef-Name for terms of your own.",
         'license = "CC-BY-4.0"',
-        'license = ""',
     ),
     "authors": FieldQuestion(
         "somebody must be responsible for the numbers",
         'Persons as "Family, Given", optionally with an ORCID in brackets; institutions by their name.',
         'authors = ["Doe, Jane (0000-0002-1825-0097)", "Institute of Machining"]',
-        "authors = []",
     ),
     "contact": FieldQuestion(
         "readers need an address for errors and further tests",
         "An e-mail address or a web page.",
         'contact = "jane.doe@example.org"',
-        'contact = ""',
     ),
     "machine": FieldQuestion(
         "stiffness, spindle and drive affect every number",
         'Make and model; for a simulation: "none, simulated".',
         'machine = "Colchester Mascot lathe, 7.5 kW"',
-        'machine = ""',
     ),
     "iso513": FieldQuestion(
         "cards are compared within groups of work material",
         "Group of ISO 513 (P steel, M stainless, K cast iron, N non-ferrous, S superalloys and titanium, H hardened),"
         " with its number if known.",
         'iso513 = "P20"',
-        'iso513 = ""',
     ),
     "setup": FieldQuestion(
         "clamping, overhang and coolant determine whether the numbers apply elsewhere",
         "Tool holder and clamping of the work; coolant or dry; geometry that the name of the tool does not give.",
         'setup = "holder PSBNR 2525, overhang 30 mm; bar between chuck and centre; dry"',
-        'setup = ""',
     ),
     "sensors": FieldQuestion(
         "the accuracy of a number depends on its sensor",
         "A block [[sensors]] for each measured quantity: symbol and unit; model, sample_rate in Hz, and sd of one"
         " reading in the unit if known. Without sensors, give the reason in no_sensors.",
         'no_sensors = "wear read by eye at a toolmaker\'s microscope"',
-        'no_sensors = ""',
     ),
 }
 SENSOR_EXAMPLE = (
