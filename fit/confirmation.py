@@ -12,7 +12,6 @@ Sources: Chow 1960, Econometrica 28, 591; Harville 1977, J. Am. Stat. Assoc. 72,
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -25,7 +24,7 @@ from .available import NotAvailable
 from .edges import EdgeInference
 from .lawfit import LawFit
 from .prediction import new_edge
-from .rows import Dropped, select
+from .rows import Dropped, Positive, select
 
 Array = NDArray[np.float64]
 
@@ -238,7 +237,7 @@ def _usable(law: LawFit, runs: Runs) -> tuple[bool, pd.DataFrame, tuple[Dropped,
     return named, frame, dropped
 
 
-def _positive(law: LawFit) -> Literal["all", "factors", "none"]:
+def _positive(law: LawFit) -> Positive:
     """The columns that the law needs above zero."""
     if law.error == "multiplicative":
         return "all"

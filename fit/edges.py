@@ -178,7 +178,9 @@ def infer_by_edge(
     if isinstance(moved, int):
         return NotAvailable(indispensable(str(labels[moved])))
     levels = fit_random_level(Z, residuals + Z @ theta, number, np.array(within))
-    return of_moves(moved, theta, row_cov, names, tuple(map(str, labels)), np.bincount(number), within, levels)
+    return of_moves(
+        moved, theta, row_cov, names, tuple(map(str, labels)), np.bincount(number).astype(float), within, levels
+    )
 
 
 def changes_within(columns: Array, edge: Index) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ Load line: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587, eq
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,10 @@ from .available import NotAvailable
 from .edges import EXACT_FIT, NO_EDGES, EdgeInference, infer_by_edge
 from .fitted_rows import FittedRows, LawSource
 from .lawfit import LawFit
-from .laws import LARGEST_LOG, Error, LawForm
+from .laws import FORMS, Error, Form, LawForm
 from .least_squares import linear
 from .nonlinear import minimise
-from .rows import Dropped, LeftOut, Rows, identifiable, select
+from .rows import Dropped, LeftOut, Positive, Rows, check_constant, check_enough, identifiable, select
 
 Array = NDArray[np.float64]
 # theta, its covariance (None without degrees of freedom), fitted response, residuals, total sum of squares
@@ -73,11 +73,7 @@ def power_law(
     >>> fit.power_law(runs, "AW", ["V", "f"]).params.round(4).to_dict()
     {'c0': 0.0096, 'V': 0.577, 'f': 0.168}
     """
-    rows = select(runs, response, factors, by=by, edge=edge, positive=_positive(error))
-    keep, left_out = identifiable(factors, np.log(rows.X), rows.shifts, logs=True)
-    law = LawForm("power", response, tuple(factors[j] for j in keep))
-    rows = replace(rows, X=rows.factors(keep))
-    return fit_rows(runs, law, rows, left_out, error)
+    return fit_form(runs, "power", response, factors, error=error, edge=edge, by=by)
 
 
 def exponential_law(
@@ -99,17 +95,43 @@ def exponential_law(
     >>> list(fit.exponential_law(runs).params.index)
     ['a', 'b']
     """
-    positive: Literal["all", "none"] = "all" if _positive(error) == "all" else "none"
-    rows = select(runs, response, [factor], by=by, positive=positive)
-    keep, left_out = identifiable([factor], rows.X, rows.shifts, logs=False)
-    if not keep:
-        raise FitError(f"{response} on {factor}: {factor} is {left_out[0].reason}; nothing to fit.")
-    fitted = fit_rows(runs, LawForm("exponential", response, (factor,)), rows, left_out, error)
-    different = len(np.unique(rows.X))
-    if different > len(rows.X) / 2:
+    fitted = fit_form(runs, "exponential", response, [factor], error=error, by=by)
+    different = len(np.unique(fitted.X))
+    if different > fitted.nobs / 2:
         return fitted
-    note = f"{factor} takes {different} values in {len(rows.X)} rows: rows that share one are not independent"
+    note = f"{factor} takes {different} values in {fitted.nobs} rows: rows that share one are not independent"
     return replace(fitted, notes=(*fitted.notes, note))
+
+
+def fit_form(
+    runs: Runs,
+    form: Form,
+    response: str,
+    factors: Sequence[str],
+    *,
+    error: Error = "multiplicative",
+    edge: str | None = "edge",
+    by: str | None = None,
+) -> LawFit:
+    """Fit a law of any form of ``laws.FORMS``; arguments and errors as for :func:`power_law`.
+
+    A form with named coefficients needs all its factors; a power law leaves out those that are not identified.
+    """
+    if error not in get_args(Error):
+        raise UsageError(f"error={error!r}: it is 'multiplicative' or 'additive'.")
+    shape = FORMS[form]
+    positive: Positive = "factors" if shape.log_factors else "none"
+    if shape.log_response and error == "multiplicative":
+        positive = "all"
+    rows = select(runs, response, factors, by=by, edge=edge, positive=positive)
+    terms = np.log(rows.X) if shape.log_factors else rows.X
+    keep, left_out = identifiable(factors, terms, rows.shifts, logs=shape.log_factors)
+    if left_out and shape.coefficients is not None:
+        raise FitError(
+            f"{response} on {', '.join(factors)}: {left_out[0].factor} is {left_out[0].reason}; nothing to fit."
+        )
+    law = LawForm(form, response, tuple(factors[j] for j in keep))
+    return fit_rows(runs, law, replace(rows, X=rows.factors(keep)), left_out, error)
 
 
 def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "VB") -> LawFit:
@@ -149,12 +171,6 @@ def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "V
     if held.sum() > len(held) / 2:
         return _held_law(runs, current, feed, wear, rows, held, f"eq. 14 is refused: {wrong}")
     raise FitError(f"load line refused: {wrong}. Vary feed at one wear, and wear at one feed, over a wider range.")
-
-
-def _positive(error: Error) -> Literal["all", "factors"]:
-    if error not in ("multiplicative", "additive"):
-        raise UsageError(f"error={error!r}: it is 'multiplicative' or 'additive'.")
-    return "all" if error == "multiplicative" else "factors"
 
 
 @one_thread
@@ -258,46 +274,6 @@ def _start(law: LawForm, Z: Array, rows: Rows, left_out: tuple[LeftOut, ...]) ->
             f"{law.response}: the {int(above.sum())} rows above zero do not identify the parameters, so "
             "least squares on the original scale has no start. Leave out a factor or the category, or add such rows."
         ) from None
-
-
-def check_enough(law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
-    """Refuse too few rows, a constant response, and a law without factors."""
-    why = "".join(f"; {item.factor} is left out: {item.reason}" for item in left_out)
-    gone = "".join(f"; {_gone(item)}" for item in rows.dropped)
-    shifts = rows.shifts.shape[1]
-    p = len(law.names) + shifts
-    if len(rows.y) < p:
-        names = ", ".join(law.names) + (f" and {shifts} shifts of {rows.by.column}" if rows.by else "")
-        mend = "Correct the rows left out, measure" if gone else "Measure"
-        less = f", or leave a factor out (--map {law.factors[-1]}=none)" if law.factors else ""
-        raise FitError(
-            f"{law.response}: {len(rows.y)} usable rows for {p} parameters ({names}){gone}{why}. "
-            f"{mend} at least {p + 1 - len(rows.y)} more{less}."
-        )
-    if np.all(rows.y == rows.y[0]):
-        raise FitError(
-            f"{law.response} is {rows.y[0]:g} in all {len(rows.y)} rows: there is nothing to explain. Check the column."
-        )
-    if not law.factors:
-        raise FitError(f"{law.response}: no factor to fit it on{why}{gone}. Vary at least one condition.")
-
-
-def _gone(item: Dropped) -> str:
-    lines = ", ".join(map(str, item.lines)) + (", ..." if item.count > len(item.lines) else "")
-    return f"{item.count} rows left out: {item.reason} (lines {lines})"
-
-
-def check_constant(law: LawForm, theta: Array, Z: Array) -> None:
-    """Refuse a constant that overflows: some factor hardly changes, and its exponent diverges."""
-    if not law.logarithmic or abs(theta[0]) < LARGEST_LOG:
-        return
-    runaway = 1 + int(np.argmax(np.abs(theta[1:] * Z[0, 1:])))
-    name = law.factors[min(runaway, len(law.factors)) - 1]
-    raise FitError(
-        f"{law.response}: its constant comes out as exp({theta[0]:.4g}), which overflows, since {name} "
-        f"hardly changes in these rows and its coefficient comes out as {theta[runaway]:.3g}. Vary {name}, "
-        f"or leave it out (--map {name}=none)."
-    )
 
 
 def _notes(rows: Rows) -> tuple[str, ...]:

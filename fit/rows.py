@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..datasets import Runs
+from .laws import LARGEST_LOG, LawForm
 from .least_squares import linear
 
 Array = NDArray[np.float64]
+Positive = Literal["all", "factors", "none"]  # columns that must be above zero
 Points = Mapping[str, object] | pd.DataFrame
 
 # Fewer distinct rows than this may repeat by chance, where a gauge reads to 0.01 mm.
@@ -96,7 +98,7 @@ def select(
     *,
     by: str | None = None,
     edge: str | None = "edge",
-    positive: Literal["all", "factors", "none"] = "all",
+    positive: Positive = "all",
 ) -> Rows:
     """Rows of ``runs`` in which response, factors and category are there and, where asked, above zero."""
     if not factors:
@@ -253,6 +255,46 @@ def _independent_in_part(column: Array, others: Array, shifts: Array) -> bool:
     except FitError:  # a term that does not change within these rows
         return False
     return bool(fit.rss > EXACT * np.sum((column - column.mean()) ** 2))
+
+
+def check_enough(law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
+    """Refuse too few rows, a constant response, and a law without factors."""
+    why = "".join(f"; {item.factor} is left out: {item.reason}" for item in left_out)
+    gone = "".join(f"; {_gone(item)}" for item in rows.dropped)
+    shifts = rows.shifts.shape[1]
+    p = len(law.names) + shifts
+    if len(rows.y) < p:
+        names = ", ".join(law.names) + (f" and {shifts} shifts of {rows.by.column}" if rows.by else "")
+        mend = "Correct the rows left out, measure" if gone else "Measure"
+        less = f", or leave a factor out (--map {law.factors[-1]}=none)" if law.factors else ""
+        raise FitError(
+            f"{law.response}: {len(rows.y)} usable rows for {p} parameters ({names}){gone}{why}. "
+            f"{mend} at least {p + 1 - len(rows.y)} more{less}."
+        )
+    if np.all(rows.y == rows.y[0]):
+        raise FitError(
+            f"{law.response} is {rows.y[0]:g} in all {len(rows.y)} rows: there is nothing to explain. Check the column."
+        )
+    if not law.factors:
+        raise FitError(f"{law.response}: no factor to fit it on{why}{gone}. Vary at least one condition.")
+
+
+def _gone(item: Dropped) -> str:
+    lines = ", ".join(map(str, item.lines)) + (", ..." if item.count > len(item.lines) else "")
+    return f"{item.count} rows left out: {item.reason} (lines {lines})"
+
+
+def check_constant(law: LawForm, theta: Array, Z: Array) -> None:
+    """Refuse a constant that overflows: some factor hardly changes, and its exponent diverges."""
+    if not law.logarithmic or abs(theta[0]) < LARGEST_LOG:
+        return
+    runaway = 1 + int(np.argmax(np.abs(theta[1:] * Z[0, 1:])))
+    name = law.factors[min(runaway, len(law.factors)) - 1]
+    raise FitError(
+        f"{law.response}: its constant comes out as exp({theta[0]:.4g}), which overflows, since {name} "
+        f"hardly changes in these rows and its coefficient comes out as {theta[runaway]:.3g}. Vary {name}, "
+        f"or leave it out (--map {name}=none)."
+    )
 
 
 def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.DataFrame:

@@ -139,8 +139,8 @@ def compare_statsmodels(law: Fitted) -> StatsmodelsComparison:
     return StatsmodelsComparison(law.formula.response, version, differences, missing)
 
 
-def _formula(law: Fitted) -> tuple[str, pd.DataFrame]:
-    """Formula and table of the linear model; a FitError where there is none."""
+def _formula(law: Fitted) -> tuple[str, pd.DataFrame, list[str]]:
+    """Formula, table and names of the coefficients of the linear model; a FitError where there is none."""
     if law.formula.logarithmic and law.error == "additive":
         raise FitError(
             f"{law.formula.response}: the {law.formula.name} law with error='additive' is nonlinear in its parameters "

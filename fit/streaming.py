@@ -17,8 +17,7 @@ from .fitted_rows import LawSource
 from .lawfit import LawFit
 from .laws import LawForm
 from .least_squares import LinearFit
-from .regression import check_constant, check_enough
-from .rows import CONSTANT, By, LeftOut, Rows, identifiable
+from .rows import CONSTANT, By, LeftOut, Rows, check_constant, check_enough, identifiable
 from .triangle import Summary, Triangle, equivalent_columns, least_squares, merged, summary, triangle_of
 
 Array = NDArray[np.float64]

@@ -1,8 +1,11 @@
 """Formula, gradient and first guess of each law agree with each other."""
 
 import numpy as np
+import pandas as pd
 import pytest
-from fitmodels.fit.laws import FORMS, LawForm
+from fitmodels.datasets import runs_from_frame
+from fitmodels.fit.laws import FORMS, LawForm, Linearisation
+from fitmodels.fit.regression import fit_form
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -101,3 +104,18 @@ def test_a_power_law_turns_scales_into_its_constant(a, b, scale):
 def test_a_wild_trial_overflows_without_a_warning():
     law, _, X = case("power")
     assert np.isinf(law.response_at(np.array([2000.0, 1, 1]), law.design(X))).all()
+
+
+def test_a_form_added_to_the_table_is_fitted_shown_and_predicts(monkeypatch):
+    """``R = A + B ln x``: link none, logarithm of the factor."""
+    semilog = Linearisation(False, True, ("A", "B"), FORMS["load_line"].equation)
+    monkeypatch.setattr("fitmodels.fit.laws.FORMS", {**FORMS, "semilog": semilog})
+    monkeypatch.setattr("fitmodels.fit.regression.FORMS", {**FORMS, "semilog": semilog})
+    V = np.linspace(50, 200, 12)
+    runs = runs_from_frame(pd.DataFrame({"V": V, "AW": 0.1 + 0.3 * np.log(V) + 1e-3 * np.sin(V)}))
+    law = fit_form(runs, "semilog", "AW", ["V"])
+    assert (law.error, law.form) == ("additive", "semilog")
+    np.testing.assert_allclose(law.params, [0.1, 0.3], atol=4e-3)
+    assert "AW [mm] = 0.1" in law.summary()
+    band = law.predict({"V": 100.0}, "prediction")
+    assert band["low"][0] < 0.1 + 0.3 * np.log(100) < band["high"][0]
