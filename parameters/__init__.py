@@ -8,7 +8,7 @@
     evaluation    values and intervals of a law; prediction: the same as one sentence
     setting_rules a load law and wear tests -> settings of milling at constant load
 
-    collect       results -> a parameter file; gather/ holds one kind of result per module
+    collection    results -> a parameter file; gather/ holds one kind of result per module
     checks/       tests that a file must pass before a controller loads it
     exports/      formats that controllers load
     published/    values printed in papers as parameter files

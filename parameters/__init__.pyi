@@ -1,5 +1,5 @@
 from .checks import check as check
-from .collect import collect as collect
+from .collection import collect as collect
 from .draws import read_draws as read_draws
 from .exports import export as export
 from .file import ParameterFile as ParameterFile

@@ -7,14 +7,12 @@ the reader only.
 
 import json
 import sys
-from importlib.resources import files
 from typing import Any, Final
 
 from .file import ParameterFile
 from .file_format import SCHEMA
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
-FILE: Final = f"parameters-{SCHEMA.partition('/')[2]}.json"
 
 
 def build_schema() -> dict[str, Any]:
@@ -35,13 +33,6 @@ def build_schema() -> dict[str, Any]:
         **made,
         "required": ["schema_version", *made["required"]],
     }
-
-
-def published_schema() -> dict[str, Any]:
-    """The schema shipped with the package."""
-    content = files(__package__).joinpath("schema", FILE).read_text(encoding="utf-8")
-    schema: dict[str, Any] = json.loads(content)
-    return schema
 
 
 def schema_text() -> str:

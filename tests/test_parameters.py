@@ -282,7 +282,7 @@ INDEFINITE = [[1.0, 0.9, -0.9, 0], [0.9, 1.0, 0.9, 0], [-0.9, 0.9, 1.0, 0], [0, 
         ({"coefficients": {"c0": "1", "V": 1.0, "f": 1.0}}, "valid number"),
         (
             {"factors": [{**POWER["factors"][0], "low": 300.0}, POWER["factors"][1]]},
-            "low 300.0 above high 200.0",
+            "low 300 above high 200",
         ),
         ({"factors": [POWER["factors"][0], POWER["factors"][0]]}, "names a factor twice"),
         (
@@ -868,7 +868,7 @@ def test_a_fitted_law_predicts_the_same_from_its_file(path, error):
 
 
 ROOM = Path(parameters.__file__).parent
-WITH_LIBRARIES = ("gather/", "exports/", "export/", "collect.py", "setting_rules.py", "figures.py")
+WITH_LIBRARIES = ("gather/", "exports/", "export/", "collection.py", "setting_rules.py", "figures.py")
 HEADS = [
     path for path in sorted(ROOM.rglob("*.py")) if not path.relative_to(ROOM).as_posix().startswith(WITH_LIBRARIES)
 ]

@@ -27,7 +27,7 @@ class Factor(Section):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.low > self.high:
-            raise ValueError(f"the domain of {short(self.symbol)} has low {self.low} above high {self.high}")
+            raise ValueError(f"the range of {short(self.symbol)} has low {self.low:g} above high {self.high:g}")
         return self
 
 

@@ -2,13 +2,13 @@
 
 import re
 from datetime import datetime
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, JsonValue, field_validator, model_validator
+from pydantic import Field, JsonValue, field_validator
 
 from ..messages import short
 from .base import Count, Name, Number, Positive, Section, Sha256, Text
-from .law_parts import DroppedRows
+from .law_parts import DroppedRows, Factor
 
 ISO513 = r"^[PMKNSH](0[1-9]|[1-4][0-9]|50)?$"
 ISO13399 = re.compile(r"[A-Z][A-Z0-9_]{0,31}")
@@ -132,7 +132,7 @@ FEW = 15  # levels that are listed; more of them are a range
 OneOrMore = Annotated[int, Field(strict=True, ge=1, lt=2**63)]
 
 
-class DesignFactor(Section):
+class DesignFactor(Factor):
     """A factor of the tests: its range in ``unit``, and its distinct levels where they are few (at most 15).
 
     Examples
@@ -141,18 +141,7 @@ class DesignFactor(Section):
     0.25
     """
 
-    symbol: Text
-    quantity: str
-    unit: str
-    low: Number
-    high: Number
     levels: Annotated[tuple[Number, ...], Field(max_length=FEW)] = ()
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.low > self.high:
-            raise ValueError(f"the range of {short(self.symbol)} has low {self.low:g} above high {self.high:g}")
-        return self
 
 
 class DesignLevel(Section):
