@@ -23,6 +23,10 @@ PICTURES = {  # written to the folder of a card by fitmodels
     "orders": "Model orders by one-step prediction error",
     "pi": "Map of the PI gains, and step response with the chosen gains",
 }
+EXPONENTS = "Exponents of the power laws with their 95 % intervals"
+RESPONSES = "Each law over its first factor, with the band of {} (95 %)"
+DYNAMICS = "Bode diagram of the identified model"
+LOOP = "Step response of the closed loop: these gains on the identified model"
 
 
 def figures(pf: ParameterFile, folder: Path | None = None) -> tuple[FigurePart, ...]:
@@ -70,12 +74,6 @@ def _pictures(pf: ParameterFile, folder: Path | None) -> Iterator[FigurePart]:
     for name in names:
         stem = name.removesuffix(".png")
         yield FigurePart(name=stem, caption=_caption(stem), alternative=_of_picture(pf, stem), file=f"{FOLDER}/{name}")
-
-
-EXPONENTS = "Exponents of the power laws with their 95 % intervals"
-RESPONSES = "Each law over its first factor, with the band of {} (95 %)"
-DYNAMICS = "Bode diagram of the identified model"
-LOOP = "Step response of the closed loop: these gains on the identified model"
 
 
 def _exponents(law: LawSection) -> list[CoefficientPart]:

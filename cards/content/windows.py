@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 ALONE = "The file has no power law in V and f of the limited quantities, so there is no window of operation."
 BOUNDS = {"power": "power", "force": "force", "wear": "wear"}
 RANGES = {"feed": "feed", "feed_rate": "feed rate", "speed": "cutting speed", "spindle_speed": "spindle speed"}
+TITLE = "Window of operation"
 
 
 def windows(pf: ParameterFile) -> tuple[WindowPart, ...]:
@@ -144,9 +145,6 @@ def _reaches(r: RoughnessSection, pf: ParameterFile) -> list[str]:
         return []
     at: dict[str, Any] = {law.factors[0].symbol: r.force}
     return [law.get_prediction("prediction", **at).words]
-
-
-TITLE = "Window of operation"
 
 
 def operation_window(pf: ParameterFile) -> WindowPart | None:

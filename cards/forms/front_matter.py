@@ -21,6 +21,7 @@ HUB_LICENSES = frozenset((
 ))  # fmt: skip
 RESULTS = {"R²": ("r_squared", "R²"), "residual SE": ("residual_standard_error", "residual standard error")}
 HELD_OUT = "held-out fit"
+READ_OTHERWISE = "<>&[]`{}"
 
 
 def hub_metadata(card: Card) -> dict[str, Any]:
@@ -110,9 +111,6 @@ def _own(card: Card) -> dict[str, Any]:
 def _hub_name(name: str) -> str:
     """A name in the letters that the hub takes."""
     return UNSAFE.sub("-", name).strip("-.")[:LONGEST].strip("-.") or "unnamed"
-
-
-READ_OTHERWISE = "<>&[]`{}"
 
 
 def yaml_text(data: Mapping[str, Any]) -> str:

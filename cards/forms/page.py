@@ -19,6 +19,19 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
 SPACES = re.compile(r"\s+")
+UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"
+WORTH = re.compile(
+    r"(?P<doi>\b10\.\d{4,9}/[\w.;()/:-]*\w)"
+    rf"|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
+    r"|(?P<probability>\bp (?:[<=] ?)?\d?\.\d+(?:e-\d+)?)"
+    r"|(?P<power_of_ten>[-−]?\d[\d.]*e-?\d+)"
+    rf"|(?P<letters>\bU = k u\b|\b[uk] = \d[\d.e-]*(?: (?:{UNITS})(?![\w/]))?)"
+)
+LEVELS = " for "  # separates an equation from the level of the category that it is of
+TOKEN = re.compile(r"(?P<number>\d+\.?\d*(?:e[+-]?\d+)?)|(?P<function>exp|ln)(?=\()|(?P<name>[^\W\d]\w*)")
+POWER = re.compile(r"\^(-?[\d.]+(?:e[+-]?\d+)?)")
+DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/)?(10\.\d{4,9}/\S+)")
+LONGEST = 24  # characters
 
 
 class ProfiledPoint(NamedTuple):
@@ -134,21 +147,6 @@ def _template() -> "Template":
         autoescape=True, n=number, interval=interval, spread=spread, equation=equation, prose=prose, doi=doi,
         anchor=anchor,
     ).get_template("page.html")  # fmt: skip
-
-
-UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"
-WORTH = re.compile(
-    r"(?P<doi>\b10\.\d{4,9}/[\w.;()/:-]*\w)"
-    rf"|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
-    r"|(?P<probability>\bp (?:[<=] ?)?\d?\.\d+(?:e-\d+)?)"
-    r"|(?P<power_of_ten>[-−]?\d[\d.]*e-?\d+)"
-    rf"|(?P<letters>\bU = k u\b|\b[uk] = \d[\d.e-]*(?: (?:{UNITS})(?![\w/]))?)"
-)
-LEVELS = " for "  # separates an equation from the level of the category that it is of
-TOKEN = re.compile(r"(?P<number>\d+\.?\d*(?:e[+-]?\d+)?)|(?P<function>exp|ln)(?=\()|(?P<name>[^\W\d]\w*)")
-POWER = re.compile(r"\^(-?[\d.]+(?:e[+-]?\d+)?)")
-DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/)?(10\.\d{4,9}/\S+)")
-LONGEST = 24  # characters
 
 
 def number(n: NumberPart) -> Markup:

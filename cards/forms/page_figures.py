@@ -39,6 +39,12 @@ ROW = 18.0  # px
 BEYOND = 0.2  # drawn beyond the tested range, as a share of its ends
 POINTS = 41
 HIGHEST = 3.0  # times the largest predicted value, at which a band is cut off
+FREQUENCIES = 80
+BELOW = 10.0  # times below the excited band, or 200 below Nyquist, where a frequency axis begins
+STILL = 1e-3  # what the slowest pole has died down to where a step ends
+LONGEST = 5000  # samples of a step
+DRAWN = 300  # of which are drawn
+SETTLED = 0.02
 
 
 def vector_figures(card: Card, pf: ParameterFile | None = None) -> dict[str, tuple[str, ...]]:
@@ -178,16 +184,6 @@ def _over(law: LawSection, symbol: str, x: Array) -> tuple[Array, tuple[Array, A
     except ParameterError:
         return np.asarray(law.predict(by=level, **at)), None
     return np.asarray(found.value), (np.asarray(found.low), np.asarray(found.high))
-
-
-Array = NDArray[np.float64]
-
-FREQUENCIES = 80
-BELOW = 10.0  # times below the excited band, or 200 below Nyquist, where a frequency axis begins
-STILL = 1e-3  # what the slowest pole has died down to where a step ends
-LONGEST = 5000  # samples of a step
-DRAWN = 300  # of which are drawn
-SETTLED = 0.02
 
 
 def bode(figure: FigurePart, model: DynamicsSection) -> Iterator[PanelDrawing]:

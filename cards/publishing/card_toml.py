@@ -21,6 +21,12 @@ from ..content.parts import PublicationPart
 
 SENSOR_KEYS = ("symbol", "unit", "model", "sample_rate", "sd")
 NO_SENSORS = "none"  # symbol of the entry that holds why there was no sensor
+LARGEST = 1_000_000  # bytes
+TEXTS = ("license", "contact", "doi", "title", "machine", "iso513", "setup", "no_sensors")
+LISTS = ("authors", "keywords")
+KEYS = (*TEXTS, *LISTS, "sensors", "tool_properties")
+SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-Za-z0-9.+-]*)*")
+DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/|doi:)?\s*(10\.\d{4,9}/\S+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,14 +107,6 @@ class PublicationMetadata:
 
 def _words(key: str) -> str:
     return {"iso513": "ISO 513 group", "iso13399": "properties of the tool", "setup": "set-up"}.get(key, key)
-
-
-LARGEST = 1_000_000  # bytes
-TEXTS = ("license", "contact", "doi", "title", "machine", "iso513", "setup", "no_sensors")
-LISTS = ("authors", "keywords")
-KEYS = (*TEXTS, *LISTS, "sensors", "tool_properties")
-SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-Za-z0-9.+-]*)*")
-DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/|doi:)?\s*(10\.\d{4,9}/\S+)")
 
 
 def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None = None) -> PublicationMetadata:

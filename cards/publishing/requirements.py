@@ -10,6 +10,14 @@ from ...parameters.checks import check
 from ..content.parts import Card
 from ..forms.markdown import one_line
 
+SENSOR_EXAMPLE = (
+    "[[sensors]]",
+    'symbol = "AW"',
+    'unit = "mm"',
+    'model = "toolmaker\'s microscope, 30 x"',
+    "sd = 0.005",
+)
+
 
 @dataclass(frozen=True, slots=True)
 class MissingField:
@@ -84,13 +92,6 @@ QUESTIONS: dict[str, FieldQuestion] = {
         'no_sensors = "wear read by eye at a toolmaker\'s microscope"',
     ),
 }
-SENSOR_EXAMPLE = (
-    "[[sensors]]",
-    'symbol = "AW"',
-    'unit = "mm"',
-    'model = "toolmaker\'s microscope, 30 x"',
-    "sd = 0.005",
-)
 NAMES = {
     name: MissingField(
         name,
