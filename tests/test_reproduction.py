@@ -1,4 +1,4 @@
-"""The reproduction ledger is what the running code gives."""
+"""The reproduction ledger equals the output of its script."""
 
 import subprocess
 import sys
@@ -17,15 +17,15 @@ def page() -> str:
 
 
 @pytest.mark.slow
-def test_the_page_in_the_docs_is_made_by_the_code_as_it_stands(page):
+def test_the_page_equals_the_output_of_the_script(page):
     assert (DOCS / "reproduction.md").read_text("utf-8") == page, "python docs/reproduction > docs/reproduction.md"
 
 
 @pytest.mark.slow
-def test_every_paper_has_its_lines_and_every_line_that_is_not_reproduced_says_why(page):
+def test_every_paper_is_listed_and_every_deviation_has_a_reason(page):
     rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ") and line.count(" | ") >= 6]
     entries = [row for row in rows if row[0] != "| where"]
     assert all(f"\n## {paper}\n" in page for paper in PAPERS)
     assert len(entries) > 200
-    silent = [row for row in entries if row[5] != "reproduced" and not row[6].strip(" |")]
-    assert not silent, silent[:5]
+    without_reason = [row for row in entries if row[5] != "reproduced" and not row[6].strip(" |")]
+    assert not without_reason, without_reason[:5]
