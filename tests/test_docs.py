@@ -148,3 +148,11 @@ def test_public_names_have_docstrings_and_their_package_a_page(name):
 def test_classes_that_public_functions_return_are_documented():
     documented = {kind.__name__ for kind in packages.returned(import_module("fitmodels.fit"))}
     assert "ToolLife" in documented | set(import_module("fitmodels.fit").__all__)
+
+
+def test_names_of_the_root_are_in_the_reference():
+    text = (DOCS / "reference" / "root.rst").read_text("utf-8")
+    import fitmodels
+
+    for name in set(fitmodels.__all__) - set(packages.PACKAGES):
+        assert f"``fitmodels.{name}``" in text, name

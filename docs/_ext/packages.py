@@ -21,7 +21,7 @@ from sphinx.ext import autosummary
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-PACKAGES = ("datasets", "fit", "ident", "parameters", "controllers", "cards", "batch")
+PACKAGES = ("datasets", "fit", "ident", "parameters", "controllers", "cards", "pipeline", "batch")
 
 SPECIAL, BACKSLASHED = re.compile(r"([*_`])"), r"\\\1"
 
