@@ -1,6 +1,7 @@
 """Display of the results of this package: one registered function per class."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.display import Display, TextTable, display
 from ..core.rounding import format_plain
@@ -20,7 +21,7 @@ MOST_ROWS = 12
 
 @display.register
 def of_trace(trace: Trace) -> Display:
-    """How long, where measurement and reference stand at the end, what happened."""
+    """Duration, last measurement, and events."""
     command, measurement = trace.labels
     seen = trace.measurement[np.isfinite(trace.measurement)]
     last = f", last {measurement} {format_plain(float(seen[-1]))}" if seen.size else ""
@@ -33,12 +34,12 @@ def of_trace(trace: Trace) -> Display:
 
 @display.register
 def of_tool_run(run: ToolRun) -> Display:
-    """Whether the tool was worn, after how much; every quantity with its unit."""
+    """State of the tool at the end, time, length, wear, feed and metal removed."""
     state = "worn out" if run.worn else "not worn out"
     head = (
         f"simulated, {state} after {run.time / 60:.3g} min in the cut, {run.length:.0f} mm in {len(run.passes)} passes"
     )
-    facts = [("wear", format_plain(run.wear)), ("rested on the lower limit", f"{run.rested:.3g} s")]
+    facts = [("wear", format_plain(run.wear)), ("time on the lower limit", f"{run.rested:.3g} s")]
     if run.time > 0:
         facts.insert(1, ("mean feed", f"{run.mean_feed:.0f} mm/min"))
     if run.removed is not None:
@@ -47,8 +48,8 @@ def of_tool_run(run: ToolRun) -> Display:
 
 
 @display.register
-def of_turned(cut: TurningRun) -> Display:
-    """How long and how rough."""
+def of_turning_run(cut: TurningRun) -> Display:
+    """Duration, range of roughness, and feed limits."""
     Ra = cut.Ra[np.isfinite(cut.Ra)]
     span = f"Ra {format_plain(Ra.min(), 3)} to {format_plain(Ra.max(), 3)} um" if Ra.size else "no roughness known"
     return Display(
@@ -58,16 +59,16 @@ def of_turned(cut: TurningRun) -> Display:
 
 @display.register
 def of_life(life: Life) -> Display:
-    """Minutes and metal; the pair of each interval."""
+    """Life and metal removed; table of the intervals."""
     wear, n = life.laws.wear, len(life.time)
-    ended = "" if life.ended else ", not worn out then"
+    ended = "" if life.ended else ", not worn out by then"
     head = (
         f"calculated, {life.minutes:g} min{ended}, {life.removed / 1000:.4g} cm3 removed, "
         f"{life.per_minute / 1000:.4g} cm3/min at d {life.laws.d:g} mm"
     )
     rows = tuple(
         (f"{life.time[k]:g}", f"{life.V[k]:.4g}", f"{life.f[k]:.3g}", f"{life.AW[k]:.3g}", f"{life.MRR[k] / 1000:.4g}")
-        for k in np.unique(np.linspace(0, n - 1, min(n, MOST_ROWS)).astype(int))
+        for k in _shown(n)
     )
     header = ("to min", "V, m/min", "f, mm/rev", f"{wear.response}, {wear.unit}", "MRR, cm3/min")
     return Display(head, (), TextTable(header, rows) if rows else None)
@@ -75,8 +76,8 @@ def of_life(life: Life) -> Display:
 
 @display.register
 def of_life_draws(found: LifeDraws) -> Display:
-    """Bands of life and metal, and how often the plan ends early."""
-    of = "one plan on edges as they may come" if found.of == "plan" else "each draw by a plan of its own"
+    """Intervals of life and metal removed, and the share of edges that end before the plan."""
+    of = "one plan on edges drawn at random" if found.of == "plan" else "a plan of its own for each draw"
     minutes, removed = found.band("minutes"), [v / 1000 for v in found.band("removed")]
     head = (
         f"{len(found.minutes)} draws, {of}: {minutes[1]:.3g} min (95 % {minutes[0]:.3g} to {minutes[2]:.3g}), "
@@ -89,11 +90,16 @@ def of_life_draws(found: LifeDraws) -> Display:
 
 @display.register
 def of_laws(laws: LifeLaws) -> Display:
-    """The laws at their depth, and their limits."""
+    """The laws at their depth, with their limits."""
     terms = (laws.wear, *(law for _, law in laws.limited))
     head = "; ".join(f"{_terms(law)}, at most {law.most:g} {law.unit}" for law in terms)
     facts = (("V", f"{laws.V[0]:g} to {laws.V[1]:g} m/min"), ("f", f"{laws.f[0]:g} to {laws.f[1]:g} mm/rev"))
     return Display(f"d {laws.d:g} mm: {head}", facts, None, laws.notes)
+
+
+def _shown(count: int) -> NDArray[np.intp]:
+    """Evenly spaced rows of a table, at most `MOST_ROWS`."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_ROWS)).astype(int))
 
 
 def _terms(law: "Terms") -> str:
@@ -103,23 +109,23 @@ def _terms(law: "Terms") -> str:
 
 @display.register
 def of_fixed(pair: FixedLife) -> Display:
-    """Speed and feed, and the life they give."""
-    over = f", passing the limits of {' and '.join(pair.passes)}" if pair.passes else ""
+    """The pair, its life and metal removed."""
+    over = f", exceeding the limits of {' and '.join(pair.passes)}" if pair.passes else ""
     head = f"calculated, V {pair.V:.4g} m/min, f {pair.f:.3g} mm/rev: {pair.minutes:.3g} min"
     return Display(f"{head}, {pair.removed / 1000:.4g} cm3, {pair.per_minute / 1000:.4g} cm3/min{over}")
 
 
 @display.register
 def of_choice(pair: Choice) -> Display:
-    """Speed and feed, and what they do in their interval."""
-    held = f"; {' and '.join(pair.stops)} forbid more" if pair.stops else ""
+    """The pair with its removal rate, wear and active limits."""
+    held = f"; {' and '.join(pair.stops)} active" if pair.stops else ""
     head = f"V {pair.V:.4g} m/min, f {pair.f:.3g} mm/rev: MRR {pair.MRR / 1000:.4g} cm3/min"
     return Display(f"{head}, AW {pair.AW:.3g}{held}")
 
 
 @display.register
 def of_steady(life: SteadyLife) -> Display:
-    """The tool, or the middle of many."""
+    """Time, length and wear at the lower limit, of one tool or as medians."""
     n = len(life.time)
     wear, time, length = (float(np.nanmedian(v)) if np.isfinite(v).any() else np.nan
                           for v in (life.wear, life.time, life.length))  # fmt: skip
@@ -131,30 +137,34 @@ def of_steady(life: SteadyLife) -> Display:
 
 @display.register
 def of_region(region: VisibleRegion) -> Display:
-    """The best pair or why there is none; the corners."""
+    """The best pair, or the conflict of limits; table of the corners."""
     at = f"d {region.setting.d:g} mm, t {region.setting.t:g} min"
     if region.empty:
-        return Display(f"nothing is allowed at {at}: {region.conflict}", sentences=region.notes)
+        return Display(f"no feasible pair at {at}: {region.conflict}", sentences=region.notes)
     rows = tuple((c.letter, f"{c.V:.4g}", f"{c.f:.3g}", " and ".join(c.limits)) for c in region.corners)
     head = f"{len(region.corners)} corners at {at}; best {region.best.words}"
     return Display(head, (), TextTable(("corner", "V, m/min", "f, mm/rev", "limits"), rows), region.notes)
 
 
 @display.register
-def of_chance(found: Feasibility) -> Display:
-    """Where the best pair of the laws stands, from how many draws."""
+def of_feasibility(found: Feasibility) -> Display:
+    """Range of the probability, and its value at the best pair."""
     low, high = float(found.probability.min()), float(found.probability.max())
     head = (
         f"probability that {found.of} keeps every limit, from {found.count} draws: {low:.0%} to {high:.0%} over "
         f"V {found.V[0]:g} to {found.V[-1]:g} m/min and f {found.f[0]:g} to {found.f[-1]:g} mm/rev"
     )
-    best = () if found.region.empty else (("at the best pair of the laws", f"{found.at(*found.region.best.xy):.1%}"),)
+    best = (
+        ()
+        if found.region.empty
+        else (("at the best pair by the point estimates", f"{found.at(*found.region.best.xy):.1%}"),)
+    )
     return Display(head, best, None, found.sources)
 
 
 @display.register
 def of_front(front: WearFront) -> Display:
-    """From the most metal to the least wear."""
+    """Table from the greatest removal rate to the least wear."""
     rows = tuple(
         (
             f"{front.loss[k]:.0%}",
@@ -163,11 +173,11 @@ def of_front(front: WearFront) -> Display:
             f"{front.MRR[k] / 1000:.4g}",
             f"{front.wear[k]:.3g}",
         )
-        for k in np.unique(np.linspace(0, len(front.loss) - 1, min(len(front.loss), MOST_ROWS)).astype(int))
+        for k in _shown(len(front.loss))
     )
-    header = ("MRR given up", "V, m/min", "f, mm/rev", "MRR, cm3/min", f"{front.symbol}, {front.unit}")
+    header = ("loss of MRR", "V, m/min", "f, mm/rev", "MRR, cm3/min", f"{front.symbol}, {front.unit}")
     head = (
         f"{front.symbol} {front.wear[0]:.3g} {front.unit} at the greatest MRR of {front.MRR[0] / 1000:.4g} cm3/min, "
-        f"{front.wear[-1]:.3g} {front.unit} where {front.loss[-1]:.0%} of it is given up"
+        f"{front.wear[-1]:.3g} {front.unit} at a loss of {front.loss[-1]:.0%}"
     )
     return Display(head, (), TextTable(header, rows))

@@ -62,7 +62,7 @@ def test_a_file_without_what_a_controller_needs_says_what_is_missing(tmp_path, c
     [
         (["AC-2017", "--system", "recurson"], 2, "Did you mean 'recursion'?"),
         (["AC-2017", "--system", "roughness"], 3, "not this controller"),
-        (["nowhere.json"], 3, "no such file"),
+        (["nowhere.json"], 3, "the file does not exist"),
         (["AC-2017", "--seed", "-1"], 2, "seed"),
     ],
 )

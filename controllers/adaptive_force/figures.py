@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...core.plotting import BLUE, NotebookFigure
+from ..loop import Array
 
 if TYPE_CHECKING:
     from .runs import ForceRun
@@ -124,5 +125,5 @@ def _swinging(rows: Sequence["StepSize"]) -> list["StepSize"]:
     return [row for row in rows if not row.diverged and not row.settled]
 
 
-def _line(ax: Axes, run: "ForceRun", values: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> None:
+def _line(ax: Axes, run: "ForceRun", values: Array) -> None:
     ax.plot(run.trace.time, values, color=COLOURS[run.by], lw=1.3, label=NAMES[run.by])

@@ -21,7 +21,7 @@ NEEDED = (
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ForceSettings(Displayable):
-    """The section's numbers, without a None among them; units as in `fitmodels.parameters.AdaptiveForceSection`.
+    """Settings of the adaptive_force section, complete and in its units.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class ForceSettings(Displayable):
 
 
 def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
-    """ForceSettings for a depth of cut, one of the file's set points.
+    """Settings for a depth of cut, one of the file's set points.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def lacking(pf: "ParameterFile") -> str:
 
 
 def machine(pf: "ParameterFile") -> tuple[float, float, float]:
-    """m, c and k for each unit of depth with d taken as 1 and the drive as the slower pole.
+    """Plant parameters m, c and k per unit of depth, for d = 1 and the drive as the slower pole.
 
     Raises
     ------

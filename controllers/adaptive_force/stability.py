@@ -48,7 +48,7 @@ RECORDED = (
 
 @dataclass(frozen=True, slots=True)
 class Energy:
-    """V along a run.
+    """Lyapunov function V along a run.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ def _free(adapting: Bools, k: Array, samples: int) -> Bools:
 
 
 def rise_of(V: Array, free: Bools) -> tuple[float, float, tuple[int, ...]]:
-    """The largest rise of a row (n,) within segments marked free: as a share of the first value there, and as it is.
+    """The largest rise of a row (n,) within segments marked free: relative to the first value there, and absolute.
 
     >>> rise_of(np.array([4.0, 2.0, 3.0, 9.0]), np.array([True, True, True, False]))
     (0.25, 1.0, (0,))

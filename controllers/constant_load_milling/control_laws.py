@@ -87,7 +87,7 @@ class PositionLaw:
         return self._limited(self._middle + min(max(out, -half), half))
 
     def outside(self) -> float:
-        """Out of the cut: the programme's feed."""
+        """Out of the cut: the programmed feed."""
         self._sum, self.limited = 0.0, 0
         return self._limited(1.0)
 
@@ -139,7 +139,7 @@ class IncrementalLaw:
         return self._limited(unlimited, self._low, self._high)
 
     def outside(self) -> float:
-        """Out of the cut: the last command of it."""
+        """Out of the cut: the last command is held."""
         self._sum = 0.0
         return self._limited(self._last, self._low, self._high)
 
@@ -149,7 +149,7 @@ class IncrementalLaw:
         return self._limited(self._low, self._low, self._high)
 
     def off(self) -> float:
-        """Switched off: the programme's feed."""
+        """Switched off: the programmed feed."""
         self._sum = 0.0
         return self._limited(1.0, self._low, max(self._high, 1.0))
 

@@ -67,7 +67,7 @@ class CutModel(Displayable):
 
     @classmethod
     def from_parameters(cls, pf: "ParameterFile") -> Self:
-        """Make it from load law, wear law, dynamics and settings of a file.
+        """Make the model from load law, wear law, dynamics and settings of a file.
 
         Raises
         ------

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from ...core.display import plot
 from ...core.plotting import BLUE, NotebookFigure, new_axes
+from ..loop import Array
 from .runs import ToolRun
 from .steady import SteadyLife
 
@@ -79,9 +80,7 @@ def pass_figure(run: ToolRun, line: "LoadLineSection", number: int = 2, settle: 
     return figure
 
 
-def _along(
-    ax: Axes, run: ToolRun, values: "np.ndarray[tuple[int], np.dtype[np.float64]]", color: str, label: str
-) -> None:
+def _along(ax: Axes, run: ToolRun, values: Array, color: str, label: str) -> None:
     """Values in the cut over cutting length, broken between passes."""
     r = run.trace.recorded
     step = max(len(values) // MOST, 1)

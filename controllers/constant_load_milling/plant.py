@@ -95,7 +95,7 @@ class MillingCut(Displayable):
                 "the drive responds in the sample of its command; a plant needs a delay of at least one sample."
             )
         size = max(len(drive.b) - 1, len(drive.a))
-        self._b = (*drive.b[1:], *[0.0] * (size + 1 - len(drive.b)))  # the sample of delay is the replay's
+        self._b = (*drive.b[1:], *[0.0] * (size + 1 - len(drive.b)))  # the replay adds the sample of delay
         self._a = (*drive.a, *[0.0] * (size - len(drive.a)))
         self._state, self._taps = [0.0] * size, range(1, len(self._b))
         self._speed = unit_factor(drive.unit_feed, "mm/s")

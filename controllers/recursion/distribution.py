@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ...core.display import Frame
     from ...parameters.draws import Draws
 
+Rows = NDArray[np.intp]
 BATCH = 16  # draws: three tables of 16 x 1744 numbers are 0.7 MB
 
 
@@ -304,9 +305,7 @@ def _check(laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...]) 
             raise UsageError(f"the draws of {terms.response} lack {', '.join(missing)}: they belong to another law.")
 
 
-def _rows(
-    laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...], count: int | None
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], int]:
+def _rows(laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...], count: int | None) -> tuple[Rows, int]:
     """Rows in use, evenly spaced, and the number of those excluded as their wear does not grow."""
     size = min(len(draws[name].values) for name in used)
     count = size if count is None else min(count, size)
@@ -320,10 +319,7 @@ def _rows(
     return rows[grows], int((~grows).sum())
 
 
-def _many(
-    laws: LifeLaws, draws: "Mapping[str, Draws]", rows: np.ndarray[tuple[int], np.dtype[np.intp]],
-    rng: np.random.Generator | None,
-) -> DrawnLifeLaws:  # fmt: skip
+def _many(laws: LifeLaws, draws: "Mapping[str, Draws]", rows: Rows, rng: np.random.Generator | None) -> DrawnLifeLaws:
     def one(terms: Terms) -> DrawnTerms:
         return _drawn(terms, laws.wear.response, draws.get(terms.response), rows, rng)
 
@@ -331,10 +327,7 @@ def _many(
     return DrawnLifeLaws(one(laws.wear), power, force)
 
 
-def _drawn(
-    terms: Terms, wear: str, draws: "Draws | None", rows: np.ndarray[tuple[int], np.dtype[np.intp]],
-    rng: np.random.Generator | None,
-) -> DrawnTerms:  # fmt: skip
+def _drawn(terms: Terms, wear: str, draws: "Draws | None", rows: Rows, rng: np.random.Generator | None) -> DrawnTerms:
     """One law's parameters for these rows; a law without draws is fixed at its estimates."""
     if draws is None:
         ln_c, V, f, t, AW = (np.full(len(rows), value) for value in (terms.ln_c, terms.V, terms.f, terms.t, terms.AW))

@@ -131,7 +131,7 @@ SearchMethod = Literal["grid", "exact"]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Choice(Displayable):
-    """A pair of speed and feed and what it does in its interval.
+    """A pair of speed and feed with its responses in an interval.
 
     Attributes
     ----------

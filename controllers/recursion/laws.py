@@ -20,7 +20,7 @@ Times = Literal["published", "full"]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Terms(Displayable):
-    """One law with depth put in, R = exp(ln_c) V^V f^f t^t AW^AW, and the most that is allowed of R.
+    """One law with the depth substituted, R = exp(ln_c) V^V f^f t^t AW^AW, and the upper limit of R.
 
     Attributes
     ----------

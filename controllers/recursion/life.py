@@ -85,7 +85,7 @@ class Life(Plottable):
 
 @dataclass(frozen=True, slots=True)
 class BySpeed:
-    """The best feed at each speed in one interval, as Tables 1 and 2 of AC-2017; speeds without one are left out.
+    """Best feed at each speed in one interval, as Tables 1 and 2; speeds without a feasible feed are omitted.
 
     Attributes
     ----------
@@ -236,7 +236,7 @@ class FixedLife(Displayable):
 
 @dataclass(frozen=True, slots=True)
 class LifeRatios:
-    """A life over a fixed pair's: metal removed per minute, in the whole life, and the lives themselves, as ratios."""
+    """Ratios of a life to that of a fixed pair: metal removed per minute, in the whole life, and the lives."""
 
     per_minute: float
     removed: float

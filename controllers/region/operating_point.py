@@ -92,7 +92,7 @@ def three(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
 
 
-def ln(V: float, f: float) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+def ln(V: float, f: float) -> Array:
     """(ln V, ln f)."""
     return np.log(np.array([V, f], dtype=np.float64))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...core.display import Plottable
 from ...core.errors import DataError, UsageError
-from .half_planes import TOUCH, Array
+from .half_planes import TOUCH, Array, Bools
 from .operating_point import OperatingPoint, ln
 from .sampled_laws import Kind, LimitSampling, sampling
 from .visible import VisibleRegion, visible_region
@@ -188,20 +188,18 @@ def _farthest(region: "VisibleRegion", sampling: "LimitSampling", u: Array, alon
     near = np.maximum(2 * low[0] + u, 2 * low[1] - u)
     far = np.maximum(np.minimum(2 * high[0] + u, 2 * high[1] - u), near)  # a rounding error at the ends
     S = near + np.linspace(0.0, 1.0, along)[:, None] * (far - near)
-    allowed = _allowed(region, sampling, S, u, probability)
+    allowed = _feasible(region, sampling, S, u, probability)
     last = along - 1 - np.argmax(allowed[::-1], axis=0)
-    any_allowed, ray = allowed.any(axis=0), np.arange(len(u))
+    any_feasible, ray = allowed.any(axis=0), np.arange(len(u))
     inside, outside = S[last, ray], S[np.minimum(last + 1, along - 1), ray]
     for _ in range(HALVINGS):
         middle = (inside + outside) / 2
-        kept = _allowed(region, sampling, middle, u, probability)
+        kept = _feasible(region, sampling, middle, u, probability)
         inside, outside = np.where(kept, middle, inside), np.where(kept, outside, middle)
-    return np.where(any_allowed, inside, -np.inf)
+    return np.where(any_feasible, inside, -np.inf)
 
 
-def _allowed(
-    region: "VisibleRegion", sampling: "LimitSampling", s: Array, u: Array, probability: float
-) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+def _feasible(region: "VisibleRegion", sampling: "LimitSampling", s: Array, u: Array, probability: float) -> Bools:
     """Whether pairs are feasible, in the shape of ``s``."""
     x = _pairs(s, np.broadcast_to(u, s.shape)).reshape(-1, 2)
     return np.asarray((_machine(region, x) & (sampling.keeps(x) >= probability)).reshape(s.shape))
@@ -212,7 +210,7 @@ def _pairs(s: Array, u: Array) -> Array:
     return np.stack([(s - u) / 2, (s + u) / 2], axis=-1)
 
 
-def _machine(region: "VisibleRegion", x: Array) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+def _machine(region: "VisibleRegion", x: Array) -> Bools:
     """Whether the machine can be set to each pair."""
     own = [each for each in region.limits if each.symbol not in region.planes]
     return np.asarray(np.logical_and.reduce([each.beyond(x) <= TOUCH for each in own]))

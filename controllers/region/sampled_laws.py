@@ -12,11 +12,12 @@ from math import log
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...parameters.sections.base import Covariance
-from .half_planes import Array
+from .half_planes import Array, Bools
 from .log_planes import CutSetting, LogPlane, plane, ratio, with_wear
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class LimitSampling(Displayable):
         over = self._over(x[None], slice(0, self.count))
         return {name: float(each.mean()) for name, each in over.items()}
 
-    def _over(self, x: Array, rows: slice) -> dict[str, "np.ndarray[tuple[int, int], np.dtype[np.bool_]]"]:
+    def _over(self, x: Array, rows: slice) -> dict[str, Bools]:
         ln_wear = None if self.wear is None else self.wear.ln(x, None, rows)
         return {
             name: self.laws[name].ln(x, ln_wear if self.laws[name].plane.wear_power.any() else None, rows) > limit
@@ -151,9 +152,7 @@ def _sampled(
     )
 
 
-def _from_draws(
-    law: "LawSection", draws: "Draws", rows: "np.ndarray[tuple[int], np.dtype[np.int64]]"
-) -> tuple[Array, Array, Array | None]:
+def _from_draws(law: "LawSection", draws: "Draws", rows: NDArray[np.int64]) -> tuple[Array, Array, Array | None]:
     """Parameters (S, p), sd of a row of a new edge (S,), degrees of freedom of heavy tails (S,) or None."""
     column = dict(zip(draws.names, draws.values[rows].T, strict=True))
     if lacking := [name for name in (*law.parameter_names, "sd") if name not in column]:

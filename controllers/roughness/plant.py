@@ -78,7 +78,7 @@ class TurningForce(Displayable):
 
     @classmethod
     def from_parameters(cls, pf: "ParameterFile", **more: Any) -> Self:  # noqa: ANN401
-        """The cut of a file, entered at the programmed feed; the disturbance is held for one revolution unless given.
+        """The cut of a file, entered at the programmed feed; the disturbance is by default held for one revolution.
 
         Parameters
         ----------

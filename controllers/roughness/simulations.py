@@ -172,7 +172,7 @@ def steady(cut: TurningRun, start: float = SETTLED, end: float = np.inf) -> Stea
 
 @dataclass(frozen=True, slots=True)
 class TableSimulation:
-    """A row of Table 1 as printed, the reference force of its file, and both simulated cuts in steady cut.
+    """A row of Table 1 as printed, the reference force of its file, and the steady state of both simulated cuts.
 
     Without control the feed is the one that the table prints; with control the programmed one, from which the override
     goes to 150 %.
