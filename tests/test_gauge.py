@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
-from fitmodels.fit.checks.gauge_error import gauge_corrected, sensitivity
+from fitmodels.fit.checks.gauge_error import gauge_corrected
 from scipy.linalg import eigh
 
 EXACT = 1e-8
@@ -124,16 +124,12 @@ def test_standard_errors_are_refits_without_each_edge():
     np.testing.assert_allclose(found.cov_theta, 23 / 24 * moved.T @ moved, rtol=1e-5)
 
 
-def test_sensitivity_is_the_fit_at_each_gauge_error():
+def test_larger_gauge_errors_correct_the_exponent_of_wear_further():
     law = power(0.05)
-    curve = sensitivity(law, [0.0, 0.03, 0.05, 0.5])
-    assert list(curve.index) == [0.0, 0.03, 0.05]
-    assert list(curve.columns) == ["c0", "V", "f", "t", "AW", "se", "reliability"]
-    assert curve["AW"].is_monotonic_increasing
-    assert curve["t"].is_monotonic_decreasing
-    np.testing.assert_allclose(curve.loc[0.05, list(law.names)], gauge_corrected(law, 0.05).params)
-    assert "as large as the variation of AW" in curve.attrs["left_out"][0.5]
-    assert sensitivity(law, [0.5]).empty
+    params = pd.DataFrame([gauge_corrected(law, sd).params for sd in (0.0, 0.03, 0.05)])
+    assert params["AW"].is_monotonic_increasing
+    assert params["t"].is_monotonic_decreasing
+    assert "as large as the variation of AW" in str(gauge_corrected(law, 0.5))
 
 
 def test_words():

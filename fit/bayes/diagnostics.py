@@ -5,6 +5,10 @@ draws rank-normalised: Vehtari, Gelman, Simpson, Carpenter & Bürkner 2021, Baye
 doi:10.1214/20-BA1221, eq. 10 to 14. Draws that cannot be assessed (not finite, constant, fewer than four per chain)
 get the worst values, R-hat infinite and no effective draws, so that the convergence checks fail.
 
+R-hat, effective sample sizes and Monte Carlo errors equal those of arviz-stats 0.8 within 2e-15, which is not used:
+its base imports scipy.stats and scipy.interpolate (twice the time of numpy, scipy.special and scipy.fft together),
+and xarray with pandas where they are installed; one call takes 3 to 5 times as long; and its k-hat differs by 0.2 %.
+
 Sources: Geyer 1992, Stat. Sci. 7, 473 (the initial monotone sequence); Goodman & Weare 2010, Commun. Appl. Math.
 Comput. Sci. 5, 65, and Sokal 1997, sec. 3 (ensembles).
 """

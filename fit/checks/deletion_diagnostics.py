@@ -129,37 +129,6 @@ class Influence(Check):
     cook: Array
     dfbetas: Array
 
-    @property
-    def leverage_limit(self) -> float:
-        """Twice the mean leverage."""
-        return 2 * len(self.parameters) / len(self.names)
-
-    @property
-    def cook_limit(self) -> float:
-        """Median of F: beyond it the unit moves the law out of the central half of its confidence region."""
-        from scipy.special import fdtri
-
-        return float(fdtri(*_cook_df(self.parameters, self.names), ACT))
-
-    @property
-    def dfbetas_limit(self) -> float:
-        """``2 / sqrt(u)``, a screening limit that some units always exceed."""
-        return float(2 / len(self.names) ** 0.5)
-
-    @property
-    def beyond(self) -> dict[str, tuple[str, ...]]:
-        """Names of the units beyond each limit, worst first: ``leverage``, ``cook``, ``dfbetas``."""
-        most = np.abs(self.dfbetas).max(axis=1)
-        limits = {
-            "leverage": (self.leverage, self.leverage_limit),
-            "cook": (self.cook, self.cook_limit),
-            "dfbetas": (most, self.dfbetas_limit),
-        }
-        return {
-            key: tuple(self.names[i] for i in np.argsort(-values) if values[i] > limit)
-            for key, (values, limit) in limits.items()
-        }
-
 
 def influence(law: LawFit, strata: Strata | NotAvailable, left: Deletion) -> Influence:
     """Leverage, Cook's distance and DFBETAS from the deletion diagnostics.

@@ -13,12 +13,10 @@ Sources: Fuller 1987, Measurement Error Models, sections 1.2 and 2.2; Carroll et
 Nonlinear Models, section 3.4.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
-import pandas as pd
 
 from ...core.errors import UsageError
 from ..available import NotAvailable
@@ -185,34 +183,3 @@ def _corrected(Z: Array, y: Array, at: int, variance: Array, unit: Codes) -> tup
         moved[g : g + BLOCK] = -np.linalg.solve(left, sums[:, :, None])[:, :, 0]
     cov = (G - 1) / G * moved.T @ moved
     return plain.params + L @ phi, L @ cov @ L.T
-
-
-def sensitivity(law: LawFit, sds: Sequence[float], wear: str = "AW", unit: str = "ln") -> pd.DataFrame:
-    """Coefficients of a law over assumed gauge errors.
-
-    Returns
-    -------
-    DataFrame, indexed by ``gauge_sd``: a column for each of ``law.names``, the standard error of the wear's as
-    ``se``, and ``reliability``. A gauge error that leaves nothing to fit has no row: ``attrs["left_out"]`` says why.
-
-    Examples
-    --------
-    >>> from fitmodels import datasets, fit
-    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
-    >>> curve = sensitivity(fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"]), [0, 0.02, 0.04])
-    >>> bool(curve["AW"].is_monotonic_increasing)
-    True
-    """
-    rows, at, left_out = [], [], {}
-    for sd in sds:
-        found = gauge_corrected(law, sd, wear, unit)
-        if isinstance(found, NotAvailable):
-            left_out[sd] = found.reason
-            continue
-        rows.append([*found.params, found.bse.iloc[1 + law.factors.index(wear)], found.reliability])
-        at.append(sd)
-    index = pd.Index(at, name="gauge_sd", dtype=float)
-    curve = pd.DataFrame(np.array(rows).reshape(len(at), -1) if rows else None, index=index)
-    curve = curve.set_axis([*law.names, "se", "reliability"], axis=1) if rows else curve
-    curve.attrs["left_out"] = left_out
-    return curve
