@@ -160,7 +160,7 @@ def force_process_fit(
 
     Examples
     --------
-    >>> from .zero_order_hold import sampled
+    >>> from fitmodels.ident.continuous import sampled
     >>> u = np.sin(0.0005 * np.arange(1500.0) ** 2)
     >>> F = sampled([400.0], [2.0, 2.0 * 8 + 60, 60 * 8.0], 0.01).simulate(u)  # k 400, m 2, c 8, d 60
     >>> fit = force_process_fit(Record(u=u, y=F, sample_time=0.01), m=2.0, drive="faster")
