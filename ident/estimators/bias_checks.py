@@ -153,9 +153,6 @@ def _advanced(rec: Record, by: int) -> Record:
     return replace(rec, u=u, y=y, starts=tuple(int(s) for s in starts), offsets=None, sha256=None)
 
 
-Array = NDArray[np.float64]
-
-
 def warn_of_bias(arx_model: Model, oe_model: Model, band: tuple[float, float]) -> str | None:
     """Note if ARX and output error differ significantly and by more than 5 % in ``band``, otherwise None.
 

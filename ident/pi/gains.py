@@ -223,11 +223,10 @@ class PiGains(Plottable):
         above_zero("factor_y", factor_y)
         by = factor / factor_y
         low, high, rate = (None if v is None else v * factor for v in (self.low, self.high, self.rate))
-        units = {
-            "unit_u": self.unit_u if unit_u is None else unit_u,
-            "unit_y": self.unit_y if unit_y is None else unit_y,
-        }
-        return replace(self, kp=self.kp * by, ki=self.ki * by, low=low, high=high, rate=rate, **units)
+        return replace(
+            self, kp=self.kp * by, ki=self.ki * by, low=low, high=high, rate=rate,
+            unit_u=self.unit_u if unit_u is None else unit_u, unit_y=self.unit_y if unit_y is None else unit_y,
+        )  # fmt: skip
 
     @property
     def forward(self) -> tuple[Array, Array]:

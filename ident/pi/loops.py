@@ -152,9 +152,6 @@ def _stacked(polynomials: list[Array]) -> Array:
     return np.column_stack([np.pad(p, (0, n - len(p))) for p in polynomials])
 
 
-Array = NDArray[np.float64]
-
-
 def stable_columns(a: Array) -> NDArray[np.bool_]:
     """Whether every root of each column a_0 + a_1 z^-1 + ... lies inside the unit circle; a (n + 1, m), a_0 = 1.
 
