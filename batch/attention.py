@@ -1,4 +1,4 @@
-"""Which pairs need attention, and why: what their fits say, and what their families say of them."""
+"""Pairs that need attention, with reasons from their fits and from comparison with their families."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from .outcomes import NO_LAW, NOT_CONVERGED, REFUSED, Concern, PairOutcome
 from .plan import Pair
 
-SCATTERS = "scatters more than the others"
+SCATTERS = "large scatter"
 UNLIKE = "unlike its family"
-SEVERITY = (  # nothing to use; a law that is missing or may mislead; what it lacks; what is said of the pair
+SEVERITY = (  # unusable; a law that is missing or may mislead; what it lacks; notes on the pair
     NO_LAW, NOT_CONVERGED, "no parameter file", REFUSED,
-    "wear falls with time", "fits badly", "verdict", SCATTERS, UNLIKE, "draws too sure",
+    "wear falls with time", "fits badly", "verdict", SCATTERS, UNLIKE, "draws too certain",
     "few degrees of freedom", "no errors by edge", "factor left out", "rows left out", "doubt in reading",
     "no tool life",
     "group differs within the pair", "no group of ISO 513",
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Attention:
-    """A kind of concern, and the pairs that it concerns.
+    """A kind of concern, and the pairs affected.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ def attention_frame(outcomes: Sequence[PairOutcome]) -> pd.DataFrame:
 
 
 def attention_summary(outcomes: Sequence[PairOutcome], most: int = 3) -> list[Attention]:
-    """Kinds of concern, the gravest first and unknown ones last, with at most ``most`` examples of each.
+    """Kinds of concern, the most severe first and unknown ones last, with at most ``most`` examples of each.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def attention_summary(outcomes: Sequence[PairOutcome], most: int = 3) -> list[At
 def with_families(
     outcomes: Sequence[PairOutcome], results: pd.DataFrame, pooled: pd.DataFrame | None = None
 ) -> list[PairOutcome]:
-    """Outcomes with what only the other pairs can tell: too much scatter, and exponents unlike those of the family.
+    """Outcomes with concerns from the other pairs: large scatter, and exponents unlike those of the family.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def with_families(
 
 
 def _concerns(one: PairOutcome) -> tuple[Concern, ...]:
-    """Those that were found; that there is no law is always one."""
+    """The concerns of a pair; a missing law is always one."""
     if not one.reason or any(concern.kind == NO_LAW for concern in one.concerns):
         return one.concerns
     return (Concern(NO_LAW, one.reason), *one.concerns)
@@ -124,20 +124,20 @@ def _scattering(results: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concer
             chance = np.where(df > 0, np.sqrt(chdtri(df, BY_CHANCE) / df), 0.0)
         middle = float(np.median(scale))
         for i in np.flatnonzero(scale > np.maximum(TIMES, chance) * middle) if len(each) >= FEWEST else ():
-            words = f"{response} scatters {scale[i] / middle:.2g} times as much as in half of the pairs"
+            words = f"{response} has a scatter of {scale[i] / middle:.2g} times the median of the pairs"
             pair = str(each["tool"].iloc[i]), str(each["work"].iloc[i])
             yield pair, Concern(SCATTERS, f"{words} ({scale[i]:.3g} against {middle:.3g})")
 
 
 def _unlike(pooled: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
-    """Pairs whose exponent lies outside the interval of a new pair of the family, allowing for its own error.
+    """Pairs whose exponent is outside the interval of a new pair of the family, given its own error.
 
     Where a pair belongs to several families, that of a grouping counts before all pairs together.
     """
     from ..fit.many.pooling import WHOLE
 
     low, high = (pooled[name].to_numpy(dtype=float) for name in ("new_low", "new_high"))
-    level = max(LEVEL, 1 - 1 / len(pooled))  # of many thousand exponents one stands out by chance, not hundreds
+    level = max(LEVEL, 1 - 1 / len(pooled))  # of many thousand exponents one is expected outside by chance
     middle, half = (low + high) / 2, np.hypot(_half_of_family(high - low, level), _half_of_pair(pooled, level))
     with np.errstate(invalid="ignore"):
         outside = np.abs(pooled["estimate"].to_numpy(dtype=float) - middle) > half
@@ -147,7 +147,7 @@ def _unlike(pooled: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
         of = "" if row["family"] == WHOLE else f"of {row['family']} "
         words = (
             f"{row['response']}: exponent of {row['factor']} {row['estimate']:.3g} +- {row['se']:.2g}; "
-            f"another pair {of}with this error would lie between {row['_from']:.3g} and "
+            f"another pair {of}with this standard error is expected between {row['_from']:.3g} and "
             f"{row['_to']:.3g} ({100 * level:.4g} %)"
         )
         yield (str(row["tool"]), str(row["work"])), Concern(UNLIKE, words)
@@ -161,7 +161,7 @@ def _half_of_family(width: Array, level: float) -> Array:
 
 
 def _half_of_pair(pooled: pd.DataFrame, level: float) -> Array:
-    """Half the interval of a pair's own estimate; with few edges a normal would fall far short of it."""
+    """Half the t interval of a pair's own estimate."""
     from scipy.special import ndtri, stdtrit
 
     df = pooled["df"].to_numpy(dtype=float)

@@ -26,7 +26,7 @@ _GROUP = re.compile(r"(?:ISO\s*)?([PMKNSH])[\s.-]?(?:\d{1,2}(?:\.\d+)?)?", re.IG
 
 
 def is_iso_513(header: str) -> bool:
-    """Whether a column's header says that it holds groups of ISO 513.
+    """Whether the header of a column denotes groups of ISO 513.
 
     Examples
     --------
@@ -37,7 +37,7 @@ def is_iso_513(header: str) -> bool:
 
 
 def iso_family(value: str) -> str:
-    """Name of the group that a value belongs to; a value that is none of ISO 513 stays as it is.
+    """Name of the ISO 513 group of a value; other values are unchanged.
 
     Examples
     --------
@@ -73,12 +73,12 @@ class Comparison:
     families : DataFrame
         A row a law, factor, grouping and family: ``response, factor, grouping, family, pairs``; the family's
         ``mean`` with ``mean_se, mean_low, mean_high``; ``tau``, the standard deviation of exponents in the family,
-        with ``tau_low, tau_high``; ``new_low, new_high``, where the exponent of a new pair lies.
+        with ``tau_low, tau_high``; ``new_low, new_high``, the interval for a new pair.
     pairs : DataFrame
         A row a law, factor, grouping and pair that has this exponent: ``tool, work, response, factor, grouping,
         family``; ``estimate, se, df, low, high`` alone; ``pooled, pooled_se, pooled_low, pooled_high`` with its
-        family and ``shrinkage``, the share of the way to the family's mean; the family's ``new_low, new_high``;
-        ``reason`` why it is not pooled, empty where it is.
+        family and ``shrinkage`` towards the mean of the family, between 0 and 1; the family's ``new_low, new_high``;
+        ``reason`` why it is not pooled, empty otherwise.
     level : float
         Of every interval.
     """
@@ -126,7 +126,7 @@ def compare(results: pd.DataFrame, groups: Sequence[str] = (), *, level: float =
 
 
 def family_names(values: pd.Series, header: str) -> pd.Series:
-    """Family of each pair by what its column says, missing where that is nothing."""
+    """Family of each pair by its column, missing where that is empty."""
     texts = values.astype(object).where(values.notna(), "").astype(str).str.strip()
     name = iso_family if is_iso_513(header) else str
     return texts.map({text: name(text) or None for text in texts.unique()}).astype(object)
@@ -145,7 +145,7 @@ def _check(results: pd.DataFrame, groups: Sequence[str], level: float) -> None:
 def _pooled(
     results: pd.DataFrame, groups: Sequence[str], level: float
 ) -> Iterator[tuple[str, str, PooledExponents, pd.DataFrame]]:
-    """Each response, factor and grouping: what pooling finds, and the names of the pairs in its order."""
+    """Each response, factor and grouping: the pooled exponents, and the names of the pairs in their order."""
     if not len(results) or "response" not in results:
         return
     laws = results["reason"].isna() | (results["reason"] == "")
@@ -165,7 +165,7 @@ def _factors(rows: pd.DataFrame) -> list[str]:
 
 
 def _table(rows: pd.DataFrame, factor: str, groups: Sequence[str]) -> pd.DataFrame:
-    """Pairs that have this exponent, with numbers as numbers whatever file they come from, and their families."""
+    """Pairs with this exponent, all numbers as floats, and their families."""
     names = [*(f"{part}_{factor}" for part in DESIGN), "scale_se", "df"]
     held = {name: pd.to_numeric(rows[name], errors="coerce").to_numpy(dtype=float) for name in names if name in rows}
     table = pd.DataFrame({name: rows[name].astype(str).to_numpy() for name in NAMED} | held)
@@ -198,7 +198,7 @@ def _pairs(response: str, grouping: str, made: PooledExponents, named: pd.DataFr
 
 
 def _stacked(frames: Sequence[pd.DataFrame], columns: Sequence[str]) -> pd.DataFrame:
-    """Frames under each other; without any, an empty one with the same columns and kinds of column."""
+    """Frames concatenated; without any, an empty one with the same columns and types."""
     some = [frame for frame in frames if len(frame)]
     if some:
         return pd.concat(some, ignore_index=True)

@@ -29,7 +29,7 @@ Ints = NDArray[np.intp]
 BEFORE, AFTER = ("simulated", *WHOLE), (*NOTES, "no_posterior")  # of a law: columns before and after its parameters
 PARAMETER = re.compile(f"({'|'.join(PARTS)})_(.+)", re.DOTALL)
 
-Column: TypeAlias = Any  # an array or series of doubles or texts, or of whole numbers or flags that may be missing
+Column: TypeAlias = Any  # an array or series of floats or texts, or of integers or flags that may be missing
 
 
 def law_table(rows: Iterable[tuple[int, Mapping[str, Cell]]]) -> pd.DataFrame:
@@ -39,7 +39,7 @@ def law_table(rows: Iterable[tuple[int, Mapping[str, Cell]]]) -> pd.DataFrame:
     -------
     DataFrame
         ``pair``, the columns of `LAW` and every other that a row has: Int64 for `COUNTS`, boolean for `FLAGS`, text
-        for `TEXTS`, float for all others. What a row does not have is NA, NaN or empty, and so is what is not finite.
+        for `TEXTS`, float for all others. Missing and non-finite values are NA, NaN or empty.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def law_table(rows: Iterable[tuple[int, Mapping[str, Cell]]]) -> pd.DataFrame:
 
 
 def column(name: str, values: Sequence[object]) -> Column:
-    """Cells as a column of the kind that its name says.
+    """Cells as a column of the type of its name.
 
     >>> column("params_V", [0.5, None, float("inf")]).tolist(), column("reason", ["", None]).tolist()
     ([0.5, nan, nan], ['', ''])
@@ -68,7 +68,7 @@ def column(name: str, values: Sequence[object]) -> Column:
 
 
 def texts(values: Iterable[str]) -> Column:
-    """Texts, shape (n,): as Python's own, whatever pandas makes of them otherwise.
+    """Texts, shape (n,), of dtype object.
 
     >>> texts(["AW", ""]).dtype
     dtype('O')
@@ -77,7 +77,7 @@ def texts(values: Iterable[str]) -> Column:
 
 
 def counts(values: ArrayLike, there: ArrayLike = True) -> Column:
-    """Whole numbers, shape (n,), NA where they are not ``there``.
+    """Whole numbers, shape (n,), NA where not ``there``.
 
     >>> counts([24, 0], [True, False]).tolist()
     [24, <NA>]
@@ -87,7 +87,7 @@ def counts(values: ArrayLike, there: ArrayLike = True) -> Column:
 
 
 def flags(values: ArrayLike) -> Column:
-    """Truths, shape (n,), none of them missing.
+    """Flags, shape (n,), none of them missing.
 
     >>> flags([True, False]).dtype
     BooleanDtype
@@ -124,7 +124,7 @@ def joined_tables(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def group_column(header: str) -> str:
-    """Column of the results for a grouping: its header, unless the table has a column of that name itself.
+    """Column of the results for a grouping: its header, unless the table has its own column of that name.
 
     Examples
     --------
@@ -176,7 +176,7 @@ def table_of_many(laws: "ManyLaws", unit: str, pairs: Ints, reasons: Mapping[int
     pairs : ndarray of int, shape (K,)
         Their numbers.
     reasons : mapping of int to str
-        Better words for why a pair, by its number, has no law.
+        More specific reasons of pairs, by number, that have no law.
 
     Examples
     --------
@@ -203,7 +203,7 @@ def table_of_many(laws: "ManyLaws", unit: str, pairs: Ints, reasons: Mapping[int
 
 
 def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
-    """The row of one law; a factor that was asked for and left out has its columns too.
+    """The row of one law; a requested factor that was left out has its columns too.
 
     Examples
     --------
@@ -233,7 +233,7 @@ def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
 
 
 def row_without(asked: Asked, unit: str, reason: str) -> dict[str, Cell]:
-    """The row of a law that there is not, and why.
+    """The row of a law that could not be fitted, with the reason.
 
     Examples
     --------
@@ -249,7 +249,7 @@ def row_without(asked: Asked, unit: str, reason: str) -> dict[str, Cell]:
 
 
 def refusals(table: pd.DataFrame) -> dict[int, list[str]]:
-    """Sentences of each pair that lacks a law it could have, by its number; a reason of several is said once.
+    """Sentences on the laws that could not be fitted, by number of the pair; equal reasons are joined.
 
     Examples
     --------
@@ -257,15 +257,15 @@ def refusals(table: pd.DataFrame) -> dict[int, list[str]]:
     >>> refusals(law_table((4, row) for row in rows))
     {4: ['AW is not fitted: too few rows.', 'P is not fitted: P is 1.']}
     """
-    said: dict[int, dict[str, list[str]]] = {}
+    found: dict[int, dict[str, list[str]]] = {}
     without = table[~fitted(table)]
     for pair, response, reason in zip(*(without[name] for name in (PAIR, "response", "reason")), strict=True):
-        said.setdefault(pair, {}).setdefault(reason.removeprefix(f"{response}: "), []).append(response)
-    return {pair: [_refused(of, why) for why, of in each.items()] for pair, each in said.items()}
+        found.setdefault(pair, {}).setdefault(reason.removeprefix(f"{response}: "), []).append(response)
+    return {pair: [_refused(of, why) for why, of in each.items()] for pair, each in found.items()}
 
 
 def reasons(table: pd.DataFrame) -> dict[int, str]:
-    """Why a pair has no law at all, by its number.
+    """Reason of each pair without any law, by its number.
 
     >>> rows = [{"response": "AW", "reason": "too few rows."}, {"response": "P", "reason": ""}]
     >>> reasons(law_table([(0, rows[0]), (0, rows[1]), (1, rows[0])]))

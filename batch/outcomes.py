@@ -11,25 +11,25 @@ from ..core.errors import FitmodelsError
 
 T = TypeVar("T")
 
-DEFECT = "a defect of fitmodels, not of the data"
-GONE = "the source holds no row of this pair any more: it changed after it was looked over. Run it again."
+DEFECT = "internal error of fitmodels, not of the data"
+GONE = "the source has no row of this pair any more: it changed after it was planned. Run the command again."
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why something was not had; ``expected`` where the data are to blame."""
+    """The reason of a failure; ``expected`` where its cause is in the data."""
 
     reason: str
     expected: bool
 
 
 def attempt(work: Callable[[], T]) -> T | Failure:
-    """What ``work`` gives, or why it gives nothing; only a lack of memory is not caught.
+    """The result of ``work``, or its failure; only a lack of memory is not caught.
 
     Examples
     --------
     >>> attempt(lambda: 1 / 0).reason
-    'a defect of fitmodels, not of the data: ZeroDivisionError: division by zero.'
+    'internal error of fitmodels, not of the data: ZeroDivisionError: division by zero.'
     """
     try:
         return work()
@@ -42,12 +42,12 @@ def attempt(work: Callable[[], T]) -> T | Failure:
 
 
 def defect_sentence(error: Exception) -> str:
-    """An unexpected error in words, on one line.
+    """An unexpected error as a sentence on one line.
 
     Examples
     --------
     >>> defect_sentence(TypeError("no"))
-    'a defect of fitmodels, not of the data: TypeError: no.'
+    'internal error of fitmodels, not of the data: TypeError: no.'
     """
     words = " ".join(str(error).split())[:500].rstrip(".")
     return f"{DEFECT}: {type(error).__name__}{f': {words}' if words else ''}."
@@ -60,7 +60,7 @@ NO_LAW, REFUSED, NOT_CONVERGED = "no law", "law refused", "not converged"  # kin
 
 @dataclass(frozen=True, slots=True)
 class Concern:
-    """Why a pair needs attention: ``kind`` is that of all pairs that need it for this reason, ``words`` are its own.
+    """A reason why a pair needs attention: ``kind`` is shared by pairs, ``words`` are those of the pair.
 
     >>> Concern("few edges", "4 edges for 5 parameters").kind
     'few edges'
@@ -72,7 +72,7 @@ class Concern:
 
 @dataclass(frozen=True, slots=True)
 class PairOutcome:
-    """What came of a pair.
+    """Result of one pair.
 
     Attributes
     ----------
@@ -80,12 +80,12 @@ class PairOutcome:
     nobs : int
         Rows that name the pair, usable or not.
     reason : str
-        Why there is no law at all; empty otherwise.
+        Reason why there is no law; empty otherwise.
     concerns : tuple of Concern
     groups : mapping of str to str
-        What the pair belongs to, by header; empty text where its rows do not say.
+        Groups of the pair by header; empty text where its rows name none.
     simulated : bool
-        Its rows say of themselves that they are no measurements.
+        Its rows are marked as simulated.
     files : mapping of str to bytes
         ``params.json``, and ``draws.npz`` where draws are kept.
     """
@@ -102,7 +102,7 @@ class PairOutcome:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockOutcome:
-    """What came of a block: one outcome for each of its pairs, in its order, and all their laws.
+    """Result of one block: an outcome for each of its pairs, in its order, and all their laws.
 
     Attributes
     ----------
@@ -130,13 +130,13 @@ class BlockOutcome:
 
     @property
     def settled(self) -> bool:
-        """Whether it may stand: all could be read, and nothing failed by a defect of this program, which may pass."""
-        said = (words for pair in self.pairs for words in (pair.reason, *(each.words for each in pair.concerns)))
-        return not self.unreadable and not any(DEFECT in words for words in said)
+        """Whether it is final: everything could be read, and there was no internal error, which may be temporary."""
+        found = (words for pair in self.pairs for words in (pair.reason, *(each.words for each in pair.concerns)))
+        return not self.unreadable and not any(DEFECT in words for words in found)
 
 
 def cell(value: object) -> Cell:
-    """A value of a row as Python's own; what is no number, or none that is finite, is None.
+    """A value of a row as a Python object; None where it is no finite number.
 
     Examples
     --------

@@ -77,19 +77,19 @@ class BatchOptions(FitOptions):
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """What is read in one go: a lab file, or a row group of a Parquet file.
+    """A unit of reading: a lab file, or a row group of a Parquet file.
 
     Attributes
     ----------
     path : str
         Absolute, so that a process elsewhere finds it.
     name : str
-        As it is told: its path within the source, with the row group where there are several.
+        Its path within the source, with the row group where there are several.
     stamp : str
         Changes when the content does: SHA-256 of a lab file, size and time of a Parquet file.
     row_group : int or None
     partition : tuple of (header, value)
-        What the folders of a Parquet data set say of all its rows, as ``tool=GC435/``.
+        Values from the folders of a Parquet data set, as ``tool=GC435/``.
     """
 
     path: str
@@ -103,7 +103,7 @@ class Piece:
 class Block:
     """Pairs that are fitted together, as a task of its own.
 
-    The pieces may hold rows of other pairs too: those are passed by.
+    Rows of other pairs in the pieces are skipped.
 
     Attributes
     ----------
@@ -113,13 +113,12 @@ class Block:
     rows : int
         Of these pairs.
     streamed : bool
-        One pair, of more rows than one process is meant to hold: it is fitted in one pass.
+        One pair with more rows than fit into the memory of a process: it is fitted in one pass.
     of_pair : tuple of tuple of int
         For each pair the positions of its pieces among ``pieces``; empty where that is not known, and then a piece
         that cannot be read costs every pair of the block.
     identity : tuple of tuple of (header, value)
-        For each pair what a table beside the source says of it that belongs into its parameter file; empty where there
-        is none.
+        For each pair its groups in the table of pairs that belong into its parameter file; empty where there is none.
     """
 
     pairs: tuple[Pair, ...]
@@ -129,14 +128,14 @@ class Block:
     of_pair: tuple[tuple[int, ...], ...] = ()
     identity: tuple[tuple[tuple[str, str], ...], ...] = ()
 
-    def told_of(self, pair: Pair) -> dict[str, str]:
-        """What ``identity`` says of a pair."""
+    def identity_of(self, pair: Pair) -> dict[str, str]:
+        """The ``identity`` of a pair."""
         return dict(self.identity[self.pairs.index(pair)]) if self.identity else {}
 
 
 @dataclass(frozen=True, slots=True)
 class Unreadable:
-    """A piece that cannot be read, and the sentence that says why."""
+    """A piece that cannot be read, and the reason."""
 
     name: str
     reason: str
@@ -144,7 +143,7 @@ class Unreadable:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Displayable):
-    """A source, cut into blocks: the same for the same source, however many processes there are.
+    """A source cut into blocks, independent of the number of processes.
 
     Attributes
     ----------
@@ -153,10 +152,10 @@ class Plan(Displayable):
     blocks : tuple of Block
     rows : int
     columns : tuple of ColumnUse
-        How the columns of a Parquet source are understood; empty for files, each of which has its own.
+        Interpretation of the columns of a Parquet source; empty for files, each of which has its own.
     unreadable : tuple of Unreadable
     assumed : tuple of str
-        What was taken for granted, in full sentences.
+        Assumptions, in full sentences.
     reading : Reading
     notes : tuple of str
         Free text above the table of a CSV that became Parquet; a lab file's notes stay with its pairs.

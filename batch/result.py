@@ -1,4 +1,4 @@
-"""What a batch returns: its tables, who needs attention, and where everything stands."""
+"""Result of a batch: its tables, the pairs that need attention, and the written files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """What a batch cost.
+    """Time and memory of a batch.
 
     Attributes
     ----------
     where : str
-        What it ran on.
+        Engine.
     fitted, kept : int
-        Pairs that were fitted now, and those whose results were there from before.
+        Pairs fitted now, and pairs whose earlier results were kept.
     seconds : float
         Of fitting.
     memory, memory_here : int
-        Largest memory of a process that fitted, and of this one, in bytes; 0 where the system does not tell.
+        Largest memory of a process that fitted, and of this one, in bytes; 0 where the system does not report it.
     """
 
     where: str
@@ -52,14 +52,14 @@ class Batch(Displayable):
     out : Path
         The folder that holds everything.
     plan : Plan
-        What the source holds.
+        Plan of the source.
     results : DataFrame
         A row a pair and law: names, groups, ``response, form, unit, reason``, the numbers of `ManyLaws.table` with
         95 % intervals, and the posterior where there is one.
     attention : DataFrame
-        ``tool, work, kind, words``: why a pair needs somebody's attention.
+        ``tool, work, kind, words``: reasons why pairs need attention.
     concerns : tuple of Attention
-        The same by kind, the gravest first.
+        The same by kind, the most severe first.
     comparison : Comparison
         Exponents over families of pairs.
     units : mapping
@@ -71,9 +71,9 @@ class Batch(Displayable):
     written : tuple of str
         Files and folders, as paths within ``out``.
     changed : bool
-        Whether anything there is new.
+        Whether any file is new.
     site : Report or None
-        What came of the site of cards; None where none was asked for.
+        Report of the site of cards; None where none was requested.
     """
 
     out: Path
@@ -92,18 +92,18 @@ class Batch(Displayable):
 
     @property
     def pairs(self) -> int:
-        """How many pairs the source names."""
+        """Number of pairs of the source."""
         return len(self.plan.pairs)
 
     @property
     def with_law(self) -> int:
-        """How many pairs have a law."""
+        """Number of pairs with a law."""
         some = self.results[self.results["reason"] == ""]
         return len(some[["tool", "work"]].drop_duplicates())
 
     @property
     def simulated(self) -> int:
-        """How many pairs say of themselves that they are no measurements."""
+        """Number of simulated pairs."""
         some = self.results[self.results["simulated"].astype(bool)]
         return len(some[["tool", "work"]].drop_duplicates())
 

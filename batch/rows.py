@@ -1,4 +1,4 @@
-"""Rows of the pairs of a block, in the units of the field: what was read, ready to be fitted."""
+"""Rows of the pairs of a block in standard units, ready to be fitted."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ NO_LINES = "Parquet"  # dialect of a source whose rows have no lines: they are c
 
 @dataclass(frozen=True, slots=True)
 class PairSource:
-    """What is told of a pair besides its rows, where it comes from lab files: as `Runs` of its own file has it."""
+    """Source, columns and notes of a pair of lab files, as in the `Runs` of its own file."""
 
     source: Source
     columns: tuple[ColumnUse, ...]
@@ -28,7 +28,7 @@ class PairSource:
 
     @classmethod
     def of(cls, runs: Runs) -> "PairSource":
-        """Of the runs of a pair."""
+        """Those of the runs of a pair."""
         return cls(runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes)
 
 
@@ -63,11 +63,11 @@ class Rows:
     of_pair: Mapping[Pair, PairSource] = field(default_factory=dict)
 
     def simulated(self, pair: Pair) -> bool:
-        """Whether the notes of a pair say that its rows are no measurements."""
+        """Whether the notes of a pair mark its rows as simulated."""
         return bool(disclaimers(self.of_pair[pair].notes if pair in self.of_pair else self.notes))
 
     def doubts(self, pair: Pair) -> tuple[str, ...]:
-        """What was odd in the reading of a pair."""
+        """Warnings from reading a pair."""
         return self.of_pair[pair].warnings if pair in self.of_pair else self.warnings
 
     def runs(self) -> Iterator[tuple[Pair, Runs]]:

@@ -38,7 +38,7 @@ _QUOTED = re.compile(r'[,"\n\r]')
 
 
 def results_frame(outcomes: Sequence[PairOutcome], laws: pd.DataFrame, groups: Sequence[str] = ()) -> pd.DataFrame:
-    """Give a row for each pair and law; a pair without any law keeps a row with its reason.
+    """A row for each pair and law; a pair without any law has a row with its reason.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def results_frame(outcomes: Sequence[PairOutcome], laws: pd.DataFrame, groups: S
     laws : DataFrame
         As `law_table`, a pair by its number among the outcomes.
     groups : sequence of str
-        Headers of the columns that group the pairs; they are told as `group_column` says.
+        Headers of the columns that group the pairs; named as by `group_column`.
 
     Returns
     -------
@@ -79,10 +79,10 @@ def results_frame(outcomes: Sequence[PairOutcome], laws: pd.DataFrame, groups: S
 
 
 def csv_bytes(frame: pd.DataFrame) -> bytes:
-    r"""Give a frame as CSV: UTF-8, a line feed after each row, every digit of a number, nothing where it is missing.
+    r"""A frame as CSV: UTF-8, a line feed after each row, all digits of a number, empty where it is missing.
 
-    A text that a spreadsheet would take for a formula (``=2+3``, ``-x``) gets an apostrophe before it, as names come
-    from files of other people. Numbers below zero stay as they are.
+    A text that a spreadsheet would interpret as a formula (``=2+3``, ``-x``) gets an apostrophe before it. Negative
+    numbers are unchanged.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def _in_order(names: set[str]) -> list[str]:
 
 
 def _rank(parameter: str) -> tuple[int, str]:
-    """c0, then the roles in the order in which tables tell them, then others by name."""
+    """c0, then the roles in their order, then others by name."""
     first = ["c0", *ROLES]
     return (first.index(parameter) if parameter in first else len(first), parameter)
 
@@ -121,12 +121,12 @@ def _cells(values: pd.Series) -> list[str]:
     cells = values.tolist()
     if values.dtype == "Int64":
         return ["" if value is pd.NA else str(value) for value in cells]
-    told_once = {text: _text(text) for text in {value for value in cells if isinstance(value, str)}}
-    return [told_once[value] if isinstance(value, str) else _number(value) for value in cells]
+    quoted = {text: _text(text) for text in {value for value in cells if isinstance(value, str)}}
+    return [quoted[value] if isinstance(value, str) else _number(value) for value in cells]
 
 
 def _floats(values: NDArray[np.float64]) -> list[str]:
-    """As ``repr`` writes them, ten times as fast: versions of pydantic differ only in how they write a power of ten."""
+    """Floats as by ``repr``, ten times as fast: pydantic differs only in powers of ten."""
     size = np.abs(values)
     usual = (values == 0) | ((size >= 1e-4) & (size < 1e16))
     told = to_json(values[usual].tolist())[1:-1].decode().split(",")
@@ -153,7 +153,7 @@ FIGURES = "figures/"
 
 @dataclass(frozen=True, slots=True)
 class Tables:
-    """What the pairs say, each and together, and how many are simulated; the fields are those of `Batch`."""
+    """The tables and the number of simulated pairs; the fields are those of `Batch`."""
 
     results: pd.DataFrame
     attention: pd.DataFrame
@@ -204,9 +204,9 @@ def laws_of(blocks: Sequence[BlockOutcome]) -> pd.DataFrame:
 
 
 def write_tables(out: Path, tables: Tables) -> bool:
-    """Write tables and pictures into ``out``, and take away pictures of laws that are gone; whether anything is new.
+    """Write tables and figures into ``out``, and remove figures of laws that no longer exist; True if any table is new.
 
-    Pictures come first: tables that are as they were say that their pictures are, too.
+    Figures are written first: unchanged tables then mean unchanged figures.
     """
     contents = {name: csv_bytes(frame) for name, frame in tables.files().items()}
     pictured = {name: contents[name] for name in ("comparison.csv", "pooled.csv")}
@@ -224,7 +224,7 @@ def _groupings(outcomes: Sequence[PairOutcome], of_source: Sequence[str]) -> tup
 
 
 def _stand(out: Path, comparison: Comparison) -> bool:
-    """Whether the pictures that were drawn are all there."""
+    """Whether all figures that were drawn exist."""
     made = claimed(out, FIGURES)
     return bool(made) == bool(len(comparison.families)) and all((out / name).is_file() for name in made)
 

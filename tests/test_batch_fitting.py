@@ -301,10 +301,10 @@ def test_groups_go_into_the_outcome_and_the_identity(fitted):
     identity = json.loads(a.files["params.json"])["identity"]
     assert (identity["iso513"], identity["machine"]) == ("P20", "lathe 3")
     assert json.loads(b.files["params.json"])["identity"]["iso513"] is None
-    assert [c.kind for c in a.concerns if c.kind not in ("verdict", "draws too sure")] == [
+    assert [c.kind for c in a.concerns if c.kind not in ("verdict", "draws too certain")] == [
         "group differs within the pair"
     ]
-    assert [c.kind for c in b.concerns if c.kind not in ("verdict", "draws too sure")] == ["no group of ISO 513"]
+    assert [c.kind for c in b.concerns if c.kind not in ("verdict", "draws too certain")] == ["no group of ISO 513"]
 
 
 def test_a_defect_in_the_file_of_one_pair_leaves_the_others(fitted, monkeypatch):
@@ -322,7 +322,7 @@ def test_a_defect_in_the_file_of_one_pair_leaves_the_others(fitted, monkeypatch)
     assert not b.files
     assert "params_V" in row(b, "AW")
     assert [(k.kind, k.words) for k in b.concerns] == [
-        ("no parameter file", "a defect of fitmodels, not of the data: TypeError: unexpected thing.")
+        ("no parameter file", "internal error of fitmodels, not of the data: TypeError: unexpected thing.")
     ]
 
 
@@ -545,5 +545,5 @@ def test_a_block_never_raises(data):
     assert [p.tool for p in found.pairs] == ["A", "B", ""]
     for outcome in found.pairs:
         assert outcome.reason or any(not law["reason"] for law in outcome.laws)
-        assert "a defect" not in outcome.reason
+        assert "internal error" not in outcome.reason
     json.dumps(records._plain(made), allow_nan=False)

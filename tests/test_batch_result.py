@@ -664,7 +664,7 @@ def test_a_pair_that_scatters_is_told_and_one_with_hardly_any_rows_is_not():
     rows[-1]["df_resid"] = 1
     made = with_families(figures_by_plant, results(figures_by_plant, *rows))
     assert [(one.tool, c.kind) for one in made for c in one.concerns] == [("loud", SCATTERS)]
-    assert made[6].concerns[0].words == "AW scatters 3.1 times as much as in half of the pairs (0.31 against 0.1)"
+    assert made[6].concerns[0].words == "AW has a scatter of 3.1 times the median of the pairs (0.31 against 0.1)"
     three = figures_by_plant[4:7]
     assert with_families(three, results(three, *rows[4:7])) == three  # they do not tell what is usual
 
@@ -702,7 +702,9 @@ def test_an_exponent_is_told_once_by_the_family_of_its_grouping():
     words = [c.words for c in made[0].concerns]
     assert len(words) == 2
     assert not made[1].concerns
-    assert words[0].startswith("AW: exponent of V 0.9 +- 0.02; another pair of P with this error would lie between 0.3")
+    assert words[0].startswith(
+        "AW: exponent of V 0.9 +- 0.02; another pair of P with this standard error is expected between 0.3"
+    )
 
 
 def test_what_compare_gives_is_understood():

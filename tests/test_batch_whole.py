@@ -147,7 +147,7 @@ def test_what_failed_by_a_defect_is_fitted_anew(shop, tmp_path, fits, monkeypatc
     fits.clear()
     again = batch.run(shop, out, **arguments)
     assert fits == ["T1"]
-    assert not again.attention["words"].str.contains("a defect").any()
+    assert not again.attention["words"].str.contains("internal error").any()
     assert (again.results["reason"] == "").all()
     fits.clear()
     assert not batch.run(shop, out, **arguments).changed
@@ -381,7 +381,7 @@ def test_a_defect_in_a_pair_is_its_reason(shop, tmp_path, monkeypatch):
     made = batch.run(shop, tmp_path / "out", options=FILES, site=False)
     said = made.attention.set_index("tool").loc["T1"]
     assert said["kind"] == "no parameter file"
-    assert said["words"] == "a defect of fitmodels, not of the data: ZeroDivisionError: never to be met."
+    assert said["words"] == "internal error of fitmodels, not of the data: ZeroDivisionError: never to be met."
     assert len(list(made.out.glob("pairs/*/params.json"))) == PAIRS - 1
 
 

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let SIGINT wait until the block ends; processes and threads that start in it never meet it.
+    """Block SIGINT until the block ends; processes and threads that start in it never receive it.
 
     A blocked signal is inherited from the first instruction on: a handler that the child sets, or its own way to treat
     KeyboardInterrupt, comes too late while it still imports. And a KeyboardInterrupt between two lines of joblib or
@@ -29,11 +29,12 @@ def uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+KEPT = "finished results are kept and the same command continues from there"
 STATUS = Path("/proc/self/status")
 
 
 def largest_memory() -> int:
-    """Tell the peak of this process's resident memory, in bytes; 0 where the system (Windows) does not tell it.
+    """Peak of the resident memory of this process, in bytes; 0 where the system (Windows) does not report it.
 
     On Linux it is VmHWM of proc_pid_status(5): ``ru_maxrss`` of getrusage(2), which other systems have, begins there
     with the memory of the process that started this one.
@@ -43,9 +44,9 @@ def largest_memory() -> int:
     >>> largest_memory() > 1e7
     True
     """
-    told = [line for line in STATUS.read_text().splitlines() if line.startswith("VmHWM:")] if STATUS.exists() else []
-    if told:
-        return int(told[0].split()[1]) * 1024
+    peaks = [line for line in STATUS.read_text().splitlines() if line.startswith("VmHWM:")] if STATUS.exists() else []
+    if peaks:
+        return int(peaks[0].split()[1]) * 1024
     try:
         import resource
     except ImportError:
@@ -61,29 +62,29 @@ R = TypeVar("R")
 class Run(ABC):
     """Runs a function over tasks; made by `engine`.
 
-    The function is one that workers can import. What it raises comes out here as it is, and no task is tried again
-    for it. Only as many tasks are under way as keep the workers busy, so that results wait for whoever takes them.
+    Workers must be able to import the function. Its exceptions are raised here, and its tasks are not repeated. Only
+    as many tasks are submitted as keep the workers busy, so that results do not accumulate.
     """
 
     @abstractmethod
     def __call__(self, work: Callable[[T], R], tasks: Iterable[T]) -> Generator[tuple[int, R], None, None]:
-        """Give the position of a task and its result, in the order in which they are done.
+        """Position and result of each task, in the order of completion.
 
-        Closing the iterator stops the work: no more tasks are handed out, and those at hand end with the engine.
+        Closing the iterator stops the work: no more tasks are submitted, and running ones end with the engine.
         """
 
     @abstractmethod
     def describe(self) -> str:
-        """Tell where the tasks run."""
+        """Description of the engine."""
 
     def map(self, work: Callable[[T], R], tasks: Iterable[T]) -> list[R]:
-        """Give all results in the order of the tasks."""
+        """All results in the order of the tasks."""
         results = dict(self(work, tasks))
         return [results[position] for position in range(len(results))]
 
 
 class SerialRun(Run):
-    """One task at a time, when its result is asked for.
+    """One task at a time in this process, when its result is requested.
 
     Examples
     --------
@@ -92,10 +93,10 @@ class SerialRun(Run):
     """
 
     def __call__(self, work: Callable[[T], R], tasks: Iterable[T]) -> Generator[tuple[int, R], None, None]:
-        """Give position and result of each task."""
+        """Position and result of each task."""
         for position, task in enumerate(tasks):
             yield position, work(task)
 
     def describe(self) -> str:
-        """Tell where the tasks run."""
+        """Description of the engine."""
         return "this process"

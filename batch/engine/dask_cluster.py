@@ -13,7 +13,7 @@ from time import monotonic, sleep
 from typing import TypeVar
 
 from ...core.errors import FitmodelsError, UsageError
-from .base import Run, uninterrupted
+from .base import KEPT, Run, uninterrupted
 from .dask_scheduler import OfDask, no_answer, refuse_other_versions, scheduler_address
 
 CHATTER = ("distributed", "tornado")
@@ -23,9 +23,9 @@ FOR_CHILDREN = {"DASK_LOGGING__DISTRIBUTED": "critical"}  # read when a worker o
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Mute the loggers of Dask, which write to standard error, while the block runs.
+    """Disable the loggers of Dask, which write to standard error, while the block runs.
 
-    What matters is told by our own sentences; workers elsewhere log where they always do.
+    Our own messages report what matters; remote workers log as usual.
     """
     import dask
     import distributed  # makes the loggers
@@ -96,7 +96,7 @@ class Cluster(Run):
     address: str
 
     def __call__(self, work: Callable[[T], R], tasks: Iterable[T]) -> Generator[tuple[int, R], None, None]:
-        """Give position and result of each task, in the order in which they are done."""
+        """Position and result of each task, in the order of completion."""
         numbered = enumerate(tasks)
         positions: dict[OfDask, int] = {}  # by future: whoever holds one holds its result
         arriving = import_module("distributed").as_completed(
@@ -108,7 +108,7 @@ class Cluster(Run):
                 with uninterrupted():
                     room = max(AHEAD * threads(), AHEAD) - len(positions)
                     fresh = list(islice(numbered, max(room, 0)))
-                    futures = self._hand_over(work, [task for _, task in fresh])
+                    futures = self._submit(work, [task for _, task in fresh])
                     positions.update(zip(futures, (position for position, _ in fresh), strict=True))
                     arriving.update(futures)
                     del futures
@@ -124,14 +124,14 @@ class Cluster(Run):
                 for future in positions:  # Dask forgets the tasks that have not begun
                     future.release()
 
-    def _hand_over(self, work: Callable[[T], R], tasks: list[T]) -> list[OfDask]:
+    def _submit(self, work: Callable[[T], R], tasks: list[T]) -> list[OfDask]:
         try:
             return list(self.client.map(work, tasks, pure=False)) if tasks else []
         except import_module("distributed.client").ClosedClientError:
             raise FitmodelsError(_lost_scheduler(self.address)) from None
 
     def _next(self, arriving: OfDask, threads: "CachedNumber") -> list[tuple[OfDask, OfDask]]:
-        """Wait for results, but not for ever for workers: Dask does, whether any is left or not."""
+        """Wait for results, but only for a limited time for workers; Dask itself waits without limit."""
         seen = monotonic()
         while True:
             with uninterrupted():
@@ -151,9 +151,9 @@ class Cluster(Run):
             raise FitmodelsError(_lost_scheduler(self.address)) from None
 
     def _check(self, future: OfDask, result: OfDask) -> None:
-        """Raise what a task raised, or what became of it.
+        """Raise the exception of a task, or one for a lost task.
 
-        A result that came is one, even if the worker that had it is lost by now and the future says so.
+        A received result is valid, even if its worker is lost by now and the future is marked so.
         """
         if future.status not in ("error", "cancelled"):
             return
@@ -167,7 +167,7 @@ class Cluster(Run):
         raise FitmodelsError(_lost_scheduler(self.address))
 
     def describe(self) -> str:
-        """Tell where the tasks run."""
+        """Description of the engine."""
         workers = self.client.scheduler_info(0)["n_workers"]
         name = "local Dask cluster" if self.address == "local" else f"Dask cluster {self.address}"
         return f"{name}, {workers} worker{'s' * (workers != 1)}"
@@ -175,14 +175,14 @@ class Cluster(Run):
 
 @dataclass(slots=True)
 class CachedNumber:
-    """A number that is asked for anew when the last answer is older than `OLD`."""
+    """A number that is requested again when it is older than `OLD`."""
 
     ask: Callable[[], int]
     answer: int = 0
     since: float = -inf
 
     def __call__(self) -> int:
-        """Give the number."""
+        """The number."""
         if monotonic() - self.since > OLD:
             self.answer, self.since = self.ask(), monotonic()
         return self.answer
@@ -259,29 +259,22 @@ def _wait_for_workers(client: OfDask, address: str, say: Callable[[str], None]) 
 
 def _killed_workers(error: OfDask) -> str:
     return (
-        f"one task ended {error.allowed_failures + 1} Dask workers one after the other (the last was "
-        f"{error.last_worker.address}), as happens when it needs more memory than a worker may have: what is "
-        "finished is kept and the same command again goes on from there; with workers that have more memory "
-        "('dask worker --memory-limit')."
+        f"one task ended {error.allowed_failures + 1} Dask workers in succession (the last was "
+        f"{error.last_worker.address}), as happens when it needs more memory than a worker may have: {KEPT}; use workers "
+        "with more memory ('dask worker --memory-limit')."
     )
 
 
 def _lost_scheduler(address: str) -> str:
-    return (
-        f"the Dask scheduler {address} is gone: what is finished is kept and the same command again goes on from "
-        "there, once a scheduler and workers run."
-    )
+    return f"the connection to the Dask scheduler {address} is lost: {KEPT}, once a scheduler and workers run."
 
 
 def _no_workers(address: str) -> str:
-    return (
-        f"all workers of the Dask scheduler {address} have been gone for {RETURN:g} s: what is finished is kept and "
-        "the same command again goes on from there, once workers run."
-    )
+    return f"all workers of the Dask scheduler {address} are gone since {RETURN:g} s: {KEPT}, once workers run."
 
 
 def _other_copy(address: str) -> str:
     return (
-        f"the Dask cluster {address} cannot unpack the tasks: its scheduler and workers hold another copy of fitmodels "
-        "than this process, under the same version number; install the same copy there and start them again."
+        f"the Dask cluster {address} cannot unpack the tasks: its scheduler and workers have another copy of fitmodels "
+        "with the same version number; install the same copy there and start them again."
     )

@@ -17,7 +17,7 @@ FORM = re.compile(r"(?:(?P<scheme>tcp|tls)://)?(?P<host>[^\s:/\[\]]+|\[[0-9a-fA-
 
 
 def scheduler_address(given: str, patience: float) -> str:
-    """Give the address of a scheduler, after it has said that it is one.
+    """The address of a scheduler, after a test that it is one.
 
     Parameters
     ----------
@@ -29,14 +29,14 @@ def scheduler_address(given: str, patience: float) -> str:
     Raises
     ------
     UsageError
-        No address, no such file, nothing that answers, or something else that does.
+        Not an address, no such file, no answer, or another program that answers.
     """
     address = _in_file(Path(given)) if given.endswith(".json") else given
     parts = FORM.fullmatch(address)
     if parts is None or not 0 < int(parts["port"]) < 65536:
         raise UsageError(
-            f"--dask {given}: no address of a Dask scheduler; give 'local', tcp://HOST:PORT as it tells it itself "
-            "(its port is 8786 unless it says so), or its scheduler file."
+            f"--dask {given}: not an address of a Dask scheduler; give 'local', tcp://HOST:PORT (the default "
+            "port is 8786), or its scheduler file."
         )
     where = f"{parts['scheme'] or 'tcp'}://{parts['host']}:{parts['port']}"
     try:  # Dask itself tries again and again, here, and a port without anybody would take all of the time
@@ -57,17 +57,19 @@ async def _kind(where: str, patience: float) -> str:
     distributed: Any = import_module("distributed")
     secured = distributed.Security().get_connection_args("client")
     if where.startswith("tls") and secured["ssl_context"] is None:
-        raise UsageError(f"{where} wants certificates: name them in Dask's configuration, distributed.comm.tls.client.")
+        raise UsageError(
+            f"{where} requires certificates: name them in Dask's configuration, distributed.comm.tls.client."
+        )
     async with distributed.rpc(where, connection_args=secured) as scheduler:
-        told = await asyncio.wait_for(scheduler.identity(), patience)
-    return str(told["type"])
+        identity = await asyncio.wait_for(scheduler.identity(), patience)
+    return str(identity["type"])
 
 
 def no_answer(given: str, why: str) -> str:
-    """Say that no scheduler answers, and what to start."""
+    """Message that no scheduler answers, with what to start."""
     return (
         f"no Dask scheduler answers at {given} ({why}): start one with 'dask scheduler', workers with 'dask worker "
-        "ADDRESS', and give the address that the scheduler tells, as in --dask tcp://10.0.0.3:8786."
+        "ADDRESS', and give the address that the scheduler prints, as in --dask tcp://10.0.0.3:8786."
     )
 
 
@@ -80,11 +82,11 @@ def _in_file(path: Path) -> str:
             "writes it and keeps running."
         ) from None
     except (ValueError, KeyError, TypeError):
-        raise UsageError(f"{path}: no scheduler file, which holds the scheduler's address as JSON.") from None
+        raise UsageError(f"{path}: not a scheduler file, which contains the scheduler's address as JSON.") from None
 
 
 def refuse_other_versions(client: OfDask, address: str) -> None:
-    """Refuse a cluster whose workers, or scheduler (it unpacks the tasks too), have other versions than this process.
+    """Reject a cluster whose workers or scheduler have other versions than this process.
 
     Parameters
     ----------
@@ -94,7 +96,7 @@ def refuse_other_versions(client: OfDask, address: str) -> None:
     Raises
     ------
     UsageError
-        It names the first that differs and both versions.
+        Names the first that differs and both versions.
     """
     look = version_probe()
     ours = look()
@@ -109,10 +111,9 @@ def refuse_other_versions(client: OfDask, address: str) -> None:
 
 
 def version_probe() -> Callable[[], dict[str, str]]:
-    """Make the function that looks.
+    """The function that reports versions.
 
-    It is made in a function so that it is sent as it stands: a function of this module would be imported by the other
-    side, which is what may not be possible there.
+    A local function is sent by value: a function of this module would have to be imported on the other side.
     """
 
     def look() -> dict[str, str]:
@@ -132,7 +133,7 @@ def version_probe() -> Callable[[], dict[str, str]]:
 
 
 def versions_text(seen: dict[str, str]) -> str:
-    """Versions in words.
+    """Versions as a text.
 
     >>> versions_text({"fitmodels": "0.1.0", "Python": "3.11", "numpy": ""})
     'fitmodels 0.1.0, Python 3.11, no numpy'
@@ -142,7 +143,7 @@ def versions_text(seen: dict[str, str]) -> str:
 
 
 def remedy(seen: dict[str, str], ours: dict[str, str]) -> str:
-    """What brings the other side to our versions.
+    """The command that installs our versions on the other side.
 
     >>> old = {"fitmodels": "0.1.0", "Python": "3.11", "numpy": "2"}
     >>> remedy(old, old | {"fitmodels": "0.2.0"})

@@ -19,7 +19,7 @@ from time import monotonic, sleep
 from typing import Any, TypeVar
 
 from ...core.errors import FitmodelsError, UsageError
-from .base import Run, uninterrupted
+from .base import KEPT, Run, uninterrupted
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -47,7 +47,7 @@ class Processes(Run):
     under_way: "set[Future[Any]]" = field(default_factory=set)
 
     def __call__(self, work: Callable[[T], R], tasks: Iterable[T]) -> Generator[tuple[int, R], None, None]:
-        """Give position and result of each task, in the order in which they are done."""
+        """Position and result of each task, in the order of completion."""
         numbered = enumerate(tasks)
         positions: dict[Future[R], int] = {}
         done: SimpleQueue[Future[R]] = SimpleQueue()
@@ -82,7 +82,7 @@ class Processes(Run):
         return any(not future.done() for future in self.under_way)
 
     def describe(self) -> str:
-        """Tell where the tasks run."""
+        """Description of the engine."""
         return f"{self.jobs} processes (joblib)"
 
 
@@ -126,6 +126,6 @@ def _ended(error: BrokenProcessPool, jobs: int) -> str:
     codes = re.search(r"\{(.+)\}", str(error))
     how = f" ({codes[1]})" if codes else ""
     return (
-        f"one of the {jobs} processes was ended from outside{how}, as the system does when memory runs out: what is "
-        "finished is kept and the same command again goes on from there; with fewer --jobs if memory ran out."
+        f"one of the {jobs} processes was ended from outside{how}, as the system does when memory runs out: {KEPT}; "
+        "use fewer --jobs if memory ran out."
     )

@@ -1,4 +1,4 @@
-"""Opens the engine that is asked for, and closes it."""
+"""Selection of the engine of a batch."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ def engine(jobs: int = 1, dask: str | None = None, say: Callable[[str], None] | 
     dask : str, optional
         ``local`` for a Dask cluster on this machine, a scheduler's ``host:port`` or the path of its scheduler file.
     say : callable, optional
-        Told in a few words what is waited for.
+        Receives progress updates.
 
     Raises
     ------
@@ -51,4 +51,4 @@ def engine(jobs: int = 1, dask: str | None = None, say: Callable[[str], None] | 
 
 
 def _no_report(words: str) -> None:
-    """Nobody listens."""
+    """Receives progress updates and ignores them."""

@@ -150,7 +150,7 @@ def _with_files(
     for done, (pair, runs) in enumerate(of.rows.runs(), 1):
         i = place[pair]
         if not outcomes[i].reason:
-            made = _files(outcomes[i], runs, block.told_of(pair), plan, options)
+            made = _files(outcomes[i], runs, block.identity_of(pair), plan, options)
             cells[i] = made.cells
             outcomes[i] = replace(outcomes[i], concerns=(*outcomes[i].concerns, *made.concerns), files=made.files)
         if done % NOW_AND_THEN == 0:
@@ -164,7 +164,7 @@ def _files(found: PairOutcome, runs: "Runs", beside: Mapping[str, str], plan: Pl
 
 
 def _twice(one: PairOutcome, other: PairOutcome) -> PairOutcome:
-    why = f"{DEFECT}: the rows of this pair were handed over in two tables."
+    why = f"{DEFECT}: the rows of this pair are in two tables."
     return replace(_without(Pair(one.tool, one.work), why), nobs=one.nobs + other.nobs, groups=one.groups)
 
 

@@ -188,5 +188,5 @@ def concerns_of_file(pf: "ParameterFile") -> tuple[Concern, ...]:
             found.append(Concern("verdict", f"{response}: {' '.join(words)}"))
         drawn = None if pf.posterior is None else pf.posterior.laws.get(response)
         if drawn is not None:
-            found += [Concern("draws too sure", f"{response}: {words}") for words in wider(law, drawn)]
+            found += [Concern("draws too certain", f"{response}: {words}") for words in wider(law, drawn)]
     return tuple(found)

@@ -144,7 +144,9 @@ def _file(
     from ...parameters.file import as_bytes
 
     pair = block.pairs[0]
-    identity, odd = identity_of({**block.told_of(pair), **{header: name for header, name in groups.items() if name}})
+    identity, odd = identity_of(
+        {**block.identity_of(pair), **{header: name for header, name in groups.items() if name}}
+    )
     pf = parameters.collect(
         tool=pair.tool,
         work=pair.work,

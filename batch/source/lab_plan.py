@@ -191,7 +191,7 @@ def _said(
     names: list[str], found: list[FileScan], copies: list[str], holders: dict[Pair, list[tuple[Piece, int]]],
     reading: Reading,
 ) -> Iterator[str]:  # fmt: skip
-    """What was taken for granted, in full sentences."""
+    """Assumptions, in full sentences."""
     if nameless := [name for name, one in zip(names, found, strict=True) if one.named_by_file]:
         yield (
             f"{len(nameless)} file(s) name no tool; each is a tool by the name of its file: {some_names(nameless)}. "

@@ -1,4 +1,4 @@
-"""A Parquet source becomes a plan: its columns interpret_columns once, its pairs indexed, blocks of pairs cut."""
+"""A Parquet source becomes a plan: its columns interpreted once, its pairs indexed, its rows cut into blocks."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -103,7 +103,7 @@ class SourceColumns:
     Attributes
     ----------
     first : ParquetFile
-        The file from whose schema the columns are interpret_columns.
+        The file from whose schema the columns are interpreted.
     columns : tuple of ColumnUse
         Its columns, then what folders say, then the file's name where that tells the tool.
     kinds : mapping of str to str
@@ -218,7 +218,7 @@ def number_of(text: str) -> float:
 
 
 def _without_codes(frame: pd.DataFrame, reading: Reading) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """The frame without numbers in columns that have a range, and how those are interpret_columns."""
+    """The frame without numbers in columns that have a range, and how these are interpreted."""
     if not reading.ranges:
         return frame, ()
     blank = pd.DataFrame({name: _blank(frame[name]) for name in frame})
