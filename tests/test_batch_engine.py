@@ -329,7 +329,7 @@ def test_a_scheduler_file_that_is_not_there_or_is_none_is_told(tmp_path):
     with pytest.raises(UsageError, match="cannot be read"):
         scheduler_address(str(tmp_path / "none.json"), 1.0)
     (tmp_path / "other.json").write_text("[1]", "utf-8")
-    with pytest.raises(UsageError, match="no scheduler file"):
+    with pytest.raises(UsageError, match="not a scheduler file"):
         scheduler_address(str(tmp_path / "other.json"), 1.0)
 
 

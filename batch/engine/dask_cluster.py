@@ -260,8 +260,8 @@ def _wait_for_workers(client: OfDask, address: str, say: Callable[[str], None]) 
 def _killed_workers(error: OfDask) -> str:
     return (
         f"one task ended {error.allowed_failures + 1} Dask workers in succession (the last was "
-        f"{error.last_worker.address}), as happens when it needs more memory than a worker may have: {KEPT}; use workers "
-        "with more memory ('dask worker --memory-limit')."
+        f"{error.last_worker.address}), as happens when it needs more memory than a worker may have: {KEPT}; "
+        "use workers with more memory ('dask worker --memory-limit')."
     )
 
 
@@ -270,7 +270,7 @@ def _lost_scheduler(address: str) -> str:
 
 
 def _no_workers(address: str) -> str:
-    return f"all workers of the Dask scheduler {address} are gone since {RETURN:g} s: {KEPT}, once workers run."
+    return f"all workers of the Dask scheduler {address} have been gone for {RETURN:g} s: {KEPT}, once workers run."
 
 
 def _other_copy(address: str) -> str:
