@@ -198,11 +198,9 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
 
 def _only_numbers(column: Column, role: Role) -> None:
     if column.bad:
-        cells = ", ".join(f"line {line}: {text!r}" for line, text in column.bad[:3])
-        cells += f" and {column.bad_count - 3} more" if column.bad_count > 3 else ""
         raise DataError(
             f"column {column.name!r} ({role.quantity} {role.symbol}) contains text instead of numbers: "
-            f"{cells}. " + (_remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
+            f"{column.bad_cells()}. " + (_remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
         )
     if not column.is_numeric:
         shown = next((str(v) for v in column.values if v != ""), "")

@@ -126,7 +126,7 @@ def _levels(position: Floats, low: float, high: float, digits: int | None) -> Fl
 
 
 def _position(levels: Floats, low: float, high: float) -> Floats:
-    """Where levels stand on the geometric scale from -1 (low) to +1 (high)."""
+    """Positions of levels on the geometric scale from -1 (low) to +1 (high)."""
     return np.asarray(np.log(levels * levels / (low * high)) / np.log(high / low), dtype=np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Which column of a table is the time, the input and the output of a record, and in which units."""
+"""Time, input and output of a record among the columns of a table, and their units."""
 
 import re
 import unicodedata
@@ -43,7 +43,7 @@ class ColumnHeader:
 
 
 def heads(columns: Sequence[Column]) -> tuple[ColumnHeader, ...]:
-    """Take the headers of all columns apart."""
+    """The columns with their headers split."""
     out = []
     for column in columns:
         header = parse_header(column.name)
@@ -241,11 +241,9 @@ def only_numbers(head: ColumnHeader) -> None:
         shown = next((str(v) for v in column.values if v != ""), "")
         raise DataError(f"column {head.label} holds text, for instance {shown!r}, and no signal: name another column.")
     if column.bad:
-        cells = ", ".join(f"line {line}: {text!r}" for line, text in column.bad[:3])
-        more = f" and {column.bad_count - 3} more" if column.bad_count > 3 else ""
         raise DataError(
-            f"column {head.label} contains text instead of numbers: {cells}{more}. Write a number, or leave the cell "
-            "empty: it then counts as a gap."
+            f"column {head.label} contains text instead of numbers: {column.bad_cells()}. Write a number, or leave "
+            "the cell empty: it then counts as a gap."
         )
 
 

@@ -249,7 +249,7 @@ def looks_like_record(file: str | os.PathLike[str] | Table) -> FileKind:
 
     Parameters
     ----------
-    file : path, or a Table that was read with ``is_unit`` of this room
+    file : path, or a Table that was read with ``is_unit`` of `datasets.units`
 
     Examples
     --------

@@ -191,7 +191,7 @@ LEVELS = 16  # a signal of no more distinct values switches between levels on pu
 
 
 def signal_findings(name: str, values: Array, unit: str = "") -> tuple[str, ...]:
-    """What is odd about one signal, shape (n,): it is constant, or looks clipped.
+    """Notes on one signal, shape (n,), that is constant or looks clipped.
 
     >>> signal_findings("u", np.ones(50))
     ('u is constant at 1: without variation it carries no information',)
@@ -214,7 +214,7 @@ def signal_findings(name: str, values: Array, unit: str = "") -> tuple[str, ...]
 
 
 def clipped(values: Array, extreme: float) -> tuple[int, int]:
-    """How often a signal, shape (n,), runs straight into its extreme value and stays there, and for how many samples.
+    """Number of times that a signal, shape (n,), runs into its extreme value and stays there, and of samples there.
 
     Coarse readings are constant at the crest of a slow sine, and so is a settled machine. Neither
     comes in with a slope that would have carried it well past the extreme.

@@ -29,7 +29,7 @@ class Findings:
     remarks: list[int] = field(default_factory=list)
 
     def sentences(self) -> list[str]:
-        """Tell it in full sentences.
+        """The findings as full sentences.
 
         >>> Findings(footers=[(9, "Mean")]).sentences()
         ["Footer rows are left out: line 9 'Mean'."]

@@ -65,7 +65,7 @@ def load_bytes(path: Path) -> bytes:
 
 
 def encoding_of(data: bytes, name: str) -> str:
-    """Tell the encoding of a text file's bytes, as a Python codec name.
+    """Encoding of a text file's bytes, as a Python codec name.
 
     Tried in this order: byte order mark, zero bytes on one side of each pair (UTF-16), UTF-8, Windows-1252.
 
@@ -96,7 +96,7 @@ def encoding_of(data: bytes, name: str) -> str:
 
 
 def encoding_name(encoding: str) -> str:
-    """Give the name users know of a Python codec.
+    """Common name of a Python codec.
 
     >>> encoding_name("utf-8-sig"), encoding_name("utf-16-le")
     ('UTF-8', 'UTF-16')

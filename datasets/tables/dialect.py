@@ -23,7 +23,7 @@ _END = "\x00end"  # follows the last line: a cell that swallows it was opened by
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """How a table is written.
+    """Encoding, delimiter and decimal mark of a table.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Dialect:
     has_header: bool
 
     def describe(self) -> str:
-        r"""Say it in one short phrase.
+        r"""The dialect in one short phrase.
 
         >>> Dialect("cp1252", "\t", "point", "", False).describe()
         'Windows-1252, tabs, decimal point, no header'
@@ -128,7 +128,7 @@ class TextSource:
         return [(n, line.strip()) for n, line in lines if is_comment(line, self.delimiter)]
 
     def as_written(self, numbers: set[int]) -> dict[int, str]:
-        r"""Give lines by number as written in the file, without the delimiters Excel pads them with.
+        r"""Lines by number as written in the file, without the delimiters Excel pads them with.
 
         >>> TextSource("a.csv", b"Test 5;;\nV;f\n", "utf-8", ";", False).as_written({1})
         {1: 'Test 5'}
@@ -216,7 +216,7 @@ def split_line(line: str, delimiter: str) -> list[str]:
 
 
 def is_comment(line: str, delimiter: str) -> bool:
-    """Tell a comment from a row whose first cell is an Excel error mark or a column named "#".
+    """Whether a line is a comment, not a row whose first cell is an Excel error mark or a column named "#".
 
     >>> is_comment("# steel", ";"), is_comment("#DIV/0!;2", ";"), is_comment("#;V", ";")
     (True, False, False)

@@ -32,7 +32,7 @@ class Column:
     bad : tuple of (int, str)
         Line and text of the first five cells of a numeric column that are not numbers.
     bad_count : int
-        How many there are in all.
+        Number of all such cells.
 
     >>> Column(1, "V", "m/min", np.array([100.0]), True).labels()
     array(['100'], dtype=object)
@@ -48,7 +48,7 @@ class Column:
     bad_count: int = 0
 
     def labels(self) -> NDArray[np.object_]:
-        """Give the values as text, shape (n,): whole numbers without a point, "" where missing.
+        """The values as text, shape (n,): whole numbers without a point, "" where missing.
 
         >>> Column(1, "edge", "", np.array([1.0, 2.5, np.nan]), True).labels()
         array(['1', '2.5', ''], dtype=object)
@@ -57,6 +57,11 @@ class Column:
             return self.values.copy()
         texts = ["" if v != v else str(int(v)) if v.is_integer() else repr(v) for v in self.values.tolist()]
         return np.array(texts, dtype=object)
+
+    def bad_cells(self) -> str:
+        """The first cells of `bad` as a list for messages, and the number of the others."""
+        cells = ", ".join(f"line {line}: {text!r}" for line, text in self.bad[:3])
+        return cells + (f" and {self.bad_count - 3} more" if self.bad_count > 3 else "")
 
 
 @dataclass(slots=True)
@@ -136,7 +141,7 @@ def _columns(body: Body, gatherings: list[_Gathering]) -> Iterator[Column]:
     again = _reread(body, lacking)
     for i, (g, name, unit) in enumerate(zip(gatherings, layout.names, layout.unit_cells, strict=True)):
         if not name and not unit and not g.filled:
-            continue  # an empty column between or beside the others
+            continue  # an empty column between the others or next to them
         if g.is_numeric:
             values: NDArray[Any] = np.concatenate(g.floats)
             g.floats.clear()
@@ -158,7 +163,7 @@ def _reread(body: Body, places: list[int]) -> dict[int, NDArray[np.object_]]:
 
 
 def _texts(cells: tuple[Cell, ...]) -> NDArray[np.object_]:
-    """Give the cells as text, one object for equal texts."""
+    """The cells as text, one object for equal texts."""
     known = {cell: _text(cell) for cell in set(cells)}
     return np.array([known[cell] for cell in cells], dtype=object)
 

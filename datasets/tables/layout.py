@@ -113,7 +113,7 @@ def find_layout(rows: Iterable[tuple[int, Sequence[Cell]]], is_unit: Callable[[s
 
 
 def footer_label(cells: Sequence[Cell]) -> str:
-    """Give the label of a row of sums or means as written, or "" for any other row.
+    """Label of a row of sums or means as written, or "" for any other row.
 
     >>> footer_label(["", "Mittelwert:", "3,5"]), footer_label(["E1", "3,5"])
     ('Mittelwert:', '')
@@ -124,7 +124,7 @@ def footer_label(cells: Sequence[Cell]) -> str:
 
 
 def is_text_line(cells: Sequence[Cell], layout: Layout) -> bool:
-    """Tell whether a row at the end of a file is a remark: it has no value where the data rows have numbers.
+    """Whether a row at the end of a file is a remark: it has no value where the data rows have numbers.
 
     A row written to the table's width is a remark only if it fills one cell, and that in a column of numbers;
     else it is a data row without values.
@@ -168,7 +168,7 @@ def _no_numbers(sample: Sequence[_Row], name: str) -> DataError:
 
 
 def _find_head(rows: Sequence[_Row], width: int, is_unit: Callable[[str], bool]) -> int | None:
-    """Give the place of the header among the rows up to the first full data row, or None."""
+    """Position of the header among the rows up to the first full data row, or None."""
     places = [i for i, row in enumerate(rows[:-1]) if row.is_text and row.filled >= min(2, width)]
     if not places:
         return None
@@ -180,7 +180,7 @@ def _find_head(rows: Sequence[_Row], width: int, is_unit: Callable[[str], bool])
 
 
 def _is_units_row(row: _Row, header: _Row, is_unit: Callable[[str], bool]) -> bool:
-    """Tell whether most filled cells are units, standing below names, and one of them is not a number."""
+    """Whether most filled cells are units, standing below names, and one of them is not a number."""
     if row.written != header.written and len(row.cells) != len(header.cells):
         return False
     places = [i for i, cell in enumerate(row.cells) if str(cell).strip()]
@@ -198,7 +198,7 @@ def _is_unit_cell(text: str, is_unit: Callable[[str], bool]) -> bool:
 
 
 def _matches(row: _Row, numeric: Sequence[bool]) -> bool:
-    """Tell whether a row above the first full one is data: no text where that row has numbers."""
+    """Whether a row above the first full one is data: no text where that row has numbers."""
     if len(row.cells) > len(numeric) or not row.numbers:
         return False
     pairs = zip(row.cells, numeric, strict=False)

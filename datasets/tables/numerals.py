@@ -63,7 +63,7 @@ def is_missing(text: str) -> bool:
 
 
 def is_number(cell: Cell) -> bool:
-    """Tell whether a cell is a number under either reading of its marks.
+    """Whether a cell is a number under either reading of its marks.
 
     >>> is_number("1,5"), is_number("12.03.2024")
     (True, False)
@@ -152,7 +152,7 @@ class Evidence:
         return bool(self.counts["point"] or self.counts["comma"])
 
     def add(self, lines: Sequence[int], columns: Iterable[Sequence[Cell]]) -> None:
-        """Take a block of rows into account, given column by column.
+        """Add a block of rows, given column by column.
 
         >>> evidence = Evidence()
         >>> evidence.add([2, 3], [("1.234", "0.5")])

@@ -79,7 +79,7 @@ def plain_numbers(lines: Sequence[str], width: int, delimiter: str, decimal: Dec
 
 
 def _numbers(body: Body, decimal: Decimal) -> Generator[NumberBlock, None, Iterable[tuple[int, Sequence[Cell]]]]:
-    """Give the blocks of numbers that begin the data, and return the rows below them.
+    """Yield the blocks of numbers that begin the data, and return the rows below them.
 
     They end where blocks of cells would end, so that what is found at the foot of a table does not change.
     """

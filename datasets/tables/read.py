@@ -162,7 +162,7 @@ def read_table(
 def _from_workbook(
     data: bytes, name: str, title: str | None, is_unit: Callable[[str], bool]
 ) -> tuple[WorkbookSheet, Layout, list[tuple[int, str]], list[str]]:
-    """Take the first sheet that holds a table, with a note naming the others."""
+    """The first sheet that holds a table, with a note naming the others."""
     sheets, titles = read_sheets(data, name, title)
     refusals: list[DataError] = []
     for sheet in sheets:
@@ -178,7 +178,7 @@ def _from_workbook(
 
 
 def _from_text(source: TextSource, is_unit: Callable[[str], bool]) -> tuple[Layout, list[tuple[int, str]], list[str]]:
-    """Lay out a text file; without a header row, a comment above with as many cells serves as one."""
+    """Layout of a text file; without a header row, a comment above with as many cells serves as one."""
     layout = find_layout(source, is_unit, source.name)
     comments = source.comments()
     if layout.header_line:

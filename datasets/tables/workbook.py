@@ -31,7 +31,7 @@ class WorkbookSheet:
         return enumerate(self.rows, start=1)
 
     def as_written(self, numbers: set[int]) -> dict[int, str]:
-        """Give rows by number as text, filled cells joined by a blank.
+        """Rows by number as text, filled cells joined by a blank.
 
         >>> WorkbookSheet("a.xlsx", "Data", (("Test", "", "5"),)).as_written({1})
         {1: 'Test 5'}
@@ -40,7 +40,7 @@ class WorkbookSheet:
 
 
 def is_workbook(data: bytes, name: str) -> bool:
-    """Tell whether a file is an .xlsx workbook, whatever its name.
+    """Whether a file is an .xlsx workbook, whatever its name.
 
     Raises
     ------

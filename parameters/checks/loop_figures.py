@@ -135,7 +135,7 @@ def _inside(p: Array, radius: float) -> bool:
 
 
 def _at_rest(loop: ClosedLoop) -> float:
-    """Where the step ends: the closed transfer function at z = 1; an integrator makes it 1 exactly."""
+    """Final value of the step: the closed transfer function at z = 1; an integrator makes it 1 exactly."""
     above, below = loop.b.sum() * loop.pn.sum() * loop.hd.sum(), loop.characteristic.sum()
     if abs(_product(loop.a, loop.pd).sum()) <= 1e-13 * np.abs(loop.a).sum() and above:
         return 1.0

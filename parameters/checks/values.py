@@ -152,9 +152,9 @@ def _of_law(law: "LawSection", where: str) -> Iterator[Stated]:
 
 def _of_sections(pf: "ParameterFile") -> Iterator[Stated]:
     if pf.limits is not None:
-        for name, kind in KINDS.items():
+        for name, unit in KINDS.items():
             if (bound := getattr(pf.limits, name)) is not None:
-                yield Stated(f"limits.{name}", bound.unit, kind)
+                yield Stated(f"limits.{name}", bound.unit, unit)
     for name, units in SECTION_UNITS.items():
         if (section := getattr(pf, name)) is not None:
             for field, (quantity, kind) in units.items():

@@ -74,7 +74,7 @@ _ORDER = (
 
 
 def hal_file(view: ExportView) -> str:
-    """Give the HAL file.
+    """Content of the HAL file.
 
     Raises
     ------

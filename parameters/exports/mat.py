@@ -33,7 +33,7 @@ NOT_IN_MAT = (
 
 
 def mat_file(view: ExportView) -> bytes:
-    """Give the .mat file; the same view gives the same bytes."""
+    """Content of the .mat file; the same view gives the same bytes."""
     from scipy.io import savemat
 
     file = BytesIO()

@@ -124,7 +124,7 @@ NOT_IN_SSV = (
 
 
 def ssv_file(view: ExportView) -> str:
-    """Give the parameter set."""
+    """Content of the file with the parameter set."""
     units = {q.unit: found for q in view.quantities if (found := si_unit(q.unit)) is not None}
     head = f'name="{_text(view.name)}" version="1.0" generationTool="{_text(view.made_by)}"'
     return "\n".join([

@@ -127,7 +127,7 @@ END_FOR;
 
 
 def structured_text(view: ExportView) -> str:
-    """Give the function block.
+    """Content of the file with the function block.
 
     Raises
     ------

@@ -14,7 +14,7 @@ NOT_IN_C = (
 
 
 def c_header(view: ExportView) -> str:
-    """Give the header."""
+    """Content of the header file."""
     guard = f"FITMODELS_{view.name.upper()}_H"
     pair, *origin = view.origin
     head = [f"{view.made_by}: {pair}", *origin, *view.remarks(NOT_IN_C)]
@@ -44,7 +44,7 @@ NOT_IN_INI = (
 
 
 def ini_file(view: ExportView) -> str:
-    """Give the ini file."""
+    """Content of the ini file."""
     about = {
         "made_by": view.made_by, "parameter_file": view.checksum, "tool": view.tool, "work": view.work,
         "machine": view.machine, "simulated": "yes" if view.simulated else "no",
@@ -81,7 +81,7 @@ NOT_IN_GCODE = (
 
 
 def gcode(view: ExportView) -> str:
-    """Give the G-code: to be pasted above the first cut of a programme.
+    """G-code to be pasted above the first cut of a programme.
 
     >>> fixed(1.5e-05), fixed(1000.0), fixed(-0.1)
     ('0.000015', '1000', '-0.1')

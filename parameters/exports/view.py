@@ -52,7 +52,7 @@ class TunedGains:
 
 @dataclass(frozen=True, slots=True)
 class ExportView:
-    """What every export is written from.
+    """View of a parameter file from which every export is written.
 
     ``tool``, ``work`` and ``machine`` are plain text already (see `names.plain`), ``name`` an identifier.
     ``file_quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
@@ -85,7 +85,7 @@ class ExportView:
         return (*(f"assumed: {words}" for words in self.assumed), *(f"not carried: {words}" for words in not_carried))
 
     def needed_loop(self) -> LoadLoop:
-        """Give the loop, or refuse: for an export that is nothing without gains.
+        """The loop, for a format that needs one.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class ExportView:
 
 
 def export_view(pf: "ParameterFile") -> ExportView:
-    """Give the view of a parameter file.
+    """The view of a parameter file.
 
     Raises
     ------

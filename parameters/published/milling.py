@@ -29,7 +29,7 @@ NONE = {"kind": "none", "reason": "the paper prints points, no scatter of one to
 
 @dataclass(frozen=True, slots=True)
 class MillingCase:
-    """What the paper prints of one kind of milling; ``held`` are feed and wear at 0.24 A, ``criterion`` is assumed."""
+    """Printed data of one kind of milling; ``held`` are feed and wear at 0.24 A, ``criterion`` is assumed."""
 
     name: str
     sharp: float  # mm/min at 0.24 A
