@@ -16,7 +16,7 @@ from .laws import about_intervals, law_part, tool_life_part
 from .parts import Card, IdentityPart, PublicationPart
 from .profiler import profiler_part
 from .uncertainty import statements
-from .windows import windows
+from .windows import window_parts
 
 NO_LAWS = "The file holds no law; fit a file of cutting tests: fitmodels data.csv."
 
@@ -60,7 +60,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
         "uncertainty": statements(pf),
         "dynamics": dynamics_part(pf.dynamics),
         "gains": gains_part(pf.pi, pf.dynamics),
-        "windows": windows(pf),
+        "windows": window_parts(pf),
         "figures": figures(pf, folder),
         "profiler": profiler_part(pf),
         "intended": intended(pf),

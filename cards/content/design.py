@@ -101,7 +101,7 @@ def middle(law: LawSection) -> dict[str, float]:
     """Middle of each factor's range: geometric where the law takes logarithms of it.
 
     >>> from fitmodels.parameters.sections.law import EXAMPLE
-    >>> middle(Law.model_validate(EXAMPLE))
+    >>> middle(LawSection.model_validate(EXAMPLE))
     {'V': 100.0}
     """
     return {f.symbol: middle_of(f.low, f.high, logs=law.form == "power") for f in law.factors}

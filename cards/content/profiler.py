@@ -71,13 +71,13 @@ def profile(law: ProfiledLawPart, at: Mapping[str, float]) -> Value:
 
     Parameters
     ----------
-    law : ProfiledLaw
+    law : ProfiledLawPart
     at : mapping
         A number above zero for each of its factors, the wear among them.
 
     Examples
     --------
-    >>> law = ProfiledLaw(response="AW", quantity="wear", unit="mm", form="power", multiplies=True, factors=("V",),
+    >>> law = ProfiledLawPart(response="AW", quantity="wear", unit="mm", form="power", multiplies=True, factors=("V",),
     ...                   low=(50.0,), high=(200.0,), theta=(-4.6, 0.5))
     >>> value, low, high = profile(law, {"V": 100.0})
     >>> round(value, 4), low

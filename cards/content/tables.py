@@ -4,15 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from ...core.display import TextTable
 from .numbers import between, quantity
-from .parts import (
-    CheckPart,
-    CoefficientPart,
-    FactorRangePart,
-    FactPart,
-    LawPart,
-    PosteriorPart,
-    UncertaintyPart,
-)
+from .parts import CheckPart, CoefficientPart, FactorRangePart, FactPart, LawPart, PosteriorPart, UncertaintyPart
 
 
 def coefficient_table(lines: Sequence[CoefficientPart], law: LawPart | None = None) -> TextTable:

@@ -21,7 +21,7 @@ RANGES = {"feed": "feed", "feed_rate": "feed rate", "speed": "cutting speed", "s
 TITLE = "Window of operation"
 
 
-def windows(pf: ParameterFile) -> tuple[WindowPart, ...]:
+def window_parts(pf: ParameterFile) -> tuple[WindowPart, ...]:
     """Limits, window of operation, and the settings of each controller in the file."""
     window = operation_window(pf)
     found = (

@@ -48,7 +48,7 @@ def tables(entries: Sequence[CardEntry]) -> list[ComparisonTable]:
     return [_table(key, held) for key, held in ordered]
 
 
-def comparison(entries: Sequence[CardEntry]) -> dict[str, Any]:
+def exponents_data(entries: Sequence[CardEntry]) -> dict[str, Any]:
     """Data of the script: pairs, and for each law and factor the exponents.
 
     An exponent is a list: place of its pair, value, standard error, degrees of freedom, low, high, then the three
@@ -56,7 +56,7 @@ def comparison(entries: Sequence[CardEntry]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> comparison([])
+    >>> exponents_data([])
     {'pairs': [], 'sets': []}
     """
     place = {e.slug: at for at, e in enumerate(entries)}

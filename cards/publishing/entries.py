@@ -108,7 +108,7 @@ def with_slugs(entries: Sequence[CardEntry]) -> list[CardEntry]:
 
     Examples
     --------
-    >>> one = Entry(slug="a-b", title="a", summary="", tool="a", work="b", simulated=True, content_sha256="0" * 64)
+    >>> one = CardEntry(slug="a-b", title="a", summary="", tool="a", work="b", simulated=True, content_sha256="0" * 64)
     >>> two = one.model_copy(update={"content_sha256": "1" * 64})
     >>> [e.slug for e in with_slugs([one, two])]
     ['a-b-00000000', 'a-b-11111111']

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from ..forms.page import data_block
 from ..forms.rendering import asset, checksum, environment
-from .comparison import comparison, tables
+from .comparison import exponents_data, tables
 from .entries import CardEntry
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def compare_page(entries: Sequence[CardEntry], title: str) -> str:
     >>> "Compare exponents" in compare_page([], "Cards")
     True
     """
-    data = json.dumps(comparison(entries), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    data = json.dumps(exponents_data(entries), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return _page(
         "site_compare", title, entries, choices=_choices(entries), tables=tables(entries), data=data_block(data)
     )
