@@ -204,5 +204,5 @@ def test_at_the_most_steps_it_returns_what_there_is(most):
 
 def test_a_start_without_density_is_refused():
     nowhere = Target(lambda x: np.full(len(x), -np.inf), np.zeros(2), np.eye(2))
-    with pytest.raises(FitError, match="no density where it should start"):
+    with pytest.raises(FitError, match="the posterior density is zero at its start"):
         chains(nowhere, seed=1)

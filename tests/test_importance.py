@@ -195,5 +195,5 @@ def test_a_covariance_of_lower_rank_has_a_root_all_the_same():
 
 def test_a_start_without_density_is_refused():
     nowhere = Target(lambda x: np.full(len(x), -np.inf), np.zeros(2), np.eye(2))
-    with pytest.raises(FitError, match="no density where it should start"):
+    with pytest.raises(FitError, match="the posterior density is zero at its start"):
         importance(nowhere, np.random.default_rng(1))

@@ -203,7 +203,7 @@ def test_an_error_in_mm_is_a_larger_share_of_little_wear():
     assert others[0].params["AW"] < row["mean"]
     rough = latent_wear(wear, others, 0.06, unit="mm", method="importance")
     assert rough.coarse == (0.06 / wear.fitted > 0.3).sum() > 0
-    assert any("rough" in note for note in rough.notes)
+    assert any("the approximation is poor" in note for note in rough.notes)
 
 
 def test_a_gauge_error_known_from_few_readings_leaves_more_open():
@@ -234,7 +234,7 @@ def test_a_gauge_error_as_large_as_all_scatter_is_told():
     wear, others = laws(cut(0.05))
     joint = latent_wear(wear, others, 0.2, method="importance", draws=400)
     assert not joint.closed_form[0]
-    assert any("the priors speak with the rows" in note for note in joint.notes)
+    assert any("the priors are influential" in note for note in joint.notes)
 
 
 def additive(wear, others):
@@ -244,8 +244,8 @@ def additive(wear, others):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda w, o: latent_wear(w, [], 0.05), "one of the wear and one of each load"),
-        (lambda w, o: latent_wear(w, [o[0], o[0]], 0.05), "one of the wear and one of each load"),
+        (lambda w, o: latent_wear(w, [], 0.05), "one law of the wear and one of each load"),
+        (lambda w, o: latent_wear(w, [o[0], o[0]], 0.05), "one law of the wear and one of each load"),
         (lambda w, o: latent_wear(o[0], [w], 0.05), "P is no factor of the law of AW"),
         (lambda w, o: latent_wear(w, o, -0.05), "a standard deviation is 0 or more"),
         (lambda w, o: latent_wear(w, o, 0.05, unit="inch"), "give it in that, or in 'ln'"),
@@ -255,7 +255,7 @@ def additive(wear, others):
         (lambda w, o: latent_wear(w, o, 0.05, priors="reference"), "'weak', or Priors of each response"),
         (lambda w, o: latent_wear(w, o, 0.05, priors={"P": reference(o[0], edges=True)}), "must have a proper prior"),
         (lambda w, o: latent_wear(w, o, 0.05, method="nuts"), "'importance' or 'emcee'"),
-        (lambda w, o: latent_wear(w, laws(cut(0.05, seed=9))[1], 0.05), "fit all laws to the same runs"),
+        (lambda w, o: latent_wear(w, laws(cut(0.05, seed=9))[1], 0.05), "fit all to the same runs"),
         (additive, "fitted with error='multiplicative'"),
     ],
 )
