@@ -21,7 +21,7 @@ def build_schema() -> dict[str, Any]:
     Examples
     --------
     >>> build_schema()["properties"]["identity"]
-    {'$ref': '#/$defs/Identity'}
+    {'$ref': '#/$defs/IdentitySection'}
     """
     made = ParameterFile.model_json_schema()
     _first_paragraphs(made)

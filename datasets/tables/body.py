@@ -69,7 +69,7 @@ class Body:
         >>> rows = [(1, ["V", "f"]), (2, ["1", "2"]), (3, ["Mean", "2"])]
         >>> body = Body("a.csv", rows, find_layout(rows, lambda text: False, "a.csv"), ",")
         >>> list(body.blocks(Findings()))
-        [Block(lines=[2], columns=[('1',), ('2',)])]
+        [RowBlock(lines=[2], columns=[('1',), ('2',)])]
 
         """
         lines: list[int] = []

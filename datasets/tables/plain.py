@@ -32,7 +32,7 @@ def stretches(body: Body, findings: Findings, decimal: Decimal) -> Iterator[Numb
     >>> source = TextSource("a.csv", b"V,f\n" + 2300 * b"1,2\n", "utf-8", ",", False)
     >>> body = Body("a.csv", source, find_layout(source, lambda text: False, "a.csv"), ",")
     >>> [(type(part).__name__, len(part.lines)) for part in stretches(body, Findings(), "point")]
-    [('Numbers', 2000), ('Block', 300)]
+    [('NumberBlock', 2000), ('RowBlock', 300)]
 
     """
     below = yield from _numbers(body, decimal)

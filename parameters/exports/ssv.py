@@ -51,7 +51,7 @@ def si_unit(unit: str) -> SiUnit | None:
     """A unit in SI, None where it has no such form; quotients such as ``(mm/min)/A/s`` are taken apart.
 
     >>> si_unit("mm/min"), si_unit("(mm/min)/A").powers, si_unit("HRC")
-    (Si(powers=(('m', 1), ('s', -1)), factor=1.6666666666666667e-05), (('m', 1), ('s', -1), ('A', -1)), None)
+    (SiUnit(powers=(('m', 1), ('s', -1)), factor=1.6666666666666667e-05), (('m', 1), ('s', -1), ('A', -1)), None)
     """
     depths = _depths(unit)
     if not unit.strip(" ()") or min(depths) < 0 or depths[-1]:
