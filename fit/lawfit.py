@@ -110,11 +110,6 @@ class LawFit(RowAccess, Plottable):
         return replace(self, rows=rows, **sizes, **changes)
 
     @property
-    def law(self) -> LawForm:
-        """The same as ``formula``."""
-        return self.formula
-
-    @property
     def design(self) -> Array:
         """Columns of the linear form, shape (n, p)."""
         return self.formula.design(self.X, self.shifts)
