@@ -28,7 +28,7 @@ CHECKS = {  # name in the file -> name of the check, and of its statistic
     "even scatter of edges": ("Homoscedasticity, edges (Breusch-Pagan)", "χ²"),
     "normality": ("Normality, rows (Anderson-Darling)", "A²"),
     "normality of edges": ("Normality, edges (Anderson-Darling)", "A²"),
-    "error structure": ("Error structure", "difference in log-likelihood"),
+    "error structure": ("Error structure", "difference in log L"),
     "rival forms": ("Competing forms (cross-validation)", "difference in error"),
     "time exponent": ("Equal time exponents of edges", "F"),
     "dominant edge": ("Dominant edge", ""),
