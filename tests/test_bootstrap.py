@@ -20,7 +20,7 @@ def test_a_draw_is_the_refit_of_its_edges():
         rows = np.concatenate(
             [np.flatnonzero(whole.edge == e) for e, k in zip(names, drawn, strict=True) for _ in range(k)]
         )
-        Z, y = whole.law.design(whole.X[rows]), np.log(whole.observed[rows])
+        Z, y = whole.formula.design(whole.X[rows]), np.log(whole.observed[rows])
         np.testing.assert_allclose(theta, fit.linear(Z, y).params, rtol=1e-7)
 
 

@@ -47,8 +47,8 @@ def test_rows_are_judged_by_the_laws_own_prediction_interval():
 def test_independent_rows_are_chows_test():
     """F from the residual sums of squares of both samples and of the old one alone (Chow 1960, eq. 27)."""
     fitted, runs = law(edge=None), new()
-    Z, y = fitted.law.design(fitted.X), np.log(fitted.observed)
-    Z2, y2 = fitted.law.design(runs.data[FACTORS].to_numpy()), np.log(runs.values("AW"))
+    Z, y = fitted.formula.design(fitted.X), np.log(fitted.observed)
+    Z2, y2 = fitted.formula.design(runs.data[FACTORS].to_numpy()), np.log(runs.values("AW"))
     old, both = OLS(y, Z).fit(), OLS(np.r_[y, y2], np.vstack([Z, Z2])).fit()
     expected = (both.ssr - old.ssr) / len(y2) / (old.ssr / old.df_resid)
     (test,) = confirm(fitted, runs).tests

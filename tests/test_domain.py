@@ -40,9 +40,9 @@ def hat(Z):
 def test_leverage_of_rows_is_the_hat_value():
     fitted = law(edge=None)
     ours = fitted.region
-    np.testing.assert_allclose(ours.leverage(points(fitted)), hat(fitted.law.design(fitted.X)), rtol=1e-7)
+    np.testing.assert_allclose(ours.leverage(points(fitted)), hat(fitted.formula.design(fitted.X)), rtol=1e-7)
     assert ours.spaces[0].of == "rows"
-    assert ours.largest_leverage == pytest.approx(hat(fitted.law.design(fitted.X)).max(), rel=1e-7)
+    assert ours.largest_leverage == pytest.approx(hat(fitted.formula.design(fitted.X)).max(), rel=1e-7)
 
 
 def test_leverage_of_edge_settings_is_the_hat_value_of_one_row_an_edge():
@@ -52,7 +52,7 @@ def test_leverage_of_edge_settings_is_the_hat_value_of_one_row_an_edge():
     np.testing.assert_allclose(ours.leverage(dict(edges.items()) | {"t": 8.0}), expected, rtol=1e-7)
     assert [space.of for space in ours.spaces] == ["edge settings", "rows"]
     rows = region.leverages(ours.facts(), fitted.X)[:, 1]
-    np.testing.assert_allclose(rows, hat(fitted.law.design(fitted.X)), rtol=1e-7)
+    np.testing.assert_allclose(rows, hat(fitted.formula.design(fitted.X)), rtol=1e-7)
 
 
 def test_the_corner_of_the_axial_box_is_outside():

@@ -31,7 +31,7 @@ def test_likelihoods_are_those_of_the_densities():
     """OLS of statsmodels on ln F less sum ln F; scipy's normal density of the natural residuals."""
     one = law("multiplicative")
     found = error_structure(one)
-    logs = OLS(np.log(one.observed), one.law.design(one.X)).fit()
+    logs = OLS(np.log(one.observed), one.formula.design(one.X)).fit()
     assert found.multiplicative == pytest.approx(logs.llf - np.log(one.observed).sum(), rel=EXACT)
     other = one.alternative
     natural = norm(scale=np.sqrt(other.rss / other.nobs)).logpdf(other.residuals).sum()
