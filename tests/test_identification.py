@@ -57,7 +57,7 @@ def test_a_second_run_judges_where_there_is_one():
     found = identify([run(30, 1), run(30, 2)])
     assert "run 2 of 2" in found.validated_on
     other = identify(run(30, 1), held_out=run(30, 3))
-    assert "held out" in other.validated_on
+    assert "held-out samples" in other.validated_on
 
 
 def test_known_orders_are_taken_as_they_are():
