@@ -69,7 +69,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
         "provenance": provenance_part(pf),
     }
     end = f"End of card {parts['slug']}, {identity.content_sha256[:12]}"
-    return Card(schema="fitmodels.card/1", **parts, empty=_empty(pf, parts), end=end)
+    return Card(schema="fitmodels.card/2", **parts, empty=_empty(pf, parts), end=end)
 
 
 def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:

@@ -299,12 +299,12 @@ class ProfilerPart(Part):
 
 
 class Card(Part):
-    """A model card of a tool/work pair, schema ``fitmodels.card/1``.
+    """A model card of a tool/work pair, schema ``fitmodels.card/2``.
 
     ``empty``: name of each empty field -> the reason in a sentence.
     """
 
-    schema_: str = Field(default="fitmodels.card/1", alias="schema")
+    schema_: str = Field(default="fitmodels.card/2", alias="schema")
     slug: str
     title: str
     summary: str  # one or two sentences
