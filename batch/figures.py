@@ -1,4 +1,4 @@
-"""Pictures of a comparison: families of each grouping beside the pairs, alone and with their family."""
+"""Figures of a comparison: families of each grouping, and pairs alone and pooled with their family."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -197,7 +197,7 @@ def _with(grouping: str) -> str:
 
 
 def _reach(some: pd.DataFrame, centres: str, names: Sequence[str]) -> tuple[float, float]:
-    """Limits that hold centres and named ends, but for what lies far out: one wild pair would flatten the rest."""
+    """Limits that hold centres and named ends, but for what lies far out: one extreme pair would compress the rest."""
     middle = some[centres].to_numpy(dtype=float)
     ends = some[list(names)].to_numpy(dtype=float)
     held = np.concatenate([middle, ends[np.isfinite(ends)]])
@@ -243,7 +243,7 @@ def _legend(ax: Axes) -> None:
 
 
 def _short(name: str) -> str:
-    """A long name without its middle: its end tells grades and inserts apart."""
+    """A long name without its middle: its end distinguishes grades and inserts."""
     return name if len(name) <= NAME else f"{name[: NAME // 2 - 2]}...{name[1 - NAME // 2 :]}"
 
 
@@ -252,7 +252,7 @@ def _plain(name: object) -> str:
 
 
 def _free(stem: str, taken: set[str]) -> str:
-    """A file's name that differs from the others on discs that tell no f from F."""
+    """A file name that differs from the others without regard to case."""
     number, free = 1, stem
     while free.casefold() in taken:
         number += 1

@@ -1,4 +1,4 @@
-"""The output folder: whose it is, what in it is ours, and the way out for what is no longer wanted."""
+"""The output folder: its owner, the files that batch wrote, and the removal of those that are out of date."""
 
 import json
 from collections.abc import Collection, Iterable, Iterator

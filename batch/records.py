@@ -1,4 +1,4 @@
-"""Records of finished blocks, so that a batch that was stopped goes on without fitting anything twice."""
+"""Records of finished blocks, with which an interrupted batch continues without fitting anything twice."""
 
 import json
 from base64 import b64decode, b64encode
@@ -26,7 +26,7 @@ WRITERS = 4  # a file waits for the disk longer than for the processor: four tog
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """Files that a record names: their SHA-256 by their path within the output folder.
+    """Files of a record: their SHA-256 by their path within the output folder.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Written:
 
 
 def key_of(block: Block, plan: Plan, options: BatchOptions) -> str:
-    """SHA-256 of all that the numbers of a block depend on; where its files stand is not among it.
+    """SHA-256 of everything that the numbers of a block depend on; the place of its files is excluded.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, st
 
 
 def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome | None:
-    """What came of a block that was finished before, without the bytes of its files.
+    """The outcome of a block that was finished before, without the bytes of its files.
 
     None where it has to be fitted: its record is missing, torn or of another schema; a file is missing or is not as
     it was written (its SHA-256 is compared), or belongs in another folder now.
@@ -140,7 +140,7 @@ def _bytes(data: Mapping[str, Any]) -> bytes:
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """A record, None where it is none that this version understands; names that lead elsewhere are none of ours."""
+    """A record, None where this version cannot read it or a name leads out of the folder."""
     try:
         data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -172,7 +172,7 @@ def _plain(outcome: BlockOutcome) -> dict[str, Any]:
 
 
 def _packed(values: "pd.Series[Any]") -> list[Cell] | str:
-    """A column of the table of laws: doubles in base 64, as they stand in memory; others cell by cell."""
+    """A column of the table of laws: doubles in base 64, as in memory; others cell by cell."""
     if values.dtype == np.float64:
         return b64encode(values.to_numpy(dtype="<f8").tobytes()).decode()
     return values.astype(object).where(values.notna(), None).tolist()

@@ -1,4 +1,4 @@
-"""The site of all cards of a batch; what none of them tells yet is asked for once, above them."""
+"""The site of all cards of a batch; fields that all cards lack are requested in one card.toml."""
 
 import json
 import os
@@ -20,7 +20,7 @@ __all__ = ["TITLE", "site_of"]
 
 
 def check_card(card: str | os.PathLike[str]) -> None:
-    """Refuse a card.toml that is none, before anything is fitted.
+    """Reject an invalid card.toml before anything is fitted.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def check_card(card: str | os.PathLike[str]) -> None:
 def site_of(
     out: Path, card: str | os.PathLike[str] | None, title: str, jobs: int, meter: Meter, keys: Sequence[str]
 ) -> PublicationReport | None:
-    """Publish the cards in ``out``, unless the site of these very blocks stands there already.
+    """Publish the cards in ``out``, unless the site of these very blocks exists already.
 
     None where no pair has a parameter file. What is asked for in a ``card.toml`` is the user's from then on: no batch
     takes it away.

@@ -28,7 +28,7 @@ QUARTERS = (0.25, 0.5, 0.75)
 
 
 def source_block(plan: Plan) -> RenderableType:
-    """What was found in the source, before anything is fitted."""
+    """Contents of the source."""
     table = _grid()
     table.add_row("source", f"{plan.name}: {_kind(plan)}; {grouped(plan.rows)} rows, {_pairs(len(plan.pairs))}")
     table.add_row("in blocks", _blocks(plan))
@@ -48,7 +48,7 @@ def source_block(plan: Plan) -> RenderableType:
 
 
 def batch_blocks(made: Batch) -> Iterator[RenderableType]:
-    """What came of it, in the order in which one asks."""
+    """Results of a batch: laws, comparison, attention, files."""
     yield laws_block(made)
     if len(made.comparison.families):
         yield comparison_block(made.comparison)
@@ -65,7 +65,7 @@ def batch_blocks(made: Batch) -> Iterator[RenderableType]:
 
 
 def laws_block(made: Batch) -> RenderableType:
-    """For each law, how many pairs have it, how well it fits, and the middle half of each parameter."""
+    """For each law the number of pairs, R2 and the quartiles of each parameter."""
     laws = made.results[made.results["reason"] == ""]
     title = Text(f"Laws of {grouped(made.with_law)} of {_pairs(made.pairs)}", style="bold")
     if made.simulated:
@@ -81,7 +81,7 @@ def laws_block(made: Batch) -> RenderableType:
 
 
 def _quarters(rows: pd.DataFrame, form: str) -> Table:
-    """The middle half of each parameter over the pairs."""
+    """Quartiles of each parameter over the pairs."""
     table = _right_aligned("quarter below", "half below", "three quarters below")
     for label, column in _quantities(rows, form):
         table.add_row(label, *(format_plain(float(v), 3) for v in rows[column].astype(float).quantile(list(QUARTERS))))
@@ -112,7 +112,7 @@ def _right_aligned(*heads: str) -> Table:
 
 
 def attention_block(made: Batch) -> RenderableType:
-    """Kinds of concern, how many pairs have each, and one of them in its own words."""
+    """Kinds of concern, the number of pairs with each, and one example."""
     needing = made.attention[["tool", "work"]].drop_duplicates()
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("why", no_wrap=True)
@@ -161,7 +161,7 @@ def _families(comparison: Comparison) -> list[dict[str, object]]:
 
 
 def _quantities(rows: pd.DataFrame, form: str) -> Iterator[tuple[str, str]]:
-    """Label and column of what is told of a law over the pairs."""
+    """Label and column of each quantity of a law."""
     yield "R2", "rsquared"
     for name in rows:
         parameter = str(name).removeprefix("params_")
@@ -201,7 +201,7 @@ def _site(made: Batch) -> Iterator[RenderableType]:
 
 
 def _asked_for(made: Batch) -> Iterator[str]:
-    """What is still to be told, and where."""
+    """Fields that are still missing, and their files."""
     fields = {name for problem in _problems(made) for name in problem.fields}
     shared = sorted(fields - {"iso513"})
     if shared:
@@ -216,7 +216,7 @@ def _asked_for(made: Batch) -> Iterator[str]:
 
 
 def _against(made: Batch) -> list[str]:
-    """What else stands against the cards: the same words of many pairs once."""
+    """Other reasons against publication; equal reasons of several pairs once."""
     told: dict[str, list[str]] = {}
     for problem in _problems(made):
         if not problem.fields:
@@ -261,7 +261,7 @@ def _kind(plan: Plan) -> str:
 
 
 def _not_read(reasons: Mapping[str, str]) -> list[str]:
-    """Each part of a source with its reason, which may name it; of many the rest by name alone."""
+    """Each unreadable part of a source with its reason; of many the rest by name only."""
     said = [why if name.split("/")[-1] in why else f"{name}: {why}" for name, why in reasons.items()]
     rest = list(reasons)[MOST_LISTED:]
     others = f" and {grouped(len(rest) - NAMED)} others" if len(rest) > NAMED else ""
@@ -316,7 +316,7 @@ def _response(response: str, rows: pd.DataFrame, drawn: "pd.Series[float]", leve
 
 
 def _chosen(rows: pd.DataFrame) -> pd.DataFrame:
-    """All pairs for every factor first, then the largest families, told in the order of the table."""
+    """All pairs for every factor first, then the largest families, in the order of the table."""
     order = rows.assign(whole=rows["grouping"] == WHOLE).sort_values(["whole", "pairs"], ascending=False, kind="stable")
     chosen = rows.loc[order.index[:MOST_FAMILIES]]
     turn = {name: place for place, name in enumerate(dict.fromkeys(rows["factor"]))}
@@ -333,7 +333,7 @@ def _cells(row: Mapping[Any, Any], pull: float) -> list[str | Text]:
 
 
 def _ends(low: float, high: float) -> str:
-    """An interval, its ends to the decimals that its width deserves."""
+    """An interval, rounded by its width."""
     places = _places(low, high)
     return f"{low:z.{places}f} to {high:z.{places}f}"
 

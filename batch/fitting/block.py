@@ -1,4 +1,4 @@
-"""A block of pairs is fitted: the table from stacks, the files pair by pair, and every failure is a reason."""
+"""Fit of a block of pairs: the table of all pairs at once, the files pair by pair, failures as reasons."""
 
 import gc
 import time
@@ -55,7 +55,7 @@ def fit_block(block: Block, plan: Plan, options: BatchOptions) -> BlockOutcome:
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Leave garbage where it is: the collector takes a sixth of the time; `_with_files` calls it now and then."""
+    """Disable garbage collection, which takes a sixth of the time; `_with_files` collects after some files."""
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -66,7 +66,7 @@ def _uncollected() -> Iterator[None]:
 
 
 class Found(NamedTuple):
-    """What came of a block, as `BlockOutcome` holds it."""
+    """Fit of a block, with the fields of `BlockOutcome`."""
 
     pairs: tuple[PairOutcome, ...]
     laws: pd.DataFrame
@@ -144,7 +144,7 @@ def _of_rows(
 def _with_files(
     of: NumberedRows, outcomes: list[PairOutcome], laws: pd.DataFrame, block: Block, plan: Plan, options: BatchOptions
 ) -> tuple[list[PairOutcome], pd.DataFrame]:
-    """The same with the files of each pair that has a law, and with what came up on the way."""
+    """The same with the files of each pair that has a law, and concerns from making them."""
     place = {pair: i for i, pair in enumerate(of.pairs)}
     cells: dict[int, Mapping[str, Mapping[str, Cell]]] = {}
     for done, (pair, runs) in enumerate(of.rows.runs(), 1):

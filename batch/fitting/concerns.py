@@ -58,7 +58,7 @@ def differs(header: str, names: Sequence[str]) -> Concern:
 
 
 def identity_of(groups: Mapping[str, str]) -> tuple[dict[str, str], list[Concern]]:
-    """What the groups tell of the identity of a parameter file, and what cannot stand there.
+    """Identity of a parameter file from the groups, and concerns on invalid groups.
 
     Examples
     --------
@@ -102,7 +102,7 @@ EACH_ITS_EDGE = "is an edge of its own"  # rows are independent: nothing is lack
 
 
 def concerns_of_laws(table: pd.DataFrame, none: Mapping[int, str], pairs: int) -> list[tuple[Concern, ...]]:
-    """What the laws of each pair say; the same words of several laws of a pair are said once.
+    """Concerns from the laws of each pair; equal words of several laws are joined.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def _numbers(laws: pd.DataFrame, name: str, otherwise: float) -> NDArray[np.floa
 
 
 def concerns_of_file(pf: "ParameterFile") -> tuple[Concern, ...]:
-    """Verdicts of checks on which one should act, those of a law together.
+    """Verdicts of checks that require action, those of a law together.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The parameter file of a pair among thousands, its draws if they are kept, and what the posterior adds to its rows."""
+"""The parameter file of a pair, its draws if they are kept, and its posterior in the table."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ PARAMETERS, DRAWS = "params.json", "draws.npz"
 
 @dataclass(frozen=True, slots=True)
 class PairFiles:
-    """Files of a pair by name, concerns that came up on the way, and cells for its laws by response."""
+    """Files of a pair by name, concerns from making them, and cells for its laws by response."""
 
     files: Mapping[str, bytes]
     concerns: tuple[Concern, ...]

@@ -181,7 +181,7 @@ def infinite(runs: Runs, names: Collection[str] = ROLES) -> str:
 
 
 def unit_of(units: Mapping[str, str], symbol: str) -> str:
-    """Unit of a response; the usual one where nobody says."""
+    """Unit of a response; the default one where none is given."""
     return units.get(symbol, ROLES[symbol].unit if symbol in ROLES else "")
 
 
@@ -225,7 +225,7 @@ def _infinite_pairs(of: NumberedRows, names: list[str], rows: Ints) -> dict[int,
 
 
 def _where(of: NumberedRows, row: int) -> str:
-    """Where a row stands, as whoever made the source can find it."""
+    """Line or number of a row in its source."""
     if of.rows.lines is not None:
         return f"line {of.rows.lines[row]}"
     return f"row {1 + np.count_nonzero(of.number[:row] == of.number[row])} of this pair"

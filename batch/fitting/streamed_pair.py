@@ -1,4 +1,4 @@
-"""A pair of more rows than one process holds: each of its power laws is fitted in a pass of its own over the chunks."""
+"""A pair with more rows than memory: each of its power laws is fitted in one pass over the chunks."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
@@ -28,7 +28,7 @@ SEVERAL = 5  # names of a group that are kept
 
 @dataclass(slots=True)
 class Seen:
-    """What a pass tells besides the law: rows, columns that hold anything, names of groups; ``whole`` at its end."""
+    """Contents of a stream: number of rows, non-empty columns, names of groups; ``whole`` at its end."""
 
     headers: tuple[str, ...]
     rows: int = 0
@@ -37,7 +37,7 @@ class Seen:
     whole: bool = False
 
     def over(self, chunks: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
-        """The chunks, looked at as they pass."""
+        """The chunks, recorded as they pass."""
         for chunk in chunks:
             self.rows += len(chunk)
             self.held |= {str(name) for name in chunk if name not in self.held and chunk[name].notna().any()}
@@ -85,7 +85,7 @@ def streamed_outcome(block: Block, plan: Plan, options: BatchOptions) -> tuple[P
 
 
 def no_law_asked(held: Iterable[str]) -> str:
-    """Why no law is asked for.
+    """Reason why the columns allow no law.
 
     >>> no_law_asked({"V", "tool"})
     'its rows hold V alone: a law needs wear, a force or power, and V, f, d or t.'
@@ -103,7 +103,7 @@ def _chunks(block: Block, plan: Plan) -> "Generator[pd.DataFrame, None, None]":
 def _laws(
     block: Block, plan: Plan, options: BatchOptions, seen: Seen, header: frozenset[str]
 ) -> "list[tuple[dict[str, Cell], LawFit | None]]":
-    """The rows of the table and the laws; the first pass also tells which columns hold nothing, for the others."""
+    """The rows of the table and the laws; the first pass also finds empty columns."""
     asked, done = asked_laws(header.__contains__), {}
     if asked:
         done[asked[0]] = _law(block, plan, options, asked[0], seen)

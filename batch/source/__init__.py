@@ -1,4 +1,4 @@
-"""What is to be fitted, and where its rows stand: SOURCE -> Plan; a block of the plan -> Rows, or chunks of a stream.
+"""Sources: SOURCE -> Plan; a block of the plan -> Rows, or chunks of a stream.
 
 open_source   which kind of source it is             lab_file     a lab file -> Runs, named where it names no tool
 files_plan    lab files -> Plan                      files_rows   a block -> Rows, pairs of several files joined

@@ -21,7 +21,7 @@ def no_report(words: str) -> None:
 
 
 def is_large(path: Path) -> bool:
-    """Whether a file is a text that is not read whole."""
+    """Whether a text file is too large to be read whole."""
     return path.suffix.lower() != ".xlsx" and path.stat().st_size > LARGE
 
 

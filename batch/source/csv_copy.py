@@ -1,4 +1,4 @@
-"""A CSV too large for memory -> a Parquet file beside the results, block by block, and its plan."""
+"""A CSV too large for memory -> a Parquet file in the output folder, block by block, and its plan."""
 
 import json
 import shutil
@@ -22,7 +22,7 @@ GROUP = 100_000  # rows of a row group, at least
 
 @dataclass(frozen=True, slots=True)
 class Converted:
-    """A Parquet file made of a CSV: where it stands, how it is to be read, and what was met on the way."""
+    """A Parquet file made from a CSV: its path, how it is read, and sentences on irregular rows."""
 
     path: Path
     reading: Reading

@@ -1,4 +1,4 @@
-"""How a CSV too large for memory is written, told from its beginning."""
+"""Dialect and columns of a CSV too large for memory, from its beginning."""
 
 from collections import Counter
 from dataclasses import dataclass, replace

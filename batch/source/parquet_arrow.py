@@ -20,7 +20,7 @@ except ImportError:
 __all__ = ["UNREADABLE", "pa", "pc", "pq", "why"]
 
 UNREADABLE = (pa.ArrowException, OSError, ValueError, MemoryError)
-"""What a damaged file may raise: a size that the damage made enormous ends as MemoryError."""
+"""Errors of damaged files; a wrong size may raise MemoryError."""
 
 
 def why(error: BaseException) -> str:
@@ -125,7 +125,7 @@ def text_of(value: object) -> str:
 
 
 def numbered(tool: Labels, work: Labels, number: Callable[[tuple[str, str]], int]) -> Ints:
-    """What ``number`` says of the pair of each row, shape (n,); it is asked once a pair, in order of appearance.
+    """The ``number`` of the pair of each row, shape (n,); it is called once for each pair, in order of appearance.
 
     >>> both = labels(pa.array(["B", "A", "B"])), labels(pa.array(["s", "s", "s"]))
     >>> numbered(*both, number={("A", "s"): 0, ("B", "s"): 1}.__getitem__).tolist()

@@ -129,7 +129,7 @@ def of_rows(values: Array | Labels, rows: Ints | slice) -> Array | Labels:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What a row group holds: numbers of its pairs in order of appearance, and the rows of each."""
+    """Contents of a row group: numbers of its pairs in order of appearance, and the rows of each."""
 
     piece: Piece
     pairs: Ints
@@ -143,7 +143,7 @@ class Held:
 
 @dataclass(frozen=True, slots=True)
 class Index:
-    """Pairs by number, what each row group holds of them, and what could not be read."""
+    """Pairs by number, their rows in each row group, and unreadable parts."""
 
     number: dict[tuple[str, str], int] = field(default_factory=dict)
     held: list[Held] = field(default_factory=list)
@@ -170,7 +170,7 @@ class Index:
 def indexed(
     files: tuple[ParquetFile, ...], known: SourceColumns, reading: Reading, report: Callable[[str], None]
 ) -> Index:
-    """Look through all files, in order; a file or a row group that cannot be read is told and passed by."""
+    """Look through all files, in order; a file or a row group that cannot be read is recorded and skipped."""
     index = Index()
     keys = tuple(use for use in known.columns if use.role in UNNAMED and getattr(reading, str(use.role)) is None)
     stems = names_of_files(files) if any(use.header == FILE_NAME for use in keys) else None
@@ -191,7 +191,7 @@ def indexed(
 
 
 def _own_partition(file: ParquetFile, known: SourceColumns, stem: str | None) -> tuple[tuple[str, str], ...]:
-    """What folders say that no column of the files does, and the file's name where that is a tool."""
+    """Values of folders without a column in the files, and the file's name where that is the tool."""
     said = tuple((key, value) for key, value in file.partition if key not in known.kinds)
     return said if stem is None or FILE_NAME in known.kinds else (*said, (FILE_NAME, stem))
 

@@ -64,13 +64,13 @@ def _inside(source: Path, without: Path) -> Iterator[Path]:
 
 
 def stamp_of(path: Path) -> str:
-    """Size and time of change: what tells that a file was written again."""
+    """Size and time of change, which show that a file was written again."""
     status = path.stat()
     return f"{status.st_size}:{status.st_mtime_ns}"
 
 
 def hive(folders: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """What folders named ``header=value`` say.
+    """Headers and values of folders named ``header=value``.
 
     >>> hive(("2024", "tool=GC%204325", "work=__HIVE_DEFAULT_PARTITION__"))
     (('tool', 'GC 4325'), ('work', ''))
@@ -89,7 +89,7 @@ def names_of_files(files: tuple[ParquetFile, ...]) -> tuple[str, ...]:
 
 @lru_cache(maxsize=8)
 def footer(path: str, stamp: str) -> Any:  # noqa: ANN401  the stamp is part of the key
-    """What the end of a file says of it; kept, since several blocks read from one file."""
+    """Metadata of a file; cached, since several blocks read from one file."""
     return pq.read_metadata(path)
 
 
@@ -98,7 +98,7 @@ FEW = 500  # rows that are looked at
 
 @dataclass(frozen=True, slots=True)
 class SourceColumns:
-    """What is read of every file.
+    """Columns that are read from every file.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ def group_column(columns: tuple[ColumnUse, ...], name: str) -> ColumnUse:
 
 
 def interpret_columns(first: ParquetFile, files: tuple[ParquetFile, ...], reading: Reading) -> SourceColumns:
-    """Roles, units and what is assumed of them.
+    """Roles, units and assumptions.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _cells(array: Any, kind: str) -> "pd.Series[Any]":  # noqa: ANN401
 
 
 def _said(key: str, files: tuple[ParquetFile, ...], n: int) -> "pd.Series[Any]":
-    """What folders say under a key, as numbers where all are numbers."""
+    """Values of folders under a key, as numbers where all are numbers."""
     values = [dict(file.partition).get(key, "") for file in files]
     if all(is_number(value) for value in values):
         return pd.Series(np.full(n, number_of(values[0])))
@@ -204,7 +204,7 @@ def _said(key: str, files: tuple[ParquetFile, ...], n: int) -> "pd.Series[Any]":
 
 
 def is_number(text: str) -> bool:
-    """Whether what a folder says is a number, or nothing."""
+    """Whether the value of a folder is a number or empty."""
     try:
         number_of(text)
     except ValueError:
@@ -213,7 +213,7 @@ def is_number(text: str) -> bool:
 
 
 def number_of(text: str) -> float:
-    """The number that a folder says, NaN where it says nothing."""
+    """The value of a folder as a number, NaN where it is empty."""
     return float(text) if text else float("nan")
 
 
@@ -240,7 +240,7 @@ def _blank(cells: "pd.Series[Any]") -> "pd.Series[Any]":
 
 
 def mismatch(file: ParquetFile, schema: Any, known: SourceColumns, reading: Reading) -> str | None:  # noqa: ANN401
-    """Why a file cannot be read as the first one is, None where it can."""
+    """Reason why a file cannot be read like the first one, None where it can."""
     return next(_mismatches(file, schema, known, reading), None)
 
 

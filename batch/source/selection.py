@@ -1,4 +1,4 @@
-"""What SOURCE is: a folder of lab files, a Parquet data set, or a CSV too large for memory."""
+"""Selection of the kind of source: a folder of lab files, a Parquet data set, or a CSV too large for memory."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -19,7 +19,7 @@ OURS = ("results.csv", "attention.csv", "comparison.csv", "pooled.csv", "pairs",
 
 @dataclass(frozen=True, slots=True)
 class FolderContents:
-    """What a folder holds, at any depth, in the order of the paths; without hidden files and our own output."""
+    """Contents of a folder at any depth, in the order of the paths, without hidden files and output of fitmodels."""
 
     lab: tuple[Path, ...]
     parquet: tuple[Path, ...]
@@ -38,7 +38,7 @@ def open_source(
     report: Callable[[str], None] = no_report,
     map_over: MapOver = map,
 ) -> Plan:
-    """Look through a source: which pairs it holds, where their rows stand, and in which blocks they are fitted.
+    """Plan a source: its pairs, the places of their rows, and the blocks in which they are fitted.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def open_source(
     work : Path
         Folder for a copy of the source, where one is needed.
     report : callable
-        Is told what is being done.
+        Receives progress updates.
     map_over : callable
         ``map_over(work, tasks)`` gives the results in the order of the tasks; the built-in ``map`` by default.
 
@@ -147,7 +147,7 @@ def chunks_of(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
 
 
 def folder_contents(folder: Path) -> FolderContents:
-    """Sort what a folder holds; what ``fitmodels`` wrote there is passed by.
+    """Contents of a folder by kind; output of ``fitmodels`` is skipped.
 
     Examples
     --------
