@@ -36,7 +36,7 @@ def write_figures(comparison: Comparison, folder: Path, banner: str = "") -> lis
     Examples
     --------
     >>> import tempfile
-    >>> from .comparison import compare
+    >>> from fitmodels.batch.comparison import compare
     >>> write_figures(compare(pd.DataFrame()), Path(tempfile.mkdtemp()))
     []
     """

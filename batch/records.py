@@ -43,7 +43,7 @@ def key_of(block: Block, plan: Plan, options: BatchOptions) -> str:
 
     Examples
     --------
-    >>> from ..plan import Piece, Reading
+    >>> from fitmodels.batch.plan import Piece, Reading
     >>> block = Block((Pair("GC435", "709M40"),), (Piece("/lab/a.csv", "a.csv", "7f31"),), 144)
     >>> plan = Plan("lab", "files", (block,), 144, (), (), (), Reading())
     >>> key_of(block, plan, BatchOptions()) == key_of(block, plan, BatchOptions(seed=2))

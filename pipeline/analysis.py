@@ -164,7 +164,7 @@ def analyse(
     >>> from fitmodels import analyse, datasets
     >>> analysis = analyse(datasets.bundled("ac2017_table1"), draws=1000)
     >>> [law.response for law in analysis.laws], analysis.parameters.identity.tool
-    (['AW', 'Fxz', 'P'], 'ISO P10')
+    (['AW', 'Fxz', 'P'], 'GC435')
     """
     from .reading import read_source
 

@@ -27,10 +27,10 @@ def groups_of_pairs(of: NumberedRows, headers: Sequence[str]) -> tuple[list[dict
     >>> from fitmodels.datasets.runs import Source
     >>> from fitmodels.batch.plan import Pair
     >>> from fitmodels.batch.rows import Rows
-    >>> from fitmodels.batch.fitting.pair_laws import looked_over
+    >>> from fitmodels.batch.fitting.pair_laws import numbered_rows
     >>> frame = pd.DataFrame({"tool": ["A", "A"], "work": ["W", "W"], "coolant": ["", "dry"]})
     >>> rows = Rows(frame, np.arange(2), {}, (), Source("", "", 2, ""))
-    >>> groups_of_pairs(looked_over(rows, {Pair("A", "W")}), ["coolant"])
+    >>> groups_of_pairs(numbered_rows(rows, {Pair("A", "W")}), ["coolant"])
     ([{'coolant': 'dry'}], [[]])
     """
     groups: list[dict[str, str]] = [dict.fromkeys(headers, "") for _ in of.pairs]

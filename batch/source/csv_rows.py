@@ -175,7 +175,7 @@ def batches(
     source: Path, head: "Head", met: IrregularRows, report: Callable[[str], None], block_size: int, cells: "Cells"
 ) -> Iterator[list[Any]]:
     """The columns of each block of rows, and at last of the rows that were short."""
-    import pyarrow as pa  # type: ignore[import-untyped]
+    import pyarrow as pa
 
     done, waiting = 0, None
     for texts in _texts(source, head, met, report, block_size):
@@ -256,7 +256,7 @@ def _columns(batch: Any, head: "Head", cells: "Cells", done: int) -> list[Any]: 
 
 def _without_blanks(batch: Any) -> Any:  # noqa: ANN401
     """Rows that hold anything: programs pad tables with rows of delimiters."""
-    import pyarrow.compute as pc  # type: ignore[import-untyped]
+    import pyarrow.compute as pc
 
     blank = None
     for column in batch.columns:
