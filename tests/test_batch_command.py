@@ -310,7 +310,7 @@ ODD = {
     "no Parquet": (["junk.parquet"], 3, "junk.parquet: cannot be read", written("junk.parquet", b"junk")),
     "no process": (["SHOP", "--jobs", "0"], 2, "0 is not a number of processes", None),
     "no scheduler": (["SHOP", "--dask", "127.0.0.1:1"], 2, "no Dask scheduler answers at 127.0.0.1:1", None),
-    "no address": (["SHOP", "--dask", "nonsense"], 2, "no address of a Dask scheduler", None),
+    "no address": (["SHOP", "--dask", "nonsense"], 2, "not an address of a Dask scheduler", None),
     "no pairs": (["SHOP", "--pairs", "p.csv"], 3, "neither tool nor work is a column", written("p.csv", b"a,b\n1,2\n")),
     "other pairs": (
         ["SHOP", "--pairs", "p.csv"], 2, "none of which the source holds", written("p.csv", b"tool,iso513\nzz,P20\n"),
