@@ -42,7 +42,7 @@ def test_a_record_is_recognised_and_identified(run, german, tmp_path):
     code, out, err = run(german.name)
     assert (code, err) == (0, "")
     assert "G(z) = (0.06" in out
-    assert "non-minimum phase" in out
+    assert "Non-minimum phase" in out
     assert "sensor noise most likely biases ARX" in out
     folder = tmp_path / "lauf-fit"
     pf = parameters.read(folder / "params.json")

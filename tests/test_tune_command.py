@@ -86,7 +86,7 @@ def test_the_section_as_json(file, capsys):
     ("options", "words"),
     [
         ([], "no limit on speed"),
-        (["--rise", "2", "--scaling", "1459"], "go together"),
+        (["--rise", "2", "--scaling", "1459"], "give both"),
         (["--rise", "-1"], "rise"),
         (["--rise", "2", "--probability", "0.9"], "covariance"),
         (["--rise", "2", "--aim", "nothing"], "aim"),
@@ -110,10 +110,10 @@ def test_a_file_without_dynamics_says_what_to_do(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("scaling", "words"),
     [
-        ((), "For gains in feed say --scaling 1459 --unit mm/min --force too."),
+        ((), "For gains in feed add --scaling 1459 --unit mm/min --force."),
         (("--scaling", "1459", "--unit", "mm/min"), None),  # the paper's, G(1)/B
         (("--scaling", "1700", "--unit", "mm/min"), None),  # two experiments do not agree to the digit
-        (("--scaling", "200", "--unit", "mm/min"), "Said was 200, 0.14 times that"),
+        (("--scaling", "200", "--unit", "mm/min"), "The given scaling is 200, 0.14 times that"),
         (("--scaling", "2", "--unit", "rpm"), None),  # not the unit of the law
     ],
     ids=["none is said", "the right one", "nearly the right one", "a wrong one", "another unit"],
