@@ -2,6 +2,7 @@
 
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import PurePath, PureWindowsPath
 from typing import TYPE_CHECKING, Any
@@ -124,56 +125,39 @@ def collect(
     >>> pf.identity.tool, pf.identity.simulated, pf.provenance.n_rows
     ('GC435', True, 239)
     """
-    source = _source(laws, tool, work, any(given is not None for given in (data_file, data_sha256)))
-    tool, work = tool or source.tool, work or source.work
+    source = _source(laws, tool, work, data_file is not None or data_sha256 is not None)
     if simulated is None:
         simulated, note = source.simulated, note or source.note or None
     if data_file is None and data_sha256 is None:
         data_file, data_sha256 = source.file or None, source.sha256 or None
     identity = {
-        "tool": tool,
-        "work": work,
-        "machine": machine,
-        "simulated": simulated,
-        "note": note,
-        "iso513": iso513,
-        "iso13399": dict(iso13399 or {}),
-        "setup": setup,
-        "sensors": [as_data(sensor) for sensor in sensors],
-    }
+        "tool": source.tool, "work": source.work, "machine": machine, "simulated": simulated, "note": note,
+        "iso513": iso513, "iso13399": dict(iso13399 or {}), "setup": setup, "sensors": list(map(as_data, sensors)),
+    }  # fmt: skip
     provenance = {
-        "created": created,
-        "data_file": None if data_file is None else PureWindowsPath(PurePath(data_file).name).name,
-        "data_sha256": data_sha256,
-        "n_rows": source.n_rows if n_rows is None else n_rows,
-        "fitmodels": __version__,
-        "versions": _versions(),
-        "command": command,
-        "options": dict(options or {}),
-        "seed": seed,
-    }
-    found = laws_by_response(laws, tool, work, gauge_sd)
-    life = None if tool_life is None else tool_life_section(tool_life)
-    bounds = None if limits is None else limits_section(limits)
-    worn = criterion_of(life, bounds, options or {})
-    given = {
-        "tool_life": life,
-        "design": None if design is None else design_section(design, found, worn),
-        "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
+        "created": created, "data_file": None if data_file is None else _base_name(data_file),
+        "data_sha256": data_sha256, "n_rows": source.n_rows if n_rows is None else n_rows, "fitmodels": __version__,
+        "versions": _versions(), "command": command, "options": dict(options or {}), "seed": seed,
+    }  # fmt: skip
+    found = laws_by_response(laws, source.tool, source.work, gauge_sd)
+    life, bounds = tool_life and tool_life_section(tool_life), None if limits is None else limits_section(limits)
+    sections = {
+        "tool_life": life, "limits": bounds, "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
+        "design": None if design is None else design_section(design, found, criterion_of(life, bounds, options or {})),
         "dynamics": None if dynamics is None else dynamics_section(dynamics, held_out_fit),
         "pi": None if pi is None else pi_section(pi, scaling_u=scaling_u, forced=pi_forced),
-        "load_line": None if load_line is None else as_data(load_line),
-        "limits": bounds,
-        "roughness": None if roughness is None else as_data(roughness),
-        "adaptive_force": None if adaptive_force is None else as_data(adaptive_force),
-    }
-    sections = {"identity": identity, "laws": found, "provenance": provenance}
-    sections |= {name: section for name, section in given.items() if section is not None}
-    return _validated(sections, more)
+        "load_line": load_line, "roughness": roughness, "adaptive_force": adaptive_force,
+    }  # fmt: skip
+    return _validated({"identity": identity, "laws": found, "provenance": provenance}, sections, more)
+
+
+def _base_name(path: str | PurePath) -> str:
+    """Name of a file without folders, whichever system its path is of."""
+    return PureWindowsPath(PurePath(path).name).name
 
 
 def _source(laws: "Sequence[LawFit]", tool: str | None, work: str | None, data_given: bool) -> "LawSource":
-    """The source of the laws; ParameterError where they have several and the caller does not give the facts."""
+    """The source of the laws with tool and work as given; ParameterError where the laws have several."""
     from ..fit.fitted_rows import LawSource
 
     sources = [law.source for law in laws]
@@ -188,7 +172,7 @@ def _source(laws: "Sequence[LawFit]", tool: str | None, work: str | None, data_g
                 f"the laws of {laws[0].response} and {law.response} come from different data ({_named(first)}; "
                 f"{_named(other)}): fit them to the same runs, or give tool, work, data_file and data_sha256."
             )
-    return first
+    return replace(first, tool=tool or first.tool, work=work or first.work)
 
 
 def _named(source: "LawSource") -> str:
@@ -203,7 +187,8 @@ def _posterior(
     return posterior_section(posteriors, none) if kept else posterior_section(posteriors, none, None)
 
 
-def _validated(sections: Mapping[str, object], more: Mapping[str, object]) -> ParameterFile:
+def _validated(base: Mapping[str, object], given: Mapping[str, Any], more: Mapping[str, object]) -> ParameterFile:
+    sections = {**base, **{name: as_data(section) for name, section in given.items() if section is not None}}
     taken = sorted({"schema_version", "content_sha256", *sections} & set(more))
     if taken:
         raise ParameterError(f"{taken[0]} is written by collect itself; give its parts by name.")
