@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
-from ..core.progress import progress
+from ..core.progress import progress_bar
 from ..core.threads import cores
 from .arguments import Parser, processes, typed
 from .options import fit_options, fitting_options, reading_options
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--table-only: no files are written, so {option} has no effect; leave one of the two out.")
     title = {} if args.title is None else {"title": args.title}
     try:
-        with progress(0, "pairs") as meter:
+        with progress_bar(0, "pairs") as meter:
             result = batch.run(
                 args.source, args.out, options=fit_options(args), groups=args.group or (), pairs=args.pairs,
                 files=not args.table_only, keep_draws=args.keep_draws, site=not args.no_site, card=args.card,

@@ -86,13 +86,13 @@ def run(args: argparse.Namespace) -> int:
 def identify_files(**options: Any) -> int:  # noqa: ANN401
     """Identify the dynamics of recorded runs with the options of `Request`; None is the default of each."""
     from ..cards import terminal
-    from ..core.progress import progress
+    from ..core.progress import progress_bar
     from ..ident import identify
 
     args = Request(**{name: value for name, value in options.items() if value is not None})
     orders = _orders(args.orders)
     target = _target(args)
-    with progress(lines=False) as step:
+    with progress_bar(lines=False) as step:
         step.say("reading")
         records = [_read(name, args) for name in args.file]
         held_out = None if args.held_out is None else _read(args.held_out, args)

@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
-from ..core.progress import progress
+from ..core.progress import progress_bar
 from ..core.threads import cores
 from .arguments import Parser, processes
 from .output import print_json, print_lines
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     if args.title is not None and not args.title.strip():
         raise UsageError("--title: is empty; leave it out, or give a title.")
     jobs = args.jobs or cores()
-    with progress(lines=False) as step:
+    with progress_bar(lines=False) as step:
         step.say("reading")
         if args.check:
             report = publishing.check(args.folder, args.site, jobs=jobs, progress=step.say)

@@ -43,12 +43,12 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Replay, print and draw, and return the exit code."""
     from ..cards import replays
-    from ..core.progress import progress
+    from ..core.progress import progress_bar
 
     pf, draws, home = _given(args.file)
     systems = _chosen(pf, args.system, args.file)
     results: list[Replayed] = []
-    with progress(lines=False) as step:
+    with progress_bar(lines=False) as step:
         for system in systems:
             step.say(f"replaying {system}")
             results.append(replays.replayed(system, pf, draws, args.seed))

@@ -78,7 +78,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
     from .. import parameters
-    from ..core.progress import progress
+    from ..core.progress import progress_bar
     from ..parameters.file import sealed
     from ..parameters.gather.control import pi_section
 
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             "--scaling and --unit: give both, the units of the command per unit of the input and that unit."
         )
-    with progress(lines=False) as step:
+    with progress_bar(lines=False) as step:
         step.say("tuning")
         tuned = _tuned(pf.dynamics, args)
     if tuned.misses and not args.force:

@@ -50,13 +50,13 @@ def run(args: argparse.Namespace) -> int:
     """Analyse the file, print and write the results, and return the exit code."""
     from ..cards import terminal
     from ..core.errors import RecordError
-    from ..core.progress import progress
+    from ..core.progress import progress_bar
     from ..pipeline.analysis import analyse_runs
     from ..pipeline.reading import read_tests
 
     options = fit_options(args, "by", "verify", "posterior_figures")
     out = Printer()
-    with progress(lines=False) as step:
+    with progress_bar(lines=False) as step:
         step.say(f"reading {Path(args.file).name}")
         try:
             runs = read_tests(Path(args.file), options)
@@ -67,13 +67,13 @@ def run(args: argparse.Namespace) -> int:
     folders = _folders(runs, options, args)
     if not args.json:
         out.show(terminal.reading_notes(runs))
-    with progress(lines=False) as step:
+    with progress_bar(lines=False) as step:
         analysis = analyse_runs(runs, options, command=typed(args.words), step=step.say)
     reports = []
     for pair, folder in zip(analysis.pairs, folders, strict=True):
         _show(pair, folder, args, out)
         if folder is not None:
-            with progress(lines=False) as step:
+            with progress_bar(lines=False) as step:
                 step.say(f"writing {folder.path}")
                 folder.write(pair, options, force=args.force)
         if not args.json and folder is not None and pair.parameters is not None:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.display import Display, TextTable, display
+from ..core.display import Display, TextTable, display_of
 from ..core.rounding import format_plain
 from .constant_load_milling.runs import ToolRun
 from .constant_load_milling.steady import SteadyLife
@@ -19,7 +19,7 @@ from .roughness.simulations import TurningRun
 MOST_ROWS = 12
 
 
-@display.register
+@display_of.register
 def of_trace(trace: Trace) -> Display:
     """Duration, last measurement, and events."""
     command, measurement = trace.labels
@@ -32,7 +32,7 @@ def of_trace(trace: Trace) -> Display:
     return Display(head, tuple((what, f"{n} times, first at {trace.first(what):g} s") for what, n in counted.items()))
 
 
-@display.register
+@display_of.register
 def of_tool_run(run: ToolRun) -> Display:
     """State of the tool at the end, time, length, wear, feed and metal removed."""
     state = "worn out" if run.worn else "not worn out"
@@ -47,7 +47,7 @@ def of_tool_run(run: ToolRun) -> Display:
     return Display(head, tuple(facts))
 
 
-@display.register
+@display_of.register
 def of_turning_run(cut: TurningRun) -> Display:
     """Duration, range of roughness, and feed limits."""
     Ra = cut.Ra[np.isfinite(cut.Ra)]
@@ -57,7 +57,7 @@ def of_turning_run(cut: TurningRun) -> Display:
     )
 
 
-@display.register
+@display_of.register
 def of_life(life: Life) -> Display:
     """Life and metal removed; table of the intervals."""
     wear, n = life.laws.wear, len(life.time)
@@ -74,7 +74,7 @@ def of_life(life: Life) -> Display:
     return Display(head, (), TextTable(header, rows) if rows else None)
 
 
-@display.register
+@display_of.register
 def of_life_draws(found: LifeDraws) -> Display:
     """Intervals of life and metal removed, and the share of edges that end before the plan."""
     of = "one plan on edges drawn at random" if found.of == "plan" else "a plan of its own for each draw"
@@ -88,7 +88,7 @@ def of_life_draws(found: LifeDraws) -> Display:
     return Display(head, facts)
 
 
-@display.register
+@display_of.register
 def of_laws(laws: LifeLaws) -> Display:
     """The laws at their depth, with their limits."""
     terms = (laws.wear, *(law for _, law in laws.limited))
@@ -107,7 +107,7 @@ def _terms(law: "Terms") -> str:
     return " ".join([f"{law.response} = {format_plain(np.exp(law.ln_c))}", *(f"{x}^{k:g}" for x, k in powers if k)])
 
 
-@display.register
+@display_of.register
 def of_fixed(pair: FixedLife) -> Display:
     """The pair, its life and metal removed."""
     over = f", exceeding the limits of {' and '.join(pair.passes)}" if pair.passes else ""
@@ -115,7 +115,7 @@ def of_fixed(pair: FixedLife) -> Display:
     return Display(f"{head}, {pair.removed / 1000:.4g} cm3, {pair.per_minute / 1000:.4g} cm3/min{over}")
 
 
-@display.register
+@display_of.register
 def of_choice(pair: Choice) -> Display:
     """The pair with its removal rate, wear and active limits."""
     held = f"; {' and '.join(pair.stops)} active" if pair.stops else ""
@@ -123,7 +123,7 @@ def of_choice(pair: Choice) -> Display:
     return Display(f"{head}, AW {pair.AW:.3g}{held}")
 
 
-@display.register
+@display_of.register
 def of_steady(life: SteadyLife) -> Display:
     """Time, length and wear at the lower limit, of one tool or as medians."""
     n = len(life.time)
@@ -135,7 +135,7 @@ def of_steady(life: SteadyLife) -> Display:
     )
 
 
-@display.register
+@display_of.register
 def of_region(region: VisibleRegion) -> Display:
     """The best pair, or the conflict of limits; table of the corners."""
     at = f"d {region.setting.d:g} mm, t {region.setting.t:g} min"
@@ -146,7 +146,7 @@ def of_region(region: VisibleRegion) -> Display:
     return Display(head, (), TextTable(("corner", "V, m/min", "f, mm/rev", "limits"), rows), region.notes)
 
 
-@display.register
+@display_of.register
 def of_feasibility(found: Feasibility) -> Display:
     """Range of the probability, and its value at the best pair."""
     low, high = float(found.probability.min()), float(found.probability.max())
@@ -162,7 +162,7 @@ def of_feasibility(found: Feasibility) -> Display:
     return Display(head, best, None, found.sources)
 
 
-@display.register
+@display_of.register
 def of_front(front: WearFront) -> Display:
     """Table from the greatest removal rate to the least wear."""
     rows = tuple(

@@ -5,7 +5,7 @@ A result class inherits `Displayable` and is decorated with ``@dataclass(..., re
 registered from outside in the modules ``display`` and ``figures`` of its package, so that a result imports
 neither::
 
-    @display.register
+    @display_of.register
     def _(law: LawFit) -> Display: ...
 
     @plot.register
@@ -93,7 +93,7 @@ def by_fields(result: object) -> Display:
 
 
 @singledispatch
-def display(result: object) -> Display:
+def display_of(result: object) -> Display:
     """What is shown of a result; registered per class, `by_fields` otherwise."""
     return by_fields(result)
 
@@ -117,7 +117,7 @@ class HasRepr:
 
     def _display(self) -> Display:
         _load("display", type(self).__module__)
-        return display(self)
+        return display_of(self)
 
     def __repr__(self) -> str:
         return "\n".join(wrap(f"{type(self).__name__}: {self._display().head}", WIDTH, max_lines=LINES) or [""])

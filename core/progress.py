@@ -32,7 +32,7 @@ def grouped(n: int) -> str:
 
 @dataclass(slots=True)
 class Meter:
-    """Count of the work that is done; made by `progress`.
+    """Count of the work that is done; made by `progress_bar`.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ def _time(seconds: float) -> str:
 
 
 @contextmanager
-def progress(total: int = 0, unit: str = "", *, lines: bool = True) -> Iterator[Meter]:
+def progress_bar(total: int = 0, unit: str = "", *, lines: bool = True) -> Iterator[Meter]:
     """Show on standard error how far the work is, once it has taken two seconds.
 
     Parameters
@@ -150,7 +150,7 @@ def progress(total: int = 0, unit: str = "", *, lines: bool = True) -> Iterator[
 
     Examples
     --------
-    >>> with progress(10_000, "pairs") as meter:
+    >>> with progress_bar(10_000, "pairs") as meter:
     ...     meter.skip(3000)  # kept from an earlier run
     ...     meter.advance(400)
     >>> meter.counted()

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..core.display import Display, TextTable, display, estimates, joined_facts, with_error, with_unit
+from ..core.display import Display, TextTable, display_of, estimates, joined_facts, with_error, with_unit
 from ..core.rounding import decimals, format_plain, p_value
 from .bootstrap import EdgeBootstrap
 from .checks.check import LEVELS, TITLES, Check, format_p
@@ -33,7 +33,7 @@ def equation(law: "LawFit") -> str:
     return f"{left} = {law.formula.equation(c)}"
 
 
-@display.register
+@display_of.register
 def of_law(law: LawFit) -> Display:
     """Equation, R2, residual standard error and rows; inference, F and the coefficients with their intervals."""
     se, ends = law.scale_se, law.conf_int()
@@ -70,7 +70,7 @@ def f_test(law: LawFit) -> str:
     return f"F({law.df_model}, {law.df_resid}) = {format_plain(law.fvalue or 0.0, 4)}, rows assumed independent"
 
 
-@display.register
+@display_of.register
 def of_linear(fit: LinearFit) -> Display:
     """Rows, R2 and residual standard error; the coefficients."""
     names = [f"x{j}" for j in range(len(fit.params))]
@@ -78,7 +78,7 @@ def of_linear(fit: LinearFit) -> Display:
     return Display(f"{head}, residual SE {format_plain(fit.scale**0.5)}", table=estimates(names, fit.params, fit.bse))
 
 
-@display.register
+@display_of.register
 def of_edges(edges: EdgeInference) -> Display:
     """Edges, share of the variance between them, what repeated rows did to F; the standard errors."""
     grew = "" if edges.inflation is None else f", F of rows {format_plain(edges.inflation, 3)} times that of edges"
@@ -91,7 +91,7 @@ def of_edges(edges: EdgeInference) -> Display:
     )
 
 
-@display.register
+@display_of.register
 def of_bootstrap(found: EdgeBootstrap) -> Display:
     """Number of refits, and the interval of each coefficient."""
     ends = found.interval()
@@ -100,7 +100,7 @@ def of_bootstrap(found: EdgeBootstrap) -> Display:
     return Display(f"{len(found.draws)} refits to edges drawn with replacement{lost}", (), grid)
 
 
-@display.register
+@display_of.register
 def of_life(life: ToolLife) -> Display:
     """Life as an equation, at the middle of the tests, and Taylor's n."""
     c0, *powers = life.coefficients.items()
@@ -118,7 +118,7 @@ def of_life(life: ToolLife) -> Display:
     return Display(f"{head}; {format_plain(life.typical, 3)} {life.unit} at {at}", tuple(facts), grid)
 
 
-@display.register
+@display_of.register
 def of_checks(found: Judgement) -> Display:
     """Each check with its statistic, p and level; the verdicts of those that did not pass."""
     rows = tuple(
@@ -134,8 +134,8 @@ def of_checks(found: Judgement) -> Display:
     return Display(f"{len(rows)} checks on {found.nobs} rows: {counts}", (), table, sentences)
 
 
-@display.register(RobustFit)
-@display.register(GaugeFit)
+@display_of.register(RobustFit)
+@display_of.register(GaugeFit)
 def of_refit(fit: RobustFit | GaugeFit) -> Display:
     """The verdict; both fits side by side."""
     errors = np.sqrt(np.diag(fit.law.covariance()))
@@ -145,7 +145,7 @@ def of_refit(fit: RobustFit | GaugeFit) -> Display:
     return Display(fit.verdict, (), TextTable(("", "least squares", "this fit"), rows))
 
 
-@display.register
+@display_of.register
 def of_composite(found: Composite) -> Display:
     """The verdict and the law without its wear."""
     return Display(
@@ -153,13 +153,13 @@ def of_composite(found: Composite) -> Display:
     )
 
 
-@display.register
+@display_of.register
 def of_confirmation(found: Confirmation) -> Display:
     """The verdict; each edge."""
     return Display(found.verdict, (), of_frame(found.edges))
 
 
-@display.register
+@display_of.register
 def of_domain(domain: DesignRegion) -> Display:
     """The range of each factor."""
     centre, half = np.array(domain.centre), np.array(domain.half_range)
@@ -177,7 +177,7 @@ def of_domain(domain: DesignRegion) -> Display:
     return Display(f"{domain.response} was tested at {head}", radius, TextTable(("", "low", "middle", "high"), rows))
 
 
-@display.register
+@display_of.register
 def of_beside(found: PublishedComparison) -> Display:
     """The printed law and how far the rows lie from it."""
     law = joined_facts((name, format_plain(value)) for name, value in found.coefficients.items())
@@ -187,7 +187,7 @@ def of_beside(found: PublishedComparison) -> Display:
     return Display(f"{found.source}: {law}{far}")
 
 
-@display.register
+@display_of.register
 def of_forms(found: CompetingModels) -> Display:
     """The verdict; each model with its prediction error."""
     rows = tuple(

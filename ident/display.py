@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.display import Display, TextTable, by_fields, display, estimates, facts_of, with_error
+from ..core.display import Display, TextTable, by_fields, display_of, estimates, facts_of, with_error
 from ..core.rounding import format_plain as plain
 from .continuous import ContinuousModel
 from .excitation.predicted_precision import PredictedErrors
@@ -37,7 +37,7 @@ def _poles(poles: NDArray[np.complex128]) -> str:
     return ", ".join(shown) or "none"
 
 
-@display.register
+@display_of.register
 def of_model(model: Model) -> Display:
     """Orders, gain, poles; the coefficients with their standard errors."""
     rows = "" if model.n is None else f", from {model.n} samples"
@@ -51,7 +51,7 @@ def of_model(model: Model) -> Display:
     return Display(head, facts, estimates(model.names, model.theta, errors), model.notes)
 
 
-@display.register
+@display_of.register
 def of_continuous(model: ContinuousModel) -> Display:
     """Gain, poles, zeros and delay."""
     facts = (
@@ -63,7 +63,7 @@ def of_continuous(model: ContinuousModel) -> Display:
     return Display(f"{model.input} to {model.output}: " + ", ".join(" ".join(fact) for fact in facts), facts)
 
 
-@display.register
+@display_of.register
 def of_frequency(found: FrequencyResponse) -> Display:
     """Number and range of frequencies, excited band and gain; a table of a few of them."""
     f, inside = found.frequency, ~found.outside
@@ -76,7 +76,7 @@ def of_frequency(found: FrequencyResponse) -> Display:
     return Display(head, (("resolution", f"{found.resolution:.3g} Hz"),), _over(found), found.notes)
 
 
-@display.register
+@display_of.register
 def of_band(found: ResponseBand) -> Display:
     """Number and range of frequencies, largest error; a table of a few of them."""
     f = found.frequency
@@ -98,7 +98,7 @@ def _over(found: "FrequencyResponse | ResponseBand") -> TextTable:
     return TextTable(("Hz", "gain", "phase, degrees"), tuple(rows))
 
 
-@display.register
+@display_of.register
 def of_step_band(found: StepBand) -> Display:
     """Final value of the step response with its standard error."""
     end = with_error(float(found.step[-1]), float(found.error[-1]))
@@ -106,7 +106,7 @@ def of_step_band(found: StepBand) -> Display:
                    f"{100 * found.level:g} %")  # fmt: skip
 
 
-@display.register
+@display_of.register
 def of_predicted(found: PredictedErrors) -> Display:
     """Signal-to-noise ratio and predicted errors."""
     grid = estimates(list(found.params.index), found.params["value"], found.params["se"])
@@ -118,7 +118,7 @@ def of_predicted(found: PredictedErrors) -> Display:
     )
 
 
-@display.register
+@display_of.register
 def of_identification(found: Identification) -> Display:
     """The model, its fit, and the verdicts."""
     shown = of_model(found.model)
@@ -127,7 +127,7 @@ def of_identification(found: Identification) -> Display:
     return Display(f"{shown.head}; {fit}", shown.facts, shown.table, words)
 
 
-@display.register
+@display_of.register
 def of_gains(gains: PiGains) -> Display:
     """Gains with their units, form and sample time; the rest as facts."""
     unit = _ratio(gains.unit_u, gains.unit_y)
@@ -138,13 +138,13 @@ def of_gains(gains: PiGains) -> Display:
     return Display(head, tuple(facts_of(gains)))
 
 
-@display.register
+@display_of.register
 def of_tuned(tuned: TunedPi) -> Display:
     """The verdict and the figures of the loop."""
     return Display(tuned.verdict, tuple(facts_of(tuned.figures)))
 
 
-@display.register
+@display_of.register
 def of_loop(loop: Loop) -> Display:
     """Stability, largest pole, gains and plant."""
     state = "stable" if loop.stable else "UNSTABLE"
@@ -152,7 +152,7 @@ def of_loop(loop: Loop) -> Display:
     return Display(head, (("plant", of_model(loop.model).head),))
 
 
-@display.register
+@display_of.register
 def of_loop_trace(trace: LoopTrace) -> Display:
     """Duration, final output, range of the command, share of time at a limit."""
     low, high = plain(float(trace.command.min())), plain(float(trace.command.max()))
@@ -164,7 +164,7 @@ def of_loop_trace(trace: LoopTrace) -> Display:
     return Display(head, (("at a limit", f"{trace.saturated.mean():.1%} of the time"),))
 
 
-@display.register
+@display_of.register
 def of_check(found: PiCheck) -> Display:
     """The verdict; one row per interpretation."""
     rows = tuple((reading.words, "yes" if reading.stable else "no", "yes" if reading.meets else "no")
@@ -172,7 +172,7 @@ def of_check(found: PiCheck) -> Display:
     return Display(found.verdict, (), TextTable(("interpretation", "stable", "meets the specification"), rows))
 
 
-@display.register
+@display_of.register
 def of_map(found: FeasibleMap) -> Display:
     """Size of the map, and the share of gains that meet the specification."""
     share = float(found.feasible.mean())
@@ -183,7 +183,7 @@ def of_map(found: FeasibleMap) -> Display:
     return Display(head)
 
 
-@display.register
+@display_of.register
 def of_fit(fit: StepFit | DriveFit | ForceProcess) -> Display:
     """The verdict; the parameters."""
     params, bse = fit.params, fit.bse

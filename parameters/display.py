@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..core.display import Display, TextTable, display, estimates, facts_of, with_unit
+from ..core.display import Display, TextTable, display_of, estimates, facts_of, with_unit
 from ..core.rounding import format_plain
 from .checks.report import CheckReport
 from .draws import Draws
@@ -14,7 +14,7 @@ SECTIONS = ("design", "tool_life", "posterior", "dynamics", "pi", "load_line", "
 MARKS = {True: "passed", False: "FAILED", None: "not tested"}
 
 
-@display.register
+@display_of.register
 def of_file(pf: ParameterFile) -> Display:
     """Tool and work, the laws, the sections present."""
     there = [name.replace("_", " ") for name in SECTIONS if getattr(pf, name) is not None]
@@ -35,7 +35,7 @@ def short_equation(law: LawSection) -> str:
     return law.equation
 
 
-@display.register
+@display_of.register
 def of_law(law: LawSection) -> Display:
     """Equation, scatter and rows; coefficients with their standard errors."""
     rows = f"{law.n} rows" + ("" if law.n_edges is None else f" of {law.n_edges} edges")
@@ -46,7 +46,7 @@ def of_law(law: LawSection) -> Display:
     return Display(f"{short_equation(law)}{se}, {rows}", tested, grid, (*law.verdicts, *law.notes))
 
 
-@display.register
+@display_of.register
 def of_check_report(report: CheckReport) -> Display:
     """Number of failed checks; each finding."""
     rows = tuple((finding.name, MARKS[finding.passed], finding.words) for finding in report.findings)
@@ -55,7 +55,7 @@ def of_check_report(report: CheckReport) -> Display:
     return Display(f"{len(report.findings)} findings, {verdict}", (), TextTable(("", "", ""), rows) if rows else None)
 
 
-@display.register
+@display_of.register
 def of_draws(draws: Draws) -> Display:
     """Number of draws; mean, sd and interval of each parameter."""
     low, high = np.quantile(draws.values, [0.025, 0.975], axis=0)
@@ -64,7 +64,7 @@ def of_draws(draws: Draws) -> Display:
     return Display(f"{len(draws.values)} draws of {', '.join(draws.names)}", (), grid)
 
 
-@display.register
+@display_of.register
 def of_dynamics(model: DynamicsSection) -> Display:
     """Orders, gain and sample time; the other fields."""
     below = sum(model.a)

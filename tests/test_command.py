@@ -722,7 +722,7 @@ def test_progress_is_shown_only_to_a_terminal_that_waits(monkeypatch, patience):
     screen = Terminal()
     monkeypatch.setattr(fitmodels.core.progress, "PATIENCE", patience)
     monkeypatch.setattr(sys, "stderr", screen)
-    with fitmodels.core.progress.progress() as step:
+    with fitmodels.core.progress.progress_bar() as step:
         step.say("fitting")
         if patience == 0:
             for _ in range(500):

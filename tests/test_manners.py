@@ -315,7 +315,7 @@ def made(name):
 def test_the_lists_name_what_there_is():
     assert set(PICTURELESS) <= set(RESULTS)
     for name in RESULTS:
-        assert type(made(name)).__name__ == name
+        assert type(made(name)).__name__ == name.split(" of ")[0]
 
 
 # --- what is public
@@ -414,7 +414,7 @@ def test_the_summary_is_text_and_begins_with_what_it_is(result):
     said = result.summary()
     assert isinstance(said, str)
     assert len(said.splitlines()) < 120
-    assert "<" not in said.replace("<0.001", "").replace("p < .001", "")
+    assert not re.search(r"<[A-Za-z/_]", said)  # no repr of an object, no tag; limits such as <= 1 s may stand there
     assert "array(" not in said
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ...core.display import Display, TextTable, display, estimates, with_error
+from ...core.display import Display, TextTable, display_of, estimates, with_error
 from .competing_posterior import CompetingPosterior
 from .convergence import ConvergenceChecks
 from .joint_posterior import JointPosterior
@@ -21,7 +21,7 @@ def of_draws(head: str, table: pd.DataFrame, sentences: Sequence[str] = ()) -> D
     return Display(head, (), TextTable(("", "mean", "sd", *grid.header[3:]), grid.rows), tuple(sentences))
 
 
-@display.register
+@display_of.register
 def of_posterior(post: Posterior) -> Display:
     """Draws, sampling method and convergence checks; the parameters."""
     names = ", ".join(
@@ -32,25 +32,25 @@ def of_posterior(post: Posterior) -> Display:
     return of_draws(head, post.table(), (*post.convergence.reasons, post.sample.words, *post.notes))
 
 
-@display.register
+@display_of.register
 def of_joint_posterior(post: JointPosterior) -> Display:
     """Exponents of the true wear; the parameters of all laws."""
     return of_draws(post.words, post.table(), (*post.convergence.reasons, post.sample.words, *post.notes))
 
 
-@display.register
+@display_of.register
 def of_competing_posterior(post: CompetingPosterior) -> Display:
     """Comparison with the power law; the parameters."""
     return of_draws(post.words, post.table(), (*post.convergence.reasons, *post.notes))
 
 
-@display.register
+@display_of.register
 def of_convergence(checks: ConvergenceChecks) -> Display:
     """Whether the convergence checks passed, with the reasons where they failed."""
     return Display(state(checks), sentences=checks.reasons)
 
 
-@display.register
+@display_of.register
 def of_priors(priors: Priors) -> Display:
     """Distribution, unit and source of each prior."""
     rows = tuple(
