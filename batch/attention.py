@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from .outcomes import NO_LAW, NOT_CONVERGED, REFUSED, Concern, PairOutcome
 from .plan import Pair
 
@@ -24,8 +24,6 @@ TIMES = 3.0  # the median scatter of a response
 FEWEST = 5  # pairs whose scatter says what is usual
 BY_CHANCE = 1e-4  # a scatter with few degrees of freedom may be so much larger than the median
 LEVEL = 0.99
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

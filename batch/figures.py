@@ -9,14 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.errors import UsageError
 from ..core.plotting import BLUE, GREY, ORANGE, new_axes
 from ..fit.many.pooling import WHOLE
 from .comparison import Comparison
-
-Array = NDArray[np.float64]
 
 RED = "#a33"  # what is no measurement
 MOST_FAMILIES, MOST_PAIRS = 40, 60

@@ -6,15 +6,14 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Displayable, Plottable
 from ..core.errors import UsageError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 
 LONGEST = 100_000_000  # samples of a replay
 

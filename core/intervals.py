@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .arrays import Array
+
 Kind = Literal["mean", "prediction", "tolerance"]
 Edge = Literal["new", "same"]
 Centre = Literal["median", "mean", "smeared"]

@@ -9,15 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.threads import one_thread
 from .available import NotAvailable
 from .edges import EdgeInference
 from .lawfit import LawFit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import UsageError
 from .available import NotAvailable
@@ -23,8 +23,6 @@ from .lawfit import LawFit
 from .laws import LawForm
 from .least_squares import linear
 from .regression import facts_of, law_of, linear_stage
-
-Array = NDArray[np.float64]
 
 HIGH = 5.0  # variance inflation factor above which an exponent is weakly identified
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError, UsageError
 from ..datasets import Runs
@@ -25,8 +25,6 @@ from .edges import EdgeInference
 from .lawfit import LawFit
 from .prediction import new_edge
 from .rows import Dropped, Positive, select
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)

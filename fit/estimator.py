@@ -8,13 +8,14 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin  # type: ignore[import-untyped, import-not-found, unused-ignore]
 from sklearn.utils.validation import (  # type: ignore[import-untyped, import-not-found, unused-ignore]
     check_is_fitted,
     validate_data,
 )
 
+from ..core.arrays import Array
 from ..core.errors import FitmodelsError
 from ..core.intervals import Edge, Kind
 from ..datasets import Runs
@@ -22,8 +23,6 @@ from ..datasets.runs import Source
 from .lawfit import LawFit
 from .laws import Error
 from .regression import power_law
-
-Array = NDArray[np.float64]
 
 NEEDS = "a power law needs values above zero"
 

@@ -6,8 +6,8 @@ from typing import Any, Self, get_args, overload
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import FitError, UsageError
 from ..core.intervals import Centre, Edge, Kind
@@ -19,8 +19,6 @@ from .laws import Error, Form, LawForm
 from .prediction import interval as interval_of
 from .region import DesignRegion, design_region
 from .rows import By, Dropped, LeftOut, Points, as_table, level_names
-
-Array = NDArray[np.float64]
 
 NOT_ASKED, NO_SOURCE = NotAvailable("not asked for"), LawSource()
 ROUNDING = 1e-11  # relative residual below which a law meets its rows exactly

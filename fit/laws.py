@@ -21,12 +21,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Displayable
 from .least_squares import linear
 
-Array = NDArray[np.float64]
 Form = Literal["power", "exponential", "load_line", "feed_line"]
 Error = Literal["multiplicative", "additive"]
 # right-hand side of the equation from the factors and the coefficients, both as text

@@ -10,12 +10,11 @@ Source: Golub & Van Loan, Matrix Computations, section 5.3 (QR of the augmented 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import FitError
-
-Array = NDArray[np.float64]
 
 # A scaled column whose part outside the span of the columns before it is shorter than this is no column
 # of its own. Filip's tenth power, the hardest certified set, keeps 6e-8; an exact copy keeps about 1e-16.

@@ -9,14 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import FitError
 from .lawfit import LawFit
 from .laws import LARGEST_LOG
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)

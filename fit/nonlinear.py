@@ -10,13 +10,11 @@ Source: Demmel, Grigori, Hoemmen & Langou 2012, SIAM J. Sci. Comput. 34, A206 (t
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.errors import FitError
 from .laws import LawForm
 from .least_squares import linear
-
-Array = NDArray[np.float64]
 
 # Tolerances of the solver: near machine precision, since certified sets ask for 8 to 11 digits.
 TIGHT = 1e-15

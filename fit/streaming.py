@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.errors import FitError, UsageError
 from ..core.threads import one_thread
 from ..datasets.vocabulary import ROLES
@@ -19,8 +19,6 @@ from .laws import LawForm
 from .least_squares import LinearFit
 from .rows import CONSTANT, By, LeftOut, Rows, check_constant, check_enough, identifiable
 from .triangle import Summary, Triangle, equivalent_columns, least_squares, merged, summary, triangle_of
-
-Array = NDArray[np.float64]
 
 
 @one_thread

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import IdentError
 from ..core.threads import one_thread
@@ -34,8 +34,6 @@ from .model import Model
 from .responses.spectra import excited_band
 from .validation.model_validation import Validation, validate
 from .validation.prediction import simulated
-
-Array = NDArray[np.float64]
 
 MOST_ORDER, MOST_DELAY = 5, 10
 FITTED = 2 / 3  # of a single run; the rest is used for validation

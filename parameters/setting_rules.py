@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import ParameterError, UsageError
 from .evaluation import IntervalOptions, interval_band
@@ -195,9 +194,6 @@ def _beyond(law: "LawSection", limit: float) -> list[str]:
         f"No tool was tested at a wear above {wear.high:g} {wear.unit}: the lower limit at {limit:g} {wear.unit} is "
         "extrapolated."
     ]
-
-
-Array = NDArray[np.float64]
 
 
 def feed_limit(law: LawSection, load: float, wear: float, *, by: str | None = None, level: float = 0.95) -> FeedLimit:

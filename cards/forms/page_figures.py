@@ -5,8 +5,8 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import ParameterError
 from ...parameters import LawSection, ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
@@ -32,8 +32,6 @@ from .svg_panel import (
     settings,
     svg,
 )
-
-Array = NDArray[np.float64]
 
 ROW = 18.0  # px
 BEYOND = 0.2  # drawn beyond the tested range, as a share of its ends

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ...core.arrays import Array
 from ...core.plotting import BLUE, NotebookFigure
-from ..loop import Array
 
 if TYPE_CHECKING:
     from .runs import ForceRun

@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ...core.arrays import Array
 
 if TYPE_CHECKING:
     from ..loop import Trace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(slots=True)

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ...core.arrays import Array
 from ...core.display import plot
 from ...core.plotting import BLUE, NotebookFigure, new_axes
-from ..loop import Array
 from .runs import ToolRun
 from .steady import SteadyLife
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import UsageError
-from ..loop import Array, Trace, replay
+from ..loop import Trace, replay
 from .control_laws import line_of
 from .controller import ConstantLoad
 from .cut_model import CutModel

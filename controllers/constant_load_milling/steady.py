@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.display import Plottable, as_columns
 from ...parameters.draws import Draws
-from ..loop import Array
 from .control_laws import line_of
 from .cut_model import CutModel, unit_factor
 

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Plottable, as_columns
 from ...core.errors import UsageError
 from .interval_optimum import Grid, grid_of, rates
-from .laws import Array, LifeLaws, Rules, Terms
+from .laws import LifeLaws, Rules, Terms
 from .life import MOST, Life, whole_life
 
 if TYPE_CHECKING:

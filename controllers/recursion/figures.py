@@ -7,11 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ...core.arrays import Array
 from ...core.display import plot
 from ...core.plotting import BLUE, NotebookFigure, new_axes
 from .distribution import LifeDraws
 from .interval_optimum import best_exact, not_convex
-from .laws import Array, response_at_end, wear_after
+from .laws import response_at_end, wear_after
 from .life import Life, by_speed
 
 ORANGE, GREEN = "#b5541c", "#3a7d44"

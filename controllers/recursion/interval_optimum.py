@@ -14,9 +14,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from .laws import Array, LifeLaws, Rules, Terms, response_at_end, wear_after
+from .laws import LifeLaws, Rules, Terms, response_at_end, wear_after
 
 SPEED_STEP, FEED_STEP = 10.0, 0.005  # m/min, mm/rev: the paper's
 MOST_PAIRS = 1_000_000

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
-
-Array = NDArray[np.float64]
 
 Times = Literal["published", "full"]
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...core.arrays import Array
 from ...core.display import Displayable, Plottable, as_columns
 from ...core.errors import UsageError
 from .interval_optimum import Choice, Grid, IntervalSurfaces, SearchMethod, choose, grid_of, outcome, rates, surfaces
-from .laws import Array, LifeLaws, Rules, Terms, response_at_end, wear_after
+from .laws import LifeLaws, Rules, Terms, response_at_end, wear_after
 
 if TYPE_CHECKING:
     from pandas import DataFrame

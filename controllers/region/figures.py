@@ -13,9 +13,10 @@ from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from ...core.arrays import Array
 from ...core.display import plot
 from ...core.plotting import BLUE, NotebookFigure, new_axes
-from .half_planes import Array, HalfPlane
+from .half_planes import HalfPlane
 from .operating_point import OperatingPoint
 from .probability import Feasibility
 from .visible import VisibleRegion, WearFront

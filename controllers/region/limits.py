@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...parameters.gather.control import limits_section
 from ...parameters.messages import schema_message
 from ...parameters.sections.load_line import Bound, LimitsSection, Range
-from .half_planes import Array, HalfPlane
+from .half_planes import HalfPlane
 from .log_planes import USUAL, WEARS, CutSetting, LogPlane, plane, ratio, wear_law
 from .operating_point import plain
 

@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...datasets.units import canonical, convert
@@ -21,7 +21,6 @@ from .half_planes import SAME
 if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
 
-Array = NDArray[np.float64]
 
 WEARS = ("AW", "VB")
 USUAL = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}

@@ -6,8 +6,9 @@ from string import ascii_uppercase
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.display import Displayable
-from .half_planes import SAME, TOUCH, Array, HalfPlane
+from .half_planes import SAME, TOUCH, HalfPlane
 from .log_planes import LogPlane
 
 

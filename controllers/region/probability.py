@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import DataError, UsageError
-from .half_planes import TOUCH, Array, Bools
+from .half_planes import TOUCH, Bools
 from .operating_point import OperatingPoint, ln
 from .sampled_laws import Kind, LimitSampling, sampling
 from .visible import VisibleRegion, visible_region

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...parameters.sections.base import Covariance
-from .half_planes import Array, Bools
+from .half_planes import Bools
 from .log_planes import CutSetting, LogPlane, plane, ratio, with_wear
 
 if TYPE_CHECKING:

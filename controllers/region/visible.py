@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.display import Plottable, as_columns
 from ...core.errors import DataError, UsageError
-from .half_planes import SAME, TOUCH, Array, HalfPlane, clip, conflict_sentence, intersect, rectangle
+from .half_planes import SAME, TOUCH, HalfPlane, clip, conflict_sentence, intersect, rectangle
 from .limits import (
     MachineRange,
     box,

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import UsageError
 from ...parameters.published.roughness import FEED, TableRow, surf, table1
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
     from .reference import Reading
 
-Array = NDArray[np.float64]
 
 DURATION = 15.0  # s, SURF
 SETTLED = 3.0  # s after the start or a change: the law acts after 0.3 s, and its loop settles in 8 tc = 0.8 s

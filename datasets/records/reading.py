@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
 from ...core.suggestions import closest
 from ..tables import Table
@@ -17,7 +17,6 @@ from .record import Record, join_records
 from .sampling import FEWEST, sample_time_of
 from .timing import RecordOptions, Samples, timed, untimed
 
-Array = NDArray[np.float64]
 File: TypeAlias = str | os.PathLike[str] | Table
 ROLES = ("time", "input", "output")
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Display, Plottable, as_columns
 from ...core.errors import DataError
 from ...core.rounding import format_plain
@@ -15,7 +15,6 @@ from ...core.rounding import format_plain
 if TYPE_CHECKING:
     from ...core.display import Frame
 
-Array = NDArray[np.float64]
 
 CLOCKS = 1e-3  # two clocks differ by parts in 1e5; smaller differences do not affect the poles of a model
 

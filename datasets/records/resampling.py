@@ -7,11 +7,9 @@ from fractions import Fraction
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
-
-Array = NDArray[np.float64]
 
 STOP = 70.0  # dB of stop-band attenuation against aliasing: below 16 bits, far below the noise of a sensor
 KEPT = 0.8  # share of the new half rate that passes unchanged; from there to 1.0 the filter falls

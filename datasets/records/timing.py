@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
 from .columns import ColumnHeader, seconds_in, times
 from .record import Record
 from .resampling import GAP, interpolated
 from .sampling import Rows, TimeAxis, run_starts, time_axis
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,8 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ..checks.time_exponent import TIME
 from .density import LN_2PI, Errors, LawDensity, law_density
 from .priors import DF, HalfT, Normal, weak
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from ..checks.competing_forms import FittedForm
     from ..lawfit import LawFit
 
-Array = NDArray[np.float64]
 
 SHARE = "ln share"
 USUAL_SHARE = Normal(float(np.log(0.3)), 1.5)  # 95 % of it between 0.016 and 5.7 of the middle response

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...core.threads import one_thread
 from ..available import NotAvailable
@@ -30,7 +30,6 @@ from .sampling import PosteriorDraws, Progress, draw_law
 if TYPE_CHECKING:
     from ..lawfit import LawFit
 
-Array = NDArray[np.float64]
 FormName = Literal[
     "exponential in wear", "additive in wear", "an exponent of t per edge", "second order in logs"
 ]  # in the order of ``form_makers``

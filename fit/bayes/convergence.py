@@ -15,8 +15,8 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
-from .density import Array
 from .diagnostics import PIECES, Diagnostics, ess_mean
 from .psis_loo import K_HAT
 

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from .density import Array, Sample
+from .density import Sample
 
 SHORT = 12  # lags summed directly: independent draws need no more
 WINDOW = 5.0  # autocorrelation times to sum over: Sokal; emcee takes the same

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pandas as pd
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..edges import left_out_moves
 from ..lawfit import LawFit
 from ..rows import as_table
-from .density import Array, Errors, LawDensity, Method
+from .density import Errors, LawDensity, Method
 from .priors import Priors
 from .psis_loo import LeaveOut, leave_one_out, pareto_smoothed
 from .sampling import PosteriorDraws, check_level, draw

@@ -22,15 +22,14 @@ from math import lgamma, log, pi
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import UsageError
 
 if TYPE_CHECKING:
     from ..lawfit import LawFit
 
-Array = NDArray[np.float64]
 
 EXPONENT_SD = 2.0
 SCATTER = 0.3  # of the response: half of all laws scatter less than about this

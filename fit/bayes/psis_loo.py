@@ -15,10 +15,10 @@ from math import ceil, inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import FitError, UsageError
 from ..available import NotAvailable
-from .density import Array
 
 TAIL_SHARE, TAIL_ROOT = 0.2, 3.0  # M = min(0.2 S, 3 sqrt(S)): sec. 2.3 there
 FEWEST = 6  # in a tail: with fewer its lowest quarter is one draw, and the shape cannot be estimated

@@ -8,11 +8,12 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import UsageError
 from ...core.progress import status_line
 from .convergence import Agreement, ConvergenceChecks, check_convergence
-from .density import Array, Density, LawDensity, Method, Sample
+from .density import Density, LawDensity, Method, Sample
 from .diagnostics import Diagnostics, diagnose
 from .psis_loo import K_HAT
 

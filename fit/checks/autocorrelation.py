@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import Check, concern_of, format_p
 from .residual_tests import HELD
-from .strata import Array, Strata, no_scatter
+from .strata import Strata, no_scatter
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

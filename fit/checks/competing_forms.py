@@ -14,13 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.errors import FitError
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..least_squares import linear
 from ..rows import identifiable
-from .strata import Array, units_of
+from .strata import units_of
 from .time_exponent import TIME, common_exponent, slope_spread, whitened
 
 SHARES = (0.1, 0.5)  # of the response that wear adds, from which the additive form starts

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
@@ -20,7 +21,7 @@ from ..least_squares import linear
 from .check import Check
 from .competing_forms import FittedForm, form_makers, power_form
 from .deletion_diagnostics import ALONE
-from .strata import Array, Codes, no_scatter, units_of
+from .strata import Codes, no_scatter, units_of
 from .time_exponent import CommonExponent, common_exponent
 
 

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.arrays import Array
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import Check
-from .strata import Array, Strata, covariance, has_repeated_edges, linear_columns, no_scatter, sums_by
+from .strata import Strata, covariance, has_repeated_edges, linear_columns, no_scatter, sums_by
 
 ALONE = 1e-10  # smallest share of the information on a parameter that the other units must have
 

@@ -18,13 +18,14 @@ from math import isfinite
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..least_squares import linear
 from .robust_fit import Refit
-from .strata import Array, Codes, no_scatter, units_of
+from .strata import Codes, no_scatter, units_of
 
 LITTLE = 0.5  # reliability below which the correction more than doubles the exponent of wear
 ALONE = 1e-8  # relative eigenvalue of the corrected cross-products without a unit, below which it holds the fit

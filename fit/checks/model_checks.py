@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.arrays import Array
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, format_p
 from .strata import (
-    Array,
     Codes,
     Strata,
     covariance,

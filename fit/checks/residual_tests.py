@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import Check, concern_of, format_p
-from .strata import Array, Strata, has_repeated_edges, no_scatter, orthonormal, sums_by
+from .strata import Strata, has_repeated_edges, no_scatter, orthonormal, sums_by
 
 HELD = 1e-9  # share of its own variance below which a residual is fixed by the fit
 

@@ -18,12 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..laws import Error
 from .check import Check, concern_of, format_p
-from .strata import Array, Strata, has_repeated_edges, linear_columns, no_scatter, orthonormal, units_of, without_levels
+from .strata import Strata, has_repeated_edges, linear_columns, no_scatter, orthonormal, units_of, without_levels
 
 Profile = Callable[[Array], Array]
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ..available import NotAvailable
 from ..edges import EdgeInference
@@ -20,7 +21,7 @@ from ..lawfit import LawFit
 from ..least_squares import linear
 from ..regression import edge_inference
 from .check import Check
-from .strata import Array, no_scatter, units_of
+from .strata import no_scatter, units_of
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

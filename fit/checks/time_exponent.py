@@ -15,11 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, format_p
-from .strata import Array, Codes, sums_by
+from .strata import Codes, sums_by
 
 TIME = "t"
 FLAT = 1e-9  # spread of ln t within an edge below which the edge has no exponent

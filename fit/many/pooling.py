@@ -18,14 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Display, Plottable, TextTable, with_error
 from ...core.errors import UsageError
 from .many_laws import ManyLaws
 from .random_effects import Family, family, given, half_t, moments, of_pairs, quantiles, reml, tau_quantile, thinned
-
-Array = NDArray[np.float64]
 
 FEWEST = 3  # pairs of a family
 AT_ONCE = 4096  # pairs in one array over tau: about a megabyte

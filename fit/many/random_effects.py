@@ -12,9 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...core.arrays import Array
 
 FARTHEST = 16.0  # asinh(tau / c) up to which the posterior is searched: tau of four million standard errors
 COARSE, CLOSE = 64, 24  # points of the first search for the mass, and of each closer one

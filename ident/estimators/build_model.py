@@ -3,15 +3,13 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...datasets.records.record import Record
 from ..model import Model, Structure
 from .filters import ROUNDING, covariance, inverse_of_squares, squares
 from .free_simulation import FreeRun, constants, sensitivities
 from .input_checks import check_identifiable, not_centred
-
-Array = NDArray[np.float64]
 
 
 def record_facts(rec: Record) -> dict[str, Any]:

@@ -13,9 +13,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...core.arrays import Array
+
 ROUNDING = 1e-28  # of the squares of the data: a loss below it is rounding of the arithmetic
 EDGE = 1 - 1e-6  # largest modulus of a root of an estimate: a time constant of a million samples
 

@@ -8,12 +8,10 @@ that has not settled is not its operating point.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...datasets.records.record import Record
 from .filters import ROUNDING, filtered, impulse_response, lagged, squares
-
-Array = NDArray[np.float64]
 
 NEARLY_ALIKE = 1e-10  # share of a column orthogonal to those before it: below, it is dependent
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.threads import one_thread
 from ...datasets.records.record import Record
 from ..model import Model
@@ -31,7 +31,6 @@ from .free_simulation import (
 )
 from .input_checks import checked_record
 
-Array = NDArray[np.float64]
 Initial = Literal["auto", "zero", "estimate", "offset"]
 POLES = (0.5, 0.8, 0.95)  # of the prefilters 1 / (1 - p q^-1)^na for the starting values, in addition to none
 SAME = 1e-3  # two starts whose losses differ by less than this share have found one minimum

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...datasets.records.record import Record, join_records
 from ..model import Model
 from .build_model import record_facts
@@ -30,7 +30,6 @@ from .input_checks import (
 )
 from .regressors import Lags, gram, r_of, triangle
 
-Array = NDArray[np.float64]
 Solver = Literal["auto", "gram", "qr"]
 
 # Largest relative error of coefficients or residual variance by the normal equations; QR is used above it.

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.threads import one_thread
 from ...datasets.records.record import Record
 from ..model import Model
@@ -23,9 +23,6 @@ from .free_simulation import FreeRun, free_run, sensitivities
 from .input_checks import check_identifiable, checked_record, not_centred, short_stretches
 from .instrumental import Initial, estimate, unstable_arx_note
 from .regressors import arx_regressors
-
-Array = NDArray[np.float64]
-
 
 Evaluate = Callable[[Array], tuple[Array, Array]]
 

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...core.arrays import Array
 from ...core.errors import IdentError, UsageError
 from ...core.files import write_whole
 
-Array = NDArray[np.float64]
 Form = Literal["csv", "octave", "labview", "linuxcnc"]
 
 

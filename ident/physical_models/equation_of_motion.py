@@ -12,14 +12,13 @@ from itertools import pairwise
 from math import exp, expm1, log
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ...datasets import Record
 from ...datasets.records.record import join_records
 
-Array = NDArray[np.float64]
 MOTION_UNITS = {  # factor to SI, and number of differentiations to a velocity
     "m": (1.0, 1), "mm": (1e-3, 1), "um": (1e-6, 1), "µm": (1e-6, 1), "rad": (1.0, 1), "deg": (np.pi / 180, 1),
     "m/s": (1.0, 0), "mm/s": (1e-3, 0), "m/min": (1 / 60, 0), "mm/min": (1e-3 / 60, 0),

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...datasets import Record
@@ -23,8 +24,6 @@ from .step_shapes import SHAPES, Stretch, one_step, overshoot, ramp_rate, stretc
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)

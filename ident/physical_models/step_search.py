@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import IdentError
 from ..estimators.filters import squares
 from .step_shapes import SHAPES, Stretch, guesses, unit_response
 
-Array = NDArray[np.float64]
 RESPONDS = 0.1  # share of the output variance that the best response must explain
 
 

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...core.arrays import Array
 from ...core.errors import UsageError
 from ..model import Model
 from .gains import PiGains
@@ -13,7 +14,6 @@ from .margins import margin_figures
 from .specification import LIMITS, Specification, table_of
 from .step_metrics import step_figures
 
-Array = NDArray[np.float64]
 # Values of an unstable loop: infinite errors, no margins.
 UNSTABLE = {
     "stable": False, "rise_time": np.inf, "settling_time": np.inf, "overshoot": np.inf, "undershoot": np.inf,

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import IdentError, UsageError
 from ..model import Model
 from .feasible_region import FeasibleMap
@@ -13,7 +13,6 @@ from .figures_of_merit import MARGINS, specified_figures
 from .gains import PiGains
 from .specification import Specification
 
-Array = NDArray[np.float64]
 Aim = Literal["ms", "iae", "disturbance_iae", "travel", "noise_gain", "rise_time", "settling_time", "largest_ki"]
 SIDE = 9  # gains per side of the small grid
 ROUNDS = 40

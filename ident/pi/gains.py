@@ -19,12 +19,11 @@ from functools import reduce
 from typing import Any, Literal, Self, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import UsageError
 
-Array = NDArray[np.float64]
 Form = Literal["position", "incremental", "incremental_sum"]
 Integration = Literal["backward", "forward", "trapezoidal"]
 AntiWindup = Literal["clamping", "back_calculation", "none"]

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.arrays import Array
 from ...core.errors import IdentError, UsageError
 from ..model import Model
-from .gains import Array, PiGains, basis
+from .gains import PiGains, basis
 
 Index = NDArray[np.intp]
 _LACK = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}

@@ -5,12 +5,12 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...core.arrays import Array
 from ...core.display import Display, Displayable, facts_of
 from ...core.errors import IdentError
 
-Array = NDArray[np.float64]
 STEADY = 1e-6  # of the step: the steady-state error with integral action is rounding
 ROUNDING = 1e-9  # of a limit: smaller violations are rounding
 

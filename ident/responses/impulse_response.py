@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...datasets.records.record import Record
 from ..estimators.filters import filtered, lagged, whitening
 
-Array = NDArray[np.float64]
 MANY = 3  # segments whose transients are estimated; with more, the start of each segment is omitted
 BLOCK = 8192  # rows
 TRIALS = 80  # of hyperparameters; more have little effect on the errors

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
@@ -17,7 +17,6 @@ from ..model import Model
 from .prediction import check_frame, fit_percent, k_steps, lagged_inputs, one_step, simulated
 from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
 
-Array = NDArray[np.float64]
 GOOD, POOR = 80.0, 50.0  # % of fit: R2 0.96 and 0.75
 SIGNIFICANT = 0.001  # p below which the residuals depend on the input
 OPTIMISM = 15.0  # % of fit between one-step prediction and simulation: then the one-step fit is optimistic

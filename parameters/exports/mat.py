@@ -14,14 +14,13 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from .view import ExportView, PlantModel, TunedGains
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-Array = NDArray[np.float64]
 HEAD = 116  # bytes of free text at the start of a v5 file: scipy writes the time there, and no two files are alike
 
 NOT_IN_MAT = (
