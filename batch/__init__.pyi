@@ -1,4 +1,3 @@
-from .result import Batch as Batch
 from .run_batch import run as run
 
-__all__ = ["Batch", "run"]
+__all__ = ["run"]

@@ -11,10 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..core.arrays import Array
+from ..core.display import plot
 from ..core.errors import UsageError
-from ..core.plotting import BLUE, GREY, ORANGE, new_axes
+from ..core.plotting import BLUE, GREY, ORANGE, whiskers
 from ..fit.many.pooling import WHOLE
 from .comparison import Comparison
+from .result import Batch
 
 RED = "#a33"  # what is no measurement
 MOST_FAMILIES, MOST_PAIRS = 40, 60
@@ -258,20 +260,19 @@ def _free(stem: str, taken: set[str]) -> str:
     return f"{free}.png"
 
 
-def pairs_picture(results: pd.DataFrame, ax: "Axes | None" = None) -> "Axes":
-    """The first exponent of the first power law over the pairs, with 95 % intervals; the first sixty in their order."""
+@plot.register
+def exponents_figure(result: Batch, ax: Axes | None = None) -> Axes:
+    """The first exponent of the first power law of the pairs, with 95 % intervals; the first sixty in their order."""
+    results = result.results
     laws = results[(results["reason"] == "") & (results["form"] == "power")]
     rows = laws[laws["response"] == laws["response"].iloc[0]] if len(laws) else laws
     exponents = rows.filter(regex="^params_(?!c0$)").dropna(axis="columns", how="all")
     if not len(exponents.columns):
         raise UsageError("no pair has a power law: there is no exponent to draw.")
     response, factor = rows["response"].iloc[0], str(exponents.columns[0]).removeprefix("params_")
-    rows = rows[exponents.iloc[:, 0].notna()].head(MOST_PAIRS)
-    axes = new_axes(ax, 6.4, ROW * max(len(rows), 8) + BELOW)
-    low, middle, high = (rows[f"{part}_{factor}"].to_numpy(dtype=float) for part in ("low", "params", "high"))
-    place = np.arange(len(rows))[::-1]
-    axes.hlines(place, low, high, color=BLUE)
-    axes.plot(middle, place, "o", color=BLUE, markersize=4)
-    axes.set_yticks(place, [f"{tool} on {work}" for tool, work in zip(rows["tool"], rows["work"], strict=True)])
-    axes.set_xlabel(f"exponent of {factor} in the law of {response} (no unit), with 95 % intervals")
-    return axes
+    rows = rows[exponents.iloc[:, 0].notna()]
+    values = rows[[f"{part}_{factor}" for part in ("params", "low", "high")]].astype(float)
+    estimates = dict(zip(_pair_names(rows), values.itertuples(index=False, name=None), strict=True))
+    return whiskers(
+        estimates, ax, label=f"exponent of {factor} in the law of {response} (no unit), with 95 % intervals"
+    )

@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from ..core.display import Display, Displayable, TextTable
+from ..core.display import Display, Plottable, TextTable
 from ..core.progress import grouped
 from .attention import Attention
 from .comparison import Comparison
 from .plan import Plan
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ..cards.publishing import PublicationReport
 
 
@@ -44,7 +42,7 @@ class Effort:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Batch(Displayable):
+class Batch(Plottable):
     """Laws of all pairs of a source.
 
     Attributes
@@ -110,12 +108,6 @@ class Batch(Displayable):
     def to_frame(self) -> pd.DataFrame:
         """A copy of ``results``."""
         return self.results.copy()
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The first exponent of the first law over the pairs, with 95 % intervals."""
-        from .figures import pairs_picture
-
-        return pairs_picture(self.results, ax)
 
     def _display(self) -> Display:
         head = f"{self.plan.name}: laws of {grouped(self.with_law)} of {grouped(self.pairs)} pairs, in {self.out}"

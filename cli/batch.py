@@ -11,7 +11,7 @@ from .options import fit_options, fitting_options, reading_options
 from .output import Printer, print_json
 
 if TYPE_CHECKING:
-    from ..batch import Batch
+    from ..batch.result import Batch
 
 
 def parser() -> Parser:

@@ -178,22 +178,17 @@ def parameter_file(
     """
     from .. import parameters
 
-    runs = pair.runs
+    source = pair.runs.source
     return parameters.collect(
-        tool=runs.tool,
-        work=runs.work,
-        design=runs,
+        design=pair.runs,
         laws=pair.laws,
         tool_life=pair.life,
         posteriors=pair.posteriors,
         no_posterior=pair.no_posterior,
         draws_kept=keep_draws,
         gauge_sd=options.gauge_sd,
-        simulated=runs.simulated,
-        note=". ".join(runs.disclaimers) or None,
-        data_file=runs.source.name,
-        data_sha256=runs.source.sha256,
-        n_rows=len(runs),
+        data_file=source.name,
+        data_sha256=source.sha256,
         command=command,
         options=options.recorded(),
         seed=options.seed,

@@ -196,7 +196,7 @@ def analysis():
 
 
 @cache
-def shop() -> batch.Batch:
+def shop():
     with TemporaryDirectory() as place:
         return batch.run(datasets.bundled("gc435_709m40"), Path(place, "out"), files=False)
 

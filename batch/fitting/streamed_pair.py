@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator
 
     from ...fit import LawFit
+    from ...fit.fitted_rows import LawSource
 
 NO_DRAWS = "a stream keeps no rows, and draws need them; of so many they say what the intervals say"
 SEVERAL = 5  # names of a group that are kept
@@ -70,9 +71,7 @@ def streamed_outcome(block: Block, plan: Plan, options: BatchOptions) -> tuple[P
     ]
     files: Mapping[str, bytes] = {}
     if options.files and any(law is not None for _, law in fitted):
-        made = attempt(
-            lambda: _file(block, plan, options, seen.rows, [law for _, law in fitted if law is not None], groups)
-        )
+        made = attempt(lambda: _file(block, options, [law for _, law in fitted if law is not None], groups))
         if isinstance(made, Failure):
             concerns.append(Concern("no parameter file", made.reason))
         else:
@@ -125,7 +124,7 @@ def _law(
     def fitted() -> "LawFit":
         with closing(_chunks(block, plan)) as chunks:
             read = chunks if seen is None else seen.over(chunks)
-            return streamed_power_law(read, asked.response, asked.factors)
+            return streamed_power_law(read, asked.response, asked.factors, source=_source(block, plan))
 
     if asked.kind != "power" or options.error == "additive":
         kind = "additive errors" if asked.kind == "power" else f"a law of {asked.response}"
@@ -137,30 +136,25 @@ def _law(
     return row_of(made, asked), made
 
 
+def _source(block: Block, plan: Plan) -> "LawSource":
+    from ...fit.fitted_rows import LawSource
+
+    pair, found = block.pairs[0], disclaimers(plan.notes)
+    return LawSource(plan.name, "", pair.tool, pair.work, bool(found), ". ".join(found))
+
+
 def _file(
-    block: Block, plan: Plan, options: BatchOptions, rows: int, laws: "list[LawFit]", groups: Mapping[str, str]
+    block: Block, options: BatchOptions, laws: "list[LawFit]", groups: Mapping[str, str]
 ) -> tuple[dict[str, bytes], dict[str, dict[str, Cell]], list[Concern]]:
     from ... import fit, parameters
     from ...parameters.file import as_bytes
 
-    pair = block.pairs[0]
     identity, odd = identity_of(
-        {**block.identity_of(pair), **{header: name for header, name in groups.items() if name}}
+        block.identity_of(block.pairs[0]) | {header: name for header, name in groups.items() if name}
     )
+    none = {law.response: fit.NotAvailable(NO_DRAWS) for law in laws}
     pf = parameters.collect(
-        tool=pair.tool,
-        work=pair.work,
-        laws=laws,
-        no_posterior={law.response: fit.NotAvailable(NO_DRAWS) for law in laws},
-        data_file=plan.name,
-        n_rows=rows,
-        command=options.command,
-        options=options.recorded(),
-        seed=options.seed,
-        machine=identity.get("machine"),
-        setup=identity.get("setup"),
-        iso513=identity.get("iso513"),
-        simulated=bool(disclaimers(plan.notes)),
-        note=". ".join(disclaimers(plan.notes)) or None,
-    )
+        laws=laws, no_posterior=none, command=options.command, options=options.recorded(), seed=options.seed,
+        **identity,  # type: ignore[arg-type]
+    )  # fmt: skip
     return {PARAMETERS: as_bytes(pf)}, posterior_cells(pf), odd
