@@ -25,16 +25,14 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 def sources(revision=None):
     """Source text by path, of the working tree or of a revision."""
     if revision is None:
-        names = subprocess.run(
-            ["git", "ls-files", "*.py", "*.pyi"], cwd=ROOT, capture_output=True, text=True, check=True
-        )
-        texts = {name: (ROOT / name).read_text("utf-8") for name in names.stdout.split() if (ROOT / name).is_file()}
+        paths = [path for pattern in ("**/*.py", "**/*.pyi") for path in ROOT.glob(pattern)]
+        texts = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in paths}
     else:
         packed = subprocess.run(["git", "archive", revision], cwd=ROOT, capture_output=True, check=True).stdout
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
             members = [m for m in archive.getmembers() if m.name.endswith((".py", ".pyi"))]
             texts = {m.name: archive.extractfile(m).read().decode() for m in members}
-    return {name: text for name, text in texts.items() if name.split("/")[0] not in (*OUTSIDE, ".ci")}
+    return {name: text for name, text in texts.items() if name.split("/")[0] not in OUTSIDE and name[0] != "."}
 
 
 def docstring_lines(tree):
@@ -116,15 +114,16 @@ def circles(trees):
 
 
 def public_names(texts):
-    """Names in ``__all__`` of the packages at the root and of the root itself, less the packages' own."""
+    """Names in ``__all__`` of the packages; of the root those that are no package and of no package's."""
     packages = {name.split("/")[0] for name in texts if "/" in name}
     found = []
-    for package in ("", *sorted(packages)):
+    for package in (*sorted(packages), ""):
         path = f"{package}/__init__.py".lstrip("/")
         for candidate in (path + "i", path):
             names = declared(texts.get(candidate, ""))
             if names:
-                found += [f"{package}.{name}".lstrip(".") for name in names if name not in packages]
+                known = {*packages, *(one.rpartition(".")[2] for one in found if not package)}
+                found += [f"{package}.{name}".lstrip(".") for name in names if name not in known and name[0] != "_"]
                 break
     return found
 

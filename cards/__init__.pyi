@@ -1,6 +1,5 @@
 from .folder import files as files
-from .folder import markdown as markdown
 from .folder import write as write
 from .publishing import site as site
 
-__all__ = ["files", "markdown", "site", "write"]
+__all__ = ["files", "site", "write"]

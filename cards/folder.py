@@ -45,7 +45,7 @@ def markdown(pf: ParameterFile, *, folder: Path | None = None, publication: Publ
     Examples
     --------
     >>> from fitmodels import cards, parameters
-    >>> "# GC435 on 709M40" in cards.markdown(parameters.collect(tool="GC435", work="709M40"))
+    >>> "# GC435 on 709M40" in markdown(parameters.collect(tool="GC435", work="709M40"))
     True
     """
     from .content.card import compose

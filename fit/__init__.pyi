@@ -1,4 +1,5 @@
 from .available import NotAvailable as NotAvailable
+from .bayes.competing_posterior import posterior_of_form as posterior_of_form
 from .bayes.draw_posterior import posterior as posterior
 from .bayes.joint_posterior import latent_wear as latent_wear
 from .bayes.priors import Priors as Priors
@@ -42,6 +43,7 @@ __all__ = [
     "next_runs",
     "pooled_exponents",
     "posterior",
+    "posterior_of_form",
     "power_law",
     "robust",
     "streamed_power_law",

@@ -19,6 +19,7 @@ from fitmodels.batch.law_rows import law_table
 from fitmodels.batch.outcomes import BlockOutcome, PairOutcome, cell
 from fitmodels.batch.plan import BatchOptions, Block, Pair, Piece, Plan, Reading
 from fitmodels.batch.rows import PairSource, Rows
+from fitmodels.cards.folder import markdown
 from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.datasets.runs import Source
@@ -240,7 +241,7 @@ def test_a_file_whose_draws_are_not_kept_passes_its_check_and_makes_its_card(fit
     assert "draws" not in [f.name for f in parameters.check(pf, tmp_path).findings]
     assert parameters.read_draws(pf, tmp_path) == {}
     assert "draws.npz" not in cards.files(pf)
-    assert cards.markdown(pf)
+    assert markdown(pf)
 
 
 def test_the_posterior_of_a_file_stands_in_its_row(fitted):

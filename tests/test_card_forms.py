@@ -13,6 +13,7 @@ import yaml
 from fitmodels import cards, datasets, fit, parameters
 from fitmodels.cards.content.card import compose
 from fitmodels.cards.content.parts import Card, FigurePart, NumberPart, Part, PublicationPart, SensorPart
+from fitmodels.cards.folder import markdown
 from fitmodels.cards.forms import card_json
 from fitmodels.cards.forms.citation import author, citation_cff, zenodo_json
 from fitmodels.cards.forms.front_matter import hub_metadata, yaml_text
@@ -443,4 +444,4 @@ def test_lines_of_a_caller_stand_where_the_file_does_not_tell_its_tests(files, t
 
 
 def test_the_public_name_tells_a_file_in_markdown(pf):
-    assert cards.markdown(pf) == card_markdown(compose(pf))
+    assert markdown(pf) == card_markdown(compose(pf))

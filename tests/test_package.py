@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SETUPTOOLS = PROJECT["tool"]["setuptools"]
 README = (ROOT / "README.md").read_text("utf-8")
-ROOMS = ("datasets", "fit", "parameters", "cards", "cli")
+PACKAGES = ("batch", "cards", "controllers", "datasets", "fit", "ident", "parameters", "pipeline")
 COMMANDS = (
     "python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/fitmodels datasets/gc435_709m40/data.csv",
     "python3 -m venv .venv && .venv/bin/pip install '.[test]' && .venv/bin/pytest -n auto",
@@ -36,10 +36,10 @@ def test_only_three_modules_stand_at_the_root():
 
 
 def test_package_data_names_every_file_that_is_not_python():
-    for room in ROOMS:
-        patterns = SETUPTOOLS["package-data"].get(f"fitmodels.{room}", [])
-        carried = {path for pattern in patterns for path in (ROOT / room).glob(pattern)}
-        files = {path for path in (ROOT / room).rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    for package in (*PACKAGES, "cli", "core"):
+        patterns = SETUPTOOLS["package-data"].get(f"fitmodels.{package}", [])
+        carried = {path for pattern in patterns for path in (ROOT / package).glob(pattern)}
+        files = {path for path in (ROOT / package).rglob("*") if path.is_file() and "__pycache__" not in path.parts}
         left = {path.relative_to(ROOT).as_posix() for path in files - carried if path.suffix not in (".py", ".pyi")}
         assert not left
     assert (ROOT / "py.typed").is_file()
@@ -52,16 +52,16 @@ def test_version_is_told_alike_everywhere():
     assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_public_names_exist_and_are_documented(room):
-    module = importlib.import_module(f"fitmodels.{room}")
+@pytest.mark.parametrize("package", PACKAGES)
+def test_public_names_exist_and_are_documented(package):
+    module = importlib.import_module(f"fitmodels.{package}")
     assert module.__doc__
     for name in getattr(module, "__all__", []):
         thing = getattr(module, name)
-        assert not callable(thing) or (thing.__doc__ and thing.__module__.startswith(f"fitmodels.{room}")), name
+        assert not callable(thing) or (thing.__doc__ and thing.__module__.startswith("fitmodels.")), name
 
 
-def test_rooms_load_on_first_use():
+def test_packages_load_on_first_use():
     code = (
         "import sys, fitmodels; fitmodels.__version__; "
         "print([m for m in ('numpy', 'pandas', 'scipy', 'matplotlib') if m in sys.modules]); "
@@ -69,6 +69,27 @@ def test_rooms_load_on_first_use():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.splitlines() == ["[]", "False False"]
+
+
+def test_the_structure_stays_within_its_limits():
+    """The limits of benchmarks/structure.py, which prints what breaks them."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    try:
+        structure = importlib.import_module("structure")
+    finally:
+        sys.path.remove(str(ROOT / "benchmarks"))
+    texts = {path: text for path, text in structure.sources().items() if text}
+    found, remarks = structure.measures(texts)
+    assert found["Python files"] <= 420
+    assert found["public names"] <= 90
+    assert found["complexity, 90 % at most"] <= 8
+    assert remarks == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_dir_lists_the_public_names(package):
+    module = importlib.import_module(f"fitmodels.{package}")
+    assert set(module.__all__) <= set(dir(module))
 
 
 def test_the_readme_holds_its_two_commands_a_line_each():
