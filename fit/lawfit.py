@@ -15,7 +15,7 @@ from .available import NotAvailable
 from .edge_sums import EdgeSums
 from .edges import EdgeInference
 from .fitted_rows import FittedRows, LawSource, RowAccess
-from .laws import Error, Form, LawForm
+from .laws import Error, LawForm
 from .prediction import interval as interval_of
 from .region import DesignRegion, design_region
 from .rows import By, Dropped, LeftOut, Points, as_table, level_names
@@ -134,7 +134,7 @@ class LawFit(RowAccess, Plottable):
         return design_region(self.formula, rows.X, rows.shifts, rows.edge, self.by, self.units)
 
     @property
-    def form(self) -> Form:
+    def form(self) -> str:
         """``power``, ``exponential``, ``load_line`` or ``feed_line``."""
         return self.formula.name
 

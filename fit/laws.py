@@ -16,7 +16,7 @@ Equations 14 and 15: Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587; power
 doi 10.15242/IIE.E1216006; exponential law: eq. 5 of the constant-roughness paper (SURF).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,7 +26,6 @@ from ..core.arrays import Array
 from ..core.display import Displayable
 from .least_squares import linear
 
-Form = Literal["power", "exponential", "load_line", "feed_line"]
 Error = Literal["multiplicative", "additive"]
 # right-hand side of the equation from the factors and the coefficients, both as text
 Equation = Callable[[Sequence[str], Sequence[str]], str]
@@ -61,7 +60,7 @@ class Linearisation:
     equation: Equation
 
 
-FORMS: Mapping[Form, Linearisation] = {
+FORMS: dict[str, Linearisation] = {
     "power": Linearisation(True, True, None, _products),
     "exponential": Linearisation(True, False, ("a", "b"), _exponential),
     "load_line": Linearisation(False, False, ("A", "B", "k1"), _sum),
@@ -89,7 +88,7 @@ class LawForm(Displayable):
     [9.0]
     """
 
-    name: Form
+    name: str
     response: str
     factors: tuple[str, ...]
 

@@ -21,7 +21,7 @@ from .available import NotAvailable
 from .edges import EXACT_FIT, NO_EDGES, EdgeInference, infer_by_edge
 from .fitted_rows import FittedRows, LawSource
 from .lawfit import LawFit
-from .laws import FORMS, Error, Form, LawForm
+from .laws import FORMS, Error, LawForm
 from .least_squares import linear
 from .nonlinear import minimise
 from .rows import Dropped, LeftOut, Positive, Rows, check_constant, check_enough, identifiable, select
@@ -105,7 +105,7 @@ def exponential_law(
 
 def fit_form(
     runs: Runs,
-    form: Form,
+    form: str,
     response: str,
     factors: Sequence[str],
     *,

@@ -28,7 +28,7 @@ from ..core.intervals import (
 from ..datasets import region
 from .messages import short
 from .sections.base import Covariance, NoCovariance
-from .sections.law_fields import LOGARITHMIC, LawFields
+from .sections.law_fields import LawFields
 from .sections.law_parts import Edges
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
         factor = centre_factor(centre, spread.scatter.sd, smearing) if multiplies else 1.0
         Z = terms(law, by, factors)
         median = response(law, Z @ law.theta)
-        G = Z if multiplies or law.form not in LOGARITHMIC else Z * median[..., None]
+        G = Z if multiplies or not law.logarithmic else Z * median[..., None]
         variance = np.zeros(median.shape) if spread.edge == "same" else _quadratic(law, covariance, G)
         half = half_width(
             asked.kind,
@@ -197,7 +197,7 @@ def terms(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> 
         A factor or a level that the law cannot take.
     """
     values = checked_values(law, given)
-    columns = [np.log(x) if law.form == "power" else x for x in values]
+    columns = [np.log(x) if law.log_factors else x for x in values]
     shape = values[0].shape if values else ()
     at = _level(law, level)
     shifts = [np.full(shape, float(other == at)) for other in (law.by.shifts if law.by else ())]
@@ -230,9 +230,9 @@ def _number(law: LawFields, symbol: str, unit: str, given: ArrayLike) -> Array:
         value = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"{symbol} = {short(given)} is not a number; give it in {unit or 'its unit'}.") from None
-    bad = ~np.isfinite(value) | ((value <= 0) if law.form == "power" else False)
+    bad = ~np.isfinite(value) | ((value <= 0) if law.log_factors else False)
     if bad.any():
-        wanted = "positive" if law.form == "power" else "finite"
+        wanted = "positive" if law.log_factors else "finite"
         seen = float(value[bad].flat[0]) if value.ndim else float(value)
         raise ParameterError(f"{symbol} = {seen:g} {unit}: the {law.form} law of {law.response} needs {wanted} values.")
     return value
@@ -255,7 +255,7 @@ def _level(law: LawFields, level: str | None) -> str | None:
 def response(law: LawFields, eta: Array) -> Array:
     """Response of the linear form: the inverse of the link."""
     with np.errstate(over="ignore", under="ignore"):  # `as_given` refuses what overflows
-        return np.exp(eta) if law.form in LOGARITHMIC else eta
+        return np.exp(eta) if law.logarithmic else eta
 
 
 def as_given(law: LawFields, value: Array) -> Array | float:

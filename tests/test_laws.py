@@ -3,9 +3,14 @@
 import numpy as np
 import pandas as pd
 import pytest
+from fitmodels import parameters
+from fitmodels.core.errors import ParameterError
 from fitmodels.datasets import runs_from_frame
 from fitmodels.fit.laws import FORMS, LawForm, Linearisation
 from fitmodels.fit.regression import fit_form
+from fitmodels.parameters.exports.quantities import file_quantities
+from fitmodels.parameters.sections.law_fields import FORMS as FILE_FORMS
+from fitmodels.parameters.sections.law_fields import EquationForm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -106,11 +111,11 @@ def test_a_wild_trial_overflows_without_a_warning():
     assert np.isinf(law.response_at(np.array([2000.0, 1, 1]), law.design(X))).all()
 
 
-def test_a_form_added_to_the_table_is_fitted_shown_and_predicts(monkeypatch):
+def test_a_form_added_to_the_two_tables_is_fitted_shown_written_read_and_predicts(monkeypatch, tmp_path):
     """``R = A + B ln x``: link none, logarithm of the factor."""
     semilog = Linearisation(False, True, ("A", "B"), FORMS["load_line"].equation)
-    monkeypatch.setattr("fitmodels.fit.laws.FORMS", {**FORMS, "semilog": semilog})
-    monkeypatch.setattr("fitmodels.fit.regression.FORMS", {**FORMS, "semilog": semilog})
+    monkeypatch.setitem(FORMS, "semilog", semilog)
+    monkeypatch.setitem(FILE_FORMS, "semilog", EquationForm(False, True, ("A", "B")))
     V = np.linspace(50, 200, 12)
     runs = runs_from_frame(pd.DataFrame({"V": V, "AW": 0.1 + 0.3 * np.log(V) + 1e-3 * np.sin(V)}))
     law = fit_form(runs, "semilog", "AW", ["V"])
@@ -119,3 +124,22 @@ def test_a_form_added_to_the_table_is_fitted_shown_and_predicts(monkeypatch):
     assert "AW [mm] = 0.1" in law.summary()
     band = law.predict({"V": 100.0}, "prediction")
     assert band["low"][0] < 0.1 + 0.3 * np.log(100) < band["high"][0]
+
+    parameters.write(parameters.collect(tool="a", work="b", laws=[law]), tmp_path / "params.json")
+    section = parameters.read(tmp_path / "params.json").laws["AW"]
+    assert (section.form, section.equation[:8]) == ("semilog", "AW = 0.1")
+    assert section.predict(V=100.0) == pytest.approx(law.predict({"V": 100.0})[0], rel=1e-14)
+    for kind in ("mean", "prediction", "tolerance"):
+        low, high = law.predict({"V": V}, kind)[["low", "high"]].to_numpy().T
+        np.testing.assert_allclose(section.interval(kind=kind, V=V), [low, high], rtol=1e-12)
+    with pytest.raises(ParameterError, match="semilog law of AW needs positive values"):
+        section.predict(V=0.0)
+    units = {entry.name: entry.unit for entry in file_quantities(parameters.read(tmp_path / "params.json"), None)}
+    assert (units["law_aw_a"], units["law_aw_b"]) == ("mm", "mm")
+
+
+def test_fit_and_parameter_file_hold_the_same_forms():
+    fitted = {name: (form.log_response, form.log_factors, form.coefficients) for name, form in FORMS.items()}
+    assert fitted == {
+        name: (form.logarithmic, form.log_factors, form.coefficients) for name, form in FILE_FORMS.items()
+    }

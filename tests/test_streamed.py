@@ -6,6 +6,7 @@ of statsmodels' ``cov_type="cluster-crv3"``.
 
 import re
 import tracemalloc
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,13 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.core import errors
+from fitmodels.fit.checks import strata
+from fitmodels.fit.checks.autocorrelation import serial_correlation
+from fitmodels.fit.checks.deletion_diagnostics import deletion
+from fitmodels.fit.checks.model_checks import collinearity, lack_of_fit, precision
+from fitmodels.fit.checks.response_scale import box_cox, error_structure
+from fitmodels.fit.checks.robust_fit import dominant_edge
+from fitmodels.fit.checks.time_exponent import common_exponent
 from fitmodels.fit.edge_sums import LARGEST, EdgeSums, equivalent_rows, infer_from_sums
 from fitmodels.fit.streaming import streamed_power_law
 from fitmodels.fit.triangle import least_squares, merged, summary, triangle_of
@@ -178,6 +186,33 @@ def test_standard_errors_are_statsmodels_crv3():
     np.testing.assert_allclose(law.theta, reference.params, rtol=1e-9)
     np.testing.assert_allclose(law.edges.cov_theta, reference.cov_params(), rtol=1e-6)
     assert law.rsquared == pytest.approx(reference.rsquared, rel=1e-9)
+
+
+@pytest.mark.parametrize("rows", [600, 6000])  # above 5000 a selection of rows would be checked
+def test_checks_of_a_stream_are_not_available_with_the_reason(rows):
+    law = streamed_power_law(cut(table(rows), rows // 2), "AW", FACTORS)
+    found = fit.judge(law)
+    assert set(found.checks) >= {"form", "prediction", "collinearity", "normality", "error structure", "rival forms"}
+    assert found.nobs == 0
+    assert {check.reason for check in found.checks.values()} == {strata.NO_ROWS}
+    (sentence,) = found.verdicts()
+    assert re.fullmatch(r"Not testable \(.*\): .*: fit a sample of the rows in memory\.", sentence)
+    assert found.to_frame()["verdict"].eq(strata.NO_ROWS).all()
+    assert "not testable" in repr(found)
+
+
+@pytest.mark.parametrize(
+    "check",
+    [
+        collinearity, common_exponent, dominant_edge, error_structure, fit.compare_forms, fit.robust, strata.split,
+        *(partial(of_strata, strata=fit.NotAvailable("no strata"))
+          for of_strata in (box_cox, deletion, lack_of_fit, precision, serial_correlation)),
+        partial(fit.gauge_corrected, gauge_sd=0.01, wear="t"),
+    ],
+)  # fmt: skip
+def test_each_check_of_a_stream_is_not_available_with_the_reason(check):
+    found = check(streamed_power_law([table(600)], "AW", FACTORS))
+    assert found == fit.NotAvailable(strata.NO_ROWS)
 
 
 def solved(A, B):

@@ -5,7 +5,6 @@ from typing import Any
 
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance
-from ...parameters.sections.law_fields import LOGARITHMIC
 from .design import design_part
 from .dynamics import dynamics_part
 from .figure_texts import figures
@@ -76,7 +75,7 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
     """Field of the card -> the reason in a sentence, for each that is empty."""
     tune = "fitmodels tune params.json." if pf.dynamics else "identify dynamics first: fitmodels ident run.csv."
     laws = "" if pf.laws else " and no laws"
-    forms = ", ".join(sorted({law.form.replace("_", " ") for law in pf.laws.values() if law.form not in LOGARITHMIC}))
+    forms = ", ".join(sorted({law.form.replace("_", " ") for law in pf.laws.values() if not law.logarithmic}))
     reasons = {
         "design": "The file does not describe its tests: it was written by hand or by an earlier version; fit the data "
         "again." if pf.laws else "There are no cutting tests behind this file.",

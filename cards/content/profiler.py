@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from ...datasets.region import ROUNDING, SLACK
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
-from ...parameters.sections.law_fields import LOGARITHMIC
 from .design import factor_ranges, middle_of
 from .numbers import LEVEL, t_quantile
 from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
@@ -21,7 +20,7 @@ Value = tuple[float, float | None, float | None]
 
 def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
     """Sliders and laws; None without a power or exponential law."""
-    laws = tuple(profiled(law, pf) for law in pf.laws.values() if law.form in LOGARITHMIC)
+    laws = tuple(profiled(law, pf) for law in pf.laws.values() if law.logarithmic)
     if not laws:
         return None
     sliders = _sliders(pf, laws)
@@ -37,7 +36,7 @@ def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
 
 def band_of(pf: ParameterFile) -> str:
     """Kind of the prediction bands of the profiled laws."""
-    split = [_split(law) for law in pf.laws.values() if law.form in LOGARITHMIC]
+    split = [_split(law) for law in pf.laws.values() if law.logarithmic]
     if all(split):
         return ON_NEW_EDGE
     return f"{ROW}, on a new edge where edges are known" if any(split) else ROW
@@ -125,7 +124,7 @@ def profile_all(profiler: ProfilerPart, at: Mapping[str, float]) -> dict[str, Va
 def _driven(pf: ParameterFile, wear: str) -> bool:
     """Whether a wear can be substituted by its own law, which itself has no wear as a factor."""
     law = pf.laws.get(wear)
-    return law is not None and law.form in LOGARITHMIC and not any(f.symbol in pf.laws for f in law.factors)
+    return law is not None and law.logarithmic and not any(f.symbol in pf.laws for f in law.factors)
 
 
 def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None, float | None]:
@@ -176,7 +175,7 @@ def _sliders(pf: ParameterFile, laws: tuple[ProfiledLawPart, ...]) -> tuple[Fact
     put_in = {law.wear for law in laws}
     found: dict[str, FactorRangePart] = {}
     for law in pf.laws.values():
-        if law.form not in LOGARITHMIC:
+        if not law.logarithmic:
             continue
         for new in factor_ranges(law.factors, pf.design):
             old = found.get(new.symbol)

@@ -11,7 +11,6 @@ from ...core.errors import ParameterError
 from ...parameters import LawSection, ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
 from ...parameters.sections.dynamics import DynamicsSection
-from ...parameters.sections.law_fields import LOGARITHMIC
 from ..content.design import middle, reference
 from ..content.figure_texts import response_text
 from ..content.parts import Card, CoefficientPart, FigurePart, LawPart
@@ -137,7 +136,7 @@ def _line(panel: PanelCanvas, row: float) -> float:
 
 def responses(card: Card, pf: ParameterFile) -> Iterator[PanelDrawing]:
     """Each law over its first factor, the others at the middle of their ranges, with the tested range marked."""
-    laws = [law for law in pf.laws.values() if law.form in LOGARITHMIC and law.factors]
+    laws = [law for law in pf.laws.values() if law.logarithmic and law.factors]
     levels = {law.response: law.domain[0].levels for law in card.laws if law.domain}
     for law in laws:
         at_low, at_high = law.factors[0].low, law.factors[0].high

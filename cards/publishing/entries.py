@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from pydantic import Field
 
 from ...parameters import ParameterFile
-from ...parameters.sections.law_fields import LOGARITHMIC
 from ..content.laws import degrees
 from ..content.parts import Card, LawPart, NumberPart, Part
 
@@ -137,7 +136,7 @@ def _law(law: LawPart, pf: ParameterFile) -> LawEntry:
 def _exponents(law: LawPart, pf: ParameterFile) -> Iterator[ExponentEntry]:
     """Of a power law one a factor; of an exponential law its rate; a line has none."""
     section = pf.laws[law.response]
-    if section.form not in LOGARITHMIC:
+    if not section.logarithmic:
         return
     symbols = {f.symbol: f for f in law.domain}
     rate = next(iter(symbols), "") if section.form == "exponential" else ""

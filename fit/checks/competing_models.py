@@ -21,7 +21,7 @@ from ..least_squares import linear
 from .check import Check
 from .competing_forms import FittedForm, form_makers, power_form
 from .deletion_diagnostics import ALONE
-from .strata import Codes, no_scatter, units_of
+from .strata import NO_ROWS, Codes, no_scatter, units_of
 from .time_exponent import CommonExponent, common_exponent
 
 
@@ -157,6 +157,8 @@ def not_comparable(law: LawFit) -> str | None:
     """Reason why a law has no competing models, or None."""
     if law.form != "power":
         return f"competing models are those of a power law, and this is of the form {law.form.replace('_', ' ')}"
+    if law.rows is None:
+        return NO_ROWS
     if (law.observed <= 0).any():
         return f"{law.response} is zero or negative in some rows: models are compared in its logarithm"
     return no_scatter(law)

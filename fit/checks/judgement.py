@@ -39,7 +39,7 @@ class Judgement(Plottable):
     rows_are_independent : bool
         Whether no edge has more than one row, or the file names no edges.
     nobs : int
-        Rows checked: of more than 5000 an even selection.
+        Rows checked: of more than 5000 an even selection, 0 of a law of a stream, which keeps none.
     """
 
     checks: Checks
@@ -135,7 +135,7 @@ def adequacy(law: LawFit) -> Judgement:
         "normality": normality(rows) if isinstance(rows, Residuals) else rows,
         "normality of edges": normality(edges) if isinstance(edges, Residuals) else edges,
     }
-    return Judgement(checks, not has_repeated_edges(law), law.nobs)
+    return Judgement(checks, not has_repeated_edges(law), 0 if law.rows is None else law.nobs)
 
 
 def _order(law: LawFit, strata: Strata | NotAvailable, rows_given: int) -> SerialCorrelation | NotAvailable:

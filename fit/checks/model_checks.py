@@ -17,6 +17,7 @@ from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, format_p
 from .strata import (
+    NO_ROWS,
     Codes,
     Strata,
     covariance,
@@ -236,7 +237,7 @@ class Collinearity(Check):
     entangled: tuple[str, ...]
 
 
-def collinearity(law: LawFit) -> Collinearity:
+def collinearity(law: LawFit) -> Collinearity | NotAvailable:
     """Variance inflation and condition number of the law's terms.
 
     Examples
@@ -247,6 +248,8 @@ def collinearity(law: LawFit) -> Collinearity:
     >>> round(found.statistic, 1), found.concern
     (1.0, 0)
     """
+    if law.rows is None:
+        return NotAvailable(NO_ROWS)
     terms = law.design[:, 1:]
     names = law.names[1:]
     terms = terms - terms.mean(axis=0)

@@ -21,7 +21,7 @@ from ..lawfit import LawFit
 from ..least_squares import linear
 from ..regression import edge_inference
 from .check import Check
-from .strata import no_scatter, units_of
+from .strata import NO_ROWS, no_scatter, units_of
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -107,6 +107,8 @@ def dominant_edge(law: LawFit) -> DominantEdge | NotAvailable:
     >>> dominant_edge(law).dominates
     False
     """
+    if law.rows is None:
+        return NotAvailable(NO_ROWS)
     if isinstance(law.edges, NotAvailable):
         return law.edges
     moved, bse = law.edges.moved, np.sqrt(np.diag(law.edges.cov_theta))

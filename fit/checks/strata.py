@@ -18,9 +18,11 @@ from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..regression import refitted
 
+NO_ROWS = "a law of a stream keeps no rows, and checks use them: fit a sample of the rows in memory"
+
 
 def no_scatter(law: LawFit) -> str | None:
-    """Reason why a law has no residual variance to test it by, or None.
+    """Reason why a law has no rows, or no residual variance, to test it by; None where it has both.
 
     Examples
     --------
@@ -29,6 +31,8 @@ def no_scatter(law: LawFit) -> str | None:
     >>> no_scatter(law) is None
     True
     """
+    if law.rows is None:
+        return NO_ROWS
     if law.df_resid <= 0:
         return f"{law.nobs} observations fix {len(law.theta)} parameters exactly: no degrees of freedom are left"
     return "the law fits every row exactly: there is no residual variance" if law.exact else None
@@ -59,7 +63,7 @@ def even_choice(law: LawFit, most: int = MOST_ROWS) -> LawFit:
     >>> even_choice(law).nobs, even_choice(law, 100).nobs
     (239, 80)
     """
-    if law.nobs <= most:
+    if law.rows is None or law.nobs <= most:
         return law
     try:
         return refitted(law, law.error, slice(None, None, -(-law.nobs // most)))
@@ -197,6 +201,8 @@ def split(law: LawFit) -> Strata | NotAvailable:
     >>> strata.df_between, strata.df_within
     (20, 214)
     """
+    if law.rows is None:
+        return NotAvailable(NO_ROWS)
     if law.edge is None:
         return NotAvailable("no edge column: rows are assumed independent")
     if not has_repeated_edges(law):

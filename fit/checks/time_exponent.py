@@ -20,7 +20,7 @@ from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, format_p
-from .strata import Codes, sums_by
+from .strata import NO_ROWS, Codes, sums_by
 
 TIME = "t"
 FLAT = 1e-9  # spread of ln t within an edge below which the edge has no exponent
@@ -99,6 +99,8 @@ def common_exponent(law: LawFit) -> CommonExponent | NotAvailable:
 def _not_applicable(law: LawFit) -> str | None:
     if law.form != "power" or TIME not in law.factors:
         return f"no time {TIME} among the factors of {law.response}: there is no time exponent"
+    if law.rows is None:
+        return NO_ROWS
     if law.edge is None:
         return "no edge column: the edge of each row is unknown"
     if len(set(law.edge)) < 2:

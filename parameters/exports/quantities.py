@@ -11,6 +11,7 @@ from .names import plain, plain_unit, safe_name
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
+    from ..sections.law_fields import LawFields
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,15 +137,19 @@ def _of_pi(pf: "ParameterFile") -> Found:
 
 def _of_laws(pf: "ParameterFile") -> Found:
     for symbol, law in pf.laws.items():
-        units = [law.unit, *(f"1/({f.unit})" if f.unit else "1" for f in law.factors)]
-        if law.form != "exponential":
-            units = [law.unit, *(f"({law.unit})/({f.unit})" if f.unit else law.unit for f in law.factors)]
-        for place, (name, value) in enumerate(law.coefficients.items()):
-            unit = units[min(place, len(units) - 1)] if place == 0 or law.form != "power" else "1"
-            yield f"law_{symbol}_{name}", value, unit, f"{law.form} law of {symbol}, {name}"
+        units = (law.unit, *(_unit_of_slope(law, factor.unit) for factor in law.factors))
+        for name, unit in zip(law.coefficient_names, units, strict=True):
+            yield f"law_{symbol}_{name}", law.coefficients[name], unit, f"{law.form} law of {symbol}, {name}"
         for factor in law.factors:
             yield f"law_{symbol}_{factor.symbol}_low", factor.low, factor.unit, f"{symbol} was tested from here"
             yield f"law_{symbol}_{factor.symbol}_high", factor.high, factor.unit, f"{symbol} was tested to here"
+
+
+def _unit_of_slope(law: "LawFields", unit: str) -> str:
+    """Unit of the coefficient of a factor in this unit: that of the response, or 1, over that of the term."""
+    if law.log_factors or not unit:
+        return "1" if law.logarithmic else law.unit
+    return f"1/({unit})" if law.logarithmic else f"({law.unit})/({unit})"
 
 
 def _of_sections(pf: "ParameterFile") -> Found:

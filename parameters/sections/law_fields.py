@@ -15,12 +15,14 @@ prediction and the gradient of its interval.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
+from pydantic_core import PydanticKnownError
 
 from ..messages import short
 from .base import Count, Covariance, NoCovariance, NotNegative, Number, Positive, Section, Text
@@ -37,27 +39,51 @@ from .law_parts import (
     Statistics,
 )
 
-LOGARITHMIC = ("power", "exponential")
-# the coefficients of each form, the constant first; a power law adds the symbols of its factors
-COEFFICIENTS: Mapping[str, tuple[str, ...]] = {
-    "power": ("c0",),
-    "exponential": ("a", "b"),
-    "load_line": ("A", "B", "k1"),
-    "feed_line": ("fm0", "slope"),
+
+@dataclass(frozen=True, slots=True)
+class EquationForm:
+    """Link, terms and coefficients of one form of law.
+
+    Attributes
+    ----------
+    logarithmic : bool
+        Whether the linear form is that of the logarithm of the response.
+    log_factors : bool
+        Whether the factors enter by their logarithms, and are therefore above zero.
+    coefficients : tuple of str, or None
+        Names, the constant first; None: ``c0`` and the symbols of the factors.
+    """
+
+    logarithmic: bool
+    log_factors: bool
+    coefficients: tuple[str, ...] | None
+
+
+# Every form of a parameter file; those that are fitted stand in `fit.laws.FORMS` too.
+FORMS: dict[str, EquationForm] = {
+    "power": EquationForm(True, True, None),
+    "exponential": EquationForm(True, False, ("a", "b")),
+    "load_line": EquationForm(False, False, ("A", "B", "k1")),
+    "feed_line": EquationForm(False, False, ("fm0", "slope")),
 }
+
+
+def _known(form: str) -> str:
+    if form not in FORMS:
+        *names, last = map(repr, FORMS)
+        raise PydanticKnownError("literal_error", {"expected": f"{', '.join(names)} or {last}"})
+    return form
+
+
+FormName = Annotated[str, AfterValidator(_known), WithJsonSchema({"enum": list(FORMS), "type": "string"})]
 # options of predict, interval and get_prediction: no factor can have these names
 OPTION_NAMES = ("level", "kind", "by", "edge", "coverage", "centre")
-
-
-def coefficient_names(form: str, symbols: Iterable[str]) -> tuple[str, ...]:
-    """Names of a form's coefficients: the constant, then one for each factor in order."""
-    return COEFFICIENTS[form] + (tuple(symbols) if form == "power" else ())
 
 
 class LawFields(Section):
     """Contents of a law section, without its predictions."""
 
-    form: Literal["power", "exponential", "load_line", "feed_line"]
+    form: FormName
     response: Text
     quantity: str
     unit: str
@@ -104,20 +130,30 @@ class LawFields(Section):
     @property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the coefficients, the constant first."""
-        return coefficient_names(self.form, (factor.symbol for factor in self.factors))
+        return FORMS[self.form].coefficients or ("c0", *(factor.symbol for factor in self.factors))
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the law is linear for the logarithm of its response."""
+        return FORMS[self.form].logarithmic
+
+    @property
+    def log_factors(self) -> bool:
+        """Whether the factors enter by their logarithms, and are therefore above zero."""
+        return FORMS[self.form].log_factors
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of theta: the constant as its logarithm where the law is logarithmic, shifts last."""
         constant, *others = self.coefficient_names
-        head = f"ln {constant}" if self.form in LOGARITHMIC else constant
+        head = f"ln {constant}" if self.logarithmic else constant
         return (head, *others, *(self.by.names if self.by else ()))
 
     @property
     def theta(self) -> NDArray[np.float64]:
         """Parameters, shape (p,), in the order of `parameter_names`."""
         first, *others = (self.coefficients[name] for name in self.coefficient_names)
-        head = math.log(first) if self.form in LOGARITHMIC else first
+        head = math.log(first) if self.logarithmic else first
         return np.array([head, *others, *(self.by.shifts.values() if self.by else ())])
 
 
@@ -132,7 +168,7 @@ def _check_coefficients(law: LawFields) -> None:
     if set(law.coefficients) != set(names) or len(names) != 1 + len(symbols):
         given = f"{_listed(symbols)} has the coefficients {_listed(law.coefficients)}"
         raise ValueError(f"the {law.form} law of {law.response} in {given}, not {_listed(names)}")
-    if law.form in LOGARITHMIC and law.coefficients[names[0]] <= 0:
+    if law.logarithmic and law.coefficients[names[0]] <= 0:
         raise ValueError(f"{names[0]} = {law.coefficients[names[0]]:g} of {law.response} must be positive")
     unknown = set(law.standard_errors) - {*names, *(law.by.names if law.by else ())}
     if unknown:
@@ -140,7 +176,7 @@ def _check_coefficients(law: LawFields) -> None:
 
 
 def _check_form(law: LawFields) -> None:
-    if law.form not in LOGARITHMIC and law.error == "multiplicative":
+    if not law.logarithmic and law.error == "multiplicative":
         raise ValueError(f"a {law.form} has additive errors")
     if law.error == "multiplicative" and law.residual_se is not None and law.residual_scale != "ln":
         raise ValueError(f"the residual of a multiplicative law is in ln, not in {short(law.residual_scale)}")
