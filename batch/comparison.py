@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from ..core.errors import UsageError
@@ -125,6 +126,12 @@ def compare(results: pd.DataFrame, groups: Sequence[str] = (), *, level: float =
     return Comparison(_stacked(families, FAMILIES), _stacked(pairs, PAIRS), level)
 
 
+def largest_families(families: pd.DataFrame, most: int) -> pd.DataFrame:
+    """At most ``most`` rows, in the order of the table: all pairs together first, then the largest families."""
+    size = families["pairs"].where(families["grouping"] != WHOLE, np.inf)
+    return families.loc[size.sort_values(ascending=False, kind="stable").index[:most]].sort_index()
+
+
 def family_names(values: pd.Series, header: str) -> pd.Series:
     """Family of each pair by its column, missing where that is empty."""
     texts = values.astype(object).where(values.notna(), "").astype(str).str.strip()
@@ -181,8 +188,8 @@ def _families(response: str, grouping: str, made: PooledExponents) -> pd.DataFra
     if not len(made.families):
         return pd.DataFrame(columns=list(FAMILIES))
     law = {"response": response, "factor": made.factor, "grouping": grouping, "family": made.families.index}
-    told = made.families[["pairs", *ENDS]].reset_index(drop=True)
-    return pd.DataFrame(law).join(told.astype({"pairs": int}))[list(FAMILIES)]
+    values = made.families[["pairs", *ENDS]].reset_index(drop=True)
+    return pd.DataFrame(law).join(values.astype({"pairs": int}))[list(FAMILIES)]
 
 
 def _pairs(response: str, grouping: str, made: PooledExponents, named: pd.DataFrame) -> pd.DataFrame:

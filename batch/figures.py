@@ -15,10 +15,10 @@ from ..core.display import plot
 from ..core.errors import UsageError
 from ..core.plotting import BLUE, GREY, ORANGE, whiskers
 from ..fit.many.pooling import WHOLE
-from .comparison import Comparison
+from .comparison import Comparison, largest_families
 from .result import Batch
 
-RED = "#a33"  # what is no measurement
+RED = "#a33"  # simulated data
 MOST_FAMILIES, MOST_PAIRS = 40, 60
 STRETCH, FEWEST, MOST = 8, 12, 60  # pairs of a stretch that is drawn at its medians; stretches of a picture
 WIDTH, ROW, LEAST, ABOVE, BELOW = 11.5, 0.21, 3.2, 1.25, 0.6  # inches: rows and panels, and what stands around them
@@ -78,15 +78,15 @@ def _figure(families: pd.DataFrame, pairs: pd.DataFrame, response: str, factor: 
 def _head(figure: Figure, title: str, level: float) -> None:
     high, ends = figure.get_figheight(), f"{100 * level:g} %"
     figure.text(0.012, 1 - 0.1 / high, title, fontsize=12, va="top")
-    said = (
+    legend = (
         f"Lines and bands are {ends} intervals: of a pair alone the t interval of its own fit, of families and pooled"
         " pairs the posterior interval of partial pooling. An arrow stands for a value outside its panel."
     )
-    figure.text(0.012, 1 - 0.37 / high, said, fontsize=8, color="0.35", va="top")
+    figure.text(0.012, 1 - 0.37 / high, legend, fontsize=8, color="0.35", va="top")
 
 
 def _panels(figure: Figure, names: Sequence[float], tall: Sequence[float]) -> tuple[Axes, Axes]:
-    """Two panels of one width beside what names their rows, all in inches: rows keep their height in any number."""
+    """Two panels of equal width, each right of the names of its rows, in inches: rows keep their height."""
     wide = (WIDTH - sum(names) - 0.6) / 2
     high = figure.get_figheight()
     starts = names[0] + 0.1, names[0] + wide + names[1] + 0.35
@@ -99,11 +99,7 @@ def _panels(figure: Figure, names: Sequence[float], tall: Sequence[float]) -> tu
 
 def _rows(families: pd.DataFrame) -> Iterator[tuple[str, "pd.Series[float] | None"]]:
     """Rows of the panel from the top down: each grouping's name (without numbers), then its families by mean."""
-    order = families.assign(whole=families["grouping"] == WHOLE).sort_values(
-        ["whole", "pairs"], ascending=False, kind="stable"
-    )
-    chosen = families.loc[order.index[:MOST_FAMILIES]].sort_index()
-    for grouping, some in chosen.groupby("grouping", sort=False):
+    for grouping, some in largest_families(families, MOST_FAMILIES).groupby("grouping", sort=False):
         if grouping != WHOLE:
             yield str(grouping), None
         for _, row in some.sort_values(["mean", "family"]).iterrows():
@@ -127,8 +123,8 @@ def _families(ax: Axes, rows: Sequence[tuple[str, "pd.Series[float] | None"]], r
             label.set_fontweight("bold")
     _title(ax, "Families (number of pairs), by their mean")
     if rest:
-        said = f"the {len(held)} largest; {rest} more in comparison.csv"
-        ax.annotate(said, (0, 0), (0, -34), "axes fraction", "offset points", fontsize=8, va="top")
+        note = f"the {len(held)} largest; {rest} more in comparison.csv"
+        ax.annotate(note, (0, 0), (0, -34), "axes fraction", "offset points", fontsize=8, va="top")
     _zero(ax)
     _legend(ax)
 
@@ -202,9 +198,9 @@ def _reach(some: pd.DataFrame, centres: str, names: Sequence[str]) -> tuple[floa
     ends = some[list(names)].to_numpy(dtype=float)
     held = np.concatenate([middle, ends[np.isfinite(ends)]])
     low, high = np.quantile(held, [0.1, 0.9])
-    room = max(float(high - low), 1e-3)
-    near = held[(held >= low - FAR * room) & (held <= high + FAR * room)]
-    return float(near.min() - 0.05 * room), float(near.max() + 0.05 * room)
+    span = max(float(high - low), 1e-3)
+    near = held[(held >= low - FAR * span) & (held <= high + FAR * span)]
+    return float(near.min() - 0.05 * span), float(near.max() + 0.05 * span)
 
 
 def _beyond(ax: Axes, values: "pd.Series[float]", at: Array, colour: str) -> None:

@@ -14,7 +14,7 @@ from ..core.errors import UsageError
 from ..core.files import locked, make_folder, write_whole
 from ..core.version import __version__
 from .plan import BatchOptions, Pair
-from .records import RECORDS, hash_of, written
+from .records import RECORDS, hash_of, read_json, written
 
 SCHEMA = "fitmodels.batch/1"
 MANIFEST = Path(".batch", "manifest.json")
@@ -36,7 +36,7 @@ def folder_names(pairs: Iterable[Pair]) -> dict[Pair, str]:
 
 @contextmanager
 def prepare(out: Path, source: str, options: BatchOptions, force: bool = False) -> Iterator[None]:
-    """Make the output folder ready, and keep other batches out of it until the end of the ``with``.
+    """Prepare the output folder, and lock it against other batches until the end of the ``with``.
 
     Nothing is written before it is known that the folder is free or ours. What another batch of the same source left
     stays: blocks whose keys are others are fitted anew. A folder that was made here goes again where something is
@@ -46,10 +46,10 @@ def prepare(out: Path, source: str, options: BatchOptions, force: bool = False) 
     ----------
     out : Path
     source : str
-        Its name; the manifest says whose the folder is.
+        Its name, which the manifest records.
     options : BatchOptions
     force : bool
-        Take away first whatever batch wrote there; what others put there stays.
+        Remove first whatever batch wrote there; other files stay.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def prepare(out: Path, source: str, options: BatchOptions, force: bool = False) 
     try:
         make_folder(out / RECORDS)
         with locked(out / LOCK, _in_use(out)):
-            _free_or_ours(out, source, force)  # another batch may have ended between the question and the lock
+            _free_or_ours(out, source, force)  # another batch may have ended before the lock
             if force:
                 _clear(out)
             else:
@@ -91,7 +91,7 @@ def _in_use(out: Path) -> str:
 def put(out: Path, name: str, content: bytes) -> bool:
     """Write a file that is not of a pair (a table, a figure), whole, and only where its bytes are others.
 
-    It counts as ours from then on: ``prepare`` takes it away where it is told to.
+    It counts as ours from then on: ``prepare`` removes it with ``force``.
 
     Returns
     -------
@@ -106,17 +106,17 @@ def put(out: Path, name: str, content: bytes) -> bool:
 
 
 def holds(out: Path, name: str, content: bytes) -> bool:
-    """Whether a file is there with this very content."""
+    """Whether a file exists with exactly this content."""
     path = out / name
     return path.is_file() and path.read_bytes() == content
 
 
 def claim(out: Path, names: Iterable[str]) -> None:
-    """Say of files within ``out`` that batch makes them; who writes them does not matter."""
+    """Record files within ``out`` as made by batch, whoever writes them."""
     before = _claimed(out)
-    now = sorted({*before, *names})
-    if now != before:
-        write_whole(out / MADE, (json.dumps(now, indent=1) + "\n").encode(), parents=True)
+    now = {*before, *names}
+    if now != {*before}:
+        _write_claimed(out, now)
 
 
 def claimed(out: Path, under: str) -> tuple[str, ...]:
@@ -125,39 +125,36 @@ def claimed(out: Path, under: str) -> tuple[str, ...]:
 
 
 def retire(out: Path, under: str, kept: Collection[str]) -> None:
-    """Take away files below ``under`` that batch made once and does not make any more."""
+    """Remove files below ``under`` that batch made earlier and does not make any more."""
     made = _claimed(out)
     gone = {name for name in made if name.startswith(under) and name not in kept}
     if gone:
         _remove(out, gone)
-        write_whole(out / MADE, (json.dumps(sorted({*made} - gone), indent=1) + "\n").encode(), parents=True)
+        _write_claimed(out, {*made} - gone)
 
 
 def sweep(out: Path, keys: Collection[str]) -> tuple[str, ...]:
-    """Take away what earlier states of the source or other options left, once every block is recorded.
+    """Remove results of earlier states of the source or other options, once every block is recorded.
 
     A record of another key goes, and so do the files that no record of these keys names (pairs that are gone, draws
-    that are no longer kept): as long as they are as batch wrote them, which their SHA-256 tells.
+    that are no longer kept): provided that they are as batch wrote them by their SHA-256.
 
     Returns
     -------
     tuple of str
-        Files that were taken away, as paths within ``out``.
+        Files that were removed, as paths within ``out``.
     """
-    if {path.stem for path in (out / RECORDS).glob("*.json")} <= set(keys):  # told by names, without opening any
+    if {path.stem for path in (out / RECORDS).glob("*.json")} <= set(keys):  # by their names, without opening any
         return ()
-    records = list(written(out))
-    kept = {name for one in records if one.key in keys for name in one.files}
-    stale = [one for one in records if one.key not in keys]
-    gone = {name for one in stale for name, made in one.files.items() if name not in kept and _is(out / name, made)}
+    records = written(out)
+    kept = {name for key, files in records.items() if key in keys for name in files}
+    stale = {key: files for key, files in records.items() if key not in keys}
+    ours = (item for files in stale.values() for item in files.items())
+    gone = {name for name, made in ours if name not in kept and hash_of(out / name) == made}
     _remove(out, gone)
-    for one in stale:
-        (out / RECORDS / f"{one.key}.json").unlink(missing_ok=True)
+    for key in stale:
+        (out / RECORDS / f"{key}.json").unlink(missing_ok=True)
     return tuple(sorted(gone))
-
-
-def _is(path: Path, made: str) -> bool:
-    return hash_of(path) == made
 
 
 def _free_or_ours(out: Path, source: str, force: bool) -> None:
@@ -191,30 +188,27 @@ def _names(out: Path) -> list[str]:
 
 def _manifest(out: Path) -> dict[str, Any] | None:
     """None where there is none, or none that this version understands."""
-    try:
-        data = json.loads((out / MANIFEST).read_bytes())
-    except (OSError, ValueError):
-        return None
-    return data if isinstance(data, dict) and data.get("schema") == SCHEMA and "source" in data else None
+    data = read_json(out / MANIFEST)
+    return data if data.get("schema") == SCHEMA and "source" in data else None
 
 
 def _write_manifest(out: Path, source: str, options: BatchOptions) -> None:
-    """Write the manifest; one that says the same already stays, with its time."""
+    """Write the manifest; one of the same content stays, with its time."""
     plain = json.loads(json.dumps(asdict(options), default=str))  # as JSON reads them back
-    said = {"schema": SCHEMA, "source": source, "fitmodels": __version__, "options": plain}
+    manifest = {"schema": SCHEMA, "source": source, "fitmodels": __version__, "options": plain}
     before = _manifest(out)
-    if before is None or {**before, "started": None} != {**said, "started": None}:
-        said["started"] = datetime.now(UTC).isoformat(timespec="seconds")
-        write_whole(out / MANIFEST, (json.dumps(said, indent=1, sort_keys=True) + "\n").encode(), parents=True)
+    if before is None or {**before, "started": None} != {**manifest, "started": None}:
+        manifest["started"] = datetime.now(UTC).isoformat(timespec="seconds")
+        write_whole(out / MANIFEST, (json.dumps(manifest, indent=1, sort_keys=True) + "\n").encode(), parents=True)
 
 
 def _unchanged_by_others(out: Path) -> None:
     """Refuse to go on over a parameter file that somebody changed, for instance with ``fitmodels tune``."""
     ours: dict[str, set[str]] = {}
     newest: dict[str, int] = {}
-    for one in written(out):
-        at = (out / RECORDS / f"{one.key}.json").stat().st_mtime_ns
-        for name, digest in one.files.items():
+    for key, files in written(out).items():
+        at = (out / RECORDS / f"{key}.json").stat().st_mtime_ns
+        for name, digest in files.items():
             ours.setdefault(name, set()).add(digest)
             newest[name] = max(newest.get(name, 0), at)
     for name, made in ours.items():
@@ -228,16 +222,15 @@ def _unchanged_by_others(out: Path) -> None:
 
 
 def _remove_new(out: Path) -> None:
-    """Remove a folder in which nothing stands but whose it was to be."""
+    """Remove a folder that holds the manifest and the lock only."""
     with suppress(OSError):
         if all(path.relative_to(out) in (MANIFEST, LOCK) for path in out.rglob("*") if not path.is_dir()):
             rmtree(out)
 
 
 def _clear(out: Path) -> None:
-    """Take away what the records and the list of other files name; nothing else."""
-    records = list(written(out))
-    _remove(out, {name for one in records for name in one.files} | set(_claimed(out)))
+    """Remove what the records and the list of other files name; nothing else."""
+    _remove(out, {name for files in written(out).values() for name in files} | set(_claimed(out)))
     for path in (out / RECORDS).glob("*.json"):
         path.unlink()
     for rest in (MADE, MANIFEST):
@@ -253,12 +246,16 @@ def _claimed(out: Path) -> list[str]:
     return [name for name in names if isinstance(name, str) and not {"", ".", ".."} & set(name.split("/"))]
 
 
+def _write_claimed(out: Path, names: Collection[str]) -> None:
+    write_whole(out / MADE, (json.dumps(sorted(names), indent=1) + "\n").encode(), parents=True)
+
+
 def _remove(out: Path, names: Iterable[str]) -> None:
     """Remove files, then the folders that they leave empty."""
     folders = set()
     for name in names:
         path = out / name
-        with suppress(OSError):  # a folder stands there now: not ours
+        with suppress(OSError):  # a folder now: not ours
             path.unlink(missing_ok=True)
         folders |= {parent for parent in path.parents if parent != out and parent.is_relative_to(out)}
     for folder in sorted(folders, key=lambda path: len(path.parts), reverse=True):

@@ -1,4 +1,4 @@
-"""A table beside the source that says what pairs belong to: their ISO group, grade, coolant."""
+"""A separate table with the groups of pairs: their ISO group, grade, coolant."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,10 +14,10 @@ from ..datasets.tables.numerals import Cell, is_missing
 from ..datasets.tables.workbook import is_workbook, read_sheets
 from ..datasets.vocabulary import roles_named
 from .outcomes import Concern, PairOutcome
+from .source.common import some_names
 
 NAMES = ("tool", "work")
 MARKS = (";", "\t", "|", ",", " ")
-LISTED = 3  # pairs named in a sentence
 Line = tuple[int, Sequence[Cell]]
 
 
@@ -38,7 +38,7 @@ def read_pairs(path: str | os.PathLike[str]) -> pd.DataFrame:
     Raises
     ------
     DataError
-        It cannot be read, names neither tools nor works, tells nothing of them, or contradicts itself.
+        It cannot be read, names neither tools nor works, has no groups of them, or contradicts itself.
 
     Notes
     -----
@@ -75,10 +75,10 @@ def read_pairs(path: str | os.PathLike[str]) -> pd.DataFrame:
 
 
 def with_groups(outcomes: Sequence[PairOutcome], table: pd.DataFrame) -> tuple[PairOutcome, ...]:
-    """Outcomes with what the table says that their pairs belong to.
+    """Outcomes with the groups of their pairs from the table.
 
-    What a pair's own rows say counts first, then a row of the table for the pair, for its tool, for its work; whoever
-    says otherwise is a ``Concern("group differs", ...)``.
+    The pair's own rows come first, then a row of the table for the pair, for its tool, for its work; a contradiction is
+    a ``Concern("group differs", ...)``.
 
     Raises
     ------
@@ -91,18 +91,18 @@ def with_groups(outcomes: Sequence[PairOutcome], table: pd.DataFrame) -> tuple[P
     >>> with_groups([PairOutcome("GC435", "709M40", 24)], table)[0].groups
     {'iso513': 'P20'}
     """
-    said = _said(table)
-    made = tuple(_with(outcome, said) for outcome in outcomes)
-    if outcomes and said and not any(key in said for outcome in outcomes for key in _keys(outcome)):
+    groups = _groups(table)
+    made = tuple(_with(outcome, groups) for outcome in outcomes)
+    if outcomes and groups and not any(key in groups for outcome in outcomes for key in _keys(outcome)):
         raise UsageError(
-            f"the table of pairs names {_some(said)}, none of which the source holds; it holds"
+            f"the table of pairs names {_some(groups)}, none of which the source holds; it holds"
             f" {_some([(outcome.tool, outcome.work) for outcome in outcomes])}. Check how tools and works are written."
         )
     return made
 
 
 def unknown_pairs(outcomes: Iterable[PairOutcome], table: pd.DataFrame) -> str:
-    """One sentence on rows of the table that no pair of the source answers to; empty where there is none.
+    """One sentence on rows of the table without a pair in the source; empty where there is none.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def unknown_pairs(outcomes: Iterable[PairOutcome], table: pd.DataFrame) -> str:
     'The table of pairs names what the source does not hold: K10.'
     """
     met = {key for outcome in outcomes for key in _keys(outcome)}
-    strange = [key for key in _said(table) if key not in met]
+    strange = [key for key in _groups(table) if key not in met]
     return f"The table of pairs names what the source does not hold: {_some(strange)}." if strange else ""
 
 
@@ -124,12 +124,12 @@ def _lines(path: Path) -> Iterator[Line]:
     encoding = encoding_of(data, path.name)
     lines = (line for line in text_lines(data, encoding) if line.strip() and not is_comment(line, " "))
     first = next(lines, "")
-    told = first.strip().strip('"').casefold().startswith("sep=")
-    yield from text_source(path.name, data, encoding, None if told else _delimiter(first))
+    has_separator_line = first.strip().strip('"').casefold().startswith("sep=")
+    yield from text_source(path.name, data, encoding, None if has_separator_line else _delimiter(first))
 
 
 def _delimiter(header: str) -> str | None:
-    """The mark that leaves a tool or a work among the headers; of several, the one that leaves most headers."""
+    """The delimiter that gives a tool or a work among the headers; of several, the one that gives most headers."""
     cut = {mark: [cell.strip() for cell in split_line(header, mark)] for mark in MARKS}
     good = [mark for mark in MARKS if len(cut[mark]) > 1 and _named(cut[mark])]
     return max(good, key=lambda mark: len(cut[mark]) - 0.5 * (mark == " ") * len(cut[mark]), default=None)
@@ -148,9 +148,7 @@ def _named(header: Sequence[str]) -> dict[str, int]:
 
 def _check_header(file: str, header: Sequence[str], others: Mapping[str, int]) -> None:
     if not others:
-        raise DataError(
-            f"{file} tells nothing of its pairs: beside {', '.join(header)} it needs a column such as iso513."
-        )
+        raise DataError(f"{file} has no groups of pairs: besides {', '.join(header)} it needs a column such as iso513.")
     twice = [name for name in header if name and header.count(name) > 1]
     if twice:
         raise DataError(
@@ -187,12 +185,11 @@ def _once(file: str, table: pd.DataFrame, lines: Sequence[int]) -> pd.DataFrame:
     return pd.DataFrame(list(kept.values()), columns=table.columns, dtype=object)
 
 
-def _said(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, str]]:
-    """What each row of the table says, by the tool and work that it names."""
-    rows = table.to_dict("records")
+def _groups(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, str]]:
+    """Groups of each row of the table, by its tool and work."""
     return {
         (row["tool"], row["work"]): {str(name): str(value) for name, value in row.items() if name not in NAMES}
-        for row in rows
+        for row in table.to_dict("records")
     }
 
 
@@ -200,18 +197,18 @@ def _keys(outcome: PairOutcome) -> tuple[tuple[str, str], ...]:
     return (outcome.tool, outcome.work), (outcome.tool, ""), ("", outcome.work)
 
 
-def _with(outcome: PairOutcome, said: Mapping[tuple[str, str], Mapping[str, str]]) -> PairOutcome:
+def _with(outcome: PairOutcome, table: Mapping[tuple[str, str], Mapping[str, str]]) -> PairOutcome:
     groups = dict(outcome.groups)
-    speaker = dict.fromkeys([name for name, value in groups.items() if value], "its own rows")
+    origin = dict.fromkeys([name for name, value in groups.items() if value], "its own rows")
     concerns = list(outcome.concerns)
     for key in _keys(outcome):
-        for name, value in said.get(key, {}).items():
+        for name, value in table.get(key, {}).items():
             known = groups.get(name, "")
             if value and known and value != known:
-                words = f"{name} is {known!r} by {speaker[name]} and {value!r} by the table of pairs for {_words(key)}"
+                words = f"{name} is {known!r} by {origin[name]} and {value!r} by the table of pairs for {_words(key)}"
                 concerns.append(Concern("group differs", f"{words}; {known!r} counts"))
             elif value and not known:
-                speaker[name] = f"the table of pairs for {_words(key)}"
+                origin[name] = f"the table of pairs for {_words(key)}"
             groups[name] = known or value
     return replace(outcome, groups=groups, concerns=tuple(concerns))
 
@@ -221,8 +218,7 @@ def _words(key: tuple[str, str]) -> str:
 
 
 def _some(keys: Iterable[tuple[str, str]]) -> str:
-    names = [_words(key) for key in keys]
-    return ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+    return some_names(map(_words, keys))
 
 
 def _text(cell: Cell) -> str:

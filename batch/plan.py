@@ -1,5 +1,6 @@
 """The plan of a batch: the pairs of a source, where their rows are, blocks of pairs, and the options of the fits."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -133,14 +134,6 @@ class Block:
         return dict(self.identity[self.pairs.index(pair)]) if self.identity else {}
 
 
-@dataclass(frozen=True, slots=True)
-class Unreadable:
-    """A piece that cannot be read, and the reason."""
-
-    name: str
-    reason: str
-
-
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Displayable):
     """A source cut into blocks, independent of the number of processes.
@@ -153,7 +146,8 @@ class Plan(Displayable):
     rows : int
     columns : tuple of ColumnUse
         Interpretation of the columns of a Parquet source; empty for files, each of which has its own.
-    unreadable : tuple of Unreadable
+    unreadable : mapping of str to str
+        Reason of each piece that cannot be read, by its name.
     assumed : tuple of str
         Assumptions, in full sentences.
     reading : Reading
@@ -166,7 +160,7 @@ class Plan(Displayable):
     blocks: tuple[Block, ...]
     rows: int
     columns: tuple[ColumnUse, ...]
-    unreadable: tuple[Unreadable, ...]
+    unreadable: Mapping[str, str]
     assumed: tuple[str, ...]
     reading: Reading
     notes: tuple[str, ...] = ()
@@ -178,7 +172,6 @@ class Plan(Displayable):
 
     def _display(self) -> Display:
         pairs, blocks = len(self.pairs), len(self.blocks)
-        head = (
-            f"{self.name}: {self.rows} rows of {pairs} pair{'s' * (pairs != 1)}, in {blocks} block{'s' * (blocks != 1)}"
-        )
-        return Display(head, sentences=(*self.assumed, *(one.reason for one in self.unreadable)))
+        of = f"{pairs} pair{'s' * (pairs != 1)}, in {blocks} block{'s' * (blocks != 1)}"
+        head = f"{self.name}: {self.rows} rows of {of}"
+        return Display(head, sentences=(*self.assumed, *self.unreadable.values()))

@@ -2,9 +2,9 @@
 
 import json
 from base64 import b64decode, b64encode
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -24,20 +24,6 @@ PAIRS = "pairs"
 WRITERS = 4  # a file waits for the disk longer than for the processor: four together take a sixth of the time
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
-    """Files of a record: their SHA-256 by their path within the output folder.
-
-    Attributes
-    ----------
-    key : str
-    files : mapping of str to str
-    """
-
-    key: str
-    files: Mapping[str, str]
-
-
 def key_of(block: Block, plan: Plan, options: BatchOptions) -> str:
     """SHA-256 of everything that the numbers of a block depend on; the place of its files is excluded.
 
@@ -45,23 +31,23 @@ def key_of(block: Block, plan: Plan, options: BatchOptions) -> str:
     --------
     >>> from fitmodels.batch.plan import Piece, Reading
     >>> block = Block((Pair("GC435", "709M40"),), (Piece("/lab/a.csv", "a.csv", "7f31"),), 144)
-    >>> plan = Plan("lab", "files", (block,), 144, (), (), (), Reading())
+    >>> plan = Plan("lab", "files", (block,), 144, (), {}, (), Reading())
     >>> key_of(block, plan, BatchOptions()) == key_of(block, plan, BatchOptions(seed=2))
     False
     """
-    told = {field.name: getattr(block, field.name) for field in fields(block)}
-    told["pairs"] = [(pair.tool, pair.work) for pair in block.pairs]
-    told["pieces"] = [asdict(piece) | {"path": ""} for piece in block.pieces]
+    facts = {field.name: getattr(block, field.name) for field in fields(block)}
+    facts["pairs"] = [(pair.tool, pair.work) for pair in block.pairs]
+    facts["pieces"] = [asdict(piece) | {"path": ""} for piece in block.pieces]
     columns = [asdict(use) for use in plan.columns]
-    content = {"fitmodels": __version__, "kind": plan.kind, "block": told, "columns": columns}
-    content |= {"facts": options.facts(plan.reading)}
+    content = {"fitmodels": __version__, "kind": plan.kind, "block": facts, "columns": columns}
+    content["facts"] = options.facts(plan.reading)
     return sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, str]) -> None:
     """Write the files of a block's pairs, then its record.
 
-    The record is first written without its outcome: whatever is stopped where, the files that batch wrote are named.
+    The record is first written without its outcome: wherever a batch is stopped, the files that it wrote are recorded.
 
     Parameters
     ----------
@@ -113,12 +99,10 @@ def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome |
     return outcome if stands else None
 
 
-def written(out: Path) -> Iterator[Written]:
-    """The files that each record names, whether its block was finished or not."""
-    for path in sorted((out / RECORDS).glob("*.json")):
-        data = _read(path)
-        if data is not None:
-            yield Written(path.stem, data["files"])
+def written(out: Path) -> dict[str, dict[str, str]]:
+    """SHA-256 of the files of each record, by key and path in ``out``, whether its block was finished or not."""
+    records = {path.stem: _read(path) for path in sorted((out / RECORDS).glob("*.json"))}
+    return {key: data["files"] for key, data in records.items() if data is not None}
 
 
 def hash_of(path: Path) -> str | None:
@@ -135,17 +119,29 @@ def hash_of(path: Path) -> str | None:
         return None
 
 
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a JSON file; empty where there is none that can be read.
+
+    Examples
+    --------
+    >>> read_json(Path("nowhere"))
+    {}
+    """
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
 def _bytes(data: Mapping[str, Any]) -> bytes:
     return (json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n").encode()
 
 
 def _read(path: Path) -> dict[str, Any] | None:
     """A record, None where this version cannot read it or a name leads out of the folder."""
-    try:
-        data = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return None
-    if not isinstance(data, dict) or data.get("schema") != SCHEMA or "outcome" not in data:
+    data = read_json(path)
+    if data.get("schema") != SCHEMA or "outcome" not in data:
         return None
     files = data.get("files")
     return data if isinstance(files, dict) and all(map(_inside, files)) else None

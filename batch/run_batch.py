@@ -180,7 +180,7 @@ def fit_blocks(
     meter.say("fitting")
     begun = time.perf_counter()
     memory = 0
-    work = partial(fit_block, plan=replace(plan, blocks=(), unreadable=()), options=options)
+    work = partial(fit_block, plan=replace(plan, blocks=(), unreadable={}), options=options)
     for at, outcome in workers(work, [plan.blocks[i] for i in todo]):
         i = todo[at]
         record(out, keys[i], outcome, folders)
@@ -230,5 +230,4 @@ def _with_identity(plan: Plan, table: pd.DataFrame) -> Plan:
 
 
 def _unreadable(plan: Plan, blocks: FittedBlocks) -> Mapping[str, str]:
-    found = {one.name: one.reason for one in plan.unreadable}
-    return found | {name: why for block in blocks.outcomes for name, why in block.unreadable.items()}
+    return {**plan.unreadable, **{name: why for block in blocks.outcomes for name, why in block.unreadable.items()}}

@@ -10,7 +10,7 @@ from ..cards.publishing import TITLE, PublicationReport, publish
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
 from .engine import Meter
-from .records import PAIRS
+from .records import PAIRS, read_json
 
 SITE = "site"
 TOML = "card.toml"
@@ -39,18 +39,18 @@ def site_of(
 ) -> PublicationReport | None:
     """Publish the cards in ``out``, unless the site of these very blocks exists already.
 
-    None where no pair has a parameter file. What is asked for in a ``card.toml`` is the user's from then on: no batch
-    takes it away.
+    None where no pair has a parameter file. A ``card.toml`` template belongs to the user from then on: no batch
+    removes it.
     """
     pairs = out / PAIRS
     if not any(pairs.glob("*/params.json")):
         return None
-    before = _before(out / STAMP)
-    stamp = {"card": None if before is None else before.get("card")}
+    before = read_json(out / STAMP)
+    stamp = {"card": before.get("card")}
     if card is not None:
-        stamp["card"] = _brought(Path(card), pairs / TOML, stamp["card"])
-    stamp["of"] = _of(pairs, title, keys)
-    if before is not None and before.get("of") == stamp["of"] and (out / SITE / "cards.json").is_file():
+        stamp["card"] = _copied(Path(card), pairs / TOML, stamp["card"])
+    stamp["of"] = _digest(pairs, title, keys)
+    if before.get("of") == stamp["of"] and (out / SITE / "cards.json").is_file():
         return PublicationReport(site=out / SITE, unchanged=True, found=sum(1 for _ in pairs.glob("*/params.json")))
     report = publish(pairs, out / SITE, title=title, jobs=jobs, force=True, progress=meter.say)
     published = report.ok and report.site is not None
@@ -58,18 +58,18 @@ def site_of(
     return report
 
 
-def _brought(card: Path, to: Path, before: str | None) -> str:
-    """Put ``--card`` above the pairs, unless somebody filled in another there; its SHA-256."""
+def _copied(card: Path, to: Path, before: str | None) -> str:
+    """Copy ``--card`` into the folder of the pairs, unless another is filled in there; its SHA-256."""
     content = card.read_bytes()
     new = sha256(content).hexdigest()
-    if to.is_file() and sha256(to.read_bytes()).hexdigest() not in (new, before) and _tells(to):
-        raise UsageError(f"{to} tells something else than --card {card}; leave --card out to use it, or remove it.")
+    if to.is_file() and sha256(to.read_bytes()).hexdigest() not in (new, before) and _is_filled(to):
+        raise UsageError(f"{to} differs from --card {card}; leave --card out to use it, or remove it.")
     write_whole(to, content, parents=True)
     return new
 
 
-def _tells(path: Path) -> bool:
-    """Whether a card.toml tells anything: a template tells nothing yet, and what is none is not ours to judge."""
+def _is_filled(path: Path) -> bool:
+    """Whether a card.toml has any value, unlike a template; also a file that cannot be read."""
     from ..cards.publishing.card_toml import PublicationMetadata, read_toml
 
     try:
@@ -78,18 +78,10 @@ def _tells(path: Path) -> bool:
         return True
 
 
-def _of(pairs: Path, title: str, keys: Sequence[str]) -> str:
-    """What the site depends on: the blocks, every card.toml, the title."""
+def _digest(pairs: Path, title: str, keys: Sequence[str]) -> str:
+    """SHA-256 of what the site depends on: the blocks, every card.toml, the title."""
     made = sha256("\n".join([title, *keys]).encode())
     for path in sorted([pairs / TOML, *pairs.glob(f"*/{TOML}")]):
         if path.is_file():
             made.update(path.relative_to(pairs).as_posix().encode() + path.read_bytes())
     return made.hexdigest()
-
-
-def _before(path: Path) -> dict[str, str | None] | None:
-    try:
-        data = json.loads(path.read_bytes())
-    except (OSError, ValueError):
-        return None
-    return data if isinstance(data, dict) else None

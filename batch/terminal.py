@@ -15,7 +15,7 @@ from ..core.rounding import decimals, format_plain, format_rounded
 from ..datasets.columns import ColumnUse
 from ..datasets.vocabulary import ROLES
 from ..fit.many.pooling import WHOLE
-from .comparison import LAW, Comparison
+from .comparison import LAW, Comparison, largest_families
 from .plan import Plan
 from .result import Batch
 
@@ -23,13 +23,15 @@ if TYPE_CHECKING:
     from ..cards.publishing.pair import PublicationProblem
 
 MOST_LISTED = 8  # kinds of attention, sentences on the source
-NAMED = 20  # parts that cannot be read, beside those whose reason is told
+NAMED = 20  # unreadable parts that are named without their reason
 QUARTERS = (0.25, 0.5, 0.75)
 
 
 def source_block(plan: Plan) -> RenderableType:
     """Contents of the source."""
-    table = _grid()
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column()
     table.add_row("source", f"{plan.name}: {_kind(plan)}; {grouped(plan.rows)} rows, {_pairs(len(plan.pairs))}")
     table.add_row("in blocks", _blocks(plan))
     used = [use for use in plan.columns if use.role is not None]
@@ -43,8 +45,8 @@ def source_block(plan: Plan) -> RenderableType:
     if plan.assumed:
         table.add_row("assumed", Text("\n".join(_shortened(plan.assumed))))
     if plan.unreadable:
-        table.add_row("not read", Text("\n".join(_not_read({one.name: one.reason for one in plan.unreadable}))))
-    return Group(Text("What was found", style="bold"), Padding(table, (0, 0, 1, 2)))
+        table.add_row("not read", Text("\n".join(_not_read(plan.unreadable))))
+    return _section(Text("Input", style="bold"), table)
 
 
 def batch_blocks(made: Batch) -> Iterator[RenderableType]:
@@ -54,12 +56,9 @@ def batch_blocks(made: Batch) -> Iterator[RenderableType]:
         yield comparison_block(made.comparison)
     if made.concerns:
         yield attention_block(made)
-    late = {
-        name: why for name, why in made.unreadable.items() if name not in {one.name for one in made.plan.unreadable}
-    }
+    late = {name: why for name, why in made.unreadable.items() if name not in made.plan.unreadable}
     if late:
-        told = Text("\n".join(_not_read(late)))
-        yield Group(Text("Not read when its turn came", style="bold"), Padding(told, (0, 0, 1, 2)))
+        yield _section(Text("Not readable during the fit", style="bold"), Text("\n".join(_not_read(late))))
     yield Text("\n".join([*made.warnings, *_effort(made), *_written(made)]))
     yield from _site(made)
 
@@ -92,19 +91,19 @@ def _values(rows: pd.DataFrame, form: str) -> Table:
     """Each parameter of a single pair, with its interval where it has one."""
     law = rows.iloc[0]
     columns = dict(_quantities(rows, form))
-    told = {}
+    intervals = {}
     for label, column in columns.items():
         low, high = (float(law.get(column.replace("params_", end, 1), nan)) for end in ("low_", "high_"))
         if column.startswith("params_") and isfinite(low) and isfinite(high):
-            told[label] = f"{format_plain(low, 4)} to {format_plain(high, 4)}"
-    table = _right_aligned("", f"95 % by {'edge' if law['by_edge'] else 'row'}" if told else "")
+            intervals[label] = f"{format_plain(low, 4)} to {format_plain(high, 4)}"
+    table = _right_aligned("", f"95 % by {'edge' if law['by_edge'] else 'row'}" if intervals else "")
     for label, column in columns.items():
-        table.add_row(label, format_plain(float(law[column]), 4), told.get(label, ""))
+        table.add_row(label, format_plain(float(law[column]), 4), intervals.get(label, ""))
     return table
 
 
 def _right_aligned(*heads: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    table = _table()
     table.add_column("")
     for words in heads:
         table.add_column(words, justify="right")
@@ -114,7 +113,7 @@ def _right_aligned(*heads: str) -> Table:
 def attention_block(made: Batch) -> RenderableType:
     """Kinds of concern, the number of pairs with each, and one example."""
     needing = made.attention[["tool", "work"]].drop_duplicates()
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    table = _table()
     table.add_column("why", no_wrap=True)
     table.add_column("pairs", justify="right", no_wrap=True)
     table.add_column("for instance")
@@ -124,7 +123,7 @@ def attention_block(made: Batch) -> RenderableType:
     more = [Text(f"{rest} more kinds in attention.csv")] if rest > 0 else []
     verb = "needs" if len(needing) == 1 else "need"
     head = Text(f"{grouped(len(needing))} of {_pairs(made.pairs)} {verb} attention", style="bold")
-    return Group(head, Padding(Group(table, *more), (0, 0, 1, 2)))
+    return _section(head, table, *more)
 
 
 def facts(made: Batch) -> dict[str, object]:
@@ -188,8 +187,8 @@ def _memory(size: int) -> str:
 
 
 def _written(made: Batch) -> Iterator[str]:
-    said = "Written" if made.changed else "Unchanged"
-    yield f"{said}: {made.out}/ ({', '.join(made.written)})"
+    verb = "Written" if made.changed else "Unchanged"
+    yield f"{verb}: {made.out}/ ({', '.join(made.written)})"
 
 
 def _site(made: Batch) -> Iterator[RenderableType]:
@@ -197,32 +196,34 @@ def _site(made: Batch) -> Iterator[RenderableType]:
         return
     wrong = len({problem.folder for problem in made.site.problems})
     yield Text(f"No site was written: {grouped(wrong)} of {_pairs(made.site.found)} cannot be published yet.")
-    yield Padding(Text("\n".join([*_asked_for(made), *_against(made)])), (0, 0, 0, 2))
+    yield Padding(Text("\n".join([*_missing_fields(made), *_other_problems(made)])), (0, 0, 0, 2))
 
 
-def _asked_for(made: Batch) -> Iterator[str]:
+def _missing_fields(made: Batch) -> Iterator[str]:
     """Fields that are still missing, and their files."""
     fields = {name for problem in _problems(made) for name in problem.fields}
     shared = sorted(fields - {"iso513"})
     if shared:
-        yield f"not told: {', '.join(shared)}; {made.out}/pairs/card.toml asks for what all pairs share."
+        yield f"missing: {', '.join(shared)}; fill in {made.out}/pairs/card.toml, which holds for all pairs."
     if "iso513" in fields:
         yield (
-            "not told: the ISO 513 group of each material; give it with --pairs TABLE. It goes into the parameter "
-            "files, so these pairs are fitted once more."
+            "missing: the ISO 513 group of each material; give it with --pairs TABLE. It is written into the "
+            "parameter files, so these pairs are fitted again."
         )
     if fields:
         yield f"Then run the same command again{'' if 'iso513' in fields else '; nothing is fitted twice'}."
 
 
-def _against(made: Batch) -> list[str]:
+def _other_problems(made: Batch) -> list[str]:
     """Other reasons against publication; equal reasons of several pairs once."""
-    told: dict[str, list[str]] = {}
+    folders: dict[str, list[str]] = {}
     for problem in _problems(made):
         if not problem.fields:
-            told.setdefault(problem.words, []).append(problem.folder)
-    said = [f"{of[0]}{f' and {grouped(len(of) - 1)} more' if len(of) > 1 else ''}: {w}" for w, of in told.items()]
-    return _shortened(said)
+            folders.setdefault(problem.words, []).append(problem.folder)
+    return _shortened([
+        f"{of[0]}{f' and {grouped(len(of) - 1)} more' if len(of) > 1 else ''}: {words}"
+        for words, of in folders.items()
+    ])  # fmt: skip
 
 
 def _problems(made: Batch) -> "tuple[PublicationProblem, ...]":
@@ -246,11 +247,11 @@ def _column(use: ColumnUse) -> str:
 def _blocks(plan: Plan) -> str:
     whole = [block.rows for block in plan.blocks if not block.streamed]
     streamed = [block.rows for block in plan.blocks if block.streamed]
-    said = [f"{grouped(len(whole))}, of at most {grouped(max(whole))} rows in memory at a time"] if whole else []
+    lines = [f"{grouped(len(whole))}, of at most {grouped(max(whole))} rows in memory at a time"] if whole else []
     if streamed:
         of = "of" if len(streamed) == 1 else "of up to"
-        said.append(f"{_pairs(len(streamed))} {of} {grouped(max(streamed))} rows, streamed chunk by chunk")
-    return "; ".join(said) or "none"
+        lines.append(f"{_pairs(len(streamed))} {of} {grouped(max(streamed))} rows, streamed chunk by chunk")
+    return "; ".join(lines) or "none"
 
 
 def _kind(plan: Plan) -> str:
@@ -262,10 +263,12 @@ def _kind(plan: Plan) -> str:
 
 def _not_read(reasons: Mapping[str, str]) -> list[str]:
     """Each unreadable part of a source with its reason; of many the rest by name only."""
-    said = [why if name.split("/")[-1] in why else f"{name}: {why}" for name, why in reasons.items()]
+    lines = [why if name.split("/")[-1] in why else f"{name}: {why}" for name, why in reasons.items()]
     rest = list(reasons)[MOST_LISTED:]
     others = f" and {grouped(len(rest) - NAMED)} others" if len(rest) > NAMED else ""
-    return [*said[:MOST_LISTED], f"and {grouped(len(rest))} more: {', '.join(rest[:NAMED])}{others}"] if rest else said
+    return (
+        [*lines[:MOST_LISTED], f"and {grouped(len(rest))} more: {', '.join(rest[:NAMED])}{others}"] if rest else lines
+    )
 
 
 def _shortened(sentences: Sequence[str]) -> list[str]:
@@ -273,11 +276,13 @@ def _shortened(sentences: Sequence[str]) -> list[str]:
     return list(sentences) if rest <= 0 else [*sentences[:MOST_LISTED], f"and {grouped(rest)} more"]
 
 
-def _grid() -> Table:
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim", no_wrap=True)
-    grid.add_column()
-    return grid
+def _table(between: int = 2) -> Table:
+    """An empty table with blanks between its columns."""
+    return Table(box=None, pad_edge=False, padding=(0, between, 0, 0), header_style="dim")
+
+
+def _section(head: Text, *lines: RenderableType) -> RenderableType:
+    return Group(head, Padding(Group(*lines), (0, 0, 1, 2)))
 
 
 MOST_FAMILIES = 12  # rows of a response
@@ -293,13 +298,13 @@ def comparison_block(comparison: Comparison) -> RenderableType:
     drawn = comparison.pairs.groupby(list(LAW), sort=False)["shrinkage"].median()
     blocks: list[RenderableType] = []
     for response, rows in families.groupby("response", sort=False):
-        blocks += _response(str(response), rows, drawn, comparison.level)
+        blocks.append(_response(str(response), rows, drawn, comparison.level))
     return Group(*blocks, Padding(Text(_legend_text(comparison.level)), (0, 0, 1, 0)))
 
 
-def _response(response: str, rows: pd.DataFrame, drawn: "pd.Series[float]", level: float) -> list[RenderableType]:
+def _response(response: str, rows: pd.DataFrame, drawn: "pd.Series[float]", level: float) -> RenderableType:
     shown, ends = _chosen(rows), f"{100 * level:g} %"
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="dim")
+    table = _table(between=1)
     table.add_column("", no_wrap=True)
     table.add_column("family", no_wrap=True, overflow="ellipsis", max_width=FAMILY_WIDTH)
     for name in ("pairs", f"mean, {ends}", f"spread, {ends}", f"a new pair, {ends}", "drawn"):
@@ -311,16 +316,15 @@ def _response(response: str, rows: pd.DataFrame, drawn: "pd.Series[float]", leve
         last = row["factor"]
     head = Text.assemble((response, "bold"), "   exponents over families of pairs")
     rest = len(rows) - len(shown)
-    said = [Text(f"{rest} more {'family' if rest == 1 else 'families'} in comparison.csv")] if rest else []
-    return [head, Padding(Group(table, *said), (0, 0, 1, 2))]
+    more = [Text(f"{rest} more {'family' if rest == 1 else 'families'} in comparison.csv")] if rest else []
+    return _section(head, table, *more)
 
 
 def _chosen(rows: pd.DataFrame) -> pd.DataFrame:
     """All pairs for every factor first, then the largest families, in the order of the table."""
-    order = rows.assign(whole=rows["grouping"] == WHOLE).sort_values(["whole", "pairs"], ascending=False, kind="stable")
-    chosen = rows.loc[order.index[:MOST_FAMILIES]]
+    chosen = largest_families(rows, MOST_FAMILIES)
     turn = {name: place for place, name in enumerate(dict.fromkeys(rows["factor"]))}
-    return chosen.sort_index().sort_values("factor", key=lambda names: names.map(turn), kind="stable")
+    return chosen.sort_values("factor", key=lambda names: names.map(turn), kind="stable")
 
 
 def _cells(row: Mapping[Any, Any], pull: float) -> list[str | Text]:

@@ -18,7 +18,7 @@ import pytest
 from fitmodels import batch, datasets, parameters
 from fitmodels.batch import run_batch
 from fitmodels.batch import terminal as telling
-from fitmodels.batch.plan import Block, Pair, Plan, Reading, Unreadable
+from fitmodels.batch.plan import Block, Pair, Plan, Reading
 from fitmodels.cli import main
 from rich.console import Console
 
@@ -127,7 +127,7 @@ def test_results_go_to_standard_output_and_progress_elsewhere(shop, capsys, monk
     assert "of 2 pairs" in said.err
     assert "fitting" in said.err
     assert "fitting: " not in said.out
-    assert said.out.startswith("What was found")
+    assert said.out.startswith("Input")
 
 
 def test_json_is_json_and_nothing_else(shop, here, capsys):
@@ -169,10 +169,8 @@ def printed(what):
 
 
 def test_files_that_cannot_be_read_are_named_though_their_reasons_do_not(here):
-    unreadable = [Unreadable(f"sub/{i}.csv", "no table at all.") for i in range(11)] + [
-        Unreadable("b.csv", "b.csv: x.")
-    ]
-    plan = Plan("lab", "files", (), 0, (), tuple(unreadable), (), Reading())
+    unreadable = {f"sub/{i}.csv": "no table at all." for i in range(11)} | {"b.csv": "b.csv: x."}
+    plan = Plan("lab", "files", (), 0, (), unreadable, (), Reading())
     said = printed(telling.source_block(plan))
     assert said.count("no table at all.") == 8
     assert "sub/0.csv: no table at all." in said
@@ -182,7 +180,7 @@ def test_files_that_cannot_be_read_are_named_though_their_reasons_do_not(here):
 def test_blocks_that_are_held_are_told_apart_from_pairs_that_are_streamed():
     rows = {"a": 9, "b": 8, "c": 5000, "d": 2000}
     blocks = [Block((Pair(tool, "x"),), (), n, streamed=n > 999) for tool, n in rows.items()]
-    plan = Plan("lab", "parquet", tuple(blocks), 7017, (), (), (), Reading())
+    plan = Plan("lab", "parquet", tuple(blocks), 7017, (), {}, (), Reading())
     told = " ".join(printed(telling.source_block(plan)).split())
     assert "in blocks 2, of at most 9 rows in memory at a time; 2 pairs of up to 5000 rows, streamed chunk by" in told
     told = printed(telling.source_block(replace(plan, blocks=plan.blocks[2:3])))
@@ -267,7 +265,7 @@ def test_a_card_with_something_missing_is_five_and_a_whole_one_makes_the_site(sh
     card.write_text(CARD.replace('license = "CC-BY-4.0"\n', ""))
     assert main(["batch", str(shop), *FAST, "--card", "card.toml"]) == 5
     said = capsys.readouterr().out
-    assert "not told: license; lab-batch/pairs/card.toml" in said
+    assert "missing: license; fill in lab-batch/pairs/card.toml" in said
     assert "nothing is fitted twice." in said
     assert "ISO" not in said
     card.write_text(CARD)
@@ -465,7 +463,7 @@ def test_a_part_that_breaks_while_it_is_fitted_is_told_by_its_name(here, capsys)
     path.write_bytes(data)
     assert main(["batch", "set", "--table-only", "--jobs", "1"]) == 3
     said = capsys.readouterr().out
-    assert "Not read when its turn came\n  1.parquet: cannot be read" in said
+    assert "Not readable during the fit\n  1.parquet: cannot be read" in said
     assert "T1 on C45" in said
     assert main(["batch", "set", "--table-only", "--jobs", "1", "--json"]) == 3
     assert list(strict(capsys.readouterr().out)["unreadable"]) == ["1.parquet"]

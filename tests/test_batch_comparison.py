@@ -201,7 +201,7 @@ def test_the_table_of_pairs_as_a_workbook_keeps_numbers_as_names(tmp_path):
     [
         ("tool;iso513\nA;P\nA;K\n", r"lines 2 and 3 contradict each other: iso513 of A is 'P' and 'K'"),
         ("insertx;iso513\nA;P\n", "neither tool nor work is a column of its header"),
-        ("tool;work\nA;B\n", "tells nothing of its pairs"),
+        ("tool;work\nA;B\n", "has no groups of pairs"),
         ("tool;iso513;iso513\nA;P;P\n", "2 columns named 'iso513'"),
         ("tool;iso513\n;P\n", "line 2 names neither tool nor work"),
         ("tool;iso513\nA;P;x\n", "line 2 has 3 cells, its header has 2"),

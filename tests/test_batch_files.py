@@ -102,13 +102,13 @@ def test_a_messy_folder_gives_its_pairs_in_the_order_of_the_files(lab, tmp_path)
 
 def test_what_is_not_read_is_said(lab, tmp_path):
     plan = opened(lab, tmp_path)
-    reasons = {item.name: item.reason for item in plan.unreadable}
+    reasons = plan.unreadable
     assert set(reasons) == {"broken.csv", "run.csv"}
     assert "header only" in reasons["broken.csv"]
     assert "fitmodels ident" in reasons["run.csv"]
     said = " ".join(plan.assumed)
     for words in ("skipped: photo.jpg", "skipped: a-fit/T1_steel", "name no tool", "old/inches.txt",
-                  "joined, with edges told apart by file: T1 on steel"):  # fmt: skip
+                  "joined, with edges distinguished by file: T1 on steel"):  # fmt: skip
         assert words in said
 
 
@@ -132,7 +132,7 @@ def test_a_pair_of_two_files_is_joined_with_edges_told_apart(lab, tmp_path):
     assert len(set(runs.labels("edge"))) == 3 + 2
     assert runs.source == joined.source
     assert runs.simulated
-    assert any("told apart by file" in words for words in runs.assumed)
+    assert any("distinguished by file" in words for words in runs.assumed)
 
 
 def test_wear_under_two_names_is_left_out_of_a_joined_pair_and_that_is_said(lab, tmp_path):
@@ -148,9 +148,7 @@ def test_a_file_that_measures_nothing_costs_a_pair_no_column(tmp_path):
     (tmp_path / "plan.csv").write_text("V,f,tool,work\n100,0.2,T,W\n120,0.2,T,W\n")
     runs = all_runs(opened(tmp_path, tmp_path / "elsewhere"))[Pair("T", "W")]
     same(replace(runs, warnings=()), datasets.read_runs(tmp_path / "measured.csv"))
-    assert runs.warnings == (
-        "Of T on W plan.csv measures no wear, force, power or roughness: its rows are left aside.",
-    )
+    assert runs.warnings == ("Of T on W plan.csv contains no wear, force, power or roughness: its rows are left out.",)
 
 
 def test_a_file_without_edges_is_one_edge_of_a_joined_pair(tmp_path):
@@ -267,7 +265,7 @@ def test_groups_are_kept_under_their_header(tmp_path):
     assert any("Grade" in words and "b.csv" in words for words in plan.assumed)
 
 
-@pytest.mark.parametrize(("group", "words"), [("Grad", "did you mean 'Grade'"), ("V", "cutting speed")])
+@pytest.mark.parametrize(("group", "words"), [("Grad", "Did you mean 'Grade'"), ("V", "cutting speed")])
 def test_a_group_that_cannot_be_is_refused(group, words, tmp_path):
     (tmp_path / "a.csv").write_text(POINT.strip() + ",Grade\n" + table("T1").replace("\n", ",P25\n"))
     with pytest.raises(UsageError, match=words):
@@ -279,7 +277,7 @@ def test_a_map_that_fits_some_files_only(tmp_path):
     (tmp_path / "b.csv").write_text(POINT + table("T2"))
     plan = opened(tmp_path, tmp_path / "elsewhere", Reading(map={"V": "speed1"}))
     assert [str(pair) for pair in plan.pairs] == ["a on unnamed-work"]
-    assert "--map names a column 'speed1'" in plan.unreadable[0].reason
+    assert "--map names a column 'speed1'" in next(iter(plan.unreadable.values()))
     with pytest.raises(UsageError, match="none of the 2 files"):
         opened(tmp_path, tmp_path / "elsewhere", Reading(map={"V": "speed7"}))
 
@@ -304,7 +302,7 @@ def test_sources_that_are_none(tmp_path):
 def test_a_large_file_among_others_is_to_be_given_alone(lab, tmp_path, monkeypatch):
     monkeypatch.setattr(sys.modules["fitmodels.batch.source.common"], "LARGE", 600)
     plan = opened(lab, tmp_path)
-    reasons = {item.name: item.reason for item in plan.unreadable}
+    reasons = plan.unreadable
     assert "by itself" in reasons["a.csv"]
 
 
@@ -515,5 +513,5 @@ def test_real_files(measurements, tmp_path):
     (theirs,) = datasets.read_runs(measurements / "turning_forces" / "exp1_runs.csv", tool="exp1_runs").pairs()
     same(found[Pair("exp1_runs", "unnamed-work")], theirs)
     whole = opened(measurements, tmp_path)
-    assert {item.name.split("/")[0] for item in whole.unreadable} == {"daisy", "emps", "nist_strd", "servo_sweep"}
+    assert {name.split("/")[0] for name in whole.unreadable} == {"daisy", "emps", "nist_strd", "servo_sweep"}
     assert json.dumps(whole.assumed)

@@ -81,7 +81,7 @@ def fitted(monkeypatch):
             Pair(*key): None for rows in tables for key in zip(rows.frame["tool"], rows.frame["work"], strict=True)
         }
         block = Block(**{"pairs": tuple(pairs), "pieces": (), "rows": sum(len(r.frame) for r in tables)} | parts)
-        plan = Plan("shop", "parquet", (block,), block.rows, (), (), (), reading or Reading())
+        plan = Plan("shop", "parquet", (block,), block.rows, (), {}, (), reading or Reading())
         source = SimpleNamespace(rows_of=lambda block, plan: (list(tables), dict(unreadable or {})))
         monkeypatch.setitem(sys.modules, "fitmodels.batch.source", source)
         return with_laws(fit_block(block, plan, how))
@@ -447,7 +447,7 @@ def streamed(monkeypatch):
 
         monkeypatch.setitem(sys.modules, "fitmodels.batch.source", SimpleNamespace(chunks_of=chunks_of))
         block = Block((Pair("A", "En 19"),), (), len(frame), streamed=True)
-        plan = Plan("shop", "parquet", (block,), len(frame), (), (), (), reading or Reading())
+        plan = Plan("shop", "parquet", (block,), len(frame), (), {}, (), reading or Reading())
         return with_laws(fit_block(block, plan, how)), len(passes)
 
     return call
@@ -537,7 +537,7 @@ def test_a_block_never_raises(data):
     rows = rows_of(frame)
     pairs = tuple(Pair(tool, "W") for tool in ("A", "B", ""))
     block = Block(pairs, (), n)
-    plan = Plan("shop", "parquet", (block,), n, (), (), (), Reading())
+    plan = Plan("shop", "parquet", (block,), n, (), {}, (), Reading())
     how = data.draw(st.sampled_from([TABLE, replace(TABLE, error="additive"), replace(FAST, draws=1000)]))
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
         patch.setitem(sys.modules, "fitmodels.batch.source", SimpleNamespace(rows_of=lambda b, p: ([rows], {})))

@@ -62,7 +62,7 @@ def out(tmp_path):
 # Keys
 
 BLOCK = Block((A, B), (Piece("/lab/a.csv", "a.csv", "7f31"), Piece("/lab/b.csv", "b.csv", "09ab")), 288)
-PLAN = Plan("lab", "files", (BLOCK,), 288, (), (), (), Reading())
+PLAN = Plan("lab", "files", (BLOCK,), 288, (), {}, (), Reading())
 USE = ColumnUse(1, "Vc", "Vc", "V", "m/min", False, None)
 
 
@@ -237,7 +237,7 @@ ELSEWHERE = ["../../x", "pairs/../x", "pairs/a/..", "/etc/passwd", "x", "pairs/a
 def test_a_record_that_names_files_elsewhere_is_none_of_ours(name, out):
     record(out, KEY, outcome(A), folder_names([A]))
     swap(out, "files", {name: "0"})
-    assert list(written(out)) == []
+    assert written(out) == {}
     assert recorded(out, KEY, folder_names([A])) is None
 
 
@@ -262,7 +262,7 @@ def test_a_kill_at_any_write_leaves_what_can_be_gone_on_from(at_which, out, monk
     assert recorded(out, KEY, folders) is None
     assert the_same(recorded(out, "1" * 64, folders), outcome(C))
     there = {path.relative_to(out).as_posix() for path in (out / "pairs").rglob("params.json")}
-    assert there <= {name for one in written(out) for name in one.files}  # each is known to be ours
+    assert there <= {name for files in written(out).values() for name in files}  # each is known to be ours
     with prepare(out, "lab", Options()):
         record(out, KEY, outcome(A, B), folders)
     assert the_same(recorded(out, KEY, folders), outcome(A, B))
@@ -461,7 +461,7 @@ def test_sweeping_takes_away_pairs_that_are_gone(out):
     assert sorted(gone) == sorted([f"pairs/{folders[A]}/draws.npz", *others])
     left = {path.relative_to(out / "pairs").as_posix() for path in (out / "pairs").rglob("*")}
     assert left == {folders[A], f"{folders[A]}/params.json", folders[C], f"{folders[C]}/notes.txt"}
-    assert [one.key for one in written(out)] == [KEY]
+    assert list(written(out)) == [KEY]
 
 
 def test_sweeping_keeps_a_file_that_came_out_the_same(out):

@@ -15,18 +15,19 @@ from .common import no_report
 if TYPE_CHECKING:
     from .csv_head import Head
 
-HEAD = 1_000_000  # bytes that tell how the file is written
+FACTS = "copy.json"
+HEAD = 1_000_000  # bytes from which the dialect is found
 BLOCK = 2 << 20  # bytes of text converted at once; pyarrow reads up to 32 of them ahead
 GROUP = 100_000  # rows of a row group, at least
 
 
 @dataclass(frozen=True, slots=True)
 class Converted:
-    """A Parquet file made from a CSV: its path, how it is read, and sentences on irregular rows."""
+    """A Parquet file made from a CSV: its path, how it is read, and assumptions, also on irregular rows."""
 
     path: Path
     reading: Reading
-    said: tuple[str, ...]
+    assumed: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -51,7 +52,7 @@ def csv_stream(
     work : Path
         The copy goes to ``parquet`` in this folder, whole or not at all, and is used again for the same source.
     head, block_size : int
-        Bytes that tell how the file is written, and that are converted at once.
+        Bytes from which the dialect is found, and that are converted at once.
 
     Raises
     ------
@@ -67,7 +68,7 @@ def csv_stream(
         made.path, made.reading, most_rows=most_rows, most_pairs=most_pairs, work=work, report=report, name=source.name,
         reads=reads,
     )  # fmt: skip
-    return replace(plan, assumed=(*made.said, *plan.assumed), notes=made.notes)
+    return replace(plan, assumed=(*made.assumed, *plan.assumed), notes=made.notes)
 
 
 def converted(
@@ -86,14 +87,14 @@ def converted(
     facts = [str(source), status.st_size, status.st_mtime_ns, asdict(reading)]
     key = sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
     folder = work / "parquet" / f"{source.stem}-{key}"
-    if not (folder / "said.json").is_file():
+    if not (folder / FACTS).is_file():
         part = folder.with_name(f"{folder.name}.part")
         _cleared(source.stem, folder.parent)
         part.mkdir(parents=True)
         try:
             _convert(source, reading, part, report, head, block_size)
             if source.stat().st_mtime_ns != status.st_mtime_ns:
-                raise DataError(f"{source.name} changed while it was read: start again when it is whole.")
+                raise DataError(f"{source.name} changed while it was read: start again when it is complete.")
             part.rename(folder)
         except OSError as error:
             raise DataError(
@@ -102,9 +103,9 @@ def converted(
             ) from error
         finally:
             shutil.rmtree(part, ignore_errors=True)
-    kept = json.loads((folder / "said.json").read_text("utf-8"))
+    kept = json.loads((folder / FACTS).read_text("utf-8"))
     reading = replace(reading, tool=kept["tool"], work=kept["work"], decimal=None, delimiter=None, sheet=None)
-    return Converted(folder / f"{source.stem}.parquet", reading, tuple(kept["said"]), tuple(kept["notes"]))
+    return Converted(folder / f"{source.stem}.parquet", reading, tuple(kept["assumed"]), tuple(kept["notes"]))
 
 
 def _pyarrow(source: Path) -> None:
@@ -118,7 +119,7 @@ def _pyarrow(source: Path) -> None:
 
 
 def _cleared(stem: str, folder: Path) -> None:
-    """Remove copies of what the source was before."""
+    """Remove copies of earlier states of the source."""
     for old in folder.glob("*") if folder.is_dir() else ():
         if old.name.rpartition("-")[0] == stem:
             shutil.rmtree(old, ignore_errors=True)
@@ -127,23 +128,28 @@ def _cleared(stem: str, folder: Path) -> None:
 def _convert(
     source: Path, reading: Reading, part: Path, report: Callable[[str], None], size: int, block_size: int
 ) -> None:
-    """Write the Parquet file and, last, what was met."""
+    """Write the Parquet file and, last, its facts."""
     from .csv_head import read_head
 
     head = read_head(source, reading, part, size)
     try:
-        said = _written(source, head, part, report, block_size)
+        assumed = _written(source, head, part, report, block_size)
     except UnicodeError:
-        # The head had no letter that tells UTF-8 from Windows-1252, or the file changes its encoding on the way.
+        # no letter of the head distinguishes UTF-8 from Windows-1252, or the encoding changes within the file
         if not head.ascii:
             raise _damaged(source, head) from None
         head = replace(head, encoding="cp1252")
         try:
-            said = _written(source, head, part, report, block_size)
+            assumed = _written(source, head, part, report, block_size)
         except UnicodeError:
             raise _damaged(source, head) from None
-    facts = {"tool": head.reading.tool, "work": head.reading.work, "said": [*head.assumed, *said], "notes": head.notes}
-    (part / "said.json").write_text(json.dumps(facts, ensure_ascii=False), "utf-8")
+    facts = {
+        "tool": head.reading.tool,
+        "work": head.reading.work,
+        "assumed": [*head.assumed, *assumed],
+        "notes": head.notes,
+    }
+    (part / FACTS).write_text(json.dumps(facts, ensure_ascii=False), "utf-8")
 
 
 def _damaged(source: Path, head: "Head") -> DataError:
@@ -153,7 +159,7 @@ def _damaged(source: Path, head: "Head") -> DataError:
 def _written(
     source: Path, head: "Head", part: Path, report: Callable[[str], None], block_size: int
 ) -> tuple[str, ...]:  # fmt: skip
-    """Write the rows, and say what was met.
+    """Write the rows; sentences on irregular rows and cells.
 
     Raises
     ------

@@ -44,7 +44,7 @@ class HeadColumn:
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What the beginning of a file says of the rest.
+    """Dialect and columns of a file, from its beginning.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Head:
     ascii : bool
         Whether the head leaves the encoding open.
     reading : Reading
-        What is left to be told of the columns: with tool and work as the head names them.
+        Remaining options of reading, with tool and work as the head names them.
     notes, assumed : tuple of str
     """
 
@@ -75,7 +75,7 @@ class Head:
 
 
 def read_head(path: Path, reading: Reading, folder: Path, size: int) -> Head:
-    """Tell how a file is written from its first ``size`` bytes.
+    """Dialect and columns of a file from its first ``size`` bytes.
 
     Parameters
     ----------
@@ -101,14 +101,13 @@ def read_head(path: Path, reading: Reading, folder: Path, size: int) -> Head:
         raise DataError(f"{path.name} {how}, and is too large to be read whole: export it with commas or semicolons.")
     uses, values, _ = assign(tuple(replace(c, bad=(), bad_count=0) for c in table.columns), reading.map, reading.units)
     notes = tuple(note.lstrip("#% ") for note in table.notes)
-    onward, said = _names(
-        path, reading, pd.DataFrame({role: values[role] for role in UNNAMED if role in values}), notes
-    )
+    labels = pd.DataFrame({role: values[role] for role in UNNAMED if role in values})
+    onward, assumed = _names(path, reading, labels, notes)
     line = int(table.lines[0])
     cells = _cells(data.decode(table.dialect.encoding, "replace"), table, line)
     return Head(
         _columns(table, uses, reading), cells, line - 1, table.dialect.encoding, table.dialect.delimiter,
-        table.dialect.decimal, data.isascii(), onward, notes, (*doubt, *_warnings(table), *said),
+        table.dialect.decimal, data.isascii(), onward, notes, (*doubt, *_warnings(table), *assumed),
     )  # fmt: skip
 
 
@@ -147,7 +146,7 @@ def _names(
     path: Path, reading: Reading, labels: pd.DataFrame, notes: tuple[str, ...]
 ) -> tuple[Reading, tuple[str, ...]]:
     """Tool and work where no column has them: from a note, or the tool by the name of the file."""
-    said: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
     given = {"tool": reading.tool, "work": reading.work}
     for role, name in given.items():
         if name is None and role not in labels:
@@ -155,17 +154,16 @@ def _names(
             given[role] = None if noted == UNNAMED[role] else noted
     if given["tool"] is None and "tool" not in labels:
         given["tool"] = path.stem
-        said = (NAMED_BY_FILE.format(name=path.stem),)
+        assumed = (NAMED_BY_FILE.format(name=path.stem),)
     onward = replace(reading, tool=given["tool"], work=given["work"], decimal=None, delimiter=None, sheet=None)
-    return onward, said
+    return onward, assumed
 
 
 def _cells(text: str, table: Table, first: int) -> int:
     """Cells of most rows of the head."""
     lines = text.splitlines()[first - 1 :]
-    return Counter(len(split_line(line, table.dialect.delimiter)) for line in lines if line.strip()).most_common(1)[0][
-        0
-    ]
+    counts = Counter(len(split_line(line, table.dialect.delimiter)) for line in lines if line.strip())
+    return counts.most_common(1)[0][0]
 
 
 def _columns(table: Table, uses: tuple[ColumnUse, ...], reading: Reading) -> tuple[HeadColumn, ...]:
@@ -194,7 +192,7 @@ def _kind(column: Column, use: ColumnUse, name: str, reading: Reading) -> Kind:
 
 
 def _name(column: Column) -> str:
-    """The header with the unit of the units row behind it, as one header tells both.
+    """The header followed by the unit of the units row, as one header.
 
     >>> import numpy as np
     >>> _name(Column(1, "vc", "(m/min)", np.array([1.0]), True))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa  # type: ignore[import-untyped]
 import pyarrow.compute as pc  # type: ignore[import-untyped]
+from pyarrow import csv
 
 from ...core.errors import DataError
 from ...datasets.tables.dialect import is_comment, split_line
@@ -29,7 +30,7 @@ class OddCells:
     text: str = ""
 
     def sentence(self, name: str) -> str:
-        """Tell it.
+        """The sentence on these cells.
 
         >>> OddCells(2, 17, "worn").sentence("VB")
         "column 'VB': 2 cell(s) are no numbers and count as missing, the first in row 17 of the data: 'worn'."
@@ -147,7 +148,7 @@ class IrregularRows:
         return "skip" if len(self.short) <= MOST_ODD else "error"
 
     def refusal(self) -> DataError | None:
-        """What stopped the reading, if a row did."""
+        """The error of the row that stopped the reading, if one did."""
         width = len(self.head.columns)
         if self.wide:
             return DataError(
@@ -162,7 +163,7 @@ class IrregularRows:
         return None
 
     def sentences(self) -> Iterator[str]:
-        """Tell what was met."""
+        """Sentences on these rows."""
         if self.short:
             yield f"{len(self.short)} row(s) have fewer cells than the header; the cells they lack count as missing."
         if self.remarks:
@@ -172,11 +173,9 @@ class IrregularRows:
 
 
 def batches(
-    source: Path, head: "Head", met: IrregularRows, report: Callable[[str], None], block_size: int, cells: "Cells"
+    source: Path, head: "Head", met: IrregularRows, report: Callable[[str], None], block_size: int, cells: Cells
 ) -> Iterator[list[Any]]:
     """The columns of each block of rows, and at last of the rows that were short."""
-    import pyarrow as pa
-
     done, waiting = 0, None
     for texts in _texts(source, head, met, report, block_size):
         if waiting is not None:
@@ -198,9 +197,6 @@ def _texts(
     source: Path, head: "Head", met: IrregularRows, report: Callable[[str], None], block_size: int
 ) -> Iterator[Any]:
     """Batches of rows as text, null where a cell is missing."""
-    import pyarrow as pa
-    from pyarrow import csv
-
     names = [column.name for column in head.columns]
     padded = [*names, *(f"\0{k}" for k in range(len(names), head.cells))][: max(head.cells, 1)]
     size, percent = source.stat().st_size, -1
@@ -240,9 +236,7 @@ def _codec(encoding: str) -> str:
     return "utf8" if encoding in ("utf-8", "utf-8-sig") else encoding
 
 
-def _columns(batch: Any, head: "Head", cells: "Cells", done: int) -> list[Any]:  # noqa: ANN401
-    import pyarrow as pa
-
+def _columns(batch: Any, head: "Head", cells: Cells, done: int) -> list[Any]:  # noqa: ANN401
     made = []
     for column, texts in zip(head.columns, batch.columns, strict=True):
         if column.kind == "number":
@@ -256,8 +250,6 @@ def _columns(batch: Any, head: "Head", cells: "Cells", done: int) -> list[Any]: 
 
 def _without_blanks(batch: Any) -> Any:  # noqa: ANN401
     """Rows that hold anything: programs pad tables with rows of delimiters."""
-    import pyarrow.compute as pc
-
     blank = None
     for column in batch.columns:
         empty = pc.is_null(column)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -53,14 +52,12 @@ def is_named_by_file(runs: Runs, path: Path) -> bool:
 def pairs_of(runs: Runs, groups: tuple[str, ...]) -> Iterator[tuple[Pair, Runs]]:
     """The runs of each pair, of roles and groups only, with tool and work as columns, all in one order."""
     roles = [name for name in map(str, runs.data) if name in ROLES and name not in UNNAMED]
-    columns: dict[str, Any] = {
-        name: runs.data[name] for name in (*roles, *(name for name in UNNAMED if name in runs.data))
-    }
-    columns |= {name: group_texts(runs, name) for name in groups if name not in ROLES}
-    for part in replace(runs, data=pd.DataFrame(columns, index=runs.data.index)).pairs():
-        data = part.data.assign(tool=part.tool, work=part.work)
-        order = [*roles, *UNNAMED, *(name for name in groups if name not in ROLES)]
-        yield Pair(part.tool, part.work), replace(part, data=data[order].reset_index(drop=True))
+    headers = [name for name in groups if name not in ROLES]
+    columns = runs.data[[*roles, *(name for name in UNNAMED if name in runs.data)]]
+    columns = columns.assign(**{name: group_texts(runs, name) for name in headers})
+    for part in replace(runs, data=columns).pairs():
+        data = part.data.assign(tool=part.tool, work=part.work)[[*roles, *UNNAMED, *headers]]
+        yield Pair(part.tool, part.work), replace(part, data=data.reset_index(drop=True))
 
 
 def group_texts(runs: Runs, header: str) -> NDArray[np.object_]:
@@ -70,7 +67,7 @@ def group_texts(runs: Runs, header: str) -> NDArray[np.object_]:
 
 
 def group_column(runs: Runs, header: str) -> str | None:
-    """What the data call the column of a header, with its unit or without."""
+    """Name in the data of the column of a header, with its unit or without."""
     for use in sorted(runs.columns, key=lambda use: use.header != header):
         if header in (use.header, use.name):
             names = (use.role,) if use.role else (f"col{use.number}", use.header)
@@ -124,39 +121,36 @@ def files_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
 def joined(pair: Pair, parts: list[tuple[str, Runs]]) -> Runs:
     """Runs of a pair from its files, as if they stood in one; laboratories number the edges anew in each file.
 
-    A file of the pair that measures nothing, as a plan of tests does, is left aside: it would cost the others the
-    columns that it lacks. Neighbours are joined first, then what came of them: joining one by one would copy the first
-    file's rows as often as there are files.
+    A file of the pair without measurements, such as a plan of tests, is left out: otherwise the columns that it lacks
+    would be lost. Neighbours are joined first, then the results: joining one by one would copy the first file's rows
+    as often as there are files.
     """
-    telling = [(name, runs) for name, runs in parts if measures(runs)]
-    if telling and len(telling) < len(parts):
-        aside = [name for name, runs in parts if not measures(runs)]
-        said = f"Of {pair} {some_names(aside)} measures no wear, force, power or roughness: its rows are left aside."
-        runs = joined(pair, telling)
-        return replace(runs, warnings=(*runs.warnings, said))
+    measured = [(name, runs) for name, runs in parts if measures(runs)]
+    if measured and len(measured) < len(parts):
+        others = [name for name, runs in parts if not measures(runs)]
+        sentence = f"Of {pair} {some_names(others)} contains no wear, force, power or roughness: its rows are left out."
+        runs = joined(pair, measured)
+        return replace(runs, warnings=(*runs.warnings, sentence))
     if len(parts) == 1:
         return parts[0][1]
     files = [name for name, _ in parts]
     level = [_by_file(name, runs) for name, runs in parts]
     lost = dict.fromkeys(str(name) for runs in level for name in runs.data if any(name not in r.data for r in level))
     while len(level) > 1:
-        level = [one.join(next_) for one, next_ in zip(level[::2], level[1::2], strict=False)] + level[
-            len(level) & ~1 :
-        ]
+        couples = zip(level[::2], level[1::2], strict=False)
+        level = [one.join(other) for one, other in couples] + level[len(level) & ~1 :]
     runs = level[0]
-    said = f"{pair} is joined from {len(files)} files ({some_names(files)}); its edges are told apart by file"
+    sentence = f"{pair} is joined from {len(files)} files ({some_names(files)}); its edges are distinguished by file"
     warned = (f"Columns that not all files of {pair} hold are left out: {', '.join(lost)}.",) if lost else ()
     name = runs.source.name if len(files) <= LISTED else f"{parts[0][1].source.name} and {len(files) - 1} other files"
     return replace(
-        runs,
-        source=replace(runs.source, name=name),
-        assumed=(*runs.assumed, said),
+        runs, source=replace(runs.source, name=name), assumed=(*runs.assumed, sentence),
         warnings=(*runs.warnings, *warned),
-    )
+    )  # fmt: skip
 
 
 def measures(runs: Runs) -> bool:
-    """Whether a column holds anything that a law could be fitted to.
+    """Whether a column holds measurements to which a law could be fitted.
 
     >>> from fitmodels import datasets
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
@@ -180,10 +174,12 @@ def _by_file(name: str, runs: Runs) -> Runs:
 def _parts(piece: Piece, reading: Reading) -> Iterator[tuple[Pair, Runs]]:
     path = Path(piece.path)
     if not path.is_file():
-        raise DataError(f"{piece.name} is no longer there: it went after the source was looked through. Run it again.")
+        raise DataError(
+            f"{piece.name} no longer exists: it was removed after the batch was planned. Run the command again."
+        )
     runs = read_lab_file(path, reading)
     if runs.source.sha256 != piece.stamp:
-        raise DataError(f"{piece.name} has changed since the source was looked through. Run it again.")
+        raise DataError(f"{piece.name} has changed since the batch was planned. Run the command again.")
     yield from pairs_of(runs, reading.groups)
 
 

@@ -1,22 +1,22 @@
-"""Lab files -> a plan: every file is read once, to see which pairs it holds."""
+"""Plan of lab files: every file is read once, to find the pairs that it holds."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from difflib import get_close_matches
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import DataError, FitmodelsError, UsageError
+from ...core.suggestions import did_you_mean
 from ...datasets.vocabulary import ROLES
 from ..outcomes import defect_sentence
-from ..plan import Block, Pair, Piece, Plan, Reading, Unreadable
-from .common import STREAMED, MapOver, is_large, no_report, some_names
+from ..plan import Block, Pair, Piece, Plan, Reading
+from .common import STREAMED, MapOver, is_large, no_report, packed, some_names
 from .lab_files import group_column, is_named_by_file, read_lab_file
 
 
 @dataclass(frozen=True, slots=True)
 class FileScan:
-    """What a file holds, or why it cannot be read; ``usage``: because of an option."""
+    """Pairs and columns of a file, or why it cannot be read; ``usage``: because of an option."""
 
     pairs: tuple[tuple[Pair, int], ...] = ()
     sha256: str = ""
@@ -48,7 +48,7 @@ def files_plan(
     paths : tuple of Path
     reading, most_rows, most_pairs, report, map_over : see `open_source`
     assumed : tuple of str
-        What was taken for granted so far.
+        Assumptions so far.
 
     Raises
     ------
@@ -64,17 +64,17 @@ def files_plan(
     found: list[FileScan] = []
     for one in map_over(scan_file, tasks):
         found.append(one)
-        report(f"looked at {len(found)} of {len(paths)} files")
-    unreadable = tuple(Unreadable(name, one.reason) for name, one in zip(names, found, strict=True) if one.reason)
+        report(f"read {len(found)} of {len(paths)} files")
+    unreadable = {name: one.reason for name, one in zip(names, found, strict=True) if one.reason}
     if len(unreadable) == len(paths):
         raise _none_can_be_read(source, unreadable, found, alone)
     _known_groups(reading.groups, found)
     pieces, copies = _pieces(paths, names, found)
     holders = _holders(pieces)
-    said = (*assumed, *_said(names, found, copies, holders, reading))
-    blocks = tuple(_blocks(holders, most_rows, most_pairs))
+    assumed = (*assumed, *_assumptions(names, found, copies, holders, reading))
+    blocks = _blocks(holders, most_rows, most_pairs)
     rows = sum(block.rows for block in blocks)
-    return Plan(source.name, "files", blocks, rows, (), unreadable, said, reading)
+    return Plan(source.name, "files", blocks, rows, (), unreadable, assumed, reading)
 
 
 def scan_file(task: tuple[str, Reading, bool]) -> FileScan:
@@ -104,13 +104,13 @@ def scan_file(task: tuple[str, Reading, bool]) -> FileScan:
 
 
 def _none_can_be_read(
-    source: Path, unreadable: tuple[Unreadable, ...], found: list[FileScan], alone: bool
+    source: Path, unreadable: Mapping[str, str], found: list[FileScan], alone: bool
 ) -> FitmodelsError:
     kind = UsageError if all(one.usage for one in found) else DataError
-    first = unreadable[0]
-    if alone:
-        return kind(first.reason)
-    return kind(f"none of the {len(found)} files in {source} can be read; the first, {first.name}: {first.reason}")
+    name, reason = next(iter(unreadable.items()))
+    return kind(
+        reason if alone else f"none of the {len(found)} files in {source} can be read; the first, {name}: {reason}"
+    )
 
 
 def _no_numbers(groups: tuple[str, ...]) -> None:
@@ -118,7 +118,7 @@ def _no_numbers(groups: tuple[str, ...]) -> None:
         if name in ROLES and ROLES[name].unit:
             raise UsageError(
                 f"pairs cannot be grouped by {name!r}, which is the {ROLES[name].quantity}, a number of the laws: "
-                "name a column that says what a pair belongs to."
+                "name a column of labels."
             )
 
 
@@ -126,9 +126,8 @@ def _known_groups(groups: tuple[str, ...], found: list[FileScan]) -> None:
     headers = list(dict.fromkeys(header for one in found for header in one.headers))
     for name in groups:
         if not any(name in one.groups for one in found):
-            near = get_close_matches(name, headers, 1, 0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"there are {some_names(map(repr, headers))}."
-            raise UsageError(f"no file has a column {name!r} to group the pairs by; {hint}")
+            hint = did_you_mean(name, headers, names="There are ")
+            raise UsageError(f"no file has a column {name!r} to group the pairs by. {hint}")
 
 
 Held = tuple[Piece, tuple[tuple[Pair, int], ...]]
@@ -142,7 +141,7 @@ def _pieces(paths: Iterable[Path], names: Iterable[str], found: list[FileScan]) 
     for path, name, one in zip(paths, names, found, strict=True):
         if one.reason:
             continue
-        # A copy that names no tool is another tool, by its name: it is told as a copy all the same.
+        # a copy that names no tool counts as another tool by its file name, and is still reported as a copy
         key = (one.sha256, () if one.named_by_file else one.pairs)
         if key in first:
             copies.append(f"{name} ({first[key]})")
@@ -161,54 +160,46 @@ def _holders(pieces: list[Held]) -> dict[Pair, list[tuple[Piece, int]]]:
     return holders
 
 
-def _blocks(holders: dict[Pair, list[tuple[Piece, int]]], most_rows: int, most_pairs: int) -> Iterator[Block]:
+def _blocks(holders: dict[Pair, list[tuple[Piece, int]]], most_rows: int, most_pairs: int) -> tuple[Block, ...]:
     """Pairs in their order, as many in a block as its limits allow."""
-    pairs: list[Pair] = []
-    rows = 0
-    for pair, held in holders.items():
-        more = sum(count for _, count in held)
-        if more > STREAMED * most_rows:
-            yield replace(_block([pair], more, holders), streamed=True)
-            continue
-        if pairs and (rows + more > most_rows or len(pairs) == most_pairs):
-            yield _block(pairs, rows, holders)
-            pairs, rows = [], 0
-        pairs.append(pair)
-        rows += more
-    if pairs:
-        yield _block(pairs, rows, holders)
+    pairs, rows = tuple(holders), [sum(count for _, count in held) for held in holders.values()]
+    return tuple(
+        _block(pairs[at.start : at.stop], sum(rows[at.start : at.stop]), holders, STREAMED * most_rows)
+        for at in packed(rows, most_rows, most_pairs)
+    )
 
 
-def _block(pairs: list[Pair], rows: int, holders: dict[Pair, list[tuple[Piece, int]]]) -> Block:
+def _block(
+    pairs: tuple[Pair, ...], rows: int, holders: dict[Pair, list[tuple[Piece, int]]], most_in_memory: int
+) -> Block:
     pieces = {piece.path: piece for pair in pairs for piece, _ in holders[pair]}
     ordered = sorted(pieces.values(), key=lambda piece: Path(piece.path))
     place = {piece.path: i for i, piece in enumerate(ordered)}
     of_pair = tuple(tuple(place[piece.path] for piece, _ in holders[pair]) for pair in pairs)
-    return Block(tuple(pairs), tuple(ordered), rows, of_pair=of_pair)
+    return Block(pairs, tuple(ordered), rows, rows > most_in_memory, of_pair)
 
 
-def _said(
+def _assumptions(
     names: list[str], found: list[FileScan], copies: list[str], holders: dict[Pair, list[tuple[Piece, int]]],
     reading: Reading,
 ) -> Iterator[str]:  # fmt: skip
     """Assumptions, in full sentences."""
     if nameless := [name for name, one in zip(names, found, strict=True) if one.named_by_file]:
         yield (
-            f"{len(nameless)} file(s) name no tool; each is a tool by the name of its file: {some_names(nameless)}. "
-            "Name one tool for all with --tool."
+            f"{len(nameless)} file(s) name no tool; each counts as a tool named after its file: "
+            f"{some_names(nameless)}. Name one tool for all with --tool."
         )
     if copies:
-        yield f"{len(copies)} file(s) are copies of another, to the byte, and passed by: {some_names(copies)}."
+        yield f"{len(copies)} file(s) are byte-identical copies of another and are skipped: {some_names(copies)}."
     if several := [str(pair) for pair, held in holders.items() if len(held) > 1]:
         yield (
-            f"{len(several)} pair(s) stand in more than one file; what measures something is joined, with edges told "
-            f"apart by file: "
-            f"{some_names(several)}."
+            f"{len(several)} pair(s) are in more than one file; files with measurements are joined, with edges "
+            f"distinguished by file: {some_names(several)}."
         )
     unused = Counter(name for one in found for name in dict.fromkeys(one.unused) if name not in reading.groups)
     if unused:
-        told = [f"{name!r} ({n} file{'' if n == 1 else 's'})" for name, n in unused.most_common()]
-        yield f"Columns that no law uses: {some_names(told)}; say which is which with --map where one should be."
+        columns = [f"{name!r} ({n} file{'' if n == 1 else 's'})" for name, n in unused.most_common()]
+        yield f"Columns that no law uses: {some_names(columns)}; assign them with --map."
     for name in reading.groups:
         if lacking := [
             file for file, one in zip(names, found, strict=True) if not one.reason and name not in one.groups

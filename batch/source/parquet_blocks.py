@@ -1,13 +1,13 @@
-"""A Parquet source becomes a plan: its columns interpreted once, its pairs indexed, its rows cut into blocks."""
+"""Plan of a Parquet source: its columns interpreted once, its pairs indexed, its rows cut into blocks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ...core.errors import DataError
 from ...datasets.vocabulary import UNNAMED
-from ..plan import Block, Piece, Plan, Reading, Unreadable
+from ..plan import Block, Piece, Plan, Reading
 from .common import STREAMED, packed
 from .parquet_arrow import UNREADABLE, why
 from .parquet_index import Held, Index, indexed
@@ -39,9 +39,9 @@ def parquet_plan(
     work : Path
         Folder for a sorted copy, where one is needed.
     report : callable
-        Gets a sentence now and then while it takes long.
+        Receives progress updates.
     name : str, optional
-        What the source is called, where it was made from another.
+        Name of the source, where it was made from another.
     reads : float
         How many times its rows the blocks may read together; beyond it a copy is sorted by block first.
 
@@ -54,7 +54,7 @@ def parquet_plan(
     Raises
     ------
     DataError
-        No file can be read, its columns are not interpret_columns, or no row is there.
+        No file can be read, its columns cannot be interpreted, or it holds no row.
     UsageError
         The reading names a column or a role that is not there.
 
@@ -77,16 +77,14 @@ def parquet_plan(
         raise DataError(_nothing(source, index.unreadable))
     ranges = packed(index.rows, most_rows, most_pairs)
     blocks = _blocks(index, ranges, most_rows)
-    unreadable, assumed = list(index.unreadable), [*known.assumed, *_unnamed(index, known, reading), *_files(index)]
+    unreadable, assumed = index.unreadable, [*known.assumed, *_unnamed(index, known, reading), *_files(index)]
     if _times_read(index.held, blocks) > reads:
         limits = (most_rows, most_pairs)
         blocks, lost = sorted_copy(blocks, index, ranges, known, reading, limits, work / "sorted", report)
-        unreadable += lost
+        unreadable = unreadable | lost
         assumed.append(SORTED)
     rows = sum(block.rows for block in blocks)
-    return Plan(
-        name or source.name, "parquet", blocks, rows, known.columns, tuple(unreadable), tuple(assumed), reading
-    )  # fmt: skip
+    return Plan(name or source.name, "parquet", blocks, rows, known.columns, unreadable, tuple(assumed), reading)
 
 
 SORTED = "the source's rows of a pair lie far apart: they are read from a copy that is sorted by pair"
@@ -104,10 +102,10 @@ def _first_readable(files: tuple[ParquetFile, ...]) -> ParquetFile:
     raise DataError(reasons[0] if len(files) == 1 else f"none of {len(files)} Parquet files can be read. {reasons[0]}")
 
 
-def _nothing(source: Path, unreadable: list[Unreadable]) -> str:
+def _nothing(source: Path, unreadable: Mapping[str, str]) -> str:
     if not unreadable:
         return f"{source.name} holds no rows."
-    return f"{source.name}: nothing of it can be read. {unreadable[0].reason}"
+    return f"{source.name}: nothing of it can be read. {next(iter(unreadable.values()))}"
 
 
 def _blocks(index: Index, ranges: tuple[range, ...], most_rows: int) -> tuple[Block, ...]:
@@ -138,18 +136,18 @@ def _times_read(held: list[Held], blocks: tuple[Block, ...]) -> float:
 
 
 def _unnamed(index: Index, known: SourceColumns, reading: Reading) -> tuple[str, ...]:
-    """Say which rows name no tool or work though there is a column for it."""
+    """Sentences on rows that name no tool or work though there is a column for it."""
     columns = {use.role for use in known.columns}
-    said = []
+    sentences = []
     for role, place in (("tool", 0), ("work", 1)):
         n = sum(int(rows) for key, rows in zip(index.number, index.rows, strict=True) if key[place] == UNNAMED[role])
         if n and role in columns and getattr(reading, role) is None:
-            said.append(f"{role}: {n} rows name none; they are called {UNNAMED[role]}")
-    return tuple(said)
+            sentences.append(f"{role}: {n} rows name none; they are called {UNNAMED[role]}")
+    return tuple(sentences)
 
 
 def _files(index: Index) -> tuple[str, ...]:
-    """Say that an edge may go on in another file, where pairs do."""
+    """The assumption on edges of pairs that are in several files."""
     seen: dict[int, str] = {}
     for held in index.held:
         for pair in held.pairs.tolist():

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...datasets.columns import ColumnUse
 from ...datasets.vocabulary import ROLES, UNNAMED
-from ..plan import Pair, Piece, Reading, Unreadable
+from ..plan import Pair, Piece, Reading
 from .parquet_arrow import (
     UNREADABLE,
     Array,
@@ -58,22 +58,22 @@ def parts(
 
     Raises whatever Arrow raises for a file that is damaged.
     """
-    said = dict(piece.partition)
+    partition = dict(piece.partition)
     known = footer(piece.path, piece.stamp)
     schema = known.schema.to_arrow_schema()
-    inside = [use.header for use in uses if use.header not in said]
+    inside = [use.header for use in uses if use.header not in partition]
     texts = [name for name in inside if kind_of(schema.field(name).type) == "text"]
     if row_groups is None:
         row_groups = range(known.num_row_groups) if piece.row_group is None else [piece.row_group]
     if not inside:
-        yield _part(sum(known.row_group(i).num_rows for i in row_groups), {}, said, uses, reading)
+        yield _part(sum(known.row_group(i).num_rows for i in row_groups), {}, partition, uses, reading)
         return
     with pq.ParquetFile(
         Path(piece.path), metadata=known, read_dictionary=texts, page_checksum_verification=True
     ) as opened:
         batches = opened.iter_batches(batch_size=BATCH, row_groups=row_groups, columns=inside, use_threads=False)
         for rows in _gathered(batches):
-            yield _part(len(rows), {name: rows.column(name) for name in inside}, said, uses, reading)
+            yield _part(len(rows), {name: rows.column(name) for name in inside}, partition, uses, reading)
 
 
 def _gathered(batches: Iterable[Any]) -> Iterator[Any]:
@@ -97,20 +97,16 @@ def _one(batches: list[Any]) -> Any:  # noqa: ANN401
 
 
 def _part(
-    n: int,
-    cells: Mapping[str, Any],
-    said: Mapping[str, str],
-    uses: tuple[ColumnUse, ...],
-    reading: Reading,
+    n: int, cells: Mapping[str, Any], partition: Mapping[str, str], uses: tuple[ColumnUse, ...], reading: Reading
 ) -> Part:
     columns: dict[str, Array | Labels] = {}
     pair = {role: constant(getattr(reading, role) or UNNAMED[role], n) for role in UNNAMED}
     for use in uses:
         array = cells.get(use.header)
         if is_measured(use):
-            columns[use.header] = np.full(n, number_of(said[use.header])) if array is None else numbers(array)
+            columns[use.header] = np.full(n, number_of(partition[use.header])) if array is None else numbers(array)
             continue
-        found = constant(said[use.header], n) if array is None else labels(array)
+        found = constant(partition[use.header], n) if array is None else labels(array)
         columns[use.header] = found
         if use.role in pair and getattr(reading, use.role) is None:
             pair[use.role] = found.named(UNNAMED[use.role])
@@ -147,7 +143,7 @@ class Index:
 
     number: dict[tuple[str, str], int] = field(default_factory=dict)
     held: list[Held] = field(default_factory=list)
-    unreadable: list[Unreadable] = field(default_factory=list)
+    unreadable: dict[str, str] = field(default_factory=dict)
 
     @property
     def pairs(self) -> tuple[Pair, ...]:
@@ -170,21 +166,21 @@ class Index:
 def indexed(
     files: tuple[ParquetFile, ...], known: SourceColumns, reading: Reading, report: Callable[[str], None]
 ) -> Index:
-    """Look through all files, in order; a file or a row group that cannot be read is recorded and skipped."""
+    """Index of all files, in order; a file or a row group that cannot be read is recorded and skipped."""
     index = Index()
     keys = tuple(use for use in known.columns if use.role in UNNAMED and getattr(reading, str(use.role)) is None)
     stems = names_of_files(files) if any(use.header == FILE_NAME for use in keys) else None
     for i, file in enumerate(files):
         if i and i % 500 == 0:
-            report(f"{i} of {len(files)} files are looked through: {len(index.number)} pairs")
+            report(f"indexed {i} of {len(files)} files: {len(index.number)} pairs")
         own = _own_partition(file, known, None if stems is None else stems[i])
         try:
             facts = footer(str(file.path), file.stamp)
         except UNREADABLE as error:
-            index.unreadable.append(Unreadable(file.name, f"{file.name}: cannot be read: {why(error)}."))
+            index.unreadable[file.name] = f"{file.name}: cannot be read: {why(error)}."
             continue
         if reason := mismatch(file, facts.schema.to_arrow_schema(), known, reading):
-            index.unreadable.append(Unreadable(file.name, reason))
+            index.unreadable[file.name] = reason
         else:
             _add_file(index, replace(file, partition=own), facts, keys, reading)
     return index
@@ -192,8 +188,8 @@ def indexed(
 
 def _own_partition(file: ParquetFile, known: SourceColumns, stem: str | None) -> tuple[tuple[str, str], ...]:
     """Values of folders without a column in the files, and the file's name where that is the tool."""
-    said = tuple((key, value) for key, value in file.partition if key not in known.kinds)
-    return said if stem is None or FILE_NAME in known.kinds else (*said, (FILE_NAME, stem))
+    partition = tuple((key, value) for key, value in file.partition if key not in known.kinds)
+    return partition if stem is None or FILE_NAME in known.kinds else (*partition, (FILE_NAME, stem))
 
 
 def _add_file(index: Index, file: ParquetFile, facts: Any, keys: tuple[ColumnUse, ...], reading: Reading) -> None:  # noqa: ANN401
@@ -204,7 +200,7 @@ def _add_file(index: Index, file: ParquetFile, facts: Any, keys: tuple[ColumnUse
         try:
             held = _held(index, piece, facts, keys, reading)
         except UNREADABLE as error:
-            index.unreadable.append(Unreadable(name, f"{name}: cannot be read: {why(error)}."))
+            index.unreadable[name] = f"{name}: cannot be read: {why(error)}."
         else:
             if len(held.pairs):
                 index.held.append(held)
@@ -227,11 +223,11 @@ def _held(index: Index, piece: Piece, facts: Any, keys: tuple[ColumnUse, ...], r
 
 
 def _only_pair(piece: Piece, facts: Any, keys: tuple[ColumnUse, ...], reading: Reading) -> tuple[str, str] | None:  # noqa: ANN401
-    """The pair of all rows of a row group, where the folders or its statistics tell it."""
-    said = dict(piece.partition)
+    """The pair of all rows of a row group, where the folders or its statistics name it."""
+    partition = dict(piece.partition)
     names = {role: getattr(reading, role) or UNNAMED[role] for role in UNNAMED}
     for use in keys:
-        value = said.get(use.header)
+        value = partition.get(use.header)
         if value is None and (value := _only_value(facts, piece.row_group, use.header)) is None:
             return None
         names[str(use.role)] = value or UNNAMED[str(use.role)]

@@ -70,7 +70,7 @@ def parquet_rows(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
     if not read:
         return [], unreadable
     frame, units = _frame(read, block, plan)
-    assumed = tuple(said for said in plan.assumed if said != SORTED)
+    assumed = tuple(sentence for sentence in plan.assumed if sentence != SORTED)
     source = Source(plan.name, "", len(frame), NO_LINES)
     return [Rows(frame, None, units, plan.columns, source, assumed, notes=plan.notes)], unreadable
 
@@ -162,11 +162,11 @@ def _unchanged(piece: Piece) -> None:
     try:
         stamp = stamp_of(Path(piece.path))
     except OSError as error:
-        raise DataError(f"{piece.name}: cannot be read: it is no longer there.") from error
+        raise DataError(f"{piece.name}: cannot be read: it no longer exists.") from error
     if not piece.stamp.startswith(COPIED) and stamp != piece.stamp:
         raise DataError(
-            f"{piece.name}: cannot be read: it was written again after the source was looked through; "
-            "start once more when it is whole."
+            f"{piece.name}: cannot be read: it was written again after the batch was planned; "
+            "run the command again when it is complete."
         )
 
 

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ...core.errors import DataError, UsageError
+from ...core.suggestions import did_you_mean
 from ...datasets.columns import LARGEST, ColumnUse
 from ...datasets.design import decode_levels
 from ...datasets.reading import runs_from_frame
@@ -22,12 +22,12 @@ from .common import PARQUET
 from .parquet_arrow import UNREADABLE, kind_of, numbers, pq, text_of
 
 NOTHING = "__HIVE_DEFAULT_PARTITION__"  # how Hive and Spark name the folder of rows without a value
-FILE_NAME = "file name"  # header of what the name of a file says of all its rows
+FILE_NAME = "file name"  # header of the tool of all rows of a file, taken from its name
 
 
 @dataclass(frozen=True, slots=True)
 class ParquetFile:
-    """A file of the source; ``partition`` is what its folders say: header and value, url-decoded."""
+    """A file of the source; ``partition`` are header and value of its folders, url-decoded."""
 
     path: Path
     name: str
@@ -75,8 +75,8 @@ def hive(folders: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
     >>> hive(("2024", "tool=GC%204325", "work=__HIVE_DEFAULT_PARTITION__"))
     (('tool', 'GC 4325'), ('work', ''))
     """
-    said = (re.fullmatch(r"([^=]+)=(.*)", folder) for folder in folders)
-    return tuple((unquote(m[1]), "" if m[2] == NOTHING else unquote(m[2])) for m in said if m)
+    matches = (re.fullmatch(r"([^=]+)=(.*)", folder) for folder in folders)
+    return tuple((unquote(m[1]), "" if m[2] == NOTHING else unquote(m[2])) for m in matches if m)
 
 
 def names_of_files(files: tuple[ParquetFile, ...]) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ def footer(path: str, stamp: str) -> Any:  # noqa: ANN401  the stamp is part of 
     return pq.read_metadata(path)
 
 
-FEW = 500  # rows that are looked at
+FEW = 500  # rows from which columns are interpreted
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class SourceColumns:
     first : ParquetFile
         The file from whose schema the columns are interpreted.
     columns : tuple of ColumnUse
-        Its columns, then what folders say, then the file's name where that tells the tool.
+        Its columns, then those of folders, then the file's name where that is the tool.
     kinds : mapping of str to str
         Kind of each column of the first file.
     assumed : tuple of str
@@ -131,10 +131,8 @@ def group_column(columns: tuple[ColumnUse, ...], name: str) -> ColumnUse:
     for use in columns:
         if name in (use.header, use.name):
             return use
-    headers = [use.header for use in columns]
-    near = get_close_matches(name, headers, 1, 0.5)
-    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(map(repr, headers))}."
-    raise UsageError(f"pairs are to be grouped by {name!r}, and no column is called that; {hint}")
+    hint = did_you_mean(name, [use.header for use in columns], names="There are ")
+    raise UsageError(f"no column {name!r} to group the pairs by. {hint}")
 
 
 def interpret_columns(first: ParquetFile, files: tuple[ParquetFile, ...], reading: Reading) -> SourceColumns:
@@ -148,14 +146,14 @@ def interpret_columns(first: ParquetFile, files: tuple[ParquetFile, ...], readin
     frame, kinds = _few_rows(first)
     for key in dict(first.partition):
         if key not in frame:
-            frame[key] = _said(key, files, len(frame))
+            frame[key] = _folder_values(key, files, len(frame))
     frame, coded = _without_codes(frame, reading)
     runs = runs_from_frame(frame, map=reading.map, units=reading.units, tool="-", work="-")
     columns, assumed = runs.columns, (*coded, *runs.assumed)
     roles = {use.role for use in columns}
     if len(files) > 1 and not roles & {"tool", "work"} and reading.tool is None:
         columns += (ColumnUse(len(columns) + 1, FILE_NAME, FILE_NAME, "tool", "", False, None),)
-        assumed += (f"the source names no tool: each file is one, called by its name ({names_of_files(files)[0]} ...)",)
+        assumed += (f"the source names no tool: each file is one, named after it ({names_of_files(files)[0]} ...)",)
     assumed += tuple(
         f"{role}: not named in the source, called {name}; name it with --{role}"
         for role, name in UNNAMED.items()
@@ -192,10 +190,10 @@ def _cells(array: Any, kind: str) -> "pd.Series[Any]":  # noqa: ANN401
         return pd.Series(texts, dtype=object)
     values = np.zeros(0) if array is None else numbers(array)
     measurable = (np.abs(values) <= LARGEST) & ((np.abs(values) >= 1 / LARGEST) | (values == 0))
-    return pd.Series(np.where(measurable, values, np.nan))  # the fit tells each pair of its absurd numbers
+    return pd.Series(np.where(measurable, values, np.nan))  # the fit of a pair reports its impossible numbers
 
 
-def _said(key: str, files: tuple[ParquetFile, ...], n: int) -> "pd.Series[Any]":
+def _folder_values(key: str, files: tuple[ParquetFile, ...], n: int) -> "pd.Series[Any]":
     """Values of folders under a key, as numbers where all are numbers."""
     values = [dict(file.partition).get(key, "") for file in files]
     if all(is_number(value) for value in values):
@@ -223,16 +221,16 @@ def _without_codes(frame: pd.DataFrame, reading: Reading) -> tuple[pd.DataFrame,
         return frame, ()
     blank = pd.DataFrame({name: _blank(frame[name]) for name in frame})
     runs = runs_from_frame(blank, map=reading.map, units=reading.units, tool="-", work="-")
-    frame, said = frame.copy(), tuple[str, ...]()
+    frame, assumed = frame.copy(), tuple[str, ...]()
     for role, given in reading.ranges.items():
         header = next((use.header for use in runs.columns if use.role == role), None)
         if header is None:
             raise UsageError(f"--range {role}: no column has the role {role}; there are {', '.join(runs.units)}.")
         if np.nanmax(np.abs(frame[header].to_numpy(dtype=float)), initial=0) > 3:
             raise UsageError(f"--range {role}: the column holds no coded levels (-1, 0, 1); leave the range out.")
-        said += decode_levels(role, np.array([-1.0, 0.0, 1.0]), given)[1]
+        assumed += decode_levels(role, np.array([-1.0, 0.0, 1.0]), given)[1]
         frame[header] = np.nan
-    return frame, tuple(said)
+    return frame, tuple(assumed)
 
 
 def _blank(cells: "pd.Series[Any]") -> "pd.Series[Any]":
@@ -245,26 +243,22 @@ def mismatch(file: ParquetFile, schema: Any, known: SourceColumns, reading: Read
 
 
 def _mismatches(file: ParquetFile, schema: Any, known: SourceColumns, reading: Reading) -> Iterator[str]:  # noqa: ANN401
-    said = dict(file.partition)
+    partition = dict(file.partition)
     for use in needed_columns(known.columns, reading):
         is_numeric = use.role is not None and ROLES[use.role].kind != "label"
         if use.header == FILE_NAME and use.header not in known.kinds:
             continue
         if use.header in known.kinds:
             yield from _column_mismatch(file, schema, known, use, is_numeric)
-        elif use.header not in said:
-            yield f"{file.name}: no folder above it says {use.header}=..., as one above {known.first.name} does."
-        elif is_numeric and not is_number(said[use.header]):
-            yield f"{file.name}: its folder says {use.header}={said[use.header]}, and that is no number."
+        elif use.header not in partition:
+            yield f"{file.name}: no folder above it is named {use.header}=..., as one above {known.first.name} does."
+        elif is_numeric and not is_number(partition[use.header]):
+            yield f"{file.name}: its folder is named {use.header}={partition[use.header]}, which is no number."
 
 
 def _column_mismatch(
-    file: ParquetFile,
-    schema: Any,  # noqa: ANN401
-    known: SourceColumns,
-    use: ColumnUse,
-    is_numeric: bool,
-) -> Iterator[str]:
+    file: ParquetFile, schema: Any, known: SourceColumns, use: ColumnUse, is_numeric: bool  # noqa: ANN401
+) -> Iterator[str]:  # fmt: skip
     where = schema.get_all_field_indices(use.header)
     if len(where) != 1:
         has = f"has {len(where)} columns {use.header!r}" if where else f"has no column {use.header!r}"

@@ -60,7 +60,7 @@ def open_source(
     Raises
     ------
     UsageError
-        A folder holds lab files beside Parquet, or ``reading`` names what is not there.
+        A folder holds both lab files and Parquet, or ``reading`` names a column that does not exist.
     DataError
         The source is missing, empty, or holds nothing that can be read.
 
@@ -90,8 +90,8 @@ def open_source(
         return _parquet(path, reading, onward)
     if not inside.lab:
         raise DataError(_nothing(path, inside))
-    said = tuple(_skipped(inside))
-    return files_plan(path, inside.lab, reading, **limits, report=report, map_over=map_over, assumed=said)
+    skipped = tuple(_skipped(inside))
+    return files_plan(path, inside.lab, reading, **limits, report=report, map_over=map_over, assumed=skipped)
 
 
 def existing_path(source: str | os.PathLike[str]) -> Path:
@@ -102,7 +102,7 @@ def existing_path(source: str | os.PathLike[str]) -> Path:
     UsageError
         Its name is empty.
     DataError
-        There is nothing: the sentence says which name comes nearest.
+        It does not exist; the message proposes the closest name.
     """
     if not os.fspath(source):
         raise UsageError("the name of the source is empty: name a folder of lab files, a Parquet file or a text file.")
@@ -187,15 +187,16 @@ def _is_ours(folder: Path) -> bool:
 
 def _one_kind(folder: Path, inside: FolderContents) -> None:
     if inside.lab:
-        found: Mapping[str, tuple[Path, ...]] = {"Parquet": inside.parquet, "lab files": inside.lab}
-        told = " and ".join(f"{kind} ({some_names(path.name for path in paths)})" for kind, paths in found.items())
-        raise UsageError(f"{folder} holds both {told}: give a folder that holds one kind.")
+        parquet, lab = (some_names(path.name for path in paths) for paths in (inside.parquet, inside.lab))
+        raise UsageError(
+            f"{folder} holds both Parquet ({parquet}) and lab files ({lab}): give a folder that holds one kind."
+        )
 
 
 def _nothing(folder: Path, inside: FolderContents) -> str:
-    beside = f"; there are {some_names(inside.other)}" if inside.other else ""
-    beside += f"; results of fitmodels are skipped ({some_names(inside.ours)})" if inside.ours else ""
-    return f"{folder} holds no lab file ({' '.join(LAB)}) and no .parquet{beside}: name the folder of the measurements."
+    others = f"; there are {some_names(inside.other)}" if inside.other else ""
+    others += f"; results of fitmodels are skipped ({some_names(inside.ours)})" if inside.ours else ""
+    return f"{folder} holds no lab file ({' '.join(LAB)}) and no .parquet{others}: name the folder of the measurements."
 
 
 def _skipped(inside: FolderContents) -> Iterator[str]:

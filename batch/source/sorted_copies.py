@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...datasets.columns import ColumnUse
-from ..plan import Block, Piece, Reading, Unreadable
+from ..plan import Block, Piece, Reading
 from .parquet_arrow import UNREADABLE, Array, Ints, Labels, numbered, pa, pq, why
 from .parquet_index import Held, Index, of_rows, parts
 from .parquet_schema import SourceColumns, needed_columns
@@ -21,7 +21,7 @@ AT_ONCE = 200  # files that are written at the same time; a source of more block
 HELD_ROWS = 1_000_000  # that are in memory before they are written
 FACTS = "copy.json"
 COPIED = "sorted:"  # how the stamp of a piece begins that stands in a copy
-LAYOUT = 1  # of the copy; another one is another name
+LAYOUT = 2  # of the copy; another one is another name
 
 
 def sorted_copy(
@@ -33,7 +33,7 @@ def sorted_copy(
     limits: tuple[int, int],
     folder: Path,
     report: Callable[[str], None],
-) -> tuple[tuple[Block, ...], tuple[Unreadable, ...]]:
+) -> tuple[tuple[Block, ...], dict[str, str]]:
     """The blocks, each reading from a file of its own, and the row groups that could not be copied.
 
     The copy is written whole or not at all; one that is there for the same source and limits is used again.
@@ -46,7 +46,7 @@ def sorted_copy(
         _write_whole(home, _Copy(index, ranges, uses, reading, report))
     facts = loads((home / FACTS).read_text(encoding="utf-8"))
     found = tuple(_moved(block, i, home, facts["rows"][i]) for i, block in enumerate(blocks))
-    return found, tuple(Unreadable(*lost) for lost in facts["unreadable"])
+    return found, facts["unreadable"]
 
 
 def _digest(*facts: object) -> str:
@@ -93,7 +93,7 @@ def _write_whole(home: Path, copy: _Copy) -> None:
         except _Damaged:
             copy.lost.update(_lost(copy))
             _write(making, copy)
-        facts = {"rows": copy.rows, "unreadable": list(copy.lost.items())}
+        facts = {"rows": copy.rows, "unreadable": copy.lost}
         (making / FACTS).write_text(dumps(facts), encoding="utf-8")
         making.rename(home)
     finally:
@@ -101,7 +101,7 @@ def _write_whole(home: Path, copy: _Copy) -> None:
 
 
 def _lost(copy: _Copy) -> Iterator[tuple[str, str]]:
-    """Row groups that cannot be read to their end, with the sentence that says why."""
+    """Row groups that cannot be read to their end, with the reason in a sentence."""
     for group in copy.index.held:
         try:
             for _ in parts(group.piece, copy.uses, copy.reading):
