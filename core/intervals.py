@@ -136,11 +136,42 @@ def half_width(
     return np.asarray(stdtrit(df, (1 + level) / 2) * np.sqrt(variance + more), dtype=float)
 
 
-def interval_ends(value: Array, half: Array, *, multiplies: bool) -> tuple[Array, Array]:
-    """Ends of an interval about ``value`` in its unit, where errors multiply or add."""
-    if multiplies:
-        return value * np.exp(-half), value * np.exp(half)
-    return value - half, value + half
+def value_and_ends(
+    kind: Kind,
+    median: Array,
+    variance: Array,
+    df: float,
+    scatter: Scatter,
+    *,
+    level: float,
+    coverage: float,
+    centre: Centre,
+    smearing: float,
+    multiplies: bool,
+) -> tuple[Array, Array, Array]:
+    """Value and ends of an interval in the unit of the response; a mean interval moves with the centre.
+
+    Parameters
+    ----------
+    kind, variance, df, scatter, level, coverage
+        As for :func:`half_width`.
+    median : ndarray
+        Of the law, in the unit of the response.
+    centre : {"median", "mean", "smeared"}
+        Quantity that the value estimates; of additive errors it is the mean.
+    smearing : float
+        Mean of exp(residual), used where the centre is smeared.
+    multiplies : bool
+        Whether errors are multiplicative.
+    """
+    if not multiplies:
+        half = half_width(kind, variance, df, scatter, level=level, coverage=coverage)
+        return median, median - half, median + half
+    factor_variance = log_mean_variance(scatter) if kind == "mean" and centre != "median" else 0.0
+    half = half_width(kind, variance, df, scatter, level=level, coverage=coverage, factor_variance=factor_variance)
+    value = median * centre_factor(centre, scatter.sd, smearing)
+    middle = value if kind == "mean" else median
+    return value, middle * np.exp(-half), middle * np.exp(half)
 
 
 def centre_factor(centre: Centre, sd: float, smearing: float) -> float:

@@ -31,12 +31,9 @@ from ..core.intervals import (
     Kind,
     Scatter,
     between_and_within,
-    centre_factor,
-    half_width,
-    interval_ends,
     interval_label,
-    log_mean_variance,
     one_component,
+    value_and_ends,
 )
 from .available import NotAvailable
 from .edges import EdgeInference
@@ -268,15 +265,12 @@ def interval(
     middle: Centre = centre if multiplies else "mean"
     median = law.formula.response_at(law.theta, Z)
     median = median * np.exp(at.shift) if multiplies else median + at.shift
-    smear = smearing(law, at.of) if middle == "smeared" else 1.0
-    factor = centre_factor(middle, at.sd, smear) if multiplies else 1.0
-    factor_variance = log_mean_variance(at.scatter) if multiplies and middle != "median" else 0.0
-    half = half_width(
-        kind, at.variance, at.df, at.scatter, level=level, coverage=coverage, factor_variance=factor_variance
-    )
-    low, high = interval_ends(median * factor if kind == "mean" else median, half, multiplies=multiplies)
+    value, low, high = value_and_ends(
+        kind, median, at.variance, at.df, at.scatter, level=level, coverage=coverage, centre=middle,
+        smearing=smearing(law, at.of) if middle == "smeared" else 1.0, multiplies=multiplies,
+    )  # fmt: skip
     inside, region = _inside(law, table)
-    band = pd.DataFrame({"value": median * factor, "low": low, "high": high, "inside": inside})
+    band = pd.DataFrame({"value": value, "low": low, "high": high, "inside": inside})
     band.attrs.update(_label(at, kind, level, coverage, middle, region))
     return band
 

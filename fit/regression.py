@@ -343,5 +343,6 @@ def _held_law(runs: Runs, current: str, feed: str, wear: str, rows: Rows, held: 
         raise FitError(f"{why}; feed on wear (eq. 15) has the wrong sign too: {feed} does not fall with {wear}.")
     others = len(held) - int(held.sum())
     used = f"the {int(held.sum())} rows held at {level:g} {unit}" + (f" ({others} others not used)" if others else "")
+    # The parameter file has no field of the held load: HELD_LOAD of parameters.setting_rules reads the last sentence.
     note = f"{why}; feed is fitted on wear instead (eq. 15), on {used}. It is true at {level:g} {unit} alone."
     return replace(fitted, notes=(*fitted.notes, note))

@@ -140,8 +140,7 @@ def collect(
         "versions": _versions(), "command": command, "options": dict(options or {}), "seed": seed,
     }  # fmt: skip
     found = laws_by_response(laws, source.tool, source.work, gauge_sd)
-    life = None if tool_life is None else tool_life_section(tool_life)
-    bounds = None if limits is None else limits_section(limits)
+    life, bounds = tool_life_section(tool_life), None if limits is None else limits_section(limits)
     sections = {
         "tool_life": life, "limits": bounds, "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
         "design": None if design is None else design_section(design, found, criterion_of(life, bounds, options or {})),

@@ -18,12 +18,9 @@ from ..core.intervals import (
     Kind,
     Scatter,
     between_and_within,
-    centre_factor,
-    half_width,
-    interval_ends,
     interval_label,
-    log_mean_variance,
     one_component,
+    value_and_ends,
 )
 from ..datasets import region
 from .messages import short
@@ -119,23 +116,16 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
     spread = _spread(law, covariance, asked, parts=moves or asked.kind == "tolerance")
     smearing = _smearing(law, spread) if centre == "smeared" else 1.0
     with np.errstate(all="ignore"):  # `as_given` refuses what is not finite
-        factor = centre_factor(centre, spread.scatter.sd, smearing) if multiplies else 1.0
         Z = terms(law, by, factors)
         median = response(law, Z @ law.theta)
         G = Z if multiplies or not law.logarithmic else Z * median[..., None]
         variance = np.zeros(median.shape) if spread.edge == "same" else _quadratic(law, covariance, G)
-        half = half_width(
-            asked.kind,
-            variance,
-            spread.df,
-            spread.scatter,
-            level=asked.level,
-            coverage=asked.coverage,
-            factor_variance=log_mean_variance(spread.scatter) if moves else 0.0,
-        )
-        low, high = interval_ends(median * factor if moves else median, half, multiplies=multiplies)
+        value, low, high = value_and_ends(
+            asked.kind, median, variance, spread.df, spread.scatter, level=asked.level, coverage=asked.coverage,
+            centre=centre, smearing=smearing, multiplies=multiplies,
+        )  # fmt: skip
     of = interval_label(asked.kind, asked.level, asked.coverage, spread.words)
-    return Band(median * factor, low, high, of, spread.edge, centre)
+    return Band(value, low, high, of, spread.edge, centre)
 
 
 def _covariance(law: LawFields) -> Covariance:

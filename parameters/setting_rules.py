@@ -11,29 +11,30 @@ Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587, secti
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..core.errors import ParameterError, UsageError
 from .evaluation import IntervalOptions, interval_band
+from .file import ParameterFile
 from .messages import short
 from .sections.base import Covariance
 from .sections.law import LawSection
 from .sections.load_line import FeedLimit, LimitInterval, LoadLineSection, NoInterval
 
-if TYPE_CHECKING:
-    from .file import ParameterFile
-
 SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm
 RESOLUTION = 0.01  # of the reference, in A: as the paper rounds it
 HELD = 0.01  # of the reference: within the regulation error of the paper
-FORMS = ("load_line", "feed_line")
+LOAD_FORMS = ("load_line", "feed_line")
+# The load at which a feed_line holds: the last sentence of the note that fit.regression._held_law writes. The schema of
+# the law has no field of it, and files of every version state it in this note.
+HELD_LOAD = re.compile(r"It is true at ([\d.eE+-]+) (\S+) alone")
 
 
 def settings(
-    pf: "ParameterFile",
+    pf: ParameterFile,
     worn: float,
     *,
     safety_factor: float = SAFETY_FACTOR,
@@ -122,10 +123,10 @@ def settings(
     })  # fmt: skip
 
 
-def _law(pf: "ParameterFile", name: str | None) -> "LawSection":
+def _law(pf: ParameterFile, name: str | None) -> "LawSection":
     if name is not None and name not in pf.laws:
         raise UsageError(f"--law {name}: the file holds laws of {', '.join(pf.laws) or 'nothing'}.")
-    found = [law for key, law in pf.laws.items() if law.form in FORMS and name in (None, key)]
+    found = [law for key, law in pf.laws.items() if law.form in LOAD_FORMS and name in (None, key)]
     if not found:
         raise ParameterError(
             "the file has no load law (load on feed and wear): fit runs that have the columns fm, VB and I."
@@ -166,7 +167,7 @@ def _check_held(law: "LawSection", reference: float) -> list[str]:
     """Notes on the load of a feed_line, which holds at one load only; the notes of the fit give that load."""
     if law.form != "feed_line":
         return []
-    found = [m for note in law.notes if (m := re.search(r"It is true at ([\d.eE+-]+) (\S+) alone", note))]
+    found = [m for note in law.notes if (m := HELD_LOAD.search(note))]
     if not found:
         return [f"The limits hold at the load of the tests of {law.response}, which the file does not state."]
     held = float(found[0][1])

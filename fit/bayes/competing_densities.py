@@ -16,19 +16,15 @@ Sources: CLM-2023 eq. 14 (load additive in wear), Tai, Tsai & Li 2023, doi 10.11
 """
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...core.arrays import Array
+from ..checks.competing_forms import FittedForm
 from ..checks.time_exponent import TIME
+from ..lawfit import LawFit
 from .density import LN_2PI, Errors, LawDensity, law_density
 from .priors import DF, HalfT, Normal, weak
-
-if TYPE_CHECKING:
-    from ..checks.competing_forms import FittedForm
-    from ..lawfit import LawFit
-
 
 SHARE = "ln share"
 USUAL_SHARE = Normal(float(np.log(0.3)), 1.5)  # 95 % of it between 0.016 and 5.7 of the middle response
@@ -66,7 +62,7 @@ class AdditiveWear(LawDensity):
         return np.asarray(self.y - (np.exp(eta) if self.natural else eta))
 
 
-def additive_wear(law: "LawFit", fitted: "FittedForm", edges: bool, errors: Errors = "normal") -> AdditiveWear:
+def additive_wear(law: LawFit, fitted: FittedForm, edges: bool, errors: Errors = "normal") -> AdditiveWear:
     """Density of the form in which wear is additive.
 
     Parameters
@@ -172,7 +168,7 @@ class EdgeSlopes(LawDensity):
         return np.asarray(np.add.reduceat(part, self.starts, axis=-1))
 
 
-def edge_slopes(law: "LawFit") -> EdgeSlopes:
+def edge_slopes(law: LawFit) -> EdgeSlopes:
     """Density of a power law in logarithms with random levels and time exponents of edges, normal errors.
 
     Examples

@@ -10,7 +10,7 @@ standard error); Sivula, Magnusson & Vehtari 2020, arXiv 2008.10296 (differences
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -21,14 +21,12 @@ from ..available import NotAvailable
 from ..checks.competing_forms import FittedForm, form_makers
 from ..checks.competing_models import not_comparable
 from ..checks.time_exponent import TIME
+from ..lawfit import LawFit
 from .competing_densities import EdgeSlopes, additive_wear, edge_slopes
 from .density import LawDensity, Sample, law_density
 from .priors import EXPONENT_SD, Normal, Prior, Priors, weak
 from .psis_loo import LeaveOut, leave_one_out
 from .sampling import PosteriorDraws, Progress, draw_law
-
-if TYPE_CHECKING:
-    from ..lawfit import LawFit
 
 FormName = Literal[
     "exponential in wear", "additive in wear", "an exponent of t per edge", "second order in logs"
@@ -55,7 +53,7 @@ class CompetingPosterior(PosteriorDraws):
 
     form: str
     formula: str
-    law: "LawFit"
+    law: LawFit
     density: LawDensity
     leave_out: LeaveOut
     power: LeaveOut
@@ -79,7 +77,7 @@ class CompetingPosterior(PosteriorDraws):
 
 @one_thread
 def posterior_of_form(
-    law: "LawFit",
+    law: LawFit,
     form: FormName = "additive in wear",
     *,
     seed: int = 1,
@@ -143,7 +141,7 @@ def posterior_of_form(
     )
 
 
-def _density(law: "LawFit", form: FormName, edges: bool) -> tuple[LawDensity, str] | NotAvailable:
+def _density(law: LawFit, form: FormName, edges: bool) -> tuple[LawDensity, str] | NotAvailable:
     """The density of a form, and its formula."""
     if form == "an exponent of t per edge":
         if TIME not in law.factors or not edges or law.error == "additive":
@@ -160,7 +158,7 @@ def _density(law: "LawFit", form: FormName, edges: bool) -> tuple[LawDensity, st
     return density, fitted.formula
 
 
-def _linear(law: "LawFit", fitted: FittedForm, edges: bool) -> LawDensity:
+def _linear(law: LawFit, fitted: FittedForm, edges: bool) -> LawDensity:
     """A form that is linear in ln R: the density of the law with other columns and names."""
     base, priors = law_density(law, weak(law, edges)), weak(law, edges)
     names = tuple(fitted.coefficients)

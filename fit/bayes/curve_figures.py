@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 from math import ceil, sqrt
 from textwrap import fill
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,11 +12,9 @@ from numpy.typing import NDArray
 
 from ..edges import changes_within
 from ..law_figures import BLUE, GREY, ORANGE, label, middle, points
+from ..lawfit import LawFit
 from .panels import MOST_PANELS, Sheet, a_row, bands_at, conditions, evenly, level_of_rows, levels_of, scaled
-
-if TYPE_CHECKING:
-    from ..lawfit import LawFit
-    from .posterior import Posterior
+from .posterior import Posterior
 
 Array = NDArray[np.float64]
 
@@ -40,7 +37,7 @@ class Curve:
     y: Array
 
 
-def curves(posterior: "Posterior") -> Sheet:
+def curves(posterior: Posterior) -> Sheet:
     """The law along each factor, a row of panels for each level of the category."""
     law, k = posterior.law, len(posterior.law.factors)
     levels = levels_of(law)[:MOST_LEVELS]
@@ -57,7 +54,7 @@ def curves(posterior: "Posterior") -> Sheet:
     return Sheet(title, panels, k, (2.8, 2.6) if len(panels) > 1 else (3.9, 3.0), (0.08, 0.2), shared=True)
 
 
-def _curve(posterior: "Posterior", j: int, level: int) -> Curve:
+def _curve(posterior: Posterior, j: int, level: int) -> Curve:
     law, logs = posterior.law, posterior.law.form == "power"
     every = np.flatnonzero(level_of_rows(law) == level)
     tested = float(law.X[every, j].min()), float(law.X[every, j].max())
@@ -89,7 +86,7 @@ def _beyond(low: float, high: float, *, logs: bool) -> Array:
     return np.linspace(low - reach if low < 0 else max(low - reach, 0.0), high + reach, OF_A_CURVE)
 
 
-def _along(posterior: "Posterior", c: Curve, values: Array, ax: Axes) -> None:
+def _along(posterior: Posterior, c: Curve, values: Array, ax: Axes) -> None:
     law, logs = posterior.law, posterior.law.form == "power"
     ax.fill_between(c.grid, *c.rows, color=BLUE, alpha=0.13, lw=0, label=f"95 % of {a_row(posterior)}")
     ax.fill_between(c.grid, c.law[0], c.law[4], color=BLUE, alpha=0.3, lw=0, label="95 % of the law")
@@ -122,7 +119,7 @@ class Seen:
     band: Array
 
 
-def predictive(posterior: "Posterior") -> Sheet:
+def predictive(posterior: Posterior) -> Sheet:
     """Rows of each edge in the band of a row of a new edge; rows that have no edge in common, in one panel."""
     law = posterior.law
     names, groups, clock = _groups(law)
@@ -143,7 +140,7 @@ def predictive(posterior: "Posterior") -> Sheet:
     return Sheet(title, panels, max(3, ceil(sqrt(1.5 * len(panels)))), (1.7, 1.5), (0.08, 0.24), shared=True)
 
 
-def _groups(law: "LawFit") -> tuple[list[str], list[NDArray[np.intp]], str | None]:
+def _groups(law: LawFit) -> tuple[list[str], list[NDArray[np.intp]], str | None]:
     """Rows of each edge along the factor that changes within edges, t if it does, and the name of that factor.
 
     Rows that have no edge in common are one group, in the order of the prediction.
@@ -164,7 +161,7 @@ def _counted(name: str) -> list[str | int]:
     return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
-def _which(law: "LawFit", names: list[str], n: int) -> str:
+def _which(law: LawFit, names: list[str], n: int) -> str:
     """Text on the selection of rows."""
     G = law.n_edges if names[0] else None
     rows = f"{n} rows" if n == law.nobs else f"{n} of {law.nobs} rows"
@@ -174,7 +171,7 @@ def _which(law: "LawFit", names: list[str], n: int) -> str:
     return rows + edges + ("" if n == law.nobs else ", evenly chosen,")
 
 
-def _rows(posterior: "Posterior", s: Seen, limits: tuple[Array, Array], along: str, logs: bool, ax: Axes) -> None:
+def _rows(posterior: Posterior, s: Seen, limits: tuple[Array, Array], along: str, logs: bool, ax: Axes) -> None:
     scaled(ax, "x", limits[0], logs=logs)
     scaled(ax, "y", limits[1], logs=posterior.law.form == "power" and bool(limits[1].min() > 0))
     x = s.x if np.ptp(s.x) > 0 else _stretched(ax, s.x, logs=logs)

@@ -16,17 +16,15 @@ Lange, Little & Taylor 1989, J. Am. Stat. Assoc. 84, 881; prior of nu: Juarez & 
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.display import Displayable
+from ..lawfit import LawFit
 from ..laws import LawForm
 from .priors import Priors
-
-if TYPE_CHECKING:
-    from ..lawfit import LawFit
 
 Array = NDArray[np.float64]
 
@@ -261,7 +259,7 @@ def student(q: Array, log_det: Array, m: Array, nu: Array) -> Array:
     return np.asarray(constant - 0.5 * log_det - (nu + m) / 2 * np.log1p(q / nu))
 
 
-def law_density(law: "LawFit", priors: Priors, errors: Errors = "normal") -> LawDensity:
+def law_density(law: LawFit, priors: Priors, errors: Errors = "normal") -> LawDensity:
     """The density of a fitted law; edges have levels where ``priors`` has an ``icc``.
 
     Examples
@@ -285,7 +283,7 @@ def law_density(law: "LawFit", priors: Priors, errors: Errors = "normal") -> Law
     )  # fmt: skip
 
 
-def _units(law: "LawFit", edges: bool) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, NDArray[np.object_]]:
+def _units(law: LawFit, edges: bool) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, NDArray[np.object_]]:
     if not edges or law.edge is None:
         n = law.nobs
         return np.arange(n), np.arange(n), np.ones(n), law.lines.astype(object)
@@ -295,7 +293,7 @@ def _units(law: "LawFit", edges: bool) -> tuple[NDArray[np.intp], NDArray[np.int
     return order, np.concatenate([[0], np.cumsum(sizes)[:-1]]), sizes.astype(float), names.astype(object)
 
 
-def _normal_guess(law: "LawFit", centre: Array, edges: bool, errors: Errors) -> tuple[Array, Array]:
+def _normal_guess(law: LawFit, centre: Array, edges: bool, errors: Errors) -> tuple[Array, Array]:
     """Estimates of the fit and their covariance, as start of samplers."""
     from ..edges import EdgeInference
 

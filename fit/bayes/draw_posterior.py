@@ -3,20 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 from ...core.errors import FitError, UsageError
 from ...core.threads import one_thread
 from ..edges import EdgeInference
+from ..lawfit import LawFit
 from .convergence import Agreement, compare_draws
 from .density import Errors, Method, law_density
 from .posterior import Posterior
 from .priors import Flat, Priors, reference, weak
 from .priors_file import read_priors, replaced
 from .sampling import Progress, draw
-
-if TYPE_CHECKING:
-    from ..lawfit import LawFit
 
 FEWEST, MOST = 1000, 1_000_000  # draws: fewer pass the convergence checks by chance only
 MOST_ROWS = 100_000  # of a law that is not linear: every draw evaluates every row
@@ -25,7 +23,7 @@ OFFSET = 7919  # between the seed of the draws and that of the chains that verif
 
 @one_thread
 def posterior(
-    law: "LawFit",
+    law: LawFit,
     *,
     seed: int = 1,
     draws: int = 4000,
@@ -110,7 +108,7 @@ def _verified(post: Posterior, draws: int, progress: Progress | None) -> Agreeme
     )
 
 
-def _check(law: "LawFit", draws: int, seed: int, errors: str, method: str | None) -> None:
+def _check(law: LawFit, draws: int, seed: int, errors: str, method: str | None) -> None:
     if not 0 <= seed < 2**32:
         raise UsageError(f"seed {seed}: it lies between 0 and {2**32 - 1}.")
     if errors not in get_args(Errors):
@@ -132,7 +130,7 @@ def _check(law: "LawFit", draws: int, seed: int, errors: str, method: str | None
         )
 
 
-def _edges(law: "LawFit") -> tuple[bool, tuple[str, ...]]:
+def _edges(law: LawFit) -> tuple[bool, tuple[str, ...]]:
     """Whether edges have random levels, with a note where they do not."""
     if law.edge is None:
         return False, ("rows are assumed independent: the data name no edges",)
@@ -146,7 +144,7 @@ def _edges(law: "LawFit") -> tuple[bool, tuple[str, ...]]:
     return True, ()
 
 
-def _priors(law: "LawFit", given: str | Path | Priors | Mapping[str, object], edges: bool) -> Priors:
+def _priors(law: LawFit, given: str | Path | Priors | Mapping[str, object], edges: bool) -> Priors:
     if isinstance(given, Priors):
         _complete(law, given, edges)
         return given
@@ -160,7 +158,7 @@ def _priors(law: "LawFit", given: str | Path | Priors | Mapping[str, object], ed
     return replaced(weak(law, edges), law, read_priors(given), Path(given).name)
 
 
-def _complete(law: "LawFit", priors: Priors, edges: bool) -> None:
+def _complete(law: LawFit, priors: Priors, edges: bool) -> None:
     """Validate that a given set has a prior for each parameter, and is proper or the reference."""
     wanted = set(weak(law, edges).of)
     missing, strange = sorted(wanted - set(priors.of)), sorted(set(priors.of) - wanted)
@@ -171,7 +169,7 @@ def _complete(law: "LawFit", priors: Priors, edges: bool) -> None:
         raise UsageError(f"{law.response}: {priors.name} is improper; only the set 'reference' may be flat.")
 
 
-def _enough_for_flat(law: "LawFit", edges: bool) -> None:
+def _enough_for_flat(law: LawFit, edges: bool) -> None:
     p = len(law.theta)
     if law.nobs < p + 2:
         raise FitError(

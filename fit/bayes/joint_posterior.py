@@ -6,7 +6,7 @@ One model of the wear and all loads (``latent_model``), on the rows they share. 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -17,13 +17,11 @@ from ...core.threads import one_thread
 from ..available import NotAvailable
 from ..checks.gauge_error import COARSE, GaugeFit, gauge_corrected
 from ..checks.strata import no_scatter
+from ..lawfit import LawFit
 from .density import Errors, law_density
 from .latent_model import LatentDensity, latent_density
 from .priors import Priors, weak
 from .sampling import PosteriorDraws, Progress, Route, draw
-
-if TYPE_CHECKING:
-    from ..lawfit import LawFit
 
 Array = NDArray[np.float64]
 
@@ -47,8 +45,8 @@ class JointPosterior(PosteriorDraws):
     seed : int
     """
 
-    wear_law: "LawFit"
-    load_laws: "tuple[LawFit, ...]"
+    wear_law: LawFit
+    load_laws: tuple[LawFit, ...]
     density: LatentDensity
     closed_form: tuple[GaugeFit | NotAvailable, ...]
     unit: str
@@ -96,8 +94,8 @@ SAME = 1e-9  # relative difference below which two readings are equal
 
 @one_thread
 def latent_wear(
-    wear_law: "LawFit",
-    load_laws: "Sequence[LawFit]",
+    wear_law: LawFit,
+    load_laws: Sequence[LawFit],
     gauge_sd: float,
     unit: str = "ln",
     *,
@@ -179,7 +177,7 @@ def latent_wear(
     )
 
 
-def _check(laws: "tuple[LawFit, ...]", draws: int, errors: str, gauge_sd: float, gauge_df: float | None) -> None:
+def _check(laws: tuple[LawFit, ...], draws: int, errors: str, gauge_sd: float, gauge_df: float | None) -> None:
     wear, names = laws[0].response, [law.response for law in laws]
     if len(laws) == 1 or len(set(names)) < len(names):
         raise UsageError(f"laws of {', '.join(names)}: one law of the wear and one of each load are needed.")
@@ -206,7 +204,7 @@ def _check(laws: "tuple[LawFit, ...]", draws: int, errors: str, gauge_sd: float,
         raise UsageError(f"gauge error {gauge_sd:g} from {gauge_df:g} degrees of freedom: both must be above 0.")
 
 
-def _shared(laws: "tuple[LawFit, ...]") -> "tuple[list[LawFit], int]":
+def _shared(laws: tuple[LawFit, ...]) -> tuple[list[LawFit], int]:
     """Each law on the lines that all of them have, sorted by edge, and the number of lines that some law lacks."""
     lines = [set(law.lines.tolist()) for law in laws]
     common = np.array(sorted(set.intersection(*lines)), dtype=np.intp)
@@ -223,7 +221,7 @@ def _shared(laws: "tuple[LawFit, ...]") -> "tuple[list[LawFit], int]":
     return shared, len(set.union(*lines)) - len(common)
 
 
-def _on(law: "LawFit", lines: Rows) -> "LawFit":
+def _on(law: LawFit, lines: Rows) -> LawFit:
     rows = np.argsort(law.lines)
     rows = rows[np.searchsorted(law.lines[rows], lines)]
     if law.edge is not None:
@@ -239,12 +237,12 @@ def _on(law: "LawFit", lines: Rows) -> "LawFit":
     )
 
 
-def _edges(law: "LawFit") -> bool:
+def _edges(law: LawFit) -> bool:
     """Whether edges have random levels: several edges, and several rows of some."""
     return law.n_edges is not None and 1 < law.n_edges < law.nobs
 
 
-def _priors(law: "LawFit", given: Literal["weak"] | Mapping[str, Priors], edges: bool) -> Priors:
+def _priors(law: LawFit, given: Literal["weak"] | Mapping[str, Priors], edges: bool) -> Priors:
     if isinstance(given, str):
         if given != "weak":
             raise UsageError(
@@ -260,7 +258,7 @@ def _priors(law: "LawFit", given: Literal["weak"] | Mapping[str, Priors], edges:
 
 
 def _notes(
-    laws: "tuple[LawFit, ...]", closed_form: tuple[GaugeFit | NotAvailable, ...], left_out: int, coarse: int
+    laws: tuple[LawFit, ...], closed_form: tuple[GaugeFit | NotAvailable, ...], left_out: int, coarse: int
 ) -> tuple[str, ...]:
     notes = []
     if left_out:

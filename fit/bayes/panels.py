@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, exp, log
 from textwrap import fill
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -18,10 +17,8 @@ from numpy.typing import NDArray
 from ...core.plotting import NotebookAxes, NotebookFigure
 from ...core.plotting import axes_array as together
 from ..law_figures import round_numbers
-
-if TYPE_CHECKING:
-    from ..lawfit import LawFit
-    from .posterior import Posterior
+from ..lawfit import LawFit
+from .posterior import Posterior
 
 Panel = Callable[[Axes], None]
 
@@ -94,23 +91,23 @@ Array = NDArray[np.float64]
 WHOLE, HALF = (0.025, 0.975), (0.25, 0.75)
 
 
-def conditions(law: "LawFit", X: Array, level: NDArray[np.intp]) -> pd.DataFrame:
+def conditions(law: LawFit, X: Array, level: NDArray[np.intp]) -> pd.DataFrame:
     """Factors (n, k), and the level of the category, as a table for predictions."""
     new = pd.DataFrame(X, columns=list(law.factors))
     return new if law.by is None else new.assign(**{law.by.column: np.array(levels_of(law))[level]})
 
 
-def levels_of(law: "LawFit") -> tuple[str, ...]:
+def levels_of(law: LawFit) -> tuple[str, ...]:
     """Levels of the category, the reference first; one empty name where there is none."""
     return ("",) if law.by is None else (law.by.reference, *law.by.levels)
 
 
-def level_of_rows(law: "LawFit") -> NDArray[np.intp]:
+def level_of_rows(law: LawFit) -> NDArray[np.intp]:
     """Number of each row's level, 0 the reference."""
     return np.asarray(law.shifts @ np.arange(1, law.shifts.shape[1] + 1), dtype=np.intp)
 
 
-def bands_at(posterior: "Posterior", new: pd.DataFrame) -> tuple[Array, Array]:
+def bands_at(posterior: Posterior, new: pd.DataFrame) -> tuple[Array, Array]:
     """Quantiles of the law (5, m) and of a row of a new edge (2, m); one error per draw, so that bands are smooth."""
     law, one = posterior.responses(new), new.iloc[:1]
     centre, row = posterior.responses(one), posterior.responses(one, "prediction")
@@ -118,7 +115,7 @@ def bands_at(posterior: "Posterior", new: pd.DataFrame) -> tuple[Array, Array]:
     return np.quantile(law, (WHOLE[0], HALF[0], 0.5, HALF[1], WHOLE[1]), axis=0), np.quantile(rows, WHOLE, axis=0)
 
 
-def a_row(posterior: "Posterior") -> str:
+def a_row(posterior: Posterior) -> str:
     """Text on the population of a predictive band."""
     return "a row of a new edge" if posterior.density.edges else "a row"
 

@@ -19,17 +19,14 @@ rstanarm manual (2.5 sd); Kienzle & Victor 1957 and ISO 3685 for the size of exp
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import lgamma, log, pi
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import UsageError
-
-if TYPE_CHECKING:
-    from ..lawfit import LawFit
-
+from ..lawfit import LawFit
 
 EXPONENT_SD = 2.0
 SCATTER = 0.3  # of the response: half of all laws scatter less than about this
@@ -174,7 +171,7 @@ class Priors(Plottable):
         return replace(self, of={**self.of, **changed}, name=name)
 
 
-def weak(law: "LawFit", edges: bool) -> Priors:
+def weak(law: LawFit, edges: bool) -> Priors:
     """The default: proper and weak.
 
     Examples
@@ -203,7 +200,7 @@ def weak(law: "LawFit", edges: bool) -> Priors:
     return Priors(of, "weak", units, sources)
 
 
-def reference(law: "LawFit", edges: bool) -> Priors:
+def reference(law: LawFit, edges: bool) -> Priors:
     """Flat priors for all parameters but the share between edges; improper, only used as a whole."""
     of: dict[str, Prior] = {name: Flat() for name in ("level", *law.theta_names[1:], "sd")}
     if edges:
@@ -211,7 +208,7 @@ def reference(law: "LawFit", edges: bool) -> Priors:
     return Priors(of, "reference", units_of_priors(law), dict.fromkeys(of, "flat, as in published posteriors"))
 
 
-def units_of_priors(law: "LawFit") -> dict[str, str]:
+def units_of_priors(law: LawFit) -> dict[str, str]:
     """Unit of the parameter of each prior; ``ln mm`` for the logarithm of a length in mm."""
     response = law.units.get(law.response, "")
     level = f"ln {response}".strip() if law.formula.logarithmic else response
@@ -224,7 +221,7 @@ def units_of_priors(law: "LawFit") -> dict[str, str]:
     return {"level": level, **units, "sd": "ln" if law.error == "multiplicative" else response, "icc": "1"}
 
 
-def _from_data(law: "LawFit") -> tuple[dict[str, Prior], dict[str, str]]:
+def _from_data(law: LawFit) -> tuple[dict[str, Prior], dict[str, str]]:
     """Widths of 2.5 standard deviations of the data, for quantities without a usual size."""
     y = np.log(law.observed) if law.formula.logarithmic and (law.observed > 0).all() else law.observed
     if law.formula.logarithmic and not (law.observed > 0).all():

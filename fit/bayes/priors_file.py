@@ -15,16 +15,13 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from math import isfinite, log
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...core.errors import DataError, UsageError
 from ...datasets.units import convert
+from ..lawfit import LawFit
 from .priors import Beta, HalfT, Normal, Prior, Priors
-
-if TYPE_CHECKING:
-    from ..lawfit import LawFit
 
 # The numbers of each distribution, and which of them must lie above zero.
 NUMBERS: Mapping[str, tuple[str, ...]] = {
@@ -51,7 +48,7 @@ def read_priors(path: str | Path) -> dict[str, object]:
         raise DataError(f"{file.name} is no TOML file: {error}.") from None
 
 
-def replaced(priors: Priors, law: "LawFit", tables: Mapping[str, object], name: str) -> Priors:
+def replaced(priors: Priors, law: LawFit, tables: Mapping[str, object], name: str) -> Priors:
     """The priors of a law with those that ``tables`` gives for it.
 
     Raises
@@ -90,7 +87,7 @@ def replaced(priors: Priors, law: "LawFit", tables: Mapping[str, object], name: 
     return Priors(of, name, priors.units, sources)
 
 
-def _prior(where: str, key: str, given: object, unit: str, law: "LawFit") -> Prior:
+def _prior(where: str, key: str, given: object, unit: str, law: LawFit) -> Prior:
     if not isinstance(given, dict) or "distribution" not in given:
         raise UsageError(f'{where} = {given!r}: write it as {{ distribution = "normal", mean = 0, sd = 1 }}.')
     kind = given["distribution"]
@@ -129,7 +126,7 @@ def _numbers(where: str, kind: str, given: Mapping[str, object]) -> dict[str, fl
     return values
 
 
-def _fits_the_parameter(where: str, key: str, kind: str, law: "LawFit") -> None:
+def _fits_the_parameter(where: str, key: str, kind: str, law: LawFit) -> None:
     """Validate the support: a scatter above zero, a share between 0 and 1, other parameters real."""
     wanted = {"sd": ("half-t",), "icc": ("beta",)}.get(key, ("normal",))
     if key == "level" and law.formula.logarithmic:

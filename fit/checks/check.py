@@ -3,15 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+
+from pandas import DataFrame
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...core.rounding import format_plain
 from ..available import NotAvailable
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 SIGNIFICANT, STRONG = 0.05, 0.001  # p-values below which a test gives a warning, or fails
 LEVELS = ("passed", "warning", "failed")  # by ``Check.concern``
@@ -135,10 +133,8 @@ def _not_testable(checks: Mapping[str, Check | NotAvailable], rows_are_independe
     return [f"Not testable ({'; '.join(names)}): {reason}." for reason, names in reasons.items()]
 
 
-def frame_of_checks(checks: Mapping[str, Check | NotAvailable]) -> "DataFrame":
+def frame_of_checks(checks: Mapping[str, Check | NotAvailable]) -> DataFrame:
     """A row for each check; of one that is not available, the reason as its verdict."""
-    from pandas import DataFrame
-
     rows = {
         name: (check.concern, check.statistic, check.pvalue, check.verdict)
         if isinstance(check, Check)

@@ -4,7 +4,8 @@ Checks that leave out, resample or compare do it by edge where edges have severa
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+from pandas import DataFrame
 
 from ...core.display import Plottable
 from ...core.threads import one_thread
@@ -21,9 +22,6 @@ from .response_scale import box_cox, error_structure
 from .robust_fit import dominant_edge, robust
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split
 from .time_exponent import common_exponent
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 Checks = dict[str, Check | NotAvailable]
 
@@ -56,7 +54,7 @@ class Judgement(Plottable):
         """
         return sentences(self.checks, self.rows_are_independent, most)
 
-    def to_frame(self) -> "DataFrame":
+    def to_frame(self) -> DataFrame:
         """A row for each check: concern, statistic, p, and its verdict."""
         return frame_of_checks(self.checks)
 

@@ -1,18 +1,15 @@
 """Checks of the gains on the dynamics of the file: stable, of the right sign, within their specification."""
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...datasets.units import canonical
+from ..file import ParameterFile
 from ..messages import short_name
+from ..sections.dynamics import DynamicsSection, PiSection
 from .loop_figures import closed_loop, figures
 from .report import FileFinding
-
-if TYPE_CHECKING:
-    from ..file import ParameterFile
-    from ..sections.dynamics import DynamicsSection, PiSection
 
 SLACK = 2e-3  # of a limit: figures are read off a grid here, off refined extremes by the tuner
 AGREES = 0.01  # of a stated figure
@@ -32,7 +29,7 @@ WORDS = {
 }
 
 
-def check_gains(pf: "ParameterFile") -> Iterator[FileFinding]:
+def check_gains(pf: ParameterFile) -> Iterator[FileFinding]:
     """Findings on the gains; none where the file has none."""
     pi, model = pf.pi, pf.dynamics
     if pi is None:
@@ -47,7 +44,7 @@ def check_gains(pf: "ParameterFile") -> Iterator[FileFinding]:
     yield from _tried(model, pi)
 
 
-def _fit_together(model: "DynamicsSection", pi: "PiSection") -> str:
+def _fit_together(model: DynamicsSection, pi: PiSection) -> str:
     if not np.isclose(model.sample_time, pi.sample_time, rtol=1e-9, atol=0):
         return f"pi: the gains run at {pi.sample_time:g} s and the dynamics at {model.sample_time:g} s; tune again."
     for name, scaling, ours, theirs in (
@@ -64,7 +61,7 @@ def _fit_together(model: "DynamicsSection", pi: "PiSection") -> str:
     return ""
 
 
-def _tried(model: "DynamicsSection", pi: "PiSection") -> Iterator[FileFinding]:
+def _tried(model: DynamicsSection, pi: PiSection) -> Iterator[FileFinding]:
     closed = closed_loop(model, pi)
     radius = closed.radius
     if not radius < 1:
@@ -113,7 +110,7 @@ def _met(name: str, value: float, limit: float) -> bool:
     return abs(value) <= limit * (1 + SLACK) + (1e-6 if name in ("overshoot", "undershoot", "steady_error") else 0.0)
 
 
-def _as_stated(pi: "PiSection", found: Mapping[str, float]) -> Iterator[FileFinding]:
+def _as_stated(pi: PiSection, found: Mapping[str, float]) -> Iterator[FileFinding]:
     """Finding on stated figures that differ from those of these gains on these dynamics."""
     if pi.figures is None:
         return

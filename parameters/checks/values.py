@@ -2,31 +2,28 @@
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ...datasets.units import is_unit, same_dimension, suggest
 from ...datasets.vocabulary import ROLES, fits
+from ..file import ParameterFile
 from ..messages import short, short_name
 from ..sections.base import Covariance, ModelCovariance, covariance_error
-from ..sections.load_line import LimitInterval
+from ..sections.dynamics import DynamicsSection
+from ..sections.force_control import AdaptiveForceSection
+from ..sections.law import LawSection
+from ..sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection
+from ..sections.posterior import LawPosterior
 from .report import FileFinding
-
-if TYPE_CHECKING:
-    from ..file import ParameterFile
-    from ..sections.dynamics import DynamicsSection
-    from ..sections.force_control import AdaptiveForceSection
-    from ..sections.law import LawSection
-    from ..sections.load_line import Engagement, FeedLimit, LoadLineSection
-    from ..sections.posterior import LawPosterior
 
 # Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling
 R_HAT, ESS, K_HAT = 1.01, 400.0, 0.7
 SURE = 2.0  # standard errors between the static gain and zero
 
 
-def check_estimates(pf: "ParameterFile") -> Iterator[FileFinding]:
+def check_estimates(pf: ParameterFile) -> Iterator[FileFinding]:
     """Findings on covariances, on the posterior and on the dynamics."""
     yield from _covariances(pf)
     if pf.posterior is not None:
@@ -37,7 +34,7 @@ def check_estimates(pf: "ParameterFile") -> Iterator[FileFinding]:
         yield from _dynamics(pf.dynamics)
 
 
-def _covariances(pf: "ParameterFile") -> Iterator[FileFinding]:
+def _covariances(pf: ParameterFile) -> Iterator[FileFinding]:
     held = [
         (f"laws.{short_name(name)}", law.uncertainty.matrix)
         for name, law in pf.laws.items()
@@ -53,7 +50,7 @@ def _covariances(pf: "ParameterFile") -> Iterator[FileFinding]:
         yield FileFinding("covariance", why is None, words)
 
 
-def _gate(name: str, law: "LawPosterior") -> FileFinding:
+def _gate(name: str, law: LawPosterior) -> FileFinding:
     failed = []
     if law.r_hat is not None and law.r_hat > R_HAT:
         failed.append(f"R-hat {law.r_hat:.4g} is above {R_HAT:g}")
@@ -66,7 +63,7 @@ def _gate(name: str, law: "LawPosterior") -> FileFinding:
     return FileFinding("posterior", True, f"posterior.{name}: the convergence checks pass.")
 
 
-def _dynamics(model: "DynamicsSection") -> Iterator[FileFinding]:
+def _dynamics(model: DynamicsSection) -> Iterator[FileFinding]:
     with np.errstate(all="ignore"):
         radius = float(np.abs(model.poles).max(initial=0.0))
         gain = model.dc_gain
@@ -89,7 +86,7 @@ def _dynamics(model: "DynamicsSection") -> Iterator[FileFinding]:
     yield FileFinding("dynamics", True, f"dynamics: the static gain is {gain:.4g}{unit}{known}.")
 
 
-def _gain_se(model: "DynamicsSection") -> float | None:
+def _gain_se(model: DynamicsSection) -> float | None:
     """Standard error of b(1)/a(1) by the delta method."""
     held = model.uncertainty
     if not isinstance(held, ModelCovariance):
@@ -124,7 +121,7 @@ class Stated(NamedTuple):
     kind: str | None
 
 
-def check_units(pf: "ParameterFile") -> Iterator[FileFinding]:
+def check_units(pf: ParameterFile) -> Iterator[FileFinding]:
     """A finding for each unit that is wrong, or one that all are right."""
     stated = [*_of_laws(pf), *_of_sections(pf)]
     problems = [words for item in stated if (words := _problem(item))]
@@ -136,12 +133,12 @@ def check_units(pf: "ParameterFile") -> Iterator[FileFinding]:
         yield FileFinding("units", None, f"No unit is stated for {', '.join(unstated)}.")
 
 
-def _of_laws(pf: "ParameterFile") -> Iterator[Stated]:
+def _of_laws(pf: ParameterFile) -> Iterator[Stated]:
     for key, law in pf.laws.items():
         yield from _of_law(law, f"laws.{short_name(key)}")
 
 
-def _of_law(law: "LawSection", where: str) -> Iterator[Stated]:
+def _of_law(law: LawSection, where: str) -> Iterator[Stated]:
     for symbol, unit in ((law.response, law.unit), *((f.symbol, f.unit) for f in law.factors)):
         place = f"{where} ({short_name(symbol)})"
         if symbol in ROLES and ROLES[symbol].unit:
@@ -150,7 +147,7 @@ def _of_law(law: "LawSection", where: str) -> Iterator[Stated]:
             yield Stated(place, unit, None)
 
 
-def _of_sections(pf: "ParameterFile") -> Iterator[Stated]:
+def _of_sections(pf: ParameterFile) -> Iterator[Stated]:
     if pf.limits is not None:
         for name, unit in KINDS.items():
             if (bound := getattr(pf.limits, name)) is not None:
@@ -179,7 +176,7 @@ def _problem(item: Stated) -> str:
 EXCEEDS = 1 + 1e-9
 
 
-def check_settings(pf: "ParameterFile") -> Iterator[FileFinding]:
+def check_settings(pf: ParameterFile) -> Iterator[FileFinding]:
     """A finding for each setting that is not in order, and one for each section that is."""
     if (line := pf.load_line) is not None:
         yield from _findings("feed limits", "load_line", [*_feed(line), *_feed_of_machine(pf, line)])
@@ -200,7 +197,7 @@ def _findings(name: str, where: str, problems: list[str]) -> Iterator[FileFindin
         yield FileFinding(name, True, f"{where}: {name} in order.")
 
 
-def _feed(line: "LoadLineSection") -> Iterator[str]:
+def _feed(line: LoadLineSection) -> Iterator[str]:
     low, high = line.lower.value, line.upper.value
     if not low > 0:
         yield f"the lower feed limit is {low:g} {line.unit_feed}; a feed lies above zero"
@@ -211,12 +208,12 @@ def _feed(line: "LoadLineSection") -> Iterator[str]:
             yield f"the {name} feed limit {limit.value:g} lies outside its own interval"
 
 
-def _inside(limit: "FeedLimit") -> bool:
+def _inside(limit: FeedLimit) -> bool:
     held = limit.interval
     return not isinstance(held, LimitInterval) or held.low <= limit.value <= held.high
 
 
-def _feed_of_machine(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
+def _feed_of_machine(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
     allowed = None if pf.limits is None else pf.limits.feed_rate
     if allowed is not None and allowed.unit == line.unit_feed:
         for name, value in (("lower", line.lower.value), ("upper", line.upper.value)):
@@ -227,7 +224,7 @@ def _feed_of_machine(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[s
         yield f"the gains may command a feed of {pi.low:g} {line.unit_feed}; a feed lies above zero"
 
 
-def _window(line: "LoadLineSection") -> Iterator[str]:
+def _window(line: LoadLineSection) -> Iterator[str]:
     low, high = line.window
     if not low < high:
         yield f"the tool-change window {low:g} to {high:g} {line.unit_wear} has its ends in the wrong order"
@@ -237,14 +234,14 @@ def _window(line: "LoadLineSection") -> Iterator[str]:
         yield f"the upper feed limit is for more wear than the lower: {line.upper.wear:g} and {line.lower.wear:g}"
 
 
-def _criterion(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
+def _criterion(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
     worn = None if pf.limits is None else pf.limits.wear
     wear = line.lower.wear
     if worn is not None and worn.unit == line.unit_wear and wear > worn.value * EXCEEDS:
         yield f"the wear at the lower feed limit, {wear:g} {worn.unit}, is above the criterion, {worn.value:g}"
 
 
-def _reference(line: "LoadLineSection") -> Iterator[str]:
+def _reference(line: LoadLineSection) -> Iterator[str]:
     unit = line.unit_load
     if not 0 < line.reference < line.worn:
         limit = f"the load that a worn tool withstands, {line.worn:g} {unit}"
@@ -256,12 +253,12 @@ def _reference(line: "LoadLineSection") -> Iterator[str]:
         yield f"the reference {line.reference:g} is not {line.safety_factor:g} x {line.worn:g} = {product:g} {unit}"
 
 
-def _source(pf: "ParameterFile", line: "LoadLineSection") -> Iterator[str]:
+def _source(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
     if pf.laws and line.law not in pf.laws:
         yield f"the law of {line.law[:40]!r} that the limits come from is not in the file"
 
 
-def _engagement(e: "Engagement", line: "LoadLineSection") -> Iterator[str]:
+def _engagement(e: Engagement, line: LoadLineSection) -> Iterator[str]:
     if e.load_low is not None and e.load_high is not None and not e.load_low < e.load_high:
         yield f"readings from {e.load_low:g} to {e.load_high:g} leave no range"
     at, half = e.engage_at, (e.hysteresis or 0.0) / 2
@@ -275,7 +272,7 @@ def _engagement(e: "Engagement", line: "LoadLineSection") -> Iterator[str]:
         yield f"the programmed feed {e.feed_programmed:g} is below the lower feed limit {line.lower.value:g}"
 
 
-def _set_points(force: "AdaptiveForceSection") -> Iterator[str]:
+def _set_points(force: AdaptiveForceSection) -> Iterator[str]:
     depths = [point.depth for point in force.set_points]
     if any(a >= b for a, b in pairwise(depths)):
         yield "the set points are not in order of depth, each once"

@@ -11,17 +11,15 @@ No export writes the other form, ``incremental_sum``, which goes on from the las
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from ...datasets.units import convert, is_unit, same_dimension
+from ..file import ParameterFile
 from ..sections.dynamics import PiSection
 from ..sections.load_line import Engagement, LoadLineSection
 from .names import plain_unit
-
-if TYPE_CHECKING:
-    from ..file import ParameterFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +103,7 @@ class _Lacking(Exception):  # noqa: N818  it ends in a sentence of the view, not
     """Reason why there is no loop."""
 
 
-def loop_settings(pf: "ParameterFile", *, own_form: bool = False) -> LoopSettings:
+def loop_settings(pf: ParameterFile, *, own_form: bool = False) -> LoopSettings:
     """The loop of a parameter file, in the units of its feed limits and reference load.
 
     ``own_form`` keeps the form ``incremental_sum``, which no export can write.
@@ -121,7 +119,7 @@ def loop_settings(pf: "ParameterFile", *, own_form: bool = False) -> LoopSetting
         return LoopSettings(None, str(reason))
 
 
-def _loop(pf: "ParameterFile", pi: PiSection, line: LoadLineSection, assumed: list[str], own_form: bool) -> LoadLoop:
+def _loop(pf: ParameterFile, pi: PiSection, line: LoadLineSection, assumed: list[str], own_form: bool) -> LoadLoop:
     form = "incremental_sum" if own_form and pi.form == "incremental_sum" and pi.ki else "position"
     given = line.engagement or Engagement()
     programmed = given.feed_programmed or line.upper.value
@@ -193,7 +191,7 @@ def _factor(unit: str, to: str, does: str, what: str, remedy: str) -> float:
 
 
 def _feeds(
-    pf: "ParameterFile", pi: PiSection, line: LoadLineSection, programmed: float, per_u: float, assumed: list[str]
+    pf: ParameterFile, pi: PiSection, line: LoadLineSection, programmed: float, per_u: float, assumed: list[str]
 ) -> tuple[float, float]:
     """The narrowest of the settings, the gains' own limits and the machine's; above zero, no more than programmed."""
     machine = pf.limits.feed_rate if pf.limits else None
@@ -212,7 +210,7 @@ def _feeds(
     return low, high
 
 
-def _threshold(pf: "ParameterFile", line: LoadLineSection, low: float) -> tuple[float, str]:
+def _threshold(pf: ParameterFile, line: LoadLineSection, low: float) -> tuple[float, str]:
     """Load by which a cut is known: halfway up a sharp tool's at the lowest feed, or half of the reference."""
     law = pf.laws.get(line.law)
     if law is not None and law.form == "load_line" and law.unit == line.unit_load:

@@ -9,17 +9,15 @@ A num and its den have one length, so that they are one system whether read in f
 ``tf(num, den, Ts)``, ``filt(num, den, Ts)`` and ``filter(num, den, u)`` agree.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...core.arrays import Array
 from .view import ExportView, PlantModel, TunedGains
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 HEAD = 116  # bytes of free text at the start of a v5 file: scipy writes the time there, and no two files are alike
 
@@ -87,7 +85,7 @@ def _pi(gains: TunedGains) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _level(num: "Sequence[float] | Array", den: "Sequence[float] | Array") -> tuple[Array, Array]:
+def _level(num: Sequence[float] | Array, den: Sequence[float] | Array) -> tuple[Array, Array]:
     """Both polynomials in z^-1 at one length, with zeros behind."""
     length = max(len(num), len(den))
     above, below = (np.pad(np.asarray(p, dtype=np.float64), (0, length - len(p))) for p in (num, den))

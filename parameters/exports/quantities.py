@@ -3,15 +3,12 @@
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
+from ..file import ParameterFile
 from ..sections.base import Section
+from ..sections.law_fields import LawFields
 from .loop import LoadLoop
 from .names import plain, plain_unit, safe_name
-
-if TYPE_CHECKING:
-    from ..file import ParameterFile
-    from ..sections.law_fields import LawFields
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +67,7 @@ _UNIT_OF = {
 }
 
 
-def file_quantities(pf: "ParameterFile", loop: LoadLoop | None) -> tuple[Quantity, ...]:
+def file_quantities(pf: ParameterFile, loop: LoadLoop | None) -> tuple[Quantity, ...]:
     """The numbers of a file in a fixed order: the loop, the load line, dynamics, laws, limits, the rest."""
     found = [*_of_loop(loop), *_of_load_line(pf), *_of_dynamics(pf), *_of_pi(pf), *_of_laws(pf), *_of_sections(pf)]
     taken: set[str] = set()
@@ -100,7 +97,7 @@ def _of_loop(loop: LoadLoop | None) -> Found:
             yield name, getattr(loop, name), unit.format(**units), words
 
 
-def _of_load_line(pf: "ParameterFile") -> Found:
+def _of_load_line(pf: ParameterFile) -> Found:
     line = pf.load_line
     if line is None:
         return
@@ -112,7 +109,7 @@ def _of_load_line(pf: "ParameterFile") -> Found:
         yield "dwell", line.dwell, "s", "time on the lower limit that means a worn tool"
 
 
-def _of_dynamics(pf: "ParameterFile") -> Found:
+def _of_dynamics(pf: ParameterFile) -> Found:
     model = pf.dynamics
     if model is None:
         return
@@ -124,7 +121,7 @@ def _of_dynamics(pf: "ParameterFile") -> Found:
         yield f"dynamics_a{j}", value, "1", f"denominator, coefficient of z-{j}"
 
 
-def _of_pi(pf: "ParameterFile") -> Found:
+def _of_pi(pf: ParameterFile) -> Found:
     pi = pf.pi
     if pi is None:
         return
@@ -135,7 +132,7 @@ def _of_pi(pf: "ParameterFile") -> Found:
     yield "pi_delay", pi.delay, "1", "samples from measurement to command in force"
 
 
-def _of_laws(pf: "ParameterFile") -> Found:
+def _of_laws(pf: ParameterFile) -> Found:
     for symbol, law in pf.laws.items():
         units = (law.unit, *(_unit_of_slope(law, factor.unit) for factor in law.factors))
         for name, unit in zip(law.coefficient_names, units, strict=True):
@@ -145,14 +142,14 @@ def _of_laws(pf: "ParameterFile") -> Found:
             yield f"law_{symbol}_{factor.symbol}_high", factor.high, factor.unit, f"{symbol} was tested to here"
 
 
-def _unit_of_slope(law: "LawFields", unit: str) -> str:
+def _unit_of_slope(law: LawFields, unit: str) -> str:
     """Unit of the coefficient of a factor in this unit: that of the response, or 1, over that of the term."""
     if law.log_factors or not unit:
         return "1" if law.logarithmic else law.unit
     return f"1/({unit})" if law.logarithmic else f"({law.unit})/({unit})"
 
 
-def _of_sections(pf: "ParameterFile") -> Found:
+def _of_sections(pf: ParameterFile) -> Found:
     for name in _SECTIONS:
         section = getattr(pf, name, None)
         if section is not None:

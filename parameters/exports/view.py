@@ -5,17 +5,14 @@ file that fails the check is refused.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ...core.errors import GateError
 from ..checks import check
+from ..file import ParameterFile
 from ..file_format import content_sha256
 from .loop import LoadLoop, loop_settings
 from .names import plain, plain_unit, safe_name
 from .quantities import Quantity, file_quantities
-
-if TYPE_CHECKING:
-    from ..file import ParameterFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +94,7 @@ class ExportView:
         return self.loop
 
 
-def export_view(pf: "ParameterFile") -> ExportView:
+def export_view(pf: ParameterFile) -> ExportView:
     """The view of a parameter file.
 
     Raises
@@ -124,7 +121,7 @@ def export_view(pf: "ParameterFile") -> ExportView:
     )  # fmt: skip
 
 
-def _gains(pf: "ParameterFile") -> TunedGains | None:
+def _gains(pf: ParameterFile) -> TunedGains | None:
     pi, model = pf.pi, pf.dynamics
     if pi is None:
         return None
@@ -137,14 +134,14 @@ def _gains(pf: "ParameterFile") -> TunedGains | None:
     )  # fmt: skip
 
 
-def _plant(pf: "ParameterFile") -> PlantModel | None:
+def _plant(pf: ParameterFile) -> PlantModel | None:
     model = pf.dynamics
     if model is None:
         return None
     return PlantModel(model.b, model.a, model.nk, model.sample_time, plain_unit(model.unit_u), plain_unit(model.unit_y))
 
 
-def require_check(pf: "ParameterFile") -> tuple[str, ...]:
+def require_check(pf: ParameterFile) -> tuple[str, ...]:
     """Raise unless the file passes the check; returns assumptions about gains that could not be checked.
 
     Raises

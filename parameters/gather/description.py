@@ -5,16 +5,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..sections.law import LawSection
+
 if TYPE_CHECKING:
     from ...datasets import Runs
     from ...datasets.columns import ColumnUse
-    from ..sections.law import LawSection
 
 NAMED = 4  # labels of a column that are named
 Labels = Callable[[str], list[str]]
 
 
-def reading_notes(runs: "Runs", laws: Mapping[str, "LawSection"], labels: Labels | None = None) -> list[str]:
+def reading_notes(runs: "Runs", laws: Mapping[str, LawSection], labels: Labels | None = None) -> list[str]:
     """Columns, units, assumptions, corrections and notes of a file, and conditions that no law contains.
 
     Parameters
@@ -53,7 +54,7 @@ def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -
     return role.symbol, role.quantity, f"{head}: {span}{unit}{missing}"
 
 
-def unused_conditions(runs: "Runs", laws: Mapping[str, "LawSection"]) -> list[str]:
+def unused_conditions(runs: "Runs", laws: Mapping[str, LawSection]) -> list[str]:
     """Conditions that vary in the file and are in none of its laws, one sentence each."""
     from ...datasets.vocabulary import ROLES
     from ...fit.defaults import CONDITIONS

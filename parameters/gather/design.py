@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..sections.base import Section
+from ..sections.law import LawSection
 from ..sections.origin import FEW
 from .control import as_data
 from .description import reading_notes
@@ -20,7 +21,6 @@ from .law import quantity_of
 
 if TYPE_CHECKING:
     from ...datasets import Runs
-    from ..sections.law import LawSection
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -60,7 +60,7 @@ class NumberColumn:
 
 def design_section(
     design: "Runs | Section | Mapping[str, Any]",
-    laws: "Mapping[str, LawSection]",
+    laws: Mapping[str, LawSection],
     criterion: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The section of the tests that laws were fitted to.
@@ -121,7 +121,7 @@ def criterion_of(
     return {"wear": wear["of"], "value": wear["value"], "unit": wear["unit"], "source": "limit of the file"}
 
 
-def _factors(runs: "Runs", laws: "Mapping[str, LawSection]") -> list[str]:
+def _factors(runs: "Runs", laws: Mapping[str, LawSection]) -> list[str]:
     """Conditions and time, and other factors of a law that are no response."""
     from ...datasets.vocabulary import ROLES
 
@@ -213,7 +213,7 @@ def _levels(level: LabelColumn, edge: LabelColumn | None) -> list[dict[str, Any]
     ]
 
 
-def _left_out(laws: "Mapping[str, LawSection]") -> list[dict[str, Any]]:
+def _left_out(laws: Mapping[str, LawSection]) -> list[dict[str, Any]]:
     """Rows that laws leave out, the same ones listed once."""
     found: dict[tuple[str, int, tuple[int, ...]], list[str]] = {}
     for name, law in laws.items():

@@ -220,8 +220,10 @@ def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:
     return None if found is None else asdict(found)
 
 
-def tool_life_section(life: "ToolLife") -> dict[str, Any]:
-    """Section of a tool life."""
+def tool_life_section(life: "ToolLife | None") -> dict[str, Any] | None:
+    """Section of a tool life, None where there is none."""
+    if life is None:
+        return None
     return {
         "wear": life.wear,
         "criterion": float(life.criterion),
