@@ -141,7 +141,7 @@ def family_names(values: pd.Series, header: str) -> pd.Series:
 
 def _check(results: pd.DataFrame, groups: Sequence[str], level: float) -> None:
     if not 0 < level < 1:
-        raise UsageError(f"level={level}: it lies between 0 and 1, for instance 0.95.")
+        raise UsageError(f"level={level}: it must be between 0 and 1, for instance 0.95.")
     missing = [name for name in groups if group_column(name) not in results]
     if missing and len(results):
         raise UsageError(

@@ -81,7 +81,7 @@ def laws_block(made: Batch) -> RenderableType:
 
 def _quarters(rows: pd.DataFrame, form: str) -> Table:
     """Quartiles of each parameter over the pairs."""
-    table = _right_aligned("quarter below", "half below", "three quarters below")
+    table = _right_aligned("first quartile", "median", "third quartile")
     for label, column in _quantities(rows, form):
         table.add_row(label, *(format_plain(float(v), 3) for v in rows[column].astype(float).quantile(list(QUARTERS))))
     return table
@@ -116,7 +116,7 @@ def attention_block(made: Batch) -> RenderableType:
     table = _table()
     table.add_column("why", no_wrap=True)
     table.add_column("pairs", justify="right", no_wrap=True)
-    table.add_column("for instance")
+    table.add_column("example")
     for item in made.concerns[:MOST_LISTED]:
         table.add_row(item.kind, grouped(item.pairs), Text(f"{item.examples[0]}: {item.words[0]}"))
     rest = len(made.concerns) - MOST_LISTED
@@ -183,7 +183,7 @@ def _rate(rate: float) -> str:
 
 
 def _memory(size: int) -> str:
-    return f"; a process held {size / 1e6:.0f} MB at most" if size else ""
+    return f"; peak memory of a process {size / 1e6:.0f} MB" if size else ""
 
 
 def _written(made: Batch) -> Iterator[str]:
@@ -211,7 +211,7 @@ def _missing_fields(made: Batch) -> Iterator[str]:
             "parameter files, so these pairs are fitted again."
         )
     if fields:
-        yield f"Then run the same command again{'' if 'iso513' in fields else '; nothing is fitted twice'}."
+        yield f"Then run the same command again{'' if 'iso513' in fields else '; no pair is refitted'}."
 
 
 def _other_problems(made: Batch) -> list[str]:
@@ -307,7 +307,7 @@ def _response(response: str, rows: pd.DataFrame, drawn: "pd.Series[float]", leve
     table = _table(between=1)
     table.add_column("", no_wrap=True)
     table.add_column("family", no_wrap=True, overflow="ellipsis", max_width=FAMILY_WIDTH)
-    for name in ("pairs", f"mean, {ends}", f"spread, {ends}", f"a new pair, {ends}", "drawn"):
+    for name in ("pairs", f"mean, {ends}", f"SD, {ends}", f"a new pair, {ends}", "shrinkage"):
         table.add_column(name, justify="right", no_wrap=True)
     last = None
     for row in shown.to_dict("records"):
@@ -352,7 +352,8 @@ def _share(pull: float) -> str:
 
 def _legend_text(level: float) -> str:
     return (
-        f"Partial pooling; intervals are posterior ones of {100 * level:g} %. Spread is the standard deviation of the "
-        "exponents in a family. Drawn is how far the middle pair of a family is moved from its own exponent towards "
-        "the mean: little where pairs differ by more than their errors."
+        f"Partial pooling with {100 * level:g} % credible intervals. SD is the standard deviation of the exponents in "
+        "a family. Shrinkage is the median over its pairs of the shift of the pooled exponent from the separate "
+        "estimate towards the mean, relative to their distance: small where pairs differ by more than their "
+        "standard errors."
     )

@@ -13,7 +13,7 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels plan",
         "fitmodels plan --range V=50:200 --range f=0.06:0.6 --range d=1.5:3 --out plan.csv",
-        "Plan wear tests: a central composite design in the logarithms of the conditions, an edge a row,\n"
+        "Plan wear tests: a central composite design in the logarithms of the conditions, one edge per row,\n"
         "with the run order drawn at random. Without --out the plan is printed.",
     )
     p.add_argument("--range", action="append", metavar="V=50:200", help="a condition and its range; up to six")

@@ -117,4 +117,4 @@ def _drawn(results: "list[Replayed]", folder: Path) -> list[str]:
                 figure.savefig(content, format="png", dpi=110, metadata={"Software": None})
                 write_whole(folder / f"{name}.png", content.getvalue())
             names.append(f"{name}.png")
-    return [f"Drawn: {folder}/ ({', '.join(names)})"] if names else []
+    return [f"Figures: {folder}/ ({', '.join(names)})"] if names else []

@@ -25,7 +25,7 @@ LIMITS = {
     "travel": "travel",
     "noise_gain": "noise_gain",
 }
-AGREE = 1.25  # DC gain and slope of a load law are from two experiments
+AGREE = 1.25  # static gain and slope of a load law are from two experiments
 CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup")
 
 
@@ -38,7 +38,7 @@ def parser() -> Parser:
         "and add them to the file. Times on the unit step of the reference: rise 10-90 %, settling within 2 %.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json with dynamics (fitmodels ident)")
-    asked = p.add_argument_group("specification; quantities left out are free")
+    asked = p.add_argument_group("specification; a quantity that is not given is not constrained")
     asked.add_argument("--rise", type=float, metavar="S", help="rise time at most")
     asked.add_argument("--settle", type=float, metavar="S", help="settling time at most")
     asked.add_argument("--overshoot", type=float, metavar="FRACTION", help="at most, as a fraction (default: 0.02)")
@@ -48,7 +48,7 @@ def parser() -> Parser:
     asked.add_argument("--gain-margin", type=float, metavar="FACTOR", help="at least")
     asked.add_argument("--travel", type=float, help="total variation of the command at most")
     asked.add_argument("--noise-gain", type=float, help="rms command per rms sensor noise at most")
-    chance = "that the specification holds, given the uncertainty of the model"
+    chance = "required probability that the specification holds, given the model uncertainty"
     asked.add_argument("--probability", type=float, metavar="P", help=chance)
     asked.add_argument(
         "--aim", default="ms", help="criterion minimised among admissible gains (default: ms; iae, travel ...)"
@@ -56,7 +56,7 @@ def parser() -> Parser:
     runs = p.add_argument_group("implementation of the controller")
     runs.add_argument("--form", choices=["position", "incremental"], help="default: position")
     runs.add_argument("--integration", choices=["backward", "forward", "trapezoidal"], help="default: backward")
-    runs.add_argument("--delay", type=int, metavar="SAMPLES", help="of the computation")
+    runs.add_argument("--delay", type=int, metavar="SAMPLES", help="computational delay")
     runs.add_argument("--filter-time", type=float, metavar="S", help="first-order low-pass of the measurement")
     runs.add_argument("--average", type=int, metavar="SAMPLES", help="moving average of the measurement")
     runs.add_argument("--low", type=float, help="lowest command")
@@ -66,11 +66,15 @@ def parser() -> Parser:
     runs.add_argument(
         "--scaling",
         type=float,
-        help="units of the command per unit of the model's input: DC gain over the slope of the load law",
+        help="units of the command per unit of the model's input: static gain over the slope of the load law",
     )
     runs.add_argument("--unit", metavar="UNIT", help="unit of the command, with --scaling: mm/min")
-    p.add_argument("--seed", type=int, default=1, help="of the draws (default: 1)")
-    p.add_argument("--force", action="store_true", help="replace gains; keep gains that miss the specification, marked")
+    p.add_argument("--seed", type=int, default=1, help="seed of the draws (default: 1)")
+    p.add_argument(
+        "--force",
+        action="store_true",
+        help="replace existing gains; write gains that miss the specification, marked as such",
+    )
     p.add_argument("--json", action="store_true", help="print the section as JSON")
     return p
 
@@ -97,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
         step.say("tuning")
         tuned = _tuned(pf.dynamics, args)
     if tuned.misses and not args.force:
-        raise GateError(f"{tuned.verdict} Nothing was written; --force keeps these gains, marked.")
+        raise GateError(f"{tuned.verdict} Nothing was written; --force writes these gains, marked as such.")
     forced = "kept by --force" if tuned.misses else None
     section = pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
@@ -177,8 +181,8 @@ def _scaling_by_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[
     if scaling <= 0 or (given and max(given / scaling, scaling / given) <= AGREE):
         return []
     by_law = (
-        f"By the load law 1 {d.unit_u} is {scaling:.4g} {feed}: the DC gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} of "
-        f"the model over the slope {B:.4g} {d.unit_y} per {feed} of the law. "
+        f"By the load law 1 {d.unit_u} is {scaling:.4g} {feed}: the static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} "
+        f"of the model over the slope {B:.4g} {d.unit_y} per {feed} of the law. "
     )
     if given is None:
         return [f"{by_law}For gains in feed add --scaling {scaling:.4g} --unit {feed} --force."]
@@ -209,4 +213,4 @@ def _drawn(tuned: "TunedPi", file: Path) -> str:
     path = file.parent / "figures" / "pi.png"
     path.parent.mkdir(exist_ok=True)
     figure.savefig(path, dpi=110)
-    return f"Drawn: {path}"
+    return f"Figure: {path}"

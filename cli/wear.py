@@ -38,7 +38,7 @@ def parser() -> Parser:
     p.add_argument(
         "--verify",
         action="store_true",
-        help="compare laws with statsmodels, and posteriors with chains of another sampler (some seconds a law)",
+        help="compare laws with statsmodels, and posteriors with chains of another sampler (a few seconds per law)",
     )
     pictures = "four figures of each posterior: marginals, pairs, by edge, curves"
     p.add_argument("--posterior-figures", action="store_true", help=pictures)

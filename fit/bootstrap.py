@@ -1,4 +1,4 @@
-"""Bootstrap by edge: refits to edges drawn with replacement (cluster bootstrap).
+"""Bootstrap by edge: refits to edges resampled with replacement (cluster bootstrap).
 
 A refit needs each edge's cross products alone, so that thousands of them are one product of matrices.
 

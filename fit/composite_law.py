@@ -102,10 +102,10 @@ class Composite(Plottable):
     def assumption(self) -> str:
         """The assumption behind the standard errors."""
         if self.together:
-            return "no assumption on the dependence of the errors of the two laws: the same edges of both are left out"
+            return "joint jackknife by edge of both laws, which allows for dependence between their errors"
         return (
-            f"the errors of the laws of {self.law.response} and {self.wear_law.response} are taken as independent; "
-            "rows of the same edges may share some"
+            f"the errors of the laws of {self.law.response} and {self.wear_law.response} are assumed independent; "
+            "errors of rows from the same edge may be correlated"
         )
 
 

@@ -179,7 +179,7 @@ def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
     True
     """
     if not 0 < level < 1:
-        raise UsageError(f"level {level:g} of a prediction interval: it lies between 0 and 1, for instance 0.95.")
+        raise UsageError(f"level {level:g} of a prediction interval: it must be between 0 and 1, for instance 0.95.")
     if law.no_interval:
         raise FitError(f"{law.response}: {law.no_interval}. Add observations.")
     _columns_there(law, runs)
@@ -194,7 +194,8 @@ def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
     if not judged.any():
         raise FitError(
             f"{law.response}: none of the {len(frame)} new rows lies in the region of the design (line "
-            f"{unjudged[0].line} is {unjudged[0].reason}). Measure inside it, or fit them together with the old."
+            f"{unjudged[0].line} is {unjudged[0].reason}). Measure inside it, or fit them together with the "
+            "earlier runs."
         )
     frame = frame[judged].reset_index(drop=True)
     return _compare(law, frame, level, named=new, unjudged=unjudged, dropped=dropped)

@@ -81,13 +81,17 @@ def of_linear(fit: LinearFit) -> Display:
 @display_of.register
 def of_edges(edges: EdgeInference) -> Display:
     """Edges, share of the variance between them, what repeated rows did to F; the standard errors."""
-    grew = "" if edges.inflation is None else f", F of rows {format_plain(edges.inflation, 3)} times that of edges"
-    grid = TextTable(("", "se by edge", "told by"), tuple(
-        (name, format_plain(float(se), 2), "rows of an edge" if within else "edges")
+    grew = (
+        ""
+        if edges.inflation is None
+        else f", F of independent rows {format_plain(edges.inflation, 3)} times the cluster-robust F"
+    )
+    grid = TextTable(("", "se by edge", "estimated from"), tuple(
+        (name, format_plain(float(se), 2), "differences within edges" if within else "differences between edges")
         for name, se, within in zip(edges.names, edges.bse, edges.within, strict=True)
     ))  # fmt: skip
     return Display(
-        f"{edges.n_edges} edges, df {edges.df}, {edges.icc:.0%} of the scatter between edges{grew}", (), grid
+        f"{edges.n_edges} edges, df {edges.df}, {edges.icc:.0%} of the variance between edges{grew}", (), grid
     )
 
 
@@ -95,9 +99,9 @@ def of_edges(edges: EdgeInference) -> Display:
 def of_bootstrap(found: EdgeBootstrap) -> Display:
     """Number of refits, and the interval of each coefficient."""
     ends = found.interval()
-    lost = f", {found.impossible} draws of edges fixed no law" if found.impossible else ""
+    lost = f", {found.impossible} resamples did not identify the law" if found.impossible else ""
     grid = estimates(found.names, found.draws.mean(axis=0), found.bse, list(ends["low"]), list(ends["high"]))
-    return Display(f"{len(found.draws)} refits to edges drawn with replacement{lost}", (), grid)
+    return Display(f"{len(found.draws)} refits to edges resampled with replacement{lost}", (), grid)
 
 
 @display_of.register
@@ -181,7 +185,7 @@ def of_domain(domain: DesignRegion) -> Display:
 def of_beside(found: PublishedComparison) -> Display:
     """The printed law and how far the rows lie from it."""
     law = joined_facts((name, format_plain(value)) for name, value in found.coefficients.items())
-    far = "" if found.rms_percent is None else f"; rows lie {format_plain(found.rms_percent, 3)} % from it (rms)"
+    far = "" if found.rms_percent is None else f"; rows deviate by {format_plain(found.rms_percent, 3)} % (rms)"
     if found.worst_percent is not None:
         far += f", at most {format_plain(found.worst_percent, 3)} % (line {found.worst_line})"
     return Display(f"{found.source}: {law}{far}")

@@ -203,7 +203,7 @@ def too_few_edges(nobs: int, G: int, between: int) -> str:
     ``between`` counts the parameters that change between edges only.
     """
     if nobs == G:
-        return f"each of the {G} rows is an edge of its own: rows are independent"
+        return f"each of the {G} rows is a separate edge: rows are independent"
     if between + 1 > G:
         return (
             f"{G} edge{'s' if G > 1 else ''} for {between} parameter{'s' if between > 1 else ''} estimated between "

@@ -37,7 +37,7 @@ def even(n: int) -> NDArray[np.intp]:
 
 def _title(ax: Axes, text: str, n: int) -> None:
     """Title of a panel of points, with a note where not all of them are drawn."""
-    ax.set_title(text + (f"\n{MOST} of {n} points drawn" if n > MOST else ""), fontsize=10)
+    ax.set_title(text + (f"\n{MOST} of {n} points shown" if n > MOST else ""), fontsize=10)
 
 
 def points(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:

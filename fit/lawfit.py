@@ -348,7 +348,7 @@ class LawFit(RowAccess, Plottable):
         from scipy.special import stdtrit
 
         if not 0 < level < 1:
-            raise FitError(f"level {level} of an interval: it lies between 0 and 1, for instance 0.95.")
+            raise FitError(f"level {level} of an interval: it must be between 0 and 1, for instance 0.95.")
         return float(stdtrit(max(self.df, 1), (1 + level) / 2))
 
     def design_of(self, new: pd.DataFrame) -> Array:

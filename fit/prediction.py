@@ -311,6 +311,6 @@ def _check(law: Fitted, kind: str, edge: str, level: float, coverage: float, cen
             raise UsageError(f"{name}={given!r}: it is one of {', '.join(get_args(known))}.")
     for name, share in (("level", level), ("coverage", coverage)):
         if not 0 < share < 1:
-            raise UsageError(f"{name} {share:g} of an interval: it lies between 0 and 1, for instance 0.95.")
+            raise UsageError(f"{name} {share:g} of an interval: it must be between 0 and 1, for instance 0.95.")
     if law.no_interval:
         raise FitError(f"{law.formula.response}: {law.no_interval}. Add observations.")

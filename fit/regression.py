@@ -99,7 +99,9 @@ def exponential_law(
     different = len(np.unique(fitted.X))
     if different > fitted.nobs / 2:
         return fitted
-    note = f"{factor} takes {different} values in {fitted.nobs} rows: rows that share one are not independent"
+    note = (
+        f"{factor} has {different} distinct values in {fitted.nobs} rows: rows with the same value are not independent"
+    )
     return replace(fitted, notes=(*fitted.notes, note))
 
 
@@ -281,8 +283,8 @@ def _notes(rows: Rows) -> tuple[str, ...]:
         return ()
     n = len(rows.y)
     return (
-        f"the file writes each of {n} measurements {rows.repeats} times ({n * rows.repeats} rows); "
-        "a copy is no new evidence, so each counts once",
+        f"the file contains each of {n} measurements {rows.repeats} times ({n * rows.repeats} rows); "
+        "duplicates add no information, so each is counted once",
     )
 
 

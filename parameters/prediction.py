@@ -127,7 +127,7 @@ class Prediction(Plottable):
         value, low, high = self._rounded(i)
         at = ", ".join(self._at(i))
         taken = [g.symbol for g in self.given if g.source]
-        less = f" (the scatter of {', '.join(taken)} not counted)" if taken else ""
+        less = f" (the variance of {', '.join(taken)} is not included)" if taken else ""
         ends = _with(f"{low} to {high}", self.unit)
         return (
             f"{self.response} {_with(value, self.unit)}{self._named()}{f' at {at}' if at else ''}; "
@@ -168,7 +168,7 @@ class Prediction(Plottable):
             for g in self.given
             if g.source is not None and not _one(g.source.inside, i)
         ]
-        cause = ", and ".join(why) or "the combination lies further out than any test"
+        cause = ", and ".join(why) or "the combination is farther from the centre of the tests than any test"
         return f"outside the tested region: {cause}; do not rely on it"
 
     def to_frame(self) -> "DataFrame":

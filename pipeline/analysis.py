@@ -84,7 +84,7 @@ class Analysis(Displayable):
     def write(self, folder: str | os.PathLike[str], *, force: bool = False) -> tuple[Path, ...]:
         """Write a folder for each pair below ``folder``: parameter file, model card, figures, draws.
 
-        Each folder is written whole or not at all; one that holds this very fit is left as it is. Pairs without a
+        Each folder is written whole or not at all; one with the same result is left unchanged. Pairs without a
         parameter file have no folder.
 
         Parameters
@@ -117,7 +117,8 @@ class Analysis(Displayable):
     def _display(self) -> Display:
         rows = tuple((pair.name, *row) for pair in self.pairs for row in pair.law_rows())
         n = len(self.pairs)
-        head = f"{self.runs.source.name}: {len(rows)} laws of {n} pair{'' if n == 1 else 's'}, {len(self.runs)} rows"
+        laws = f"{len(rows)} law{'' if len(rows) == 1 else 's'}"
+        head = f"{self.runs.source.name}: {laws} of {n} pair{'' if n == 1 else 's'}, {len(self.runs)} rows"
         head += "; simulated, not measured" if self.runs.simulated else ""
         table = TextTable(("pair", "law", "form", "rows", "R2", "equation"), rows) if rows else None
         missing = (

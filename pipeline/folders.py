@@ -1,4 +1,4 @@
-"""One folder for each pair of an analysis; a folder that holds this very fit is left as it is."""
+"""One folder for each pair of an analysis; a folder with the same result is left unchanged."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from .pair import PairAnalysis
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Folder of a pair, and whether it holds this very fit already."""
+    """Folder of a pair, and whether it already contains this result."""
 
     path: Path
     unchanged: bool
@@ -40,7 +40,7 @@ def pair_folders(
     Raises
     ------
     UsageError
-        A folder holds something other than this very fit, and ``force`` is not given.
+        A folder contains a different result, and ``force`` is not given.
     """
     root = Path(root)
     if root.exists() and not root.is_dir():
@@ -52,7 +52,7 @@ def pair_folders(
         same = not force and _holds(path, runs, recorded)
         if not (same or force) and path.is_dir() and any(path.iterdir()):
             raise UsageError(
-                f"{path} exists and holds something other than this very fit; replace what fitmodels wrote there "
+                f"{path} exists and contains a different result or other files; replace what fitmodels wrote there "
                 "with --force, or write elsewhere with --out."
             )
         found.append(Folder(path, same))

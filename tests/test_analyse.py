@@ -179,10 +179,10 @@ def test_a_pair_without_a_law_has_a_reason_and_no_folder(tmp_path):
 def test_a_result_is_written_whole_and_replaced_by_force_alone(small, tmp_path):
     (folder,) = small.write(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-    assert small.write(tmp_path) == (folder,)  # this very fit: nothing is written
+    assert small.write(tmp_path) == (folder,)  # same result: nothing is written
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
     other = analyse(SMALL, draws=1000, criterion=None, seed=2)
-    with pytest.raises(UsageError, match="something other than this very fit"):
+    with pytest.raises(UsageError, match="contains a different result"):
         other.write(tmp_path)
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
     other.write(tmp_path, force=True)
@@ -193,7 +193,7 @@ def test_several_folders_are_checked_before_the_first_is_written(tmp_path):
     analysis = analyse(frame(("A", "B")), draws=1000)
     (tmp_path / "B_steel").mkdir()
     (tmp_path / "B_steel" / "notes.txt").write_text("mine")
-    with pytest.raises(UsageError, match="B_steel exists and holds something other"):
+    with pytest.raises(UsageError, match="B_steel exists and contains a different result or other files"):
         analysis.write(tmp_path)
     assert not (tmp_path / "A_steel").exists()
 

@@ -105,8 +105,9 @@ def test_the_first_run_tells_everything_and_the_second_that_nothing_is_new(shop,
     said = capsys.readouterr().out
     for words in (
         "lab: 2 lab files; 320 rows, 2 pairs", "of at most 320 rows in memory at a time", "Laws of 2 of 2 pairs",
-        "VB  flank wear, mm: power, 2 pairs", "V exponent", "Fitted 2 pairs in", "MB at most.", "Written: lab-batch/ (",
-        "No site was written: 2 of 2 pairs cannot be published yet.", "lab-batch/pairs/card.toml asks for",
+        "VB  flank wear, mm: power, 2 pairs", "V exponent", "Fitted 2 pairs in", "peak memory of a process",
+        "Written: lab-batch/ (",
+        "No site was written: 2 of 2 pairs cannot be published yet.", "fill in lab-batch/pairs/card.toml",
         "the ISO 513 group of each material; give it with --pairs TABLE",
     ):  # fmt: skip
         assert words in said.replace("\n  ", " "), words
@@ -266,7 +267,7 @@ def test_a_card_with_something_missing_is_five_and_a_whole_one_makes_the_site(sh
     assert main(["batch", str(shop), *FAST, "--card", "card.toml"]) == 5
     said = capsys.readouterr().out
     assert "missing: license; fill in lab-batch/pairs/card.toml" in said
-    assert "nothing is fitted twice." in said
+    assert "no pair is refitted." in said
     assert "ISO" not in said
     card.write_text(CARD)
     assert main(["batch", str(shop), *FAST, "--card", "card.toml", "--title", "Our shop"]) == 0

@@ -419,7 +419,7 @@ CONCERNS = {
     "wear falls with time": {"params_t": -0.1},
     "fits badly": {"rsquared": 0.4},
     "no errors by edge": {"edge_reason": "2 edges for 3 parameters"},
-    None: {"edge_reason": "each of the 9 rows is an edge of its own: rows are independent"},
+    None: {"edge_reason": "each of the 9 rows is a separate edge: rows are independent"},
 }
 
 

@@ -180,7 +180,7 @@ def test_a_corner_that_nobody_cut_is_outside_although_every_range_holds_it(opene
         assert slider_value(tab, i) == factor.high.value
     words = tab.locator("#profiler-where").inner_text()
     assert "Outside the tested region of AW" in words
-    assert "further out than any test" in words
+    assert "farther from the centre of the tests than any test" in words
 
 
 def test_no_request_leaves_the_page_and_its_console_stays_empty(opened, wear, drive):

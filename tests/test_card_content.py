@@ -310,7 +310,7 @@ def test_the_settings_of_constant_load(files):
 def test_the_window_of_operation_is_the_controllers(pf, card):
     from fitmodels.controllers.region.probability import best_point
 
-    window = next(w for w in card.windows if w.title == "Window of operation")
+    window = next(w for w in card.windows if w.title == "Operating window")
     told = {n.name: n.number.value for n in window.facts}
     best = best_point(pf, d=2.12, t=6.32)
     assert told["V of the optimum"] == pytest.approx(best.V, rel=1e-9)
@@ -320,8 +320,8 @@ def test_the_window_of_operation_is_the_controllers(pf, card):
 
 def test_a_limit_without_its_law_is_said_and_not_raised():
     pf = bundled_file(limits={"force": {"value": 900.0, "unit": "N", "of": "Fc"}})
-    window = next(w for w in compose(pf).windows if w.title == "Window of operation")
-    assert window.sentences[0].startswith("No window of operation: ")
+    window = next(w for w in compose(pf).windows if w.title == "Operating window")
+    assert window.sentences[0].startswith("No operating window: ")
 
 
 HOSTILE = ["<img src=x onerror=alert(1)>", "](javascript:alert(1))", "</script>", "a\nb", "`x`", "{{x}}", "工具"]

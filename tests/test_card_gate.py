@@ -211,7 +211,7 @@ def test_no_sensors_beside_sensors_of_the_file_is_refused(pf, toml):
         ("[[sensors]]\nsymbol = 'AW'\nunits = 'mm'", "'units' is no key of sensor 1; did you mean unit?"),
         ("[[sensors]]\nsymbol = 'AW'\nunit = 'mm'\nsd = 'x'", "sensors[0].sd should be a"),
         ("no_sensors = 'x'\n[[sensors]]\nsymbol = 'AW'\nunit = 'mm'", "remove one of them"),
-        ("[tool_properties]\nre = 1", "'re' is no symbol of ISO 13399"),
+        ("[tool_properties]\nre = 1", "'re' is not a symbol of ISO 13399"),
         ("tool_properties = 1", "tool_properties should be an object"),
         ("license = ", "is not TOML"),
         ("a = 1\na = 2", "is not TOML"),

@@ -65,7 +65,7 @@ def test_laws_of_other_rows_are_taken_as_independent():
     wear = fit.power_law(bundled(), "AW", FACTORS, edge=None)
     found = composite(law, wear)
     assert not found.together
-    assert "taken as independent" in found.assumption
+    assert "assumed independent" in found.assumption
 
     def all_of(both_thetas):
         long, short = both_thetas[:6], both_thetas[6:]

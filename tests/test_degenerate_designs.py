@@ -42,7 +42,7 @@ DESIGNS = {
     ),
     "eight rows": (
         ten_edges().iloc[::5],
-        ["each of the 8 rows is an edge of its own: rows are independent"],
+        ["each of the 8 rows is a separate edge: rows are independent"],
     ),
 }
 

@@ -177,8 +177,8 @@ def test_facts_of_the_route_are_handed_on():
     [
         (np.nan, "f: 1 of 400 draws are not finite numbers."),
         (-np.inf, "f: 1 of 400 draws are not finite numbers."),
-        ("still", "f: all draws are 0.3: the chains never moved."),
-        ("rounding", "f: all draws are 0.3: the chains never moved."),
+        ("still", "f: all draws are 0.3: the chains are constant."),
+        ("rounding", "f: all draws are 0.3: the chains are constant."),
     ],
 )
 def test_draws_that_cannot_be_judged_get_the_worst_answer_and_spare_the_others(spoil, note):

@@ -112,7 +112,7 @@ def wear(edges, per_edge=4, noise=0.05, seed=1, settings=None):
     ("law", "words"),
     [
         (lambda: wear(3), "3 edges for 3 parameters estimated between edges: cut at least 1 more"),
-        (lambda: wear(8, per_edge=1), "each of the 8 rows is an edge of its own"),
+        (lambda: wear(8, per_edge=1), "each of the 8 rows is a separate edge"),
         (lambda: wear(8, noise=0.0), "meets every row exactly"),
         (
             lambda: wear(6, settings=(np.array([80.0, 80, 80, 80, 80, 160]), np.linspace(0.1, 0.5, 6))),

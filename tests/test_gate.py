@@ -81,7 +81,7 @@ SHUT = [
     ),
     (
         {"tau": array(1, 1, np.inf)},
-        "the autocorrelation time of sd is infinite: a walker never moved; run longer, with another seed.",
+        "the autocorrelation time of sd is infinite: a walker accepted no proposal; run longer, with another seed.",
     ),
 ]
 
@@ -146,7 +146,7 @@ def test_independent_draws_open_it():
 def test_draws_that_never_moved_are_told_once():
     draws = np.random.default_rng(1).normal(size=(4000, 2))
     draws[:, 0] = 0.25
-    assert drawn(draws).reasons == ("V: all draws are 0.25: the chains never moved.",)
+    assert drawn(draws).reasons == ("V: all draws are 0.25: the chains are constant.",)
 
 
 def test_a_draw_that_is_no_number_is_told_once():

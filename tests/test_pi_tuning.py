@@ -94,7 +94,7 @@ def test_every_kind_of_plant_gets_a_right_answer(plant):
     [
         (Model(b=[0.0, 2e-4, 2e-4], a=[1.0, -2.0, 1.0], nk=1, sample_time=0.02), "2 of its poles"),
         (Model(b=[0.0] * 60 + [0.02], a=[1.0, -1.05], nk=60, sample_time=0.02), "largest 1.05"),
-        (Model(b=[0.0, 1.0, -1.0], a=[1.0, -0.5], nk=1, sample_time=0.02), "no DC gain"),
+        (Model(b=[0.0, 1.0, -1.0], a=[1.0, -0.5], nk=1, sample_time=0.02), "static gain of zero"),
         (replace(PUBLISHED, b=[1.0, 0.1], nk=0), "algebraic"),
     ],
     ids=["a double integrator", "unstable behind a delay", "nothing at rest", "an answer within the sample"],

@@ -144,7 +144,7 @@ def test_priors_that_speak_are_found_out():
     assert moved["doubled"].abs().max() > 0.5
 
 
-# Rows that hang together by more than a level
+# Rows correlated beyond a random intercept
 
 
 def test_draws_that_are_too_sure_are_found_out():

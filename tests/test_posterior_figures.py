@@ -262,7 +262,7 @@ def test_only_the_parameters_that_hang_together_are_paired_where_there_are_many(
     post = categories(levels=12)
     axes = panels(post, "pairs")
     assert len(axes) == 36
-    assert "the 9 of 14 that hang together most" in axes[0].figure._suptitle.get_text().replace("\n", " ")
+    assert "the 9 of 14 most correlated" in axes[0].figure._suptitle.get_text().replace("\n", " ")
     sound(axes)
 
 

@@ -75,7 +75,7 @@ def test_each_law_in_one_sentence(params):
     assert law.get_prediction(**POINT).words in result.out
     assert re.search(
         r"P 2\.\d+ kW at V 120 m/min, f 0\.2 mm/rev, d 2 mm, AW 0\.176 mm from its own law; 95 % prediction interval "
-        r"for one row of a new edge .* kW \(the scatter of AW not counted\); inside the tested region\.",
+        r"for one row of a new edge .* kW \(the variance of AW is not included\); inside the tested region\.",
         result.out,
     )
     assert result.out.endswith("Not measured: the laws were fitted to a simulation.")
@@ -129,7 +129,7 @@ def test_wear_that_is_given_is_taken(params):
     assert power["given"]["AW"]["from_law"] is None
     told = run(params, "V=120", "f=0.2", "d=2", "AW=0.2")
     assert told.code == 0
-    assert "not counted" not in told.out
+    assert "not included" not in told.out
     assert "AW is not predicted: the law of AW needs t (cutting time, min); add for instance t=6.3." in told.out
 
 

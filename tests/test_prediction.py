@@ -248,7 +248,9 @@ def test_what_is_outside_is_named():
     assert fast.endswith(f"outside the tested region: V 320 m/min is above 200 m/min, the highest tested{rely}")
     both = "V 40 m/min is below 50 m/min, the lowest tested, and f 0.9 mm/rev is above 0.6 mm/rev, the highest tested"
     assert slow.endswith(f"outside the tested region: {both}{rely}")
-    assert corner.endswith(f"outside the tested region: the combination lies further out than any test{rely}")
+    assert corner.endswith(
+        f"outside the tested region: the combination is farther from the centre of the tests than any test{rely}"
+    )
     assert [section.get_prediction(**{k: v[i] if k != "t" else v for k, v in at.items()}).words for i in range(4)] == [
         inside, fast, slow, corner,
     ]  # fmt: skip

@@ -173,7 +173,7 @@ def test_turning_force(forces):
     assert law.pvalues["V"] > 0.05
     copies = len(forces) == 324
     assert law.repeats == (6 if copies else 1)
-    said = "the file writes each of 54 measurements 6 times (324 rows)"
+    said = "the file contains each of 54 measurements 6 times (324 rows)"
     assert [said in note for note in law.notes] == ([True] if copies else [])
 
 

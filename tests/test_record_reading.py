@@ -317,7 +317,7 @@ def test_an_input_that_stands_by_intent_is_not_called_clipped(read, u):
         pytest.param(text(u=[*U[:9].astype(str), "overload", *U[10:].astype(str)]), {}, DataError,
                      "line 11: 'overload'", id="text among numbers"),
         pytest.param(text(header="t;u;y;run", more=[[str(k % 2) for k in range(N)]]), {"input": "u", "output": "y"},
-                     DataError, "every row is a run of its own", id="a label that changes in each row"),
+                     DataError, "every row is a separate run", id="a label that changes in each row"),
         pytest.param(text(), {"resample": 0.0}, UsageError, "above zero", id="a rate of nothing"),
         pytest.param(text(*uneven()), {"resample": -5.0}, UsageError, "above zero", id="a negative rate"),
         pytest.param(text(header="t;u;y").replace("0.4;", "soon;"), {}, DataError, "'soon'", id="a time in words"),

@@ -24,7 +24,7 @@ def test_every_paper_is_replayed_from_its_file_alone(paper, tmp_path, capsys):
     assert main(["replay", str(file), "--system", DRIVES[paper]]) == 0
     said = capsys.readouterr().out
     assert "simulated" in said
-    assert "Drawn: " in said
+    assert "Figures: " in said
     pictures = sorted(path.name for path in (tmp_path / "figures").iterdir())
     assert pictures
     assert all(name.endswith(".png") and name in said.replace("\n", " ") for name in pictures)

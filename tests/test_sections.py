@@ -195,7 +195,7 @@ def test_properties_of_iso_13399_and_sensors_go_along(tmp_path):
     again = read(write(pf, tmp_path / "params.json")).identity
     assert again.iso13399 == {"DC": 2.0, "ZEFP": 2.0, "GRADE": "uncoated"}
     assert [sensor.symbol for sensor in again.sensors] == ["I", "VB"]
-    with pytest.raises(ParameterError, match="'d c' is no symbol of ISO 13399"):
+    with pytest.raises(ParameterError, match="'d c' is not a symbol of ISO 13399"):
         collect(tool="a", work="b", iso13399={"d c": 2.0})
 
 

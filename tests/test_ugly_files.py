@@ -97,7 +97,7 @@ BAD = {
     # no table
     "a PNG": ("a.csv", b"\x89PNG\r\n\x1a\n" + bytes(range(256)), 3, ["a PNG image", "Export the table"]),
     "a zip": ("a.csv", zipped("a.csv", table()), 3, ["a zip archive"]),
-    "a zip called .xlsx": ("a.xlsx", zipped("a.csv", table()), 3, ["damaged Excel workbook", "save it anew"]),
+    "a zip called .xlsx": ("a.xlsx", zipped("a.csv", table()), 3, ["damaged Excel workbook", "save it again"]),
     "a gzip": ("a.csv", gzip.compress(table().encode()), 3, ["a gzip archive"]),
     "random bytes": ("a.csv", NOISE, 3, ["is not text, and no workbook either"]),
     "random bytes called .xlsx": ("a.xlsx", NOISE, 3, ["no workbook either"]),

@@ -98,7 +98,7 @@ MUCH = 0.1  # share of rows left out
 FEW = 3  # degrees of freedom: below it an interval is wider than most answers
 POOR = 0.5  # R2
 ACT = 2  # concern of a check at which one should act
-EACH_ITS_EDGE = "is an edge of its own"  # rows are independent: nothing is lacking
+EACH_ITS_EDGE = "is a separate edge"  # rows are independent: nothing is lacking
 
 
 def concerns_of_laws(table: pd.DataFrame, none: Mapping[int, str], pairs: int) -> list[tuple[Concern, ...]]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ...fit import LawFit
     from ...fit.fitted_rows import LawSource
 
-NO_DRAWS = "a stream keeps no rows, and draws need them; of so many they say what the intervals say"
+NO_DRAWS = "rows of a stream are not kept, but draws need them; for so many rows the confidence interval is equivalent"
 SEVERAL = 5  # names of a group that are kept
 
 

@@ -87,7 +87,7 @@ def parquet_plan(
     return Plan(name or source.name, "parquet", blocks, rows, known.columns, unreadable, tuple(assumed), reading)
 
 
-SORTED = "the source's rows of a pair lie far apart: they are read from a copy that is sorted by pair"
+SORTED = "the rows of a pair are far apart in the source: they are read from a copy that is sorted by pair"
 
 
 def _first_readable(files: tuple[ParquetFile, ...]) -> ParquetFile:

@@ -84,7 +84,7 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
         "uncertainty": _uncertainty(pf),
         "dynamics": "No dynamics were identified; record a run with a varying input: fitmodels ident run.csv.",
         "gains": f"No gains were tuned; {tune}",
-        "windows": f"The file holds no limits of power, force or wear{laws}, so there is no window of operation; add "
+        "windows": f"The file holds no limits of power, force or wear{laws}, so there is no operating window; add "
         "them with fitmodels limits params.json.",
         "figures": "There are no figures: the file holds no power or exponential law and no dynamics.",
         "profiler": f"The profiler supports power and exponential laws; this file holds a {forms}." if pf.laws

@@ -79,7 +79,7 @@ def _edges(e: EdgeFacts) -> tuple[FactPart, ...]:
 def _replicates(e: EdgeFacts) -> str:
     if not e.replicated:
         return "no setting was repeated on another edge"
-    return f"cut by {e.replicated_edges} edges, which estimate the variance between edges"
+    return f"tested with {e.replicated_edges} edges, which estimate the variance between edges"
 
 
 def _level(name: str, rows: int, edges: int | None) -> tuple[FactPart, ...]:

@@ -103,7 +103,7 @@ def _of_dynamics(d: DynamicsSection) -> str:
         f"{figure(abs(g), 3).text} {unit} and a phase of {math.degrees(math.atan2(g.imag, g.real)):.0f}° at {f:.3g} Hz"
         for f, g in ((f, complex(d.response(f))) for f in ends if f > 0)
     ]
-    excited = "; the input had power between these two" if d.band else ""
+    excited = "; the input was excited between these frequencies" if d.band else ""
     return f"Bode diagram: static gain {rest}, {', '.join(at)}{excited}."
 
 

@@ -140,7 +140,8 @@ def safety(pf: ParameterFile) -> tuple[str, ...]:
         said.append("NOT MEASURED: these numbers come from a simulation. Do not run a machine with them.")
     said.append(
         "These numbers are estimates from a limited number of tests; about one in twenty cuts may lie outside a 95 % "
-        "prediction interval even under the conditions of the tests. They are no safety function and replace no guard."
+        "prediction interval even under the conditions of the tests. They are not a safety function and do not "
+        "replace guards."
     )
     said.append(
         "Before a machine moves, a person who knows it checks: the hard limits of spindle power, torque, force, feed "
@@ -151,7 +152,7 @@ def safety(pf: ParameterFile) -> tuple[str, ...]:
         said += _of_a_loop(pf)
     else:
         said.append(
-            "Approach new conditions from the safe side, in steps, and stop when load or sound are not as expected."
+            "Approach new conditions from the safe side, in steps, and stop when load or sound is not as expected."
         )
     return tuple(said)
 

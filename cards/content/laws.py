@@ -309,7 +309,7 @@ def _composite_words(law: LawSection) -> str:
             shown.append(f"{name}^{estimate}" + (f" (SE {se})" if se else ""))
     return (
         f"With {c.wear} substituted by its own law: {law.response} = {c.coefficients['c0']:.6g} {' '.join(shown)}. "
-        f"The standard errors assume {c.assumption}."
+        f"Standard errors: {c.assumption}."
     )
 
 

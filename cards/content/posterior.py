@@ -57,8 +57,8 @@ def wider(law: LawSection, of: LawPosterior) -> list[str]:
     worst = max(wide, key=lambda name: ratio[name])
     return [
         f"The posterior of {', '.join(wide)} is too narrow: the standard error by edge of {worst} is "
-        f"{format_plain(ratio[worst], 2)} times the posterior SD, so rows of an edge are correlated beyond a common "
-        "level. Use the interval by edge."
+        f"{format_plain(ratio[worst], 2)} times the posterior SD, so rows of an edge are correlated beyond a random "
+        "intercept. Use the cluster-robust interval."
     ]
 
 

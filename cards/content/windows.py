@@ -1,4 +1,4 @@
-"""Limits, window of operation and controller settings as parts of a card."""
+"""Limits, operating window and controller settings as parts of a card."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from ...controllers.region.operating_point import OperatingPoint
     from ...controllers.region.visible import VisibleRegion
 
-ALONE = "The file has no power law in V and f of the limited quantities, so there is no window of operation."
+ALONE = "The file has no power law in V and f of the limited quantities, so there is no operating window."
 BOUNDS = {"power": "power", "force": "force", "wear": "wear"}
 RANGES = {"feed": "feed", "feed_rate": "feed rate", "speed": "cutting speed", "spindle_speed": "spindle speed"}
-TITLE = "Window of operation"
+TITLE = "Operating window"
 
 
 def window_parts(pf: ParameterFile) -> tuple[WindowPart, ...]:
-    """Limits, window of operation, and the settings of each controller in the file."""
+    """Limits, operating window, and the settings of each controller in the file."""
     window = operation_window(pf)
     found = (
         None if pf.limits is None else limits_window(pf.limits, alone=window is None),
@@ -35,7 +35,7 @@ def window_parts(pf: ParameterFile) -> tuple[WindowPart, ...]:
 
 
 def limits_window(limits: LimitsSection, *, alone: bool = False) -> WindowPart:
-    """Limits of machine, tool and work; ``alone`` where there is no window of operation."""
+    """Limits of machine, tool and work; ``alone`` where there is no operating window."""
     facts: list[FactPart] = []
     for name, words in BOUNDS.items():
         bound: Bound | None = getattr(limits, name)
@@ -57,7 +57,7 @@ def load_line_window(line: LoadLineSection) -> WindowPart:
     low, high = line.window
     facts = (
         *fact(f"reference load {line.load}", figure(line.reference, 6, load)),
-        *fact("load limit of a worn tool", figure(line.worn, 6, load)),
+        *fact("largest load that a worn tool withstands without chipping", figure(line.worn, 6, load)),
         *fact("safety factor", figure(line.safety_factor, 6)),
         *_feed("upper feed limit", line.upper, feed, wear),
         *_feed("lower feed limit", line.lower, feed, wear),
@@ -163,7 +163,7 @@ def operation_window(pf: ParameterFile) -> WindowPart | None:
         found = visible_region(pf, by=by, **at)
         return _window(found)
     except FitmodelsError as error:
-        return WindowPart(title=TITLE, sentences=(sentence(f"no window of operation: {error}"),))
+        return WindowPart(title=TITLE, sentences=(sentence(f"no operating window: {error}"),))
 
 
 def _can(pf: ParameterFile) -> bool:

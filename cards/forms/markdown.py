@@ -24,7 +24,7 @@ from .rendering import environment
 if TYPE_CHECKING:
     from jinja2 import Template
 
-FIELDS = {"tool_life": "tool life", "windows": "window of operation", "design": "tests"}
+FIELDS = {"tool_life": "tool life", "windows": "operating window", "design": "tests"}
 # Markdown's own characters; an underscore inside a word is none of them
 MARKS = re.compile(r"([\\`*\[\]|~#{}$]|(?<![^\W_])_|_(?![^\W_]))")
 ENTITY = re.compile(r"&(?=[#\w])")

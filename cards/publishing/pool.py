@@ -55,7 +55,7 @@ def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, progress: Calla
             progress(len(results))
     except BrokenProcessPool:
         raise FitmodelsError(
-            "a process that writes cards was ended from outside, perhaps for want of memory; "
+            "a process that writes cards was ended from outside, perhaps for lack of memory; "
             f"nothing was written. Run it again with --jobs 1 instead of {jobs}."
         ) from None
     finally:

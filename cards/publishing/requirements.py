@@ -55,12 +55,12 @@ class FieldQuestion:
 
 QUESTIONS: dict[str, FieldQuestion] = {
     "license": FieldQuestion(
-        "without a licence nobody may use the numbers",
+        "without a licence the numbers must not be reused",
         "SPDX identifier of the licence, from https://spdx.org/licenses; LicenseRef-Name for terms of your own.",
         'license = "CC-BY-4.0"',
     ),
     "authors": FieldQuestion(
-        "somebody must be responsible for the numbers",
+        "readers need to know who is responsible for the numbers",
         'Persons as "Family, Given", optionally with an ORCID in brackets; institutions by their name.',
         'authors = ["Doe, Jane (0000-0002-1825-0097)", "Institute of Machining"]',
     ),

@@ -133,7 +133,7 @@
         const limit = withUnit(plain(law[end][i], 4), unit);
         why.add(`${name} ${withUnit(plain(x, 3), unit)} is ${side[0]} ${limit}, the ${side[1]} tested`);
       });
-    const cause = [...why].join(", and ") || "this combination lies further out than any test";
+    const cause = [...why].join(", and ") || "this combination is farther from the centre of the tests than any test";
     return `Outside the tested region of ${outside.map((law) => law.response).join(", ")}: ${cause}. Do not rely on the grey numbers.`;
   };
 

@@ -1,6 +1,6 @@
 """Runs of one tool that alternates two kinds of cut, each with its own limits: the mixed path of Table 3.
 
-The programme selects the settings, as it knows which cut comes. The paper prints no lengths of its tool path: passes of
+The program selects the settings, as it knows which cut comes. The paper prints no lengths of its tool path: passes of
 150 mm in turn are a reconstruction.
 """
 

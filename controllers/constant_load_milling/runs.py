@@ -251,7 +251,7 @@ def criterion(pf: "ParameterFile") -> float:
 
 @dataclass(slots=True)
 class FixedFeed:
-    """Controller with one override until the tool is worn: a programme without control."""
+    """Controller with one override until the tool is worn: a program without control."""
 
     command: float
     mill: MillingCut

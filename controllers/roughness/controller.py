@@ -41,7 +41,7 @@ class ConstantRoughness(Displayable):
     references : tuple of (float, float)
         s from which each reference force holds, and the force in N; the first at 0.
     programmed, low, high : float
-        Feed of the programme and limits of the command, mm/rev.
+        Programmed feed and limits of the command, mm/rev.
     threshold, wait : float
         N, and s that the force stays above it before the law acts.
     sample_time, servo_time : float

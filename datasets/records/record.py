@@ -71,7 +71,7 @@ class Record(Plottable):
                 k = int(np.flatnonzero(~np.isfinite(values))[0])
                 raise DataError(
                     f"{name} is {values[k]} at sample {k}: a record holds numbers only. Leave the gap out and let what "
-                    "follows be a stretch of its own (starts)."
+                    "follows be a separate segment (starts)."
                 )
         if not (np.isfinite(self.sample_time) and self.sample_time > 0):
             raise DataError(f"sample_time {self.sample_time!r} s: it must be above zero, for instance 0.02 for 50 Hz.")

@@ -146,7 +146,7 @@ def time_axis(
     inside[starts[1:] - 1] = False
     steps = np.diff(time)
     if not inside.any():
-        raise DataError(f"{name}: every row is a run of its own, so there is no step to measure.")
+        raise DataError(f"{name}: every row is a separate run, so there is no step to measure.")
     _refuse_repeats(steps, inside, name, lines)
     place = resolution(time)
     T, single = _step(steps[inside], place, name, None if expected is None else expected / seconds)
@@ -221,7 +221,7 @@ def _break_notes(
 ) -> list[str]:
     notes = []
     if restarts > 0:
-        notes.append(f"{name} starts again {restarts} time(s): each is a run of its own")
+        notes.append(f"{name} starts again {restarts} time(s): each is a separate run")
     for places, what in ((lost, f"{missing} sample(s) are missing"), (stray, "the step is no whole number of samples")):
         rows = np.flatnonzero(places) + 1
         if rows.size:

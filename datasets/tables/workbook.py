@@ -127,5 +127,5 @@ def _cell(value: object) -> Cell:
 
 def _damaged(name: str, error: Exception) -> DataError:
     return DataError(
-        f"{name} is a damaged Excel workbook ({error}). Open it in Excel and save it anew as .xlsx or .csv."
+        f"{name} is a damaged Excel workbook ({error}). Open it in Excel and save it again as .xlsx or .csv."
     )

@@ -125,7 +125,10 @@ def _long_enough(found: Diagnostics) -> list[str]:
     j = int(np.argmax(np.nan_to_num(found.tau, nan=np.inf, posinf=np.inf)))
     slowest = f" of {found.names[j]}" if len(found.tau) == len(found.names) else ""
     if not np.isfinite(found.tau[j]):
-        return [f"the autocorrelation time{slowest} is infinite: a walker never moved; run longer, with another seed."]
+        return [
+            f"the autocorrelation time{slowest} is infinite: a walker accepted no proposal; run longer, "
+            "with another seed."
+        ]
     return [
         f"chains of {found.length} draws hold {found.length / found.tau[j]:.0f} autocorrelation times{slowest}, fewer "
         f"than {TIMES:.0f}: run longer: {ceil(TIMES * found.tau[j])} draws a chain."

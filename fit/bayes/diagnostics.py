@@ -71,8 +71,8 @@ def autocorrelation_time(chain: Array) -> Array:
     Returns
     -------
     ndarray, shape (p,)
-        In steps; infinite where a walker never moved or is not finite. Antithetic walkers give values near 0: use at
-        least 1 for them.
+        In steps; infinite where a walker accepted no proposal or is not finite. Antithetic walkers give values near
+        0: use at least 1 for them.
 
     Examples
     --------
@@ -318,7 +318,7 @@ def _unfit(x: Array, names: tuple[str, ...]) -> tuple[NDArray[np.bool_], tuple[s
         still = ~broken & (np.ptp(x, axis=(1, 2)) <= ROUNDING * np.abs(x).max(axis=(1, 2)))
     return broken | still, (
         *(f"{names[j]}: {bad[j].sum()} of {chains * n} draws are not finite numbers." for j in np.flatnonzero(broken)),
-        *(f"{names[j]}: all draws are {x[j, 0, 0]:.6g}: the chains never moved." for j in np.flatnonzero(still)),
+        *(f"{names[j]}: all draws are {x[j, 0, 0]:.6g}: the chains are constant." for j in np.flatnonzero(still)),
     )
 
 

@@ -110,7 +110,7 @@ def _verified(post: Posterior, draws: int, progress: Progress | None) -> Agreeme
 
 def _check(law: LawFit, draws: int, seed: int, errors: str, method: str | None) -> None:
     if not 0 <= seed < 2**32:
-        raise UsageError(f"seed {seed}: it lies between 0 and {2**32 - 1}.")
+        raise UsageError(f"seed {seed}: it must be between 0 and {2**32 - 1}.")
     if errors not in get_args(Errors):
         raise UsageError(f"errors={errors!r}: they are 'normal' or 'student'.")
     if method is not None and method not in get_args(Method):

@@ -295,5 +295,5 @@ def _icc_prior(prior: Prior, logit: Array) -> Array:
 
 
 def _words(density: LawDensity) -> str:
-    two = "scatter and icc on a grid" if density.edges else "scatter from its own distribution"
+    two = "the residual SD and the ICC on a grid" if density.edges else "the residual variance, drawn from its marginal"
     return f"exact: independent draws, coefficients in closed form given {two}"

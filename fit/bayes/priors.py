@@ -190,7 +190,10 @@ def weak(law: LawFit, edges: bool) -> Priors:
         of["level"] = Normal(log(usual), log(factor))
         of |= {name: Normal(0.0, EXPONENT_SD) for name in law.theta_names[1:]}
         of["sd"] = HalfT(DF, SCATTER * (usual if natural else 1.0))
-        sources = {"level": source, **dict.fromkeys(law.theta_names[1:], "exponents of the field lie in -1 to 4")}
+        sources = {
+            "level": source,
+            **dict.fromkeys(law.theta_names[1:], "exponents of published cutting laws range from -1 to 4"),
+        }
         sources["sd"] = "scatter of cutting tests: 5 to 50 %"
     else:
         of, sources = _from_data(law)

@@ -105,7 +105,7 @@ class PosteriorDraws(Plottable):
 def check_level(level: float) -> None:
     """Refuse a level that is not between 0 and 1."""
     if not 0 < level < 1:
-        raise UsageError(f"level {level:g} of an interval: it lies between 0 and 1, for instance 0.95.")
+        raise UsageError(f"level {level:g} of an interval: it must be between 0 and 1, for instance 0.95.")
 
 
 def draw(

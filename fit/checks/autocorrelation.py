@@ -87,8 +87,8 @@ def _verdict(found: float, expected: float, p: float) -> str:
     if found < expected:
         return f"Negative autocorrelation of residuals within edges ({result}): check the order and reading of wear."
     return (
-        f"Positive autocorrelation of residuals within edges ({result}), as of cumulative wear or edges that "
-        "differ in course: use cluster-robust intervals only for factors that change within edges."
+        f"Positive autocorrelation of residuals within edges ({result}), as with cumulative wear or edges "
+        "with different wear curves: use cluster-robust intervals for factors that vary within edges."
     )
 
 

@@ -144,8 +144,8 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
     p, replicated = float(fdtrc(df[0], df[1], F)), int((counts > 1).sum())
     result = f"F({df[0]}, {df[1]}) = {F:.2f}, {format_p(p)}"
     rejected = (
-        f"Lack of fit ({result}): the law deviates from the settings by more than replicated {units} vary; try a "
-        "second-order or competing model, or restrict the range."
+        f"Lack of fit ({result}): the law deviates from the means of the settings by more than replicated {units} "
+        "vary; try a second-order or competing model, or restrict the range."
     )
     return LackOfFit(
         null=f"the law has the right form: settings deviate from it no more than replicated {units} vary",

@@ -78,7 +78,7 @@ def residual_sets(
 
 def _within(law: LawFit, strata: Strata, terms: Array) -> Residuals | NotAvailable:
     if strata.df_within <= 0 or float(strata.rest @ strata.rest) <= HELD**2 * law.rss:
-        return NotAvailable("rows of an edge stand on one common course exactly: no scatter within edges")
+        return NotAvailable("rows of each edge fit exactly: there is no variance within edges")
     own = strata.level**2 / strata.weight[strata.edge]
     hat = own + np.einsum("ij,ij->i", strata.basis, strata.basis)
     free = 1 - hat > HELD
@@ -242,7 +242,7 @@ def _variance_verdict(law: LawFit, of: str, result: str, p: float, term: str, ri
     if not concern_of(p):
         return f"The variance of residuals of {of} is constant over the conditions ({result}, {format_p(p)})."
     rescaled = law.error == "additive" and rises  # in logs, a scatter that grows with the response is constant
-    remedy = "fit with error='multiplicative'" if rescaled else "one interval for all conditions is misleading there"
+    remedy = "fit with error='multiplicative'" if rescaled else "one interval width for all conditions is misleading"
     return (
         f"Heteroscedasticity: the variance of residuals of {of} {'rises' if rises else 'falls'} with {term} ({result}, "
         f"{format_p(p)}): {remedy}."

@@ -206,7 +206,7 @@ def split(law: LawFit) -> Strata | NotAvailable:
     if law.edge is None:
         return NotAvailable("no edge column: rows are assumed independent")
     if not has_repeated_edges(law):
-        return NotAvailable("every row is an edge of its own")
+        return NotAvailable("every row is a separate edge")
     if reason := no_scatter(law):
         return NotAvailable(reason)
     found = _parted(law, law.edge)

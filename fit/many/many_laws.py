@@ -221,7 +221,7 @@ class ManyLaws(Plottable):
         from scipy.special import stdtrit
 
         if not 0 < level < 1:
-            raise UsageError(f"level={level}: it lies between 0 and 1, for instance 0.95.")
+            raise UsageError(f"level={level}: it must be between 0 and 1, for instance 0.95.")
         made = self.estimates
         half = stdtrit(np.maximum(made.df, 1), (1 + level) / 2)[:, None] * made.se
         ends = {"low": made.theta - half, "high": made.theta + half}
@@ -278,6 +278,6 @@ class ManyLaws(Plottable):
         single = f", {self.one_by_one} of them fitted singly" if self.one_by_one else ""
         quarters = params.quantile([0.25, 0.5, 0.75]) if ok else params
         rows = tuple((name, *(f"{v:.3g}" for v in quarters[name])) for name in self.names) if ok else ()
-        grid = TextTable(("", "quarter below", "half below", "three quarters below"), rows) if rows else None
+        grid = TextTable(("", "first quartile", "median", "third quartile"), rows) if rows else None
         words = [f"{pair}: {reason}" for pair, reason in self.reasons.head(3).items()]
         return Display(head + single, (), grid, tuple(words))

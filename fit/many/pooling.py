@@ -168,7 +168,7 @@ def _separate(
     from scipy.special import stdtrit
 
     if not 0 < level < 1:
-        raise UsageError(f"level={level}: it lies between 0 and 1, for instance 0.95.")
+        raise UsageError(f"level={level}: it must be between 0 and 1, for instance 0.95.")
     frame = table.table if isinstance(table, ManyLaws) else pd.DataFrame(table)
     needed = [f"params_{factor}", f"bse_{factor}", *([] if by is None else [by])]
     missing = [name for name in needed if name not in frame]

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 FREQUENCIES = 3000
 DECADES = 6.0  # of gain searched below the largest; more for ki, which falls with the square of the bandwidth
 DECADES_KI = 10.0
-NO_GAIN = 1e-9  # of the sum of |b|: a DC gain below it is rounding
+NO_GAIN = 1e-9  # of the sum of |b|: a static gain below it is rounding
 ROUNDING = 1e-9
 
 
@@ -54,7 +54,8 @@ def gain_range(model: Model, template: PiGains) -> GainRange:
     """
     if abs(float(model.b.sum())) <= NO_GAIN * float(np.abs(model.b).sum()):
         raise IdentError(
-            "the model has no DC gain (its b sums to zero): the integrator would diverge. Control another signal."
+            "the model has a static gain of zero (its b sums to zero): the integrator would diverge. "
+            "Control another signal."
         )
     rest = sign_at_rest(model)
     for sign in (rest, -rest):

@@ -255,7 +255,9 @@ def completed(target: Specification, aim: Aim, model: Model) -> tuple[Specificat
     if target.integral_time is None:
         longest = LONGEST / 3 * horizon(model, target)
         target = replace(target, integral_time=longest)
-        assumed.append(f"integral time Ti <= {longest:.3g} s, as slower ones leave errors of up to 2 % for long")
+        assumed.append(
+            f"integral time Ti <= {longest:.3g} s, because a larger Ti can leave an error of up to 2 % for a long time"
+        )
     return target, tuple(assumed)
 
 

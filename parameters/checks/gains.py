@@ -25,7 +25,7 @@ WORDS = {
     "peak_u": "largest command",
     "noise_gain": "command per unit of noise",
     "integral_time": "integral time",
-    "steady_error": "steady error",
+    "steady_error": "steady-state error",
 }
 
 

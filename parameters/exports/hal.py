@@ -20,8 +20,8 @@ SERVO_PERIOD = 0.002  # s: a longer period than this is no servo thread; the loo
 NOT_IN_HAL = (
     "the laws and their covariance, the posterior and the dynamics: HAL holds settings, not models",
     "units: every load is in the unit of the load pin",
-    "a moving average: such gains are refused; lowpass is what HAL has",
-    "the tool-change rule: watch fm-feed resting on its lower limit",
+    "a moving average: such gains are rejected; HAL has lowpass",
+    "the tool-change rule: watch fm-feed staying at its lower limit",
 )
 
 _LOAD = """\
@@ -38,7 +38,7 @@ loadrt limit2 names=fm.limit
 """
 
 _NETS = """\
-# The machine's load pin. Without it nothing happens: a load of 0 is outside every cut.
+# The machine's load pin. Without it the loop stays inactive: a load of 0 means no cut.
 # >>> net fm-load <= YOUR-LOAD-PIN        (for instance a spindle current or load from the drive)
 net fm-load fm.finite.in1 fm.finite.in2 fm.range.in fm.load.in1
 
@@ -47,7 +47,7 @@ newsig fm-enable bit
 sets fm-enable FALSE
 net fm-enable fm.on.in0
 
-# A load that is no number, or out of its range, is unknown: the feed is the programme's.
+# A load that is not a number, or out of its range, is unknown: the feed is the programmed one.
 net fm-finite fm.finite.out => fm.known.in0
 net fm-in-range fm.range.out => fm.known.in1
 net fm-known fm.known.out => fm.on.in1 fm.load.sel
@@ -128,25 +128,26 @@ def _head(view: ExportView, loop: LoadLoop, thread: str) -> str:
     servo = (
         f"The period of servo-thread must be {_period(loop)} ns: SERVO_PERIOD of the machine's ini file."
         if thread == "servo-thread"
-        else f"The loop runs in a thread of its own, {_period(loop)} ns; put this file after the one that loads motmod."
+        else f"The loop runs in a separate thread, {_period(loop)} ns; put this file after the one that loads motmod."
     )
     lines = [
         f"{view.made_by}: LinuxCNC HAL, constant load through motion.adaptive-feed",
         f"tool {view.tool}, work {view.work}, machine {view.machine}{'; SIMULATED data' if view.simulated else ''}",
         f"parameter file {view.checksum}",
         "",
-        "Before it can do anything:",
+        "Before use:",
         "1. Load it after the machine's own HAL files. Where one of those loads a component that is loaded here, for",
         "   instance pid, move the names beginning with fm. to that line.",
         "2. Write the machine's load pin on the line marked >>>.",
-        f"3. The programme says F{loop.feed_programmed:.15g} ({loop.unit_feed}) and M52 P1, or the feed stays its own.",
+        f"3. The program commands F{loop.feed_programmed:.15g} ({loop.unit_feed}) and M52 P1; otherwise the feed",
+        "   is not controlled.",
         "4. Switch fm-enable on.",
         servo,
         "Order in one thread: motion-command-handler, what is added here, motion-controller. Behind motion-controller",
-        "the feed comes one period late, which does no harm.",
+        "the feed is one period late, which is harmless.",
         "",
-        f"Load {loop.reference:.6g} {loop.unit_load}; feed {loop.low:.4g} to {loop.high:.4g} of the programme's.",
+        f"Load {loop.reference:.6g} {loop.unit_load}; feed {loop.low:.4g} to {loop.high:.4g} of the programmed feed.",
         *(f"Assumed: {words}" for words in view.assumed),
-        *(f"Not carried: {words}" for words in NOT_IN_HAL),
+        *(f"Not included: {words}" for words in NOT_IN_HAL),
     ]
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)

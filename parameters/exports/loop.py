@@ -35,14 +35,14 @@ class LoadLoop:
     reference: float  # unit_load
     feed_low: float  # unit_feed, above zero
     feed_high: float  # unit_feed
-    feed_programmed: float  # unit_feed: F of the programme, at which the override is 1
+    feed_programmed: float  # unit_feed: programmed F, at which the override is 1
     unit_load: str
     unit_feed: str
     filter_time: float  # s, time constant of the one-pole low-pass on the load; 0: none
     engage_at: float  # unit_load of the filtered load: the middle of the hysteresis
     hysteresis: float  # unit_load, the whole width
     engage_after: float  # s above the threshold until the loop takes over
-    disengage_after: float  # s below the threshold until the feed is the programme's again
+    disengage_after: float  # s below the threshold until the feed is the programmed one again
     back_off: float  # override per second, downwards
     recover: float  # override per second, upwards
     load_low: float  # unit_load: a reading at or outside these two is no reading

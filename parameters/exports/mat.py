@@ -24,8 +24,8 @@ HEAD = 116  # bytes of free text at the start of a v5 file: scipy writes the tim
 NOT_IN_MAT = (
     "the covariance, the posterior and the domain of the laws: the struct holds values and units",
     "tf or pid objects, which differ from program to program: build them from num, den and Ts",
-    "pid(Kp, Ki, 0, 0, Ts) of Octave's control 3.4, which puts z for s: use tf(C_num, C_den, Ts)",
-    "limits and engagement as a block: they stand among the quantities",
+    "pid(Kp, Ki, 0, 0, Ts) of Octave's control 3.4, which substitutes z for s: use tf(C_num, C_den, Ts)",
+    "limits and engagement as a block: they are among the quantities",
 )
 
 

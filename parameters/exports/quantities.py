@@ -41,7 +41,7 @@ _OF_LOOP = {
     "reference": ("{l}", "load that the loop holds"),
     "feed_low": ("{f}", "lower feed limit"),
     "feed_high": ("{f}", "upper feed limit"),
-    "feed_programmed": ("{f}", "feed of the programme, override 1"),
+    "feed_programmed": ("{f}", "programmed feed, override 1"),
     "filter_time": ("s", "time constant of the load filter, 0 none"),
     "average": ("1", "samples of the moving average, 1 none"),
     "engage_at": ("{l}", "load at which a cut is known"),
@@ -101,7 +101,7 @@ def _of_load_line(pf: ParameterFile) -> Found:
     line = pf.load_line
     if line is None:
         return
-    yield "worn_load", line.worn, line.unit_load, "load that a worn tool stands"
+    yield "worn_load", line.worn, line.unit_load, "largest load that a worn tool withstands without chipping"
     yield "safety_factor", line.safety_factor, "1", "reference over worn load, before rounding"
     yield "wear_low", line.window[0], line.unit_wear, "wear from which the tool may be changed"
     yield "wear_high", line.window[1], line.unit_wear, "wear by which the tool must be changed"

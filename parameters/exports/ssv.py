@@ -116,7 +116,7 @@ def _divided(parts: list[SiUnit]) -> SiUnit:
 SSP = "http://ssp-standard.org/SSP1/SystemStructure"
 
 NOT_IN_SSV = (
-    "units that are no product of SI base units, such as HRC: they stand in the description",
+    "units that are no product of SI base units, such as HRC: they are given in the description",
     "the covariance, the posterior and text of the laws: a parameter set holds values",
     "the tie to a model's own parameter names: that is a mapping (.ssm), written for the model",
     "arrays: coefficients are single parameters",

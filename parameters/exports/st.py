@@ -2,7 +2,7 @@
 
 The law is that of `fitmodels.controllers.ConstantLoad`, so of the HAL export: low-pass, comparator with delays, PI in
 position form with its backward sum held at a limit, hard limits, and one rate downwards and another upwards. Until it
-is enabled, outside the cut and with a load that is no reading the override is the programme's, 1.
+is enabled, outside the cut and with an invalid load the override is the programmed one, 1.
 """
 
 import math
@@ -17,9 +17,9 @@ LONGEST_AVERAGE = 1000  # samples; each is moved in each period
 NOT_IN_ST = (
     "the period of the task: set it to SAMPLE_TIME, the block does not measure it",
     "the wiring: the load and the feed override belong to the machine",
-    "units as types: they stand in comments",
+    "units as types: they are given in comments",
     "the laws and their covariance, the posterior and the dynamics",
-    "the tool-change rule: watch feed_override resting on FEED_LOW",
+    "the tool-change rule: watch feed_override staying at FEED_LOW",
 )
 
 _VARIABLES = """\
@@ -51,7 +51,7 @@ VAR
 """
 
 _LAW = """\
-(* a load that is no number, or out of its range, is unknown *)
+(* a load that is not a number, or out of its range, is unknown *)
 known := (load > LOAD_LOW) AND (load < LOAD_HIGH);
 reading := 0.0;
 IF known THEN
@@ -182,7 +182,7 @@ def _constants(loop: LoadLoop) -> str:
         "SAMPLE_TIME": (loop.sample_time, "s"), "HELD_LOAD": (loop.reference, load),
         "FEED_LOW": (loop.low, "override, above zero"), "FEED_HIGH": (max(loop.high, 1.0), "override"),
         "MIDDLE": (middle, "override, of the loop's limits"),
-        "CENTRED": (1 - middle, "override of the programme less the middle"),
+        "CENTRED": (1 - middle, "programmed override minus the middle"),
         "HALF_SPAN": ((loop.high - loop.low) / 2, "override"),
         "FILTER_GAIN": (gain, f"time constant {loop.filter_time:.6g} s"),
         "ENGAGE_AT": (loop.engage_at, load), "HALF_HYSTERESIS": (loop.hysteresis / 2, load),
@@ -200,7 +200,7 @@ def _head(view: ExportView, loop: LoadLoop) -> str:
     lines = (
         f"{view.made_by}: constant load, PI with limits, engagement and anti-windup",
         *view.origin,
-        f"call once every {loop.sample_time:.15g} s; the programme says F {loop.feed_programmed:.15g} {loop.unit_feed}",
+        f"call once every {loop.sample_time:.15g} s; program F {loop.feed_programmed:.15g} {loop.unit_feed}",
         *view.remarks(NOT_IN_ST),
     )
     return "".join(f"(* {_comment(line)} *)\n" for line in lines)

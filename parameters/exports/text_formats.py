@@ -6,7 +6,7 @@ from .quantities import Quantity
 from .view import ExportView
 
 NOT_IN_C = (
-    "units as types: they stand in comments",
+    "units as types: they are given in comments",
     "the covariance, the posterior and text of the laws",
     "the loop itself: these are its constants; the st export is the loop",
     "exact values on a compiler whose double has fewer than 53 bits",
@@ -73,15 +73,15 @@ MOST = 400  # of them
 DIGITS = 40  # of a number; LinuxCNC takes lines of 255 characters
 
 NOT_IN_GCODE = (
-    "units: they stand in comments, and G20 or G21 is the programme's",
+    "units: they are given in comments, and G20 or G21 is set by the program",
     "text, covariance and posterior: a parameter is a number",
-    "the loop itself: M52 P1 lets HAL steer the feed, the hal export steers it",
+    "the loop itself: M52 P1 enables adaptive feed, the hal export controls it",
     "numbers that take more than 40 digits without an exponent",
 )
 
 
 def gcode(view: ExportView) -> str:
-    """G-code to be pasted above the first cut of a programme.
+    """G-code to be pasted above the first cut of a program.
 
     >>> fixed(1.5e-05), fixed(1000.0), fixed(-0.1)
     ('0.000015', '1000', '-0.1')
@@ -90,7 +90,7 @@ def gcode(view: ExportView) -> str:
         _gcode_comment(f"{view.made_by}, tool {view.tool}, work {view.work}"),
         *([_gcode_comment("SIMULATED data, not measured")] if view.simulated else []),
         _gcode_comment(f"parameter file {view.checksum}"),
-        *(_gcode_comment(f"not carried - {words}") for words in NOT_IN_GCODE),
+        *(_gcode_comment(f"not included - {words}") for words in NOT_IN_GCODE),
         *(_gcode_comment(f"assumed - {words}") for words in view.assumed),
         *_gcode_numbers(view.quantities),
         *_gcode_feed(view),
@@ -115,8 +115,8 @@ def _gcode_feed(view: ExportView) -> list[str]:
     if view.loop is None:
         return []
     return [
-        _gcode_comment(f"cut with F {view.loop.feed_programmed:.15g} {view.loop.unit_feed}, HAL lowers it from there"),
-        "M52 P1 " + _gcode_comment("adaptive feed on, HAL may steer the feed"),
+        _gcode_comment(f"cut with F {view.loop.feed_programmed:.15g} {view.loop.unit_feed}, HAL reduces it from there"),
+        "M52 P1 " + _gcode_comment("adaptive feed on, HAL controls the feed"),
     ]
 
 

@@ -79,7 +79,7 @@ class ExportView:
 
     def remarks(self, not_carried: tuple[str, ...]) -> tuple[str, ...]:
         """Lines on what was assumed and what the format cannot carry."""
-        return (*(f"assumed: {words}" for words in self.assumed), *(f"not carried: {words}" for words in not_carried))
+        return (*(f"assumed: {words}" for words in self.assumed), *(f"not included: {words}" for words in not_carried))
 
     def needed_loop(self) -> LoadLoop:
         """The loop, for a format that needs one.

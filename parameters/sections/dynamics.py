@@ -147,9 +147,9 @@ class DynamicsSection(Plottable, Section):
 class PiSpecification(Section):
     """Requirements on the loop, as limits on the figures of the same name; None leaves a figure free.
 
-    Times in s, the integral time kp/ki among them; overshoot, undershoot and steady error as shares of the step; phase
-    margin in degrees at least, gain margin as a factor at least; disturbance, travel, peak_u and noise_gain in the
-    units of the gains; these and all others at most.
+    Times in s, the integral time kp/ki among them; overshoot, undershoot and steady-state error as shares of the step;
+    phase margin in degrees at least, gain margin as a factor at least; disturbance, travel, peak_u and noise_gain in
+    the units of the gains; these and all others at most.
 
     Examples
     --------
@@ -181,8 +181,8 @@ class PiSpecification(Section):
 class PiFigures(Section):
     """Figures of merit of the loop for a unit step of the reference from rest; None is infinite.
 
-    Times in s from 10 to 90 % and until within 2 %; overshoot, undershoot and steady error as shares of the step; ms
-    and mt the peaks of |1 / (1 + L)| and |L / (1 + L)|; margins in degrees, as a factor, and s of further delay.
+    Times in s from 10 to 90 % and until within 2 %; overshoot, undershoot and steady-state error as shares of the step;
+    ms and mt the peaks of |1 / (1 + L)| and |L / (1 + L)|; margins in degrees, as a factor, and s of further delay.
     Further figures of the tuner have their own names.
     """
 

@@ -64,7 +64,7 @@ class LawSection(Plottable, LawFields):
     alternative : Law or None
         The same law fitted with the other error structure.
     region : Region or None
-        The tested region: the window of operation.
+        The tested region: the operating window.
     edges : Edges or None
         Variance components between and within cutting edges, and F by edge.
     checks : dict of LawCheck

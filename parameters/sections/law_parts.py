@@ -208,7 +208,7 @@ class LeverageSpace(Section):
 
 
 class Region(Section):
-    """Tested region of a design (window of operation), by range, radius and leverage.
+    """Tested region of a design (operating window), by range, radius and leverage.
 
     The numbers are those that ``fitmodels.datasets.region`` evaluates.
     """

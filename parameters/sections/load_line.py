@@ -60,7 +60,7 @@ class Engagement(Section):
     Attributes
     ----------
     feed_programmed : float or None
-        F of the programme, at which the override is 1, in the unit of the feed limits.
+        programmed F, at which the override is 1, in the unit of the feed limits.
     filter_corner : float or None
         Hz of a one-pole low-pass on the load.
     engage_at, hysteresis : float or None

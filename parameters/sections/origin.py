@@ -71,7 +71,7 @@ class IdentitySection(Section):
     def _are_symbols(cls, properties: dict[str, float | str]) -> dict[str, float | str]:
         for symbol in properties:
             if not ISO13399.fullmatch(symbol):
-                raise ValueError(f"{short(symbol)} is no symbol of ISO 13399, which are capitals such as DC or ZEFP")
+                raise ValueError(f"{short(symbol)} is not a symbol of ISO 13399, which are capitals such as DC or ZEFP")
         return properties
 
 
