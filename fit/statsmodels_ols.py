@@ -95,7 +95,7 @@ def ols_results(law: Fitted) -> Any:  # noqa: ANN401  statsmodels has no types
     >>> results.cov_type, bool(abs(results.params["np.log(V)"] - law.params["V"]) < 1e-9)
     ('cluster-crv3', True)
     """
-    import statsmodels.formula.api as smf
+    import statsmodels.formula.api as smf  # type: ignore[import-untyped]
 
     formula, table, _ = _formula(law)
     model = smf.ols(formula, table)
@@ -178,7 +178,10 @@ def _largest(difference: Any, scale: Array) -> float:  # noqa: ANN401
 def _variance_difference(law: Fitted) -> float:
     """Difference of the REML variance components from those that maximise statsmodels' likelihood, over their sum."""
     from scipy.optimize import minimize_scalar
-    from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
+    from statsmodels.regression.mixed_linear_model import (  # type: ignore[import-untyped]
+        MixedLM,
+        MixedLMParams,
+    )
 
     assert not isinstance(law.edges, NotAvailable)  # noqa: S101  compare_statsmodels asked
     mixed = law.edges.mixed

@@ -126,8 +126,7 @@ def collect(
     ('GC435', True, 239)
     """
     source = _source(laws, tool, work, data_file is not None or data_sha256 is not None)
-    if simulated is None:
-        simulated, note = source.simulated, note or source.note or None
+    simulated, note = (source.simulated, note or source.note or None) if simulated is None else (simulated, note)
     if data_file is None and data_sha256 is None:
         data_file, data_sha256 = source.file or None, source.sha256 or None
     identity = {
