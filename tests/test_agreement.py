@@ -97,7 +97,7 @@ def test_draws_that_cannot_be_judged_never_agree(bad, swap):
     a, b = ((spoilt, 1), (draws(1), 1)) if swap else ((draws(1), 1), (spoilt, 1))
     told = compare_draws(a, b, NAMES)
     assert not told.agrees
-    assert "draws of V stand still or are no numbers" in told.words
+    assert "draws of V are constant or not finite" in told.words
 
 
 def test_an_interrupted_route_verifies_nothing():

@@ -31,7 +31,7 @@ def record(**options):
 def test_without_noise_the_transfer_function_is_exact_and_c_is_not_guessed():
     model = armax(record(noise=0.0), 2, 2, 2)
     np.testing.assert_allclose(model.theta, [*A[1:], *B[1:]], atol=1e-11)
-    assert any("no noise is left" in note for note in model.notes)
+    assert any("noise-free record: c is set to 1" in note for note in model.notes)
     np.testing.assert_array_equal(model.c, [1.0, 0.0, 0.0])
 
 

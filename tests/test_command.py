@@ -660,7 +660,7 @@ def test_simulate_follows_a_plan(fitted, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "code", "word"),
     [
-        (["nowhere.json"], 3, "no such file"),
+        (["nowhere.json"], 3, "the file does not exist"),
         ([GC435], 3, "is not JSON"),
         (["PARAMS", "--icc", "2"], 2, "--icc 2"),
         (["PARAMS", "--interval", "0"], 2, "interval 0 min"),

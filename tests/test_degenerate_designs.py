@@ -31,11 +31,16 @@ DESIGNS = {
     ),
     "one edge": (
         table_of(np.full(8, 100.0), np.full(8, 0.2), np.arange(1, 9) * 2.0, np.repeat("a", 8)),
-        ["n 8 rows from 1 edge", "all rows are from one edge", "V is left out: constant", "one edge only"],
+        [
+            "n = 8 rows; residual df = 6. edges = 1",
+            "all rows are from one edge",
+            "V is left out: constant",
+            "one edge only",
+        ],
     ),
     "no replicates": (ten_edges(), ["no two edges were tested at the same conditions, so pure error is unknown"]),
-    "no variance between edges": (ten_edges(level=0.0), ["% of the scatter lies between edges"]),
-    "a factor that changes within edges": (ten_edges(spread=0.05), ["V changes within edges and is told there"]),
+    "no variance between edges": (ten_edges(level=0.0), ["SD between edges = 0 in ln"]),
+    "a factor that changes within edges": (ten_edges(spread=0.05), ["V varies within edges"]),
     "a perfectly fitted law": (
         ten_edges(noise=0.0, level=0.0),
         ["the law fits every row exactly", "No posterior", "No inference by edge"],

@@ -295,10 +295,10 @@ def test_every_interval_says_what_lies_in_the_region(kind):
 def test_where_no_region_can_be_had_the_ranges_tell(monkeypatch):
     law = wear_law()
 
-    def none(_):
+    def none(*_):
         raise errors.FitError("too few settings")
 
-    monkeypatch.setattr("fitmodels.fit.prediction.domain", none)
+    monkeypatch.setattr("fitmodels.fit.lawfit.design_region", none)
     corners = {name: [low, high, high * 1.01] for name, (low, high) in law.domain.items()}
     band = law.predict(corners, "mean")
     assert band["inside"].tolist() == [True, True, False]

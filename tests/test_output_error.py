@@ -153,7 +153,7 @@ def test_an_unstable_machine_is_never_handed_over_unsaid():
     u = np.sign(np.random.default_rng(2).standard_normal(200))
     model = output_error(Record(u=u, y=lfilter([0, 0.1], [1, -1.02], u), sample_time=0.1), 1, 1)
     assert model.stable
-    assert any("the machine itself ran away" in note for note in model.notes)
+    assert any("the plant is unstable" in note for note in model.notes)
 
 
 def test_an_integrator_is_told():
@@ -161,7 +161,7 @@ def test_an_integrator_is_told():
     y = np.r_[0.0, np.cumsum(0.1 * u)[:-1]] + 0.05 * np.random.default_rng(3).standard_normal(200)
     model = output_error(Record(u=u, y=y, sample_time=0.1), 1, 1, initial="zero")
     assert model.stable
-    assert any("the machine integrates" in note for note in model.notes)
+    assert any("the plant integrates" in note for note in model.notes)
 
 
 def test_the_dryer_runs_freely_on_samples_it_has_not_seen(measurements):
