@@ -44,7 +44,7 @@ def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -
     if role.kind == "label" or role.symbol not in runs.data:
         names = (labels or _different(runs))(role.symbol) if runs.has(role.symbol) else []
         shown = ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
-        count = f"{len(names)} distinct value{'' if len(names) == 1 else 's'}"
+        count = f"{len(names)} value{'' if len(names) == 1 else 's'}"
         return role.symbol, role.quantity, f"{head}: {count} ({shown})"
     values = runs.values(role.symbol)
     lacking = int(np.count_nonzero(np.isnan(values)))
