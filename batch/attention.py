@@ -21,7 +21,7 @@ SEVERITY = (  # unusable; a law that is missing or may mislead; what it lacks; n
     "group differs within the pair", "no group of ISO 513",
 )  # fmt: skip
 TIMES = 3.0  # the median scatter of a response
-FEWEST = 5  # pairs whose scatter says what is usual
+FEWEST = 5  # pairs for a usual scatter
 BY_CHANCE = 1e-4  # a scatter with few degrees of freedom may be so much larger than the median
 LEVEL = 0.99
 
@@ -35,7 +35,7 @@ class Attention:
     kind : str
     pairs : int
     examples, words : tuple of str
-        Some of the pairs, and their own words, in the order of the pairs.
+        Some of the pairs, and their concerns, in the order of the pairs.
     """
 
     kind: str
@@ -62,13 +62,14 @@ def attention_summary(outcomes: Sequence[PairOutcome], most: int = 3) -> list[At
     [('no law', 1, ('GC435 on bronze',), ('2 rows are too few',)),
      ('few degrees of freedom', 1, ('GC435 on brass',), ('1 degree',))]
     """
-    told: dict[str, dict[str, str]] = defaultdict(dict)
+    found: dict[str, dict[str, str]] = defaultdict(dict)
     for one in outcomes:
         for concern in _concerns(one):
-            told[concern.kind].setdefault(str(Pair(one.tool, one.work)), concern.words)
-    kinds = sorted(told, key=lambda kind: (_severity(kind), kind))
+            found[concern.kind].setdefault(str(Pair(one.tool, one.work)), concern.words)
+    kinds = sorted(found, key=lambda kind: (_severity(kind), kind))
     return [
-        Attention(kind, len(told[kind]), tuple(told[kind])[:most], tuple(told[kind].values())[:most]) for kind in kinds
+        Attention(kind, len(found[kind]), tuple(found[kind])[:most], tuple(found[kind].values())[:most])
+        for kind in kinds
     ]
 
 
@@ -139,9 +140,9 @@ def _unlike(pooled: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
     middle, half = (low + high) / 2, np.hypot(_half_of_family(high - low, level), _half_of_pair(pooled, level))
     with np.errstate(invalid="ignore"):
         outside = np.abs(pooled["estimate"].to_numpy(dtype=float) - middle) > half
-    told = pooled.assign(_from=middle - half, _to=middle + half)[outside]
-    told = told.iloc[np.argsort((told["family"] == WHOLE).to_numpy(), kind="stable")]
-    for row in told.drop_duplicates(["tool", "work", "response", "factor"]).to_dict("records"):
+    outlying = pooled.assign(_from=middle - half, _to=middle + half)[outside]
+    outlying = outlying.iloc[np.argsort((outlying["family"] == WHOLE).to_numpy(), kind="stable")]
+    for row in outlying.drop_duplicates(["tool", "work", "response", "factor"]).to_dict("records"):
         of = "" if row["family"] == WHOLE else f"of {row['family']} "
         words = (
             f"{row['response']}: exponent of {row['factor']} {row['estimate']:.3g} +- {row['se']:.2g}; "

@@ -13,13 +13,9 @@ from ..fit.many.pooling import WHOLE, PooledExponents
 from .law_rows import group_column
 
 NAMES = {
-    "P": "P steel",
-    "M": "M stainless",
-    "K": "K cast iron",
-    "N": "N non-ferrous",
-    "S": "S superalloys and titanium",
-    "H": "H hardened",
-}
+    "P": "P steel", "M": "M stainless", "K": "K cast iron",
+    "N": "N non-ferrous", "S": "S superalloys and titanium", "H": "H hardened",
+}  # fmt: skip
 _HEADERS = frozenset(
     {"iso513", "iso513group", "iso513groups", "groupiso513", "isogroup", "isomaterial", "isomaterialgroup"}
 )
@@ -46,12 +42,9 @@ def iso_family(value: str) -> str:
     ('P steel', 'K cast iron', 'M stainless', 'steel')
     """
     plain = value.strip()
-    found = _GROUP.fullmatch(plain)
-    return (
-        NAMES[found[1].upper()]
-        if found
-        else {name.casefold(): name for name in NAMES.values()}.get(plain.casefold(), plain)
-    )
+    if found := _GROUP.fullmatch(plain):
+        return NAMES[found[1].upper()]
+    return {name.casefold(): name for name in NAMES.values()}.get(plain.casefold(), plain)
 
 
 LAW = ("response", "factor", "grouping", "family")
@@ -195,13 +188,10 @@ def _families(response: str, grouping: str, made: PooledExponents) -> pd.DataFra
 def _pairs(response: str, grouping: str, made: PooledExponents, named: pd.DataFrame) -> pd.DataFrame:
     table = made.table
     law = {"response": response, "factor": made.factor, "grouping": grouping, "family": table["family"]}
-    new = (
-        made.families[["new_low", "new_high"]] if len(made.families) else pd.DataFrame(columns=["new_low", "new_high"])
-    )
+    new = made.families.reindex(columns=["new_low", "new_high"])
     ends = {name: table["family"].map(new[name].to_dict()).astype(float) for name in new}
-    return pd.concat([named, pd.DataFrame(law), table[[*ALONE, *WITH, "reason"]], pd.DataFrame(ends)], axis=1)[
-        list(PAIRS)
-    ]
+    parts = [named, pd.DataFrame(law), table[[*ALONE, *WITH, "reason"]], pd.DataFrame(ends)]
+    return pd.concat(parts, axis=1)[list(PAIRS)]
 
 
 def _stacked(frames: Sequence[pd.DataFrame], columns: Sequence[str]) -> pd.DataFrame:

@@ -72,6 +72,8 @@ def _figure(families: pd.DataFrame, pairs: pd.DataFrame, response: str, factor: 
         ax.spines[["top", "right"]].set_visible(False)
         ax.grid(axis="x", color="0.92", lw=0.8)
         ax.set_axisbelow(True)
+        _zero(ax)
+        _legend(ax)
     return figure
 
 
@@ -125,8 +127,6 @@ def _families(ax: Axes, rows: Sequence[tuple[str, "pd.Series[float] | None"]], r
     if rest:
         note = f"the {len(held)} largest; {rest} more in comparison.csv"
         ax.annotate(note, (0, 0), (0, -34), "axes fraction", "offset points", fontsize=8, va="top")
-    _zero(ax)
-    _legend(ax)
 
 
 def _few_pairs(ax: Axes, pairs: pd.DataFrame, with_words: str) -> None:
@@ -142,8 +142,6 @@ def _few_pairs(ax: Axes, pairs: pd.DataFrame, with_words: str) -> None:
     _beyond(ax, some["pooled"], at + 0.16, BLUE)
     _name_rows(ax, _pair_names(some))
     _title(ax, f"Pairs by their own exponents{_not_pooled(some)}")
-    _zero(ax)
-    _legend(ax)
 
 
 def _many_pairs(ax: Axes, pairs: pd.DataFrame, with_words: str) -> None:
@@ -167,8 +165,6 @@ def _many_pairs(ax: Axes, pairs: pd.DataFrame, with_words: str) -> None:
     ax.tick_params(axis="y", labelsize=8)
     ax.set_ylabel("pairs, in rising order of their own exponents", fontsize=9)
     _title(ax, f"Pairs, medians of {len(each[-1])} neighbours{_not_pooled(some)}")
-    _zero(ax)
-    _legend(ax)
 
 
 def _pair_names(pairs: pd.DataFrame) -> list[str]:

@@ -125,8 +125,8 @@ class BlockOutcome:
     laws: pd.DataFrame
     unreadable: Mapping[str, str]
     units: Mapping[str, str]
-    seconds: float
-    memory: int
+    seconds: float = 0.0
+    memory: int = 0
 
     @property
     def settled(self) -> bool:

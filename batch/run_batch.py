@@ -10,8 +10,9 @@ from typing import TypeVar
 
 import pandas as pd
 
+from ..core.progress import Meter
 from ..pipeline.options import FitOptions
-from .engine import Meter, Run, engine, largest_memory
+from .engine import Run, engine, largest_memory
 from .fitting.block import fit_block
 from .fitting.concerns import is_identity
 from .outcomes import BlockOutcome, PairOutcome
@@ -43,18 +44,12 @@ class FittedBlocks:
         In the order of the blocks, without the bytes of files.
     keys : tuple of str
         Of their records.
-    fitted, kept : int
-        Numbers of pairs.
-    seconds : float
-    memory : int
+    effort : Effort
     """
 
     outcomes: tuple[BlockOutcome, ...]
     keys: tuple[str, ...]
-    fitted: int
-    kept: int
-    seconds: float
-    memory: int
+    effort: Effort
 
 
 def run(
@@ -147,7 +142,6 @@ def run(
         new = write_tables(out, tables)
         report = site_of(out, card, title, jobs, meter, blocks.keys) if site and files else None
         published = report is not None and report.site is not None and not report.unchanged
-        where = workers.describe()
     folders_made = {FIGURES: True, "pairs/": files, "site/": report is not None}
     return Batch(
         out=out,
@@ -157,11 +151,11 @@ def run(
         concerns=tables.concerns,
         comparison=tables.comparison,
         units={symbol: unit for one in blocks.outcomes for symbol, unit in one.units.items()},
-        unreadable=_unreadable(plan, blocks),
+        unreadable={**plan.unreadable, **{k: v for one in blocks.outcomes for k, v in one.unreadable.items()}},
         warnings=tables.warnings,
-        effort=Effort(where, blocks.fitted, blocks.kept, blocks.seconds, blocks.memory, largest_memory()),
+        effort=replace(blocks.effort, memory_here=largest_memory()),
         written=(*tables.files(), *(name for name, made in folders_made.items() if made and (out / name).is_dir())),
-        changed=bool(blocks.fitted or removed or new or published),
+        changed=bool(blocks.effort.fitted or removed or new or published),
         site=report,
     )
 
@@ -187,8 +181,9 @@ def fit_blocks(
         memory = max(memory, outcome.memory)
         outcomes[i] = _without_files(outcome)
         meter.advance(len(plan.blocks[i].pairs))
-    in_order = tuple(outcomes[i] for i in range(len(keys)))
-    return FittedBlocks(in_order, keys, len(plan.pairs) - kept, kept, time.perf_counter() - begun, memory)
+    seconds = time.perf_counter() - begun
+    effort = Effort(workers.describe(), len(plan.pairs) - kept, kept, seconds, memory, largest_memory())
+    return FittedBlocks(tuple(outcomes[i] for i in range(len(keys))), keys, effort)
 
 
 def _without_files(outcome: BlockOutcome) -> BlockOutcome:
@@ -220,14 +215,8 @@ def _in_order(workers: Run, work: Callable[[T], R], tasks: Iterable[T]) -> Itera
 
 def _with_identity(plan: Plan, table: pd.DataFrame) -> Plan:
     """The plan with those groups of the table of pairs that belong into the parameter files."""
-    grouped = with_groups([PairOutcome(pair.tool, pair.work, 0) for pair in plan.pairs], table)
-    known = {
-        Pair(one.tool, one.work): tuple((k, v) for k, v in one.groups.items() if v and is_identity(k))
-        for one in grouped
-    }
+    outcomes = with_groups([PairOutcome(pair.tool, pair.work, 0) for pair in plan.pairs], table)
+    groups = [tuple((k, v) for k, v in one.groups.items() if v and is_identity(k)) for one in outcomes]
+    known = dict(zip(plan.pairs, groups, strict=True))
     blocks = tuple(replace(block, identity=tuple(known[pair] for pair in block.pairs)) for block in plan.blocks)
     return replace(plan, blocks=blocks)
-
-
-def _unreadable(plan: Plan, blocks: FittedBlocks) -> Mapping[str, str]:
-    return {**plan.unreadable, **{name: why for block in blocks.outcomes for name, why in block.unreadable.items()}}

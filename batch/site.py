@@ -9,7 +9,7 @@ from pathlib import Path
 from ..cards.publishing import TITLE, PublicationReport, publish
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
-from .engine import Meter
+from ..core.progress import Meter
 from .records import PAIRS, read_json
 
 SITE = "site"

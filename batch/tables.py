@@ -97,8 +97,8 @@ def _in_order(names: set[str]) -> list[str]:
     """Columns of laws in an order that does not depend on which law came first."""
     known = [name for name in BEFORE if name in names]
     ends = [name for name in AFTER if name in names]
-    told = {name: found for name in names if (found := PARAMETER.fullmatch(name)) and name not in (*BEFORE, *AFTER)}
-    parameters = sorted(told, key=lambda name: (*_rank(told[name][2]), PARTS.index(told[name][1])))
+    matches = {name: found for name in names if (found := PARAMETER.fullmatch(name)) and name not in (*BEFORE, *AFTER)}
+    parameters = sorted(matches, key=lambda name: (*_rank(matches[name][2]), PARTS.index(matches[name][1])))
     rest = names - {*LAW, *known, *ends, *parameters}
     posterior = sorted((name for name in rest if name.startswith("posterior")), key=_rank_of_posterior)
     return [*known, *parameters, *posterior, *ends, *sorted(rest - {*posterior})]
@@ -129,9 +129,9 @@ def _floats(values: NDArray[np.float64]) -> list[str]:
     """Floats as by ``repr``, ten times as fast: pydantic differs only in powers of ten."""
     size = np.abs(values)
     usual = (values == 0) | ((size >= 1e-4) & (size < 1e16))
-    told = to_json(values[usual].tolist())[1:-1].decode().split(",")
+    shortest = to_json(values[usual].tolist())[1:-1].decode().split(",")
     texts = np.full(len(values), "", dtype=object)
-    texts[usual] = told if usual.any() else []
+    texts[usual] = shortest if usual.any() else []
     for i in np.flatnonzero(~usual & ~np.isnan(values)).tolist():
         texts[i] = repr(float(values[i]))
     return texts.tolist()

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, nan
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -17,7 +18,7 @@ from ..datasets.vocabulary import ROLES
 from ..fit.many.pooling import WHOLE
 from .comparison import LAW, Comparison, largest_families
 from .plan import Plan
-from .result import Batch
+from .result import Batch, Effort
 
 if TYPE_CHECKING:
     from ..cards.publishing.pair import PublicationProblem
@@ -59,7 +60,8 @@ def batch_blocks(made: Batch) -> Iterator[RenderableType]:
     late = {name: why for name, why in made.unreadable.items() if name not in made.plan.unreadable}
     if late:
         yield _section(Text("Not readable during the fit", style="bold"), Text("\n".join(_not_read(late))))
-    yield Text("\n".join([*made.warnings, *_effort(made), *_written(made)]))
+    verb = "Written" if made.changed else "Unchanged"
+    yield Text("\n".join([*made.warnings, *_effort(made.effort), f"{verb}: {made.out}/ ({', '.join(made.written)})"]))
     yield from _site(made)
 
 
@@ -168,11 +170,11 @@ def _quantities(rows: pd.DataFrame, form: str) -> Iterator[tuple[str, str]]:
             yield (f"{parameter} exponent" if form == "power" and parameter != "c0" else parameter), str(name)
 
 
-def _effort(made: Batch) -> Iterator[str]:
-    e = made.effort
+def _effort(e: Effort) -> Iterator[str]:
     if e.fitted:
         rate = f", {_rate(e.fitted / e.seconds)} a second" if e.seconds > 0 and e.fitted > 1 else ""
-        memory = _memory(max(e.memory, e.memory_here))
+        size = max(e.memory, e.memory_here)
+        memory = f"; peak memory of a process {size / 1e6:.0f} MB" if size else ""
         yield f"Fitted {_pairs(e.fitted)} in {_seconds(e.seconds)} by {e.where}{rate}{memory}."
     if e.kept:
         yield f"Kept {_pairs(e.kept)} from before: their rows and the options are the same."
@@ -182,29 +184,21 @@ def _rate(rate: float) -> str:
     return grouped(round(rate)) if rate >= 100 else format_plain(rate, 2)
 
 
-def _memory(size: int) -> str:
-    return f"; peak memory of a process {size / 1e6:.0f} MB" if size else ""
-
-
-def _written(made: Batch) -> Iterator[str]:
-    verb = "Written" if made.changed else "Unchanged"
-    yield f"{verb}: {made.out}/ ({', '.join(made.written)})"
-
-
 def _site(made: Batch) -> Iterator[RenderableType]:
     if made.site is None or made.site.ok:
         return
-    wrong = len({problem.folder for problem in made.site.problems})
+    problems = made.site.problems
+    wrong = len({problem.folder for problem in problems})
     yield Text(f"No site was written: {grouped(wrong)} of {_pairs(made.site.found)} cannot be published yet.")
-    yield Padding(Text("\n".join([*_missing_fields(made), *_other_problems(made)])), (0, 0, 0, 2))
+    yield Padding(Text("\n".join([*_missing_fields(problems, made.out), *_other_problems(problems)])), (0, 0, 0, 2))
 
 
-def _missing_fields(made: Batch) -> Iterator[str]:
+def _missing_fields(problems: "Sequence[PublicationProblem]", out: Path) -> Iterator[str]:
     """Fields that are still missing, and their files."""
-    fields = {name for problem in _problems(made) for name in problem.fields}
+    fields = {name for problem in problems for name in problem.fields}
     shared = sorted(fields - {"iso513"})
     if shared:
-        yield f"missing: {', '.join(shared)}; fill in {made.out}/pairs/card.toml, which holds for all pairs."
+        yield f"missing: {', '.join(shared)}; fill in {out}/pairs/card.toml, which holds for all pairs."
     if "iso513" in fields:
         yield (
             "missing: the ISO 513 group of each material; give it with --pairs TABLE. It is written into the "
@@ -214,20 +208,16 @@ def _missing_fields(made: Batch) -> Iterator[str]:
         yield f"Then run the same command again{'' if 'iso513' in fields else '; no pair is refitted'}."
 
 
-def _other_problems(made: Batch) -> list[str]:
+def _other_problems(problems: "Sequence[PublicationProblem]") -> list[str]:
     """Other reasons against publication; equal reasons of several pairs once."""
     folders: dict[str, list[str]] = {}
-    for problem in _problems(made):
+    for problem in problems:
         if not problem.fields:
             folders.setdefault(problem.words, []).append(problem.folder)
     return _shortened([
         f"{of[0]}{f' and {grouped(len(of) - 1)} more' if len(of) > 1 else ''}: {words}"
         for words, of in folders.items()
     ])  # fmt: skip
-
-
-def _problems(made: Batch) -> "tuple[PublicationProblem, ...]":
-    return made.site.problems if made.site is not None else ()
 
 
 def _seconds(seconds: float) -> str:

@@ -20,12 +20,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from fitmodels.batch.engine import Meter, engine
+from fitmodels.batch.engine import engine
 from fitmodels.batch.output_folder import folder_names, prepare, put
 from fitmodels.batch.plan import BatchOptions, Reading
 from fitmodels.batch.run_batch import MOST_PAIRS, fit_blocks
 from fitmodels.batch.source import open_source
 from fitmodels.batch.tables import csv_bytes, laws_of, results_frame
+from fitmodels.core.progress import Meter
 from many_laws import FACTORS, by_statsmodels, simulated
 
 AIM_LOOP, AIM_TWO = 20, 1.7
@@ -49,7 +50,7 @@ def to_results(source, out, workers, files, most_pairs):
         done = fit_blocks(plan, options, out, folder_names(plan.pairs) if files else {}, workers, Meter(0, "pairs"))
         results = results_frame([pair for block in done.outcomes for pair in block.pairs], laws_of(done.outcomes))
         put(out, "results.csv", csv_bytes(results))
-    return time.perf_counter() - begun, done.seconds, results
+    return time.perf_counter() - begun, done.effort.seconds, results
 
 
 def the_loop(source, out, pairs):

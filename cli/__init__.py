@@ -24,9 +24,8 @@ DEFECT = 70
 def entry() -> int:
     """Run the command as a process of its own, without garbage collection: the process is short."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(
-            name, "1"
-        )  # small matrices: several threads cost ten times what they save on a busy machine
+        # small matrices: several threads cost ten times what they save on a busy machine
+        os.environ.setdefault(name, "1")
     gc.disable()  # the collector takes a tenth of the whole time, most of it while importing
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller, as in `fitmodels data.csv >&-`

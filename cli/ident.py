@@ -1,10 +1,8 @@
 """``fitmodels ident``: a model of the dynamics of a machine from a recorded run."""
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from .arguments import Parser, pairs, traced, typed
@@ -15,34 +13,8 @@ if TYPE_CHECKING:
     from ..ident.identification import Identification
     from ..parameters import ParameterFile
 
-OPTIONS = ("input", "output", "time", "rate", "sample_time", "resample", "unit", "orders", "trend", "decimal", "sheet")
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """Files of runs, and the options of the command under their names."""
-
-    file: Sequence[str]
-    input: str | None = None
-    output: str | None = None
-    time: str | None = None
-    rate: float | None = None
-    sample_time: float | None = None
-    resample: float | None = None
-    unit: list[str] | None = None
-    decimal: Literal["point", "comma"] | None = None
-    delimiter: str | None = None
-    sheet: str | None = None
-    held_out: str | None = None
-    orders: str | None = None
-    trend: bool | None = None
-    tool: str = "unnamed"
-    work: str = "unnamed"
-    params: str | None = None
-    out: str | None = None
-    force: bool = False
-    json: bool = False
-    words: Sequence[str] = ()
+READING = ("input", "output", "time", "rate", "sample_time", "resample", "decimal", "delimiter", "sheet")
+RECORDED = ("input", "output", "time", "rate", "sample_time", "resample", "unit", "orders", "trend", "decimal", "sheet")
 
 
 def parser() -> Parser:
@@ -67,8 +39,8 @@ def parser() -> Parser:
     p.add_argument("--held-out", metavar="RUN", help="a further run for validation")
     p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
     p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")
-    p.add_argument("--tool", metavar="NAME", help="name of the tool, or of the axis")
-    p.add_argument("--work", metavar="NAME", help="name of the work material")
+    p.add_argument("--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis")
+    p.add_argument("--work", metavar="NAME", default="unnamed", help="name of the work material")
     p.add_argument("--params", metavar="FILE", help="parameter file to add the dynamics to")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
@@ -80,16 +52,10 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Identify, print and write, and return the exit code."""
-    return identify_files(**vars(args))
-
-
-def identify_files(**options: Any) -> int:  # noqa: ANN401
-    """Identify the dynamics of recorded runs with the options of `Request`; None is the default of each."""
     from ..cards import terminal
     from ..core.progress import progress_bar
     from ..ident import identify
 
-    args = Request(**{name: value for name, value in options.items() if value is not None})
     orders = _orders(args.orders)
     target = _target(args)
     with progress_bar(lines=False) as step:
@@ -119,25 +85,14 @@ def _orders(text: str | None) -> tuple[int, int, int] | None:
     return na, nb, nk
 
 
-def _read(name: str, args: Request) -> "Record":
+def _read(name: str, args: argparse.Namespace) -> "Record":
     from ..datasets import read_record
 
-    return read_record(
-        name,
-        input=args.input,
-        output=args.output,
-        time=args.time,
-        rate=args.rate,
-        sample_time=args.sample_time,
-        units=pairs(args.unit, "--unit", "time=ms"),
-        resample=args.resample,
-        decimal=args.decimal,
-        delimiter=args.delimiter,
-        sheet=args.sheet,
-    )
+    given = {option: getattr(args, option) for option in READING}
+    return read_record(name, units=pairs(args.unit, "--unit", "time=ms"), **given)
 
 
-def _target(args: Request) -> Path | None:
+def _target(args: argparse.Namespace) -> Path | None:
     """The folder that will be written, checked before anything is computed."""
     if args.params is not None or (args.json and not args.out):
         return None
@@ -149,7 +104,7 @@ def _target(args: Request) -> Path | None:
     return folder
 
 
-def _collected(found: "Identification", records: "list[Record]", args: Request) -> "ParameterFile":
+def _collected(found: "Identification", records: "list[Record]", args: argparse.Namespace) -> "ParameterFile":
     """A new parameter file, or the given one with its dynamics replaced."""
     from .. import parameters
     from ..parameters.file import sealed
@@ -161,9 +116,8 @@ def _collected(found: "Identification", records: "list[Record]", args: Request) 
         if pf.dynamics is not None and not args.force:
             raise UsageError(f"{args.params} has dynamics; replace them with --force.")
         section = dynamics_section(found.model, fit)
-        return sealed(
-            pf, dynamics=section, pi=None, provenance=traced(pf, args.words)
-        )  # gains were tuned on other dynamics
+        # gains were tuned on other dynamics
+        return sealed(pf, dynamics=section, pi=None, provenance=traced(pf, args.words))
     source = records[0].source
     return parameters.collect(
         tool=args.tool,
@@ -174,11 +128,11 @@ def _collected(found: "Identification", records: "list[Record]", args: Request) 
         data_sha256=records[0].sha256,
         n_rows=len(found.record),
         command=typed(args.words),
-        options={name: value for name in OPTIONS if (value := getattr(args, name)) is not None},
+        options={name: value for name in RECORDED if (value := getattr(args, name)) is not None},
     )
 
 
-def _written(found: "Identification", pf: "ParameterFile", folder: Path | None, args: Request) -> str:
+def _written(found: "Identification", pf: "ParameterFile", folder: Path | None, args: argparse.Namespace) -> str:
     from .. import cards, parameters
 
     if args.params is not None:

@@ -68,17 +68,9 @@ def _computed(pf: "ParameterFile", args: argparse.Namespace) -> "LoadLineSection
     window = _wears(args.window, unit, "--window", "180:220um", 2)
     limit = None if args.wear_limit is None else _wears(args.wear_limit, unit, "--wear-limit", "200um", 1)[0]
     return parameters.settings(
-        pf,
-        args.worn,
-        safety_factor=args.safety_factor,
-        rounded_to=args.round or None,
-        window=(window[0], window[1]),
-        wear_limit=limit,
-        law=args.law,
-        by=args.by,
-        level=args.level,
-        dwell=args.dwell,
-    )
+        pf, args.worn, safety_factor=args.safety_factor, rounded_to=args.round or None, window=(window[0], window[1]),
+        wear_limit=limit, law=args.law, by=args.by, level=args.level, dwell=args.dwell,
+    )  # fmt: skip
 
 
 def _wears(text: str, unit: str, option: str, example: str, count: int) -> list[float]:
@@ -122,9 +114,7 @@ def _limit(limit: "FeedLimit", line: "LoadLineSection") -> str:
     from ..parameters.sections.load_line import LimitInterval
 
     held = limit.interval
-    interval = (
+    interval = held.reason if not isinstance(held, LimitInterval) else (
         f"{held.level:.0%} interval {held.low:.4g} to {held.high:.4g}, {held.method}"
-        if isinstance(held, LimitInterval)
-        else held.reason
-    )
+    )  # fmt: skip
     return f"{limit.value:.4g} {line.unit_feed} at wear {limit.wear:g} {line.unit_wear} ({interval})"

@@ -31,12 +31,8 @@ def parser() -> Parser:
     p.add_argument("--interval", type=float, default=2.0, metavar="MIN", help="length of a sub-test (default: 2)")
     p.add_argument("--t-max", type=float, default=20.0, metavar="MIN", help="longest time on an edge (default: 20)")
     p.add_argument("--criterion", type=float, default=0.3, metavar="MM", help="wear that ends an edge (default: 0.3)")
-    p.add_argument(
-        "--icc",
-        type=float,
-        default=0.5,
-        help="intraclass correlation: share of the variance between edges (default: 0.5)",
-    )
+    icc = "intraclass correlation: share of the variance between edges (default: 0.5)"
+    p.add_argument("--icc", type=float, default=0.5, help=icc)
     p.add_argument("--seed", type=seed, default=1, help="seed of everything drawn (default: 1)")
     p.add_argument("--out", metavar="FILE", help="file to write; without it the data are printed")
     p.add_argument("--force", action="store_true", help="replace an existing file")
@@ -82,17 +78,8 @@ def _laws(pf: "ParameterFile", icc: float) -> "list[SimulatedLaw]":
     for law in powers:
         exponents = {name: value for name, value in law.coefficients.items() if name != "c0"}
         sd = law.residual_se or 0.0
-        out.append(
-            SimulatedLaw(
-                law.response,
-                law.unit,
-                law.coefficients["c0"],
-                exponents,
-                sd * sqrt(icc),
-                sd * sqrt(1 - icc),
-                digits=4,
-            )
-        )
+        errors = (sd * sqrt(icc), sd * sqrt(1 - icc))
+        out.append(SimulatedLaw(law.response, law.unit, law.coefficients["c0"], exponents, *errors, digits=4))
     return out
 
 

@@ -14,17 +14,8 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
     from ..parameters.sections.dynamics import DynamicsSection
 
-LIMITS = {
-    "rise": "rise_time",
-    "settle": "settling_time",
-    "overshoot": "overshoot",
-    "undershoot": "undershoot",
-    "ms": "ms",
-    "phase_margin": "phase_margin",
-    "gain_margin": "gain_margin",
-    "travel": "travel",
-    "noise_gain": "noise_gain",
-}
+SAME = ("overshoot", "undershoot", "ms", "phase_margin", "gain_margin", "travel", "noise_gain")
+LIMITS = {"rise": "rise_time", "settle": "settling_time", **{name: name for name in SAME}}
 AGREE = 1.25  # static gain and slope of a load law are from two experiments
 CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup")
 
@@ -63,18 +54,12 @@ def parser() -> Parser:
     runs.add_argument("--high", type=float, help="highest command")
     runs.add_argument("--rate", type=float, metavar="PER_S", help="largest change of the command per second")
     runs.add_argument("--anti-windup", choices=["clamping", "back_calculation", "none"])
-    runs.add_argument(
-        "--scaling",
-        type=float,
-        help="units of the command per unit of the model's input: static gain over the slope of the load law",
-    )
+    scaling = "units of the command per unit of the model's input: static gain over the slope of the load law"
+    runs.add_argument("--scaling", type=float, help=scaling)
     runs.add_argument("--unit", metavar="UNIT", help="unit of the command, with --scaling: mm/min")
     p.add_argument("--seed", type=int, default=1, help="seed of the draws (default: 1)")
-    p.add_argument(
-        "--force",
-        action="store_true",
-        help="replace existing gains; write gains that miss the specification, marked as such",
-    )
+    force = "replace existing gains; write gains that miss the specification, marked as such"
+    p.add_argument("--force", action="store_true", help=force)
     p.add_argument("--json", action="store_true", help="print the section as JSON")
     return p
 
@@ -94,9 +79,7 @@ def run(args: argparse.Namespace) -> int:
     if pf.pi is not None and not args.force:
         raise UsageError(f"{args.file} has gains; replace them with --force.")
     if (args.scaling is None) != (args.unit is None):
-        raise UsageError(
-            "--scaling and --unit: give both, the units of the command per unit of the input and that unit."
-        )
+        raise UsageError("--scaling and --unit: give both, units of the command per unit of the input and that unit.")
     with progress_bar(lines=False) as step:
         step.say("tuning")
         tuned = _tuned(pf.dynamics, args)
@@ -147,9 +130,7 @@ def _scaled(tuned: "TunedPi", args: argparse.Namespace) -> "TunedPi":
     """The gains in the unit of the command."""
     from dataclasses import replace
 
-    if args.scaling is None:
-        return tuned
-    return replace(tuned, gains=tuned.gains.in_units(args.unit, args.scaling))
+    return tuned if args.scaling is None else replace(tuned, gains=tuned.gains.in_units(args.unit, args.scaling))
 
 
 def _sentences(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:

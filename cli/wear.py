@@ -35,11 +35,8 @@ def parser() -> Parser:
     reading_options(p)
     fitting_options(p)
     p.add_argument("--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together")
-    p.add_argument(
-        "--verify",
-        action="store_true",
-        help="compare laws with statsmodels, and posteriors with chains of another sampler (a few seconds per law)",
-    )
+    verify = "compare laws with statsmodels, and posteriors with chains of another sampler (a few seconds per law)"
+    p.add_argument("--verify", action="store_true", help=verify)
     pictures = "four figures of each posterior: marginals, pairs, by edge, curves"
     p.add_argument("--posterior-figures", action="store_true", help=pictures)
     p.add_argument("--version", "-V", action="version", version=f"fitmodels {__version__}")
@@ -92,8 +89,10 @@ def _identify(args: argparse.Namespace) -> int:
     from . import ident
 
     shared = ("out", "tool", "work", "decimal", "delimiter", "unit", "force", "json", "words")
+    options = ident.parser().parse_args(["--", args.file])
+    vars(options).update({name: value for name in shared if (value := getattr(args, name)) is not None})
     try:
-        return ident.identify_files(file=[args.file], **{name: getattr(args, name) for name in shared})
+        return ident.run(options)
     except (UsageError, DataError) as error:  # the options that it names are those of the other command
         error.args = (f"{args.file} is a record of a run, for fitmodels ident {args.file}: {error}",)
         raise

@@ -16,12 +16,14 @@ from pathlib import Path
 
 import fitmodels
 import pytest
-from fitmodels.batch.engine import Meter, cores, engine, largest_memory, progress
 from fitmodels.batch.engine import dask_cluster as by_dask
 from fitmodels.batch.engine import dask_scheduler as same_versions
+from fitmodels.batch.engine import engine, largest_memory
 from fitmodels.batch.engine.dask_scheduler import scheduler_address
 from fitmodels.batch.engine.joblib_processes import AHEAD, processes
 from fitmodels.core.errors import FitmodelsError, UsageError
+from fitmodels.core.progress import Meter, progress_bar
+from fitmodels.core.threads import cores
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -203,7 +205,7 @@ def test_a_task_that_ends_every_worker_it_meets_is_a_sentence(capfd):
 
 def test_a_cluster_at_an_address_is_used_and_its_workers_are_waited_for(local):
     address, said = local.client.scheduler.address, []
-    with engine(dask=address.removeprefix("tcp://"), say=said.append) as run:
+    with engine(dask=address.removeprefix("tcp://"), report=said.append) as run:
         assert run.map(abs, [-1, 2]) == [1, 2]
         assert run.describe().startswith("Dask cluster 127.0.0.1:")
     assert "waiting for a worker" in said[-1]
@@ -461,14 +463,14 @@ def test_before_the_first_is_done_words_and_count_are_told_alone():
 
 
 def test_work_that_is_soon_over_shows_nothing(capsys):
-    with progress(10, "pairs") as meter:
+    with progress_bar(10, "pairs") as meter:
         meter.advance(10)
     assert capsys.readouterr().err == ""
 
 
 def test_without_a_terminal_a_line_comes_now_and_then(capsys, monkeypatch):
     monkeypatch.setattr(progress_module, "PATIENCE", 0.05)
-    with progress(10, "pairs") as meter:
+    with progress_bar(10, "pairs") as meter:
         meter.advance(4, "fitting")
         time.sleep(0.3)
     lines = capsys.readouterr().err.splitlines()
@@ -487,7 +489,7 @@ def test_at_a_terminal_there_is_a_bar(monkeypatch):
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "120")
-    with progress(10_000, "pairs") as meter:
+    with progress_bar(10_000, "pairs") as meter:
         meter.advance(4000, "fitting [x]")
         time.sleep(0.5)
     assert "fitting [x]" in terminal.getvalue()
@@ -496,7 +498,7 @@ def test_at_a_terminal_there_is_a_bar(monkeypatch):
 
 
 def test_an_error_in_the_block_ends_the_watcher():
-    with pytest.raises(ValueError, match="invalid literal"), progress(10, "pairs"):
+    with pytest.raises(ValueError, match="invalid literal"), progress_bar(10, "pairs"):
         int("x")
     assert "progress" not in [thread.name for thread in threading.enumerate()]
 

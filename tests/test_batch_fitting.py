@@ -475,7 +475,7 @@ def test_a_streamed_pair_has_a_file_without_posterior(streamed):
     assert set(pf.laws) == {"AW", "P"}
     assert pf.identity.machine == "lathe"
     assert pf.provenance.n_rows == len(frame)
-    assert "a stream keeps no rows" in row(outcome, "AW")["no_posterior"]
+    assert "rows of a stream are not kept" in row(outcome, "AW")["no_posterior"]
     assert [r["response"] for r in outcome.laws] == ["AW", "P"]
     assert parameters.check(pf).ok
 

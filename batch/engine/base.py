@@ -29,6 +29,10 @@ def uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+def no_report(words: str) -> None:
+    """Receives progress updates and ignores them."""
+
+
 KEPT = "finished results are kept and the same command continues from there"
 STATUS = Path("/proc/self/status")
 

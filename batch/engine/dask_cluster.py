@@ -1,4 +1,4 @@
-"""Dask's own words, which are meant for whoever operates a cluster: not on our standard error."""
+"""A Dask cluster, on this machine or at an address; Dask's own messages are not shown."""
 
 import logging
 import os
@@ -16,7 +16,7 @@ from ...core.errors import FitmodelsError, UsageError
 from .base import KEPT, Run, uninterrupted
 from .dask_scheduler import OfDask, no_answer, refuse_other_versions, scheduler_address
 
-CHATTER = ("distributed", "tornado")
+LOGGERS = ("distributed", "tornado")
 MUTE = logging.CRITICAL + 1
 FOR_CHILDREN = {"DASK_LOGGING__DISTRIBUTED": "critical"}  # read when a worker of our own imports distributed
 
@@ -30,16 +30,16 @@ def quiet() -> Iterator[None]:
     import dask
     import distributed  # makes the loggers
 
-    settings = {"distributed.admin.large-graph-warning-threshold": "1 GiB"}  # tasks are handed over a few at a time
+    settings = {"distributed.admin.large-graph-warning-threshold": "1 GiB"}  # few tasks are submitted at a time
     with warnings.catch_warnings(), dask.config.set(settings), _muted():
-        # versions are compared by ourselves; Dask's own list of all packages is no sentence
+        # refuse_other_versions compares versions instead
         warnings.simplefilter("ignore", distributed.versions.VersionMismatchWarning)
         yield
 
 
 @contextmanager
 def _muted() -> Iterator[None]:
-    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in CHATTER]
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in LOGGERS]
     levels = {name: logging.getLogger(name).level for name in names}
     for name in names:
         if levels[name] != logging.NOTSET:
@@ -70,13 +70,13 @@ def in_environment(values: dict[str, str]) -> Iterator[None]:
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 4  # tasks a thread: results travel, and meanwhile it has something to do
+AHEAD = 4  # tasks of a thread: it works on while results are transferred
 ANSWER = 5.0  # s in which a scheduler answers
-OLD = 2.0  # s that the number of threads is taken for granted: workers come and go
+OLD = 2.0  # s for which the number of threads is kept: workers come and go
 ARRIVAL = 10.0  # s in which the first worker joins
 RETURN = 60.0  # s in which one joins again after all have left
-OTHER_COPY = "Error during deserialization of the task graph"  # what the scheduler says that cannot import its parts
-# Dask has its workers give memory back at every turn: a fit takes up to half as long again.
+OTHER_COPY = "Error during deserialization of the task graph"  # message of a scheduler that cannot import its parts
+# By default Dask workers return memory to the system after every task, which makes a fit up to half slower.
 NO_TRIMMING = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}
 GLANCE = 0.005  # s between looks for a result
 
@@ -106,8 +106,8 @@ class Cluster(Run):
         try:
             while True:
                 with uninterrupted():
-                    room = max(AHEAD * threads(), AHEAD) - len(positions)
-                    fresh = list(islice(numbered, max(room, 0)))
+                    free = max(AHEAD * threads(), AHEAD) - len(positions)
+                    fresh = list(islice(numbered, max(free, 0)))
                     futures = self._submit(work, [task for _, task in fresh])
                     positions.update(zip(futures, (position for position, _ in fresh), strict=True))
                     arriving.update(futures)
@@ -175,7 +175,7 @@ class Cluster(Run):
 
 @dataclass(slots=True)
 class CachedNumber:
-    """A number that is requested again when it is older than `OLD`."""
+    """A number that is requested again when it is older than `OLD` seconds."""
 
     ask: Callable[[], int]
     answer: int = 0
@@ -189,7 +189,7 @@ class CachedNumber:
 
 
 @contextmanager
-def cluster(jobs: int, address: str, say: Callable[[str], None]) -> Iterator[Cluster]:
+def cluster(jobs: int, address: str, report: Callable[[str], None]) -> Iterator[Cluster]:
     """Open a Dask cluster of ``jobs`` processes on this machine (``local``), or the one at an address."""
     try:
         import distributed  # noqa: F401
@@ -197,12 +197,12 @@ def cluster(jobs: int, address: str, say: Callable[[str], None]) -> Iterator[Clu
         raise UsageError("dask is not installed: pip install 'fitmodels[dask]'.") from None
     with quiet(), ExitStack() as stack:
         if address == "local":
-            say(f"starting a Dask cluster of {jobs} processes")
+            report(f"starting a Dask cluster of {jobs} processes")
             client = stack.enter_context(_local(jobs))
         else:
-            say(f"looking for the Dask scheduler {address}")
+            report(f"connecting to the Dask scheduler {address}")
             client = stack.enter_context(_elsewhere(address))
-            _wait_for_workers(client, address, say)
+            _wait_for_workers(client, address, report)
         refuse_other_versions(client, address)
         yield Cluster(client, address)
 
@@ -225,7 +225,7 @@ def _local(jobs: int) -> Iterator[OfDask]:
         try:
             yield client
         finally:
-            with uninterrupted():  # a second Ctrl-C waits until all is put away
+            with uninterrupted():  # a second Ctrl-C waits until all is closed
                 with suppress(Exception):  # a worker that is just being started again would complain of an end
                     client.wait_for_workers(jobs, timeout=ANSWER)
                 stack.close()
@@ -242,12 +242,12 @@ def _elsewhere(address: str) -> Iterator[OfDask]:
     try:
         yield client
     finally:
-        with uninterrupted():  # a second Ctrl-C waits until all is put away
+        with uninterrupted():  # a second Ctrl-C waits until all is closed
             client.close()
 
 
-def _wait_for_workers(client: OfDask, address: str, say: Callable[[str], None]) -> None:
-    say(f"waiting for a worker of the Dask scheduler {address}")
+def _wait_for_workers(client: OfDask, address: str, report: Callable[[str], None]) -> None:
+    report(f"waiting for a worker of the Dask scheduler {address}")
     try:
         client.wait_for_workers(1, timeout=ARRIVAL)
     except TimeoutError:

@@ -39,21 +39,21 @@ def scheduler_address(given: str, patience: float) -> str:
             "port is 8786), or its scheduler file."
         )
     where = f"{parts['scheme'] or 'tcp'}://{parts['host']}:{parts['port']}"
-    try:  # Dask itself tries again and again, here, and a port without anybody would take all of the time
+    try:  # Dask itself would retry until the end of the patience
         socket.create_connection((parts["host"].strip("[]"), int(parts["port"])), patience).close()
-        with ThreadPoolExecutor(1) as thread:  # a notebook runs an event loop in its own
+        with ThreadPoolExecutor(1) as thread:  # a notebook has an event loop in its own thread
             kind = thread.submit(lambda: asyncio.run(_kind(where, patience))).result()
     except TimeoutError:
         raise UsageError(no_answer(given, f"nothing in {patience:g} s")) from None
-    except (OSError, UnicodeError) as error:  # the second: a name that no name server can be asked for
+    except (OSError, UnicodeError) as error:  # the second: a host name that cannot be encoded
         raise UsageError(no_answer(given, getattr(error, "strerror", None) or " ".join(str(error).split()))) from None
     if kind != "Scheduler":
-        raise UsageError(no_answer(given, f"what answers is a {kind.lower()}"))
+        raise UsageError(no_answer(given, f"there is a {kind.lower()} instead"))
     return where
 
 
 async def _kind(where: str, patience: float) -> str:
-    """What it is that answers: a client would wait for ever for somebody who accepts a connection and is no_answer."""
+    """Kind of the program at an address: a client would wait forever for one that is no scheduler."""
     distributed: Any = import_module("distributed")
     secured = distributed.Security().get_connection_args("client")
     if where.startswith("tls") and secured["ssl_context"] is None:
@@ -98,10 +98,10 @@ def refuse_other_versions(client: OfDask, address: str) -> None:
     UsageError
         Names the first that differs and both versions.
     """
-    look = version_probe()
-    ours = look()
-    theirs = {f"scheduler {address}": client.run_on_scheduler(look)}
-    theirs |= {f"worker {name}": seen for name, seen in client.run(look).items()}
+    versions = version_probe()
+    ours = versions()
+    theirs = {f"scheduler {address}": client.run_on_scheduler(versions)}
+    theirs |= {f"worker {name}": seen for name, seen in client.run(versions).items()}
     for name, seen in theirs.items():
         if seen != ours:
             raise UsageError(
@@ -116,7 +116,7 @@ def version_probe() -> Callable[[], dict[str, str]]:
     A local function is sent by value: a function of this module would have to be imported on the other side.
     """
 
-    def look() -> dict[str, str]:
+    def versions() -> dict[str, str]:
         import sys
         from importlib import import_module
 
@@ -129,7 +129,7 @@ def version_probe() -> Callable[[], dict[str, str]]:
             seen[name] = version.split(".")[0] if name == "numpy" else version
         return seen
 
-    return look
+    return versions
 
 
 def versions_text(seen: dict[str, str]) -> str:

@@ -1,8 +1,8 @@
-"""Tasks in processes of this machine: loky's, as joblib carries it.
+"""Tasks in processes of this machine, by loky as joblib includes it.
 
-It is loky's executor and not `joblib.Parallel`, whose unordered generator goes on handing out tasks while nobody takes
-the results, so that these pile up in memory; and loky's own pool, not the one that joblib shares with everybody in this
-process, so that it can be ended here.
+It is loky's executor and not `joblib.Parallel`, whose unordered generator goes on submitting tasks while no result is
+taken, so that results accumulate in memory; and its own pool, not the one that joblib shares within this process, so
+that it can be ended here.
 """
 
 import re
@@ -24,8 +24,8 @@ from .base import KEPT, Run, uninterrupted
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 2  # tasks a process: one at work and one at hand; loky takes in no more
-TAKEN_IN = 5.0  # s; it takes a thousandth of that
+AHEAD = 2  # tasks of a process: one running and one waiting; loky accepts no more
+TAKEN_IN = 5.0  # s; usually a thousandth of that
 FEEDER = "QueueFeederThread"  # as multiprocessing.queues names it
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -39,7 +39,7 @@ class Processes(Run):
     jobs : int
     executor : concurrent.futures.Executor
     under_way : set of Future
-        What a process may still be at.
+        Tasks that a process may still run.
     """
 
     jobs: int
@@ -71,9 +71,9 @@ class Processes(Run):
         return future
 
     def busy(self) -> bool:
-        """Whether a process is at a task still; it is known as soon as loky has taken in what it was given.
+        """Whether a process still runs a task; known as soon as loky has accepted the submitted ones.
 
-        To kill them before would end loky's thread with a KeyError, or an InvalidStateError over a cancelled task, and
+        Killing them before would end loky's thread with a KeyError, or an InvalidStateError over a cancelled task, and
         this process would wait for that thread for ever.
         """
         until = monotonic() + TAKEN_IN
@@ -94,7 +94,7 @@ def processes(jobs: int) -> Iterator[Processes]:
     except ImportError:
         raise UsageError("joblib is not installed: pip install 'fitmodels[batch]', or run with --jobs 1.") from None
     with warnings.catch_warnings(), _feeders_joined():
-        # loky renews a process that has grown by 0.3 GB; that is no news, and as an error it would end loky's thread
+        # loky renews a process that has grown by 0.3 GB; as an error this warning would end loky's thread
         warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
         with uninterrupted():
             executor = ProcessPoolExecutor(jobs, env=ONE_THREAD)
@@ -102,7 +102,7 @@ def processes(jobs: int) -> Iterator[Processes]:
         try:
             yield run
         finally:
-            with uninterrupted():  # a second Ctrl-C waits until all is put away
+            with uninterrupted():  # a second Ctrl-C waits until all is closed
                 executor.shutdown(wait=True, kill_workers=run.busy())
 
 

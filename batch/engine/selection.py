@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ...core.errors import UsageError
-from .base import Run, SerialRun
+from .base import Run, SerialRun, no_report
 
 
 @contextmanager
-def engine(jobs: int = 1, dask: str | None = None, say: Callable[[str], None] | None = None) -> Iterator[Run]:
+def engine(jobs: int = 1, dask: str | None = None, report: Callable[[str], None] = no_report) -> Iterator[Run]:
     """Open an engine; its processes and connections end with the block, whatever ends that.
 
     Parameters
@@ -17,7 +17,7 @@ def engine(jobs: int = 1, dask: str | None = None, say: Callable[[str], None] | 
         Processes on this machine; 1 is this process. A cluster at an address has its own number.
     dask : str, optional
         ``local`` for a Dask cluster on this machine, a scheduler's ``host:port`` or the path of its scheduler file.
-    say : callable, optional
+    report : callable
         Receives progress updates.
 
     Raises
@@ -39,7 +39,7 @@ def engine(jobs: int = 1, dask: str | None = None, say: Callable[[str], None] | 
     if dask is not None:
         from .dask_cluster import cluster
 
-        with cluster(jobs, dask, say or _no_report) as run:
+        with cluster(jobs, dask, report) as run:
             yield run
     elif jobs > 1:
         from .joblib_processes import processes
@@ -48,7 +48,3 @@ def engine(jobs: int = 1, dask: str | None = None, say: Callable[[str], None] | 
             yield run
     else:
         yield SerialRun()
-
-
-def _no_report(words: str) -> None:
-    """Receives progress updates and ignores them."""

@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -14,15 +14,14 @@ from ..law_rows import PAIR, joined_tables, law_table, reasons, renumbered
 from ..outcomes import DEFECT, GONE, NO_LAW, BlockOutcome, Cell, Concern, Failure, PairOutcome, attempt
 from ..plan import BatchOptions, Block, Pair, Plan
 from .concerns import concerns_of_laws, groups_of_pairs
-from .pair_file import PairFiles, files_of_pair, with_cells
+from .pair_file import files_of_pair, with_cells
 from .pair_laws import NumberedRows, laws_of_pairs, numbered_rows
 from .streamed_pair import no_law_asked, streamed_outcome
 
 if TYPE_CHECKING:
-    from ...datasets import Runs
     from ..rows import Rows
 
-NOW_AND_THEN = 25  # files
+COLLECT_AFTER = 25  # files
 
 
 @one_thread
@@ -48,9 +47,9 @@ def fit_block(block: Block, plan: Plan, options: BatchOptions) -> BlockOutcome:
     with _uncollected():
         made = attempt(lambda: _fitted(block, plan, options))
     if isinstance(made, Failure):
-        made = Found(_none(block, made.reason), law_table(()), {}, {})
-    memory = largest_memory()
-    return BlockOutcome(*made, time.perf_counter() - begun, memory if isinstance(memory, int) else 0)
+        pairs = tuple(_without(pair, made.reason) for pair in block.pairs)
+        made = BlockOutcome(pairs, law_table(()), {}, {})
+    return replace(made, seconds=time.perf_counter() - begun, memory=largest_memory())
 
 
 @contextmanager
@@ -65,19 +64,10 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-class Found(NamedTuple):
-    """Fit of a block, with the fields of `BlockOutcome`."""
-
-    pairs: tuple[PairOutcome, ...]
-    laws: pd.DataFrame
-    unreadable: Mapping[str, str]
-    units: Mapping[str, str]
-
-
-def _fitted(block: Block, plan: Plan, options: BatchOptions) -> Found:
+def _fitted(block: Block, plan: Plan, options: BatchOptions) -> BlockOutcome:
     if block.streamed:
         one, table = streamed_outcome(block, plan, options)
-        return Found((one,), table, {}, _units(table))
+        return BlockOutcome((one,), table, {}, _units(table))
     from ..source import rows_of
 
     tables, unreadable = rows_of(block, plan)
@@ -97,13 +87,14 @@ def _fitted(block: Block, plan: Plan, options: BatchOptions) -> Found:
             outcomes[i] = one if i not in outcomes else _twice(outcomes[i], one)
     whole = joined_tables(laws)
     pairs = tuple(outcomes.get(i) or _without(pair, spoiled.get(pair, GONE)) for i, pair in enumerate(block.pairs))
-    return Found(pairs, whole[~whole[PAIR].isin(twice)].reset_index(drop=True) if twice else whole, unreadable, units)
+    whole = whole[~whole[PAIR].isin(twice)].reset_index(drop=True) if twice else whole
+    return BlockOutcome(pairs, whole, unreadable, units)
 
 
 def spoiled_pairs(block: Block, unreadable: Mapping[str, str]) -> dict[Pair, str]:
-    """Pairs that need a piece which cannot be read, and the sentence: part of a pair's rows is another pair.
+    """Pairs with rows in a piece that cannot be read, and the reason: a pair is not fitted to part of its rows.
 
-    Where a block does not tell which pieces a pair needs, it may need any of them.
+    Where a block does not record the pieces of its pairs, a pair may need any of them.
     """
     if not unreadable:
         return {}
@@ -126,23 +117,23 @@ def _of_rows(
     laws = laws_of_pairs(of, options)
     groups, concerns = groups_of_pairs(of, plan.reading.groups)
     none = reasons(laws)
-    told = concerns_of_laws(laws, none, len(of.pairs))
+    of_laws = concerns_of_laws(laws, none, len(of.pairs))
     asked = set(laws[PAIR].tolist())
     outcomes = []
     for i, pair in enumerate(of.pairs):
-        reason, of_laws = none.get(i, ""), told[i]
+        reason, why = none.get(i, ""), of_laws[i]
         if i not in asked:
             reason = no_law_asked(name for name in of.held if of.has(i, name))
-            of_laws = (Concern(NO_LAW, reason),)
+            why = (Concern(NO_LAW, reason),)
         simulated, nobs = rows.simulated(pair), int(of.counts[i])
         doubts = (Concern("doubt in reading", words) for words in rows.doubts(pair))
-        why = (*of_laws, *concerns[i], *doubts)
+        why = (*why, *concerns[i], *doubts)
         outcomes.append(PairOutcome(pair.tool, pair.work, nobs, reason, why, groups[i], simulated))
-    return _with_files(of, outcomes, laws, block, plan, options) if options.files else (outcomes, laws)
+    return _with_files(of, outcomes, laws, block, options) if options.files else (outcomes, laws)
 
 
 def _with_files(
-    of: NumberedRows, outcomes: list[PairOutcome], laws: pd.DataFrame, block: Block, plan: Plan, options: BatchOptions
+    of: NumberedRows, outcomes: list[PairOutcome], laws: pd.DataFrame, block: Block, options: BatchOptions
 ) -> tuple[list[PairOutcome], pd.DataFrame]:
     """The same with the files of each pair that has a law, and concerns from making them."""
     place = {pair: i for i, pair in enumerate(of.pairs)}
@@ -150,17 +141,13 @@ def _with_files(
     for done, (pair, runs) in enumerate(of.rows.runs(), 1):
         i = place[pair]
         if not outcomes[i].reason:
-            made = _files(outcomes[i], runs, block.identity_of(pair), plan, options)
+            of_rows = {header: name for header, name in outcomes[i].groups.items() if name}  # these come first
+            made = files_of_pair(runs, options, block.identity_of(pair) | of_rows)
             cells[i] = made.cells
             outcomes[i] = replace(outcomes[i], concerns=(*outcomes[i].concerns, *made.concerns), files=made.files)
-        if done % NOW_AND_THEN == 0:
+        if done % COLLECT_AFTER == 0:
             gc.collect()  # the command runs without the collector
     return outcomes, with_cells(laws, cells)
-
-
-def _files(found: PairOutcome, runs: "Runs", beside: Mapping[str, str], plan: Plan, options: BatchOptions) -> PairFiles:
-    known = {header: name for header, name in found.groups.items() if name}  # what the rows say counts first
-    return files_of_pair(runs, options, {**beside, **known})
 
 
 def _twice(one: PairOutcome, other: PairOutcome) -> PairOutcome:
@@ -170,10 +157,6 @@ def _twice(one: PairOutcome, other: PairOutcome) -> PairOutcome:
 
 def _without(pair: Pair, reason: str) -> PairOutcome:
     return PairOutcome(pair.tool, pair.work, 0, reason=reason, concerns=(Concern(NO_LAW, reason),))
-
-
-def _none(block: Block, reason: str) -> tuple[PairOutcome, ...]:
-    return tuple(_without(pair, reason) for pair in block.pairs)
 
 
 def _units(laws: pd.DataFrame) -> dict[str, str]:

@@ -20,7 +20,7 @@ SHOWN = 3
 
 
 def groups_of_pairs(of: NumberedRows, headers: Sequence[str]) -> tuple[list[dict[str, str]], list[list[Concern]]]:
-    """For each pair its groups, empty text where its rows do not say, and concerns where they name several.
+    """For each pair its groups, empty text where its rows name none, and concerns where they name several.
 
     Examples
     --------
@@ -125,10 +125,10 @@ def concerns_of_laws(table: pd.DataFrame, none: Mapping[int, str], pairs: int) -
         found[pair] = [Concern(NO_LAW, none[pair])] if pair in none else [Concern(REFUSED, why) for why in refused]
     laws = table[fitted(table)]
     of, response = laws[PAIR].tolist(), laws["response"].tolist()
-    told: dict[tuple[int, str, str], list[str]] = {}
+    responses_of: dict[tuple[int, str, str], list[str]] = {}
     for row, kind, words in sorted(_of_laws(laws), key=lambda each: each[0]):
-        told.setdefault((of[row], kind, words), []).append(response[row])
-    for (pair, kind, words), responses in told.items():
+        responses_of.setdefault((of[row], kind, words), []).append(response[row])
+    for (pair, kind, words), responses in responses_of.items():
         found[pair].append(Concern(kind, f"{', '.join(responses)}: {words}"))
     return [tuple(each) for each in found]
 

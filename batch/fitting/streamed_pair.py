@@ -52,8 +52,8 @@ class Seen:
 def streamed_outcome(block: Block, plan: Plan, options: BatchOptions) -> tuple[PairOutcome, pd.DataFrame]:
     """Fit the power laws of the pair of a streamed block; the table of its laws is that of rows in memory.
 
-    Every law reads the chunks anew. Load laws, roughness and additive errors need all rows at once: they have rows
-    that say so. There is no posterior, no tool life and no design section.
+    Every law reads the chunks anew. Load laws, roughness and additive errors need all rows at once: their
+    rows in the table give this reason. There is no posterior, no tool life and no design section.
     """
     pair = block.pairs[0]
     with closing(_chunks(block, plan)) as chunks:

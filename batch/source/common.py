@@ -16,10 +16,6 @@ Ints = NDArray[np.intp]
 MapOver = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 
-def no_report(words: str) -> None:
-    """Receives progress updates and ignores them."""
-
-
 def is_large(path: Path) -> bool:
     """Whether a text file is too large to be read whole."""
     return path.suffix.lower() != ".xlsx" and path.stat().st_size > LARGE

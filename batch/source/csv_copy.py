@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import DataError, UsageError
+from ..engine.base import no_report
 from ..plan import Plan, Reading
-from .common import no_report
 
 if TYPE_CHECKING:
     from .csv_head import Head
@@ -132,28 +132,18 @@ def _convert(
     from .csv_head import read_head
 
     head = read_head(source, reading, part, size)
-    try:
-        assumed = _written(source, head, part, report, block_size)
-    except UnicodeError:
-        # no letter of the head distinguishes UTF-8 from Windows-1252, or the encoding changes within the file
-        if not head.ascii:
-            raise _damaged(source, head) from None
-        head = replace(head, encoding="cp1252")
+    # no letter of an ASCII head distinguishes UTF-8 from Windows-1252
+    for encoding in (head.encoding, "cp1252") if head.ascii else (head.encoding,):
         try:
-            assumed = _written(source, head, part, report, block_size)
+            assumed = _written(source, replace(head, encoding=encoding), part, report, block_size)
+            break
         except UnicodeError:
-            raise _damaged(source, head) from None
-    facts = {
-        "tool": head.reading.tool,
-        "work": head.reading.work,
-        "assumed": [*head.assumed, *assumed],
-        "notes": head.notes,
-    }
+            continue
+    else:
+        raise DataError(f"{source.name} holds bytes that are not {encoding}: save it as CSV UTF-8.")
+    names = {"tool": head.reading.tool, "work": head.reading.work}
+    facts = names | {"assumed": [*head.assumed, *assumed], "notes": head.notes}
     (part / FACTS).write_text(json.dumps(facts, ensure_ascii=False), "utf-8")
-
-
-def _damaged(source: Path, head: "Head") -> DataError:
-    return DataError(f"{source.name} holds bytes that are not {head.encoding}: save it as CSV UTF-8.")
 
 
 def _written(

@@ -1,7 +1,7 @@
 """Selection of the kind of source: a folder of lab files, a Parquet data set, or a CSV too large for memory."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,10 @@ import pandas as pd
 
 from ...core.errors import DataError, UsageError
 from ...datasets.tables.decode import load_bytes
+from ..engine.base import no_report
 from ..plan import Block, Plan, Reading
 from ..rows import Rows
-from .common import LAB, PARQUET, MapOver, is_large, no_report, some_names
+from .common import LAB, PARQUET, MapOver, is_large, some_names
 
 OURS = ("results.csv", "attention.csv", "comparison.csv", "pooled.csv", "pairs", "figures", "site")
 
@@ -76,18 +77,18 @@ def open_source(
     path = existing_path(source)
     limits: dict[str, Any] = {"most_rows": most_rows, "most_pairs": most_pairs}
     onward: dict[str, Any] = {**limits, "work": work, "report": report, "reads": reads}
+    inside = folder_contents(path)
+    if inside.parquet:
+        from .parquet_blocks import parquet_plan
+
+        _one_kind(path, inside)
+        return parquet_plan(path, reading, **onward)
     if path.is_file():
-        if path.suffix.lower() in PARQUET:
-            return _parquet(path, reading, onward)
         if is_large(path):
             from .csv_copy import csv_stream
 
             return csv_stream(path, reading, **onward)
         return files_plan(path, (path,), reading, **limits, report=report, map_over=map_over)
-    inside = folder_contents(path)
-    if inside.parquet:
-        _one_kind(path, inside)
-        return _parquet(path, reading, onward)
     if not inside.lab:
         raise DataError(_nothing(path, inside))
     skipped = tuple(_skipped(inside))
@@ -110,12 +111,6 @@ def existing_path(source: str | os.PathLike[str]) -> Path:
     if not path.exists():
         load_bytes(path)
     return path
-
-
-def _parquet(path: Path, reading: Reading, onward: Mapping[str, Any]) -> Plan:
-    from .parquet_blocks import parquet_plan
-
-    return parquet_plan(path, reading, **onward)
 
 
 def rows_of(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
@@ -147,7 +142,7 @@ def chunks_of(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
 
 
 def folder_contents(folder: Path) -> FolderContents:
-    """Contents of a folder by kind; output of ``fitmodels`` is skipped.
+    """Contents of a folder by kind, without output of ``fitmodels``; a Parquet file is its own content.
 
     Examples
     --------
@@ -160,6 +155,8 @@ def folder_contents(folder: Path) -> FolderContents:
     (['a.TXT', 'b.csv'], ('photo.jpg',))
     """
     lab, parquet, other, ours = [], [], [], []
+    if folder.suffix.lower() in PARQUET and folder.is_file():
+        parquet.append(folder)
     for here, folders, files in os.walk(folder):
         at = Path(here)
         written = {name for name in folders if _is_ours(at / name)}
