@@ -24,7 +24,7 @@ def parser() -> Parser:
         "Write an excitation as a table with its sample rate. With a guess of the plant (--like params.json) and the\n"
         "noise of the sensor (--noise), print the predicted standard error of the gain, to choose band and length.",
     )
-    p.add_argument("--kind", choices=KINDS, default="chirp", help="chirp sweeps evenly (CLM-2023 eq. 17; default)")
+    p.add_argument("--kind", choices=KINDS, default="chirp", help="chirp: linear sweep (CLM-2023 eq. 17; default)")
     p.add_argument("--amplitude", type=float, default=2.5, help="in the unit of the input (default: 2.5)")
     p.add_argument("--offset", type=float, default=0.0, help="operating point of the input (default: 0)")
     p.add_argument("--band", metavar="LOW:HIGH", default="0.1:2", help="Hz (default: 0.1:2)")

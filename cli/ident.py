@@ -22,8 +22,8 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels ident",
         "fitmodels ident run.csv --input u --output y",
-        "Identify the dynamics of a machine from evenly sampled input and output, validate the model by simulation of\n"
-        "samples that it was not fitted to, and write params.json, a card and figures. Several runs may be given.",
+        "Identify the dynamics of a machine from uniformly sampled input and output, validate the model by simulation\n"
+        "of samples that it was not fitted to, and write params.json, a card and figures. Several runs may be given.",
     )
     p.add_argument("file", metavar="RUN", nargs="+", help="table of samples: CSV, TXT, .xlsx, .lvm, .tdms or .mat")
     p.add_argument("--input", metavar="COLUMN", help="commanded signal: header, or col2")

@@ -78,7 +78,7 @@ DEGENERATE = {
         "every factor changes within the edges",
     ),
     "a perfect law": (lambda: wear(6, noise=0.0, between=0.0), "fits every row exactly"),
-    "rows exact within edges": (lambda: wear(8, noise=0.0, between=0.1), "no scatter within edges"),
+    "rows exact within edges": (lambda: wear(8, noise=0.0, between=0.1), "no variance within edges"),
     "an edge alone": (
         lambda: wear(6, V=alike(6, 80.0, 80, 80, 80, 80, 160), f=alike(6, *np.linspace(0.1, 0.5, 6))),
         "edge E5 alone determines a parameter",
@@ -131,7 +131,7 @@ def test_replicates_that_are_copies_are_no_pure_error():
     frame = pd.DataFrame({"V": V, "AW": 0.1 * V**0.5 * np.array([1.0, 1.0, 1.1, 1.1, 0.9, 0.9, 1.05])})
     law = fit.power_law(datasets.runs_from_frame(frame), "AW", ["V"])
     assert (law.repeats, law.nobs) == (1, 7)
-    assert "they are copies and no pure error" in str(adequacy(law).checks["form"])
+    assert "they are copies without pure error" in str(adequacy(law).checks["form"])
 
 
 @pytest.mark.parametrize("response", ["AW", "P", "Fxz"])
@@ -217,7 +217,7 @@ def test_the_order_of_rows_is_not_told_of_a_choice_of_them():
     found = adequacy(law)
     assert found.nobs == 3000
     assert str(found.checks["order within edges"]).startswith(
-        "3000 of 6000 rows were checked, evenly selected: neighbours on an edge"
+        "3000 of 6000 rows were checked, evenly spaced: neighbours on an edge"
     )
     assert any(
         said.startswith("Not testable (Autocorrelation within edges): 3000 of 6000") for said in found.verdicts(20)

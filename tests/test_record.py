@@ -76,7 +76,7 @@ def test_stretches_too_short_for_the_new_rate_are_left_out_and_that_is_told():
     slow = rec.decimated(10)
     assert slow.starts == (0,)
     assert slow.offsets.tolist() == [rec.offsets[1].tolist()]
-    assert "1 stretch(es) too short" in slow.notes[-1]
+    assert "1 segment(s) too short" in slow.notes[-1]
 
 
 def test_the_operating_point_is_kept_through_centring_rate_and_shift():
@@ -101,7 +101,7 @@ def test_runs_of_two_clocks_are_joined_and_the_files_named():
         pytest.param(lambda r: r.decimated(2.5), DataError, "whole number", id="a decimation by a fraction"),
         pytest.param(lambda r: r.decimated(90), DataError, "3 samples left", id="nothing left"),
         pytest.param(lambda r: r.resampled(-1.0), UsageError, "above zero", id="a rate below zero"),
-        pytest.param(lambda r: r.resampled(31.41592), UsageError, "no simple ratio", id="a rate that is no ratio"),
+        pytest.param(lambda r: r.resampled(31.41592), UsageError, "not a simple ratio", id="a rate that is no ratio"),
         pytest.param(lambda r: r.less(np.nan, 0.0), DataError, "finite", id="an operating point that is none"),
         pytest.param(
             lambda r: join_records([r, r.decimated(2)]), DataError, "cannot be joined", id="two rates in one record"

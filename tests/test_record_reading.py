@@ -88,7 +88,7 @@ def test_what_was_presumed_stands_in_the_notes(read):
     notes = told(read(text(header="t;u;y")))
     assert "input u and output y are assumed from their order" in notes
     assert "seconds are assumed" in notes
-    assert "sampled every 0.02 s (50 Hz), evenly" in notes
+    assert "sampled every 0.02 s (50 Hz), uniformly" in notes
     assert "assumed from" not in told(read(text(), "u", "y"))
 
 
@@ -99,7 +99,7 @@ def test_times_rounded_to_a_millisecond_still_tell_the_rate(read, rate):
     rec = read(text(times, form="{:.12g}"))
     assert rec.rate == pytest.approx(rate, rel=1e-4)
     assert rec.starts == (0,)
-    assert "within the 0.001 s to which times are written" in told(rec)
+    assert "uniform within the 0.001 s resolution of the times" in told(rec)
 
 
 def test_jitter_is_measured_and_told(read):
@@ -143,7 +143,7 @@ def test_a_pause_that_is_no_whole_number_of_samples_breaks_too(read):
     times = TIME + np.where(np.arange(N) >= 60, 7.3 * STEP, 0)
     rec = read(text(times, form="{:.12g}"))
     assert rec.starts == (0, 60)
-    assert "no whole number of samples" in told(rec)
+    assert "not a whole number of samples" in told(rec)
 
 
 def test_times_that_start_again_and_labels_begin_runs(read):
@@ -198,7 +198,7 @@ def uneven(seed=0, n=3000):
 
 def test_uneven_sampling_is_refused_unless_resampling_is_asked_for(read):
     content = text(*uneven(), form="{:.10g}")
-    with pytest.raises(DataError, match=r"is not even: its steps lie between 0\.008.* and 0\.0119.*--resample"):
+    with pytest.raises(DataError, match=r"is not uniform: its steps range from 0\.008.* to 0\.0119.*--resample"):
         read(content)
 
 
@@ -307,7 +307,7 @@ def test_an_input_that_stands_by_intent_is_not_called_clipped(read, u):
         pytest.param(text(np.arange(N), header="k;u;y"), {}, UsageError, "no column of times", id="a count, no rate"),
         pytest.param(text(times=U, header="x;u;y"), {"input": "u", "output": "y"}, UsageError, "--rate",
                      id="no time at all"),
-        pytest.param(text(TIME[::-1]), {}, DataError, "newest sample stands first", id="times falling"),
+        pytest.param(text(TIME[::-1]), {}, DataError, "newest sample is first", id="times falling"),
         pytest.param(text(np.r_[TIME[:50], TIME[30:180]]), {}, DataError, "falls from 0.98 to 0.6 in line 52",
                      id="times stepping back"),
         pytest.param(text(np.r_[TIME[:50], TIME[49:-1]]), {}, DataError, "is the same in lines 51 and 52",

@@ -253,7 +253,7 @@ def _mismatches(file: ParquetFile, schema: Any, known: SourceColumns, reading: R
         elif use.header not in partition:
             yield f"{file.name}: no folder above it is named {use.header}=..., as one above {known.first.name} does."
         elif is_numeric and not is_number(partition[use.header]):
-            yield f"{file.name}: its folder is named {use.header}={partition[use.header]}, which is no number."
+            yield f"{file.name}: its folder is named {use.header}={partition[use.header]}, which is not a number."
 
 
 def _column_mismatch(

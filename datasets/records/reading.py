@@ -179,7 +179,7 @@ def _samples(
     places = (np.flatnonzero(keep) - np.cumsum(again))[~again]
     cuts = np.flatnonzero(np.diff(runs[~again])) + 1
     if cuts.size:
-        notes.append(f"{cuts.size + 1} runs are distinguished by their labels: each is a separate stretch")
+        notes.append(f"{cuts.size + 1} runs are distinguished by their labels: each is a separate segment")
     return Samples(time[~again], values[~again], lines[~again], places, cuts), notes
 
 

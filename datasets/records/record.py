@@ -165,7 +165,7 @@ class Record(Plottable):
         Raises
         ------
         DataError
-            k is not a whole number of 1 or more, or no stretch is long enough.
+            k is not a whole number of 1 or more, or no segment is long enough.
 
         Examples
         --------
@@ -198,7 +198,7 @@ class Record(Plottable):
         kept = [i for i, s in enumerate(self.stretches) if (s.stop - s.start - 1) * up // down + 1 >= 3]
         if not kept:
             raise DataError(
-                f"no stretch of this record has 3 samples left at {self.rate * up / down:g} Hz: the longest has "
+                f"no segment of this record has 3 samples left at {self.rate * up / down:g} Hz: the longest has "
                 f"{max(s.stop - s.start for s in self.stretches)} at {self.rate:g} Hz."
             )
         parts = [[rational(x[self.stretches[i]], up, down) for x in (self.u, self.y)] for i in kept]
@@ -209,7 +209,7 @@ class Record(Plottable):
             f"{KEPT * slower * self.rate / 2:.4g} Hz is kept, that above {slower * self.rate / 2:.4g} Hz removed"
         ]
         if len(kept) < len(self.starts):
-            notes.append(f"{len(self.starts) - len(kept)} stretch(es) too short for the new rate are left out")
+            notes.append(f"{len(self.starts) - len(kept)} segment(s) too short for the new rate are left out")
         return replace(
             self,
             u=np.concatenate([part[0] for part in parts]),

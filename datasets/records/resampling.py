@@ -78,7 +78,7 @@ def ratio_of(rate: float, sample_time: float) -> Fraction:
     if not ratio or max(ratio.numerator, ratio.denominator) > LONGEST or abs(float(ratio) / exact - 1) > 1e-6:
         near = f"; near it is {float(ratio) / sample_time:.6g} Hz" if ratio else ""
         raise UsageError(
-            f"{rate:g} Hz is no simple ratio of {1 / sample_time:.6g} Hz (whole numbers up to {LONGEST}){near}."
+            f"{rate:g} Hz is not a simple ratio of {1 / sample_time:.6g} Hz (whole numbers up to {LONGEST}){near}."
         )
     return ratio
 
@@ -112,6 +112,6 @@ def interpolated(time: Array, values: Array, starts: tuple[int, ...], rate: floa
             grid = t[0] + np.arange(count) / rate
             parts.append(np.column_stack([np.interp(grid, t, column) for column in values[begin:end].T]))
     if not parts:
-        raise DataError(f"no stretch is long enough for two samples at {rate:g} Hz: take a higher rate.")
+        raise DataError(f"no segment is long enough for two samples at {rate:g} Hz: take a higher rate.")
     begins = np.concatenate([[0], np.cumsum([len(part) for part in parts])])[:-1]
     return np.concatenate(parts), tuple(int(b) for b in begins)

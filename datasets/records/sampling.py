@@ -93,7 +93,7 @@ def run_starts(time: Array, cuts: Rows, name: str, lines: Rows) -> Rows:
     falls = np.flatnonzero(steps < 0) + 1
     if 2 * falls.size > steps.size:
         raise DataError(
-            f"{name} falls from row to row, from {time[0]:g} to {time[-1]:g}: the newest sample stands first. "
+            f"{name} falls from row to row, from {time[0]:g} to {time[-1]:g}: the newest sample is first. "
             "Sort the rows by time."
         )
     starts = np.union1d(np.array([0], dtype=np.intp), cuts)
@@ -204,16 +204,18 @@ def _step(steps: Array, place: float, name: str, expected: float | None) -> tupl
 def _uneven(steps: Array, name: str) -> str:
     low, middle, high = np.percentile(steps, [1, 50, 99])
     return (
-        f"{name} is not even: its steps lie between {low:.4g} and {high:.4g}, half of them below {middle:.4g}, and a "
-        "model of samples needs one step. Record at a fixed rate, or give --resample (Hz) to interpolate."
+        f"{name} is not uniform: its steps range from {low:.4g} to {high:.4g}, median {middle:.4g}, but a "
+        "discrete model needs one step. Record at a fixed rate, or give --resample (Hz) to interpolate."
     )
 
 
 def _step_note(name: str, T: float, worst: float, place: float) -> str:
     rate = f"{name}: sampled every {T:.6g} s ({1 / T:.6g} Hz)"
     if place:
-        return f"{rate}, evenly within the {place:g} s to which times are written"
-    return f"{rate}; the steps differ from that by {100 * worst:.2g} % at most" if worst > 1e-6 else f"{rate}, evenly"
+        return f"{rate}, uniform within the {place:g} s resolution of the times"
+    return (
+        f"{rate}; the steps differ from that by {100 * worst:.2g} % at most" if worst > 1e-6 else f"{rate}, uniformly"
+    )
 
 
 def _break_notes(
@@ -222,11 +224,14 @@ def _break_notes(
     notes = []
     if restarts > 0:
         notes.append(f"{name} starts again {restarts} time(s): each is a separate run")
-    for places, what in ((lost, f"{missing} sample(s) are missing"), (stray, "the step is no whole number of samples")):
+    for places, what in (
+        (lost, f"{missing} sample(s) are missing"),
+        (stray, "the step is not a whole number of samples"),
+    ):
         rows = np.flatnonzero(places) + 1
         if rows.size:
             shown = ", ".join(str(lines[row]) for row in rows[:3]) + (", ..." if rows.size > 3 else "")
-            notes.append(f"{what}, in {rows.size} place(s) (line {shown}): a new stretch begins after each")
+            notes.append(f"{what}, in {rows.size} place(s) (line {shown}): a new segment begins after each")
     return notes
 
 

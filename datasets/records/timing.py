@@ -136,7 +136,7 @@ def _uneven(samples: Samples, seconds: float, name: str, rate: float, notes: tup
     begins = tuple(np.union1d(starts, gaps).tolist())
     values, begins = interpolated(time, samples.values, begins, rate * times_denser)
     assumptions = (
-        f"{name} is not even (steps {steps[inside].min():.4g} to {steps[inside].max():.4g} s): samples are "
+        f"{name} is not uniform (steps {steps[inside].min():.4g} to {steps[inside].max():.4g} s): samples are "
         f"interpolated linearly at {rate * times_denser:g} Hz",
         *([f"{gaps.size} gap(s) of more than {GAP:g} median steps are left open"] if gaps.size else []),
     )

@@ -140,7 +140,7 @@ def _order(law: LawFit, strata: Strata | NotAvailable, rows_given: int) -> Seria
     """The test of autocorrelation; not available for a selection of rows, which lacks their neighbours."""
     if isinstance(strata, Strata) and law.nobs < rows_given:
         return NotAvailable(
-            f"{law.nobs} of {rows_given} rows were checked, evenly selected: neighbours on an edge are missing; "
+            f"{law.nobs} of {rows_given} rows were checked, evenly spaced: neighbours on an edge are missing; "
             f"fit whole edges, {MOST_ROWS} rows at most, to test autocorrelation"
         )
     return serial_correlation(law, strata)

@@ -87,7 +87,7 @@ def _of_edges(law: LawFit, strata: Strata) -> LackOfFit | NotAvailable:
     if S == G:
         return NotAvailable(
             "no two edges were tested at the same conditions, so pure error is unknown and lack of fit not "
-            "testable: repeat one setting, the middle one say, on three or four new edges"
+            "testable: replicate one setting, for instance the centre point, on three or four new edges"
         )
     stacked, w = strata.stacked(), strata.basis.shape[1]
     law_ss = _left(stacked[:, :-1], stacked[:, -1])[0]
@@ -105,7 +105,7 @@ def _of_rows(law: LawFit) -> LackOfFit | NotAvailable:
     if law.nobs == S:
         return NotAvailable(
             "no two rows were measured at the same conditions, so pure error is unknown and the form of the law cannot "
-            "be tested: repeat one setting, the middle one say, three or four times"
+            "be tested: replicate one setting, for instance the centre point, three or four times"
         )
     one = np.ones(law.nobs)
     about = without_levels(law.residuals[:, None], one, setting, S)[1][:, 0]
@@ -137,7 +137,7 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
         )
     if pure <= COPIES * ss_law:
         return NotAvailable(
-            f"replicated {units} agree to every digit, so they are copies and no pure error: replicate by a new test"
+            f"replicated {units} are identical, so they are copies without pure error: replicate by a new test"
         )
     lack = max(ss_law - pure, 0.0)
     F = lack / df[0] / (pure / df[1])

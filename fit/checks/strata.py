@@ -54,7 +54,7 @@ MOST_ROWS = 5_000
 
 
 def even_choice(law: LawFit, most: int = MOST_ROWS) -> LawFit:
-    """The law refitted to at most ``most`` of its rows, evenly selected; the law itself where it has no more.
+    """The law refitted to at most ``most`` of its rows, evenly spaced; the law itself where it has no more.
 
     Examples
     --------
