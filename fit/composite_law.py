@@ -90,7 +90,7 @@ class Composite(Plottable):
     @property
     def verdict(self) -> str:
         """Whether the exponent of wear is identified, in one sentence."""
-        wear, others = self.wear_law.response, ", ".join(_less(self.law.factors, self.wear_law.response))
+        wear, others = self.wear_law.response, ", ".join(self.law.formula.other_factors(self.wear_law.response))
         if self.concern:
             return (
                 f"{self.law.response}: {wear} is nearly a function of {others} (VIF {self.vif:.1f}, above {HIGH:g}), "
@@ -162,7 +162,7 @@ def composite(law: LawFit, wear_law: LawFit) -> Composite:
     _check(law, wear_law)
     wear = wear_law.response
     mine, theirs = list(law.theta_names[1:]), list(wear_law.theta_names[1:])
-    factors = list(dict.fromkeys([*_less(law.factors, wear), *wear_law.factors]))
+    factors = list(dict.fromkeys([*law.formula.other_factors(wear), *wear_law.factors]))
     shifts = [name for name in dict.fromkeys([*mine, *theirs]) if name not in factors and name != wear]
     names = ["ln c0", *factors, *shifts]
     own, drawn = _places(["ln c0", *mine], names), _places(["ln c0", *theirs], names)
@@ -195,7 +195,7 @@ def without(law: LawFit, factor: str) -> LawFit | NotAvailable:
         return NotAvailable(f"{factor} is the only factor of {law.response}: nothing is left without it")
     if (law.observed <= 0).any():
         return NotAvailable(f"{law.response} is zero or negative in some rows: a refit starts from its logarithm")
-    form = LawForm("power", law.response, _less(law.factors, factor))
+    form = LawForm("power", law.response, law.formula.other_factors(factor))
     X, y = np.delete(law.X, j, axis=1), np.log(law.observed)
     theta, cov, eta, r, tss = linear_stage(form.design(X, law.shifts), y)
     rows = FittedRows(X, law.shifts, law.observed, np.exp(eta), r, law.lines, law.edge)
@@ -250,7 +250,3 @@ def _vif(law: LawFit, at: int) -> float:
     Z = law.design
     fit = linear(np.delete(Z, at, axis=1), Z[:, at])
     return fit.tss / fit.rss if fit.rss > 0 else float("inf")
-
-
-def _less(names: tuple[str, ...], name: str) -> tuple[str, ...]:
-    return tuple(other for other in names if other != name)

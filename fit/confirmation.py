@@ -21,7 +21,7 @@ from ..core.display import Displayable, Plottable
 from ..core.errors import FitError, UsageError
 from ..datasets import Runs
 from .available import NotAvailable
-from .edges import EdgeInference
+from .edges import EdgeInference, sums_by
 from .lawfit import LawFit
 from .prediction import new_edge
 from .rows import Dropped, Positive, select
@@ -306,7 +306,7 @@ def _by_edge(
     names, number = np.unique(rows["edge"].astype(str), return_inverse=True)
     fitted = rows["predicted"].to_numpy()
     size = np.bincount(number).astype(float)
-    means = np.column_stack([np.bincount(number, weights=a) for a in (*A.T, e)]) / size[:, None]
+    means = sums_by(number, np.column_stack([A, e]), len(size)) / size[:, None]
     B, level_of = means[:, :-1], means[:, -1]
     own = edges.mixed.sd_between**2 + edges.mixed.sd_within**2 / size
     df, inner = float(edges.df_between), float(edges.df_within)

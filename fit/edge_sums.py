@@ -29,7 +29,9 @@ from .edges import (
     indispensable,
     left_out_moves,
     of_moves,
+    products_by,
     random_level,
+    sums_by,
     too_few_edges,
 )
 from .least_squares import LinearFit
@@ -104,12 +106,12 @@ class EdgeSums:
         key = edge.astype(np.int64) * MOST_LEVELS + (0 if level is None else level)
         local, keys = pd.factorize(key)
         n = np.bincount(local).astype(float)
-        mean: Array = np.column_stack([np.bincount(local, weights=w) for w in W.T]) / n[:, None]
+        mean = sums_by(local, W, len(n)) / n[:, None]
         opening = np.zeros(len(keys), dtype=np.intp)
         opening[local[::-1]] = np.arange(len(local))[::-1]
         at = self._numbers(keys, W[opening])
         np.maximum.at(self.far, at[local], np.abs(W - self.first[at][local]))
-        self._combine(at, n, mean, _products(W - mean[local], local, len(n)))
+        self._combine(at, n, mean, products_by(local, W - mean[local], len(n)))
 
     def merge(self, other: "EdgeSums") -> None:
         """Add the sums of further rows; both need the same ``base``."""
@@ -160,15 +162,6 @@ class EdgeSums:
         for name in ("size", "mean", "first", "far", "square"):
             old = getattr(self, name)
             setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]))]))
-
-
-def _products(D: Array, local: Index, groups: int) -> Array:
-    q = D.shape[1]
-    out = np.empty((groups, q, q))
-    for i in range(q):
-        for j in range(i + 1):
-            out[:, i, j] = out[:, j, i] = np.bincount(local, weights=D[:, i] * D[:, j], minlength=groups)
-    return out
 
 
 def _square_roots(square: Array) -> Array:
@@ -325,8 +318,7 @@ def infer_from_sums(
 def _levels(rows: EquivalentRows, within: NDArray[np.bool_]) -> RandomLevel:
     """The fit with a random level of each edge; the law of the sums is about ``base``."""
     p = rows.centre.shape[1] - 1
-    total = [np.bincount(rows.edge, weights=rows.size * c) for c in rows.centre.T]
-    means: Array = np.column_stack(total) / rows.edge_size[:, None]
+    means = sums_by(rows.edge, rows.size[:, None] * rows.centre, len(rows.names)) / rows.edge_size[:, None]
     apart = np.sqrt(rows.size)[:, None] * (rows.centre - means[rows.edge])
     inside = np.asarray(np.linalg.qr(np.vstack([rows.roots.reshape(-1, p + 1), apart]), mode="r"))
     about = random_level(inside, means, rows.edge_size, within)

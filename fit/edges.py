@@ -183,6 +183,30 @@ def infer_by_edge(
     )
 
 
+def sums_by(group: Index, A: Array, G: int) -> Array:
+    """Sum of each column of A over the rows of each of G groups (edges, levels), shape (G, k).
+
+    Examples
+    --------
+    >>> sums_by(np.array([0, 1, 1]), np.array([[1.0], [2.0], [3.0]]), 2).tolist()
+    [[1.0], [5.0]]
+    """
+    sums = np.empty((G, A.shape[1]))
+    for j, column in enumerate(A.T):
+        sums[:, j] = np.bincount(group, weights=column, minlength=G)
+    return sums
+
+
+def products_by(group: Index, A: Array, G: int) -> Array:
+    """Sums of products ``A_g' A_g`` of the rows of each of G groups, shape (G, k, k)."""
+    k = A.shape[1]
+    out = np.empty((G, k, k))
+    for i in range(k):
+        for j in range(i + 1):
+            out[:, i, j] = out[:, j, i] = np.bincount(group, weights=A[:, i] * A[:, j], minlength=G)
+    return out
+
+
 def changes_within(columns: Array, edge: Index) -> NDArray[np.bool_]:
     """Whether each column (n, c) changes among the rows of one edge, edges numbered from 0.
 
@@ -307,7 +331,7 @@ def fit_random_level(Z: Array, y: Array, edge: Index, within: NDArray[np.bool_])
     (0.1, 0.3)
     """
     size = np.bincount(edge).astype(float)
-    means = np.column_stack([np.bincount(edge, weights=column) for column in (*Z.T, y)]) / size[:, None]
+    means = sums_by(edge, np.column_stack([Z, y]), len(size)) / size[:, None]
     return random_level(_within_triangle(Z, y, edge, means), means, size, within)
 
 

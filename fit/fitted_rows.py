@@ -1,8 +1,8 @@
 """Rows of a fitted law, and their source."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -86,6 +86,10 @@ class FittedRows:
         if self.edge is None:
             return np.zeros(len(self), dtype=np.intp)
         return np.asarray(pd.factorize(self.edge, sort=True)[0], dtype=np.intp)
+
+    def part(self, rows: NDArray[Any] | slice) -> Self:
+        """These rows only, by their positions or by a mask."""
+        return replace(self, **{name: v[rows] for name in self.__slots__ if (v := getattr(self, name)) is not None})
 
     def domain(self, factors: Sequence[str]) -> dict[str, tuple[float, float]]:
         """Lowest and highest value of each factor."""

@@ -6,6 +6,7 @@ from typing import Any, Self, get_args, overload
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ..core.arrays import Array
 from ..core.display import Plottable
@@ -92,8 +93,8 @@ class LawFit(RowAccess, Plottable):
         own: dict[str, Any] = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
         return cls(formula=formula, rows=rows, **own, **facts)
 
-    def with_rows(self, **changes: Any) -> Self:  # noqa: ANN401
-        """The law with changed fields, those of ``rows`` among them; inference by edge is left as it is.
+    def with_rows(self, part: NDArray[Any] | slice = slice(None), **changes: Any) -> Self:  # noqa: ANN401
+        """The law on part of its rows with changed fields, those of ``rows`` among them; ``edges`` stay as they are.
 
         Examples
         --------
@@ -103,7 +104,7 @@ class LawFit(RowAccess, Plottable):
         True
         """
         own = {name: changes.pop(name) for name in FittedRows.__slots__ if name in changes}
-        rows, formula = replace(self._in_memory, **own), changes.get("formula", self.formula)
+        rows, formula = replace(self._in_memory.part(part), **own), changes.get("formula", self.formula)
         sizes: dict[str, Any] = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
         return replace(self, rows=rows, **sizes, **changes)
 

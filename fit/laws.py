@@ -97,6 +97,10 @@ class LawForm(Displayable):
         """Names of the coefficients, constant first: ``c0, V, f`` or ``a, b`` or ``A, B, k1``."""
         return FORMS[self.name].coefficients or ("c0", *self.factors)
 
+    def other_factors(self, name: str) -> tuple[str, ...]:
+        """Symbols of the factors without this one."""
+        return tuple(other for other in self.factors if other != name)
+
     @property
     def logarithmic(self) -> bool:
         """True where the law is linear for the logarithm of the response."""

@@ -36,7 +36,7 @@ from ..core.intervals import (
     value_and_ends,
 )
 from .available import NotAvailable
-from .edges import EdgeInference
+from .edges import EdgeInference, sums_by
 from .fitted_rows import FittedRows
 from .laws import Error, LawForm
 from .least_squares import linear
@@ -157,7 +157,7 @@ def same_edge(law: Fitted, Z: Array, table: pd.DataFrame) -> PredictiveScale:
     at = _known(law, inference, table)
     A, number = law.gradient_at(law.design), _edge_numbers(law)
     size = np.bincount(number).astype(float)
-    means = np.column_stack([np.bincount(number, weights=a) for a in (*A.T, law.residuals)]) / size[:, None]
+    means = sums_by(number, np.column_stack([A, law.residuals]), len(size)) / size[:, None]
     weight = (inference.mixed.sd_between**2 / (inference.mixed.sd_between**2 + sd**2 / size))[at] if sd > 0 else none
     centre, M = means[at, :-1], linear(A, law.residuals).cov_unscaled
     q = law.gradient_at(Z) - weight[:, None] * centre

@@ -202,12 +202,10 @@ def refitted(law: LawFit, error: Error, keep: slice = slice(None)) -> LawFit:
     FitError
         The rows miss a level or a setting, or least squares on the original scale does not converge.
     """
-    X, shifts, y = law.X[keep], law.shifts[keep], law.observed[keep]
-    Z = law.formula.design(X, shifts)
-    stage = _stage(law.formula, error, Z, y, law.theta)
-    check_constant(law.formula, stage[0], Z)
-    edge = None if law.edge is None else law.edge[keep]
-    rows = FittedRows(X, shifts, y, stage[2], stage[3], law.lines[keep], edge)
+    part = law.with_rows(keep)
+    stage = _stage(law.formula, error, part.design, part.observed, law.theta)
+    check_constant(law.formula, stage[0], part.design)
+    rows = FittedRows(part.X, part.shifts, part.observed, stage[2], stage[3], part.lines, part.edge)
     return law_of(law.formula, error, stage, rows, **facts_of(law))
 
 

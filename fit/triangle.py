@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .edges import sums_by
 from .least_squares import LinearFit, linear
 
 Array = NDArray[np.float64]
@@ -43,8 +44,7 @@ def triangle_of(W: Array, level: Index | None = None, levels: int = 1) -> Triang
         mean = mean + (W - mean).mean(axis=0)  # adds back what rounding took
         return Triangle(n, mean[None], np.asarray(np.linalg.qr(W - mean, mode="r")))
     n = np.bincount(level, minlength=levels).astype(float)
-    sums = np.column_stack([np.bincount(level, weights=w, minlength=levels) for w in W.T])
-    means: Array = sums / np.maximum(n, 1)[:, None]
+    means = sums_by(level, W, levels) / np.maximum(n, 1)[:, None]
     return Triangle(n, means, np.asarray(np.linalg.qr(W - means[level], mode="r")))
 
 

@@ -226,15 +226,7 @@ def _on(law: LawFit, lines: Rows) -> LawFit:
     rows = rows[np.searchsorted(law.lines[rows], lines)]
     if law.edge is not None:
         rows = rows[np.argsort(law.edge[rows].astype(str), kind="stable")]
-    return law.with_rows(
-        X=law.X[rows],
-        shifts=law.shifts[rows],
-        observed=law.observed[rows],
-        fitted=law.fitted[rows],
-        residuals=law.residuals[rows],
-        lines=law.lines[rows],
-        edge=None if law.edge is None else law.edge[rows],
-    )
+    return law.with_rows(rows)
 
 
 def _edges(law: LawFit) -> bool:

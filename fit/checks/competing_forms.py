@@ -87,7 +87,7 @@ def _exponential(law: LawFit) -> FittedForm | NotAvailable:
     Z[:, 1 + j] = law.X[:, j]
     names = ["ln c0", *law.names[1:]]
     names[1 + j] = "k"
-    formula = f"{law.response} = c0 {_product(_less(law.factors, wear))} exp(k {wear})"
+    formula = f"{law.response} = c0 {_product(law.formula.other_factors(wear))} exp(k {wear})"
     return _straight(f"exponential in {wear}", formula, names, Z, np.log(law.observed))
 
 
@@ -109,7 +109,7 @@ def _additive(law: LawFit) -> FittedForm | NotAvailable:
     theta[0] += level - float(centre @ theta)
     names = ["ln c0", *(name for name in law.names[1:] if name != wear), "k"]
     coefficients = dict(zip(names, [*theta.tolist(), share * per_k], strict=True))
-    formula = f"{law.response} = c0 {_product(_less(law.factors, wear))} + k {wear}"
+    formula = f"{law.response} = c0 {_product(law.formula.other_factors(wear))} + k {wear}"
     return FittedForm(f"additive in {wear}", formula, coefficients, gradient, r, gradient, r)
 
 
@@ -187,10 +187,6 @@ def _second_order(law: LawFit) -> FittedForm | NotAvailable:
     return _straight(
         "second order in logs", formula, ["a", *(names[j] for j in keep), *shifts], Z, np.log(law.observed)
     )
-
-
-def _less(names: tuple[str, ...], name: str) -> tuple[str, ...]:
-    return tuple(other for other in names if other != name)
 
 
 def _product(factors: tuple[str, ...]) -> str:

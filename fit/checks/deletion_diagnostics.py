@@ -15,9 +15,10 @@ import numpy as np
 
 from ...core.arrays import Array
 from ..available import NotAvailable
+from ..edges import products_by, sums_by
 from ..lawfit import LawFit
 from .check import Check
-from .strata import Strata, covariance, has_repeated_edges, linear_columns, no_scatter, sums_by
+from .strata import Strata, covariance, has_repeated_edges, linear_columns, no_scatter
 
 ALONE = 1e-10  # smallest share of the information on a parameter that the other units must have
 
@@ -71,10 +72,7 @@ def deletion(law: LawFit, strata: Strata | NotAvailable) -> Deletion | NotAvaila
 def _edges_out(law: LawFit, strata: Strata, Q: Array, to_theta: Array) -> Deletion | NotAvailable:
     """With Q orthonormal, leaving edge g out moves its coefficients by ``-(I - Q_g'Q_g)^-1 Q_g' r_g``."""
     G, p = len(strata.names), Q.shape[1]
-    blocks = np.empty((G, p, p))
-    for i in range(p):
-        for j in range(i, p):
-            blocks[:, i, j] = blocks[:, j, i] = np.bincount(strata.edge, weights=Q[:, i] * Q[:, j], minlength=G)
+    blocks = products_by(strata.edge, Q, G)
     others = np.eye(p) - blocks
     alone = np.flatnonzero(np.linalg.eigvalsh(others)[:, 0] < ALONE)
     if alone.size:

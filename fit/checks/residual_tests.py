@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ..available import NotAvailable
+from ..edges import sums_by
 from ..lawfit import LawFit
 from .check import Check, concern_of, format_p
-from .strata import Strata, has_repeated_edges, no_scatter, orthonormal, sums_by
+from .strata import Strata, has_repeated_edges, no_scatter, orthonormal
 
 HELD = 1e-9  # share of its own variance below which a residual is fixed by the fit
 

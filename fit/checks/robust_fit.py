@@ -140,15 +140,11 @@ def dominant_edge(law: LawFit) -> DominantEdge | NotAvailable:
 
 def _without(law: LawFit, edge: str, moved: Array) -> EdgeInference | NotAvailable:
     """Inference by edge of the law fitted without one of its edges."""
-    kept = np.array([str(name) != edge for name in law.edge]) if law.edge is not None else slice(None)
+    kept = np.array([str(name) != edge for name in np.asarray(law.edge)])
     J, r = tangent(law, law.design, law.theta)
     left = (r - J @ moved)[kept]
-    rest = law.with_rows(
-        cov_theta=linear(J[kept], left).cov_params, X=law.X[kept], shifts=law.shifts[kept],
-        observed=law.observed[kept], fitted=law.fitted[kept], residuals=left, rss=float(left @ left),
-        lines=law.lines[kept], edge=None if law.edge is None else law.edge[kept],
-    )  # fmt: skip
-    return edge_inference(rest)
+    cov = linear(J[kept], left).cov_params
+    return edge_inference(law.with_rows(kept, cov_theta=cov, residuals=left, rss=float(left @ left)))
 
 
 K = 1.345  # 95 % efficiency with normal errors

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import FitError
 from ..available import NotAvailable
+from ..edges import sums_by
 from ..lawfit import LawFit
 from ..regression import refitted
 
@@ -93,20 +94,6 @@ def linear_columns(law: LawFit) -> tuple[Array, Array]:
     back = np.diag(np.concatenate([[1 / size], 1 / length]))
     back[0, 1:] = -share / length
     return np.column_stack([level / size, rest / length]), back
-
-
-def sums_by(edge: Codes, A: Array, G: int) -> Array:
-    """Sum of each column of A over the rows of each of G edges, shape (G, k).
-
-    Examples
-    --------
-    >>> sums_by(np.array([0, 1, 1]), np.array([[1.0], [2.0], [3.0]]), 2).tolist()
-    [[1.0], [5.0]]
-    """
-    sums = np.empty((G, A.shape[1]))
-    for j, column in enumerate(A.T):
-        sums[:, j] = np.bincount(edge, weights=column, minlength=G)
-    return sums
 
 
 def without_levels(A: Array, level: Array, edge: Codes, G: int) -> tuple[Array, Array]:

@@ -18,9 +18,10 @@ import pandas as pd
 from ...core.arrays import Array
 from ...core.display import Plottable
 from ..available import NotAvailable
+from ..edges import sums_by
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, format_p
-from .strata import NO_ROWS, Codes, sums_by
+from .strata import NO_ROWS, Codes
 
 TIME = "t"
 FLAT = 1e-9  # spread of ln t within an edge below which the edge has no exponent
