@@ -112,7 +112,7 @@ class BlockOutcome:
         ``pairs``; ``response, form, unit, reason`` (empty where there is a law); the columns of `ManyLaws.table`
         (``nobs, n_edges, df, ..., params_V, bse_V ...``).
     unreadable : mapping of str to str
-        Pieces that could not be read, with the sentence that says why.
+        Pieces that could not be read, with the reason in a sentence.
     units : mapping of str to str
         Unit of each role.
     seconds : float

@@ -33,9 +33,7 @@ def parser() -> Parser:
     p.add_argument("file", metavar="PARAMS", help="params.json, or the short name of a paper")
     p.add_argument("--system", metavar="NAME", help=f"{', '.join(SYSTEMS)}; default: all that the file supports")
     p.add_argument("--seed", type=seed, default=1, help="random seed (default: 1)")
-    p.add_argument(
-        "--out", metavar="FOLDER", help="folder of the figures (default: figures/ in the folder of the file)"
-    )
+    p.add_argument("--out", metavar="FOLDER", help="folder of the figures (default: figures/ next to the file)")
     p.add_argument("--json", action="store_true", help="print the same facts as JSON; draws figures only with --out")
     return p
 

@@ -127,7 +127,7 @@ def _show(pair: "PairAnalysis", folder: "Folder | None", args: argparse.Namespac
 
 
 def _kept(pair: "PairAnalysis", folder: "Folder | None") -> str:
-    """Keep the draws of an interrupted run beside the folder that is not written, and name the file."""
+    """Keep the draws of an interrupted run next to the folder that is not written, and name the file."""
     from ..parameters import draws_of
 
     if folder is None or not any(post.sample.interrupted for post in pair.posteriors):

@@ -1,10 +1,12 @@
-"""Sources: SOURCE -> Plan; a block of the plan -> Rows, or chunks of a stream.
+"""Sources: a source -> Plan; a block of the plan -> Rows, or chunks of a stream.
 
-open_source   which kind of source it is             lab_file     a lab file -> Runs, named where it names no tool
-files_plan    lab files -> Plan                      files_rows   a block -> Rows, pairs of several files joined
-csv_stream    a CSV too large for memory -> Parquet  csv_head     how it is written
-csv_rows      its rows, block by block               csv_cells    cells -> numbers
-parquet_plan  Parquet -> Plan                        parquet_rows a block -> Rows, or chunks
+selection       kind of a source                        common           suffixes, limits, blocks of pairs
+lab_plan        lab files -> Plan                       lab_files        a block -> Rows, pairs of several files joined
+csv_copy        a CSV too large for memory -> Parquet   csv_head         its dialect and columns
+csv_rows        its rows in batches                     sorted_copies    a Parquet copy sorted by block
+parquet_blocks  Parquet -> Plan                         parquet_reading  a block -> Rows, or chunks
+parquet_schema  files and columns of a Parquet source   parquet_index    the pairs in each row group
+parquet_arrow   Arrow arrays -> numbers and labels
 """
 
 from .selection import chunks_of, existing_path, open_source, rows_of

@@ -24,7 +24,7 @@ UNREADABLE = (pa.ArrowException, OSError, ValueError, MemoryError)
 
 
 def why(error: BaseException) -> str:
-    r"""The first line of what Arrow says, short enough for a sentence.
+    r"""The first line of a message of Arrow, short enough for a sentence.
 
     >>> why(OSError("Corrupt snappy compressed data.\nIn file.cc"))
     'Corrupt snappy compressed data'

@@ -40,7 +40,7 @@ def parquet_rows(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
     list of Rows
         One, or none where nothing could be read.
     dict of str to str
-        Pieces that could not be read, with the sentence that says why.
+        Pieces that could not be read, with the reason in a sentence.
 
     Examples
     --------
