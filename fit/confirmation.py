@@ -21,7 +21,8 @@ from ..core.display import Displayable, Plottable
 from ..core.errors import FitError, UsageError
 from ..datasets import Runs
 from .available import NotAvailable
-from .edges import EdgeInference, sums_by
+from .edges import EdgeInference
+from .group_sums import sums_by
 from .lawfit import LawFit
 from .prediction import new_edge
 from .rows import Dropped, Positive, select

@@ -29,11 +29,10 @@ from .edges import (
     indispensable,
     left_out_moves,
     of_moves,
-    products_by,
     random_level,
-    sums_by,
     too_few_edges,
 )
+from .group_sums import products_by, sums_by
 from .least_squares import LinearFit
 from .triangle import Summary, least_squares
 

@@ -36,8 +36,9 @@ from ..core.intervals import (
     value_and_ends,
 )
 from .available import NotAvailable
-from .edges import EdgeInference, sums_by
+from .edges import EdgeInference
 from .fitted_rows import FittedRows
+from .group_sums import sums_by
 from .laws import Error, LawForm
 from .least_squares import linear
 from .region import DesignRegion

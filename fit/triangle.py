@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .edges import sums_by
+from .group_sums import sums_by
 from .least_squares import LinearFit, linear
 
 Array = NDArray[np.float64]

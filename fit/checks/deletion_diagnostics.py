@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.arrays import Array
 from ..available import NotAvailable
-from ..edges import products_by, sums_by
+from ..group_sums import products_by, sums_by
 from ..lawfit import LawFit
 from .check import Check
 from .strata import Strata, covariance, has_repeated_edges, linear_columns, no_scatter

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ..available import NotAvailable
-from ..edges import sums_by
+from ..group_sums import sums_by
 from ..lawfit import LawFit
 from .check import Check, concern_of, format_p
 from .strata import Strata, has_repeated_edges, no_scatter, orthonormal

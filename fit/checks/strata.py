@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import FitError
 from ..available import NotAvailable
-from ..edges import sums_by
+from ..group_sums import sums_by
 from ..lawfit import LawFit
 from ..regression import refitted
 

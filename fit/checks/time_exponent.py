@@ -18,7 +18,7 @@ import pandas as pd
 from ...core.arrays import Array
 from ...core.display import Plottable
 from ..available import NotAvailable
-from ..edges import sums_by
+from ..group_sums import sums_by
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, format_p
 from .strata import NO_ROWS, Codes
