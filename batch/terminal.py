@@ -297,7 +297,7 @@ def _response(response: str, rows: pd.DataFrame, drawn: "pd.Series[float]", leve
     table = _table(between=1)
     table.add_column("", no_wrap=True)
     table.add_column("family", no_wrap=True, overflow="ellipsis", max_width=FAMILY_WIDTH)
-    for name in ("pairs", f"mean, {ends}", f"SD, {ends}", f"a new pair, {ends}", "shrinkage"):
+    for name in ("pairs", f"mean, {ends}", f"SD, {ends}", f"new pair, {ends}", "shrinkage"):
         table.add_column(name, justify="right", no_wrap=True)
     last = None
     for row in shown.to_dict("records"):
