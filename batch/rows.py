@@ -33,7 +33,7 @@ class PairSource:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class PairRows:
     """Rows of one or more pairs that hold the same columns.
 
     Attributes

@@ -1,4 +1,4 @@
-"""Measures of the package's structure, beside those of another revision: files, lines, circles, names, complexity.
+"""Measures of the package's structure, compared with another revision: files, lines, circles, names, complexity.
 
     python benchmarks/structure.py [--base REVISION]
 
@@ -177,7 +177,7 @@ def measures(texts):
 
 
 def main():
-    """Print the measures of the tree, and of ``--base`` beside them."""
+    """Print the measures of the tree, and of ``--base`` in a second column."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--base", metavar="REVISION", help="revision to compare with")
     args = parser.parse_args()

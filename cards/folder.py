@@ -54,14 +54,14 @@ def markdown(pf: ParameterFile, *, folder: Path | None = None, publication: Publ
     return card_markdown(compose(pf, publication=publication, folder=folder))
 
 
-def card_files(card: Card, pf: ParameterFile, beside: Sequence[str] = ()) -> dict[str, bytes]:
+def card_files(card: Card, pf: ParameterFile, neighbours: Sequence[str] = ()) -> dict[str, bytes]:
     """The card in its three forms: name of each file -> its bytes.
 
     Parameters
     ----------
     card, pf
         The card, and the parameter file that it was composed from, for figures.
-    beside : sequence of str
+    neighbours : sequence of str
         Files in the folder of the page, in a site: the page then links to them and back to the site.
 
     Examples
@@ -77,7 +77,7 @@ def card_files(card: Card, pf: ParameterFile, beside: Sequence[str] = ()) -> dic
     from .forms.markdown import card_markdown
     from .forms.page import page_html
 
-    page = page_html(card, pf, json_ld=json_ld(card), beside=beside)
+    page = page_html(card, pf, json_ld=json_ld(card), neighbours=neighbours)
     return {README: card_markdown(card).encode(), PROGRAM: as_json(card).encode(), PAGE: page.encode()}
 
 

@@ -44,7 +44,7 @@ class LabelNumbers:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class RowBlock:
     """Some rows of a table.
 
     Attributes
@@ -65,10 +65,10 @@ class Block:
     def __len__(self) -> int:
         return len(self.columns[0])
 
-    def part(self, start: int, stop: int) -> "Block":
+    def part(self, start: int, stop: int) -> "RowBlock":
         """Rows from ``start`` up to ``stop``, which share their memory with these."""
         rows = slice(start, stop)
-        return Block(
+        return RowBlock(
             self.first + start,
             tuple(column[rows] for column in self.columns),
             None if self.edge is None else self.edge[rows],
@@ -88,9 +88,9 @@ class ChunkReader:
     rows: int = 0
     chunks: int = 0
 
-    def blocks(self, chunks: Iterable[Chunk], size: int = ROWS) -> Iterator[Block]:
+    def blocks(self, chunks: Iterable[Chunk], size: int = ROWS) -> Iterator[RowBlock]:
         """All rows in order, ``size`` at a time; the last block may be shorter."""
-        held: list[Block] = []
+        held: list[RowBlock] = []
         waiting = 0
         for chunk in chunks:
             read, start = self._read(chunk), 0
@@ -104,7 +104,7 @@ class ChunkReader:
         if held:
             yield _joined(held)
 
-    def _read(self, chunk: Chunk) -> Block:
+    def _read(self, chunk: Chunk) -> RowBlock:
         if not self.chunks and self.edge is not None and self.edge not in chunk:
             self.edge = None
         self.chunks += 1
@@ -118,7 +118,7 @@ class ChunkReader:
                 "columns of a chunk need one length."
             )
         first, self.rows = self.rows, self.rows + lengths[wanted[0]]
-        return Block(
+        return RowBlock(
             first,
             tuple(_numbers(name, columns[name], first) for name in self.names),
             None if self.edge is None else self.edges.codes(columns[self.edge]),
@@ -150,12 +150,12 @@ def _text(label: object) -> str:
     return str(label)
 
 
-def _joined(parts: list[Block]) -> Block:
+def _joined(parts: list[RowBlock]) -> RowBlock:
     if len(parts) == 1:
         return parts[0]
     edges = [part.edge for part in parts if part.edge is not None]
     levels = [part.level for part in parts if part.level is not None]
-    return Block(
+    return RowBlock(
         parts[0].first,
         tuple(np.concatenate(of) for of in zip(*(part.columns for part in parts), strict=True)),
         np.concatenate(edges) if edges else None,
@@ -181,7 +181,7 @@ class RowFilter:
     counts: dict[str, int] = field(default_factory=dict)
     lines: dict[str, list[int]] = field(default_factory=dict)
 
-    def usable(self, block: Block, levels: LabelNumbers) -> UsableRows:
+    def usable(self, block: RowBlock, levels: LabelNumbers) -> UsableRows:
         """Rows of the block without missing values, above zero."""
         values = np.column_stack(block.columns)
         bad = [(f"{name} missing", np.isnan(values[:, j])) for j, name in enumerate(self.names)]

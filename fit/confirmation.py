@@ -65,14 +65,14 @@ class Confirmation(Plottable):
     level : float
         Of the prediction intervals; significance of the tests: one less it.
     rows : DataFrame
-        A row for each new row that was judged: line, edge, observed, predicted, low, high (in the unit of the
+        A row for each new row that was compared: line, edge, observed, predicted, low, high (in the unit of the
         response), inside, and z, its deviation over the standard deviation of its prediction.
     edges : DataFrame
         A row for each new edge: rows, ratio of observed to predicted (of their geometric means where errors
         multiply, else of their means), z of its level, and inside. Empty where the new rows name no edges or the
         law has no inference by edge.
     tests : tuple of JointTest, or NotAvailable
-    unjudged : tuple of OutsideRegion
+    not_compared : tuple of OutsideRegion
     dropped : tuple of Dropped
         Rows without a usable response or factor.
     """
@@ -82,7 +82,7 @@ class Confirmation(Plottable):
     rows: pd.DataFrame
     edges: pd.DataFrame
     tests: tuple[JointTest, ...] | NotAvailable
-    unjudged: tuple[OutsideRegion, ...]
+    not_compared: tuple[OutsideRegion, ...]
     dropped: tuple[Dropped, ...]
 
     @property
@@ -140,11 +140,13 @@ class Confirmation(Plottable):
         return f"the law does not hold for these runs taken together ({p})"
 
     def _not_compared(self) -> str:
-        if not self.unjudged:
+        if not self.not_compared:
             return ""
-        lines = ", ".join(str(row.line) for row in self.unjudged[:6]) + (", ..." if len(self.unjudged) > 6 else "")
-        first = self.unjudged[0]
-        n = len(self.unjudged)
+        lines = ", ".join(str(row.line) for row in self.not_compared[:6]) + (
+            ", ..." if len(self.not_compared) > 6 else ""
+        )
+        first = self.not_compared[0]
+        n = len(self.not_compared)
         return (
             f"; {n} row{'s' if n > 1 else ''} outside the region of the design {'are' if n > 1 else 'is'} not compared "
             f"(line{'s' if n > 1 else ''} {lines}; line {first.line} is {first.reason.split('; ')[0]})"
@@ -186,20 +188,20 @@ def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
     _columns_there(law, runs)
     new, frame, dropped = _usable(law, runs)
     place = law.region
-    judged = place.inside(frame[list(_needed(law))])
-    unjudged = tuple(
+    comparable = place.inside(frame[list(_needed(law))])
+    not_compared = tuple(
         OutsideRegion(int(line), place.words(frame[list(_needed(law))].iloc[[i]]))
         for i, line in enumerate(frame["line"])
-        if not judged[i]
+        if not comparable[i]
     )
-    if not judged.any():
+    if not comparable.any():
         raise FitError(
             f"{law.response}: none of the {len(frame)} new rows lies in the region of the design (line "
-            f"{unjudged[0].line} is {unjudged[0].reason}). Measure inside it, or fit them together with the "
+            f"{not_compared[0].line} is {not_compared[0].reason}). Measure inside it, or fit them together with the "
             "earlier runs."
         )
-    frame = frame[judged].reset_index(drop=True)
-    return _compare(law, frame, level, named=new, unjudged=unjudged, dropped=dropped)
+    frame = frame[comparable].reset_index(drop=True)
+    return _compare(law, frame, level, named=new, not_compared=not_compared, dropped=dropped)
 
 
 def _needed(law: LawFit) -> tuple[str, ...]:
@@ -260,7 +262,7 @@ def _compare(
     level: float,
     *,
     named: bool,
-    unjudged: tuple[OutsideRegion, ...],
+    not_compared: tuple[OutsideRegion, ...],
     dropped: tuple[Dropped, ...],
 ) -> Confirmation:
     from scipy.special import stdtrit
@@ -284,7 +286,7 @@ def _compare(
         tests, edges = NotAvailable("the new rows have no edge column"), _no_edges()
     else:
         tests, edges = _by_edge(law, law.edges, A, e, rows, level)
-    return Confirmation(law.response, level, rows, edges, tests, unjudged, dropped)
+    return Confirmation(law.response, level, rows, edges, tests, not_compared, dropped)
 
 
 def _off(ratio: float) -> str:

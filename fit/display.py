@@ -60,7 +60,7 @@ def inference(law: LawFit) -> str:
 
 
 def f_test(law: LawFit) -> str:
-    """F of the factors: cluster-robust where inference is by edge, beside that of independent rows."""
+    """F of the factors: cluster-robust where inference is by edge, with that of independent rows."""
     if isinstance(law.edges, EdgeInference) and law.edges.fvalue is not None and law.edges.row_fvalue is not None:
         between = [name for name, within in zip(law.names[1:], law.edges.within[1:], strict=True) if not within]
         return (
@@ -108,8 +108,8 @@ def of_bootstrap(found: EdgeBootstrap) -> Display:
 def of_life(life: ToolLife) -> Display:
     """Life as an equation, at the middle of the tests, and Taylor's n."""
     c0, *powers = life.coefficients.items()
-    told = " ".join([format_plain(float(c0[1])), *(f"{name}^{format_plain(float(k), 3)}" for name, k in powers)])
-    head = f"{life.wear} reaches {life.criterion:g} {life.unit_of_wear} after T [{life.unit}] = {told}"
+    shown = " ".join([format_plain(float(c0[1])), *(f"{name}^{format_plain(float(k), 3)}" for name, k in powers)])
+    head = f"{life.wear} reaches {life.criterion:g} {life.unit_of_wear} after T [{life.unit}] = {shown}"
     at = joined_facts((name, format_plain(value)) for name, value in life.typical_at.items())
     facts = [
         (f"at {at}", f"{format_plain(life.typical, 3)} {life.unit}"),
@@ -170,13 +170,13 @@ def of_domain(domain: DesignRegion) -> Display:
     low, high, middle = centre - half, centre + half, centre
     if domain.logs:
         low, high, middle = np.exp(low), np.exp(high), np.exp(middle)
-    told = [
+    shown = [
         (format_plain(float(a), 4), format_plain(float(m), 4), format_plain(float(b), 4))
         for a, m, b in zip(low, middle, high, strict=True)
     ]
     names = list(zip(domain.factors, domain.units, strict=True))
-    head = ", ".join(f"{x} {a} to {b} {u}".rstrip() for (x, u), (a, _, b) in zip(names, told, strict=True))
-    rows = tuple((with_unit(x, u), *ends) for (x, u), ends in zip(names, told, strict=True))
+    head = ", ".join(f"{x} {a} to {b} {u}".rstrip() for (x, u), (a, _, b) in zip(names, shown, strict=True))
+    rows = tuple((with_unit(x, u), *ends) for (x, u), ends in zip(names, shown, strict=True))
     radius = (("largest coded radius", format_plain(domain.largest_radius, 3)),)
     return Display(f"{domain.response} was tested at {head}", radius, TextTable(("", "low", "middle", "high"), rows))
 

@@ -160,7 +160,7 @@ def parameter_file(
     command : str, optional
         For the provenance.
     keep_draws : bool
-        Whether the draws are written beside the file.
+        Whether the draws are written next to the file.
     **identity
         ``machine``, ``setup``, ``iso513``, as in `parameters.collect`.
 

@@ -18,7 +18,7 @@ from fitmodels.batch.fitting.concerns import concerns_of_laws
 from fitmodels.batch.law_rows import law_table
 from fitmodels.batch.outcomes import BlockOutcome, PairOutcome, cell
 from fitmodels.batch.plan import BatchOptions, Block, Pair, Piece, Plan, Reading
-from fitmodels.batch.rows import PairSource, Rows
+from fitmodels.batch.rows import PairRows, PairSource
 from fitmodels.cards.folder import markdown
 from fitmodels.cli import main
 from fitmodels.core import errors
@@ -48,7 +48,7 @@ def simulated(tool, seed, plan=PLAN, laws=(WEAR, POWER)):
 def rows_of(*frames, reading=None, **more):
     frame = pd.concat(frames, ignore_index=True)
     frame[["tool", "work"]] = frame[["tool", "work"]].astype(object)
-    return Rows(
+    return PairRows(
         frame, np.arange(2, 2 + len(frame)), UNITS, (), Source("shop.parquet", "", len(frame), "Parquet"), **more
     )
 
@@ -190,7 +190,7 @@ def test_of_many_infinite_values_of_a_pair_one_is_looked_up(fitted, monkeypatch)
 
 def test_load_and_roughness_laws_stand_in_the_same_table(fitted):
     bundles = [datasets.read_runs(datasets.bundled(name)) for name in ("clm2023_end_milling", "surf_table1")]
-    tables = [Rows(r.data.assign(tool=r.tool, work=r.work), r.lines, r.units, r.columns, r.source) for r in bundles]
+    tables = [PairRows(r.data.assign(tool=r.tool, work=r.work), r.lines, r.units, r.columns, r.source) for r in bundles]
     milling, turning = fitted(*tables).pairs
     for outcome, runs in zip((milling, turning), bundles, strict=True):
         laws, refused = fit.default_laws(runs)
@@ -218,7 +218,7 @@ def test_files_of_a_block_are_those_of_the_single_command(fitted, tmp_path, monk
     (path,) = (tmp_path / "single").rglob("params.json")
     runs = datasets.read_runs(source)
     data = runs.data.assign(tool=runs.tool, work=runs.work)
-    rows = Rows(data, runs.lines, runs.units, runs.columns, runs.source, runs.assumed, runs.warnings, runs.notes)
+    rows = PairRows(data, runs.lines, runs.units, runs.columns, runs.source, runs.assumed, runs.warnings, runs.notes)
     how = BatchOptions(draws=1200, criterion=0.25, keep_draws=True, command=parameters.read(path).provenance.command)
     (outcome,) = fitted(rows, how=how).pairs
     (tmp_path / "params.json").write_bytes(outcome.files["params.json"])

@@ -94,7 +94,7 @@ def test_another_time_exponent_is_seen_within_edges():
 def test_rows_outside_the_region_are_named_and_not_judged():
     runs = new(V=lambda data: np.where(np.arange(len(data)) < 2, 900.0, data["V"]))
     found = confirm(law(), runs)
-    assert [row.line for row in found.unjudged] == [int(line) for line in runs.lines[:2]]
+    assert [row.line for row in found.not_compared] == [int(line) for line in runs.lines[:2]]
     assert len(found.rows) == 22
     assert "2 rows outside the region of the design are not compared" in found.verdict
     assert "V 900 m/min above the 50 to 200 that was cut" in found.verdict

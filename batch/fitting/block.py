@@ -19,7 +19,7 @@ from .pair_laws import NumberedRows, laws_of_pairs, numbered_rows
 from .streamed_pair import no_law_asked, streamed_outcome
 
 if TYPE_CHECKING:
-    from ..rows import Rows
+    from ..rows import PairRows
 
 COLLECT_AFTER = 25  # files
 
@@ -108,7 +108,7 @@ def spoiled_pairs(block: Block, unreadable: Mapping[str, str]) -> dict[Pair, str
 
 
 def _of_rows(
-    rows: "Rows", block: Block, plan: Plan, options: BatchOptions, spoiled: Mapping[Pair, str]
+    rows: "PairRows", block: Block, plan: Plan, options: BatchOptions, spoiled: Mapping[Pair, str]
 ) -> tuple[list[PairOutcome], pd.DataFrame]:
     """Outcomes of the pairs that these rows name, and their laws."""
     of = numbered_rows(rows, set(block.pairs) - set(spoiled))

@@ -13,7 +13,7 @@ from ...fit.defaults import Asked, asked_laws, fit_asked
 from ..law_rows import joined_tables, law_table, row_of, row_without, table_of_many
 from ..outcomes import Cell, Failure, attempt
 from ..plan import BatchOptions, Pair
-from ..rows import NO_LINES, Rows
+from ..rows import NO_LINES, PairRows
 
 Ints = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -36,7 +36,7 @@ class NumberedRows:
         Of each column that has a role, whether it holds anything of a pair.
     """
 
-    rows: Rows
+    rows: PairRows
     pairs: tuple[Pair, ...]
     number: Ints
     counts: Ints
@@ -55,7 +55,7 @@ class NumberedRows:
         return symbol in self.held and bool(self.held[symbol][i])
 
 
-def numbered_rows(rows: Rows, wanted: Collection[Pair]) -> NumberedRows:
+def numbered_rows(rows: PairRows, wanted: Collection[Pair]) -> NumberedRows:
     """Number the pairs, leaving out rows of other ones.
 
     Examples

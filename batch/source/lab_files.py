@@ -14,7 +14,7 @@ from ...datasets.runs import Source
 from ...datasets.vocabulary import ROLES, UNNAMED
 from ...pipeline.reading import tests_table
 from ..plan import Block, Pair, Piece, Plan, Reading
-from ..rows import PairSource, Rows
+from ..rows import PairRows, PairSource
 from .common import some_names
 
 NAMED_BY_FILE = "tool: not named in the file, called {name} after it; name it with --tool"
@@ -79,7 +79,7 @@ MEASURED = ("wear", "load", "surface")  # kinds of roles
 LISTED = 3  # files named by a pair that is joined from them
 
 
-def files_rows(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
+def files_rows(block: Block, plan: Plan) -> tuple[list[PairRows], dict[str, str]]:
     """Rows of the pairs of a block, one `Rows` for each set of columns, and the files that can no longer be read.
 
     Every pair keeps its own source, columns, assumptions, warnings and notes (``Rows.of_pair``).
@@ -183,7 +183,7 @@ def _parts(piece: Piece, reading: Reading) -> Iterator[tuple[Pair, Runs]]:
     yield from pairs_of(runs, reading.groups)
 
 
-def _alike(tests: dict[Pair, Runs]) -> list[Rows]:
+def _alike(tests: dict[Pair, Runs]) -> list[PairRows]:
     """Pairs of the same columns in one frame."""
     by_columns: dict[tuple[str, ...], dict[Pair, Runs]] = {}
     for pair, runs in tests.items():
@@ -191,14 +191,14 @@ def _alike(tests: dict[Pair, Runs]) -> list[Rows]:
     return [_rows(alike) for alike in by_columns.values()]
 
 
-def _rows(tests: dict[Pair, Runs]) -> Rows:
+def _rows(tests: dict[Pair, Runs]) -> PairRows:
     parts = list(tests.values())
     frame = pd.concat([runs.data for runs in parts], ignore_index=True)
     texts = [name for name in frame if not pd.api.types.is_numeric_dtype(frame[name])]
     frame = frame.astype(dict.fromkeys(texts, "category"))  # texts of a thousand files would be taken apart slowly
     sources = dict.fromkeys(runs.source for runs in parts)
     first, one_file = parts[0], len(sources) == 1
-    return Rows(
+    return PairRows(
         frame=frame,
         lines=np.concatenate([runs.lines for runs in parts]),
         units=first.units,

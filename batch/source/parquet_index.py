@@ -31,7 +31,7 @@ BATCH = 262_144  # rows
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PieceRows:
     """Some rows of a piece.
 
     Attributes
@@ -51,7 +51,7 @@ class Part:
 
 def parts(
     piece: Piece, uses: tuple[ColumnUse, ...], reading: Reading, row_groups: Sequence[int] | None = None
-) -> Iterator[Part]:
+) -> Iterator[PieceRows]:
     """Rows of a piece with these columns, which hold those of the pair where they are columns.
 
     Row groups of the same file may be read one after the other, as if they were one piece.
@@ -98,7 +98,7 @@ def _one(batches: list[Any]) -> Any:  # noqa: ANN401
 
 def _part(
     n: int, cells: Mapping[str, Any], partition: Mapping[str, str], uses: tuple[ColumnUse, ...], reading: Reading
-) -> Part:
+) -> PieceRows:
     columns: dict[str, Array | Labels] = {}
     pair = {role: constant(getattr(reading, role) or UNNAMED[role], n) for role in UNNAMED}
     for use in uses:
@@ -110,7 +110,7 @@ def _part(
         columns[use.header] = found
         if use.role in pair and getattr(reading, use.role) is None:
             pair[use.role] = found.named(UNNAMED[use.role])
-    return Part(n, pair["tool"], pair["work"], columns)
+    return PieceRows(n, pair["tool"], pair["work"], columns)
 
 
 def is_measured(use: ColumnUse) -> bool:

@@ -15,7 +15,7 @@ from ...datasets.runs import Source
 from ...datasets.units import convert
 from ...datasets.vocabulary import ROLES
 from ..plan import Block, Piece, Plan
-from ..rows import NO_LINES, Rows
+from ..rows import NO_LINES, PairRows
 from .parquet_arrow import UNREADABLE, Array, Ints, Labels, joined, numbered, why
 from .parquet_blocks import SORTED
 from .parquet_index import BATCH, is_measured, of_rows, parts
@@ -25,7 +25,7 @@ from .sorted_copies import COPIED
 CHUNK = 500_000  # rows
 
 
-def parquet_rows(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
+def parquet_rows(block: Block, plan: Plan) -> tuple[list[PairRows], dict[str, str]]:
     """Rows of the pairs of a block.
 
     Parameters
@@ -72,7 +72,7 @@ def parquet_rows(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
     frame, units = _frame(read, block, plan)
     assumed = tuple(sentence for sentence in plan.assumed if sentence != SORTED)
     source = Source(plan.name, "", len(frame), NO_LINES)
-    return [Rows(frame, None, units, plan.columns, source, assumed, notes=plan.notes)], unreadable
+    return [PairRows(frame, None, units, plan.columns, source, assumed, notes=plan.notes)], unreadable
 
 
 def parquet_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:

@@ -12,7 +12,7 @@ from ...core.errors import DataError, UsageError
 from ...datasets.tables.decode import load_bytes
 from ..engine.base import no_report
 from ..plan import Block, Plan, Reading
-from ..rows import Rows
+from ..rows import PairRows
 from .common import LAB, PARQUET, MapOver, is_large, some_names
 
 OURS = ("results.csv", "attention.csv", "comparison.csv", "pooled.csv", "pairs", "figures", "site")
@@ -113,7 +113,7 @@ def existing_path(source: str | os.PathLike[str]) -> Path:
     return path
 
 
-def rows_of(block: Block, plan: Plan) -> tuple[list[Rows], dict[str, str]]:
+def rows_of(block: Block, plan: Plan) -> tuple[list[PairRows], dict[str, str]]:
     """Rows of the pairs of a block, and the pieces that could not be read, with the reason."""
     if plan.kind == "files":
         from .lab_files import files_rows

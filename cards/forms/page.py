@@ -51,7 +51,7 @@ class ProfiledValue(NamedTuple):
     inside: bool
 
 
-def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "", beside: Sequence[str] = ()) -> str:
+def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "", neighbours: Sequence[str] = ()) -> str:
     """The page of a card: all its content in one HTML file.
 
     Parameters
@@ -62,7 +62,7 @@ def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "",
         The source of the card, for figures of laws, dynamics and loop; without it there are only text alternatives.
     json_ld : str
         A JSON text for programs that read pages, put in as ``application/ld+json``.
-    beside : sequence of str
+    neighbours : sequence of str
         Files in the folder of the page, in a site: the page links to them and back to the site.
 
     Returns
@@ -92,7 +92,7 @@ def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "",
         profiler=None if card.profiler is None else data_block(card.profiler.model_dump_json()),
         points=[] if card.profiler is None else list(points(card.profiler)),
         json_ld=data_block(json_ld),
-        beside=beside,
+        neighbours=neighbours,
     )
 
 

@@ -109,7 +109,7 @@ OF_AN_EDGE, OF_ALL = 25, 600  # rows that are drawn of one edge, and of rows tha
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class EdgeCurve:
     """Rows x, y (m,) of one edge, and the median (m,) and band (2, m) of a row at their conditions."""
 
     edge: str
@@ -129,7 +129,7 @@ def predictive(posterior: Posterior) -> Sheet:
         law.X[rows, law.factors.index(clock)] if clock else np.concatenate([np.arange(1.0, len(i) + 1) for i in groups])
     )
     x, y, median = (np.split(of_row, cuts) for of_row in (of_all, law.observed[rows], middle[2]))
-    seen = [Seen(*parts) for parts in zip(names, x, y, median, np.split(band, cuts, axis=1), strict=True)]
+    seen = [EdgeCurve(*parts) for parts in zip(names, x, y, median, np.split(band, cuts, axis=1), strict=True)]
     place = "row of the edge" if names[0] else "row, in the order of the prediction"
     along = label(law, clock) if clock else f"{place} [1]"
     limits = of_all, np.concatenate([law.observed[rows], *band])
@@ -171,7 +171,7 @@ def _which(law: LawFit, names: list[str], n: int) -> str:
     return rows + edges + ("" if n == law.nobs else ", evenly chosen,")
 
 
-def _rows(posterior: Posterior, s: Seen, limits: tuple[Array, Array], along: str, logs: bool, ax: Axes) -> None:
+def _rows(posterior: Posterior, s: EdgeCurve, limits: tuple[Array, Array], along: str, logs: bool, ax: Axes) -> None:
     scaled(ax, "x", limits[0], logs=logs)
     scaled(ax, "y", limits[1], logs=posterior.law.form == "power" and bool(limits[1].min() > 0))
     x = s.x if np.ptp(s.x) > 0 else _stretched(ax, s.x, logs=logs)

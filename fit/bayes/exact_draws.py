@@ -38,7 +38,7 @@ FAR = 16.0  # in the log density below its top: beyond it lies 1e-7 of the mass
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class ConditionalFit:
     """Least squares of rows whitened for each of R variance ratios."""
 
     b: Array  # (R, p)
@@ -48,7 +48,7 @@ class Given:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class EdgeProducts:
     """Cross products of the rows about their least-squares fit, which keeps RSS precise, and sums over edges."""
 
     plain: Array
@@ -61,7 +61,7 @@ class Rows:
     edges: bool
 
     @classmethod
-    def of(cls, density: LawDensity) -> "Rows":
+    def of(cls, density: LawDensity) -> "EdgeProducts":
         """Sums over all rows of a density."""
         Z = density.Z
         Q, R = np.linalg.qr(Z)
@@ -70,10 +70,10 @@ class Rows:
         sums, level = np.add.reduceat(Z, density.starts), np.add.reduceat(r, density.starts)
         return cls(plain, Z.T @ Z, Z.T @ r, float(r @ r), sums, level, density.sizes, density.edges)
 
-    def given(self, k: Array) -> Given:
+    def given(self, k: Array) -> ConditionalFit:
         """Least squares at variance ratios ``k = icc / (1 - icc)``, shape (R,)."""
         if not self.edges:
-            return Given(self.plain[None], self.gram[None], np.array([self.square]), np.zeros(1))
+            return ConditionalFit(self.plain[None], self.gram[None], np.array([self.square]), np.zeros(1))
         w = k[:, None] / (1 + self.sizes * k[:, None])
         p = len(self.plain)
         products = (self.sums[:, :, None] * self.sums[:, None, :]).reshape(-1, p * p)
@@ -81,18 +81,18 @@ class Rows:
         h = self.score - w @ (self.sums * self.level[:, None])
         b = np.linalg.solve(G, h[:, :, None])[:, :, 0]
         rss = self.square - w @ self.level**2 - np.einsum("ri,ri->r", h, b)
-        return Given(self.plain + b, G, rss, np.log1p(self.sizes * k[:, None]).sum(axis=1))
+        return ConditionalFit(self.plain + b, G, rss, np.log1p(self.sizes * k[:, None]).sum(axis=1))
 
 
-class Table(Protocol):
+class IccTable(Protocol):
     """Posterior of scatter and coefficients in each cell of icc; ``log_mass`` is that of the cell."""
 
     log_mass: Array
 
-    def __init__(self, density: LawDensity, given: Given) -> None: ...
+    def __init__(self, density: LawDensity, given: ConditionalFit) -> None: ...
 
     @staticmethod
-    def rough_mass(density: LawDensity, given: Given) -> Array:
+    def rough_mass(density: LawDensity, given: ConditionalFit) -> Array:
         """Approximation of ``log_mass``, to locate it."""
 
     def draw(self, counts: Counts, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -102,14 +102,14 @@ class Table(Protocol):
 class FlatTable:
     """Flat priors: sd^2 is RSS over chi-square of n - p - 1 degrees of freedom, coefficients normal about b."""
 
-    def __init__(self, density: LawDensity, given: Given) -> None:
+    def __init__(self, density: LawDensity, given: ConditionalFit) -> None:
         self.given, self.df = given, density.Z.shape[0] - density.p - 1
         self.root = np.linalg.inv(np.linalg.cholesky(given.G)).transpose(0, 2, 1)
         log_det = 2 * np.log(np.diagonal(self.root, axis1=1, axis2=2)).sum(axis=1)
         self.log_mass = 0.5 * (log_det - given.log_det - self.df * np.log(given.rss / 2)) + lgamma(self.df / 2)
 
     @staticmethod
-    def rough_mass(density: LawDensity, given: Given) -> Array:
+    def rough_mass(density: LawDensity, given: ConditionalFit) -> Array:
         """``log_mass`` itself."""
         mass: Array = FlatTable(density, given).log_mass
         return mass
@@ -125,7 +125,7 @@ class FlatTable:
 class ProperTable:
     """Normal priors of the coefficients, any of sd: its posterior on a grid of ln sd in each cell."""
 
-    def __init__(self, density: LawDensity, given: Given) -> None:
+    def __init__(self, density: LawDensity, given: ConditionalFit) -> None:
         normal = [prior for name in density.names[: density.p] if isinstance(prior := density.priors.of[name], Normal)]
         self.mean = np.array([prior.mean for prior in normal])
         self.width = np.array([prior.sd for prior in normal])
@@ -169,7 +169,7 @@ class ProperTable:
         return grid, self._log_density(grid)
 
     @staticmethod
-    def rough_mass(density: LawDensity, given: Given) -> Array:
+    def rough_mass(density: LawDensity, given: ConditionalFit) -> Array:
         """With the scatter at its most likely value."""
         n, eye = len(density.y), np.eye(density.p)
         normal = [prior for name in density.names[: density.p] if isinstance(prior := density.priors.of[name], Normal)]
@@ -239,8 +239,8 @@ def exact(density: LawDensity, rng: np.random.Generator, draws: int = 4000) -> S
     >>> exact(law_density(law, weak(law, edges=False)), np.random.default_rng(1)).phi.shape
     (4000, 4)
     """
-    make: type[Table] = FlatTable if isinstance(density.priors.of["level"], Flat) else ProperTable
-    rows = Rows.of(density)
+    make: type[IccTable] = FlatTable if isinstance(density.priors.of["level"], Flat) else ProperTable
+    rows = EdgeProducts.of(density)
     if not density.edges:
         beta, ln_sd = make(density, rows.given(np.zeros(1))).draw(np.array([draws]), rng)
         phi = np.column_stack([beta, ln_sd])
@@ -255,10 +255,10 @@ def exact(density: LawDensity, rng: np.random.Generator, draws: int = 4000) -> S
     return Sample(phi, 1, "exact", _words(density), ess=float(draws))
 
 
-def _table(density: LawDensity, rows: Rows, make: type[Table]) -> tuple[Table, Array, float]:
+def _table(density: LawDensity, rows: EdgeProducts, make: type[IccTable]) -> tuple[IccTable, Array, float]:
     """Table over the cells of logit icc that have the mass, their centres and width; refined where an end has mass."""
 
-    def closely(density: LawDensity, given: Given) -> Array:
+    def closely(density: LawDensity, given: ConditionalFit) -> Array:
         return make(density, given).log_mass
 
     for mass_of in (make.rough_mass, closely):
@@ -270,7 +270,9 @@ def _table(density: LawDensity, rows: Rows, make: type[Table]) -> tuple[Table, A
     return table, centres, width
 
 
-def _cells(density: LawDensity, rows: Rows, mass_of: Callable[[LawDensity, Given], Array]) -> tuple[Array, float]:
+def _cells(
+    density: LawDensity, rows: EdgeProducts, mass_of: Callable[[LawDensity, ConditionalFit], Array]
+) -> tuple[Array, float]:
     """Centres of the cells of logit icc with the mass, and their width."""
     low, high = LOGIT
     for _ in range(GRID_ROUNDS):

@@ -12,13 +12,13 @@
 
 import tomllib
 from collections.abc import Mapping
-from difflib import get_close_matches
 from math import isfinite, log
 from pathlib import Path
 
 import numpy as np
 
 from ...core.errors import DataError, UsageError
+from ...core.suggestions import did_you_mean
 from ...datasets.units import convert
 from ..lawfit import LawFit
 from .priors import Beta, HalfT, Normal, Prior, Priors
@@ -77,11 +77,8 @@ def replaced(priors: Priors, law: LawFit, tables: Mapping[str, object], name: st
         if key == "source":
             continue
         if key not in of:
-            near = get_close_matches(str(key), known, 1)
-            hint = f" Did you mean {near[0]}?" if near else ""
-            raise UsageError(
-                f"{name}: the law of {law.response} has no parameter {key!r}; it has {', '.join(known)}.{hint}"
-            )
+            hint = did_you_mean(key, known, names="Its parameters are ")
+            raise UsageError(f"{name}: the law of {law.response} has no parameter {key!r}. {hint}")
         of[key] = _prior(f"{name}: {law.response}.{key}", key, given, priors.units[key], law)
         sources[key] = str(table.get("source", name))
     return Priors(of, name, priors.units, sources)

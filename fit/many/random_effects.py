@@ -26,7 +26,7 @@ AT_ONCE = 2_000_000  # numbers of one array
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class FamilyFit:
     """The model given tau, shapes (T,): log restricted likelihood, mean of the family and its variance."""
 
     loglike: Array
@@ -58,7 +58,7 @@ class Family:
     below: Array
 
 
-def given(tau: Array, b: Array, v: Array) -> Given:
+def given(tau: Array, b: Array, v: Array) -> FamilyFit:
     """The family given each tau, shape (T,).
 
     Examples
@@ -70,17 +70,17 @@ def given(tau: Array, b: Array, v: Array) -> Given:
     parts = [_given(some, b, v) for some in np.array_split(tau, -(-len(tau) * len(b) // AT_ONCE))]
     if len(parts) == 1:
         return parts[0]
-    return Given(*(np.concatenate([getattr(part, name) for part in parts]) for name in Given.__slots__))
+    return FamilyFit(*(np.concatenate([getattr(part, name) for part in parts]) for name in FamilyFit.__slots__))
 
 
-def _given(tau: Array, b: Array, v: Array) -> Given:
+def _given(tau: Array, b: Array, v: Array) -> FamilyFit:
     total = v + np.square(tau)[:, None]
     w = 1 / total
     variance = 1 / w.sum(axis=1)
     mean = variance * (w @ b)
     off = b - mean[:, None]
     squares = np.einsum("tj,tj,tj->t", w, off, off)
-    return Given(0.5 * (np.log(variance) - np.log(total).sum(axis=1) - squares), mean, variance)
+    return FamilyFit(0.5 * (np.log(variance) - np.log(total).sum(axis=1) - squares), mean, variance)
 
 
 def half_t(df: float, scale: float) -> Callable[[Array], Array]:

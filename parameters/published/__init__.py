@@ -15,7 +15,7 @@ from ...core.errors import UsageError
 if TYPE_CHECKING:
     from ..file import ParameterFile
 
-# name -> (module of this room, its function)
+# name -> (module of this package, its function)
 PAPERS = {
     "AC-2016": ("turning", "ac2016"),
     "AC-2017": ("turning", "ac2017"),
