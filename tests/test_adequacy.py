@@ -220,10 +220,11 @@ def test_the_order_of_rows_is_not_told_of_a_choice_of_them():
         "3000 of 6000 rows were checked, evenly spaced: neighbours on an edge"
     )
     assert any(
-        said.startswith("Not testable (Autocorrelation within edges): 3000 of 6000") for said in found.verdicts(20)
+        said.startswith("Not testable (Autocorrelation within edges (lag 1)): 3000 of 6000")
+        for said in found.verdicts(20)
     )
     assert any(
-        said.startswith("Not testable (Autocorrelation within edges): 3000 of 6000")
+        said.startswith("Not testable (Autocorrelation within edges (lag 1)): 3000 of 6000")
         for said in fit.judge(law).verdicts(20)
     )
     assert "no edge column" in str(adequacy(law.with_rows(edge=None)).checks["order within edges"])

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from ...core.rounding import EXACT, format_plain, format_rounded
+from ...fit.checks.check import BY_EDGE, LEVELS, TITLES
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_parts import DroppedRows, LawCheck
@@ -16,27 +17,25 @@ from .posterior import posterior_of, posterior_part
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one is not informative
 CONDITIONS = ("V", "f", "fz", "d", "ae")  # usually constant for an edge
 STRUCTURES = {"multiplicative": "multiplicative error (log scale)", "additive": "additive error (original scale)"}
-CHECKS = {  # name in the file -> name of the check, and of its statistic
-    "form": ("Lack of fit", "F"),
-    "single edges": ("Influence", "largest Cook's D"),
-    "prediction": ("Cross-validation (PRESS)", "predicted R²"),
-    "collinearity": ("Multicollinearity", "largest VIF"),
-    "signal to noise": ("Signal to noise (adequate precision)", "ratio"),
-    "scale of the response": ("Box-Cox transformation", "χ²"),
-    "order within edges": ("Autocorrelation within edges (lag 1)", "z"),
-    "even scatter": ("Homoscedasticity, rows (Breusch-Pagan)", "χ²"),
-    "even scatter of edges": ("Homoscedasticity, edges (Breusch-Pagan)", "χ²"),
-    "normality": ("Normality, rows (Anderson-Darling)", "A²"),
-    "normality of edges": ("Normality, edges (Anderson-Darling)", "A²"),
-    "error structure": ("Error structure", "difference in log L"),
-    "rival forms": ("Competing forms (cross-validation)", "difference in error"),
-    "time exponent": ("Equal time exponents of edges", "F"),
-    "dominant edge": ("Dominant edge", ""),
-    "robust refit": ("Robust fit", ""),
-    "gauge error": ("Error of the wear gauge", ""),
+STATISTICS = {  # symbol of the statistic of each check
+    "form": "F",
+    "single edges": "largest Cook's D",
+    "prediction": "predicted R²",
+    "collinearity": "largest VIF",
+    "signal to noise": "ratio",
+    "scale of the response": "χ²",
+    "order within edges": "z",
+    "even scatter": "χ²",
+    "even scatter of edges": "χ²",
+    "normality": "A²",
+    "normality of edges": "A²",
+    "error structure": "difference in log L",
+    "rival forms": "difference in error",
+    "time exponent": "F",
+    "dominant edge": "",
+    "robust refit": "",
+    "gauge error": "",
 }
-OF_EDGES = ("order within edges", "even scatter of edges", "normality of edges")  # of no interest without edges
-VERDICTS = ("passed", "warning", "failed")  # by concern
 UNTESTABLE = "not testable"
 
 
@@ -103,7 +102,7 @@ def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient
 def check_parts(law: LawSection) -> tuple[CheckPart, ...]:
     """A line for each check; those of edges are left out where the file names no edges."""
     return tuple(
-        _check(name, check) for name, check in law.checks.items() if law.n_edges is not None or name not in OF_EDGES
+        _check(name, check) for name, check in law.checks.items() if law.n_edges is not None or name not in BY_EDGE
     )
 
 
@@ -210,7 +209,7 @@ def _f_name(df: tuple[int, int] | None) -> str:
 
 
 def _check(name: str, check: LawCheck) -> CheckPart:
-    title, statistic = CHECKS.get(name, (name.capitalize(), "statistic"))
+    title, statistic = TITLES.get(name, name.capitalize()), STATISTICS.get(name, "statistic")
     if check.reason is not None:
         return CheckPart(name=title, verdict=UNTESTABLE, words=check.reason)
     df = check.df if statistic in ("F", "χ²") else None
@@ -220,14 +219,14 @@ def _check(name: str, check: LawCheck) -> CheckPart:
         statistic_name=f"{statistic}{freedom}",
         statistic=figure(check.statistic, 3) if statistic else NONE,
         p=probability(check.p),
-        verdict=VERDICTS[min(check.concern, 2)],
+        verdict=LEVELS[min(check.concern, 2)],
         words=check.verdict or "",
     )
 
 
 def _verdicts(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
     """The count of each verdict, sentences of failed checks and warnings, reasons of those not testable."""
-    found = {verdict: [check for check in checks if check.verdict == verdict] for verdict in (*VERDICTS, UNTESTABLE)}
+    found = {verdict: [check for check in checks if check.verdict == verdict] for verdict in (*LEVELS, UNTESTABLE)}
     reasons: dict[str, list[str]] = {}
     for check in found[UNTESTABLE]:
         reasons.setdefault(check.words, []).append(check.name)
