@@ -12,6 +12,6 @@ comparison, attention      families of pairs, and pairs that need attention
 tables, figures, site      what is written; result, terminal: what is returned and printed
 """
 
-import lazy_loader
+from ..core.lazy import lazy_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

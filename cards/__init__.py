@@ -8,6 +8,6 @@ folder      the folder of a pair, all of it or none
 terminal    output of the main job and of an identification
 """
 
-import lazy_loader
+from ..core.lazy import lazy_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -9,6 +9,6 @@
 Names are imported when they are first used, so that a reader of parameter files need not load pandas.
 """
 
-import lazy_loader
+from ..core.lazy import lazy_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -10,11 +10,10 @@
 ``PowerLawRegressor`` needs scikit-learn and is imported on first use; it is not in ``__all__``.
 """
 
-import lazy_loader
-
 from ..core.errors import UsageError
+from ..core.lazy import lazy_names
 
-_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public, __dir__, __all__ = lazy_names(__name__, __file__)
 
 
 def __getattr__(name: str) -> object:

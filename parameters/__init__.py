@@ -20,6 +20,6 @@
 'fitmodels.parameters/1'
 """
 
-import lazy_loader
+from ..core.lazy import lazy_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -7,6 +7,6 @@ analysis   `analyse`: all pairs of a source
 folders    one folder for each pair, written whole or not at all
 """
 
-import lazy_loader
+from ..core.lazy import lazy_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -315,7 +315,7 @@ def test_somebody_who_answers_nothing_is_not_waited_for_for_ever():
 
 def test_a_worker_is_no_scheduler(local):
     worker = next(iter(local.client.run(os.getpid)))
-    with pytest.raises(UsageError, match="what answers is a worker"), engine(dask=worker):
+    with pytest.raises(UsageError, match="there is a worker instead"), engine(dask=worker):
         pass
 
 

@@ -79,7 +79,7 @@ def test_a_panel_thins_its_points_and_says_so():
         for law in (few, many):
             (points,) = [line for line in panel(law).lines if line.get_marker() == "o"]
             assert len(points.get_xdata()) == MOST
-    assert f"{MOST} of {2 * MOST} points drawn" in residuals(many).get_title()
+    assert f"{MOST} of {2 * MOST} points shown" in residuals(many).get_title()
     assert "drawn" not in residuals(few).get_title()
 
 

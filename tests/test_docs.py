@@ -73,7 +73,7 @@ def test_benchmarks_named_on_pages_exist():
 
 
 def test_each_row_of_the_comparison_names_the_script_that_prints_it():
-    (table,) = re.findall(r"^\| instead .*\n\|[-|]+\n((?:\|.*\n)+)", README.read_text("utf-8"), flags=re.M)
+    (table,) = re.findall(r"^\| alternative .*\n\|[-|]+\n((?:\|.*\n)+)", README.read_text("utf-8"), flags=re.M)
     for row in table.splitlines():
         assert re.search(r"`(?:benchmarks|tests)/\w+\.py`", row.split("|")[-2]), row
 

@@ -179,7 +179,7 @@ def test_exponential_law_is_statsmodels_on_the_force():
 def test_an_exponential_law_says_when_forces_repeat():
     frame = pd.DataFrame({"F": np.repeat([450.0, 550, 650, 750], 3), "Ra": np.linspace(1, 3, 12)})
     law = fit.exponential_law(datasets.runs_from_frame(frame))
-    assert "F takes 4 values in 12 rows" in law.notes[0]
+    assert "F has 4 distinct values in 12 rows" in law.notes[0]
     assert fit.exponential_law(surf()).notes == ()
 
 
@@ -226,7 +226,7 @@ def test_runs_joined_to_themselves_are_no_new_evidence():
     np.testing.assert_allclose(twice.params, once.params, rtol=1e-12)
     np.testing.assert_allclose(twice.bse, once.bse, rtol=1e-12)
     assert (once.repeats, twice.repeats, twice.nobs) == (1, 2, 14)
-    assert "writes each of 14 measurements 2 times (28 rows)" in twice.notes[0]
+    assert "contains each of 14 measurements 2 times (28 rows)" in twice.notes[0]
 
 
 def test_a_second_test_of_the_same_plan_shrinks_the_errors():
