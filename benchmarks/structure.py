@@ -25,14 +25,20 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 def sources(revision=None):
     """Source text by path, of the working tree or of a revision."""
     if revision is None:
-        paths = [path for pattern in ("**/*.py", "**/*.pyi") for path in ROOT.glob(pattern)]
-        texts = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in paths}
+        paths = [path for pattern in ("*.py", "*.pyi") for path in ROOT.glob(pattern)]
+        paths += [path for part in ROOT.iterdir() if is_package(part.name) for path in part.rglob("*.py*")]
+        texts = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in paths if path.suffix != ".pyc"}
     else:
         packed = subprocess.run(["git", "archive", revision], cwd=ROOT, capture_output=True, check=True).stdout
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
             members = [m for m in archive.getmembers() if m.name.endswith((".py", ".pyi"))]
             texts = {m.name: archive.extractfile(m).read().decode() for m in members}
-    return {name: text for name, text in texts.items() if name.split("/")[0] not in OUTSIDE and name[0] != "."}
+    return {name: text for name, text in texts.items() if is_package(name.split("/")[0])}
+
+
+def is_package(name):
+    """Whether a file or folder at the root belongs to the package."""
+    return name not in OUTSIDE and not name.startswith(".")
 
 
 def docstring_lines(tree):

@@ -28,7 +28,7 @@ def tool(name, folder=DOCS / "_ext"):
         sys.path.remove(str(folder))
 
 
-blocks, links, packages = tool("blocks"), tool("links"), tool("packages")
+blocks, links, packages = tool("blocks"), tool("links"), tool("reference_text")
 
 
 @pytest.mark.slow
