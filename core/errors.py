@@ -49,7 +49,7 @@ class ParameterError(FitmodelsError):
     ...     read("nowhere.json")
     ... except ParameterError as error:
     ...     print(error)
-    nowhere.json: there is no such file; give the path of a params.json written by fitmodels.
+    nowhere.json: the file does not exist; give the path of a params.json written by fitmodels.
     """
 
     exit_code = 3

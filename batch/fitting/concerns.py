@@ -26,10 +26,10 @@ def groups_of_pairs(of: NumberedRows, headers: Sequence[str]) -> tuple[list[dict
     --------
     >>> from fitmodels.datasets.runs import Source
     >>> from fitmodels.batch.plan import Pair
-    >>> from fitmodels.batch.rows import Rows
+    >>> from fitmodels.batch.rows import PairRows
     >>> from fitmodels.batch.fitting.pair_laws import numbered_rows
     >>> frame = pd.DataFrame({"tool": ["A", "A"], "work": ["W", "W"], "coolant": ["", "dry"]})
-    >>> rows = Rows(frame, np.arange(2), {}, (), Source("", "", 2, ""))
+    >>> rows = PairRows(frame, np.arange(2), {}, (), Source("", "", 2, ""))
     >>> groups_of_pairs(numbered_rows(rows, {Pair("A", "W")}), ["coolant"])
     ([{'coolant': 'dry'}], [[]])
     """

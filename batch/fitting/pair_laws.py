@@ -25,7 +25,7 @@ class NumberedRows:
 
     Attributes
     ----------
-    rows : Rows
+    rows : PairRows
         Of these pairs alone.
     pairs : tuple of Pair
         In the order in which the rows name them.
@@ -62,7 +62,7 @@ def numbered_rows(rows: PairRows, wanted: Collection[Pair]) -> NumberedRows:
     --------
     >>> from fitmodels.datasets.runs import Source
     >>> frame = pd.DataFrame({"tool": ["B", "A", "B"], "work": ["W"] * 3, "V": [1.0, np.nan, 2.0]})
-    >>> rows = Rows(frame, np.arange(3), {}, (), Source("", "", 3, ""))
+    >>> rows = PairRows(frame, np.arange(3), {}, (), Source("", "", 3, ""))
     >>> found = numbered_rows(rows, {Pair("A", "W"), Pair("B", "W")})
     >>> [str(pair) for pair in found.pairs], found.number.tolist(), found.held["V"].tolist()
     (['B on W', 'A on W'], [0, 1, 0], [True, False])
