@@ -22,11 +22,10 @@ A package is imported when it is first used.
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from .core.version import __version__
-
 if TYPE_CHECKING:
     from . import batch, cards, controllers, datasets, fit, ident, parameters, pipeline
     from .core.errors import FitmodelsError
+    from .core.version import __version__
     from .pipeline import Analysis, FitOptions, analyse
 
 __all__ = [
@@ -45,7 +44,14 @@ __all__ = [
     "pipeline",
 ]
 
-_MODULES = {"Analysis": "pipeline", "FitOptions": "pipeline", "FitmodelsError": "core.errors", "analyse": "pipeline"}
+# Nothing is imported here: pytest runs this file on its own where the folder of the checkout is no package name.
+_MODULES = {
+    "Analysis": "pipeline",
+    "FitOptions": "pipeline",
+    "FitmodelsError": "core.errors",
+    "__version__": "core.version",
+    "analyse": "pipeline",
+}
 
 
 def __getattr__(name: str) -> object:
