@@ -20,6 +20,7 @@ from .prediction import Fitted
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6  # relative: far above rounding, far below any difference that matters
+ROUNDING = 1e-7  # of the residual SE relative to the response: below it residuals hold too few digits to compare
 COLUMN = "by"  # of the category in the formula
 SMALLEST = 1e-10  # intraclass correlation: statsmodels inverts the variance between edges
 
@@ -122,16 +123,19 @@ def compare_statsmodels(law: Fitted) -> StatsmodelsComparison:
         results = ols_results(law)
     except FitError as error:
         return StatsmodelsComparison(law.formula.response, version, {}, {"the law": str(error).rstrip(".")})
+    except Exception as error:  # a failure of statsmodels costs the comparison, not the fit
+        reason = f"statsmodels failed: {type(error).__name__}: {error}".rstrip(".")
+        return StatsmodelsComparison(law.formula.response, version, {}, {"the law": reason})
     names = _formula(law)[2]  # statsmodels puts the category before the factors
     bse = np.sqrt(np.diag(law.covariance()))
     by_edge = not isinstance(law.edges, NotAvailable)
     name = "standard errors by edge" if by_edge else "standard errors, rows independent"
-    differences = {"coefficients": _largest(results.params[names] - law.theta, np.maximum(np.abs(law.theta), bse))}
+    differences = {"coefficients": _largest(results.params[names] - law.theta, np.fmax(np.abs(law.theta), bse))}
     missing = {}
-    if law.df_resid > 0 and np.isfinite(bse).all() and (bse > 0).all():
+    if not law.no_interval and _above_rounding(results):
         differences[name] = _largest(results.bse[names] - bse, bse)
     else:
-        missing[name] = law.no_interval or "the fit is exact"
+        missing[name] = law.no_interval or "the residuals are rounding errors"
     if by_edge:
         differences["variance components"] = _variance_difference(law)
     else:
@@ -152,12 +156,19 @@ def _formula(law: Fitted) -> tuple[str, pd.DataFrame, list[str]]:
     terms = [f"np.log({name})" if law.formula.log_factors else name for name in law.formula.factors]
     names = ["Intercept", *terms]
     if law.by is not None:
-        levels = np.array([law.by.reference, *law.by.levels], dtype=object)
-        table[COLUMN] = levels[np.hstack([1 - rows.shifts.sum(axis=1, keepdims=True), rows.shifts]).argmax(axis=1)]
-        terms.append(f"C({COLUMN}, Treatment({law.by.reference!r}))")
-        names += [f"{terms[-1]}[T.{level}]" for level in law.by.levels]
+        # named with their column: a level called "nan" would be taken for a missing value
+        levels = [f"{law.by.column}={level}" for level in (law.by.reference, *law.by.levels)]
+        level = np.hstack([1 - rows.shifts.sum(axis=1, keepdims=True), rows.shifts]).argmax(axis=1)
+        table[COLUMN] = pd.Categorical.from_codes(level, categories=pd.Index(levels))  # the first is the reference
+        terms.append(f"C({COLUMN})")
+        names += [f"{terms[-1]}[T.{name}]" for name in levels[1:]]
     left = f"np.log({law.formula.response})" if law.formula.logarithmic else law.formula.response
     return f"{left} ~ {' + '.join(terms)}", table, names
+
+
+def _above_rounding(results: Any) -> bool:  # noqa: ANN401
+    y = results.model.endog
+    return bool(np.sqrt(results.scale) > ROUNDING * np.sqrt(np.mean(y**2)))
 
 
 def _groups(law: Fitted) -> NDArray[np.intp] | None:

@@ -175,7 +175,8 @@ def _source(laws: "Sequence[LawFit]", tool: str | None, work: str | None, data_g
 
 
 def _named(source: "LawSource") -> str:
-    return f"{source.tool or 'no tool'} on {source.work or 'no work'}, {source.file or 'rows in memory'}"
+    checksum = f" (SHA-256 {source.sha256[:8]}...)" if source.sha256 else ""
+    return f"{source.tool or 'no tool'} on {source.work or 'no work'}, {source.file or 'rows in memory'}{checksum}"
 
 
 def _posterior(

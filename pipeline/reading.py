@@ -43,6 +43,8 @@ def read_source(source: str | os.PathLike[str] | pd.DataFrame | Runs, options: R
             raise UsageError(f"{', '.join(wrong)}: a DataFrame has no such option of reading; leave it out.")
         runs = runs_from_frame(source, **given)
         return replace(runs, source=replace(runs.source, sha256=digest(source)))
+    if not isinstance(source, str | os.PathLike):
+        raise UsageError(f"source of type {type(source).__name__}: give the path of a file, a DataFrame or Runs.")
     return read_tests(Path(source), options)
 
 

@@ -213,3 +213,9 @@ def test_the_views_name_pairs_laws_and_simulation(small):
     assert repr(small).startswith("Analysis: data.csv: 3 laws of 1 pair")
     assert "<table" in small._repr_html_()
     assert ("simulated, not measured" in said) == small.runs.simulated
+
+
+@pytest.mark.parametrize("source", [None, 3, [1.0, 2.0]], ids=["nothing", "a number", "a list"])
+def test_a_source_of_another_type_is_refused(source):
+    with pytest.raises(UsageError, match=r"source of type \w+: give the path of a file, a DataFrame or Runs"):
+        fitmodels.analyse(source)

@@ -155,3 +155,34 @@ def test_verify_writes_nothing_and_ends_with_5_where_the_programs_differ(tmp_pat
     assert main([str(datasets.bundled("ac2017_table2")), "--draws", "1000", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["pairs"][0]["statsmodels"] == []
+
+
+@pytest.mark.parametrize("levels", [("nan", "x"), ("a'b", 'c"d'), ("é [x]", "b\\n")], ids=["nan", "quotes", "brackets"])
+def test_any_name_of_a_level_is_compared(runs, levels):
+    frame = runs.data.assign(maker=np.where(np.arange(len(runs)) % 3 == 0, *levels))
+    compared = compare_statsmodels(fit.power_law(datasets.runs_from_frame(frame), "AW", FACTORS, by="maker"))
+    assert compared.agrees
+    assert len(compared.differences) == 3
+
+
+def test_exact_laws_and_two_rows_raise_no_alarm(runs):
+    """Residuals of rounding errors have no digits to compare; that is reported, and the coefficients are compared."""
+    exact = runs.data.assign(AW=0.01 * runs.data.V**0.5 * runs.data.f**0.2)
+    few = runs.data[runs.labels("edge") == "E02"].head(2)
+    for frame, factors, reason in ((exact, ["V", "f"], "rounding errors"), (few, ["t"], "fix 2 parameters exactly")):
+        compared = compare_statsmodels(fit.power_law(datasets.runs_from_frame(frame), "AW", factors))
+        assert compared.agrees
+        assert set(compared.differences) == {"coefficients"}
+        assert reason in compared.sentence
+
+
+def test_a_failure_of_statsmodels_is_reported(law, monkeypatch):
+    from fitmodels.fit import statsmodels_ols
+
+    def fails(_):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(statsmodels_ols, "ols_results", fails)
+    compared = compare_statsmodels(law)
+    assert not compared.differences
+    assert "statsmodels failed: LinAlgError: SVD did not converge" in compared.sentence
