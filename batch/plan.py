@@ -6,7 +6,8 @@ from typing import Any
 
 from ..core.display import Display, Displayable, facts_of
 from ..datasets.columns import ColumnUse
-from ..pipeline.options import FitOptions, ReadOptions
+from ..datasets.options import ReadOptions
+from ..pipeline.options import FitOptions
 
 
 @dataclass(frozen=True, slots=True, order=True, repr=False)

@@ -49,7 +49,9 @@ def reading_notes(runs: Runs) -> RenderableType:
     unused = [_unused_words(use) for use in runs.columns if use.role is None]
     if unused:
         table.add_row("not used", Text(", ".join(unused)))
-    for label, sentences in (("assumed", runs.assumed), ("corrected", runs.warnings), ("notes", runs.notes)):
+    doubts = tuple(map(str, runs.doubts))
+    said = (("doubts", doubts), ("assumed", runs.assumed), ("corrected", runs.warnings), ("notes", runs.notes))
+    for label, sentences in said:
         if sentences:
             table.add_row(label, Text("\n".join(_first(sentences))))
     return _block(Text("Input", style="bold"), table)

@@ -110,3 +110,18 @@ def ranges(words: list[str] | None, option: str = "--range") -> dict[str, tuple[
                 f"{option} {key}={text}: give low:high or low:centre:high, with decimal points, as V=50:200."
             )
     return out
+
+
+def values(words: list[str] | None, option: str = "--value") -> dict[str, float]:
+    """``["D=80"]`` as numbers.
+
+    >>> values(["D=80"])
+    {'D': 80.0}
+    """
+    out: dict[str, float] = {}
+    for key, text in pairs(words, option, "D=80").items():
+        try:
+            out[key] = float(text)
+        except ValueError:
+            raise UsageError(f"{option} {key}={text}: give a number with a decimal point, as D=80.") from None
+    return out

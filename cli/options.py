@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import Parser, pairs, ranges
+from .arguments import Parser, pairs, ranges, values
 
 if TYPE_CHECKING:
     from ..datasets import Runs
@@ -17,11 +17,16 @@ def reading_options(parser: Parser) -> None:
     group.add_argument("--map", action="append", metavar="VB=COLUMN", help="column of a role, by name or as col7")
     group.add_argument("--unit", action="append", metavar="t=s", help="unit of a column that has none, or a wrong one")
     group.add_argument("--range", action="append", metavar="V=50:200", help="values of the coded levels -1 and 1")
+    group.add_argument("--value", action="append", metavar="D=80", help="a constant that the file does not contain")
+    group.add_argument("--edge", metavar="COLUMN", help="column of the cutting edges; none: do not infer edges")
+    processes = ["turning", "milling", "drilling", "grinding"]
+    group.add_argument("--process", choices=processes, help="process whose plausible ranges apply")
     group.add_argument("--tool", metavar="NAME", help="name of the tool")
     group.add_argument("--work", metavar="NAME", help="name of the work material")
     group.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file is ambiguous")
     group.add_argument("--delimiter", metavar="MARK", help="delimiter of cells, where the file is ambiguous")
-    group.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
+    group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
+    group.add_argument("--hidden", action="store_true", help="read hidden rows and columns of a workbook too")
 
 
 def fitting_options(parser: Parser) -> None:
@@ -48,11 +53,15 @@ def read_keywords(args: argparse.Namespace) -> dict[str, Any]:
         "map": pairs(args.map, "--map", "VB=col7"),
         "units": pairs(args.unit, "--unit", "t=s"),
         "ranges": ranges(args.range),
+        "constants": values(args.value),
         "tool": args.tool,
         "work": args.work,
+        "edge": args.edge,
+        "process": args.process,
         "decimal": args.decimal,
         "delimiter": args.delimiter,
         "sheet": args.sheet,
+        "hidden": args.hidden,
     }
 
 

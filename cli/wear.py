@@ -173,6 +173,7 @@ def _facts(runs: "Runs") -> dict[str, Any]:
         "units": dict(runs.units),
         "assumed": list(runs.assumed),
         "warnings": list(runs.warnings),
+        "doubts": [asdict(doubt) for doubt in runs.doubts],
         "notes": list(runs.notes),
         "simulated": runs.simulated,
     }

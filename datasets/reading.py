@@ -3,15 +3,19 @@
 import os
 import re
 from collections.abc import Mapping
-from typing import Literal
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.errors import DataError, UsageError
+from ..core.suggestions import did_you_mean
 from .columns import NONE, ColumnUse, Values, assign
 from .design import decode_levels
+from .draft import Draft
+from .options import ReadOptions
 from .runs import UNNAMED, Runs, Source
 from .tables import Column, Table, read_table
 from .units import is_unit
@@ -21,25 +25,20 @@ from .vocabulary import ROLES
 def read_runs(
     path: str | os.PathLike[str] | Table,
     *,
-    map: Mapping[str, str] | None = None,  # noqa: A002  the option of the command is --map
-    units: Mapping[str, str] | None = None,
-    ranges: Mapping[str, tuple[float, ...]] | None = None,
-    tool: str | None = None,
-    work: str | None = None,
-    decimal: Literal["point", "comma"] | None = None,
-    delimiter: str | None = None,
-    sheet: str | None = None,
+    options: ReadOptions | None = None,
+    **given: Any,  # noqa: ANN401  the fields of ReadOptions
 ) -> Runs:
     """Read a wear-test file: text of any dialect, or .xlsx.
 
     Parameters
     ----------
     path : path of the file, or a Table that was read from it
-    map : mapping of role symbol to column header (or ``col7``), which overrides the headers
-    units : mapping of role symbol to unit, for columns whose unit is not in the file
-    ranges : mapping of role symbol to (low, high) or (low, centre, high), for columns in coded levels
-    tool, work : names of the pair, where the file does not hold them
-    decimal, delimiter, sheet : see :func:`fitmodels.datasets.read_table`
+    options : ReadOptions, optional
+    **given
+        Options by name instead of ``options``: ``map`` (role symbol to column header or ``col7``), ``units`` (role
+        symbol to unit), ``ranges`` (role symbol to the ends of coded levels), ``constants`` (role symbol to a value
+        that is not in the file), ``tool``, ``work``, ``edge``, ``process``, ``hidden``, and ``decimal``,
+        ``delimiter``, ``sheet`` as in :func:`fitmodels.datasets.read_table`.
 
     Raises
     ------
@@ -54,26 +53,24 @@ def read_runs(
     >>> len(datasets.read_runs(datasets.bundled("ac2017_table1")))
     16
     """
+    how = read_options(given) if options is None else options
     table = path
     if not isinstance(table, Table):
-        table = read_table(table, is_unit=is_unit, decimal=decimal, delimiter=delimiter, sheet=sheet)
+        table = read_table(table, is_unit=is_unit, decimal=how.decimal, delimiter=how.delimiter, sheet=how.sheet)
     source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
     notes = tuple(note.lstrip("#% ") for note in table.notes)
-    return _assemble(
-        table.columns, table.lines, source, notes, table.warnings,
-        mapping=map or {}, units=units or {}, ranges=ranges or {}, tool=tool, work=work,
-    )  # fmt: skip
+    return _assemble(table.columns, table.lines, source, notes, table.warnings, how)
 
 
 def runs_from_frame(
     frame: pd.DataFrame,
     *,
-    map: Mapping[str, str] | None = None,  # noqa: A002
-    units: Mapping[str, str] | None = None,
-    tool: str | None = None,
-    work: str | None = None,
+    options: ReadOptions | None = None,
+    **given: Any,  # noqa: ANN401  the fields of ReadOptions
 ) -> Runs:
     """Runs from a DataFrame; its column names are read like headers of a file.
+
+    Options are those of `read_runs`, without ``decimal``, ``delimiter``, ``sheet`` and ``hidden``.
 
     Examples
     --------
@@ -84,10 +81,22 @@ def runs_from_frame(
     """
     columns = tuple(_column_of(i, str(name), frame.iloc[:, i]) for i, name in enumerate(frame.columns))
     source = Source("DataFrame", "", len(frame), "in memory")
-    return _assemble(
-        columns, np.arange(len(frame)), source, (), (),
-        mapping=map or {}, units=units or {}, ranges={}, tool=tool, work=work,
-    )  # fmt: skip
+    how = read_options(given) if options is None else options
+    return _assemble(columns, np.arange(len(frame)), source, (), (), how)
+
+
+def read_options(given: Mapping[str, Any]) -> ReadOptions:
+    """Options from keywords; None counts as not given, and a name that does not exist is refused.
+
+    Raises
+    ------
+    UsageError
+    """
+    known = [one.name for one in fields(ReadOptions)]
+    for name in given:
+        if name not in known:
+            raise UsageError(f"{name}: there is no such option. {did_you_mean(name, known)}")
+    return ReadOptions(**{name: value for name, value in given.items() if value is not None})
 
 
 def _column_of(position: int, name: str, series: "pd.Series[float]") -> Column:
@@ -106,26 +115,32 @@ def _assemble(
     source: Source,
     notes: tuple[str, ...],
     warnings: tuple[str, ...],
-    *,
-    mapping: Mapping[str, str],
-    units: Mapping[str, str],
-    ranges: Mapping[str, tuple[float, ...]],
-    tool: str | None,
-    work: str | None,
+    options: ReadOptions,
 ) -> Runs:
-    uses, data, assumed = assign(columns, mapping, units)
-    roled = {role: ROLES[role].unit for role in data if ROLES[role].unit}
-    assumed = (*with_thrust(data, roled, mapping), *_decoded(data, ranges), *assumed)
-    data |= _without_role(columns, uses, data)
-    given = {"tool": tool, "work": work}
+    """Give the columns their roles, then complete and judge the draft step by step."""
+    uses, data, assumed = assign(columns, options.map, options.units)
+    units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
+    draft = Draft(columns, uses, data, units, lines, notes, list(assumed), list(warnings))
+    draft.assumed[:0] = _decoded(draft.data, options.ranges)
+    draft.assumed[:0] = with_thrust(draft.data, draft.units, options.map)
+    return _finished(draft, source, options)
+
+
+def _finished(draft: Draft, source: Source, options: ReadOptions) -> Runs:
+    """The runs of a complete draft, with the names of the pair."""
+    data = draft.data | _without_role(draft.columns, draft.uses, draft.data)
+    given = {"tool": options.tool, "work": options.work}
     frame = pd.DataFrame({name: v for name, v in data.items() if given.get(name) is None})
-    named = {role: given[role] or pair_name(role, frame, notes) for role in given}
-    assumed += tuple(
+    named = {role: given[role] or pair_name(role, frame, draft.notes) for role in given}
+    draft.assumed += (
         f"{role}: not named in the file, called {name}; name it with --{role}"
         for role, name in named.items()
         if name == UNNAMED[role]
     )
-    return Runs(frame, roled, uses, lines, source, named["tool"], named["work"], assumed, warnings, notes)
+    return Runs(
+        frame, draft.units, draft.uses, draft.lines, source, named["tool"], named["work"],
+        tuple(draft.assumed), tuple(draft.warnings), draft.notes, tuple(draft.doubts),
+    )  # fmt: skip
 
 
 def with_thrust(data: dict[str, Values], units: dict[str, str], mapping: Mapping[str, str]) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from ..core.display import Display, Displayable, Plottable, TextTable
 from ..core.errors import UsageError
 from ..core.rounding import format_plain
 from .columns import ColumnUse
+from .doubts import Doubt
 from .vocabulary import UNNAMED as UNNAMED
 
 Array = NDArray[np.float64]
@@ -57,6 +58,8 @@ class Runs(Plottable):
         Names of the pair; ``several`` where a column names more than one.
     assumed, warnings, notes : tuple of str
         Assumptions; what was left out or corrected; the free text of the file.
+    doubts : tuple of Doubt
+        Unusual values, contradictions between columns, and choices that the file does not settle.
 
     Examples
     --------
@@ -76,6 +79,7 @@ class Runs(Plottable):
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
     def __len__(self) -> int:
         return len(self.data)
@@ -90,7 +94,7 @@ class Runs(Plottable):
         head = f"{self.tool} on {self.work}{', simulated' if self.simulated else ''}: {len(self)} rows{edges}; {ranges}"
         facts = (("from", self.source.name), ("SHA-256", f"{self.source.sha256[:12]}..."))
         grid = TextTable(("", "range", "unit", "rows"), tuple(shown))
-        return Display(head, facts, grid, (*self.warnings, *self.assumed, *self.notes))
+        return Display(head, facts, grid, (*map(str, self.doubts), *self.warnings, *self.assumed, *self.notes))
 
     @property
     def disclaimers(self) -> tuple[str, ...]:
@@ -152,6 +156,7 @@ class Runs(Plottable):
             notes=tuple(dict.fromkeys((*self.notes, *other.notes))),
             assumed=tuple(dict.fromkeys((*self.assumed, *other.assumed))),
             warnings=(*self.warnings, *other.warnings),
+            doubts=tuple(dict.fromkeys((*self.doubts, *other.doubts))),
         )
 
     def to_frame(self) -> pd.DataFrame:

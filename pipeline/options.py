@@ -2,56 +2,25 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from hashlib import sha256
 from math import inf
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
-from ..core.display import Displayable
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
+from ..datasets.options import ReadOptions, check_choice
 
 Error: TypeAlias = Literal["multiplicative", "additive"]
-DecimalMark: TypeAlias = Literal["point", "comma"]
 
 NAMED_PRIORS = ("weak", "reference")
 # Names in the parameter file are those of the command's options.
 RECORDED = (
-    *("map", "unit", "range", "tool", "work", "by", "error", "criterion", "gauge_sd", "seed", "draws", "priors"),
-    *("student", "verify", "posterior_figures", "decimal", "delimiter", "sheet"),
+    *("map", "unit", "range", "value", "tool", "work", "by", "error", "criterion", "gauge_sd", "seed", "draws"),
+    *("priors", "student", "verify", "posterior_figures", "decimal", "delimiter", "sheet", "edge", "process", "hidden"),
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ReadOptions(Displayable):
-    """How a file of tests is read, as in `datasets.read_runs`.
-
-    Attributes
-    ----------
-    map, units : mapping of str to str
-        Column and unit of a role.
-    ranges : mapping of str to tuple of float
-        Low and high, or low, centre and high, of conditions in coded levels.
-    tool, work : str or None
-        Names of the pair where the file does not contain them.
-    decimal : {"point", "comma"} or None
-    delimiter, sheet : str or None
-    """
-
-    map: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    ranges: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    tool: str | None = None
-    work: str | None = None
-    decimal: DecimalMark | None = None
-    delimiter: str | None = None
-    sheet: str | None = None
-
-    def reading(self) -> dict[str, Any]:
-        """The keywords of `datasets.read_runs`."""
-        return {one.name: getattr(self, one.name) for one in fields(ReadOptions)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -60,7 +29,7 @@ class FitOptions(ReadOptions):
 
     Attributes
     ----------
-    map, units, ranges, tool, work, decimal, delimiter, sheet
+    map, units, ranges, constants, tool, work, edge, process, decimal, delimiter, sheet, hidden
         How a file is read, as in `datasets.read_runs`.
     by : str or None
         A category whose levels shift the laws, fitted together.
@@ -105,14 +74,10 @@ checks) to 1000000.
     def __post_init__(self) -> None:
         from ..fit.bayes.draw_posterior import FEWEST, MOST
 
-        _check_choice("error", self.error, get_args(Error))
-        _check_choice("decimal", self.decimal, (None, *get_args(DecimalMark)))
-        for name in ("map", "units", "ranges"):
-            if not isinstance(getattr(self, name), Mapping):
-                raise UsageError(f"{name} {getattr(self, name)!r}: give a mapping, for instance {{'V': ...}}.")
-        for name in ("tool", "work", "by", "delimiter", "sheet"):
-            if not isinstance(getattr(self, name), str | None):
-                raise UsageError(f"{name} {getattr(self, name)!r}: give a text, or leave it out.")
+        ReadOptions.__post_init__(self)
+        check_choice("error", self.error, get_args(Error))
+        if not isinstance(self.by, str | None):
+            raise UsageError(f"by {self.by!r}: give a text, or leave it out.")
         if self.criterion is not None and not (_is_number(self.criterion) and 0 < self.criterion < inf):
             raise UsageError(f"criterion {self.criterion}: a wear criterion is above zero, for instance 0.3.")
         if self.gauge_sd is not None and not (_is_number(self.gauge_sd) and 0 <= self.gauge_sd < inf):
@@ -127,7 +92,7 @@ checks) to 1000000.
                 f"priors {self.priors!r}: give 'weak', 'reference', the path of a TOML file or its content."
             )
         for name in ("student", "verify", "posterior_figures"):
-            _check_choice(name, getattr(self, name), (True, False))
+            check_choice(name, getattr(self, name), (True, False))
         self.prior_tables()  # a file of priors that cannot be read is refused here
 
     def prior_tables(self) -> str | Mapping[str, object]:
@@ -147,7 +112,9 @@ checks) to 1000000.
         {'map': ['VB=col7'], 'error': 'multiplicative', 'criterion': 0.2}
         """
         ranges = {symbol: ":".join(f"{end:.12g}" for end in ends) for symbol, ends in self.ranges.items()}
-        listed = {"map": _equations(self.map), "unit": _equations(self.units), "range": _equations(ranges)}
+        values = {symbol: f"{value:.12g}" for symbol, value in self.constants.items()}
+        given_by_role = {"map": self.map, "unit": self.units, "range": ranges, "value": values}
+        listed = {name: _equations(of) for name, of in given_by_role.items()}
         given: dict[str, Any] = {name: value for name, value in listed.items() if value}
         usual = {one.name: one.default for one in fields(self)}
         for name in RECORDED[len(listed) :]:
@@ -177,11 +144,6 @@ def fit_options(given: Mapping[str, Any]) -> FitOptions:
         if name not in known:
             raise UsageError(f"{name}: there is no such option. {did_you_mean(name, known)}")
     return FitOptions(**given)
-
-
-def _check_choice(name: str, value: object, choices: tuple[object, ...]) -> None:
-    if not any(value is choice or (isinstance(value, str) and value == choice) for choice in choices):
-        raise UsageError(f"{name} {value!r}: give one of {', '.join(map(repr, choices))}.")
 
 
 def _is_number(value: object) -> bool:

@@ -19,7 +19,7 @@ from .options import ReadOptions
 if TYPE_CHECKING:
     from ..datasets.tables import Table
 
-OF_FILES = ("decimal", "delimiter", "sheet", "ranges")  # reading options that a DataFrame does not have
+OF_FILES = ("decimal", "delimiter", "sheet", "ranges", "hidden")  # reading options that a DataFrame does not have
 
 
 def read_source(source: str | os.PathLike[str] | pd.DataFrame | Runs, options: ReadOptions) -> Runs:
@@ -32,7 +32,7 @@ def read_source(source: str | os.PathLike[str] | pd.DataFrame | Runs, options: R
     DataError
         The file cannot be read; `RecordError` where it is a record of one run.
     """
-    given = {name: value for name, value in options.reading().items() if value not in (None, {})}
+    given = {name: value for name, value in options.reading().items() if value not in (None, {}, False)}
     if isinstance(source, Runs):
         if given:
             raise UsageError(f"{', '.join(given)}: Runs have been read already; give this to datasets.read_runs.")
@@ -65,7 +65,7 @@ def read_tests(path: Path, options: ReadOptions) -> Runs:
     'GC435'
     """
     table, doubt = tests_table(path, options)
-    runs = read_runs(table, **options.reading())
+    runs = read_runs(table, options=options)
     return replace(runs, assumed=(*runs.assumed, *doubt))
 
 

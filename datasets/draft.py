@@ -1,0 +1,44 @@
+"""A table of tests while it is being read: each step of the reading completes or judges it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .columns import ColumnUse, Values
+from .doubts import Doubt
+from .tables import Column
+
+
+@dataclass(slots=True)
+class Draft:
+    """Columns, values by role in the role's unit, and what was assumed, corrected or doubted so far.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        Columns of the file as written.
+    uses : tuple of ColumnUse
+        Use of each column, in the same order.
+    data : dict
+        Role symbol -> values, shape (n,); a step adds, replaces or converts them.
+    units : dict
+        Unit of each role in ``data`` that has one.
+    lines : ndarray of int, shape (n,)
+        Line of each row in the file.
+    notes : tuple of str
+        Free text of the file.
+    assumed, warnings : list of str
+        Assumptions made; what was left out or corrected.
+    doubts : list of Doubt
+    """
+
+    columns: tuple[Column, ...]
+    uses: tuple[ColumnUse, ...]
+    data: dict[str, Values]
+    units: dict[str, str]
+    lines: NDArray[np.intp]
+    notes: tuple[str, ...] = ()
+    assumed: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    doubts: list[Doubt] = field(default_factory=list)
