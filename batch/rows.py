@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..datasets import Runs
 from ..datasets.columns import ColumnUse
+from ..datasets.doubts import Doubt
 from ..datasets.runs import Source, disclaimers
 from ..pipeline.reading import digest
 from .plan import Pair
@@ -18,18 +19,20 @@ NO_LINES = "Parquet"  # dialect of a source whose rows have no lines: they are c
 
 @dataclass(frozen=True, slots=True)
 class PairSource:
-    """Source, columns and notes of a pair of lab files, as in the `Runs` of its own file."""
+    """Source, columns, doubts and notes of a pair of lab files, as in the `Runs` of its own file."""
 
     source: Source
     columns: tuple[ColumnUse, ...]
     assumed: tuple[str, ...]
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
+    doubts: tuple[Doubt, ...] = ()
+    judged: bool = False
 
     @classmethod
     def of(cls, runs: Runs) -> "PairSource":
         """Those of the runs of a pair."""
-        return cls(runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes)
+        return cls(runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes, runs.doubts, runs.judged)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +70,9 @@ class PairRows:
         return bool(disclaimers(self.of_pair[pair].notes if pair in self.of_pair else self.notes))
 
     def doubts(self, pair: Pair) -> tuple[str, ...]:
-        """Warnings from reading a pair."""
-        return self.of_pair[pair].warnings if pair in self.of_pair else self.warnings
+        """Warnings from reading a pair, and doubts about its values where they were judged."""
+        about = self.of_pair.get(pair)
+        return self.warnings if about is None else (*map(str, about.doubts), *about.warnings)
 
     def runs(self) -> Iterator[tuple[Pair, Runs]]:
         """The runs of each pair, in the order in which the rows name them."""
@@ -88,5 +92,5 @@ class PairRows:
         lines = np.arange(1, 1 + len(where)) if self.lines is None else self.lines[where]
         return pair, Runs(
             data, self.units, about.columns, lines, about.source, pair.tool, pair.work,
-            about.assumed, about.warnings, about.notes,
+            about.assumed, about.warnings, about.notes, about.doubts, about.judged,
         )  # fmt: skip

@@ -6,7 +6,8 @@ from pathlib import Path
 from .arguments import Parser
 from .output import print_json, print_lines
 
-MARKS = {True: "ok   ", False: "FAIL ", None: "note "}
+MARKS = {True: "ok    ", False: "FAIL  ", None: "note  "}
+DOUBT = "doubt "
 
 
 def parser() -> Parser:
@@ -14,8 +15,9 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels check",
         "fitmodels check data-fit/GC435_709M40/params.json",
-        "Check a parameter file before a controller uses it: checksum, units, covariances, draws, stability, gains\n"
-        "against their specification, feed limits, windows. Exit code 0, or 5 where a check fails.",
+        "Check a parameter file before a controller uses it: checksum, doubts about the data, units, covariances,\n"
+        "draws, stability, gains against their specification, feed limits, windows. Exit code 0, or 5 where a check\n"
+        "fails; a doubt is shown and does not fail the file.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json; the draws are expected in the same folder")
     p.add_argument("--json", action="store_true", help="print the findings as JSON (fitmodels.check/1)")
@@ -32,8 +34,7 @@ def run(args: argparse.Namespace) -> int:
         print_json("check", {"file": Path(args.file).name, **report.facts()})
     else:
         last = "all checks passed" if report.ok else f"{len(report.failed)} failed"
-        print_lines([
-            *(MARKS[finding.passed] + finding.words for finding in report.findings),
-            f"{len(report.findings)} findings, {last}.",
-        ])  # fmt: skip
+        marks = (DOUBT if finding.name == "doubt" else MARKS[finding.passed] for finding in report.findings)
+        lines = (mark + finding.words for mark, finding in zip(marks, report.findings, strict=True))
+        print_lines([*lines, f"{len(report.findings)} findings, {last}."])
     return 0 if report.ok else 5

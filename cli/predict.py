@@ -90,7 +90,8 @@ def run(args: argparse.Namespace) -> int:
     lines = [prediction.words for prediction in predictions]
     lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items()]
     simulated = ["Not measured: the laws were fitted to a simulation."] if pf.identity.simulated else []
-    print_lines(lines + simulated)
+    doubts = [] if pf.reading is None else [f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts]
+    print_lines(lines + simulated + doubts)
     return 0
 
 

@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
             out.show(_written(pair, folder))
         reports.append(_report(pair, folder))
     if args.json:
-        print_json("report", {"understood": _facts(runs), "pairs": reports}, version=2)
+        print_json("report", {"understood": _facts(runs), "pairs": reports}, version=3)
     if any(pair.failed for pair in analysis.pairs):
         return 5
     return 4 if any(pair.parameters is None for pair in analysis.pairs) else 0

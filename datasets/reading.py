@@ -139,7 +139,7 @@ def _finished(draft: Draft, source: Source, options: ReadOptions) -> Runs:
     )
     return Runs(
         frame, draft.units, draft.uses, draft.lines, source, named["tool"], named["work"],
-        tuple(draft.assumed), tuple(draft.warnings), draft.notes, tuple(draft.doubts),
+        tuple(draft.assumed), tuple(draft.warnings), draft.notes, tuple(draft.doubts), judged=True,
     )  # fmt: skip
 
 

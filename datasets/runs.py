@@ -60,6 +60,8 @@ class Runs(Plottable):
         Assumptions; what was left out or corrected; the free text of the file.
     doubts : tuple of Doubt
         Unusual values, contradictions between columns, and choices that the file does not settle.
+    judged : bool
+        Whether the reading looked for doubts; runs made of arrays, or of a stream, are not judged.
 
     Examples
     --------
@@ -80,6 +82,7 @@ class Runs(Plottable):
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+    judged: bool = False
 
     def __len__(self) -> int:
         return len(self.data)
@@ -157,6 +160,7 @@ class Runs(Plottable):
             assumed=tuple(dict.fromkeys((*self.assumed, *other.assumed))),
             warnings=(*self.warnings, *other.warnings),
             doubts=tuple(dict.fromkeys((*self.doubts, *other.doubts))),
+            judged=self.judged and other.judged,
         )
 
     def to_frame(self) -> pd.DataFrame:

@@ -24,8 +24,8 @@ class LawSource:
         Name of the data file and SHA-256 of its bytes; empty for rows in memory.
     tool, work : str
         Tool and work material, empty where unknown.
-    simulated : bool
-        True where the file states that its rows are simulated or computed.
+    simulated : bool or None
+        True where the file states that its rows are simulated or computed; None where it is not known.
     note : str
         The sentences in which it does.
     n_rows : int or None
@@ -36,7 +36,7 @@ class LawSource:
     sha256: str = ""
     tool: str = ""
     work: str = ""
-    simulated: bool = False
+    simulated: bool | None = None
     note: str = ""
     n_rows: int | None = None
 

@@ -14,7 +14,7 @@ from ..core.errors import ParameterError
 from ..core.version import __version__
 from .file import ParameterFile, sealed
 from .gather.control import Gains, as_data, dynamics_section, limits_section, pi_section
-from .gather.design import criterion_of, design_section
+from .gather.design import criterion_of, design_section, reading_section
 from .gather.law import laws_by_response, tool_life_section
 from .gather.posterior import posterior_section
 from .messages import schema_message
@@ -76,7 +76,7 @@ def collect(
     tool, work, machine, iso513, iso13399, setup, sensors, note
         Identity of the parameters; tool and work are needed without laws. See `IdentitySection`.
     design : Runs, optional
-        The tests behind the laws, or their section.
+        The tests behind the laws, or their section; the doubts about them are those of the runs.
     laws : sequence of LawFit
         At most one for each response. Tool, work, data file, checksum, rows, simulated and note are taken from their
         source where they are not given. A published law of this tool and work is compared with each.
@@ -99,7 +99,8 @@ def collect(
     load_line, limits, roughness, adaptive_force : section or mapping, optional
         In ``limits`` a bare number or pair is in kW, N, mm, mm/rev, mm/min, m/min or 1/min.
     simulated : bool
-        True when the data came from a simulation; by default as the source of the laws states.
+        True when the data came from a simulation; by default as the source of the laws states, unknown where laws of
+        a stream have no source.
     data_file, data_sha256, n_rows, created, command, options, seed
         Provenance; only the versions of the programs are looked up. Of ``data_file``
         only the name is kept; ``created`` is an ISO date.
@@ -143,6 +144,7 @@ def collect(
     sections = {
         "tool_life": life, "limits": bounds, "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
         "design": None if design is None else design_section(design, found, criterion_of(life, bounds, options or {})),
+        "reading": reading_section(design),
         "dynamics": None if dynamics is None else dynamics_section(dynamics, held_out_fit),
         "pi": None if pi is None else pi_section(pi, scaling_u=scaling_u, forced=pi_forced),
         "load_line": load_line, "roughness": roughness, "adaptive_force": adaptive_force,
@@ -162,7 +164,7 @@ def _source(laws: "Sequence[LawFit]", tool: str | None, work: str | None, data_g
     sources = [law.source for law in laws]
     if not laws and (tool is None or work is None):
         raise ParameterError("no laws to take tool and work from: give tool= and work=.")
-    first = sources[0] if sources else LawSource()
+    first = sources[0] if sources else LawSource(simulated=False)
     for law, other in zip(laws, sources, strict=True):
         one = (tool or first.tool, work or first.work, *(() if data_given else (first.file, first.sha256)))
         two = (tool or other.tool, work or other.work, *(() if data_given else (other.file, other.sha256)))

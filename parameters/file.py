@@ -18,7 +18,7 @@ from .sections.force_control import AdaptiveForceSection, RoughnessSection
 from .sections.law import LawSection
 from .sections.law_parts import ToolLifeSection
 from .sections.load_line import LimitsSection, LoadLineSection
-from .sections.origin import DesignSection, IdentitySection, ProvenanceSection
+from .sections.origin import DesignSection, IdentitySection, ProvenanceSection, ReadingSection
 from .sections.posterior import PosteriorSection
 
 LARGEST = 50_000_000  # bytes
@@ -30,8 +30,10 @@ class ParameterFile(Plottable, Section):
     Attributes
     ----------
     schema_version : str
-        ``fitmodels.parameters/1``.
+        ``fitmodels.parameters/2``.
     identity : IdentitySection
+    reading : ReadingSection or None
+        Doubts about the data file; None where its values were not judged, as in files of schema version 1.
     design : Design or None
         The tests behind the laws; earlier files lack it and stay valid.
     laws : dict of LawSection
@@ -66,8 +68,9 @@ class ParameterFile(Plottable, Section):
     True
     """
 
-    schema_version: Literal["fitmodels.parameters/1"] = SCHEMA
+    schema_version: Literal["fitmodels.parameters/2"] = SCHEMA
     identity: IdentitySection
+    reading: ReadingSection | None = None
     design: DesignSection | None = None
     laws: dict[str, LawSection] = Field(default_factory=dict)
     tool_life: ToolLifeSection | None = None

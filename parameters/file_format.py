@@ -156,15 +156,15 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/1"
+SCHEMA: Final = "fitmodels.parameters/2"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
-# Version 1 is the first that was published.
-STEPS: Mapping[int, Step] = {}
+# Version 2 added ``reading``, the doubts about the data, and ``null`` of ``identity.simulated`` where it is not known.
+STEPS: Mapping[int, Step] = {1: lambda data: {"reading": None, **data}}
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 1) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 2) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

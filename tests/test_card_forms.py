@@ -52,7 +52,7 @@ HOSTILE = (
     "=",
     "\u202eabc",
 )
-PUBLISHED_SCHEMA = json.loads((files("fitmodels.cards") / "schema" / "card-2.json").read_text("utf-8"))
+PUBLISHED_SCHEMA = json.loads((files("fitmodels.cards") / "schema" / "card-3.json").read_text("utf-8"))
 PUBLISHED = PublicationPart(
     license="CC-BY-4.0", authors=("Doe, Jane (0000-0002-1825-0097)", "Institute of Machining"), contact="j@example.org",
     doi="10.5281/zenodo.1", keywords=("turning",),
@@ -93,7 +93,20 @@ def two_materials():
     return collect(tool="a", work="b", laws=[fit.power_law(both, "AW", ["V", "f", "d", "t"], by="point")])
 
 
+def doubted_file():
+    doubts = [
+        {
+            "columns": ["VB"],
+            "sentence": "VB 1.2 to 1.9 mm is above the usual <b> .02 to .6 mm",
+            "remedy": "--unit VB=um",
+        },
+        {"columns": ["n"], "sentence": "column n varies and is not used."},
+    ]
+    return sealed(load_file(), reading={"doubts": doubts})
+
+
 FILES = {
+    "doubted": doubted_file,
     "bundled": lambda: bundled_file(limits={"power": {"value": 7.0, "unit": "kW", "of": "P"}}),
     "drive": drive_file,
     "load line": load_file,
@@ -307,7 +320,7 @@ def test_card_json_obeys_its_schema_and_reads_back(files, name, tmp_path):
 def test_the_published_schema_is_that_of_the_code():
     Draft202012Validator.check_schema(PUBLISHED_SCHEMA)
     assert json.loads(card_json.schema_text()) == PUBLISHED_SCHEMA
-    assert PUBLISHED_SCHEMA["$id"] == "fitmodels.card/2"
+    assert PUBLISHED_SCHEMA["$id"] == "fitmodels.card/3"
 
 
 @pytest.mark.parametrize("name", HOSTILE)
@@ -445,3 +458,27 @@ def test_lines_of_a_caller_stand_where_the_file_does_not_tell_its_tests(files, t
 
 def test_the_public_name_tells_a_file_in_markdown(pf):
     assert markdown(pf) == card_markdown(compose(pf))
+
+
+# --- doubts -------------------------------------------------------------------------------------------
+
+
+def test_doubts_about_the_data_are_in_every_form(files):
+    card = compose(files["doubted"])
+    command = f"fitmodels {card.provenance.data_file} --unit VB=um"
+    readme, page = card_markdown(card), page_html(card, files["doubted"])
+    head = readme.split("\n## ")[0]
+    assert "**Doubts about the data**" in head
+    assert f"&lt;b&gt; .02 to .6 mm. Corrected with: `{command}`\n" in head
+    assert "- column n varies and is not used.\n" in head
+    assert f"<code>{command}</code>" in page.split("<nav")[0] + page.split("<main")[0]
+    assert "usual &lt;b&gt; " in page
+    found = json.loads(card_json.as_json(card))["doubts"]
+    assert [one["command"] for one in found] == [command, ""]
+    assert card.summary.endswith("The reading of its data raised 2 doubts.")
+
+
+def test_a_card_says_that_its_data_were_not_judged(files):
+    assert "not judged" in compose(files["load line"].model_copy(update={"reading": None})).empty["doubts"]
+    assert "doubts" not in compose(files["load line"]).empty
+    assert "Doubts about the data" not in card_markdown(compose(files["load line"]))

@@ -41,7 +41,7 @@ def built():
     pf = collect(
         tool="end mill", work="S45C", laws=[fit.load_law(runs)], dynamics=Model(**PLANT, cov_params=covariance, n=750),
         pi={**GAINS, "specification": SPECIFICATION}, limits={"wear": 0.3, "feed_rate": (100, 2000), "power": 7},
-        adaptive_force=FORCE,
+        adaptive_force=FORCE, reading={"doubts": []},
     )  # fmt: skip
     return sealed(pf, load_line=parameters.settings(pf, 0.28, wear_limit=0.2, engagement=ENGAGEMENT))
 
@@ -71,8 +71,8 @@ def test_a_good_file_passes_every_question(pf):
     report = check(pf)
     assert report.ok, report.failed
     assert {f.name for f in report.findings} == {
-        "checksum", "units", "covariance", "dynamics", "gains", "specification", "feed limits", "window", "reference",
-        "engagement", "set points",
+        "checksum", "reading", "units", "covariance", "dynamics", "gains", "specification", "feed limits", "window",
+        "reference", "engagement", "set points",
     }  # fmt: skip
     assert all(f.passed for f in report.findings)
 
@@ -342,8 +342,21 @@ def test_the_command_tells_every_finding(pf, tmp_path, capsys):
     path = write(pf, tmp_path / "params.json")
     assert main(["check", str(path)]) == 0
     out = capsys.readouterr().out
-    assert "ok   The content is unchanged." in out
+    assert "ok    The content is unchanged." in out
     assert out.endswith(f"{len(check(pf).findings)} findings, all checks passed.\n")
+
+
+def test_the_command_shows_doubts_about_the_data_and_passes(pf, tmp_path, capsys):
+    doubt = {"columns": ["VB"], "sentence": "VB 1.2 to 1.9 mm is unusual", "remedy": "--unit VB=um"}
+    path = write(sealed(pf, reading={"doubts": [doubt]}), tmp_path / "params.json")
+    assert main(["check", str(path)]) == 0
+    assert "doubt VB 1.2 to 1.9 mm is unusual. Remedy: fitmodels data.csv --unit VB=um" in capsys.readouterr().out
+
+
+def test_a_file_whose_data_were_not_judged_says_so(pf):
+    (found,) = [f for f in check(sealed(pf, reading=None)).findings if f.name == "reading"]
+    assert found.passed is None
+    assert "fitmodels look data.csv" in found.words
 
 
 def test_the_command_fails_with_5(pf, tmp_path, capsys):

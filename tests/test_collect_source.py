@@ -51,6 +51,20 @@ def test_a_law_of_a_stream_carries_the_source_that_is_given():
     assert (pf.identity.tool, pf.identity.simulated, pf.provenance.data_file) == ("GC435", True, "big.parquet")
 
 
+def test_whether_a_stream_without_a_source_was_simulated_is_unknown(tmp_path):
+    law = fit.streamed_power_law([runs().data], "AW", FACTORS)
+    pf = parameters.collect(tool="GC435", work="709M40", laws=[law])
+    assert (pf.identity.simulated, pf.reading) == (None, None)
+    assert parameters.read(parameters.write(pf, tmp_path / "params.json")) == pf
+    cards.write(pf, tmp_path / "card")
+    readme, page = ((tmp_path / "card" / name).read_text("utf-8") for name in ("README.md", "card.html"))
+    assert "Measured or simulated: unknown" in readme
+    assert "simulated: null" in readme
+    assert "measured" not in readme.split("---")[1]
+    assert "<dt>Measured</dt><dd>unknown</dd>" in page
+    assert parameters.collect(tool="a", work="b", limits={"power": 7.0}).identity.simulated is False
+
+
 def test_laws_of_different_data_are_refused():
     law = fit.power_law(runs(), "AW", FACTORS)
     rough = fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1")))

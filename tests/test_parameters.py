@@ -459,7 +459,7 @@ def test_what_is_written_is_read(pf):
 def test_the_text_is_for_people(path):
     content = write(whole(), path).read_bytes()
     assert content.endswith(b"}\n")
-    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/1",\n  "identity": {\n')
+    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/2",\n  "identity": {\n')
     assert "µ and ü" in content.decode()
 
 
@@ -544,7 +544,7 @@ def deep(levels):
         (b'{"a": "\xff"}', r"is not UTF-8 text \(byte 7\)"),
         (b"[]", "is not a parameter file"),
         (b"{}", "is not a parameter file"),
-        (b'{"schema_version": "fitmodels.parameters/2"}', "newer schema.*Upgrade"),
+        (b'{"schema_version": "fitmodels.parameters/3"}', "newer schema.*Upgrade"),
         (b'{"schema_version": "fitmodels.card/1"}', "schema_version is 'fitmodels.card/1'"),
         (b'{"schema_version": [1]}', r"schema_version is a list"),
         (b'{"schema_version": "fitmodels.parameters/1"}', "identity is missing; provenance is missing"),

@@ -13,14 +13,14 @@ import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.core.errors import ParameterError
 from fitmodels.ident.model import Model
-from fitmodels.parameters import collect, read, write
+from fitmodels.parameters import check, collect, read, write
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.file_format import canonical_bytes, content_sha256, migrated
 from fitmodels.parameters.json_schema import DIALECT, build_schema, schema_text
 from hypothesis import given
 from hypothesis import strategies as st
 
-SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-1.json"
+SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-2.json"
 
 
 def published():
@@ -70,7 +70,7 @@ def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
     [
         lambda d: d.pop("identity"),
         lambda d: d.pop("schema_version"),
-        lambda d: d.update(schema_version="fitmodels.parameters/2"),
+        lambda d: d.update(schema_version="fitmodels.parameters/3"),
         lambda d: d["identity"].update(simulated="no"),
         lambda d: d["identity"].update(tool=""),
         lambda d: d["dynamics"].update(sample_time=0.0),
@@ -148,6 +148,32 @@ def test_versions_that_cannot_be_read(version, words):
     with pytest.raises(ParameterError, match=words) as told:
         migrated({"schema_version": version}, "params.json", STEPS, current=3)
     assert "\n" not in str(told.value)
+
+
+def test_a_file_of_version_1_is_read_with_unknown_doubts(data, tmp_path):
+    """Version 1 had no section ``reading``; exports, card and check take the file, and its checksum stays valid."""
+    old = {k: v for k, v in data.items() if k != "reading"} | {"schema_version": "fitmodels.parameters/1"}
+    old["content_sha256"] = content_sha256(old)
+    (tmp_path / "params.json").write_text(json.dumps(old))
+    pf = read(tmp_path / "params.json")
+    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/2", None)
+    assert pf.content_sha256 == content_sha256(pf.model_dump(exclude_unset=True))
+    assert not {finding.name for finding in check(pf).findings} & {"doubt"}
+    again = read(write(pf, tmp_path / "again.json"))
+    assert again == pf
+
+
+def test_doubts_of_the_reading_are_kept(data, tmp_path):
+    doubts = [{"columns": ["VB"], "sentence": "VB 1.2 to 1.9 mm is unusual", "remedy": "--unit VB=um"}]
+    data |= {"reading": {"doubts": doubts}}
+    jsonschema.validate(data, published())
+    (tmp_path / "params.json").write_text(json.dumps(data))
+    pf = read(tmp_path / "params.json")
+    assert pf.reading.doubts[0].remedy == "--unit VB=um"
+    (found,) = [finding for finding in check(pf).findings if finding.name == "doubt"]
+    assert found.passed is None
+    assert found.words.startswith("VB 1.2 to 1.9 mm is unusual. Remedy: fitmodels ")
+    assert found.words.endswith(" --unit VB=um")
 
 
 def test_the_current_version_is_left_alone(data):

@@ -5,7 +5,7 @@ from typing import Any
 
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance
-from .design import design_part
+from .design import design_part, doubts
 from .dynamics import dynamics_part
 from .figure_texts import figures
 from .gains import gains_part
@@ -52,6 +52,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
         "summary": summary(pf),
         "identity": identity,
         "publication": publication,
+        "doubts": doubts(pf),
         "design": design_part(pf.design),
         "about_intervals": about_intervals(pf) if pf.laws else "",
         "laws": tuple(law_part(pf, law) for law in pf.laws.values()),
@@ -68,7 +69,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
         "provenance": provenance_part(pf),
     }
     end = f"End of card {parts['slug']}, {identity.content_sha256[:12]}"
-    return Card(schema="fitmodels.card/2", **parts, empty=_empty(pf, parts), end=end)
+    return Card(schema="fitmodels.card/3", **parts, empty=_empty(pf, parts), end=end)
 
 
 def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
@@ -91,6 +92,8 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
         else NO_LAWS,
     }  # fmt: skip
     found = {name: words for name, words in reasons.items() if not parts[name]}
+    if pf.laws and pf.reading is None:
+        found["doubts"] = "It is not known whether the data were read without doubts: they were not judged."
     if pf.laws and pf.posterior is None:
         found["posterior"] = "No posterior was drawn; fitmodels data.csv draws one of each law."
     identity: IdentityPart = parts["identity"]

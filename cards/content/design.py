@@ -1,12 +1,13 @@
 """The tests behind the laws as a part of a card: ranges of the factors, their middle, counts."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from ...parameters import LawSection
+from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.origin import DesignSection, EdgeFacts, LeftOutRows
 from .numbers import NONE, count, fact, figure, quantity
-from .parts import DesignPart, FactorRangePart, FactPart, NumberPart
+from .parts import DesignPart, DoubtPart, FactorRangePart, FactPart, NumberPart
 
 
 class _Ranged(Protocol):
@@ -27,6 +28,21 @@ def design_part(design: DesignSection | None) -> DesignPart | None:
     if design is None:
         return None
     return DesignPart(factors=factor_ranges(design.factors, design), facts=facts(design), understood=design.understood)
+
+
+def doubts(pf: ParameterFile) -> tuple[DoubtPart, ...]:
+    """Doubts about the data file, each with the command that reads it corrected."""
+    held = () if pf.reading is None else pf.reading.doubts
+    file = shlex.quote(pf.provenance.data_file or "FILE")
+    return tuple(
+        DoubtPart(
+            columns=doubt.columns,
+            sentence=doubt.sentence,
+            remedy=doubt.remedy,
+            command=f"fitmodels {file} {doubt.remedy}" if doubt.remedy else "",
+        )
+        for doubt in held
+    )
 
 
 def factor_ranges(factors: Sequence[_Ranged], design: DesignSection | None) -> tuple[FactorRangePart, ...]:

@@ -18,7 +18,9 @@ def summary(pf: ParameterFile) -> str:
     simulated = "Not measured, simulated: " if pf.identity.simulated else ""
     what = join_words(_holds(pf)) or "no law, no dynamics and no settings yet"
     first = f"{simulated}{what}, for {title(pf)}{_from(pf)}."
-    return " ".join([first[:1].upper() + first[1:], *_said(pf)])
+    n = len(pf.reading.doubts) if pf.reading is not None else 0
+    doubted = [f"The reading of its data raised {n} doubt{'s' if n > 1 else ''}."] if n else []
+    return " ".join([first[:1].upper() + first[1:], *_said(pf), *doubted])
 
 
 def _holds(pf: ParameterFile) -> list[str]:
@@ -129,6 +131,8 @@ def out_of_scope(pf: ParameterFile) -> tuple[str, ...]:
         )
     if pf.identity.simulated:
         said.append("Any machine: the numbers come from a simulation, made for testing methods.")
+    if pf.identity.simulated is None:
+        said.append("Any machine, before it is known that the tests were measured: the file does not say.")
     said.append("Computing from the rounded numbers of this card: use the equations or params.json.")
     return tuple(said)
 

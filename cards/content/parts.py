@@ -49,7 +49,7 @@ class IdentityPart(Part):
     setup: str = ""
     tool_properties: tuple[FactPart, ...] = ()  # ISO 13399 symbols
     sensors: tuple[SensorPart, ...] = ()
-    simulated: bool
+    simulated: bool | None  # None: not known
     note: str = ""
     content_sha256: str
     parameters_schema: str
@@ -76,6 +76,15 @@ class FactorRangePart(Part):
     low: NumberPart
     high: NumberPart
     levels: tuple[NumberPart, ...] = ()
+
+
+class DoubtPart(Part):
+    """A doubt about the data: what was seen, the options that would correct the reading, and the whole command."""
+
+    columns: tuple[str, ...]
+    sentence: str
+    remedy: str = ""
+    command: str = ""
 
 
 class DesignPart(Part):
@@ -299,17 +308,18 @@ class ProfilerPart(Part):
 
 
 class Card(Part):
-    """A model card of a tool/work pair, schema ``fitmodels.card/2``.
+    """A model card of a tool/work pair, schema ``fitmodels.card/3``.
 
     ``empty``: name of each empty field -> the reason in a sentence.
     """
 
-    schema_: str = Field(default="fitmodels.card/2", alias="schema")
+    schema_: str = Field(default="fitmodels.card/3", alias="schema")
     slug: str
     title: str
     summary: str  # one or two sentences
     identity: IdentityPart
     publication: PublicationPart = PublicationPart()
+    doubts: tuple[DoubtPart, ...] = ()  # about the data behind the laws
     design: DesignPart | None = None
     about_intervals: str = ""
     laws: tuple[LawPart, ...] = ()

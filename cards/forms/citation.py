@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.errors import UsageError
 from ..content.parts import Card
-from .front_matter import yaml_text
+from .front_matter import KINDS, yaml_text
 
 MESSAGE = "If you use this card, please cite it, and the papers whose laws it refits."
 DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
@@ -112,7 +112,7 @@ def _authors(card: Card) -> list[Author]:
 
 
 def _keywords(card: Card) -> list[str]:
-    known = ["machining", "simulated" if card.identity.simulated else "measured", *(law.quantity for law in card.laws)]
+    known = ["machining", *KINDS[card.identity.simulated], *(law.quantity for law in card.laws)]
     return list(dict.fromkeys([*known, *card.publication.keywords]))
 
 

@@ -21,6 +21,7 @@ HUB_LICENSES = frozenset((
 ))  # fmt: skip
 RESULTS = {"R²": ("r_squared", "R²"), "residual SE": ("residual_standard_error", "residual standard error")}
 HELD_OUT = "held-out fit"
+KINDS: Mapping[bool | None, tuple[str, ...]] = {True: ("simulated",), False: ("measured",), None: ()}  # of the data
 READ_OTHERWISE = "<>&[]`{}"
 
 
@@ -58,7 +59,7 @@ def _license(spdx: str) -> dict[str, str]:
 
 
 def _tags(card: Card) -> list[str]:
-    said = ["machining", "simulated" if card.identity.simulated else "measured"]
+    said = ["machining", *KINDS[card.identity.simulated]]
     said += [law.quantity.replace(" ", "-") for law in card.laws]
     said += [f"{form.replace(' ', '-')}-law" for form in (law.form for law in card.laws)]
     said += ["system-identification"] if card.dynamics else []

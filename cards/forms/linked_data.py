@@ -33,7 +33,7 @@ def _dataset(card: Card) -> Iterator[dict[str, Any]]:
     p = card.provenance
     if not (p.data_file or p.data_sha256):
         return
-    kind = "Simulated tests" if card.identity.simulated else "Measurements"
+    kind = {True: "Simulated tests", False: "Measurements", None: "Tests"}[card.identity.simulated]
     rows = f"{p.rows} rows" if p.rows is not None else "rows"
     of = f"{card.identity.tool} on {card.identity.work}"
     note = f" {card.identity.note}" if card.identity.note else ""

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from ...core.display import TextTable
 from ..content.numbers import fact_line, fact_text, quantity
-from ..content.parts import Card, FactorRangePart, LawPart
+from ..content.parts import Card, DoubtPart, FactorRangePart, LawPart
 from ..content.tables import (
     check_table,
     coefficient_table,
@@ -24,7 +24,7 @@ from .rendering import environment
 if TYPE_CHECKING:
     from jinja2 import Template
 
-FIELDS = {"tool_life": "tool life", "windows": "operating window", "design": "tests"}
+FIELDS = {"tool_life": "tool life", "windows": "operating window", "design": "tests", "doubts": "doubts about the data"}
 # Markdown's own characters; an underscore inside a word is none of them
 MARKS = re.compile(r"([\\`*\[\]|~#{}$]|(?<![^\W_])_|_(?![^\W_]))")
 ENTITY = re.compile(r"&(?=[#\w])")
@@ -92,6 +92,13 @@ def code(value: object) -> str:
 def _bullets(sentences: Iterable[str]) -> str:
     lines = "".join(f"- {text(words)}\n" for words in sentences if words)
     return f"{lines}\n" if lines else ""
+
+
+def _doubts(doubts: Sequence[DoubtPart]) -> str:
+    """Each doubt as a bullet, with the command that reads the file corrected."""
+    remedies = (f" Corrected with: {code(doubt.command)}" if doubt.command else "" for doubt in doubts)
+    lines = (f"- {text(d.sentence.rstrip('.'))}.{how}\n" for d, how in zip(doubts, remedies, strict=True))
+    return "".join(lines) + "\n"
 
 
 def _table(table: TextTable) -> str:
@@ -174,6 +181,7 @@ def _template() -> "Template":
         structure=_structure,
         reasons=_reasons,
         bullets=_bullets,
+        doubts=_doubts,
         line=lambda facts: text(fact_line(facts)),
         fact=lambda item: text(fact_text(item)),
         domain=_domain,

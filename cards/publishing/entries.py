@@ -90,7 +90,7 @@ def card_entry(card: Card, pf: ParameterFile, files: dict[str, str]) -> CardEntr
         work=i.work,
         iso513=i.iso513,
         machine=i.machine,
-        simulated=i.simulated,
+        simulated=bool(i.simulated),
         created=card.provenance.created,
         rows=card.provenance.rows or max((law.n for law in pf.laws.values()), default=None),
         license=card.publication.license,

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 # schema -> its package, its file in it, and the module of its classes
 SCHEMAS = {
-    "parameters": ("parameters", "schema/parameters-1.json", "fitmodels.parameters"),
-    "card": ("cards", "schema/card-2.json", "fitmodels.cards.content.parts"),
+    "parameters": ("parameters", "schema/parameters-2.json", "fitmodels.parameters"),
+    "card": ("cards", "schema/card-3.json", "fitmodels.cards.content.parts"),
 }
 WHOLES = {"parameters": "ParameterFile", "card": "Card"}
 LIMITS = {"minimum": "≥", "maximum": "≤", "exclusiveMinimum": ">", "exclusiveMaximum": "<"}

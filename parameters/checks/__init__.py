@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> CheckReport:
     """Check a parameter file before a controller loads it.
 
-    Checksum; units known and of the right dimension; covariances; convergence of the posterior; dynamics stable, with a
-    gain of known sign; gains stable on them and within their specification, recomputed from the file; feed limits in
-    order and above zero; windows and settings in order; the file of draws.
+    Checksum; doubts about the data; units known and of the right dimension; covariances; convergence of the
+    posterior; dynamics stable, with a gain of known sign; gains stable on them and within their specification,
+    recomputed from the file; feed limits in order and above zero; windows and settings in order; the file of draws.
 
     Parameters
     ----------
@@ -41,6 +41,7 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     """
     found = [
         _checksum(pf),
+        *_reading(pf),
         *check_units(pf),
         *check_estimates(pf),
         *_draws(pf, folder),
@@ -62,6 +63,21 @@ def _checksum(pf: "ParameterFile") -> FileFinding:
         f"The content was changed after it was written (SHA-256 {found[:12]}..., not {pf.content_sha256[:12]}...): "
         "restore the file, or make the change with fitmodels, which renews the checksum.",
     )
+
+
+def _reading(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Doubts about the data file behind the laws, which do not fail the file."""
+    of = pf.provenance.data_file
+    if pf.reading is None:
+        if pf.laws and of is not None:
+            words = f"It is not known whether {of} was read without doubts; read it with `fitmodels look {of}`."
+            yield FileFinding("reading", None, words)
+        return
+    for doubt in pf.reading.doubts:
+        remedy = f" Remedy: fitmodels {of or 'FILE'} {doubt.remedy}" if doubt.remedy else ""
+        yield FileFinding("doubt", None, f"{doubt.sentence.rstrip('.')}.{remedy}")
+    if not pf.reading.doubts:
+        yield FileFinding("reading", True, f"The reading of {of or 'the data'} raised no doubt.")
 
 
 def _draws(pf: "ParameterFile", folder: str | os.PathLike[str] | None) -> Iterator[FileFinding]:

@@ -55,8 +55,8 @@ def _about(view: ExportView) -> dict[str, Any]:
     return {
         "made_by": view.made_by, "parameter_file": view.checksum,
         "tool": view.tool, "work": view.work, "machine": view.machine,
-        "simulated": view.simulated, "assumed": "; ".join(view.assumed) or "nothing",
-        "not_carried": "; ".join(NOT_IN_MAT),
+        "simulated": np.nan if view.simulated is None else view.simulated,
+        "assumed": "; ".join(view.assumed) or "nothing", "not_carried": "; ".join(NOT_IN_MAT),
     }  # fmt: skip
 
 

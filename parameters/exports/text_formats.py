@@ -47,7 +47,7 @@ def ini_file(view: ExportView) -> str:
     """Content of the ini file."""
     about = {
         "made_by": view.made_by, "parameter_file": view.checksum, "tool": view.tool, "work": view.work,
-        "machine": view.machine, "simulated": "yes" if view.simulated else "no",
+        "machine": view.machine, "simulated": {True: "yes", False: "no", None: "unknown"}[view.simulated],
         **{f"assumed_{place}": words for place, words in enumerate(view.assumed, 1)},
         **{f"not_carried_{place}": words for place, words in enumerate(NOT_IN_INI, 1)},
     }  # fmt: skip
@@ -88,7 +88,7 @@ def gcode(view: ExportView) -> str:
     """
     lines = [
         _gcode_comment(f"{view.made_by}, tool {view.tool}, work {view.work}"),
-        *([_gcode_comment("SIMULATED data, not measured")] if view.simulated else []),
+        *map(_gcode_comment, view.origin[1:-1]),
         _gcode_comment(f"parameter file {view.checksum}"),
         *(_gcode_comment(f"not included - {words}") for words in NOT_IN_GCODE),
         *(_gcode_comment(f"assumed - {words}") for words in view.assumed),

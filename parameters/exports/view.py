@@ -60,7 +60,7 @@ class ExportView:
     tool: str
     work: str
     machine: str
-    simulated: bool
+    simulated: bool | None
     made_by: str  # "fitmodels 0.1.0"
     checksum: str  # SHA-256 of the parameter file's content
     loop: LoadLoop | None
@@ -73,7 +73,8 @@ class ExportView:
     @property
     def origin(self) -> tuple[str, ...]:
         """Lines that state the pair, whether the data are simulated, and the parameter file."""
-        simulated = ("SIMULATED data, not measured",) if self.simulated else ()
+        unknown = ("not known whether the data were measured or SIMULATED",) if self.simulated is None else ()
+        simulated = ("SIMULATED data, not measured",) if self.simulated else unknown
         pair = f"tool {self.tool}, work {self.work}, machine {self.machine}"
         return (pair, *simulated, f"parameter file {self.checksum}")
 
@@ -110,6 +111,8 @@ def export_view(pf: ParameterFile) -> ExportView:
     ('x_n709m40', '.._.._x', None)
     """
     untried = require_check(pf)
+    doubts = () if pf.reading is None else pf.reading.doubts
+    doubted = (plain(f"the data are right although the reading doubts them: {doubt.sentence}") for doubt in doubts)
     found, who = loop_settings(pf), pf.identity
     return ExportView(
         name=safe_name(f"{safe_name(who.tool, 'tool')}_{safe_name(who.work, 'work')}"),
@@ -117,7 +120,7 @@ def export_view(pf: ParameterFile) -> ExportView:
         made_by=plain(f"fitmodels {pf.provenance.fitmodels}"),
         checksum=pf.content_sha256 or content_sha256(pf.model_dump()),
         loop=found.loop, lacking=found.lacking, gains=_gains(pf), plant=_plant(pf),
-        quantities=file_quantities(pf, found.loop), assumed=(*untried, *found.assumed),
+        quantities=file_quantities(pf, found.loop), assumed=(*doubted, *untried, *found.assumed),
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ composite and Box-Behnken designs).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import comb, prod
 from typing import TYPE_CHECKING, Any
 
@@ -104,6 +104,22 @@ def design_section(
         "criterion": None if criterion is None else dict(criterion),
         "understood": reading_notes(runs, laws, lambda role: (columns.get(role) or label_column(runs, role)).names),
     }
+
+
+def reading_section(design: object) -> dict[str, Any] | None:
+    """Doubts of runs whose values were judged; None of others, and of a section.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> reading_section(datasets.read_runs(datasets.bundled("gc435_709m40"))), reading_section({})
+    ({'doubts': []}, None)
+    """
+    from ...datasets import Runs
+
+    if not (isinstance(design, Runs) and design.judged):
+        return None
+    return {"doubts": [asdict(doubt) for doubt in design.doubts]}
 
 
 def criterion_of(

@@ -31,12 +31,14 @@ class Sensor(Section):
 
 
 class IdentitySection(Section):
-    """Tool, work, machine and set-up; ``simulated`` when the data came from a simulation.
+    """Tool, work, machine and set-up.
 
     Attributes
     ----------
     tool, work, machine, setup, note : str
         Tool and work material are needed; how the tool was held and the work clamped is ``setup``.
+    simulated : bool or None
+        Whether the data came from a simulation; None where it is not known.
     iso513 : str or None
         Work-material group of ISO 513 (P, M, K, N, S or H), with the application number where it is known: ``P20``.
     iso13399 : dict
@@ -52,7 +54,7 @@ class IdentitySection(Section):
     tool: Name
     work: Name
     machine: str | None = None
-    simulated: bool = Field(strict=True)
+    simulated: Annotated[bool, Field(strict=True)] | None
     note: str | None = None
     iso513: str | None = None
     iso13399: dict[str, Number | Name] = Field(default_factory=dict)
@@ -73,6 +75,41 @@ class IdentitySection(Section):
             if not ISO13399.fullmatch(symbol):
                 raise ValueError(f"{short(symbol)} is not a symbol of ISO 13399, which are capitals such as DC or ZEFP")
         return properties
+
+
+class ReadingDoubt(Section):
+    """A doubt about columns of the data file.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Symbols of the roles concerned, or headers of columns without a role.
+    sentence : str
+        What was seen, beside what is usual.
+    remedy : str
+        Options of the command that would correct the reading; empty where there is none.
+
+    Examples
+    --------
+    >>> ReadingDoubt(columns=["VB"], sentence="VB 1.2 to 1.9 mm is unusual", remedy="--unit VB=um").remedy
+    '--unit VB=um'
+    """
+
+    columns: tuple[Text, ...] = ()
+    sentence: Text
+    remedy: str = ""
+
+
+class ReadingSection(Section):
+    """Judgement of the data file: its doubts, none where every value is usual and the columns agree.
+
+    Examples
+    --------
+    >>> ReadingSection(doubts=[{"columns": ["VB"], "sentence": "VB 1.2 to 1.9 mm is unusual"}]).doubts[0].columns
+    ('VB',)
+    """
+
+    doubts: tuple[ReadingDoubt, ...] = ()
 
 
 class ProvenanceSection(Section):
