@@ -11,10 +11,10 @@ import pandas as pd
 
 from ..core.errors import RecordError, UsageError
 from ..datasets import Runs, read_runs, read_table, runs_from_frame
+from ..datasets.options import ReadOptions
 from ..datasets.records.formats import kind_of, looks_like_record
 from ..datasets.tables.decode import load_bytes
 from ..datasets.units import is_unit
-from .options import ReadOptions
 
 if TYPE_CHECKING:
     from ..datasets.tables import Table
