@@ -14,7 +14,9 @@ from ..core.errors import DataError, UsageError
 from ..core.suggestions import did_you_mean
 from .columns import NONE, ColumnUse, Values, assign
 from .design import decode_levels
+from .doubts import Doubt
 from .draft import Draft
+from .marked import keep_marks
 from .options import ReadOptions
 from .runs import UNNAMED, Runs, Source
 from .tables import Column, Table, read_table
@@ -59,7 +61,7 @@ def read_runs(
         table = read_table(table, is_unit=is_unit, decimal=how.decimal, delimiter=how.delimiter, sheet=how.sheet)
     source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
     notes = tuple(note.lstrip("#% ") for note in table.notes)
-    return _assemble(table.columns, table.lines, source, notes, table.warnings, how)
+    return _assemble(table.columns, table.lines, source, notes, table.warnings, how, table.assumed, table.doubts)
 
 
 def runs_from_frame(
@@ -116,13 +118,16 @@ def _assemble(
     notes: tuple[str, ...],
     warnings: tuple[str, ...],
     options: ReadOptions,
+    assumed_shape: tuple[str, ...] = (),
+    doubts: tuple[Doubt, ...] = (),
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
     uses, data, assumed = assign(columns, options.map, options.units)
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
-    draft = Draft(columns, uses, data, units, lines, notes, list(assumed), list(warnings))
+    draft = Draft(columns, uses, data, units, lines, notes, [*assumed_shape, *assumed], list(warnings), list(doubts))
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
     draft.assumed[:0] = with_thrust(draft.data, draft.units, options.map)
+    keep_marks(draft)
     return _finished(draft, source, options)
 
 

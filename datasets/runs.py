@@ -13,6 +13,7 @@ from ..core.errors import UsageError
 from ..core.rounding import format_plain
 from .columns import ColumnUse
 from .doubts import Doubt
+from .vocabulary import MARK
 from .vocabulary import UNNAMED as UNNAMED
 
 Array = NDArray[np.float64]
@@ -46,7 +47,8 @@ class Runs(Plottable):
     ----------
     data : DataFrame
         A column for each role, under its symbol (V, f, d, t, AW, Fx ...), in the unit of ``units``; labels
-        (edge, tool, work) as text; columns without a role under their own header.
+        (edge, tool, work) as text; columns without a role under their own header. ``VB mark`` holds the marked
+        values of VB (``<0.05``, ``>0.3``, ``~0.2``, ``0.24*``) as text, where it has any: VB itself is NaN there.
     units : mapping
         Unit of each role's column.
     columns : tuple of ColumnUse
@@ -145,7 +147,12 @@ class Runs(Plottable):
         shared = [name for name in self.data if name in other.data]
         if not shared:
             raise UsageError(f"{self.source.name} and {other.source.name} have no column in common.")
-        data = pd.concat([self.data[shared], other.data[shared]], ignore_index=True)
+        frames = [self.data, other.data]
+        for mark in dict.fromkeys(name for frame in frames for name in map(str, frame) if name.endswith(MARK)):
+            if mark.removesuffix(MARK) in shared and mark not in shared:
+                frames = [frame if mark in frame else frame.assign(**{mark: ""}) for frame in frames]
+                shared.append(mark)
+        data = pd.concat([frame[shared] for frame in frames], ignore_index=True)
         digest = sha256((self.source.sha256 + other.source.sha256).encode()).hexdigest()
         name = f"{self.source.name} + {other.source.name}"
         return replace(

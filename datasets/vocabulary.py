@@ -19,6 +19,7 @@ from .units import canonical, is_unit, same_dimension
 __all__ = ["ROLES", "UNNAMED", "Role", "fits", "role_of", "roles_named", "suggest_role", "understood_unit"]
 
 Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
+MARK = " mark"  # "VB mark" is the column of the marked values of VB (<0.05, 0.24*)
 UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}  # names where the file gives none
 
 

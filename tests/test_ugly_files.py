@@ -111,7 +111,6 @@ BAD = {
     "text among numbers": ("a.csv", table(with_cell(3, 1, "worn")),
                            3, ["'f' (feed f)", "line 5: 'worn'", "Write a number"]),
     "inf": ("a.csv", table(with_cell(2, 4, "inf")), 3, ["'AW'", "line 4: 'inf'"]),
-    "less than": ("a.csv", table(with_cell(0, 4, "<0.05")), 3, ["line 2: '<0.05'", "only by its bound"]),
     "a unit in one cell": ("a.csv", table(with_cell(4, 4, "0.25 mm")),
                            3, ["line 6: '0.25 mm'", "number alone", "AW [mm]"]),
     "a unit in every cell": ("a.csv", with_column(lambda i, r: f"{r[4]} mm"),
@@ -138,7 +137,7 @@ BAD = {
     "1.234 alone": ("a.csv", "V;AW\n1.234;5.678\n2.345;6.789\n", 3,
                     ["line 2", "'1.234' is 1.234 with a decimal point and 1234", "--decimal point"]),
     "decimal commas between commas": ("a.csv", "V,f,AW\n100,0,2,0,15\n150,0,3,0,18\n", 3,
-                                      ["line 2 has 5 cells", "has 3", "export with semicolons"]),
+                                      ["every row has 5 cells", "has 3 names", "export with semicolons"]),
     "both decimal marks": ("a.csv", "V;f;AW\n100,5;0.2;0,15\n150,5;0.3;0,18\n200,5;0.4;0,25\n", 3,
                            ["'f'", "'0.2'", "another decimal mark"]),
     "a row too wide": ("a.csv", table() + "100,0.2,1,2,0.2,9,9\n",
@@ -195,8 +194,9 @@ def test_a_bad_file_is_refused_in_a_sentence(tmp_path, case):
     result = run(path, "--out", tmp_path / "out")
     assert result.code == code
     assert result.err.startswith("fitmodels: ")
-    assert result.err.endswith((".\n", ".)\n"))
-    assert result.err.count("\n") == 1
+    sentence, *rows = result.err.splitlines()
+    assert sentence.endswith((".", ".)", ":" if rows else "."))
+    assert all(row.startswith("  ") for row in rows)  # rows of the file, where the sentence shows them
     for word in words:
         assert word in result.err
     assert "Traceback" not in result.err

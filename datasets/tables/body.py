@@ -1,11 +1,14 @@
 """The data rows of a table: in blocks, of one width, without blank rows, footer and remarks."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from ...core.errors import DataError
+from ..doubts import Doubt
 from .layout import Layout, footer_label, is_text_line
 from .numerals import Cell, Decimal, Evidence, parse_number
+from .row_widths import SHARE, may_be_inside, remarks_only, shifted
 
 BLOCK = 2_000  # rows converted at once: more leave the processor's cache and take twice the time
 TAIL = 200  # rows held back, among which footer and remarks are looked for
@@ -25,8 +28,47 @@ class Findings:
 
     short: int = 0
     first_short: int = 0
+    lacking: Counter[int] = field(default_factory=Counter)
+    example: Sequence[Cell] = ()
+    inside: list[int] = field(default_factory=list)
     footers: list[tuple[int, str]] = field(default_factory=list)
     remarks: list[int] = field(default_factory=list)
+
+    def add_short(self, line: int, row: Sequence[Cell], layout: Layout) -> None:
+        """Note a row with fewer cells than the header."""
+        self.short += 1
+        self.lacking[layout.width - len(row)] += 1
+        if not self.first_short:
+            self.first_short, self.example = line, row
+        if may_be_inside(row, layout):
+            self.inside.append(line)
+
+    def check_width(self, layout: Layout, name: str, n_rows: int) -> None:
+        """Refuse a table nearly all of whose rows lack the same number of cells, unless these are remarks.
+
+        Raises
+        ------
+        DataError
+        """
+        lacking, count = self.lacking.most_common(1)[0] if self.lacking else (0, 0)
+        if count and layout.header_line and count >= SHARE * n_rows and not remarks_only(layout, lacking):
+            raise shifted(layout, name, self.example, lacking, count, n_rows)
+
+    def doubts(self, layout: Layout) -> tuple[Doubt, ...]:
+        """A doubt on the rows in which another cell than the last may be missing."""
+        if not self.inside or not layout.header_line:
+            return ()
+        lines = ", ".join(map(str, self.inside[:5])) + (f" and {len(self.inside) - 5} more" * (len(self.inside) > 5))
+        least = min(self.lacking)
+        names = tuple(name for name in layout.names[-least:] if name)
+        last = " and ".join(map(repr, names)) or "the last column"
+        return (
+            Doubt(
+                names,
+                f"line{'s' * (len(self.inside) > 1)} {lines} of the file: the row is short, and {last} counts as "
+                "missing; if another cell is missing, the numbers after it stand under the wrong names",
+            ),
+        )
 
     def sentences(self) -> list[str]:
         """The findings as full sentences.
@@ -103,8 +145,7 @@ class Body:
         if _is_blank(row):
             return None
         if len(row) < width:
-            findings.short += 1
-            findings.first_short = findings.first_short or line
+            findings.add_short(line, row, self.layout)
             return [*row, *[""] * (width - len(row))]
         if len(row) > width:
             if not _is_blank(row[width:]):

@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import DataError
+from ..doubts import Doubt
 from .body import Body, Findings
-from .numerals import Cell, Decimal, is_missing, to_floats
+from .invisible import visible
+from .marks import Mark, read_mark
+from .numerals import Cell, Decimal, is_missing, one_group, plain_floats, strict_floats
 from .plain import NumberBlock, stretches
 
 _LISTED = 5  # bad cells kept per column
+_NEAR = 3.0  # factor within which a number lies among the others of its column
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,8 @@ class Column:
         Line and text of the first five cells of a numeric column that are not numbers.
     bad_count : int
         Number of all such cells.
+    marks : tuple of (int, Mark)
+        Row, from 0, of each marked number (``<0.05``, ``0.24*``) of a numeric column; its value is nan.
 
     >>> Column(1, "V", "m/min", np.array([100.0]), True).labels()
     array(['100'], dtype=object)
@@ -46,6 +52,7 @@ class Column:
     is_numeric: bool
     bad: tuple[tuple[int, str], ...] = ()
     bad_count: int = 0
+    marks: tuple[tuple[int, Mark], ...] = ()
 
     def labels(self) -> NDArray[np.object_]:
         """The values as text, shape (n,): whole numbers without a point, "" where missing.
@@ -56,6 +63,8 @@ class Column:
         if not self.is_numeric:
             return self.values.copy()
         texts = ["" if v != v else str(int(v)) if v.is_integer() else repr(v) for v in self.values.tolist()]
+        for row, mark in self.marks:
+            texts[row] = mark.text
         return np.array(texts, dtype=object)
 
     def bad_cells(self) -> str:
@@ -73,26 +82,42 @@ class _Gathering:
     bad: list[tuple[int, str]] = field(default_factory=list)
     bad_count: int = 0
     filled: int = 0
+    n_rows: int = 0
+    marks: list[tuple[int, Mark]] = field(default_factory=list)
+    grouped: list[tuple[int, int, str]] = field(default_factory=list)  # row, line and text of "1,234"
 
     @property
     def is_numeric(self) -> bool:
-        return 2 * self.bad_count < self.filled or self.filled == 0
+        numbers = self.filled - self.bad_count - len(self.marks)
+        return 2 * self.bad_count < self.filled and numbers > 0 if self.filled else True
 
     def add(self, cells: tuple[Cell, ...], lines: list[int], decimal: Decimal) -> None:
-        values, bad = to_floats(cells, decimal)
+        values = plain_floats(cells, decimal)
+        bad: list[int] = []
+        if values is None:
+            values, bad = strict_floats(cells, decimal)
+            self.grouped += ((self.n_rows + i, lines[i], str(cells[i]).strip()) for i in one_group(cells, decimal))
         self.filled += int(np.count_nonzero(values == values)) + len(bad)
+        self.texts.append(_texts(cells) if 2 * len(bad) >= len(cells) else None)
+        if bad:
+            found = {cell: read_mark(cell, decimal) for cell in {str(cells[i]) for i in bad}}
+            self.marks += ((self.n_rows + i, mark) for i in bad if (mark := found[str(cells[i])]))
+            bad = [i for i in bad if not found[str(cells[i])]]
         self.bad_count += len(bad)
         self.bad += [(lines[i], str(cells[i]).strip()) for i in bad[: _LISTED - len(self.bad)]]
         self.floats.append(values)
-        self.texts.append(_texts(cells) if 2 * len(bad) >= len(cells) else None)
+        self.n_rows += len(cells)
 
     def add_numbers(self, values: NDArray[np.float64]) -> None:
         self.filled += len(values)
+        self.n_rows += len(values)
         self.floats.append(values.copy())  # a view would keep the whole block
         self.texts.append(None)
 
 
-def gather_columns(body: Body, decimal: Decimal) -> tuple[tuple[Column, ...], NDArray[np.int64], Findings]:
+def gather_columns(
+    body: Body, decimal: Decimal
+) -> tuple[tuple[Column, ...], NDArray[np.int64], Findings, tuple[Doubt, ...]]:
     """Convert the data rows of a table.
 
     Returns
@@ -101,11 +126,12 @@ def gather_columns(body: Body, decimal: Decimal) -> tuple[tuple[Column, ...], ND
         Columns without a name and without a value are left out.
     lines : ndarray, shape (n,), int
     findings : Findings
+    doubts : tuple of Doubt
 
     Raises
     ------
     DataError
-        No column is numeric.
+        No column is numeric, or nearly all rows lack the same number of cells.
 
     >>> from .layout import find_layout
     >>> rows = [(1, ["edge", "V"]), (2, ["E1", "100"])]
@@ -131,24 +157,51 @@ def gather_columns(body: Body, decimal: Decimal) -> tuple[tuple[Column, ...], ND
             "at least half of the filled cells are no numbers. "
             "Check the delimiter (--delimiter) and the decimal mark (--decimal)."
         )
-    columns = tuple(_columns(body, gatherings))
-    return columns, np.concatenate(lines), findings
+    findings.check_width(body.layout, body.name, gatherings[0].n_rows)
+    doubts: list[Doubt] = []
+    columns = tuple(_columns(body, gatherings, doubts))
+    return columns, np.concatenate(lines), findings, (*findings.doubts(body.layout), *doubts)
 
 
-def _columns(body: Body, gatherings: list[_Gathering]) -> Iterator[Column]:
+def _columns(body: Body, gatherings: list[_Gathering], doubts: list[Doubt]) -> Iterator[Column]:
     layout = body.layout
     lacking = [i for i, g in enumerate(gatherings) if not g.is_numeric and any(text is None for text in g.texts)]
     again = _reread(body, lacking)
     for i, (g, name, unit) in enumerate(zip(gatherings, layout.names, layout.unit_cells, strict=True)):
         if not name and not unit and not g.filled:
             continue  # an empty column between the others or next to them
+        name, unit = visible(name) or f"col{i + 1}", visible(unit)
         if g.is_numeric:
             values: NDArray[Any] = np.concatenate(g.floats)
             g.floats.clear()
-            yield Column(i + 1, name or f"col{i + 1}", unit, values, True, tuple(g.bad), g.bad_count)
+            doubts += _without_wrong_groups(name, values, g.grouped)
+            yield Column(i + 1, name, unit, values, True, tuple(g.bad), g.bad_count, tuple(g.marks))
         else:
             texts = again[i] if i in again else np.concatenate([text for text in g.texts if text is not None])
-            yield Column(i + 1, name or f"col{i + 1}", unit, texts, False)
+            yield Column(i + 1, name, unit, texts, False)
+
+
+def _without_wrong_groups(name: str, values: NDArray[np.float64], grouped: list[tuple[int, int, str]]) -> list[Doubt]:
+    """Leave out, in place, numbers like 1,234 that only as 1.234 lie in the range of the column's other numbers."""
+    rows = np.array([row for row, _, _ in grouped], dtype=int)
+    others = np.delete(values, rows) if rows.size else values[:0]
+    others = np.abs(others[np.isfinite(others) & (others != 0)])
+    if not others.size:
+        return []
+    low, high = float(others.min()) / _NEAR, float(others.max()) * _NEAR
+    size = np.abs(values[rows])
+    wrong = ((size < low) | (size > high)) & (size / 1000 >= low) & (size / 1000 <= high)
+    cells = [(line, text) for (_, line, text), is_wrong in zip(grouped, wrong, strict=True) if is_wrong]
+    if not cells:
+        return []
+    values[rows[wrong]] = np.nan
+    listed = ", ".join(f"line {line} {text!r}" for line, text in cells[:3])
+    more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
+    sentence = (
+        f"{name}, {listed}{more}: in thousands, as the decimal mark of the file has it, this is far from the other "
+        f"values ({others.min():g} to {others.max():g}); as a decimal it would lie among them. Left out"
+    )
+    return [Doubt((name,), sentence)]
 
 
 def _reread(body: Body, places: list[int]) -> dict[int, NDArray[np.object_]]:
@@ -171,4 +224,4 @@ def _texts(cells: tuple[Cell, ...]) -> NDArray[np.object_]:
 def _text(cell: Cell) -> str:
     if isinstance(cell, float):
         return str(int(cell)) if cell.is_integer() else repr(cell)
-    return "" if is_missing(cell) else cell.strip()
+    return "" if is_missing(cell) else visible(cell.strip())

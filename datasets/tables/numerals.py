@@ -34,6 +34,11 @@ def _grammar(mark: str, other: str) -> re.Pattern[str]:
 
 _GRAMMAR: dict[Decimal, re.Pattern[str]] = {"point": _grammar(r"\.", ","), "comma": _grammar(",", r"\.")}
 
+_ONE_GROUP: dict[Decimal, re.Pattern[str]] = {
+    "point": re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII),
+    "comma": re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII),
+}
+
 
 def parse_number(text: str, decimal: Decimal) -> float | None:
     """Read one cell as a finite number, or give None.
@@ -96,12 +101,16 @@ def to_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float
     (array([1.5, nan, nan]), [2])
 
     """
-    values = _plain_floats(cells, decimal)
-    return (values, []) if values is not None else _strict_floats(cells, decimal)
+    values = plain_floats(cells, decimal)
+    return (values, []) if values is not None else strict_floats(cells, decimal)
 
 
-def _plain_floats(cells: Sequence[Cell], decimal: Decimal) -> NDArray[np.float64] | None:
-    """Convert a column without thousands marks, or give None: Python's float() does the work, fenced in."""
+def plain_floats(cells: Sequence[Cell], decimal: Decimal) -> NDArray[np.float64] | None:
+    """Convert a column without thousands marks, or give None: Python's float() does the work, fenced in.
+
+    >>> plain_floats(["1,5", "-"], "comma"), plain_floats(["1.500"], "comma")
+    (array([1.5, nan]), None)
+    """
     try:
         text = "\n".join(cells)  # type: ignore[arg-type]  # a typed cell raises the TypeError below
     except TypeError:
@@ -126,11 +135,27 @@ def _plain_floats(cells: Sequence[Cell], decimal: Decimal) -> NDArray[np.float64
     return None if np.isinf(values).any() else values
 
 
-def _strict_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float64], list[int]]:
+def strict_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float64], list[int]]:
+    """Convert any column by the grammar of a number; the result is that of `to_floats`.
+
+    >>> strict_floats(["1.500", "worn"], "comma")
+    (array([1500.,   nan]), [1])
+    """
     read = {cell: cell if isinstance(cell, float) else parse_number(cell, decimal) for cell in set(cells)}
     failed = {cell for cell, value in read.items() if value is None and not is_missing(str(cell))}
     values = np.array([math.nan if (value := read[cell]) is None else value for cell in cells], dtype=float)
     return values, [i for i, cell in enumerate(cells) if cell in failed] if failed else []
+
+
+def one_group(cells: Sequence[Cell], decimal: Decimal) -> list[int]:
+    """Positions of cells that are a number of thousands under this reading, and below a thousand under the other.
+
+    >>> one_group(["1,500", "1,500.0", "12", "0,500"], "point")
+    [0]
+    """
+    pattern = _ONE_GROUP[decimal]
+    found = {cell for cell in set(cells) if isinstance(cell, str) and pattern.fullmatch(cell.strip())}
+    return [i for i, cell in enumerate(cells) if cell in found] if found else []
 
 
 @dataclass(slots=True)

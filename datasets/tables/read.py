@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from ...core.errors import DataError, UsageError
 from ...core.suggestions import did_you_mean
+from ..doubts import Doubt
 from .body import Body, weigh_decimal
 from .decode import encoding_of, load_bytes
 from .dialect import Dialect, TextSource, split_line, text_source
 from .gather import Column, gather_columns
+from .invisible import cleaned_rows, without_invisible
 from .layout import Layout, find_layout
 from .numerals import Decimal, is_missing, is_number
+from .row_widths import aligned
 from .workbook import WorkbookSheet, is_workbook, read_sheets
 
 __all__ = ["Column", "Table", "no_units", "read_table"]
@@ -39,6 +42,9 @@ class Table:
     warnings : tuple of str
         Full sentences on what was left out, filled in or presumed.
     dialect : Dialect
+    assumed : tuple of str
+        How a table of another shape was brought to one row per measurement.
+    doubts : tuple of Doubt
 
     >>> import pathlib, tempfile
     >>> path = pathlib.Path(tempfile.mkdtemp(), "a.csv")
@@ -55,6 +61,8 @@ class Table:
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     dialect: Dialect
+    assumed: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def n_rows(self) -> int:
@@ -136,26 +144,32 @@ def read_table(
     path = Path(path)
     data = load_bytes(path)
     source: TextSource | WorkbookSheet
+    encoding = "xlsx"
     if is_workbook(data, path.name):
         source, layout, notes, warnings = _from_workbook(data, path.name, sheet, is_unit)
     elif sheet is not None:
         raise UsageError(f"{path.name} is a text file and has no sheets: leave out --sheet {sheet}.")
     else:
-        source = text = text_source(path.name, data, encoding_of(data, path.name), delimiter)
+        encoding = encoding_of(data, path.name)
+        seen, decoded, removed = without_invisible(data, encoding)
+        source = text = text_source(path.name, seen, decoded, delimiter)
         layout, notes, warnings = _from_text(text, is_unit)
-    body = Body(path.name, source, layout, source.delimiter if isinstance(source, TextSource) else "")
-    mark, thousands, doubts = weigh_decimal(body, decimal)
-    columns, lines, findings = gather_columns(body, mark)
+        warnings += removed
+    mark = source.delimiter if isinstance(source, TextSource) else ""
+    layout, realigned = aligned(source, layout, path.name, mark)
+    body = Body(path.name, source, layout, mark)
+    point, thousands, doubts = weigh_decimal(body, decimal)
+    columns, lines, findings, cell_doubts = gather_columns(body, point)
     named = source.as_written({*layout.note_lines, *findings.remarks}).items()
-    encoding = source.encoding if isinstance(source, TextSource) else "xlsx"
     return Table(
         path=path,
         sha256=hashlib.sha256(data).hexdigest(),
         columns=columns,
         lines=lines,
         notes=tuple(text for _, text in sorted([*notes, *named])),
-        warnings=(*warnings, *doubts, *findings.sentences()),
-        dialect=Dialect(encoding, body.delimiter, mark, thousands, layout.header_line > 0),
+        warnings=(*warnings, *realigned, *doubts, *findings.sentences()),
+        dialect=Dialect(encoding, body.delimiter, point, thousands, layout.header_line > 0),
+        doubts=cell_doubts,
     )
 
 
@@ -166,6 +180,8 @@ def _from_workbook(
     sheets, titles = read_sheets(data, name, title)
     refusals: list[DataError] = []
     for sheet in sheets:
+        rows, removed = cleaned_rows(sheet.rows)
+        sheet = replace(sheet, rows=rows)
         try:
             layout = find_layout(sheet, is_unit, f"{name}, sheet {sheet.title!r}")
         except DataError as refusal:
@@ -173,7 +189,7 @@ def _from_workbook(
             continue
         others = [other for other in titles if other != sheet.title]
         note = f"Sheet {sheet.title!r} is read; not read: {', '.join(map(repr, others))}."
-        return sheet, layout, [(0, note)] if others else [], _header_warning(layout)
+        return sheet, layout, [(0, note)] if others else [], [*removed, *_header_warning(layout)]
     raise DataError(f"{refusals[0]} (A formula holds a number only once Excel has saved the workbook.)")
 
 
