@@ -18,6 +18,7 @@ from .doubts import Doubt
 from .draft import Draft
 from .marked import keep_marks
 from .options import ReadOptions
+from .plausibility import check_values, settle_units
 from .runs import UNNAMED, Runs, Source
 from .tables import Column, Table, read_table
 from .units import is_unit
@@ -126,8 +127,10 @@ def _assemble(
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
     draft = Draft(columns, uses, data, units, lines, notes, [*assumed_shape, *assumed], list(warnings), list(doubts))
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
+    settle_units(draft, options)
     draft.assumed[:0] = with_thrust(draft.data, draft.units, options.map)
     keep_marks(draft)
+    check_values(draft, options)
     return _finished(draft, source, options)
 
 
