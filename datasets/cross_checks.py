@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.rounding import format_plain
+from ..core.rounding import format_decimal
 from .doubts import Doubt
 from .draft import Draft
 from .options import ReadOptions
@@ -56,10 +56,10 @@ def _compare(
     if len(known) < FEWEST:
         return
     middle = float(np.median(known))
-    low, high = map(format_plain, usual)
+    low, high = map(format_decimal, usual)
     if not limits[0] <= middle <= limits[1]:
         sentence = (
-            f"{name} is {format_plain(middle)} {unit}".rstrip()
+            f"{name} is {format_decimal(middle)} {unit}".rstrip()
             + f" (usual {low} to {high}): {_one_of(roles)} is in another unit or exchanged"
         )
         draft.doubts.append(Doubt(roles, sentence))
@@ -68,8 +68,8 @@ def _compare(
         odd = np.flatnonzero((ratio > middle * DEVIATION) | (ratio < middle / DEVIATION))
     if 0 < len(odd) <= len(known) // 3:
         sentence = (
-            f"{places(draft, odd)}: {name} is {format_plain(float(ratio[odd[0]]))} {unit}".rstrip()
-            + f", {format_plain(middle)} in the middle of all rows: {_one_of(roles)} is wrong there"
+            f"{places(draft, odd)}: {name} is {format_decimal(float(ratio[odd[0]]))} {unit}".rstrip()
+            + f", {format_decimal(middle)} in the middle of all rows: {_one_of(roles)} is wrong there"
         )
         draft.doubts.append(Doubt(roles, sentence))
 
@@ -85,6 +85,6 @@ def _compare_force(draft: Draft, values: dict[str, Array]) -> None:
     ratio = _over(values["F"], np.sqrt(values["Fx"] ** 2 + values["Fy"] ** 2 + values["Fz"] ** 2))
     known = ratio[~np.isnan(ratio)]
     if len(known) >= FEWEST and not 0.8 < float(np.median(known)) < 1.25:
-        times = format_plain(float(np.median(known)))
+        times = format_decimal(float(np.median(known)))
         sentence = f"F is {times} times sqrt(Fx^2 + Fy^2 + Fz^2): one of the four is in another unit"
         draft.doubts.append(Doubt(("F", "Fx", "Fy", "Fz"), sentence))

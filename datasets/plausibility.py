@@ -131,6 +131,10 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
         )
         draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={options[0]}"))
         return
+    if other is None and not options and ROLES[one.role].kind not in ("condition", "time", "wear"):
+        sentence = f"{head} {home} is unusual ({one.usual}), its unit is not named"
+        draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={home}"))
+        return
     choices = [f"--unit {one.role}={unit}" for unit in options]
     if other is not None:
         choices.insert(0, f"exchange the columns {one.role} and {other.role}, {_exchange_options(draft, one, other)}")

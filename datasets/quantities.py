@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.rounding import format_plain
+from ..core.rounding import format_decimal
 from .draft import Draft
 from .options import Process, ReadOptions
 from .ranges import Plausible, Range, plausible, process_of
@@ -53,14 +53,14 @@ class Quantity:
 
     def shown(self, unit: str) -> str:
         """The values as written, with a unit."""
-        low, high = map(format_plain, self.span)
+        low, high = map(format_decimal, self.span)
         return f"{low if low == high else f'{low} to {high}'} {unit}"
 
     @property
     def usual(self) -> str:
         """The usual range in words."""
         low, high = self.ranges.usual
-        return f"usual {format_plain(low)} to {format_plain(high)} {ROLES[self.role].unit}"
+        return f"usual {format_decimal(low)} to {format_decimal(high)} {ROLES[self.role].unit}"
 
 
 def table_process(draft: Draft, options: ReadOptions) -> Process | None:

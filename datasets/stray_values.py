@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.rounding import format_plain
+from ..core.rounding import format_decimal
 from .doubts import Doubt
 from .draft import Draft
 from .options import Process, ReadOptions
@@ -47,7 +47,7 @@ def _without_impossible(draft: Draft, role: str, values: Array, process: Process
         return values
     kept = values.copy()
     kept[wrong] = np.nan
-    unit, low, high = ROLES[role].unit, *map(format_plain, ranges.usual)
+    unit, low, high = ROLES[role].unit, *map(format_decimal, ranges.usual)
     sentence = (
         f"{places(draft, wrong)}: {role} {listed(values[wrong])} {unit} cannot be (usual {low} to {high}) "
         f"and is left out"
@@ -74,7 +74,7 @@ def _doubt_far(draft: Draft, role: str, values: Array) -> None:
             continue
         row = np.flatnonzero(beyond)
         rest = np.where(beyond, np.nan, size)
-        ends = f"{format_plain(np.nanmin(np.where(rest > 0, rest, np.nan)))} to {format_plain(np.nanmax(rest))}"
+        ends = f"{format_decimal(np.nanmin(np.where(rest > 0, rest, np.nan)))} to {format_decimal(np.nanmax(rest))}"
         sentence = (
             f"{places(draft, row)}: {role} {listed(values[row])} {ROLES[role].unit} is far from all other rows, "
             f"which hold {ends}{_cause(float(far), rest)}"
@@ -91,7 +91,7 @@ def _cause(value: float, rest: Array) -> str:
     for factor, cause in FACTORS.items():
         for moved in (value / factor, value * factor):
             if low <= moved <= high:
-                return f"; {format_plain(moved)} if {cause} is wrong (x{factor:g})"
+                return f"; {format_decimal(moved)} if {cause} is wrong (x{factor:g})"
     return ""
 
 
@@ -159,5 +159,5 @@ def places(draft: Draft, rows: NDArray[np.intp]) -> str:
 
 def listed(values: Array) -> str:
     """The first values in words."""
-    shown = ", ".join(format_plain(float(v)) for v in values[: LISTED + 3])
+    shown = ", ".join(format_decimal(float(v)) for v in values[: LISTED + 3])
     return shown + (", ..." if len(values) > LISTED + 3 else "")
