@@ -13,7 +13,6 @@ from .vocabulary import ROLES
 
 KC_USUAL = (500, 6000)  # N/mm2, steel and cast iron to hard metals and small chips
 KC_LIMITS = (250, 15000)
-POWER_LIMITS = (0.5, 5)  # measured power over that of the cutting force; usual .9 to 2, at the tool and at the drive
 ROUGHNESS_LIMITS = (2.0, 15)  # Rz/Ra; usual 3 to 10
 DEVIATION = 8.0  # of a row from the median of the ratio
 FEWEST = 5
@@ -33,9 +32,6 @@ def check_columns(draft: Draft, options: ReadOptions) -> None:
         elif {"P", "V"} <= measured:
             kc = _over(60000 * values["P"], values["V"] * area)
             _compare(draft, ("P", "V", "f", "d"), "kc = 60000 P/(V f d)", kc, KC_LIMITS, KC_USUAL, "N/mm2")
-    if {"P", "Fc", "V"} <= measured:
-        ratio = _over(60000 * values["P"], values["Fc"] * values["V"])
-        _compare(draft, ("P", "Fc", "V"), "P/(Fc V/60000)", ratio, POWER_LIMITS, (0.9, 2), "")
     if {"Rz", "Ra"} <= measured:
         _compare(draft, ("Rz", "Ra"), "Rz/Ra", _over(values["Rz"], values["Ra"]), ROUGHNESS_LIMITS, (3, 10), "")
     _compare_force(draft, values)
