@@ -20,6 +20,7 @@ from .marked import keep_marks
 from .options import ReadOptions
 from .plausibility import check_values, settle_units
 from .runs import UNNAMED, Runs, Source
+from .shapes import long_table
 from .tables import Column, Table, read_table
 from .units import is_unit
 from .vocabulary import ROLES
@@ -60,6 +61,7 @@ def read_runs(
     table = path
     if not isinstance(table, Table):
         table = read_table(table, is_unit=is_unit, decimal=how.decimal, delimiter=how.delimiter, sheet=how.sheet)
+    table = long_table(table)
     source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
     notes = tuple(note.lstrip("#% ") for note in table.notes)
     return _assemble(table.columns, table.lines, source, notes, table.warnings, how, table.assumed, table.doubts)

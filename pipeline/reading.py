@@ -13,6 +13,7 @@ from ..core.errors import RecordError, UsageError
 from ..datasets import Runs, read_runs, read_table, runs_from_frame
 from ..datasets.options import ReadOptions
 from ..datasets.records.formats import kind_of, looks_like_record
+from ..datasets.shapes import long_table
 from ..datasets.tables.decode import load_bytes
 from ..datasets.units import is_unit
 
@@ -77,7 +78,9 @@ def tests_table(path: Path, options: ReadOptions) -> "tuple[Table, tuple[str, ..
     table = read_table(
         path, is_unit=is_unit, decimal=options.decimal, delimiter=options.delimiter, sheet=options.sheet
     )  # fmt: skip
-    return table, () if of_tests else refuse_record(path, table)
+    doubt = () if of_tests else refuse_record(path, table)
+    rows = long_table(table)
+    return rows, doubt if rows is table else ()
 
 
 def refuse_record(path: Path, table: "Table") -> tuple[str, ...]:
