@@ -9,10 +9,11 @@ delimiter, of the place of cells, of the decimal mark, or of one cell. Cells are
 exponent by one standard error or more.
 
 A mutation is *silent* when an exponent changed (by more than one standard error for a cell, by more than 1e-9 of
-itself or a missing factor or law for all others) and the command prints neither a refusal nor a doubt, warning,
-assumption, row left out or failed check that it does not print for the good file. Silent ones are printed with their
-seed; ``--only SEED`` shows one of them. A changed constant or number of edges is counted apart: the constant of
-a column in another plausible unit cannot be seen.
+itself or a missing factor or law for all others) and the command prints neither a refusal nor a message (a doubt,
+warning, assumption or rows left out) that it does not print for the good file. Where values were changed in some
+rows, a check of the fit that the good file passes counts as well, in a column of its own. Silent ones are printed with
+their seed; ``--only SEED`` shows one of them. A changed constant or number of edges is counted apart: the constant
+of a column in another plausible unit cannot be seen.
 """
 
 import argparse
@@ -396,6 +397,10 @@ KINDS = {
 }
 
 
+VERDICTS = ("unchanged", "refused", "message", "check", "SILENT")
+OF_VALUES = ("cell", "unit")  # mutations that leave the table as it is: the checks of the fit judge them too
+
+
 @dataclass(frozen=True)
 class Result:
     """One mutated file: what was done, whether an exponent, a constant or the edges changed, and the first message."""
@@ -404,31 +409,27 @@ class Result:
     base: str
     kind: str
     done: str
-    verdict: str  # unchanged, refused, message, SILENT
+    verdict: str  # of VERDICTS
     change: str = ""
     message: str = ""
     apart: str = ""  # constant or edges changed without a message
 
 
-def printed(outcome):
-    """What the command prints about a reading beside its numbers: sentences, and checks that are not passed."""
-    told = {f"{where}: {text}" for where, text in _sentences(outcome)}
-    for key, law in outcome.laws.items():
-        told |= {f"{key[1]} check: {name}" for name, check in _checks(law) if getattr(check, "concern", 0)}
-    return told
+def sentences(outcome):
+    """Sentences that the command prints about a reading beside its numbers."""
+    found = {f"message: {text}" for text in outcome.messages}
+    if outcome.runs is not None:
+        found |= {"assumed: " + re.sub(r"\d+", "#", text) for text in outcome.runs.assumed}
+    for (_, response), law in outcome.laws.items():
+        found |= {f"{response}: {item.factor} is left out: {item.reason}" for item in law.left_out}
+        found |= {f"{response}: rows left out: {item.reason}" for item in law.dropped}
+    return found
 
 
-def _sentences(outcome):
-    yield from (("message", text) for text in outcome.messages)
-    for text in () if outcome.runs is None else outcome.runs.assumed:
-        yield "assumed", re.sub(r"\d+", "#", text)
-    for key, law in outcome.laws.items():
-        yield from ((key[1], f"{item.factor} is left out: {item.reason}") for item in law.left_out)
-        yield from ((key[1], f"rows left out: {item.reason}") for item in law.dropped)
-
-
-def _checks(law):
-    return fit.judge(law).checks.items()
+def failed_checks(outcome):
+    """Checks of the laws that are not passed."""
+    checks = {response: fit.judge(law).checks for (_, response), law in outcome.laws.items()}
+    return {f"{r}: {name}" for r, of in checks.items() for name, check in of.items() if getattr(check, "concern", 0)}
 
 
 def changes(good, bad, kind):
@@ -476,10 +477,10 @@ def mutate(seed, folder):
     exponents, apart = changes(good.laws, bad.laws, kind)
     if not exponents and not apart:
         return Result(seed, name, kind, done, "unchanged")
-    told = {f"{where}: {text}" for where, text in _sentences(bad)} - {f"{w}: {t}" for w, t in _sentences(good)}
-    told = told or printed(bad) - printed(good)  # checks take most of the time: only where they decide
-    if told:
+    if told := sentences(bad) - sentences(good):
         return Result(seed, name, kind, done, "message", exponents, min(told))
+    if exponents and kind in OF_VALUES and (told := failed_checks(bad) - failed_checks(good)):
+        return Result(seed, name, kind, done, "check", exponents, ", ".join(sorted(told)))
     return Result(seed, name, kind, done, "SILENT" if exponents else "unchanged", exponents, apart=apart)
 
 
@@ -528,13 +529,12 @@ def main():
             print(f"SILENT {result.seed}  {result.base}; {result.done}  ->  {result.change}", flush=True)
 
     results = run(args.files, args.seed, report)
-    verdicts = ("unchanged", "refused", "message", "SILENT")
-    print(f"\n{'':14}{'files':>8}" + "".join(f"{v:>11}" for v in verdicts) + f"{'apart':>8}")
+    print(f"\n{'':14}{'files':>8}" + "".join(f"{v:>11}" for v in VERDICTS) + f"{'apart':>8}")
     for kind in (*KINDS, "all"):
         of_kind = [r for r in results if kind in (r.kind, "all")]
         count = Counter(r.verdict for r in of_kind)
         apart = sum(bool(r.apart) for r in of_kind)
-        print(f"{kind:14}{len(of_kind):8}" + "".join(f"{count[v]:11}" for v in verdicts) + f"{apart:8}")
+        print(f"{kind:14}{len(of_kind):8}" + "".join(f"{count[v]:11}" for v in VERDICTS) + f"{apart:8}")
     print("apart: only a constant or the number of edges changed, without a message")
     return int(any(r.verdict == "SILENT" for r in results))
 
