@@ -19,6 +19,7 @@ LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
 _BOUND = re.compile(r"\s*[<>≤≥]")
 _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:[^\W\d_]|[%°\"'])\D*")
 NONE = "none"  # --map P=none: no column of this file is the power
+DECIDED = ("edge", "tool", "run")  # roles that several columns may claim: `edges` decides by their content
 
 Values = NDArray[np.float64] | NDArray[np.object_]
 
@@ -166,7 +167,7 @@ def _one_each(claims: list[_Claim]) -> dict[str, _Claim]:
         if claim.role is None:
             continue
         first = chosen.setdefault(claim.role, claim)
-        if first is not claim and not first.mapped:
+        if first is not claim and not first.mapped and claim.role not in DECIDED:
             a, b = first.column, claim.column
             raise DataError(
                 f"columns {a.number} ({a.name!r}) and {b.number} ({b.name!r}) both read as "

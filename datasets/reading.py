@@ -16,6 +16,9 @@ from .columns import NONE, ColumnUse, Values, assign
 from .design import decode_levels
 from .doubts import Doubt
 from .draft import Draft
+from .edge_checks import check_edges
+from .edges import settle_edges
+from .fill_down import fill_down
 from .marked import keep_marks
 from .options import ReadOptions
 from .plausibility import check_values, settle_units
@@ -125,12 +128,15 @@ def _assemble(
     doubts: tuple[Doubt, ...] = (),
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
-    uses, data, assumed = assign(columns, options.map, options.units)
+    uses, data, assumed = assign(columns, options.columns, options.units)
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
     draft = Draft(columns, uses, data, units, lines, notes, [*assumed_shape, *assumed], list(warnings), list(doubts))
+    fill_down(draft)
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
     settle_units(draft, options)
     draft.assumed[:0] = with_thrust(draft.data, draft.units, options.map)
+    settle_edges(draft, options)
+    check_edges(draft)
     keep_marks(draft)
     check_values(draft, options)
     return _finished(draft, source, options)

@@ -127,7 +127,7 @@ _TABLE = (
           "arête, arête de coupe, essai, essai no, numéro d'essai",
           "filo, filo de corte, ensayo, ensayo no"),
     _role("tool", "tool", "", "label", "insert, cutting tool, tool material, tool grade, insert grade",
-          "Werkzeug, Schneidstoff, Wendeschneidplatte, Schneidplatte", "outil, outil de coupe, plaquette",
+          "Werkzeug, Schneidstoff, Wendeschneidplatte, Schneidplatte, Platte", "outil, outil de coupe, plaquette",
           "herramienta, plaquita, inserto"),
     _role("work", "work material", "", "label", "workpiece, workpiece material, material",
           "Werkstoff, Werkstück, Werkstückstoff", "matière, matériau, pièce", "pieza, material de la pieza"),
