@@ -22,6 +22,7 @@ FALL = 0.8  # of the wear before
 SPREADS = 4.0  # robust standard deviations of the steps of wear that a fall must exceed
 LATE = 5.0  # times the largest other step of time in its edge
 FACTORS = ((25.4, "in and mm"), (60.0, "min and s"), (3.2808, "m and ft"), (10.0, ""), (100.0, ""), (1000.0, ""))
+SLIPPED = "a digit or decimal mark may have slipped"
 LISTED = 3  # cells that a sentence names
 
 
@@ -51,7 +52,7 @@ def check_edges(draft: Draft) -> None:
     """Add a doubt for each contradiction within the edges of a draft, and for rows that occur twice."""
     if len(draft.lines) > MOST_ROWS or len(draft.lines) < 3:
         return
-    numbers = {role: np.asarray(draft.data[role], dtype=float) for role in draft.data if ROLES[role].unit}
+    numbers = draft.numbers()
     copies = _copies(draft, numbers)
     draft.doubts += _of_copies(draft, copies)
     if "edge" not in draft.data:
@@ -103,9 +104,9 @@ def _of_copies(draft: Draft, copies: Flags) -> Iterator[Doubt]:
         which = lines_text(draft.lines[copies])
         repeat = "repeats an earlier row" if copies.sum() == 1 else "repeat earlier rows"
         yield Doubt(
-            tuple(draft.data), f"{which} {repeat} in every cell, and counts twice in a fit; remove it if it was copied"
-            if copies.sum() == 1 else f"{which} {repeat} in every cell, and count twice in a fit; remove them if copied",
-        )  # fmt: skip
+            tuple(role for role in draft.data if role in ROLES),
+            f"{which} {repeat} in every cell, and would count twice in a fit; remove what was copied",
+        )
 
 
 def _of_setting(draft: Draft, edges: _Edges, role: str, values: Array) -> Iterator[Doubt]:
@@ -125,7 +126,9 @@ def _of_setting(draft: Draft, edges: _Edges, role: str, values: Array) -> Iterat
         odd = there[differs(values[there], np.full(len(there), usual))]
         name = draft.data["edge"][rows[0]]
         if len(there) == 2 or 2 * len(odd) > len(there):
-            some = ", ".join(f"{format_plain(v)} (line {draft.lines[i]})" for v, i in zip(values[there], there, strict=True))
+            some = ", ".join(
+                f"{format_plain(v)} (line {draft.lines[i]})" for v, i in zip(values[there], there, strict=True)
+            )
             cells.append(f"edge {name} has {some}")
         else:
             others = f"the other rows of edge {name} have {format_plain(usual)}"
@@ -161,14 +164,18 @@ def _of_time(draft: Draft, edges: _Edges, t: Array, copies: Flags) -> Iterator[D
             f"{draft.data['edge'][order[i]]}"
             for i in np.flatnonzero(falls)
         ]
-        yield Doubt(("t", "edge"), f"t falls within an edge: {_some(cells)}; correct the time, or begin a new edge there")
+        yield Doubt(
+            ("t", "edge"), f"t falls within an edge: {_some(cells)}; correct the time, or begin a new edge there"
+        )
     if repeats.any() and len(np.unique(sorted_codes[repeats])) <= max(1, FEW * edges.several):
         cells = [
             f"{format_plain(x[i])} min at lines {draft.lines[order[i]]} and {draft.lines[order[i + 1]]} of edge "
             f"{draft.data['edge'][order[i]]}"
             for i in np.flatnonzero(repeats)
         ]
-        yield Doubt(("t", "edge"), f"t repeats within an edge: {_some(cells)}; correct the time or the name of the edge")
+        yield Doubt(
+            ("t", "edge"), f"t repeats within an edge: {_some(cells)}; correct the time or the name of the edge"
+        )
     yield from _late(draft, edges, t)
     yield from _begun(draft, edges, t)
     yield from _running_on(edges, t)
@@ -184,10 +191,11 @@ def _late(draft: Draft, edges: _Edges, t: Array) -> Iterator[Doubt]:
         others = step[first + 1 : last]
         if last - first >= 3 and step[last] > LATE * np.nanmax(others, initial=np.inf if np.isnan(others).all() else 0):
             cells.append(
-                f"{format_plain(x[last])} min at line {draft.lines[edges.order[last]]} after {format_plain(x[last - 1])}"
+                f"{format_plain(x[last])} min at line {draft.lines[edges.order[last]]} after "
+                f"{format_plain(x[last - 1])}"
             )
     if cells and len(cells) <= max(1, FEW * edges.several):
-        yield Doubt(("t",), f"t jumps at the end of an edge: {_some(cells)}; a digit or decimal mark may have slipped")
+        yield Doubt(("t",), f"t jumps at the end of an edge: {_some(cells)}; {SLIPPED}")
 
 
 def _begun(draft: Draft, edges: _Edges, t: Array) -> Iterator[Doubt]:
@@ -198,7 +206,9 @@ def _begun(draft: Draft, edges: _Edges, t: Array) -> Iterator[Doubt]:
     alike = np.abs(t[rows] - usual) <= 0.01 * usual
     if usual > 0 and len(odd) and 1 - alike.mean() <= FEW and len(odd) <= max(1, FEW * len(rows)):
         cells = [f"{format_plain(t[i])} min at line {draft.lines[i]}" for i in odd]
-        yield Doubt(("t",), f"t begins at {format_plain(usual)} min in most edges, but at {_some(cells)}; correct the time")
+        yield Doubt(
+            ("t",), f"t begins at {format_plain(usual)} min in most edges, but at {_some(cells)}; correct the time"
+        )
 
 
 def _running_on(edges: _Edges, t: Array) -> Iterator[Doubt]:
@@ -210,8 +220,8 @@ def _running_on(edges: _Edges, t: Array) -> Iterator[Doubt]:
         yield Doubt(
             ("t",),
             f"t runs on from edge to edge, to {format_plain(float(np.nanmax(t)))} min: each edge begins above the last "
-            "time of the one before. Is it the time of the machine? A law needs the time in cut of the edge, counted from "
-            "its first cut",
+            "time of the one before. Is it the time of the machine? A law needs the time in cut of the edge, from its "
+            "first cut",
         )
 
 
@@ -230,7 +240,7 @@ def _of_response(draft: Draft, edges: _Edges, role: str, values: Array, t: Array
     if slipped.any():
         cells = [_slip_words(draft, values, order, step, int(i), unit) for i in np.flatnonzero(slipped)]
         if len(cells) <= max(1, FEW * edges.several):
-            yield Doubt((role,), f"{role} jumps within an edge: {_some(cells)}; a digit or decimal mark may have slipped")
+            yield Doubt((role,), f"{role} jumps within an edge: {_some(cells)}; {SLIPPED}")
     if ROLES[role].kind != "wear" or not np.isfinite(step).any():
         return
     centre = float(np.nanmedian(step))

@@ -21,7 +21,9 @@ _OTHERS = (
     "coin, bec, pointe, éprouvette, échantillon, fichier, feuille, numéro",
     "esquina, punta, muestra, probeta, archivo, hoja, número",
 )
-_NUMBER_WORDS = frozenset("no nr num number nummer id numero numéro número n° nº n #".split())
+_NUMBER_WORDS = frozenset(
+    ("no", "nr", "num", "number", "nummer", "id", "numero", "numéro", "número", "n°", "nº", "n", "#")
+)
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 _GRID = re.compile(r"(?:[A-Za-z][1-8]|\d+\s*[-/._ ]\s*(?:\d+|[A-Za-z])|\d+[A-Za-z])")
 

@@ -15,6 +15,10 @@ LEAST = 1.7  # mean rows of an edge; fewer: nearly every row is a test of its ow
 SPARE = 1.3  # times the least number of edges that the settings allow: a file in more pieces is not in order
 SLIPS = 0.1  # share of the edges that a slip in a single cell may have split
 TOGETHER = 0.9  # share of edges that begin at the usual time
+UNKNOWN = (
+    "Standard errors cannot be defended without the edges: add a column edge to the file, or, if every row is of an "
+    "edge of its own"
+)
 SECONDARY = {"n": ("V",), "fm": ("f", "fz", "V"), "fz": ("f",)}  # settings that follow from others
 
 
@@ -68,29 +72,26 @@ def edges_by_design(draft: Draft) -> Inferred | None:
     sizes = np.bincount(codes)
     names = [*settings, *(role for role in ("tool", "work") if role in draft.data)]
     if count <= max(SPARE * chains.sum(), chains.sum() + 1) and n / count >= LEAST:
-        return Inferred(codes, True, _found(count, sizes, f"the order of the tests (a new edge where "
-                                            f"{_listed(names, 'or')} changes or t does not rise)"))  # fmt: skip
+        rule = f"a new edge where {_listed(names, 'or')} changes or t does not rise"
+        return Inferred(codes, True, _found(count, sizes, f"the order of the tests ({rule})"))
     if _numbered_in_order(draft):
         return None  # a randomised plan in the order of its tests: t would rise if rows shared edges
+    paired = int(((t[1:] == t[:-1]) & ~_changes(settings, labels)).sum())
+    if paired and n / (count - paired) >= LEAST:
+        what = f"{paired} rows have the settings and the time of the row above"
+        which = "are these readings of one edge, or edges side by side?"
+        return Inferred(None, False, f"no column names the edges, and {what}: {which} {UNKNOWN}")
     if (chains == 1).all():
         codes = pd.factorize(cell)[0].astype(np.intp)
-        return Inferred(codes, False, _found(len(chains), np.bincount(codes), f"the settings (rows of equal {_listed(names, 'and')} "
-                                             "are an edge: no time repeats in them)"))  # fmt: skip
-    shared = int((chains > 1).sum())
-    paired = (t[1:] == t[:-1]) & ~_changes(settings, labels)
-    if n / (codes[-1] + 1 - paired.sum()) >= LEAST and paired.any():
-        return Inferred(
-            None, False,
-            f"no column names the edges, and {int(paired.sum())} rows have the settings and the time of the row above: "
-            "two readings of one edge, or edges side by side? Standard errors cannot be defended without knowing. Add a "
-            "column edge to the file; to accept rows as independent",
-        )  # fmt: skip
+        rule = f"rows of equal {_listed(names, 'and')} are an edge: no time repeats in them"
+        return Inferred(codes, False, _found(len(chains), np.bincount(codes), f"the settings ({rule})"))
+    what = (
+        f"at {int((chains > 1).sum())} of {len(chains)} settings of {_listed(names, 'and')} up to {int(chains.max())} "
+        "rows have the same time, so which rows share an edge is unknown"
+    )
     return Inferred(
-        None, False,
-        f"no column names the edges, and the rows are not in the order of the tests: at {shared} of {len(chains)} "
-        f"settings of {_listed(names, 'and')} up to {int(chains.max())} rows have the same time, so which rows share an edge is unknown "
-        "and standard errors cannot be defended. Add a column edge to the file; to accept rows as independent",
-    )  # fmt: skip
+        None, False, f"no column names the edges, and the rows are not in the order of the tests: {what}. {UNKNOWN}"
+    )
 
 
 def _found(count: int, sizes: NDArray[np.intp], by: str) -> str:
@@ -102,9 +103,7 @@ def _found(count: int, sizes: NDArray[np.intp], by: str) -> str:
 
 def _columns(draft: Draft) -> tuple[Array, dict[str, Array], list[NDArray[np.intp]]]:
     """Time, settings and codes of the labels that an edge has one of."""
-    conditions = {
-        role: np.asarray(values, dtype=float) for role, values in draft.data.items() if ROLES[role].kind == "condition"
-    }
+    conditions = {role: values for role, values in draft.numbers().items() if ROLES[role].kind == "condition"}
     labels = [pd.factorize(np.asarray(draft.data[role]))[0] for role in ("tool", "work") if role in draft.data]
     return np.asarray(draft.data["t"], dtype=float), settings_of(conditions), labels
 

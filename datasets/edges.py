@@ -44,7 +44,7 @@ class _Labels:
 
 
 def settle_edges(draft: Draft, options: ReadOptions) -> None:
-    """Give the role of the edge to the column that has it by content, or infer the edges from the order of the tests."""
+    """Give the role of the edge to the column that has it by content, or infer edges from the order of the tests."""
     given = options.columns
     if given.get("edge", "").strip().lower() == NONE or not len(draft.lines):
         return
@@ -60,7 +60,7 @@ def settle_edges(draft: Draft, options: ReadOptions) -> None:
 def _tests(draft: Draft) -> Tests | None:
     """Time, wear and settings, where there are any."""
     rows = slice(SAMPLE)
-    numbers = {role: np.asarray(draft.data[role][rows], dtype=float) for role in draft.data if ROLES[role].unit}
+    numbers = {role: values[rows] for role, values in draft.numbers().items()}
     wear = next((numbers[role] for role in numbers if ROLES[role].kind == "wear"), None)
     settings = settings_of({role: values for role, values in numbers.items() if ROLES[role].kind == "condition"})
     time = numbers.get("t")
@@ -88,16 +88,16 @@ def _decide(draft: Draft, tests: Tests, given: dict[str, str]) -> None:
             draft.doubts.append(
                 Doubt(
                     ("edge",),
-                    f"{by_name.title} gives every row an edge of its own, while time rises in rows of equal conditions; "
-                    "if it numbers measurements, edges can be inferred from the order of the tests",
+                    f"{by_name.title} gives every row an edge of its own, while time rises in rows of equal conditions;"
+                    " if it numbers measurements, edges can be inferred from the order of the tests",
                     f"--map run={_typed(by_name)}",
                 )
             )
             return
         _give(draft, by_name, "run" if "run" not in draft.data else None)
         draft.assumed.append(
-            f"{by_name.title} numbers every row, while time rises in rows of equal conditions: numbers of measurements, "
-            f"not of edges; --edge {_typed(by_name)} reads it as edges"
+            f"{by_name.title} numbers every row, while time rises in rows of equal conditions: measurements, "
+            f"not edges; --edge {_typed(by_name)} reads it as edges"
         )
     if tool is not None and tool not in chosen:
         _number_of_inserts(draft, tool, tests)
@@ -110,14 +110,13 @@ def _decide(draft: Draft, tests: Tests, given: dict[str, str]) -> None:
 
 def _candidates(draft: Draft, given: dict[str, str]) -> list[_Labels | None]:
     return [
-        _labels(draft, place, use)
-        for place, use in enumerate(draft.uses)
-        if may_be_edge(use) and use.role not in given
+        _labels(draft, place, use) for place, use in enumerate(draft.uses) if may_be_edge(use) and use.role not in given
     ]
 
 
 def _labels(draft: Draft, place: int, use: ColumnUse) -> _Labels | None:
-    texts = replace(draft.columns[place], values=draft.columns[place].values[:SAMPLE]).labels()
+    column = draft.columns[place]
+    texts = replace(column, values=column.values[:SAMPLE]).labels()  # noqa: PD011  a Column, not a Series
     codes, names = pd.factorize(texts)
     if "" in names:
         empty = int(np.flatnonzero(names == "")[0])
@@ -196,7 +195,7 @@ def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | Non
         blank = (texts[0] == "") | (texts[1] == "")
         draft.data["edge"] = np.where(blank, "", texts[0] + "/" + texts[1]).astype(object)
         draft.assumed.append(
-            f"edges are the combinations of columns {chosen[0].use.header!r} and {chosen[1].use.header!r}: each value of "
+            f"edges are the combinations of columns {chosen[0].use.header!r} and {chosen[1].use.header!r}: a value of "
             "one alone is of several edges"
         )
         return
@@ -223,7 +222,7 @@ def _give(draft: Draft, one: _Labels, role: str | None) -> None:
 
 
 def _types_of_tools(one: _Labels, tests: Tests) -> bool:
-    """Whether values under a name of edges are makers or grades: words that number nothing, with rows of several edges."""
+    """Whether values under a name of edges are makers or grades: words that number nothing, each of several edges."""
     words = all(any(map(str.isalpha, name)) for name in one.names)
     return (
         words and len(one.names) < SURE and not is_numbering(one.names) and one.several
@@ -284,7 +283,7 @@ def _name_the_unnamed(draft: Draft) -> None:
     draft.doubts.append(
         Doubt(
             ("edge",),
-            f"{lines_text(draft.lines[blank])} name{'s' if blank.sum() == 1 else ''} no edge, and each is read as an edge "
+            f"{lines_text(draft.lines[blank])} name{'s' if blank.sum() == 1 else ''} no edge: each is read as an edge "
             "of its own; name the edge in the file",
         )
     )

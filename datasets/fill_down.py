@@ -25,7 +25,7 @@ def fill_down(draft: Draft) -> None:
         label = may_be_edge(use) if role is None else role.kind == "label" and role.symbol != "run"
         if not label and (role is None or (role.kind != "condition" and role.symbol != "D")):
             continue
-        values = column.values  # noqa: PD011  a Column, not a Series
+        values = column.values
         blank = np.isnan(values) if column.is_numeric else _blank_texts(values)
         if not blank.any() or len(blank) < 3 or blank.all():
             continue
@@ -42,7 +42,7 @@ def fill_down(draft: Draft) -> None:
         if use.role is not None:
             draft.data[use.role] = draft.data[use.role][source]
         draft.warnings.append(
-            f"column {column.name!r}: {int(fill.sum())} blank cell{'s are' if fill.sum() > 1 else ' is'} filled from the cell above "
+            f"column {column.name!r}: {int(fill.sum())} blank cells filled from above "
             f"({lines_text(draft.lines[fill])}): "
             + ("only the first row of each block has a value" if blocks else "the cells above and below are equal")
         )
