@@ -11,7 +11,7 @@ from ..core.rounding import format_plain
 from .doubts import Doubt
 from .draft import Draft
 from .edge_columns import Array, Codes, Flags, differs
-from .fill_down import lines_text
+from .merged_cells import lines_text
 from .vocabulary import ROLES
 
 MOST_ROWS = 100_000  # of a table whose edges are checked cell by cell

@@ -275,7 +275,7 @@ def _name_the_unnamed(draft: Draft) -> None:
     blank = np.asarray(edge == "", dtype=bool)
     if not blank.any() or blank.all():
         return
-    from .fill_down import lines_text
+    from .merged_cells import lines_text
 
     edge = edge.copy()
     edge[blank] = [f"line {line}" for line in draft.lines[blank]]

@@ -18,8 +18,8 @@ from .doubts import Doubt
 from .draft import Draft
 from .edge_checks import check_edges
 from .edges import settle_edges
-from .fill_down import fill_down
 from .marked import keep_marks
+from .merged_cells import fill_down
 from .options import ReadOptions
 from .plausibility import check_values, settle_units
 from .runs import UNNAMED, Runs, Source

@@ -70,7 +70,7 @@ def _names_blocks(values: NDArray[Any], blank: Flags, *, label: bool) -> bool:
     after = blank[inner + 1]
     if label:
         repeats = ~after & (values[inner] == values[np.minimum(inner + 1, len(blank) - 1)])
-        return not repeats.any()
+        return not bool(repeats.any())
     return bool(after.mean() >= FOLLOWED)
 
 
