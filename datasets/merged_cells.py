@@ -54,7 +54,7 @@ def _blank_texts(values: NDArray[Any]) -> Flags:
 
 def _leading(blank: Flags) -> Flags:
     """The blanks above the first filled cell."""
-    return np.arange(len(blank)) < np.flatnonzero(~blank)[0]
+    return np.asarray(np.arange(len(blank)) < np.flatnonzero(~blank)[0], dtype=bool)
 
 
 def _names_blocks(values: NDArray[Any], blank: Flags, *, label: bool) -> bool:
