@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
@@ -92,7 +93,17 @@ def comparison_block(comparisons: "Sequence[StatsmodelsComparison]") -> Renderab
 
 def nothing_fitted(runs: Runs, refused: Sequence[Refused]) -> str:
     """The reasons why a pair has no law at all."""
-    return f"{runs.tool} on {runs.work}: " + (" ".join(map(_refusal, refused)) or NOTHING)
+    reasons = " ".join(map(_refusal, refused)) or (_lives_only(runs) if runs.has("T") else NOTHING)
+    return f"{runs.tool} on {runs.work}: {reasons}"
+
+
+def _lives_only(runs: Runs) -> str:
+    lives = runs.values("T")
+    return (
+        f"the file gives tool lives (T, {np.count_nonzero(np.isfinite(lives))} values) and no course of the wear. The "
+        "lives are read, but no law is fitted to lives alone: give the wear readings of these tests, with the columns "
+        "t and VB; the tool life at a wear criterion follows from their law."
+    )
 
 
 def identification_block(found: "Identification", pf: ParameterFile) -> RenderableType:

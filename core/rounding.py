@@ -27,6 +27,15 @@ def format_plain(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}"
 
 
+def format_decimal(value: float) -> str:
+    """A number to four significant digits, without an exponent where a person would write none.
+
+    >>> format_decimal(26420.0), format_decimal(0.2), format_decimal(1 / 3)
+    ('26420', '0.2', '0.3333')
+    """
+    return f"{float(f'{value:.4g}'):.12g}"
+
+
 def format_rounded(value: float, uncertainty: float | None) -> tuple[str, str]:
     """Value and uncertainty, both to the decimals of two significant digits of the uncertainty.
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,13 @@ from ..core.suggestions import closest, did_you_mean
 from .headers import parse_header
 from .tables import Column, is_number
 from .units import canonical, convert, same_dimension, suggest
-from .vocabulary import ROLES, Role, role_of, suggest_role, understood_unit
+from .vocabulary import ROLES, Role, role_of, role_of_unit, suggest_role, understood_unit
 
 LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
 _BOUND = re.compile(r"\s*[<>≤≥]")
 _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:[^\W\d_]|[%°\"'])\D*")
 NONE = "none"  # --map P=none: no column of this file is the power
+DECIDED = ("edge", "tool", "run")  # roles that several columns may claim: `edges` decides by their content
 
 Values = NDArray[np.float64] | NDArray[np.object_]
 
@@ -71,21 +72,16 @@ def assign(
     uses: list[ColumnUse] = []
     data: dict[str, Values] = {}
     assumed: list[str] = []
-    unitless: list[str] = []
     for claim in claims:
         role = ROLES[claim.role] if claim.role is not None and chosen.get(claim.role) is claim else None
         unit, converted = "", False
         if role is not None:
             data[role.symbol], unit, converted = _values(claim, role)
-            if role.unit and not unit:
-                unitless.append(f"{role.symbol} {role.unit}")
-            elif unit and unit != canonical(claim.unit_text):
+            if unit and unit != canonical(claim.unit_text):
                 assumed.append(f"{role.symbol}: {claim.unit_text} is taken as {unit}")
         column, near = claim.column, suggest_role(claim.name) if role is None else None
         symbol = role.symbol if role is not None else None
         uses.append(ColumnUse(column.number, column.name, claim.name, symbol, unit, converted, near))
-    if unitless:
-        assumed.append(f"units that the file does not name: {', '.join(unitless)}")
     if not data:
         raise DataError(_unrecognised(columns))
     return tuple(uses), data, tuple(assumed)
@@ -126,10 +122,24 @@ def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapp
         if role is not None and role in units:
             text = units[role]
         claims.append(_Claim(column, header.name, text, role, column.number in assigned))
+    claims = _named_by_unit(claims, mapping, units)
     missing = [symbol for symbol in units if all(claim.role != symbol for claim in claims)]
     if missing:
         raise UsageError(f"--unit {missing[0]}={units[missing[0]]}: no column has the role {missing[0]}.")
     return claims
+
+
+def _named_by_unit(claims: list[_Claim], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
+    """The claims; a column whose whole header is a unit (SFM, IPR, mm/min) takes the role it measures, if free."""
+    taken = {claim.role for claim in claims}
+    done = []
+    for claim in claims:
+        role = role_of_unit(claim.name) if claim.role is None else None
+        if role is not None and role not in taken and role not in mapping:
+            done.append(replace(claim, unit_text=units.get(role, claim.unit_text or claim.name), role=role))
+        else:
+            done.append(claim)
+    return done
 
 
 def _find(columns: tuple[Column, ...], name: str) -> Column:
@@ -157,7 +167,7 @@ def _one_each(claims: list[_Claim]) -> dict[str, _Claim]:
         if claim.role is None:
             continue
         first = chosen.setdefault(claim.role, claim)
-        if first is not claim and not first.mapped:
+        if first is not claim and not first.mapped and claim.role not in DECIDED:
             a, b = first.column, claim.column
             raise DataError(
                 f"columns {a.number} ({a.name!r}) and {b.number} ({b.name!r}) both read as "

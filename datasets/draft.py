@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .columns import ColumnUse, Values
 from .doubts import Doubt
 from .tables import Column
+from .vocabulary import ROLES
 
 
 @dataclass(slots=True)
@@ -42,3 +43,8 @@ class Draft:
     assumed: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     doubts: list[Doubt] = field(default_factory=list)
+
+    def numbers(self) -> dict[str, NDArray[np.float64]]:
+        """Values of the roles that have a unit, as floats."""
+        with_unit = [role for role in self.data if role in ROLES and ROLES[role].unit]
+        return {role: np.asarray(self.data[role], dtype=float) for role in with_unit}

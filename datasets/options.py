@@ -57,6 +57,10 @@ class ReadOptions(Displayable):
         for name in ("tool", "work", "edge", "delimiter", "sheet"):
             if not isinstance(getattr(self, name), str | None):
                 raise UsageError(f"{name} {getattr(self, name)!r}: give a text, or leave it out.")
+        if self.edge is not None and self.map.get("edge", self.edge) != self.edge:
+            raise UsageError(
+                f"edge {self.edge!r} and map edge={self.map['edge']!r} name different columns: give one of them."
+            )
         check_choice("decimal", self.decimal, (None, *get_args(DecimalMark)))
         check_choice("process", self.process, (None, *get_args(Process)))
         check_choice("hidden", self.hidden, (True, False))
@@ -64,6 +68,15 @@ class ReadOptions(Displayable):
             number = isinstance(value, Real) and not isinstance(value, bool)
             if not (number and -inf < value < inf):
                 raise UsageError(f"constants {symbol}={value!r}: give a number in the unit of {symbol}.")
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Column of each role that was given, the edge included, as ``map`` has them.
+
+        >>> ReadOptions(map={"V": "col2"}, edge="Insert").columns
+        {'V': 'col2', 'edge': 'Insert'}
+        """
+        return {**self.map, **({} if self.edge is None else {"edge": self.edge})}
 
     def reading(self) -> dict[str, Any]:
         """The keywords of `datasets.read_runs`."""

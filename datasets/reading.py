@@ -16,9 +16,14 @@ from .columns import NONE, ColumnUse, Values, assign
 from .design import decode_levels
 from .doubts import Doubt
 from .draft import Draft
+from .edge_checks import check_edges
+from .edges import settle_edges
 from .marked import keep_marks
+from .merged_cells import fill_down
 from .options import ReadOptions
+from .plausibility import check_values, settle_units
 from .runs import UNNAMED, Runs, Source
+from .shapes import long_table
 from .tables import Column, Table, read_table
 from .units import is_unit
 from .vocabulary import ROLES
@@ -59,6 +64,7 @@ def read_runs(
     table = path
     if not isinstance(table, Table):
         table = read_table(table, is_unit=is_unit, decimal=how.decimal, delimiter=how.delimiter, sheet=how.sheet)
+    table = long_table(table)
     source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
     notes = tuple(note.lstrip("#% ") for note in table.notes)
     return _assemble(table.columns, table.lines, source, notes, table.warnings, how, table.assumed, table.doubts)
@@ -122,12 +128,17 @@ def _assemble(
     doubts: tuple[Doubt, ...] = (),
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
-    uses, data, assumed = assign(columns, options.map, options.units)
+    uses, data, assumed = assign(columns, options.columns, options.units)
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
     draft = Draft(columns, uses, data, units, lines, notes, [*assumed_shape, *assumed], list(warnings), list(doubts))
+    fill_down(draft)
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
+    settle_units(draft, options)
     draft.assumed[:0] = with_thrust(draft.data, draft.units, options.map)
+    settle_edges(draft, options)
+    check_edges(draft)
     keep_marks(draft)
+    check_values(draft, options)
     return _finished(draft, source, options)
 
 

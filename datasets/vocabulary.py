@@ -16,7 +16,17 @@ from typing import Literal
 from ..core.suggestions import closest
 from .units import canonical, is_unit, same_dimension
 
-__all__ = ["ROLES", "UNNAMED", "Role", "fits", "role_of", "roles_named", "suggest_role", "understood_unit"]
+__all__ = [
+    "ROLES",
+    "UNNAMED",
+    "Role",
+    "fits",
+    "role_of",
+    "role_of_unit",
+    "roles_named",
+    "suggest_role",
+    "understood_unit",
+]
 
 Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
 MARK = " mark"  # "VB mark" is the column of the marked values of VB (<0.05, 0.24*)
@@ -117,7 +127,7 @@ _TABLE = (
           "arête, arête de coupe, essai, essai no, numéro d'essai",
           "filo, filo de corte, ensayo, ensayo no"),
     _role("tool", "tool", "", "label", "insert, cutting tool, tool material, tool grade, insert grade",
-          "Werkzeug, Schneidstoff, Wendeschneidplatte, Schneidplatte", "outil, outil de coupe, plaquette",
+          "Werkzeug, Schneidstoff, Wendeschneidplatte, Schneidplatte, Platte", "outil, outil de coupe, plaquette",
           "herramienta, plaquita, inserto"),
     _role("work", "work material", "", "label", "workpiece, workpiece material, material",
           "Werkstoff, Werkstück, Werkstückstoff", "matière, matériau, pièce", "pieza, material de la pieza"),
@@ -226,6 +236,28 @@ def role_of(name: str, unit: str | None) -> str | None:
         return fitting[0]
     other_thing = canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t")
     return None if other_thing or not ROLES[found[0]].unit else found[0]
+
+
+# Units that name one quantity when they are the whole header, as US laboratories write them.
+_BY_UNIT: Mapping[str, str] = {
+    **dict.fromkeys(("m/min", "m/s", "sfm"), "V"),
+    **dict.fromkeys(("mm/rev", "in/rev"), "f"),
+    **dict.fromkeys(("mm/tooth", "in/tooth"), "fz"),
+    **dict.fromkeys(("mm/min", "mm/s", "in/min"), "fm"),
+    **dict.fromkeys(("1/min", "rev/s"), "n"),
+    **dict.fromkeys(("kW", "hp", "PS"), "P"),
+    **dict.fromkeys(("mm3/min", "cm3/min", "in3/min"), "MRR"),
+}
+
+
+def role_of_unit(text: str) -> str | None:
+    """Symbol of the role of a column whose whole header is a unit, None for other texts and units of several roles.
+
+    >>> role_of_unit("SFM"), role_of_unit("IPR"), role_of_unit("mm")
+    ('V', 'f', None)
+    """
+    unit = canonical(text) if text else None
+    return _BY_UNIT.get(unit) if unit is not None else None
 
 
 def suggest_role(name: str) -> str | None:

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ..core.errors import DataError, RecordError, UsageError
+from ..core.errors import RecordError, UsageError
 from ..datasets import Runs, read_runs, read_table, runs_from_frame
 from ..datasets.options import ReadOptions
 from ..datasets.records.formats import kind_of, looks_like_record
+from ..datasets.shapes import long_table
 from ..datasets.tables.decode import load_bytes
 from ..datasets.units import is_unit
 
 if TYPE_CHECKING:
-    from ..datasets.records.formats import FileKind
     from ..datasets.tables import Table
 
 OF_FILES = ("decimal", "delimiter", "sheet", "ranges", "hidden")  # reading options that a DataFrame does not have
@@ -73,12 +73,14 @@ def read_tests(path: Path, options: ReadOptions) -> Runs:
 def tests_table(path: Path, options: ReadOptions) -> "tuple[Table, tuple[str, ...]]":
     """The table of a file of tests, and a sentence where it might be a record as well."""
     of_tests = options.map or options.ranges or options.sheet  # a record has none of these
-    if not of_tests and kind_of(load_bytes(path), path.name) != "table":
-        raise _record(path, looks_like_record(path))
+    if not of_tests and (kind := kind_of(load_bytes(path), path.name)) != "table":
+        raise _record(path, f"a file of samples ({kind})")
     table = read_table(
         path, is_unit=is_unit, decimal=options.decimal, delimiter=options.delimiter, sheet=options.sheet
     )  # fmt: skip
-    return table, () if of_tests else refuse_record(path, table)
+    doubt = () if of_tests else refuse_record(path, table)
+    rows = long_table(table)
+    return rows, doubt if rows is table else ()
 
 
 def refuse_record(path: Path, table: "Table") -> tuple[str, ...]:
@@ -87,12 +89,10 @@ def refuse_record(path: Path, table: "Table") -> tuple[str, ...]:
     Raises
     ------
     RecordError
-    DataError
-        It is a record of forces, power or current, to be reduced to rows.
     """
     look = looks_like_record(table)
     if look:
-        raise _record(path, look)
+        raise _record(path, look.reason)
     if look.kind == "table":
         return ()
     return (f"a table of cutting tests ({look.reason}); for a record of one run use fitmodels ident {path.name}",)
@@ -119,16 +119,8 @@ def digest(data: pd.DataFrame) -> str:
     return made.hexdigest()
 
 
-def _record(path: Path, look: "FileKind") -> DataError:
-    """The refusal of a record: one of loads is to be reduced, one of input and output to be identified."""
-    if look.loads:
-        return DataError(
-            f"{path.name} is a record of {', '.join(look.loads)} ({look.reason}), not a table of tests. "
-            "Put the records of the tests into a folder and reduce them to a row a cut: fitmodels reduce FOLDER --plan "
-            f"tests.csv --out data.csv. To identify dynamics from it: fitmodels ident {path.name} --input ... "
-            "--output ..."
-        )
+def _record(path: Path, reason: str) -> RecordError:
     return RecordError(
-        f"{path.name} is a record of one run ({look.reason}): identify it with fitmodels ident {path.name}, or assign "
-        "the columns of cutting tests with --map."
+        f"{path.name} is a record of one run ({reason}): identify it with fitmodels ident {path.name}, or assign the "
+        "columns of cutting tests with --map."
     )

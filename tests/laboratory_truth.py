@@ -30,13 +30,15 @@ SAME = 0.05  # standard errors: rounding of converted cells
 WRONG = 3.0  # standard errors beyond which a reading without a message is wrong
 
 
-def wear_test(name, edges=24, times=TIMES, levels=True):
+def wear_test(name, edges=24, times=TIMES, levels=True, grid=None):
     """A wear test: edge, V, f, d, t, AW, Fc, P of the laws AC-2016, its random numbers drawn by a name.
 
-    Conditions are all but three points of a 3 x 3 x 3 grid, or random where ``levels`` is False.
+    Conditions are all but three points of a 3 x 3 x 3 grid, random where ``levels`` is False, or those of ``grid``.
     """
     rng = np.random.default_rng(zlib.crc32(name.encode()))
-    if levels:
+    if grid is not None:
+        edges = len(grid)
+    elif levels:
         grid = np.array(np.meshgrid((80, 120, 180), (0.1, 0.2, 0.4), (1, 1.5, 2.5))).reshape(3, -1).T
         grid = grid[rng.permutation(len(grid))[:edges]]
     else:

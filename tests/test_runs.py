@@ -242,9 +242,9 @@ def test_a_file_says_that_it_is_simulated(read, note, simulated):
 
 
 def test_labels_write_whole_numbers_as_such():
-    runs = datasets.runs_from_frame(pd.DataFrame({"V": [1.0, 2.5, np.nan], "edge": [1.0, 2.0, np.nan]}))
-    assert runs.labels("V").tolist() == ["1", "2.5", ""]
-    assert runs.labels("edge").tolist() == ["1", "2", ""]
+    runs = datasets.runs_from_frame(pd.DataFrame({"V": [100.0, 250.5, np.nan], "work": [1.0, 2.0, np.nan]}))
+    assert runs.labels("V").tolist() == ["100", "250.5", ""]
+    assert runs.labels("work").tolist() == ["1", "2", ""]
 
 
 def test_a_frame_is_read_as_a_file_is():

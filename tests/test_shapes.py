@@ -5,8 +5,11 @@ from pathlib import Path
 import numpy as np
 import openpyxl
 import pytest
+from fitmodels.cards.terminal import nothing_fitted
 from fitmodels.core.errors import DataError
 from fitmodels.datasets import Runs, read_runs
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 ROWS = [
     (f"E{i + 1}", V, f, d, t, round(0.01 * (V / 100) ** 0.6 * f**0.2 * t**0.5, 4))
@@ -170,3 +173,113 @@ def test_marks_are_converted_with_their_column_and_survive_pairs_and_join(tmp_pa
 def test_labels_with_a_mark_stay_labels(tmp_path):
     runs = read(tmp_path, table([(f"{i}*" if i % 3 == 0 else str(i), *row[1:]) for i, row in enumerate(ROWS)]))
     assert runs.labels("edge")[:4].tolist() == ["0*", "1", "2", "3*"]
+
+
+# Wide tables
+
+LONG = table()
+PIVOT = {(edge, t): VB for edge, _, _, _, t, VB in ROWS}
+CONDITIONS = {edge: (V, f, d) for edge, V, f, d, _, _ in ROWS}
+TIMES = (2, 5, 9)
+
+
+def by_time(header="VB {} min", first=NAMES[:4]) -> list[list[object]]:
+    rows = [[edge, *of_edge, *(PIVOT[edge, t] for t in TIMES)] for edge, of_edge in CONDITIONS.items()]
+    return [[*first, *(header.format(t) for t in TIMES)], *rows]
+
+
+def by_edge(header="{}") -> list[list[object]]:
+    wear = [[t, *(PIVOT[edge, t] for edge in CONDITIONS)] for t in TIMES]
+    return [["t [min]", *(header.format(edge) for edge in CONDITIONS)], *wear]
+
+
+def lines(rows, above="") -> str:
+    return above + "".join(",".join(map(str, row)) + "\n" for row in rows)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        lines(by_time()),
+        lines(by_time("VB after {} min [mm]")),
+        lines(by_time("VB_{}min")),
+        lines(by_time("t = {} min"), "Flank wear VB in mm\n"),
+        lines(by_time("{}"), "VB [mm] after t [min]\n"),
+        lines([[*NAMES[:4], "VB [mm]"], ["", "", "", "", *TIMES], *by_time()[1:]]),
+    ],
+)
+def test_a_column_for_each_time_becomes_rows(tmp_path, text):
+    runs = read(tmp_path, text)
+    assert same(runs, read(tmp_path, LONG, "b.csv"))
+    assert runs.labels("edge").tolist() == [row[0] for row in ROWS]
+    assert "the table is wide, 4 rows with a column for each time" in said(runs)
+    assert not runs.doubts
+
+
+@pytest.mark.parametrize("header", ["{}", "VB {}", "VB {} [mm]", "VB_{}"])
+def test_a_column_for_each_edge_becomes_rows(tmp_path, header):
+    runs = read(tmp_path, lines(by_edge(header), "Flank wear VB\n"))
+    assert same(runs, read(tmp_path, LONG, "b.csv"), ("t", "VB"))
+    assert runs.labels("edge").tolist() == [row[0] for row in ROWS]
+    assert "a column for each edge" in said(runs)
+
+
+def test_conditions_above_a_wide_table_are_those_of_its_columns(tmp_path):
+    above = [[name, *(of_edge[i] for of_edge in CONDITIONS.values())] for i, name in enumerate(NAMES[1:4])]
+    for head, rows in (
+        ([], by_edge()),
+        ([["edge", *CONDITIONS]], [["t [min]", *["VB [mm]"] * 4], *by_edge()[1:]]),
+    ):
+        runs = read(tmp_path, lines([*head, *above, *rows]))
+        assert same(runs, read(tmp_path, LONG, "b.csv"))
+        assert runs.labels("edge").tolist() == [row[0] for row in ROWS]
+
+
+def test_cells_of_unnamed_wide_columns_are_doubted(tmp_path):
+    assert "no header or note names what" in str(read(tmp_path, lines(by_edge())).doubts[0])
+
+
+def test_marks_of_a_wide_table_stay_with_their_rows(tmp_path):
+    runs = read(tmp_path, lines(by_edge("VB {}")).replace(str(PIVOT["E3", 9]), "<0.05"))
+    place = runs.labels("VB mark").tolist().index("<0.05")
+    assert (runs.labels("edge")[place], runs.values("t")[place]) == ("E3", 9)
+
+
+def test_repeated_readings_are_refused_with_a_long_table_as_example(tmp_path):
+    with pytest.raises(DataError, match=r"whether these are edges, times or repeated readings") as refusal:
+        read(tmp_path, "V,f,d,VB 1,VB 2,VB 3\n100,.1,1,.1,.2,.3\n150,.1,1,.1,.2,.3\n")
+    assert str(refusal.value).count("\n") == 4
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    wear=st.lists(
+        st.lists(st.none() | st.floats(0.01, 0.9).map(lambda v: round(v, 4)), min_size=3, max_size=3),
+        min_size=2, max_size=8,
+    ).filter(lambda rows: all(any(row[j] is not None for row in rows) for j in range(3))),
+    edges_down=st.booleans(),
+)  # fmt: skip
+def test_what_is_made_wide_is_read_long(tmp_path_factory, wear, edges_down):
+    long = [
+        (f"E{i}", 100.5 + i, 0.1, 1.5, t, v) for i, row in enumerate(wear) for t, v in zip(TIMES, row, strict=True) if v
+    ]
+    if edges_down:
+        rows = [[*NAMES[:4], *(f"VB {t} min" for t in TIMES)]]
+        rows += [[f"E{i}", 100.5 + i, 0.1, 1.5, *("" if v is None else v for v in row)] for i, row in enumerate(wear)]
+    else:
+        heads = [(f"E{k}", 100.5 + k, 0.1, 1.5) for k in range(len(wear))]
+        rows = [[NAMES[i], *(head[i] for head in heads)] for i in range(4)]
+        rows += [["t [min]", *["VB [mm]"] * len(wear)]]
+        rows += [[t, *("" if row[j] is None else row[j] for row in wear)] for j, t in enumerate(TIMES)]
+    runs = read(tmp_path_factory.mktemp("wide"), lines(rows))
+    frame = runs.data[["edge", "V", "f", "d", "t", "VB"]]
+    assert [tuple(row) for row in frame.itertuples(index=False)] == long
+
+
+def test_a_table_of_tool_lives_is_read_and_named(tmp_path):
+    text = "V [m/min],f [mm/rev],d [mm],T [min]\n" + "".join(f"{100 + 20 * i},0.2,1,{60 - 9 * i}\n" for i in range(6))
+    runs = read(tmp_path, text.replace(",60\n", ",>60\n"))
+    assert runs.labels("T mark")[0] == ">60"
+    said_of = nothing_fitted(runs, ())
+    assert "tool lives (T, 5 values)" in said_of
+    assert "t and VB" in said_of

@@ -121,7 +121,7 @@ def assert_same_edges(streamed, memory):
         pytest.param(table().assign(material=lambda f: np.where(f.t > 4, "a", "b")), {"by": "material"},
                      id="a category that changes within edges"),
         pytest.param(table(), {"edge": None}, id="rows taken as independent"),
-        pytest.param(table().drop(columns="edge"), {}, id="no edge column"),
+        pytest.param(table().drop(columns="edge"), {"edge": None}, id="no edge column"),
         pytest.param(spoiled(), {}, id="missing and negative values"),
         pytest.param(table().assign(d=2.0), {}, id="a constant factor"),
         pytest.param(table().assign(d=lambda f: f.V**0.5 * f.f), {}, id="a product of other factors"),

@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, pairwise
 
 from ...core.errors import DataError
 from .layout import Layout, footer_label
@@ -42,6 +42,10 @@ def aligned(
     first = next(((line, row) for line, row in body if row), None)
     if first is None or len(first[1]) == width or (len(first[1]) < width and layout.names[0]):
         return layout, []
+    if numbers := _numbers_below(first[1], width):
+        names = (*layout.names[:-1], *(f"{layout.names[-1]} {number}" for number in numbers))
+        units = (*layout.unit_cells, *[layout.unit_cells[-1]] * (len(numbers) - 1))
+        return replace(layout, names=names, unit_cells=units, above=first[0]), []
     sample = [(line, row) for line, row in (first, *islice(body, _SAMPLE)) if row and not footer_label(row)]
     extra, count = Counter(len(row) - width for _, row in sample).most_common(1)[0]
     if extra < 0 and count == len(sample) and extra == -1:
@@ -120,6 +124,15 @@ def _trimmed(row: Sequence[Cell]) -> list[Cell]:
     while cells and not str(cells[-1]).strip():
         cells.pop()
     return cells
+
+
+def _numbers_below(row: Sequence[Cell], width: int) -> list[str]:
+    """Rising numbers that begin under the last name: the second row of a header, one column for each number."""
+    cells = [str(cell).strip().removesuffix(".0") for cell in row]
+    numbers = [cell.replace(",", ".") for cell in cells[width - 1 :]]
+    if any(cells[: width - 1]) or len(numbers) < 2 or not all(re.fullmatch(r"\d+(\.\d+)?", n) for n in numbers):
+        return []
+    return numbers if all(float(a) < float(b) for a, b in pairwise(numbers)) else []
 
 
 def _counts_rows(cells: Sequence[Cell]) -> bool:

@@ -1,0 +1,150 @@
+"""Columns that may number the cutting edges, and whether their content says so."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .columns import ColumnUse
+from .vocabulary import roles_named
+
+TOLERANCE = 0.02  # relative; conditions that differ by less are the same setting measured twice
+MOST = 0.9  # share of the edges in which a rule must hold
+
+# Names of columns without a role that may number edges: numbers of tools, corners, samples, files.
+_OTHERS = (
+    "corner, corner no, tip, cutting corner, specimen, sample, file, file name, sheet, no, number, serial no",
+    "Ecke, Platte, Plattennr, Probe, Prüfling, Datei, Dateiname, Blatt, Nr, Nummer, Kante",
+    "coin, bec, pointe, éprouvette, échantillon, fichier, feuille, numéro",
+    "esquina, punta, muestra, probeta, archivo, hoja, número",
+)
+_NUMBER_WORDS = frozenset(
+    ("no", "nr", "num", "number", "nummer", "id", "numero", "numéro", "número", "n°", "nº", "n", "#")
+)
+_NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
+_GRID = re.compile(r"(?:[A-Za-z][1-8]|\d+\s*[-/._ ]\s*(?:\d+|[A-Za-z])|\d+[A-Za-z])")
+
+Codes = NDArray[np.intp]
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+def may_be_edge(use: ColumnUse) -> bool:
+    """Whether a column may number edges by its name, also where it has no role."""
+    return use.role in ("edge", "tool", "run") or (use.role is None and bool(meant_by(use.name)))
+
+
+@lru_cache(maxsize=1024)
+def meant_by(name: str) -> str:
+    """What a name may number: ``edge``, ``tool``, ``run``, ``other``, or "" where it numbers nothing of a test.
+
+    >>> meant_by("Schneide"), meant_by("tool no."), meant_by("N° outil"), meant_by("Ecke"), meant_by("VB")
+    ('edge', 'tool', 'tool', 'other', '')
+    """
+    words = [word for word in re.split(r"[\s_.,:;()/-]+", name.replace("#", " # ")) if word]
+    rest = " ".join(word for word in words if word.casefold() not in _NUMBER_WORDS)
+    for text in (name, rest):
+        for role in roles_named(text):
+            if role in ("edge", "tool", "run"):
+                return role
+    plain = " ".join(words).casefold()
+    return "other" if plain in _other_names() or (words and not rest) else ""
+
+
+@lru_cache(maxsize=1)
+def _other_names() -> frozenset[str]:
+    return frozenset(name.casefold() for names in _OTHERS for name in names.split(", "))
+
+
+def is_numbering(names: Sequence[str]) -> bool:
+    """Whether labels count something (1 to 13, A1 to A13, E01, 3-2) and do not name makers or grades.
+
+    >>> is_numbering(["1", "2", "3"]), is_numbering(["A1", "A2", "B1"]), is_numbering(["GC435", "GC4025"])
+    (True, True, False)
+    >>> is_numbering(["P10", "P20", "P30"]), is_numbering(["Platte 1", "Platte 2"])
+    (False, True)
+    """
+    if all(_GRID.fullmatch(name) for name in names) or (all(len(n) == 1 and n.isalpha() for n in names)):
+        return True
+    parts = [_NUMBERED.fullmatch(name) for name in names]
+    found = [part for part in parts if part is not None]
+    if len(found) < len(parts) or len({(part[1], part[3]) for part in found}) > 1:
+        return False
+    numbers = sorted({int(part[2]) for part in found})
+    return numbers[-1] - numbers[0] < 2 * len(numbers) + 2
+
+
+@dataclass(frozen=True, slots=True)
+class Tests:
+    """What the rows say of edges.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,), or None
+    wear : ndarray, shape (n,), or None
+    settings : mapping of str to ndarray, shape (n,)
+        Conditions of the cut.
+    """
+
+    time: Array | None
+    wear: Array | None
+    settings: Mapping[str, Array]
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return len(next(x for x in (self.time, self.wear, *self.settings.values()) if x is not None))
+
+
+def differs(a: Array, b: Array) -> Flags:
+    """Whether two settings differ by more than the tolerance; a missing one does not."""
+    return np.asarray(np.abs(a - b) > TOLERANCE * np.maximum(np.abs(a), np.abs(b)))
+
+
+def holds_edges(codes: Codes, tests: Tests) -> bool:
+    """Whether the rows of each code are of one edge: time rises in each, or settings are constant and no time repeats.
+
+    Without a time, wear must rise and the settings be constant.
+    """
+    order = np.argsort(codes, kind="stable")
+    order = order[codes[order] >= 0]
+    same, first = _within(codes[order])
+    several = len(np.unique(codes[order][first]))
+    if same.sum() < len(order) / 2 or several < 2:  # fewer than two rows an edge
+        return False
+
+    def share(bad: Flags, at: NDArray[np.intp]) -> float:
+        return 1 - len(np.unique(codes[at][1:][bad & same])) / several
+
+    settings = [x for x in tests.settings.values() if not np.isnan(x).all()]
+    moved = np.zeros(len(order) - 1, dtype=bool)
+    for x in settings:
+        moved |= differs(x[order][1:], x[order][:-1])
+    constant = share(moved, order) >= MOST
+    if tests.time is not None:
+        t = tests.time[order]
+        if share(t[1:] <= t[:-1], order) >= MOST:
+            return constant or share(moved, order) <= 1 - MOST or not settings or _restarts(t, same)
+        by_time = np.lexsort((tests.time, codes))
+        by_time = by_time[codes[by_time] >= 0]
+        t = tests.time[by_time]
+        return constant and share(t[1:] == t[:-1], by_time) >= MOST
+    if tests.wear is not None:
+        w = tests.wear[order]
+        return constant and share(w[1:] < w[:-1], order) >= MOST
+    return False
+
+
+def _within(codes: Codes) -> tuple[Flags, NDArray[np.intp]]:
+    """Whether each row but the first has the code of the row before it, and the first rows of codes of several rows."""
+    same = codes[1:] == codes[:-1]
+    return same, np.flatnonzero(same)
+
+
+def _restarts(time: Array, same: Flags) -> bool:
+    """Whether time falls from one code to the next nearly always, as it does where each begins anew."""
+    between = ~same
+    return not between.any() or bool((time[1:][between] <= time[:-1][between]).mean() >= MOST)

@@ -1,0 +1,304 @@
+"""Cutting edge of each row: from the column that numbers edges by its content, or from the order of the tests."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+
+from .columns import NONE, ColumnUse
+from .doubts import Doubt
+from .draft import Draft
+from .edge_columns import Codes, Tests, holds_edges, is_numbering, may_be_edge, meant_by
+from .edge_order import edges_by_design, settings_of
+from .options import ReadOptions
+from .vocabulary import ROLES
+
+SAMPLE = 20_000  # rows by which the content of columns is decided
+FEW_EDGES = 4  # an insert has no more edges of its own than a type of tools, which is tested on more
+SURE = 6  # values from which labels that are no numbering can be edges too
+
+EDGE_WORDS = ("edge", "schneid", "arête", "filo")  # in names that can mean nothing but the edge
+
+Kind = Literal["edge", "tool", "run", "other"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Labels:
+    """A column that may number edges."""
+
+    place: int
+    use: ColumnUse
+    kind: Kind
+    codes: Codes
+    names: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        return f"column {self.use.header!r}"
+
+    @property
+    def several(self) -> bool:
+        return 1 < len(self.names) < int((self.codes >= 0).sum())
+
+
+def settle_edges(draft: Draft, options: ReadOptions) -> None:
+    """Give the role of the edge to the column that has it by content, or infer edges from the order of the tests."""
+    given = options.columns
+    if given.get("edge", "").strip().lower() == NONE or not len(draft.lines):
+        return
+    tests = _tests(draft)
+    if "edge" not in given and tests is not None:
+        _decide(draft, tests, given)
+    if "edge" in draft.data:
+        _name_the_unnamed(draft)
+    elif tests is not None and tests.time is not None:
+        _infer(draft)
+
+
+def _tests(draft: Draft) -> Tests | None:
+    """Time, wear and settings, where there are any."""
+    rows = slice(SAMPLE)
+    numbers = {role: values[rows] for role, values in draft.numbers().items()}
+    wear = next((numbers[role] for role in numbers if ROLES[role].kind == "wear"), None)
+    settings = settings_of({role: values for role, values in numbers.items() if ROLES[role].kind == "condition"})
+    time = numbers.get("t")
+    return Tests(time, wear, settings) if time is not None or wear is not None or settings else None
+
+
+def _decide(draft: Draft, tests: Tests, given: dict[str, str]) -> None:
+    """Choose the column of the edges, or the two that name an edge together, and correct the roles of the others."""
+    labels = [found for found in _candidates(draft, given) if found is not None]
+    if not labels:
+        return
+    by_name = next((one for one in labels if one.use.role == "edge"), None)
+    tool = next((one for one in labels if one.use.role == "tool"), None)
+    chosen = _chosen(labels, tests)
+    if chosen:
+        _edges_are(draft, chosen, by_name)
+    elif by_name is not None and _types_of_tools(by_name, tests) and "tool" not in draft.data:
+        _give(draft, by_name, "tool")
+        draft.assumed.append(
+            f"{by_name.title}: {_listed(by_name.names)} name types of tools, not edges; --edge {_typed(by_name)} reads "
+            "it as edges"
+        )
+    elif by_name is not None and _numbers_rows(by_name, draft):
+        if any(word in by_name.use.name.casefold() for word in EDGE_WORDS):
+            draft.doubts.append(
+                Doubt(
+                    ("edge",),
+                    f"{by_name.title} gives every row an edge of its own, while time rises in rows of equal conditions;"
+                    " if it numbers measurements, edges can be inferred from the order of the tests",
+                    f"--map run={_typed(by_name)}",
+                )
+            )
+            return
+        _give(draft, by_name, "run" if "run" not in draft.data else None)
+        draft.assumed.append(
+            f"{by_name.title} numbers every row, while time rises in rows of equal conditions: measurements, "
+            f"not edges; --edge {_typed(by_name)} reads it as edges"
+        )
+    if tool is not None and tool not in chosen:
+        _number_of_inserts(draft, tool, tests)
+    if "tool" not in draft.data and "tool" not in given:
+        others = [one for one in labels if one.kind == "tool" and one not in chosen and one is not tool]
+        for one in others[:1]:
+            if not is_numbering(one.names):
+                _give(draft, one, "tool")
+
+
+def _candidates(draft: Draft, given: dict[str, str]) -> list[_Labels | None]:
+    return [
+        _labels(draft, place, use) for place, use in enumerate(draft.uses) if may_be_edge(use) and use.role not in given
+    ]
+
+
+def _labels(draft: Draft, place: int, use: ColumnUse) -> _Labels | None:
+    column = draft.columns[place]
+    texts = replace(column, values=column.values[:SAMPLE]).labels()  # noqa: PD011  a Column, not a Series
+    codes, names = pd.factorize(texts)
+    if "" in names:
+        empty = int(np.flatnonzero(names == "")[0])
+        codes = np.where(codes == empty, -1, codes - (codes > empty))
+        names = np.delete(names, empty)
+    kind: Any = meant_by(use.name) or "other"
+    return _Labels(place, use, kind, codes, tuple(map(str, names))) if len(names) else None
+
+
+def _chosen(labels: list[_Labels], tests: Tests) -> tuple[_Labels, ...]:
+    """The column of the edges, or two whose values name an edge together; none where the content does not say so."""
+    types = [one for one in labels if one.use.role == "tool" and not is_numbering(one.names)]
+    named = [one for one in labels if one.kind == "edge" and one.several]
+    for one in named:
+        if holds_edges(_crossed([one, *types[:1]]), tests):
+            return (one,)
+    if tests.time is None and named:
+        return ()
+    rest = [one for one in labels if one.kind != "edge" and one.several]
+    for one in sorted(rest, key=lambda one: one.kind == "run"):
+        of_types = [other for other in types[:1] if other is not one]
+        if _could_be_edges(one, tests) and holds_edges(_crossed([one, *of_types]), tests):
+            return (one,)
+    several = [one for one in labels if one.several or len(one.names) > 1]
+    for first in several:
+        for second in several:
+            small = len(second.names) <= 8 and is_numbering(second.names) and second.kind in ("edge", "other")
+            inserts = first.kind in ("tool", "other") and is_numbering(first.names) and len(first.names) > 1
+            if first is not second and small and inserts and holds_edges(_crossed([first, second]), tests):
+                return (first, second)
+    if tests.time is None and not named:
+        return tuple(one for one in rest if one.use.role == "tool" and _many_inserts(one))[:1]
+    return ()
+
+
+def _crossed(parts: Sequence[_Labels]) -> Codes:
+    """Codes of the combinations of labels; -1 where one is blank."""
+    codes = parts[0].codes
+    for part in parts[1:]:
+        both = np.where((codes < 0) | (part.codes < 0), -1, codes * len(part.names) + part.codes)
+        codes = np.unique(both, return_inverse=True)[1] - int((both < 0).any())
+    return np.asarray(codes)
+
+
+def _could_be_edges(one: _Labels, tests: Tests) -> bool:
+    """Whether the names may be those of edges: a numbering, or many names that are not a comparison of types."""
+    if is_numbering(one.names):
+        return True
+    if one.use.role != "tool" and one.kind != "tool":
+        return len(one.names) > 2
+    settings = _crossed_settings(one, tests)
+    return len(one.names) >= SURE and settings > len(one.names) / 4
+
+
+def _crossed_settings(one: _Labels, tests: Tests) -> int:
+    """Number of different settings at the first rows of the labels."""
+    first = np.unique(one.codes, return_index=True)[1]
+    columns = [x[first] for x in tests.settings.values()]
+    return len(np.unique(np.column_stack(columns), axis=0)) if columns else 1
+
+
+def _many_inserts(one: _Labels) -> bool:
+    return len(one.names) >= SURE and is_numbering(one.names)
+
+
+def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | None) -> None:
+    """Give the role to the chosen columns; said where the name alone would not have."""
+    if chosen == (by_name,):
+        return
+    if by_name is not None and by_name not in chosen:
+        _give(draft, by_name, None)
+    texts = [draft.columns[one.place].labels() for one in chosen]
+    for one in chosen:
+        _give(draft, one, "edge" if len(chosen) == 1 else None)
+    if len(chosen) == 2:
+        blank = (texts[0] == "") | (texts[1] == "")
+        draft.data["edge"] = np.where(blank, "", texts[0] + "/" + texts[1]).astype(object)
+        draft.assumed.append(
+            f"edges are the combinations of columns {chosen[0].use.header!r} and {chosen[1].use.header!r}: a value of "
+            "one alone is of several edges"
+        )
+        return
+    one = chosen[0]
+    why = "with rising time in each" if "t" in draft.data else "that number inserts"
+    other = f", not tool types; --map tool={_typed(one)} reads it as tool types" if one.kind == "tool" else ""
+    draft.assumed.append(f"{one.title} has {len(set(texts[0]) - {''})} values {why}: cutting edges{other}")
+
+
+def _give(draft: Draft, one: _Labels, role: str | None) -> None:
+    """Change the role of a column."""
+    old = draft.uses[one.place].role
+    if old is not None:
+        draft.data.pop(old, None)
+    if role is not None:
+        draft.data[role] = draft.columns[one.place].labels()
+    uses = list(draft.uses)
+    uses[one.place] = replace(uses[one.place], role=role)
+    if role is not None:
+        for i, use in enumerate(uses):
+            if i != one.place and use.role == role:
+                uses[i] = replace(use, role=None)
+    draft.uses = tuple(uses)
+
+
+def _types_of_tools(one: _Labels, tests: Tests) -> bool:
+    """Whether values under a name of edges are makers or grades: words that number nothing, each of several edges."""
+    words = all(any(map(str.isalpha, name)) for name in one.names)
+    return (
+        words and len(one.names) < SURE and not is_numbering(one.names) and one.several
+        and tests.time is not None and not holds_edges(one.codes, tests)
+    )  # fmt: skip
+
+
+def _numbers_rows(one: _Labels, draft: Draft) -> bool:
+    """Whether every row has a number of its own under a name such as ``test no`` although rows share edges."""
+    if "t" not in draft.data or len(one.names) < len(one.codes) or len(one.codes) != len(draft.lines):
+        return False
+    found = edges_by_design(draft)
+    return found is not None and found.codes is not None and found.in_order
+
+
+def _number_of_inserts(draft: Draft, tool: _Labels, tests: Tests) -> None:
+    """Take the role of the tool from a column that numbers inserts, each with few edges of its own."""
+    if len(tool.names) < 3 or not tool.several or (not is_numbering(tool.names) and len(tool.names) < SURE):
+        return
+    if "edge" in draft.data:
+        edge = pd.factorize(np.asarray(draft.data["edge"][:SAMPLE]))[0]
+        edge = np.unique(edge * len(tool.names) + tool.codes, return_index=True)[1]
+        of_edge = tool.codes[edge]
+    else:
+        rows = np.column_stack([tool.codes, *tests.settings.values()])
+        of_edge = np.unique(rows, axis=0)[:, 0].astype(np.intp)
+    most = float(np.median(np.bincount(of_edge[of_edge >= 0], minlength=len(tool.names))))
+    if most > (FEW_EDGES if is_numbering(tool.names) else 1):
+        return
+    _give(draft, tool, None)
+    draft.assumed.append(
+        f"{tool.title} has {len(tool.names)} values with {most:.3g} edge{'s' if most != 1 else ''} in most: numbers of "
+        f"inserts, not tool types; --map tool={_typed(tool)} reads it as tool types"
+    )
+
+
+def _typed(one: _Labels) -> str:
+    """The name of a column as typed in a command."""
+    header = one.use.header
+    return f'"{header}"' if any(not (c.isalnum() or c in "_.-") for c in header) else header
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:4]) + (" ..." if len(names) > 4 else "")
+
+
+def _name_the_unnamed(draft: Draft) -> None:
+    """Rows without an edge become edges of their own: as one edge named "" they would be rows of many edges."""
+    edge = draft.data["edge"]
+    blank = np.asarray(edge == "", dtype=bool)
+    if not blank.any() or blank.all():
+        return
+    from .merged_cells import lines_text
+
+    edge = edge.copy()
+    edge[blank] = [f"line {line}" for line in draft.lines[blank]]
+    draft.data["edge"] = edge
+    draft.doubts.append(
+        Doubt(
+            ("edge",),
+            f"{lines_text(draft.lines[blank])} name{'s' if blank.sum() == 1 else ''} no edge: each is read as an edge "
+            "of its own; name the edge in the file",
+        )
+    )
+
+
+def _infer(draft: Draft) -> None:
+    """Edges from the order of the tests, where it settles them."""
+    found = edges_by_design(draft)
+    if found is None:
+        return
+    if found.codes is None:
+        draft.doubts.append(Doubt(("edge",), found.sentence, f"--edge {NONE}"))
+        return
+    count = int(found.codes.max()) + 1
+    width = max(2, len(str(count)))
+    names = np.array([f"E{i + 1:0{width}d}" for i in range(count)], dtype=object)
+    draft.data["edge"] = names[found.codes]
+    draft.assumed.append(found.sentence)

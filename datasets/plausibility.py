@@ -1,0 +1,147 @@
+"""Plausibility of a file of tests: what cannot be is refused, what is unusual or contradictory is doubted."""
+
+from ..core.errors import DataError
+from .columns import NONE
+from .cross_checks import check_columns
+from .doubts import Doubt
+from .draft import Draft
+from .options import ReadOptions
+from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
+from .ranges import candidate_units, widest
+from .stray_values import check_cells, check_levels
+from .unit_systems import check_systems
+from .unused_columns import check_order, check_unused
+from .vocabulary import ROLES
+
+CLOSE = 10  # units of a smaller ratio cannot be told apart by values that are merely uncommon
+
+
+def settle_units(draft: Draft, options: ReadOptions) -> None:
+    """Settle the unit of every column by its values, and refuse or doubt those that no unit makes plausible.
+
+    Raises
+    ------
+    DataError
+        Values cannot be in the unit that the file names, or the file names no unit and several or none fit.
+    """
+    process = table_process(draft, options)
+    found = numeric_columns(draft, options, process)
+    exchanged = _exchanges(found)
+    for one in found:
+        if one.unit:
+            _judge_named(draft, one, exchanged)
+        elif not one.lies_in(one.ranges.usual):
+            _judge_unnamed(draft, one, exchanged)
+    check_systems(draft, options)
+    _state_unnamed(draft)
+    check_cells(draft, options)
+
+
+def check_values(draft: Draft, options: ReadOptions) -> None:
+    """Doubt values and columns of a complete draft that contradict each other, and columns that are not used."""
+    check_levels(draft, options)
+    check_columns(draft, options)
+    check_order(draft, options)
+    check_unused(draft, options)
+
+
+def _state_unnamed(draft: Draft) -> None:
+    """State the units in which columns without a unit were taken."""
+    unnamed = [
+        f"{use.role} {ROLES[use.role].unit}" for use in draft.uses if use.role and not use.unit and ROLES[use.role].unit
+    ]
+    if unnamed:
+        draft.assumed.append(f"units that the file does not name: {', '.join(unnamed)}")
+
+
+def _exchanges(found: list[Quantity]) -> dict[str, Quantity]:
+    """Role -> the other column of each pair that would be usual with headers exchanged, and is not as it stands."""
+    partners: dict[str, list[Quantity]] = {}
+    for i, a in enumerate(found):
+        for b in found[i + 1 :]:
+            if a.lies_in(a.ranges.unusual) and b.lies_in(b.ranges.unusual):
+                continue
+            if b.lies_in(a.ranges.usual, a.factor) and a.lies_in(b.ranges.usual, b.factor):
+                partners.setdefault(a.role, []).append(b)
+                partners.setdefault(b.role, []).append(a)
+    return {role: others[0] for role, others in partners.items() if len(others) == 1}
+
+
+def _exchange_options(draft: Draft, a: Quantity, b: Quantity) -> str:
+    """Options that exchange two columns; the units stay with the names."""
+    given = []
+    for one, other in ((a, b), (b, a)):
+        given.append(f'--map "{one.role}=col{draft.columns[other.place].number}"')
+    given += [f'--unit "{one.role}={one.unit}"' for one in (a, b) if one.unit]
+    return " ".join(given)
+
+
+def _judge_named(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:
+    """Refuse values that cannot be in the unit named, doubt unusual ones."""
+    if one.lies_in(one.ranges.unusual):
+        return
+    units = [
+        u
+        for u in candidate_units(one.role)
+        if u != one.unit and one.lies_in(one.ranges.usual, unit_factor(u, one.role))
+    ]
+    other = exchanged.get(one.role)
+    possible = one.lies_in(one.ranges.hard) or (one.given and one.lies_in(widest(one.role).hard))
+    head = f"{one.role} {one.shown(one.unit)}"
+    swap = f"columns {one.role} and {other.role} may be exchanged" if other else ""
+    if possible:
+        remedy = _exchange_options(draft, one, other) if other else f"--unit {one.role}={units[0]}" if units else ""
+        why = f"; {swap}" if swap else f"; {one.shown(units[0])} would be usual" if units else ""
+        draft.doubts.append(Doubt((one.role,), f"{head} is unusual ({one.usual}){why}", remedy))
+        return
+    header = draft.columns[one.place].name
+    can = " or ".join(f"{one.shown(unit)} can: --unit {one.role}={unit}" for unit in units[:2])
+    if other:
+        can = f"{swap}: {_exchange_options(draft, one, other)}" + (f"; or {can}" if can else "")
+    raise DataError(f"column {header!r}: {head} cannot be ({one.usual}); {can or _correct(one)}.")
+
+
+def _correct(one: Quantity) -> str:
+    units = " or ".join(f"--unit {one.role}={unit}" for unit in candidate_units(one.role)[:3] if unit != one.unit)
+    return (
+        f"correct the unit ({units or 'in the header'}), give the role to another column with "
+        f"--map {one.role}=..., or to none with --map {one.role}={NONE}"
+    )
+
+
+def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:
+    """Take the default unit while it is plausible, otherwise the only plausible one, otherwise ask."""
+    home, *others = candidate_units(one.role)
+    usual = [unit for unit in others if one.lies_in(one.ranges.usual, unit_factor(unit, one.role))]
+    head = f"{one.role} {one.shown('')}".rstrip()
+    if one.lies_in(one.ranges.unusual):
+        far = [unit for unit in usual if not 1 / CLOSE < unit_factor(unit, one.role) < CLOSE]
+        if far:
+            sentence = (
+                f"{head} {home} is unusual ({one.usual}), its unit is not named; {one.shown(far[0])} would be usual"
+            )
+            draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={far[0]}"))
+        return
+    other = exchanged.get(one.role)
+    options = usual or [unit for unit in others if one.lies_in(one.ranges.unusual, unit_factor(unit, one.role))]
+    if len(options) == 1 and other is None:
+        take_unit(draft, one, options[0])
+        sentence = (
+            f"{head} has no unit and is taken in {options[0]}, since {one.shown(home)} is implausible ({one.usual})"
+        )
+        draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={options[0]}"))
+        return
+    if other is None and not options and ROLES[one.role].kind not in ("condition", "time", "wear"):
+        sentence = f"{head} {home} is unusual ({one.usual}), its unit is not named"
+        draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={home}"))
+        return
+    choices = [f"--unit {one.role}={unit}" for unit in options]
+    if other is not None:
+        choices.insert(0, f"exchange the columns {one.role} and {other.role}, {_exchange_options(draft, one, other)}")
+    if one.lies_in(one.ranges.hard, 1.0):
+        choices.append(f"--unit {one.role}={home} if they are right")
+    header = draft.columns[one.place].name
+    raise DataError(
+        f"column {header!r}: {head} has no unit and is implausible in {home} ({one.usual}): "
+        f"{' or '.join(choices) if choices else _correct(one)}."
+    )
