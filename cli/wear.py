@@ -25,7 +25,7 @@ def parser() -> Parser:
         "fitmodels data.csv",
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
-        "Other commands, each with -h: predict, plan, next, confirm, simulate; ident, excite, tune; limits,\n"
+        "Other commands, each with -h: reduce; predict, plan, next, confirm, simulate; ident, excite, tune; limits,\n"
         "settings, replay, check, export; card, publish; batch",
     )
     p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")

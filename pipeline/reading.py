@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ..core.errors import RecordError, UsageError
+from ..core.errors import DataError, RecordError, UsageError
 from ..datasets import Runs, read_runs, read_table, runs_from_frame
 from ..datasets.options import ReadOptions
 from ..datasets.records.formats import kind_of, looks_like_record
@@ -18,6 +18,7 @@ from ..datasets.tables.decode import load_bytes
 from ..datasets.units import is_unit
 
 if TYPE_CHECKING:
+    from ..datasets.records.formats import FileKind
     from ..datasets.tables import Table
 
 OF_FILES = ("decimal", "delimiter", "sheet", "ranges", "hidden")  # reading options that a DataFrame does not have
@@ -73,8 +74,8 @@ def read_tests(path: Path, options: ReadOptions) -> Runs:
 def tests_table(path: Path, options: ReadOptions) -> "tuple[Table, tuple[str, ...]]":
     """The table of a file of tests, and a sentence where it might be a record as well."""
     of_tests = options.map or options.ranges or options.sheet  # a record has none of these
-    if not of_tests and (kind := kind_of(load_bytes(path), path.name)) != "table":
-        raise _record(path, f"a file of samples ({kind})")
+    if not of_tests and kind_of(load_bytes(path), path.name) != "table":
+        raise _record(path, looks_like_record(path))
     table = read_table(
         path, is_unit=is_unit, decimal=options.decimal, delimiter=options.delimiter, sheet=options.sheet
     )  # fmt: skip
@@ -89,10 +90,12 @@ def refuse_record(path: Path, table: "Table") -> tuple[str, ...]:
     Raises
     ------
     RecordError
+    DataError
+        It is a record of forces, power or current, to be reduced to rows.
     """
     look = looks_like_record(table)
     if look:
-        raise _record(path, look.reason)
+        raise _record(path, look)
     if look.kind == "table":
         return ()
     return (f"a table of cutting tests ({look.reason}); for a record of one run use fitmodels ident {path.name}",)
@@ -119,8 +122,16 @@ def digest(data: pd.DataFrame) -> str:
     return made.hexdigest()
 
 
-def _record(path: Path, reason: str) -> RecordError:
+def _record(path: Path, look: "FileKind") -> DataError:
+    """The refusal of a record: one of loads is to be reduced, one of input and output to be identified."""
+    if look.loads:
+        return DataError(
+            f"{path.name} is a record of {', '.join(look.loads)} ({look.reason}), not a table of tests. "
+            "Put the records of the tests into a folder and reduce them to a row a cut: fitmodels reduce FOLDER --plan "
+            f"tests.csv --out data.csv. To identify dynamics from it: fitmodels ident {path.name} --input ... "
+            "--output ..."
+        )
     return RecordError(
-        f"{path.name} is a record of one run ({reason}): identify it with fitmodels ident {path.name}, or assign the "
-        "columns of cutting tests with --map."
+        f"{path.name} is a record of one run ({look.reason}): identify it with fitmodels ident {path.name}, or assign "
+        "the columns of cutting tests with --map."
     )

@@ -28,6 +28,7 @@ from .columns import heads, is_label, rises_evenly, seconds_in, signals, time_co
 Array = NDArray[np.float64]
 Series = tuple[str, str, Array]  # name, unit, values
 _STEP_NAMES = {"ts": 1, "dt": 1, "sampletime": 1, "sample_time": 1, "fs": -1, "rate": -1, "samplerate": -1}
+HDF5 = b"\x89HDF\r\n\x1a\n"
 WIDEST = 50  # columns of a matrix that are signals; a wider one is something else
 
 
@@ -175,18 +176,41 @@ def _tdms_series(channels: list[Any], name: str) -> Iterable[Series]:
         yield c.name, _plain_unit(unit), np.asarray(c[:], dtype=np.float64)
 
 
+def _hdf5(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
+    """Arrays of a MATLAB 7.3 file, which stores them transposed; texts and structures are left out."""
+    try:
+        reader = import_module("h5py")
+    except ImportError as error:
+        raise DataError(
+            f"{path.name} is a MATLAB 7.3 file, which needs the package h5py: pip install h5py, or save it in MATLAB "
+            "with the option -v7."
+        ) from error
+    try:
+        with reader.File(io.BytesIO(data), "r") as file:
+            sets = {name: item for name, item in file.items() if isinstance(item, reader.Dataset)}
+            return {
+                name: np.atleast_2d(np.asarray(item[()])).T
+                for name, item in sets.items()
+                if item.dtype.kind in "fiub"
+                and item.ndim <= 2
+                and "MATLAB_empty" not in item.attrs
+                and item.attrs.get("MATLAB_class") != b"char"
+            }
+    except (OSError, ValueError, KeyError) as error:
+        raise DataError(f"{path.name} is a damaged MATLAB 7.3 file ({error}). Save it again with -v7.") from error
+
+
 def _mat(path: Path, data: bytes, sheet: str | None) -> Found:
     """Vectors and narrow matrices of one length of a MATLAB file, and its sample time where a number names it."""
-    if data.startswith(b"MATLAB 7.3") or data[:8] == b"\x89HDF\r\n\x1a\n":
-        raise DataError(
-            f"{path.name} is a MATLAB 7.3 file, which is not read here. Save it in MATLAB with the option -v7."
-        )
-    from scipy.io import loadmat
+    if data.startswith(b"MATLAB 7.3") or data[:8] == HDF5:
+        held = _hdf5(path, data)
+    else:
+        from scipy.io import loadmat
 
-    try:
-        held = loadmat(str(path), appendmat=False)
-    except Exception as error:  # as above
-        raise DataError(f"{path.name} is a damaged MATLAB file ({error}). Save it again with -v7.") from error
+        try:
+            held = loadmat(str(path), appendmat=False)
+        except Exception as error:  # as above
+            raise DataError(f"{path.name} is a damaged MATLAB file ({error}). Save it again with -v7.") from error
     arrays = {k: np.asarray(v) for k, v in held.items() if not k.startswith("__")}
     numbers = {k: v for k, v in arrays.items() if v.dtype.kind in "fiub" and v.ndim == 2}
     columns = {k: v.T if 1 == v.shape[0] < v.shape[1] else v for k, v in numbers.items() if v.size > 1}
@@ -216,6 +240,7 @@ _READERS = {"lvm": _lvm, "tdms": _tdms, "mat": _mat}
 
 FEW_ROWS = 50  # rows; a shorter table of even times may as well be a wear test
 TESTED = ("edge", "V", "f")  # roles of a cutting test
+SLOWEST = 5.0  # Hz; loads of cutting tests are not written that often
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -226,6 +251,8 @@ class FileKind(Displayable):
     ----------
     kind : {"record", "table", "either"}
     reason : str
+    loads : tuple of str
+        Forces, torque, power or current that a record contains instead of input and output.
 
     Examples
     --------
@@ -235,6 +262,7 @@ class FileKind(Displayable):
 
     kind: Literal["record", "table", "either"]
     reason: str
+    loads: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
         return self.kind == "record"
@@ -263,7 +291,7 @@ def looks_like_record(file: str | os.PathLike[str] | Table) -> FileKind:
         path = Path(file)
         kind = kind_of(load_bytes(path), path.name)
         if kind != "table":
-            return FileKind("record", f"a file of samples ({kind})")
+            return FileKind("record", f"a file of samples ({kind})", loads_recorded(record_tables(path)[0]))
         file = read_table(path, is_unit=is_unit)
     known = heads(file.columns)
     wear = [h.role for h in known if h.role and ROLES[h.role].kind == "wear"]
@@ -279,6 +307,9 @@ def looks_like_record(file: str | os.PathLike[str] | Table) -> FileKind:
     if clock is None:
         return FileKind("table", "no column rises evenly as a time does")
     count = len(signals(known, clock))
+    if loads := loads_recorded(file):
+        step = float(np.median(np.diff(values))) * (scale or 1.0) if values is not None else 1.0
+        return FileKind("record", f"{clock.name} rises evenly, {1 / step:.6g} samples a second", loads)
     if count < 2:
         return FileKind("table", f"{count} signal(s) besides the time {clock.name}")
     if values is not None and not _even(np.asarray(values, dtype=np.float64), any(is_label(h) for h in known)):
@@ -290,6 +321,31 @@ def looks_like_record(file: str | os.PathLike[str] | Table) -> FileKind:
     if file.n_rows < FEW_ROWS or scale == seconds_in("min"):
         return FileKind("either", f"{even}, but {file.n_rows} rows in {clock.unit or 'no unit'} may be a cutting test")
     return FileKind("record", f"{even}, no column of a cutting test")
+
+
+def loads_recorded(table: Table) -> tuple[str, ...]:
+    """Forces, torque, power or current of a record without input and output: two, or nothing else; otherwise none.
+
+    Examples
+    --------
+    >>> t = 0.001 * np.arange(100)
+    >>> columns = (Column(1, "t [s]", "", t, True), Column(2, "Fc [N]", "", np.sin(t), True))
+    >>> loads_recorded(Table(Path("a.csv"), "", columns, np.arange(100), (), (), Dialect("", "", "point", "", True)))
+    ('Fc',)
+    """
+    known = heads(table.columns)
+    try:
+        clock = time_column([h for h in known if not (h.role and ROLES[h.role].kind == "load")])
+        values, scale = times(clock) if clock is not None else (np.zeros(0), 1.0)
+    except (UsageError, DataError):
+        return ()
+    steps = np.diff(values)
+    if len(steps) < FEW_ROWS or not 0 < float(np.median(steps)) * (scale or 1.0) <= 1 / SLOWEST:
+        return ()
+    held = signals(known, clock)
+    loads = tuple(h.role for h in held if h.role and ROLES[h.role].kind == "load")
+    tested = any(h.role in TESTED or (h.role and ROLES[h.role].kind == "wear") for h in known)
+    return loads if not tested and (len(loads) >= 2 or 0 < len(loads) == len(held)) else ()
 
 
 def _even(values: NDArray[np.float64], runs: bool) -> bool:

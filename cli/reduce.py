@@ -1,0 +1,152 @@
+"""``fitmodels reduce``: records of forces, power or current -> a table of tests, a row a cut."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.errors import UsageError
+from .arguments import Parser, pairs, values
+from .output import print_json, print_lines
+from .plan import target
+
+if TYPE_CHECKING:
+    from ..datasets.signals.options import ReduceOptions
+    from ..datasets.signals.reduction import Reduction
+
+SHOWN = 12  # records and remarks in the terminal
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels reduce``."""
+    p = Parser(
+        "fitmodels reduce",
+        "fitmodels reduce records --plan tests.csv --out data.csv",
+        "Reduce records of forces, torque, power or current to a table of tests, a row a cut: cuts are found by\n"
+        "their load, entry and exit are left out, and the zero is taken from the air before and after. Mean, peak\n"
+        "per revolution and standard deviation are joined to the rows of the plan. Each record is drawn in\n"
+        "<out>-records/; look at the pictures. An interrupted run continues where it stopped.",
+    )
+    p.add_argument("folder", metavar="FOLDER", help="records: CSV, TXT, .lvm, .tdms, .mat or .xlsx")
+    p.add_argument("--plan", metavar="FILE", required=True, help="table of tests, a row a cut")
+    p.add_argument("--out", metavar="FILE", required=True, help="table to write, for fitmodels FILE")
+    p.add_argument("--force", action="store_true", help="replace an existing file")
+    p.add_argument("--json", action="store_true", help="print the cuts as JSON")
+    group = p.add_argument_group("records")
+    group.add_argument(
+        "--map", action="append", metavar="Fc=COLUMN", help="column of a channel or of time; none: not read"
+    )
+    group.add_argument(
+        "--unit", action="append", metavar="Fc=N", help="unit of a channel or of time, where it has none"
+    )
+    group.add_argument("--scale", action="append", metavar="Fc=200", help="sensitivity of a channel in volts, N per V")
+    group.add_argument("--rate", type=float, metavar="HZ", help="samples per second, where there is no column of times")
+    group.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file is ambiguous")
+    group.add_argument("--delimiter", metavar="MARK", help="delimiter of cells, where the file is ambiguous")
+    group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook, or group of a .tdms file")
+    group = p.add_argument_group("cuts")
+    group.add_argument("--channel", metavar="Fc", help="channel on which cuts are found (default: highest contrast)")
+    group.add_argument("--shortest", type=float, default=1.0, metavar="S", help="shortest cut (default: 1)")
+    share = "smallest load of a cut, as a share of the largest of its record (default: 0.1)"
+    group.add_argument("--threshold", type=float, default=0.1, metavar="SHARE", help=share)
+    group.add_argument(
+        "--guard",
+        type=float,
+        default=0.05,
+        metavar="SHARE",
+        help="share left out beyond entry and exit (default: 0.05)",
+    )
+    group.add_argument(
+        "--join", choices=["name", "time", "order"], help="how cuts find their rows (default: first possible)"
+    )
+    group.add_argument(
+        "--value", action="append", metavar="n=800", help="n (1/min), or V and D, where the plan has none"
+    )
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Reduce, print and write, and return the exit code."""
+    from ..core.progress import progress_bar
+    from ..datasets import write_csv
+    from ..datasets.signals.reduction import reduce_folder
+    from ..datasets.signals.rows import reduced_rows
+
+    how = _options(args)
+    out = target(args.out, args.force)
+    if not isinstance(out, Path):
+        raise UsageError("--out: give the name of a file.")
+    folder, kept = Path(args.folder), out.with_name(f"{out.stem}-records")
+    if out.resolve() == Path(args.plan).resolve():
+        raise UsageError("--out is the plan itself: choose another name.")
+    try:
+        with progress_bar(unit="records") as meter:
+            found = reduce_folder(folder, Path(args.plan), how, kept, besides=(out,), meter=meter)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"interrupted; the records reduced so far are kept in {kept}: run it again.") from None
+    frame, notes, remarks = reduced_rows(found, how, folder)
+    write_csv(frame, out, notes, units={})
+    if args.json:
+        print_json("reduction", _facts(found, out, kept))
+    else:
+        print_lines(_report(found, notes, remarks, out, kept))
+    return 0
+
+
+def _options(args: argparse.Namespace) -> "ReduceOptions":
+    from ..datasets.signals.options import ReduceOptions
+
+    return ReduceOptions(
+        map=pairs(args.map, "--map", "Fc=col2"), units=pairs(args.unit, "--unit", "Fc=N"),
+        scales=values(args.scale, "--scale"), constants=values(args.value), rate=args.rate, shortest=args.shortest,
+        guard=args.guard, threshold=args.threshold, channel=args.channel, join=args.join, decimal=args.decimal,
+        delimiter=args.delimiter, sheet=args.sheet,
+    )  # fmt: skip
+
+
+def _report(found: "Reduction", notes: list[str], remarks: list[str], out: Path, kept: Path) -> list[str]:
+    """What was found, what is to be judged, and what was written."""
+    records = found.records
+    cuts = sum(len(record.cuts) for record in records)
+    lines = [f"{cuts} cuts in {len(records)} records, joined to {len(found.plan)} rows by {found.how}"]
+    if found.resumed:
+        lines.append(f"{found.resumed} file(s) were reduced by an earlier run")
+    for record in records[:SHOWN]:
+        levels = ", ".join(f"{state} {level:.3g}" for state, level in record.levels.items())
+        lines.append(
+            f"  {record.name}: {len(record.cuts)} cut(s) in {record.length:.4g} s at {record.rate:.6g} Hz, found on "
+            f"{record.signal} ({levels})"
+        )
+    if len(records) > SHOWN:
+        lines.append(f"  and {len(records) - SHOWN} more")
+    common = dict.fromkeys(note for record in records for note in record.notes)
+    lines += [
+        f"  {note}: {_named([r.name for r in records if note in r.notes], len(records))}"
+        for note in list(common)[:SHOWN]
+    ]
+    doubted = [(k, text) for k, text in enumerate(remarks) if text]
+    if doubted:
+        lines.append(f"remarks on {len(doubted)} of {len(remarks)} rows, in the column remarks:")
+        held = found.plan.table.lines
+        lines += [f"  line {held[k]} of the plan: {text}" for k, text in doubted[:SHOWN]]
+        lines += [f"  and {len(doubted) - SHOWN} more"] if len(doubted) > SHOWN else []
+    lines += [note for note in notes if note.startswith("peak:") or "sign is reversed" in note or "signs are" in note]
+    lines.append(f"Written: {out} ({len(found.plan)} rows); pictures of the records in {kept}/. Next: fitmodels {out}")
+    return lines
+
+
+def _named(names: list[str], of: int) -> str:
+    if len(names) == of:
+        return "every record"
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def _facts(found: "Reduction", out: Path, kept: Path) -> dict[str, object]:
+    from dataclasses import asdict
+
+    return {
+        "out": str(out),
+        "pictures": str(kept),
+        "joined by": found.how,
+        "rows": list(found.rows),
+        "records": [asdict(record) for record in found.records],
+    }

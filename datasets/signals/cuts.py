@@ -1,0 +1,367 @@
+"""Cuts of a record: where a load leaves its local idle level, by hysteresis, and the air before and after each.
+
+The load is averaged over blocks of 20 ms and smoothed over a revolution. The idle level follows the air between cuts,
+so that a slow drift of the zero is no cut. A spindle drive has three levels: off, idle and cut.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.arrays import Array
+from ...core.errors import DataError, UsageError
+from .options import DRIVEN, ReduceOptions
+from .recording import Recording
+
+BLOCK = 0.02  # s, a period of 50 Hz
+SMOOTHED = 0.2  # s, at least
+SETTLED = 0.3  # s between a cut and the air that counts
+AIR = 5.0  # s of air used before and after a cut, at most
+FOLLOWING = 2.0  # s, time constant of the idle level
+MERGED = 0.5  # s; a shorter fall to idle is part of the cut
+NOISE = 6.0  # standard deviations of the idle level
+LEFT = 0.25  # share of the load of a cut below which it has ended
+PLATEAU = 0.9  # share of the load from which entry and exit have ended
+OFF = 0.1  # share of the next level below which a spindle is off
+ALIKE = 0.2  # difference of the idle levels before and after, as a share of the load
+DETECTABLE = 5.0  # contrast, in standard deviations
+
+Interval = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """One cut of a record, in samples; each interval is [first, end).
+
+    Attributes
+    ----------
+    span : from where the load leaves idle to where it is back
+    window : part without entry, exit and guard
+    before, after : air next to it; empty where there is none
+    """
+
+    span: Interval
+    window: Interval
+    before: Interval
+    after: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class CutsFound:
+    """Cuts of a record, and how they were found.
+
+    Attributes
+    ----------
+    cuts : tuple of Cut
+    signal : str
+        Channel, or standard deviation of a channel, on which they were found.
+    levels : mapping of str to float
+        Median level of the states found: off (a drive only), idle and cut.
+    remarks : tuple of str
+    """
+
+    cuts: tuple[Cut, ...]
+    signal: str
+    levels: Mapping[str, float]
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """A smoothed load, shape (m,), with the sizes of the search in blocks."""
+
+    load: Array
+    step: float
+    high: float
+
+    def count(self, seconds: float) -> int:
+        return max(1, round(seconds / self.step))
+
+
+def find_cuts(recording: Recording, how: ReduceOptions, revolution: float = 0.0) -> CutsFound:
+    """The cuts of a record.
+
+    Parameters
+    ----------
+    recording : Recording
+    how : ReduceOptions
+    revolution : float, s
+        Longest revolution of the tests, over which the load is smoothed; 0 where it is not known.
+
+    Raises
+    ------
+    DataError
+        No load exceeds its idle level, or no cut is as long as the shortest allowed.
+    UsageError
+        The channel chosen does not exist.
+    """
+    size = max(1, round(BLOCK / recording.sample_time))
+    step = size * recording.sample_time
+    width = max(1, round(max(SMOOTHED, revolution) / step))
+    signal, load = _chosen(recording, how, size, width, step)
+    noise, reach = _scale(load, step)
+    if reach < DETECTABLE * noise or reach == 0:
+        raise DataError(_no_cut(recording.name, signal, load, noise))
+    search = _Search(load, step, max(NOISE * noise, how.threshold * reach))
+    spans, levels = _three_states(search, _spans(search), signal.removeprefix("standard deviation of ") in DRIVEN)
+    long = [span for span in spans if (span[1] - span[0]) * step >= how.shortest]
+    if not long:
+        raise DataError(_no_cut(recording.name, signal, load, noise, [(b - a) * step for a, b in spans]))
+    remarks = []
+    if len(long) < len(spans):
+        shown = ", ".join(f"{(b - a) * step:.2g} s at {a * step:.4g} s" for a, b in spans if (a, b) not in long)
+        remarks.append(f"shorter than {how.shortest:g} s and left out: {shown}")
+    cuts = tuple(_cut(search, k, long, how, width, size, len(recording)) for k in range(len(long)))
+    middle = float(np.median(np.concatenate([load[a:b] for a, b in long])))
+    return CutsFound(cuts, signal, {**levels, "cut": middle}, tuple(remarks))
+
+
+def block_means(values: Array, size: int) -> Array:
+    """Means of blocks of ``size`` values, shape (n // size,); a block without a number takes the level before it."""
+    if size == 1:
+        out = np.array(values, dtype=np.float64)
+    else:
+        blocks = values[: len(values) // size * size].reshape(-1, size)
+        out = blocks.mean(axis=1)
+        for k in np.flatnonzero(np.isnan(out)):
+            row = blocks[k][np.isfinite(blocks[k])]
+            out[k] = row.mean() if row.size else np.nan
+    lost = np.isnan(out)
+    if lost.any() and not lost.all():
+        places = np.maximum.accumulate(np.where(lost, 0, np.arange(len(out))))
+        out = out[places]
+        out[np.isnan(out)] = out[np.flatnonzero(np.isfinite(out))[0]]
+    return out
+
+
+def _chosen(recording: Recording, how: ReduceOptions, size: int, width: int, step: float) -> tuple[str, Array]:
+    """The signal of the highest contrast: the mean of a channel, or its standard deviation (interrupted cuts)."""
+    names = list(recording.channels)
+    if how.channel is not None:
+        if how.channel not in names:
+            raise UsageError(f"--channel {how.channel}: {recording.name} has {', '.join(names)}.")
+        names = [how.channel]
+    found: list[tuple[float, str, Array]] = []
+    for name in names:
+        values = recording.channels[name]
+        if not np.isfinite(values).any():
+            continue
+        means = block_means(values, size)
+        load = _smoothed(means, width)
+        found.append((_contrast(load, step), name, load))
+        if size >= 4:
+            scatter = _smoothed(_block_sd(values, size), width)
+            found.append((0.3 * _contrast(scatter, step), f"standard deviation of {name}", scatter))
+    if not found:
+        raise DataError(f"{recording.name}: {', '.join(names)} contain no numbers.")
+    _, name, load = max(found, key=lambda item: item[0])
+    return name, load
+
+
+def _block_sd(values: Array, size: int) -> Array:
+    blocks = np.nan_to_num(values[: len(values) // size * size]).reshape(-1, size)
+    return np.asarray(blocks.std(axis=1), dtype=np.float64)
+
+
+def _smoothed(values: Array, width: int) -> Array:
+    """Moving mean over ``width`` values, shorter at the ends."""
+    if width <= 1:
+        return values
+    total = np.concatenate([[0.0], np.cumsum(values - values[0])])
+    first = np.maximum(np.arange(len(values)) - width // 2, 0)
+    last = np.minimum(np.arange(len(values)) + (width + 1) // 2, len(values))
+    return np.asarray((total[last] - total[first]) / (last - first) + values[0], dtype=np.float64)
+
+
+def _scale(load: Array, step: float) -> tuple[float, float]:
+    """Noise of the quiet part, and largest step between half seconds: neither sees a slow drift."""
+    size = max(4, round(1.0 / step))
+    windows = load[: len(load) // size * size].reshape(-1, size)
+    noise = float(np.percentile(windows.std(axis=1), 25)) if len(windows) else float(load.std())
+    half = max(2, round(0.5 / step))
+    means = _smoothed(load, half)
+    apart = 3 * half
+    reach = float(np.abs(means[apart:] - means[:-apart]).max()) if len(means) > apart else float(np.ptp(means))
+    return noise, reach
+
+
+def _contrast(load: Array, step: float) -> float:
+    noise, reach = _scale(load, step)
+    return reach / max(noise, 1e-3 * reach, 1e-300)
+
+
+def _spans(search: _Search, begin: Interval | None = None) -> list[Interval]:
+    """Intervals in blocks in which the load is away from its local idle level."""
+    load, rate = search.load, min(1.0, search.step / FOLLOWING)
+    first, end = begin or (0, len(load))
+    idle = _first_idle(search, first, end)
+    spans: list[Interval] = []
+    start, level, j = -1, 0.0, first
+    values = load.tolist()
+    while j < end:
+        away = abs(values[j] - idle)
+        if start < 0:
+            if away > search.high:
+                start, level = j, away
+            else:
+                idle += rate * (values[j] - idle)
+        else:
+            level += rate * (away - level)
+            if away < max(LEFT * level, min(search.high / 2, level / 2)):
+                spans.append((start, j))
+                start = -1
+                ahead = load[j + search.count(SETTLED) : min(end, j + search.count(SETTLED + 1.0))]
+                near = ahead[np.abs(ahead - idle) < max(LEFT * level, search.high)]
+                idle = float(np.median(near)) if near.size else idle
+        j += 1
+    if start >= 0:
+        spans.append((start, end))
+    return _merged(spans, search.count(MERGED))
+
+
+def _first_idle(search: _Search, first: int, end: int) -> float:
+    """Level of the first second; of the quietest second where the record begins in a cut."""
+    size = search.count(1.0)
+    begin = search.load[first : first + size]
+    level, noise = float(np.median(begin)), float(begin.std())
+    windows = search.load[first : first + (end - first) // size * size].reshape(-1, size)
+    if not len(windows):
+        return level
+    medians = np.median(windows, axis=1)
+    lowest = int(np.argmin(np.abs(medians)))
+    quiet = float(windows[lowest].std())
+    in_cut = abs(level) - abs(float(medians[lowest])) > 3 * search.high and noise > 1.5 * quiet
+    return float(medians[lowest]) if in_cut else level
+
+
+def _merged(spans: Sequence[Interval], gap: int) -> list[Interval]:
+    out: list[Interval] = []
+    for first, end in spans:
+        if out and first - out[-1][1] < gap:
+            out[-1] = (out[-1][0], end)
+        else:
+            out.append((first, end))
+    return out
+
+
+def _three_states(search: _Search, spans: list[Interval], driven: bool) -> tuple[list[Interval], dict[str, float]]:
+    """Cuts of a drive between the starts and stops of its spindle, where it has these; the levels of off and idle."""
+    load = search.load
+    if driven:
+        rest, running = _running(search)
+        inner = [(span, *_inner(search, span, rest)) for span in running]
+        idles = [idle for _, _, idle in inner if idle is not None]
+        if idles:
+            idle = float(np.median(idles))
+            cuts: list[Interval] = []
+            for span, found, own in inner:
+                level = float(np.median(load[span[0] : span[1]]))
+                cuts += found if own is not None or abs(level - idle) > ALIKE * abs(idle) else []
+            return cuts, {"off": rest, "idle": idle}
+    outside = np.ones(len(load), dtype=bool)
+    margin = search.count(SETTLED)
+    for first, end in spans:
+        outside[max(0, first - margin) : end + margin] = False
+    return spans, {"idle": float(np.median(load[outside])) if outside.any() else float("nan")}
+
+
+def _running(search: _Search) -> tuple[float, list[Interval]]:
+    """Level of the lowest second, and the intervals in which the load is above it."""
+    size = search.count(1.0)
+    windows = search.load[: len(search.load) // size * size].reshape(-1, size)
+    medians = np.median(windows, axis=1) if len(windows) else search.load
+    rest = float(medians[np.argmin(np.abs(medians))])
+    level = OFF / 2 * float(np.abs(search.load - rest).max())
+    return rest, widened(np.flatnonzero(np.abs(search.load - rest) > level), search.count(MERGED))
+
+
+def _inner(search: _Search, span: Interval, rest: float) -> tuple[list[Interval], float | None]:
+    """Cuts between the start and the stop of a spindle, and its idle level; the span itself where it is a cut."""
+    margin = search.count(SETTLED)
+    first, end = span[0] + margin, span[1] - margin
+    second = search.count(1.0)
+    if end - first < 3 * second:
+        return [span], None
+    before, after = (float(np.median(part)) for part in (
+        search.load[first : first + second // 2 + 1], search.load[end - second // 2 - 1 : end]))  # fmt: skip
+    noise, reach = _scale(search.load[first:end], search.step)
+    inside = replace(search, high=max(NOISE * noise, 0.1 * reach))
+    idle = (before + after) / 2
+    if not abs(rest) < OFF * abs(idle) or reach < DETECTABLE * noise or reach < ALIKE * abs(idle):
+        return [span], None
+    found = _spans(inside, (first, end))
+    complete = bool(found) and found[0][0] > first + 1 and found[-1][1] < end - 1
+    higher = all(abs(float(np.median(search.load[a:b]))) > abs(idle) for a, b in found)
+    if not complete or not higher or abs(before - after) > ALIKE * reach:
+        return [span], None
+    return found, idle
+
+
+def _cut(search: _Search, k: int, spans: Sequence[Interval], how: ReduceOptions, width: int, size: int, n: int) -> Cut:
+    """Span k with its window and the air around it, in samples."""
+    first, end = spans[k]
+    lower = spans[k - 1][1] if k else 0
+    upper = spans[k + 1][0] if k + 1 < len(spans) else len(search.load)
+    settled, air = search.count(SETTLED) + width // 2, search.count(AIR)
+    before = _same_level(search, (max(lower + settled, first - settled - air), first - settled), from_end=True)
+    after = _same_level(
+        search, (end + settled, min(upper - settled if k + 1 < len(spans) else upper, end + settled + air))
+    )
+    away = np.abs(search.load[first:end] - _idle_at(search, before, after))
+    third = max(1, len(away) // 3)
+    begins = int(np.argmax(away >= PLATEAU * np.median(away[:third]))) if before[1] > before[0] else 0
+    ends = int(np.argmax(away[::-1] >= PLATEAU * np.median(away[-third:]))) if after[1] > after[0] else 0
+    guard = max(round(how.guard * len(away)), width // 2 + 1)
+    inner = (first + begins + guard, end - ends - guard)
+    if inner[1] - inner[0] < max(1, len(away) // 10):
+        middle = (first + end) // 2
+        inner = (middle - len(away) // 4, middle + len(away) // 4 + 1)
+    scaled = [(min(a * size, n), min(b * size, n)) for a, b in ((first, end), inner, before, after)]
+    return Cut(*scaled)
+
+
+def _idle_at(search: _Search, before: Interval, after: Interval) -> float:
+    parts = [search.load[a:b] for a, b in (before, after) if b > a]
+    return float(np.mean([np.median(part) for part in parts])) if parts else 0.0
+
+
+def _same_level(search: _Search, air: Interval, *, from_end: bool = False) -> Interval:
+    """The part of an interval of air next to the cut that stays at one level: not the start or stop of the spindle."""
+    first, end = max(air[0], 0), min(air[1], len(search.load))
+    if end <= first:
+        return (first, first)
+    part = search.load[first:end]
+    near = part[-search.count(0.5) :] if from_end else part[: search.count(0.5)]
+    off = np.abs(part - np.median(near)) > search.high
+    if from_end:
+        stop = len(off) - int(np.argmax(off[::-1])) if off.any() else 0
+        return (min(first + stop + (search.count(SETTLED) if stop else 0), end), end)
+    stop = int(np.argmax(off)) if off.any() else len(off)
+    return (first, max(first + stop - (search.count(SETTLED) if stop < len(off) else 0), first))
+
+
+def _no_cut(name: str, signal: str, load: NDArray[np.float64], noise: float, short: Sequence[float] = ()) -> str:
+    if short:
+        return (
+            f"{name} contains no cut: its loads last {', '.join(f'{s:.2g}' for s in short[:5])} s. Give the shortest "
+            "cut with --shortest (s), or take the record out of the folder, with its row of the plan."
+        )
+    return (
+        f"{name} contains no cut: {signal} stays within {load.min():.4g} to {load.max():.4g} (noise {noise:.2g}) and "
+        "does not leave its idle level. Take the record out of the folder, with its row of the plan, or name another "
+        "channel with --channel."
+    )
+
+
+def widened(numbers: NDArray[np.intp], by: int) -> list[Interval]:
+    """Runs of consecutive numbers as intervals [first, end), for messages and pictures; gaps up to ``by`` are closed.
+
+    >>> widened(np.array([1, 2, 3, 9]), 1)
+    [(1, 4), (9, 10)]
+    """
+    if not numbers.size:
+        return []
+    breaks = np.flatnonzero(np.diff(numbers) > by) + 1
+    return [(int(part[0]), int(part[-1]) + 1) for part in np.split(numbers, breaks)]

@@ -1,0 +1,259 @@
+"""Records and their cuts -> rows of the plan: by name, by time of day, or in order."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...core.errors import DataError, UsageError
+from ...core.suggestions import closest
+from ..headers import parse_header
+from ..records.columns import clock_seconds, heads
+from ..tables import Column, Table, read_table
+from ..units import canonical, convert, is_unit, same_dimension
+from ..vocabulary import ROLES
+from .options import ReduceOptions
+from .recording import natural
+
+NAMES = (
+    "record",
+    "file",
+    "filename",
+    "file name",
+    "recording",
+    "datei",
+    "dateiname",
+    "aufzeichnung",
+    "fichier",
+    "archivo",
+)
+STARTS = ("start", "start time", "started", "clock", "clock time", "beginn", "startzeit", "uhrzeit", "heure", "hora")
+TOLERANCE = 60.0  # s by which a cut may begin before the start that the plan states
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The table of tests.
+
+    Attributes
+    ----------
+    table : Table
+    edges : tuple of str
+        Edge of each row, "" where none is named.
+    n : ndarray, shape (rows,), 1/min
+        Spindle speed, NaN where it is not known.
+    """
+
+    table: Table
+    edges: tuple[str, ...]
+    n: Array
+
+    def __len__(self) -> int:
+        return self.table.n_rows
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """How cuts find their rows: ``rows`` of each file in order, or None where only the order of all counts."""
+
+    how: str
+    rows: dict[str, tuple[int, ...]] | None
+
+
+def read_plan(path: Path, how: ReduceOptions) -> Plan:
+    """The table of tests with edge and spindle speed of each row.
+
+    Raises
+    ------
+    DataError
+        It cannot be read as a table.
+    """
+    table = read_table(path, is_unit=is_unit)
+    known = {head.role: head for head in reversed(heads(table.columns)) if head.role}
+    edges = tuple(str(v) for v in known["edge"].column.labels()) if "edge" in known else ("",) * table.n_rows
+    return Plan(table, edges, _speeds(table, how))
+
+
+def _speeds(table: Table, how: ReduceOptions) -> Array:
+    """Spindle speed of each row, 1/min: a column n, a constant, or V and D."""
+    n, V, D = (_quantity(table, symbol, how) for symbol in ("n", "V", "D"))
+    if n is None and V is not None and D is not None:
+        n = 1000 * V / (np.pi * D)
+    return np.full(table.n_rows, np.nan) if n is None else n
+
+
+def _quantity(table: Table, symbol: str, how: ReduceOptions) -> Array | None:
+    if symbol in how.constants:
+        return np.full(table.n_rows, float(how.constants[symbol]))
+    head = next((h for h in heads(table.columns) if h.role == symbol and h.column.is_numeric), None)
+    if head is None:
+        return None
+    unit, target = canonical(head.unit) if head.unit else None, ROLES[symbol].unit
+    values = np.asarray(head.column.values, dtype=np.float64)
+    return convert(values, unit, target) if unit and same_dimension(unit, target) else values
+
+
+def assignment(plan: Plan, files: Sequence[Path], join: str | None) -> Assignment:
+    """How the cuts of these files are assigned to rows.
+
+    Raises
+    ------
+    DataError
+        A row of the plan has no record, or a record has no row.
+    UsageError
+        The way asked for is not possible.
+    """
+    if join in (None, "name"):
+        column = _text_column(plan, NAMES)
+        if column is not None:
+            return _by_column(plan, files, column)
+        found = _by_edge(plan, files)
+        if found is not None:
+            return found
+        if join == "name":
+            raise UsageError(
+                "--join name: the plan has no column 'record', and not every file name contains one edge of the plan: "
+                "add a column named record with the file of each row."
+            )
+    if join == "time" or (join is None and start_times(plan) is not None):
+        if start_times(plan) is None:
+            raise UsageError("--join time: the plan has no column 'start' of times of day as 12:30:00.")
+        return Assignment("time", None)
+    return Assignment("order", None)
+
+
+def _text_column(plan: Plan, names: Sequence[str]) -> Column | None:
+    return next((c for c in plan.table.columns if parse_header(c.name).name.casefold().strip() in names), None)
+
+
+def _by_column(plan: Plan, files: Sequence[Path], column: Column) -> Assignment:
+    places = {key.casefold(): path.name for path in files for key in (path.name, path.stem)}
+    rows: dict[str, list[int]] = {path.name: [] for path in files}
+    for row, text in enumerate(column.labels()):
+        wanted = str(text).strip().replace("\\", "/").rsplit("/", 1)[-1].casefold()
+        name = places.get(wanted)
+        if name is None:
+            near = closest(wanted, list(places))
+            hint = f"; did you mean {places[near]}?" if near else ""
+            raise DataError(
+                f"{plan.table.path.name} line {plan.table.lines[row]}: column {column.name!r} names {text!r}, and the "
+                f"folder has no such record{hint} Add the record, or take the row out."
+            )
+        rows[name].append(row)
+    without = [name for name, held in rows.items() if not held]
+    if without:
+        raise DataError(
+            f"{len(without)} record(s) are not named in column {column.name!r} of {plan.table.path.name}: "
+            f"{_listed(without)}. Take them out of the folder, or add their rows."
+        )
+    return Assignment(f"name (column {column.name!r} of the plan)", {k: tuple(v) for k, v in rows.items()})
+
+
+def _by_edge(plan: Plan, files: Sequence[Path]) -> Assignment | None:
+    """Rows of an edge go to the files whose names contain it, in the order of their further numbers."""
+    labels = sorted(set(plan.edges) - {""}, key=len, reverse=True)
+    if not labels:
+        return None
+    of_edge: dict[str, list[Path]] = {label: [] for label in labels}
+    for path in files:
+        found = [label for label in labels if _contains(path.stem, label)]
+        if not found or (len(found) > 1 and not all(_contains(found[0], other) for other in found[1:])):
+            return None
+        of_edge[found[0]].append(path)
+    missing = [label for label, held in of_edge.items() if not held]
+    if 2 * len(missing) > len(labels):
+        return None  # a date or a test number in the names, not the edge
+    if missing:
+        raise DataError(
+            f"no record's name contains the edge(s) {_listed(natural_sorted(missing))} of {plan.table.path.name}. Add "
+            "the records, take the rows out, or name the record of each row in a column 'record'."
+        )
+    rows: dict[str, tuple[int, ...]] = {}
+    for label, held in of_edge.items():
+        own = [row for row, edge in enumerate(plan.edges) if edge == label]
+        ordered = sorted(held, key=lambda path: natural(path.stem))
+        if len(ordered) == 1:
+            rows[ordered[0].name] = tuple(own)
+        elif len(ordered) == len(own):
+            rows |= {path.name: (row,) for path, row in zip(ordered, own, strict=True)}
+        else:
+            raise DataError(
+                f"edge {label}: {len(ordered)} records ({_listed([path.name for path in ordered])}) and {len(own)} "
+                f"rows in {plan.table.path.name}. One record a row, or one an edge, is needed; otherwise name the "
+                "record of each row in a column 'record'."
+            )
+    return Assignment("name (edge in the file name, sub-tests in order)", rows)
+
+
+def _contains(stem: str, label: str) -> bool:
+    """Whether a name contains an edge as a word: E2 is not in E21.
+
+    >>> _contains("run-E02_03", "E02"), _contains("E21", "E2"), _contains("test 7-2", "7")
+    (True, False, True)
+    """
+    return bool(re.search(rf"(?<![0-9A-Za-z]){re.escape(label)}(?![0-9A-Za-z])", stem, flags=re.IGNORECASE))
+
+
+def natural_sorted(names: Sequence[str]) -> list[str]:
+    """Names in natural order, 2 before 10."""
+    return sorted(names, key=natural)
+
+
+def start_times(plan: Plan) -> Array | None:
+    """Time of day at which each row starts, shape (rows,), s; None where the plan has no such column."""
+    column = _text_column(plan, STARTS)
+    if column is None or column.is_numeric:
+        return None
+    return clock_seconds([str(text) for text in column.values])
+
+
+def rows_by_time(starts: Array, begins: Sequence[tuple[str, float]], lines: Sequence[int]) -> list[int]:
+    """Row of each cut: the last that starts before it, within a tolerance of one minute.
+
+    Raises
+    ------
+    DataError
+        Two cuts belong to one row, or a cut begins before the first row.
+    """
+    order = np.argsort(starts, kind="stable")
+    out: list[int] = []
+    for name, begin in begins:
+        place = int(np.searchsorted(starts[order], begin + TOLERANCE, side="right")) - 1
+        near = [p for p in (place, place - 1) if p >= 0]
+        if not near:
+            raise DataError(f"{name}: a cut begins at {_clock(begin)}, before the first row of the plan starts.")
+        best = min(near, key=lambda p: abs(float(starts[order][p]) - begin))
+        row = int(order[best])
+        if row in out:
+            raise DataError(
+                f"{name}: the cut at {_clock(begin)} and {begins[out.index(row)][0]} at "
+                f"{_clock(begins[out.index(row)][1])} both belong to line {lines[row]} of the plan (start "
+                f"{_clock(float(starts[row]))}): correct the start times, or name the records in a column 'record'."
+            )
+        out.append(row)
+    return out
+
+
+def _clock(seconds: float) -> str:
+    whole = int(seconds) % 86400
+    return f"{whole // 3600:02d}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def count_mismatch(plan: Plan, found: Sequence[tuple[str, int, int]], how: str) -> DataError:
+    """Refusal that lists cuts and rows of each record; ``found`` holds name, cuts and rows."""
+    wrong = [item for item in found if item[1] != item[2]] or list(found)
+    listed = "; ".join(f"{name}: {cuts} cut(s), {rows} row(s)" for name, cuts, rows in wrong[:12])
+    more = f" and {len(wrong) - 12} more" if len(wrong) > 12 else ""
+    total = sum(cuts for _, cuts, _ in found)
+    return DataError(
+        f"{total} cuts in {len(found)} records, {len(plan)} rows in {plan.table.path.name}, joined by {how}: {listed}"
+        f"{more}. Look at the pictures; correct the rows, or the search for cuts with --shortest, --threshold or "
+        "--channel."
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
