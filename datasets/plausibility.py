@@ -7,11 +7,11 @@ from .doubts import Doubt
 from .draft import Draft
 from .options import ReadOptions
 from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
-from .ranges import candidate_units, widest
+from .ranges import candidate_units, plausible, widest
 from .stray_values import check_cells, check_levels
 from .unit_systems import check_systems
 from .unused_columns import check_order, check_unused
-from .vocabulary import ROLES
+from .vocabulary import ROLES, roles_named
 
 CLOSE = 10  # units of a smaller ratio cannot be told apart by values that are merely uncommon
 
@@ -72,8 +72,21 @@ def _exchange_options(draft: Draft, a: Quantity, b: Quantity) -> str:
     given = []
     for one, other in ((a, b), (b, a)):
         given.append(f'--map "{one.role}=col{draft.columns[other.place].number}"')
-    given += [f'--unit "{one.role}={one.unit}"' for one in (a, b) if one.unit]
+    for one, other in ((a, b), (b, a)):
+        if other.unit:  # the header that it would take names the unit of the other
+            given.append(f'--unit "{one.role}={one.unit or ROLES[one.role].unit}"')
     return " ".join(given)
+
+
+def _other_role(draft: Draft, one: Quantity) -> str:
+    """Option that gives the column to another role of its name in which it is usual: a feed rate under "feed"."""
+    use = draft.uses[one.place]
+    for role in roles_named(use.name):
+        ranges = plausible(role, None)
+        if role != one.role and role not in draft.data and ranges and one.lies_in(ranges.usual, 1.0):
+            unit = f" --unit {role}={ROLES[role].unit}" if one.unit else ""
+            return f"as {ROLES[role].quantity}, --map {role}=col{use.number}{unit}"
+    return ""
 
 
 def _judge_named(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:
@@ -96,8 +109,8 @@ def _judge_named(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) ->
         return
     header = draft.columns[one.place].name
     can = " or ".join(f"{one.shown(unit)} can: --unit {one.role}={unit}" for unit in units[:2])
-    if other:
-        can = f"{swap}: {_exchange_options(draft, one, other)}" + (f"; or {can}" if can else "")
+    swap = f"{swap}: {_exchange_options(draft, one, other)}" if other else ""
+    can = " or ".join(filter(None, (swap, can, _other_role(draft, one))))
     raise DataError(f"column {header!r}: {head} cannot be ({one.usual}); {can or _correct(one)}.")
 
 
@@ -113,7 +126,7 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
     """Take the default unit while it is plausible, otherwise the only plausible one, otherwise ask."""
     home, *others = candidate_units(one.role)
     usual = [unit for unit in others if one.lies_in(one.ranges.usual, unit_factor(unit, one.role))]
-    head = f"{one.role} {one.shown('')}".rstrip()
+    head = f"{one.role} {one.shown('')}"
     if one.lies_in(one.ranges.unusual):
         far = [unit for unit in usual if not 1 / CLOSE < unit_factor(unit, one.role) < CLOSE]
         if far:
@@ -124,18 +137,20 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
         return
     other = exchanged.get(one.role)
     options = usual or [unit for unit in others if one.lies_in(one.ranges.unusual, unit_factor(unit, one.role))]
-    if len(options) == 1 and other is None:
+    role = _other_role(draft, one)
+    options = [unit for unit in options if not (role and unit == "um/rev")]  # rare beside a feed rate
+    if len(options) == 1 and other is None and not role:
         take_unit(draft, one, options[0])
         sentence = (
             f"{head} has no unit and is taken in {options[0]}, since {one.shown(home)} is implausible ({one.usual})"
         )
         draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={options[0]}"))
         return
-    if other is None and not options and ROLES[one.role].kind not in ("condition", "time", "wear"):
+    if other is None and not options and not role and ROLES[one.role].kind not in ("condition", "time", "wear"):
         sentence = f"{head} {home} is unusual ({one.usual}), its unit is not named"
         draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={home}"))
         return
-    choices = [f"--unit {one.role}={unit}" for unit in options]
+    choices = [*([role] if role else ()), *(f"--unit {one.role}={unit}" for unit in options)]
     if other is not None:
         choices.insert(0, f"exchange the columns {one.role} and {other.role}, {_exchange_options(draft, one, other)}")
     if one.lies_in(one.ranges.hard, 1.0):

@@ -54,7 +54,7 @@ class Quantity:
     def shown(self, unit: str) -> str:
         """The values as written, with a unit."""
         low, high = map(format_decimal, self.span)
-        return f"{low if low == high else f'{low} to {high}'} {unit}"
+        return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
 
     @property
     def usual(self) -> str:

@@ -103,7 +103,7 @@ _TABLE: dict[str, dict[str, Plausible]] = {
 # Units in which the quantity is kept, from the likely to the rare; the unit of the role itself comes first.
 _UNITS: dict[str, tuple[str, ...]] = {
     "V": ("m/min", "sfm", "m/s", "mm/min"),
-    "f": ("mm/rev", "in/rev"),
+    "f": ("mm/rev", "in/rev", "um/rev"),
     "fz": ("mm/tooth", "in/tooth"),
     "fm": ("mm/min", "in/min", "mm/s", "m/min"),
     "d": ("mm", "in", "um"),

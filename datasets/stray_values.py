@@ -12,9 +12,19 @@ from .ranges import plausible
 from .vocabulary import ROLES
 
 FACTORS = {10.0: "a decimal mark", 100.0: "a decimal mark", 1000.0: "a decimal mark or a unit", 25.4: "a unit, inch"}
+RATIOS: dict[str, dict[float, str]] = {
+    "wear": {1000: "um or mm", 25.4: "inch or mm"},
+    "time": {60: "s or min"},
+    "load": {1000: "another unit"},
+    "surface": {39.37: "uin or um", 1000: "another unit"},
+}
 LATTICE = (25.4, 3.280839895, 60.0, 10.0, 1000.0)
 NEAR = 0.012  # of a level, for values rounded in another unit
-GAP = 1.3  # ratio between the shifted rows and the others; a plan may span a decade, so a factor of 10 needs more
+GAP = 1.3  # ratio between the shifted rows and the others
+CLEAR_GAP = 2.2  # needed for one shifted level, and for a factor of 10, which a plan may span
+MOST_ROWS = 1 / 3  # shifted rows are a minority
+GAP_OF_RESULTS = 2.0
+NEARLY = 1.5  # results in another unit need not lie exactly among the others
 FAR = 3.0  # ratio to the next value beyond which a single cell is doubted
 FEWEST = 8  # rows below which no cell is judged by the others
 MOST_LEVELS = 7
@@ -43,7 +53,7 @@ def _without_impossible(draft: Draft, role: str, values: Array, process: Process
     if ranges is None:
         return values
     wrong = np.flatnonzero(np.abs(values) > ranges.hard[1])  # negative ones are left out by the fit, by name
-    if not 0 < len(wrong) <= max(1, len(values) // 20):
+    if not 0 < len(wrong) <= max(1, len(values) // 10):
         return values
     kept = values.copy()
     kept[wrong] = np.nan
@@ -98,39 +108,68 @@ def _cause(value: float, rest: Array) -> str:
 def check_levels(draft: Draft, options: ReadOptions) -> None:
     """Doubt rows of a condition whose values are levels of the other rows in another unit, and single near misses."""
     for use in draft.uses:
-        if use.role is None or use.role in options.ranges or ROLES[use.role].kind != "condition":
+        if use.role is None or use.role in options.ranges or not ROLES[use.role].unit or len(draft.lines) < FEWEST:
             continue
         values = np.asarray(draft.data[use.role], dtype=float)
-        if len(values) >= FEWEST and not _doubt_shifted(draft, use.role, values):
+        if ROLES[use.role].kind != "condition":
+            _doubt_group(draft, use.role, values)
+        elif not _doubt_shifted(draft, use.role, values):
             _doubt_single(draft, use.role, values)
 
 
 def _doubt_shifted(draft: Draft, role: str, values: Array) -> bool:
-    """Whether a minority of rows lies outside the others and becomes their levels when multiplied by a known factor."""
-    known = values[values > 0]
-    if not known.size:
+    """Whether a minority of rows lies apart from the others and holds their levels in another unit."""
+    levels, counts = np.unique(values[values > 0], return_counts=True)
+    if not 2 <= len(levels) <= MOST_VALUES:
         return False
-    first, third = np.quantile(known[:: len(known) // SAMPLE + 1], [0.25, 0.75])
-    outside = (values > 0) & ((values < first / 3) | (values > third * 3))
-    count = int(np.count_nonzero(outside))
-    if not 0 < count <= len(known) // 3:
-        return False
-    levels, moved = np.unique(known[(known >= first / 3) & (known <= third * 3)]), np.unique(values[outside])
-    if len(levels) > MOST_VALUES or len(moved) > MOST_VALUES:
-        return False
-    gap = max(levels[0] / moved[-1], moved[0] / levels[-1])
-    for factor in (*LATTICE, *(1 / k for k in LATTICE)):
-        ratio = moved[:, None] * factor / levels[None, :]
-        if gap > (3 if factor in (10, 0.1) else GAP) and np.all(np.any(np.abs(np.log(ratio)) < NEAR, axis=1)):
-            rows = np.flatnonzero(outside)
-            name = f"{factor:.4g}" if factor > 1 else f"1/{1 / factor:.4g}"
-            sentence = (
-                f"{places(draft, rows)}: {role} {listed(moved)} {ROLES[role].unit} times {name} are levels of the "
-                f"other rows ({listed(levels)}): another unit or decimal mark in these rows"
-            )
-            draft.doubts.append(Doubt((role,), sentence))
-            return True
+    shares = np.cumsum(counts) / counts.sum()
+    for cut in np.flatnonzero(levels[1:] > levels[:-1] * GAP) + 1:
+        gap, lower = levels[cut] / levels[cut - 1], shares[cut - 1]
+        if min(lower, 1 - lower) > MOST_ROWS:
+            continue
+        moved, kept = (levels[:cut], levels[cut:]) if lower < 0.5 else (levels[cut:], levels[:cut])
+        for factor in LATTICE if lower < 0.5 else (1 / k for k in LATTICE):
+            ratio = moved[:, None] * factor / kept[None, :]
+            apart = gap > CLEAR_GAP or (len(moved) > 1 and factor not in (10, 0.1))
+            if apart and np.all(np.any(np.abs(np.log(ratio)) < NEAR, axis=1)):
+                _add_shifted(draft, role, np.flatnonzero(np.isin(values, moved)), moved, kept, factor)
+                return True
     return False
+
+
+def _add_shifted(draft: Draft, role: str, rows: NDArray[np.intp], moved: Array, kept: Array, factor: float) -> None:
+    way = f"times {factor:.4g}" if factor > 1 else f"divided by {1 / factor:.4g}"
+    sentence = (
+        f"{places(draft, rows)}: {role} {listed(moved)} {ROLES[role].unit} {way} are levels of the other rows "
+        f"({listed(kept)}): another unit or decimal mark in these rows"
+    )
+    draft.doubts.append(Doubt((role,), sentence))
+
+
+def _doubt_group(draft: Draft, role: str, values: Array) -> None:
+    """Doubt a minority of rows of a result that a known ratio of units brings among the others."""
+    size = np.abs(values)
+    known = size[size > 0]
+    if not known.size:
+        return
+    first, third = np.quantile(known[:: len(known) // SAMPLE + 1], [0.25, 0.75])
+    for outside, power in ((size > third * 3, -1), ((size > 0) & (size < first / 3), 1)):
+        count = int(np.count_nonzero(outside))
+        if not 1 < count <= len(known) // 4:
+            continue
+        group, rest = size[outside], size[(size > 0) & ~outside]
+        gap = max(group.min() / rest.max(), rest.min() / group.max())
+        for factor, units in RATIOS.get(ROLES[role].kind, {}).items():
+            moved = group * factor**power
+            if gap > GAP_OF_RESULTS and rest.min() / NEARLY <= moved.min() and moved.max() <= rest.max() * NEARLY:
+                rows = np.flatnonzero(outside)
+                way = "divided by" if power < 0 else "times"
+                sentence = (
+                    f"{places(draft, rows)}: {role} {listed(values[rows])} {ROLES[role].unit} {way} {factor:g} would "
+                    f"lie among the other rows: these rows may be in {units}"
+                )
+                draft.doubts.append(Doubt((role,), sentence))
+                return
 
 
 def _doubt_single(draft: Draft, role: str, values: Array) -> None:

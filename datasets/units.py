@@ -53,6 +53,7 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "sfm": ("sfm", "sfpm", "fpm", *_ratio(_FT, _MIN)),
     "mm/rev": ("mmpr", *_ratio(_MM, _REV)),
     "in/rev": ("ipr", *_ratio(_IN, _REV)),
+    "um/rev": _ratio(("um", "micron", "microns"), _REV),
     "mm/tooth": _ratio(_MM, _TOOTH),
     "in/tooth": ("ipt", *_ratio(_IN, _TOOTH)),
     "mm/min": _ratio(_MM, _MIN),

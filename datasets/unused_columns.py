@@ -62,7 +62,7 @@ def _named_like(draft: Draft, column: Column, suggestion: str | None, options: R
     if suggestion is not None and ROLES[suggestion].kind in ("condition", "time") and _free(draft, suggestion, options):
         return suggestion
     text = column.unit_cell or parse_header(column.name).unit_text
-    for role in ("V", "f", "fz", "fm"):
+    for role in ("V", "f", "fz", "fm", "n", "t"):
         unit = canonical(text) if text else None
         if unit is not None and _free(draft, role, options) and same_dimension(unit, ROLES[role].unit):
             return role

@@ -1,0 +1,281 @@
+"""Units and values of a file of tests are judged by what cutting allows: sound files stay silent, mistakes are named.
+
+Ranges: criteria of wear in use (ISO 3685: VB .3 mm mean, .6 mm largest) and machines; unit ratios of NIST SP 811.
+"""
+
+import re
+import shlex
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets
+from fitmodels.core import errors
+from fitmodels.datasets.quantities import unit_factor
+from fitmodels.datasets.ranges import candidate_units, plausible, process_of
+from fitmodels.datasets.vocabulary import ROLES
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+SAME = 1e-8  # numbers are written to ten digits
+RANGED = [role for role in ROLES if plausible(role, None) is not None]
+
+
+def rows(n=24, seed=3):
+    """Tests about the wear law of Alaskari & Oraby 2016: V m/min, f mm/rev, d mm, t min, VB mm, P kW."""
+    rng = np.random.default_rng(seed)
+    V, f, d = rng.choice([80.0, 120, 180], n), rng.choice([0.1, 0.2, 0.4], n), rng.choice([1.0, 1.6, 2.5], n)
+    t = rng.choice([2.0, 5, 10, 18], n)
+    VB = 0.00762 * V**0.577 * f**0.168 * d**0.248 * t**0.245 * np.exp(0.05 * rng.normal(size=n))
+    P = 2.4e3 * V * f**0.8 * d / 60000
+    return {"V": V, "f": f, "d": d, "t": t, "VB": VB.round(4), "P": P.round(3)}
+
+
+def text(columns, headers=None):
+    names = [(headers or {}).get(name, name) for name in columns]
+    body = "\n".join(",".join(f"{v:.10g}" for v in row) for row in zip(*columns.values(), strict=True))
+    return f"{','.join(names)}\n{body}\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reads(content, **options):
+        path = tmp_path / "tests.csv"
+        path.write_text(content, "utf-8")
+        return datasets.read_runs(path, **options)
+
+    return reads
+
+
+def typed(remedy):
+    """The options of a remedy as keywords of `read_runs`."""
+    words = shlex.split(remedy)
+    found = {"map": {}, "units": {}}
+    for flag, value in zip(words[::2], words[1::2], strict=True):
+        symbol, _, given_value = value.partition("=")
+        found[{"--map": "map", "--unit": "units"}[flag]][symbol] = given_value
+    return found
+
+
+def outcome(read, content):
+    """The refusal of a file, "" where it is read, and its doubts."""
+    try:
+        return "", read(content).doubts
+    except errors.DataError as refusal:
+        return str(refusal), ()
+
+
+def said(runs):
+    return [str(doubt) for doubt in runs.doubts]
+
+
+@pytest.mark.parametrize("name", datasets.bundled_names())
+def test_bundled_sets_are_silent(name):
+    assert said(datasets.read_runs(datasets.bundled(name))) == []
+
+
+def test_a_sound_file_is_silent_with_and_without_units(read):
+    units = {name: f"{name} [{ROLES[name].unit}]" for name in rows()}
+    assert said(read(text(rows(), units))) == []
+    assert said(read(text(rows()))) == []
+
+
+@pytest.mark.parametrize("role", RANGED)
+@settings(max_examples=20, deadline=None)
+@given(data=st.data())
+def test_usual_values_pass_in_the_default_unit(role, data):
+    low, high = plausible(role, process_of((role,), ())).usual
+    values = data.draw(st.lists(st.floats(low, high), min_size=6, max_size=6))
+    frame = {role: values, "x": [1.0, 2, 3, 4, 5, 6]}
+    runs = datasets.runs_from_frame(pd.DataFrame(frame))
+    assert said(runs) == []
+    assert runs.values(role).tolist() == values
+
+
+@pytest.mark.parametrize(
+    ("role", "unit"), [(role, unit) for role in RANGED for unit in candidate_units(role)[1:]]
+)  # fmt: skip
+def test_a_unit_mistake_of_a_whole_column_is_reinterpreted_asked_or_harmless(read, role, unit):
+    """A column in another unit that leaves the plausible range is converted with a doubt, or refused with the unit."""
+    low, high = plausible(role, None).usual
+    truth = np.geomspace(max(low, high / 20), high, 12)
+    written = truth / unit_factor(unit, role)
+    content = text({role: written, "x": np.arange(12.0)})
+    limits = plausible(role, None).unusual
+    silent = limits[0] <= written[2] and written[-3] <= limits[1]  # of 12 values
+    refusal, doubts = outcome(read, content)
+    assert silent or doubts or f"--unit {role}={unit}" in refusal or "as feed rate, --map fm" in refusal
+    if refusal or any(typed(doubt.remedy)["units"].get(role) == unit for doubt in doubts):
+        assert read(content, units={role: unit}).values(role) == pytest.approx(truth, rel=SAME)
+
+
+@pytest.mark.parametrize(
+    ("role", "factor", "unit"),
+    [("VB", 1000, "um"), ("V", 1 / 60, "m/s"), ("t", 60, "s"), ("P", 1000, "W"), ("f", 1 / 25.4, "in/rev")],
+)
+def test_the_only_plausible_unit_is_taken_and_said(read, role, factor, unit):
+    columns = rows()
+    columns[role] = columns[role] * factor
+    named = {name: f"{name} [{ROLES[name].unit}]" for name in columns if name != role}
+    named |= {"f": "f"} if role == "f" else {}
+    if role == "f":
+        named = {}
+        columns = {name: columns[name] for name in ("f", "t")}
+    runs = read(text(columns, named))
+    assert runs.values(role) == pytest.approx(rows()[role], rel=1e-6)
+    (doubt,) = runs.doubts
+    assert f"is taken in {unit}" in doubt.sentence
+    assert doubt.remedy == f"--unit {role}={unit}"
+    assert said(read(text(columns, named), **typed(doubt.remedy))) == []
+
+
+def test_wear_in_um_under_a_header_in_mm_is_refused_with_the_unit(read):
+    columns = rows() | {"VB": rows()["VB"] * 1000}
+    with pytest.raises(errors.DataError, match=r"VB .* mm cannot be .* um can: --unit VB=um"):
+        read(text(columns, {"VB": "VB [mm]"}))
+    assert read(text(columns, {"VB": "VB [mm]"}), units={"VB": "um"}).values("VB") == pytest.approx(rows()["VB"])
+
+
+def test_a_unit_of_the_user_is_doubted_and_never_changed(read):
+    runs = read(text({name: rows()[name] for name in ("t", "VB")}), units={"VB": "mil"})
+    assert runs.values("VB") == pytest.approx(rows()["VB"] * 0.0254)
+    assert any("VB" in doubt.columns and "unusual" in doubt.sentence for doubt in runs.doubts)
+
+
+@pytest.mark.parametrize("units", [False, True])
+@pytest.mark.parametrize("pair", [("V", "f"), ("f", "d"), ("VB", "d"), ("V", "d")])
+def test_exchanged_headers_are_named_with_the_options_that_exchange_them(read, pair, units):
+    a, b = pair
+    named = {name: f"{name} [{ROLES[name].unit}]" if units else name for name in rows()}
+    swapped = named | {a: named[b], b: named[a]}
+    refusal, doubts = outcome(read, text(rows(), swapped))
+    message = refusal + " ".join(map(str, doubts))
+    assert "exchange" in message
+    assert {a, b} <= set(re.findall(r"columns (\w+) and (\w+)", message)[0])
+    remedy = re.search(r'--map "\w+=col\d" --map "\w+=col\d"(?: --unit "?[\w/=]+"?)*', message)[0]
+    runs = read(text(rows(), swapped), **typed(remedy))
+    assert runs.values(a) == pytest.approx(rows()[a])
+    assert said(runs) == []
+
+
+def test_speed_and_feed_without_edges_exchanged_with_wear_are_seen_within_edges(read):
+    columns = {"edge": np.repeat(np.arange(1.0, 7), 4)}
+    columns |= {"f": np.repeat([0.1, 0.2, 0.4, 0.1, 0.2, 0.4], 4), "t": np.tile([2.0, 5, 10, 18], 6)}
+    columns["VB"] = 0.1 * columns["f"] ** 0.2 * columns["t"] ** 0.3
+    runs = read(text(columns, {"f": "VB", "VB": "f"}))
+    assert any("f varies within the edges and VB is constant in each" in doubt for doubt in said(runs))
+    exchanged = next(doubt for doubt in runs.doubts if "constant in each" in doubt.sentence)
+    assert said(read(text(columns, {"f": "VB", "VB": "f"}), **typed(exchanged.remedy))) == []
+
+
+def test_headers_that_are_units_name_their_column(read):
+    runs = read("SFM,IPR,RPM,IPM,t [min],VB [mm]\n300,.01,400,4,2,.1\n400,.012,500,6,4,.15\n")
+    assert [use.role for use in runs.columns] == ["V", "f", "n", "fm", "t", "VB"]
+    assert runs.values("V") == pytest.approx([91.44, 121.92])
+    assert runs.values("f") == pytest.approx([0.254, 0.3048])
+    assert read("V,SFM,AW\n100,328,0.1\n200,656,0.2\n").values("V").tolist() == [100, 200]
+
+
+def test_a_column_without_a_unit_in_an_inch_file_is_asked_about(read):
+    columns = rows()
+    columns = {"V": columns["V"] * 3.28, "f": columns["f"] / 25.4, "d": columns["d"] / 25.4, "VB": columns["VB"]}
+    content = text(columns, {"V": "V [sfm]", "f": "f [ipr]", "VB": "VB [mm]"})
+    with pytest.raises(errors.DataError, match=r"--unit d=in or --unit d=mm"):
+        read(content)
+    assert read(content, units={"d": "in"}).values("d") == pytest.approx(rows()["d"])
+
+
+def test_wear_without_a_unit_in_an_inch_file_is_settled_where_one_unit_is_plausible(read):
+    columns = rows()
+    columns = {"V": columns["V"] * 3.28, "f": columns["f"] / 25.4, "VB": columns["VB"]}
+    assert read(text(columns, {"V": "SFM", "f": "IPR"})).values("VB") == pytest.approx(rows()["VB"])
+
+
+def test_two_systems_in_one_file_are_doubted(read):
+    columns = rows()
+    columns = {"V": columns["V"] * 3.28, "f": columns["f"] / 25.4, "d": columns["d"], "VB": columns["VB"]}
+    runs = read(text(columns, {"V": "V [sfm]", "f": "f [ipr]", "d": "d [mm]", "VB": "VB [mm]"}))
+    (doubt,) = runs.doubts
+    assert "units of both systems in one file" in doubt.sentence
+    assert read(text(columns, {"V": "V [sfm]", "f": "f [ipr]", "VB": "VB [mm]"}), units={"d": "mm"}).doubts == ()
+
+
+@pytest.mark.parametrize(("role", "row", "factor"), [("V", 4, 10), ("VB", 7, 1000), ("VB", 7, 25.4), ("P", 2, 10)])
+def test_a_single_cell_far_from_the_others_is_named_with_its_line(read, role, row, factor):
+    columns = rows()
+    columns[role] = columns[role].copy()
+    columns[role][row] *= factor
+    runs = read(text(columns))
+    assert any(f"line {row + 2}:" in doubt and role in doubt for doubt in said(runs))
+    if role == "VB":
+        assert np.isnan(runs.values("VB")[row]) == (columns["VB"][row] > 5)
+
+
+@pytest.mark.parametrize(("role", "factor"), [("f", 1 / 25.4), ("V", 3.2808), ("t", 60), ("VB", 1000), ("d", 1 / 25.4)])
+def test_rows_in_another_unit_are_named(read, role, factor):
+    columns = rows(72)
+    columns[role] = columns[role].copy()
+    columns[role][10:14] = (columns[role][10:14] * factor).round(6)
+    assert any("lines 12, 13, 14, 15" in doubt and role in doubt for doubt in said(read(text(columns))))
+
+
+def test_a_level_that_occurs_once_is_named(read):
+    columns = rows()
+    columns["V"] = columns["V"].copy()
+    columns["V"][5] = 210
+    assert any("line 7: V 210 m/min occurs once" in doubt for doubt in said(read(text(columns))))
+
+
+def test_a_plan_over_a_decade_is_no_mistake(read):
+    columns = rows(90)
+    columns["f"] = np.tile([0.06, 0.1067, 0.1897, 0.3374, 0.6], 18)
+    columns.pop("P")
+    assert said(read(text(columns))) == []
+
+
+def test_specific_cutting_force_out_of_range_names_its_columns(read):
+    columns = rows()
+    Fc = 2400 * columns["f"] * columns["d"]
+    assert said(read(text(columns | {"Fc": Fc}))) == []
+    (doubt,) = read(text(columns | {"Fc": Fc / 20})).doubts
+    assert doubt.columns == ("Fc", "f", "d")
+    assert "kc = Fc/(f d) is 120 N/mm2 (usual 500 to 6000)" in doubt.sentence
+
+
+def test_roughness_heights_that_contradict_each_other(read):
+    columns = {"f": rows()["f"], "Ra [um]": rows()["f"] * 8, "Rz [um]": rows()["f"] * 8}
+    (doubt,) = read(text(columns)).doubts
+    assert doubt.columns == ("Rz", "Ra")
+
+
+def test_an_unused_column_that_resembles_a_condition_is_named_with_its_map(read):
+    columns = rows() | {"VB": rows()["VB"]}
+    runs = read(text(columns, {"V": "Schnittgeschwindikeit"}))
+    (doubt,) = runs.doubts
+    assert doubt.remedy == '--map "V=col1"'
+    assert said(read(text(columns, {"V": "Schnittgeschwindikeit"}), **typed(doubt.remedy))) == []
+    (doubt,) = read(text(columns, {"V": "x1"})).doubts
+    assert doubt.remedy == '--map "V=col1"'
+    assert doubt.columns == ("x1",)
+
+
+def test_other_columns_stay_unmentioned(read):
+    n = len(rows()["V"])
+    rng = np.random.default_rng(1)
+    others = {
+        "No.": np.arange(1.0, n + 1), "temperature": rng.uniform(200, 900, n), "coolant": rng.choice([0.0, 1], n),
+        "remark": rng.choice([3.0, 7], n), "date": np.full(n, 20240105.0),
+    }  # fmt: skip
+    assert said(read(text(rows() | others))) == []
+
+
+def test_process_is_found_from_roles_and_notes():
+    assert process_of(("V", "fz"), ()) == "milling"
+    assert process_of(("V", "f"), ("Drehzahl 600",)) is None
+    assert process_of(("V", "f"), ("turning on a lathe",)) == "turning"
+
+
+def test_a_grinding_speed_needs_its_process(read):
+    columns = {"V [m/s]": np.tile([25.0, 30, 35], 4), "P [kW]": np.tile([2.0, 2.5, 3.0], 4)}
+    assert said(read(text(columns), process="grinding")) == []
+    assert said(read(text(columns), process="turning"))
