@@ -214,7 +214,7 @@ def _(w):
     return xlsx({"Data": rows})
 
 
-@add("workbook: a sheet for each test", READ, REFUSED, names="sheet|sheets|--sheet", quiet=False, check=None)
+@add("workbook: a sheet for each test", READ, REFUSED, names="sheet|sheets|--sheet", quiet=False, remedy=False)
 def _(w):
     sheets = {name: grid(part, "V", "f", "d", "t", "AW") for name, part in w.groupby("edge", sort=False)}
     return xlsx(sheets), w[["edge", "V", "f", "d", "t", "AW"]]
@@ -256,7 +256,7 @@ def _(w):
     return files, w[["edge", *columns]]
 
 
-@add("a folder: the conditions in notes of each file", READ, REFUSED, names="V|f|d", quiet=False)
+@add("a folder: the conditions in notes of each file", READ, REFUSED, names="V|f|d", quiet=False, remedy=False)
 def _(w):
     files = {}
     for name, part in w.groupby("edge", sort=False):

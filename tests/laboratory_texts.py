@@ -63,7 +63,7 @@ def decimal_comma(content):
 # Units
 
 
-@add("VB in um, no unit named", READ, REFUSED)
+@add("VB in um, no unit named", READ, REFUSED, quiet=False)
 def _(w):
     return table(scaled(of_vb(w), VB=1000), VB="VB"), of_vb(w)
 
@@ -73,37 +73,37 @@ def _(w):
     return table(scaled(of_vb(w), VB=1000)), of_vb(w)
 
 
-@add("VB in um, said in a note", READ, REFUSED)
+@add("VB in um, said in a note", READ, REFUSED, quiet=False)
 def _(w):
     return table(scaled(of_vb(w), VB=1000), above=["# wear values in µm"], VB="VB"), of_vb(w)
 
 
-@add("inch file: SFM, IPR, DOC, Wear", READ, REFUSED, names="d|DOC")
+@add("inch file: SFM, IPR, DOC, Wear", READ, REFUSED, names="d|DOC", quiet=False)
 def _(w):
     w = w[["edge", "V", "f", "d", "t", "AW"]]
     inch = scaled(w, V=1 / 0.3048, f=1 / INCH, d=1 / INCH, AW=1 / INCH)
     return table(inch, V="SFM", f="IPR", d="DOC", AW="Wear [in]"), w
 
 
-@add("inch file: SFM, IPR, DOC, Wear, none with a unit", READ, REFUSED, names="d|DOC|AW|Wear")
+@add("inch file: SFM, IPR, DOC, Wear, none with a unit", READ, REFUSED, names="d|DOC|AW|Wear", quiet=False)
 def _(w):
     w = w[["edge", "V", "f", "d", "t", "AW"]]
     inch = scaled(w, V=1 / 0.3048, f=1 / INCH, d=1 / INCH, AW=1 / INCH)
     return table(inch, V="SFM", f="IPR", d="DOC", t="TIME", AW="WEAR"), w
 
 
-@add("inch file with one metric column that names no unit", READ, REFUSED, DOUBTED, names="d")
+@add("inch file with one metric column that names no unit", READ, REFUSED, DOUBTED, names="d", quiet=False)
 def _(w):
     inch = scaled(w[list(BASE)], V=1 / 0.3048, f=1 / INCH, AW=1 / INCH)
     return table(inch, V="speed [sfm]", f="feed [ipr]", d="depth of cut", AW="wear [in]")
 
 
-@add("wear in thousandths of an inch, no unit named", READ, REFUSED, DOUBTED, names="VB")
+@add("wear in thousandths of an inch, no unit named", READ, REFUSED, DOUBTED, names="VB", quiet=False)
 def _(w):
     return table(scaled(of_vb(w), VB=1000 / INCH), VB="VB"), of_vb(w)
 
 
-@add("V in m/s, no unit named", READ, REFUSED, DOUBTED, names="V")
+@add("V in m/s, no unit named", READ, REFUSED, DOUBTED, names="V", quiet=False)
 def _(w):
     return table(scaled(w[list(BASE)], V=1 / 60), V="V")
 
@@ -113,7 +113,7 @@ def _(w):  # 262 to 591 are metric speeds too: P / (Fc V) shows it
     return table(scaled(w, V=1 / 0.3048), V="V"), w
 
 
-@add("t in s, no unit named", READ, REFUSED, DOUBTED, names="t")
+@add("t in s, no unit named", READ, REFUSED, DOUBTED, names="t", quiet=False)
 def _(w):
     return table(scaled(w[list(BASE)], t=60), t="t")
 
@@ -144,7 +144,7 @@ def _(w):
     return table(scaled(w, P=1000), P="P [W]"), w
 
 
-@add("power in W, no unit named", READ, REFUSED, names="P")
+@add("power in W, no unit named", READ, REFUSED, names="P", quiet=False)
 def _(w):
     w = w.drop(columns="Fc")
     return table(scaled(w, P=1000), P="power"), w
@@ -161,7 +161,7 @@ def _(w):
     return table(scaled(w[list(BASE)], Fc=0.001), Fc="Fc [kN]")
 
 
-@add("force in kN, no unit named", READ, REFUSED, DOUBTED, names="Fc")
+@add("force in kN, no unit named", READ, REFUSED, DOUBTED, names="Fc", quiet=False)
 def _(w):
     return table(scaled(w[list(BASE)], Fc=0.001), Fc="Fc")
 
@@ -886,7 +886,7 @@ def _(w):
     return table(frame, t="time [s]", I="current [A]")
 
 
-@add("wide: a column of wear for each edge", READ, REFUSED, names="edge|shape|row|rows", quiet=False, check=None)
+@add("wide: a column of wear for each edge", READ, REFUSED, names="edge|shape|row|rows", quiet=False, remedy=False)
 def _(w):
     one = w.drop_duplicates("edge")
     wear = w.pivot_table(index="t", columns="edge", values="AW", sort=False)
@@ -895,7 +895,7 @@ def _(w):
     return text(["edge", *one["edge"]], rows), w[["edge", "V", "f", "d", "t", "AW"]]
 
 
-@add("wide: a column of wear for each time", READ, REFUSED, names="t|time|shape|row|rows", quiet=False)
+@add("wide: a column of wear for each time", READ, REFUSED, names="t|time|shape|row|rows", quiet=False, remedy=False)
 def _(w):
     one = w.drop_duplicates("edge")[["edge", "V", "f", "d"]]
     wear = w["AW"].to_numpy().reshape(24, 6)
@@ -904,7 +904,7 @@ def _(w):
     return text(["edge", "V [m/min]", "f [mm/rev]", "ap [mm]", *names], rows), of_vb(w)
 
 
-@add("wide: times as headers below a title", READ, REFUSED, names="t|time|shape|row|rows", quiet=False)
+@add("wide: times as headers below a title", READ, REFUSED, names="t|time|shape|row|rows", quiet=False, remedy=False)
 def _(w):
     one = w.drop_duplicates("edge")[["edge", "V", "f", "d"]]
     wear = w["AW"].to_numpy().reshape(24, 6)
@@ -914,7 +914,12 @@ def _(w):
 
 
 @add(
-    "blocks: a heading row for each test", READ, REFUSED, names="test|block|blocks|shape|row|rows|heading", quiet=False
+    "blocks: a heading row for each test",
+    READ,
+    REFUSED,
+    names="test|block|blocks|shape|row|rows|heading",
+    quiet=False,
+    remedy=False,
 )
 def _(w):
     lines = []

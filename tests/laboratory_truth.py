@@ -105,6 +105,7 @@ class Case:
     check: Callable | None = None
     edges: bool = True
     quiet: bool = True  # read without any doubt
+    remedy: bool = True  # a refusal holds an option that reads right; False: it shows what to write
 
     @cached_property
     def made(self):
@@ -279,7 +280,7 @@ def _remedy_fault(case, refusal, path, folder):
         if missing := [flag for flag in flags if flag not in refusal]:
             return f"the refusal does not name {missing[0]}"
         return "" if _kind(case, reads(path, case.typed))[0] == READ else f"{case.typed} does not read right"
-    if case.check:
+    if case.check or not case.remedy:
         return "" if case.names else "no remedy to check"
     tried = _tried(case, refusal, path, case.options, 3)
     return "" if tried is True else tried

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
+PATH = list(sys.path)
 sys.path.insert(0, str(Path(__file__).parent))
 
 from laboratory_files import CASES
 from laboratory_truth import READ, SILENT, deviation, judge, reads, table, wear_test
 
-sys.path.pop(0)
+sys.path[:] = PATH
 
 PENDING: set[str] = {
     "VB in um, no unit named",
