@@ -217,8 +217,8 @@ FLAG = re.compile(r"--(?:map|unit|range|value|edge|process|decimal|delimiter|she
 
 def remedies(message):
     """Options in a message as typed: each alone, then all of them together."""
-    found = [flag.rstrip(".:),") for flag in FLAG.findall(message)]
-    found = [flag for flag in dict.fromkeys(found) if "..." not in flag and "COLUMN" not in flag]
+    found = [flag for flag in FLAG.findall(message) if "..." not in flag and "COLUMN" not in flag]
+    found = list(dict.fromkeys(flag.rstrip(".:),") for flag in found))
     return [*found, " ".join(found)] if len(found) > 1 else found
 
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-PATH = list(sys.path)
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "benchmarks"))
 
 import mutations
 
-sys.path[:] = PATH
+for folder in ("tests", "benchmarks"):
+    sys.path.remove(str(Path(__file__).resolve().parent.parent / folder))
 
 FILES, SEED = 60, 18
 
