@@ -25,7 +25,12 @@ def parser() -> Parser:
         "Identify the dynamics of a machine from uniformly sampled input and output, validate the model by simulation\n"
         "of samples that it was not fitted to, and write params.json, a card and figures. Several runs may be given.",
     )
-    p.add_argument("file", metavar="RUN", nargs="+", help="table of samples: CSV, TXT, .xlsx, .lvm, .tdms or .mat")
+    p.add_argument(
+        "file",
+        metavar="RUN",
+        nargs="+",
+        help="table of samples: CSV, TXT, .xlsx, .xls, .xlsb, .ods, .lvm, .tdms or .mat",
+    )
     p.add_argument("--input", metavar="COLUMN", help="commanded signal: header, or col2")
     p.add_argument("--output", metavar="COLUMN", help="measured signal: header, or col3")
     p.add_argument("--time", metavar="COLUMN", help="column of times, where the headers are ambiguous")
@@ -35,7 +40,7 @@ def parser() -> Parser:
     p.add_argument("--unit", action="append", metavar="time=ms", help="unit of a column that has none")
     p.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file is ambiguous")
     p.add_argument("--delimiter", metavar="MARK", help="delimiter of cells, where the file is ambiguous")
-    p.add_argument("--sheet", metavar="NAME", help="sheet of an .xlsx file")
+    p.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
     p.add_argument("--held-out", metavar="RUN", help="a further run for validation")
     p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
     p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")

@@ -28,7 +28,7 @@ def parser() -> Parser:
         "Other commands, each with -h: reduce; predict, plan, next, confirm, simulate; ident, excite, tune; limits,\n"
         "settings, replay, check, export; card, publish; batch",
     )
-    p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV or .xlsx")
+    p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV, .xlsx, .xls, .xlsb or .ods")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
     p.add_argument("--json", action="store_true", help="print the report as JSON; writes nothing unless --out")

@@ -97,3 +97,12 @@ def parse_header(text: str) -> Header:
             if name := " ".join(name.split()).strip(" _,;:/-"):
                 return Header(name, unit_text.strip())
     return Header(text, "")
+
+
+def is_known(text: str) -> bool:
+    """Whether a header cell names a known quantity.
+
+    >>> is_known("Cutting speed (Vc) [m/min]"), is_known("Remarks")
+    (True, False)
+    """
+    return bool(text.strip()) and bool(roles_named(parse_header(text).name))

@@ -18,6 +18,7 @@ from .doubts import Doubt
 from .draft import Draft
 from .edge_checks import check_edges
 from .edges import settle_edges
+from .headers import is_known
 from .marked import keep_marks
 from .merged_cells import fill_down
 from .options import ReadOptions
@@ -35,7 +36,7 @@ def read_runs(
     options: ReadOptions | None = None,
     **given: Any,  # noqa: ANN401  the fields of ReadOptions
 ) -> Runs:
-    """Read a wear-test file: text of any dialect, or .xlsx.
+    """Read a wear-test file: text of any dialect, or a workbook (.xlsx, .xls, .xlsb, .ods).
 
     Parameters
     ----------
@@ -63,11 +64,24 @@ def read_runs(
     how = read_options(given) if options is None else options
     table = path
     if not isinstance(table, Table):
-        table = read_table(table, is_unit=is_unit, decimal=how.decimal, delimiter=how.delimiter, sheet=how.sheet)
+        table = table_of_tests(table, how)
     table = long_table(table)
     source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
     notes = tuple(note.lstrip("#% ") for note in table.notes)
     return _assemble(table.columns, table.lines, source, notes, table.warnings, how, table.assumed, table.doubts)
+
+
+def table_of_tests(path: str | os.PathLike[str], options: ReadOptions) -> Table:
+    """Read the table of a file of tests, with the units and names of cutting tests.
+
+    >>> from fitmodels import datasets
+    >>> table_of_tests(datasets.bundled("ac2017_table1"), ReadOptions()).n_rows
+    16
+    """
+    return read_table(
+        path, is_unit=is_unit, is_name=is_known, decimal=options.decimal, delimiter=options.delimiter,
+        sheet=options.sheet, hidden=options.hidden,
+    )  # fmt: skip
 
 
 def runs_from_frame(

@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 
 from ..core.errors import DataError, RecordError, UsageError
-from ..datasets import Runs, read_runs, read_table, runs_from_frame
+from ..datasets import Runs, read_runs, runs_from_frame
 from ..datasets.options import ReadOptions
+from ..datasets.reading import table_of_tests
 from ..datasets.records.formats import kind_of, looks_like_record
 from ..datasets.shapes import long_table
 from ..datasets.tables.decode import load_bytes
-from ..datasets.units import is_unit
 
 if TYPE_CHECKING:
     from ..datasets.records.formats import FileKind
@@ -76,9 +76,7 @@ def tests_table(path: Path, options: ReadOptions) -> "tuple[Table, tuple[str, ..
     of_tests = options.map or options.ranges or options.sheet  # a record has none of these
     if not of_tests and kind_of(load_bytes(path), path.name) != "table":
         raise _record(path, looks_like_record(path))
-    table = read_table(
-        path, is_unit=is_unit, decimal=options.decimal, delimiter=options.delimiter, sheet=options.sheet
-    )  # fmt: skip
+    table = table_of_tests(path, options)
     doubt = () if of_tests else refuse_record(path, table)
     rows = long_table(table)
     return rows, doubt if rows is table else ()

@@ -335,7 +335,7 @@ REFUSED = {
     "gzip": (b"\x1f\x8b\x08\x00", "looks like a gzip archive"),
     "binary": (b"V;f\n\x00\x01\x02;3\n", "not text", "0x00 at byte 5"),
     "odd bytes": (b"V;\x81\n1;2\n", "unknown encoding", "Save it as CSV UTF-8"),
-    "xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "(.xls)", "Save it as .xlsx or .csv"),
+    "xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "damaged Excel workbook (.xls)", "save it again as .xlsx or .csv"),
     "header only": (b"V;f\nm/min;mm\n", "header only", "lines: 1 and 2"),
     "no numbers": (b"a;b\nc;d\ne;f\ng;h\n", "no numeric column", "from line 1"),
     "mostly text": (b"a;b\nc;1\ne;x\ng;y\n", "no numeric column", "'a', 'b'"),
@@ -376,7 +376,7 @@ def test_missing_file_and_folder(tmp_path):
 @pytest.mark.parametrize(
     ("name", "members", "part"),
     [
-        ("t.ods", ("content.xml", "mimetype"), "(.ods), which cannot be read. Save it as .xlsx or .csv"),
+        ("t.ods", ("content.xml", "mimetype"), "damaged OpenDocument spreadsheet"),
         ("t.xlsb", ("xl/workbook.bin",), "(.xlsb)"),
         ("t.xlsx", ("xl/other.xml",), "damaged Excel workbook"),
         ("t.zip", ("a.csv",), "looks like a zip archive"),

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets.tables.workbook import SUFFIXES
+
 PARQUET = (".parquet", ".pq", ".parq")
-LAB = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
+LAB = (".csv", ".txt", ".tsv", ".dat", *SUFFIXES)
 LARGE = 60_000_000  # bytes of a text file; read whole it takes ten times as much memory
 SHOWN = 3  # names in a sentence
 
@@ -18,7 +20,7 @@ MapOver = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 def is_large(path: Path) -> bool:
     """Whether a text file is too large to be read whole."""
-    return path.suffix.lower() != ".xlsx" and path.stat().st_size > LARGE
+    return path.suffix.lower() not in SUFFIXES and path.stat().st_size > LARGE
 
 
 def some_names(names: Iterable[str]) -> str:

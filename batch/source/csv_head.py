@@ -10,7 +10,7 @@ import pandas as pd
 from ...core.errors import DataError
 from ...datasets import read_table
 from ...datasets.columns import ColumnUse, assign
-from ...datasets.headers import parse_header
+from ...datasets.headers import is_known, parse_header
 from ...datasets.reading import pair_name
 from ...datasets.tables import Column, Table
 from ...datasets.tables.dialect import split_line
@@ -135,7 +135,8 @@ def _table(path: Path, data: bytes, reading: Reading, folder: Path) -> Table:
     try:
         head.write_bytes(data)
         return read_table(
-            head, is_unit=is_unit, decimal=reading.decimal, delimiter=reading.delimiter, sheet=reading.sheet
+            head, is_unit=is_unit, is_name=is_known, decimal=reading.decimal, delimiter=reading.delimiter,
+            sheet=reading.sheet,
         )  # fmt: skip
     finally:
         head.unlink(missing_ok=True)

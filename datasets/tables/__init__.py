@@ -2,7 +2,8 @@
 
 decode     bytes -> lines of text              dialect   lines -> delimiter and kind of file
 numerals   a cell -> a number, or not          layout    which row is header, units, data, footer
-workbook   .xlsx -> rows of cells              body      the rows of data, block by block
+workbook   a book -> sheets -> rows of cells   body      the rows of data, block by block
+sheets     which sheet holds the table         header_rows  several rows -> names and units
 gather     blocks -> columns                   read      the whole way, and what was found on it
 """
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ...core.errors import DataError
 from ...core.suggestions import closest
+from .worksheet import FORMATS
 
 _SIGNATURES = (
     (b"\x89PNG", "a PNG image"),
@@ -29,7 +30,7 @@ _SIGNATURES = (
 )
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _BLANKS = b" \t\r\n\x0b\x0c\x00" + codecs.BOM_UTF8 + codecs.BOM_UTF16
-_ENCODING_NAMES = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "cp1252": "Windows-1252", "xlsx": "Excel workbook"}
+_ENCODING_NAMES = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "cp1252": "Windows-1252"}
 # Tab, the line ends, the form feed and the DOS end-of-file mark (0x1a) are the control bytes a text may hold.
 _CONTROL_BYTES = bytes(sorted(set(range(32)) - set(b"\t\n\r\x0b\x0c\x1a")))
 _SNIFFED = 65536
@@ -96,11 +97,13 @@ def encoding_of(data: bytes, name: str) -> str:
 
 
 def encoding_name(encoding: str) -> str:
-    """Common name of a Python codec.
+    """Common name of a Python codec, or of the format of a workbook.
 
     >>> encoding_name("utf-8-sig"), encoding_name("utf-16-le")
     ('UTF-8', 'UTF-16')
     """
+    if encoding in FORMATS:
+        return FORMATS[encoding]
     return "UTF-16" if encoding.startswith("utf-16") else _ENCODING_NAMES.get(encoding, encoding)
 
 

@@ -10,6 +10,7 @@ from itertools import chain, islice
 from ...core.errors import DataError, UsageError
 from .decode import encoding_name, text_lines
 from .numerals import Decimal, is_missing, is_number
+from .worksheet import FORMATS
 
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "space": " ", "\\t": "\t"}
 _PLURALS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks", "": "one column"}
@@ -28,7 +29,7 @@ class Dialect:
     Parameters
     ----------
     encoding : str
-        Python codec name, or "xlsx".
+        Python codec name, or the format of a workbook: "xlsx", "xls", "xlsb", "ods".
     delimiter : str
         One character; " " for runs of blanks, "" when there is one column or a workbook.
     decimal : {"point", "comma"}
@@ -54,7 +55,7 @@ class Dialect:
         'Windows-1252, tabs, decimal point, no header'
         """
         parts = [encoding_name(self.encoding)]
-        if self.encoding != "xlsx":
+        if self.encoding not in FORMATS:
             parts += [_PLURALS.get(self.delimiter, repr(self.delimiter)), f"decimal {self.decimal}"]
         if self.thousands:
             parts.append(f"thousands {_MARK_NAMES.get(self.thousands, 'blank')}")

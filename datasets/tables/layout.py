@@ -1,15 +1,15 @@
 """Rows -> the places of a table in its file: notes above, header, units row, data, footer."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
 from ...core.errors import DataError
+from .header_rows import SampleRow, Words, is_units_row, no_units, read_head
 from .numerals import Cell, is_missing, is_number
 
-_SAMPLE = 500  # rows looked at to find header and data
-_BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
+SAMPLE = 500  # rows looked at to find header and data
 _FOOTERS = frozenset(
     """
     mean/mean value/average/avg/sum/total/grand total/subtotal/std/sd/std dev/stdev/stddev/standard deviation/
@@ -54,27 +54,19 @@ class Layout:
         return len(self.names)
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
-    """A row of the sample: its cells up to the last filled one, and counts of what they are."""
-
-    line: int
-    cells: tuple[Cell, ...]
-    written: int
-    filled: int
-    numbers: int
-    marks: int
-
-    @property
-    def is_text(self) -> bool:
-        return self.numbers == 0 and self.marks == 0
-
-
-def find_layout(rows: Iterable[tuple[int, Sequence[Cell]]], is_unit: Callable[[str], bool], name: str) -> Layout:
+def find_layout(
+    rows: Iterable[tuple[int, Sequence[Cell]]],
+    is_unit: Callable[[str], bool],
+    name: str,
+    is_name: Callable[[str], bool] = no_units,
+    spans: Mapping[tuple[int, int], int] | None = None,
+) -> Layout:
     """Find header, units row and first data row among the first rows of a file.
 
     The width of the table is that of the rows holding most numbers. The header is, of the rows without a
     number above the first row of that width, the one nearest in width, then the fullest, then the lowest.
+    Rows of text between it and the data, and rows of group names above it, complete its names: ``is_name``
+    says which texts name a quantity, ``spans`` how many columns of a sheet a merged cell of (line, column) covers.
 
     Raises
     ------
@@ -86,7 +78,7 @@ def find_layout(rows: Iterable[tuple[int, Sequence[Cell]]], is_unit: Callable[[s
     (2, ('V', 'f'), (1,))
 
     """
-    sample = list(islice((row for row in map(_look, rows) if row is not None), _SAMPLE))
+    sample = list(islice((row for row in map(_look, rows) if row is not None), SAMPLE))
     weights: Counter[int] = Counter()
     for row in sample:
         weights[len(row.cells)] += row.numbers**2
@@ -102,14 +94,9 @@ def find_layout(rows: Iterable[tuple[int, Sequence[Cell]]], is_unit: Callable[[s
         notes = tuple(row.line for row in sample[:first])
         names = tuple(f"col{i + 1}" for i in range(width))
         return Layout(0, names, ("",) * width, sample[first].line - 1, notes, numeric)
-    header, units = sample[head], sample[head + 1]
-    has_units = _is_units_row(units, header, is_unit)
-    names = tuple(str(cell).strip() for cell in header.cells)
-    unit_cells = [str(cell).strip() for cell in units.cells[: len(names)]] if has_units else []
-    unit_cells += [""] * (len(names) - len(unit_cells))
-    above = units.line if has_units else header.line
-    notes = tuple(row.line for row in sample[:head])
-    return Layout(header.line, names, tuple(unit_cells), above, notes, numeric)
+    found = read_head(sample, head, first, Words(is_unit, is_name), spans)
+    notes = tuple(row.line for row in sample[:head] if row.line < found.first)
+    return Layout(sample[head].line, found.names, found.unit_cells, found.above, notes, numeric)
 
 
 def footer_label(cells: Sequence[Cell]) -> str:
@@ -140,7 +127,7 @@ def is_text_line(cells: Sequence[Cell], layout: Layout) -> bool:
     return len(cells) != layout.width or (len(filled) == 1 and filled == in_numbers)
 
 
-def _look(numbered: tuple[int, Sequence[Cell]]) -> _Row | None:
+def _look(numbered: tuple[int, Sequence[Cell]]) -> SampleRow | None:
     line, written = numbered
     cells = list(written)
     while cells and not str(cells[-1]).strip():
@@ -150,10 +137,10 @@ def _look(numbered: tuple[int, Sequence[Cell]]) -> _Row | None:
     filled = [cell for cell in cells if str(cell).strip()]
     numbers = sum(map(is_number, filled))
     marks = sum(1 for cell in filled if isinstance(cell, str) and is_missing(cell))
-    return _Row(line, tuple(cells), len(written), len(filled), numbers, marks)
+    return SampleRow(line, tuple(cells), len(written), len(filled), numbers, marks)
 
 
-def _no_numbers(sample: Sequence[_Row], name: str) -> DataError:
+def _no_numbers(sample: Sequence[SampleRow], name: str) -> DataError:
     if not sample:
         return DataError(f"{name} holds no filled cell. Export the table again.")
     if len(sample) <= 2:
@@ -167,37 +154,21 @@ def _no_numbers(sample: Sequence[_Row], name: str) -> DataError:
     )
 
 
-def _find_head(rows: Sequence[_Row], width: int, is_unit: Callable[[str], bool]) -> int | None:
+def _find_head(rows: Sequence[SampleRow], width: int, is_unit: Callable[[str], bool]) -> int | None:
     """Position of the header among the rows up to the first full data row, or None."""
     places = [i for i, row in enumerate(rows[:-1]) if row.is_text and row.filled >= min(2, width)]
     if not places:
         return None
     best = max(places, key=lambda i: (-abs(len(rows[i].cells) - width), rows[i].filled, i))
-    below_is_units = _is_units_row(rows[best + 1], rows[best], is_unit)
-    if not below_is_units and best - 1 in places and _is_units_row(rows[best], rows[best - 1], is_unit):
-        return best - 1
+    if is_units_row(rows[best + 1], rows[best], is_unit):
+        return best
+    for above in (best - 1, best - 2):
+        if above in places and is_units_row(rows[best], rows[above], is_unit):
+            return above
     return best
 
 
-def _is_units_row(row: _Row, header: _Row, is_unit: Callable[[str], bool]) -> bool:
-    """Whether most filled cells are units, standing below names, and one of them is not a number."""
-    if row.written != header.written and len(row.cells) != len(header.cells):
-        return False
-    places = [i for i, cell in enumerate(row.cells) if str(cell).strip()]
-    if any(i >= len(header.cells) or not str(header.cells[i]).strip() for i in places):
-        return False
-    texts = [str(row.cells[i]).strip() for i in places]
-    units = [text for text in texts if _is_unit_cell(text, is_unit)]
-    dashes = sum(text in ("-", "--", "–", "—") for text in texts)
-    return 2 * (len(units) + dashes) > len(texts) and not all(map(is_number, units))
-
-
-def _is_unit_cell(text: str, is_unit: Callable[[str], bool]) -> bool:
-    bracketed = len(text) > 2 and _BRACKETS.get(text[0]) == text[-1]
-    return bracketed or is_unit(text)
-
-
-def _matches(row: _Row, numeric: Sequence[bool]) -> bool:
+def _matches(row: SampleRow, numeric: Sequence[bool]) -> bool:
     """Whether a row above the first full one is data: no text where that row has numbers."""
     if len(row.cells) > len(numeric) or not row.numbers:
         return False

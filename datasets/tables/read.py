@@ -4,23 +4,26 @@ import hashlib
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import DataError, UsageError
+from ...core.errors import UsageError
 from ...core.suggestions import did_you_mean
 from ..doubts import Doubt
 from .body import Body, weigh_decimal
 from .decode import encoding_of, load_bytes
 from .dialect import Dialect, TextSource, split_line, text_source
 from .gather import Column, gather_columns
-from .invisible import cleaned_rows, without_invisible
+from .header_rows import Words, no_units
+from .invisible import without_invisible
 from .layout import Layout, find_layout
 from .numerals import Decimal, is_missing, is_number
 from .row_widths import aligned
-from .workbook import WorkbookSheet, is_workbook, read_sheets
+from .workbook import book_format
+from .worksheet import WorkbookSheet
 
 __all__ = ["Column", "Table", "no_units", "read_table"]
 
@@ -90,26 +93,19 @@ class Table:
         raise UsageError(f"{self.path.name} has no column {name!r}. {hint}")
 
 
-def no_units(text: str) -> bool:
-    """False for every text: the default of `read_table`, which finds units rows by brackets only.
-
-    >>> no_units("mm")
-    False
-    """
-    return False
-
-
 def read_table(
     path: str | os.PathLike[str],
     *,
     is_unit: Callable[[str], bool] = no_units,
+    is_name: Callable[[str], bool] = no_units,
     decimal: Decimal | None = None,
     delimiter: str | None = None,
     sheet: str | None = None,
+    hidden: bool = False,
 ) -> Table:
-    r"""Read a delimited text file or an .xlsx workbook.
+    r"""Read a delimited text file or a workbook (.xlsx, .xls, .xlsb, .ods).
 
-    Encoding, delimiter, decimal mark, preamble, header, units row and footer are found; an ambiguous
+    Encoding, delimiter, decimal mark, sheet, preamble, header rows, units row and footer are found; an ambiguous
     file is refused.
 
     Parameters
@@ -118,12 +114,16 @@ def read_table(
         A text file in UTF-8, UTF-16 or Windows-1252, or a workbook, whatever its extension.
     is_unit : callable
         Whether a cell's text is a unit; a row of such cells below the header is the units row.
+    is_name : callable
+        Whether a header names a known quantity: it decides between sheets and between header rows.
     decimal : {"point", "comma"}, optional
         The decimal mark; by default the cells decide.
     delimiter : str, optional
         One character, or comma, semicolon, tab, bar, space.
     sheet : str, optional
-        The sheet of a workbook; by default the first that holds a table.
+        The sheet of a workbook; by default the one with most known names, or else the first with a table.
+    hidden : bool
+        Read hidden rows, columns and sheets of a workbook too.
 
     Raises
     ------
@@ -144,19 +144,23 @@ def read_table(
     path = Path(path)
     data = load_bytes(path)
     source: TextSource | WorkbookSheet
-    encoding = "xlsx"
-    if is_workbook(data, path.name):
-        source, layout, notes, warnings = _from_workbook(data, path.name, sheet, is_unit)
+    words = Words(is_unit, is_name)
+    kind = encoding = book_format(data, path.name)
+    if kind:
+        source, layout, notes, warnings = _from_workbook(data, path.name, sheet, words, hidden)
     elif sheet is not None:
         raise UsageError(f"{path.name} is a text file and has no sheets: leave out --sheet {sheet}.")
     else:
         encoding = encoding_of(data, path.name)
         seen, decoded, removed = without_invisible(data, encoding)
         source = text = text_source(path.name, seen, decoded, delimiter)
-        layout, notes, warnings = _from_text(text, is_unit)
+        layout, notes, warnings = _from_text(text, words)
         warnings += removed
-    mark = source.delimiter if isinstance(source, TextSource) else ""
-    layout, realigned = aligned(source, layout, path.name, mark)
+    mark = ""
+    realigned: list[str] = []
+    if isinstance(source, TextSource):
+        mark = source.delimiter
+        layout, realigned = aligned(source, layout, path.name, mark)
     body = Body(path.name, source, layout, mark)
     point, thousands, doubts = weigh_decimal(body, decimal)
     columns, lines, findings, cell_doubts = gather_columns(body, point)
@@ -166,7 +170,7 @@ def read_table(
         sha256=hashlib.sha256(data).hexdigest(),
         columns=columns,
         lines=lines,
-        notes=tuple(text for _, text in sorted([*notes, *named])),
+        notes=tuple(text for _, text in sorted([*notes, *named], key=itemgetter(0))),
         warnings=(*warnings, *realigned, *doubts, *findings.sentences()),
         dialect=Dialect(encoding, body.delimiter, point, thousands, layout.header_line > 0),
         doubts=cell_doubts,
@@ -174,28 +178,22 @@ def read_table(
 
 
 def _from_workbook(
-    data: bytes, name: str, title: str | None, is_unit: Callable[[str], bool]
+    data: bytes, name: str, title: str | None, words: Words, hidden: bool
 ) -> tuple[WorkbookSheet, Layout, list[tuple[int, str]], list[str]]:
-    """The first sheet that holds a table, with a note naming the others."""
-    sheets, titles = read_sheets(data, name, title)
-    refusals: list[DataError] = []
-    for sheet in sheets:
-        rows, removed = cleaned_rows(sheet.rows)
-        sheet = replace(sheet, rows=rows)
-        try:
-            layout = find_layout(sheet, is_unit, f"{name}, sheet {sheet.title!r}")
-        except DataError as refusal:
-            refusals.append(refusal)
-            continue
-        others = [other for other in titles if other != sheet.title]
-        note = f"Sheet {sheet.title!r} is read; not read: {', '.join(map(repr, others))}."
-        return sheet, layout, [(0, note)] if others else [], [*removed, *_header_warning(layout)]
-    raise DataError(f"{refusals[0]} (A formula holds a number only once Excel has saved the workbook.)")
+    """The sheet with the table of tests, its layout, notes on the other sheets and warnings on what is left out."""
+    from .sheets import choose_sheet, left_out, padded
+    from .workbook import open_book
+
+    book = open_book(data, name)
+    table, lines = choose_sheet(book, name, title, words, hidden)
+    notes, warnings = left_out(table, book)
+    table = padded(table)
+    return table.sheet, table.layout, [(0, text) for text in (*notes, *lines)], _header_warning(table.layout) + warnings
 
 
-def _from_text(source: TextSource, is_unit: Callable[[str], bool]) -> tuple[Layout, list[tuple[int, str]], list[str]]:
+def _from_text(source: TextSource, words: Words) -> tuple[Layout, list[tuple[int, str]], list[str]]:
     """Layout of a text file; without a header row, a comment above with as many cells serves as one."""
-    layout = find_layout(source, is_unit, source.name)
+    layout = find_layout(source, words.is_unit, source.name, words.is_name)
     comments = source.comments()
     if layout.header_line:
         return layout, comments, []

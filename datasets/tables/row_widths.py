@@ -42,10 +42,8 @@ def aligned(
     first = next(((line, row) for line, row in body if row), None)
     if first is None or len(first[1]) == width or (len(first[1]) < width and layout.names[0]):
         return layout, []
-    if numbers := _numbers_below(first[1], width):
-        names = (*layout.names[:-1], *(f"{layout.names[-1]} {number}" for number in numbers))
-        units = (*layout.unit_cells, *[layout.unit_cells[-1]] * (len(numbers) - 1))
-        return replace(layout, names=names, unit_cells=units, above=first[0]), []
+    if (below := with_numbers_below(layout, *first)) is not layout:
+        return below, []
     sample = [(line, row) for line, row in (first, *islice(body, _SAMPLE)) if row and not footer_label(row)]
     extra, count = Counter(len(row) - width for _, row in sample).most_common(1)[0]
     if extra < 0 and count == len(sample) and extra == -1:
@@ -65,6 +63,20 @@ def aligned(
         f"{width + extra} cells, so the names stand above the wrong numbers. Add the {_missing_names(extra)} to the "
         f"header, each above its numbers, or remove the extra cells{commas}:\n{side_by_side(layout.names, example)}"
     )
+
+
+def with_numbers_below(layout: Layout, line: int, row: Sequence[Cell]) -> Layout:
+    """The layout with a column for each of the rising numbers that a first row has below the last name.
+
+    >>> with_numbers_below(Layout(1, ("V", "VB"), ("", ""), 1, (), (True, True)), 2, ["", "5", "10"]).names
+    ('V', 'VB 5', 'VB 10')
+    """
+    numbers = _numbers_below(row, layout.width)
+    if not numbers:
+        return layout
+    names = (*layout.names[:-1], *(f"{layout.names[-1]} {number}" for number in numbers))
+    units = (*layout.unit_cells, *[layout.unit_cells[-1]] * (len(numbers) - 1))
+    return replace(layout, names=names, unit_cells=units, above=line)
 
 
 def shifted(layout: Layout, name: str, row: Sequence[Cell], lacking: int, count: int, n_rows: int) -> DataError:

@@ -1,73 +1,65 @@
-"""An Excel workbook -> rows of cells."""
+"""A workbook of any format (.xlsx, .xls, .xlsb, .ods) -> sheets of cells."""
 
 import io
-import warnings
 import zipfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import Protocol
 
 from ...core.errors import DataError, UsageError
 from ...core.suggestions import did_you_mean
-from .numerals import Cell
+from .worksheet import WorkbookSheet, damaged, protected
 
-_OLE = b"\xd0\xcf\x11\xe0"
-_CURE = "Save it as .xlsx or .csv."
+SUFFIXES = (".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
+_OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_ENCRYPTED = ("EncryptedPackage".encode("utf-16-le"), b"EncryptedPackage")
 
 
-@dataclass(frozen=True, slots=True)
-class WorkbookSheet:
-    """The rows of one sheet; numbers stay numbers, all else is text.
+class Book(Protocol):
+    """An open workbook."""
 
-    >>> list(WorkbookSheet("a.xlsx", "Data", (("V",), (100.0,))))
-    [(1, ('V',)), (2, (100.0,))]
-    """
+    titles: tuple[str, ...]
+    hidden_titles: frozenset[str]
 
-    name: str
-    title: str
-    rows: tuple[tuple[Cell, ...], ...]
-
-    def __iter__(self) -> Iterator[tuple[int, tuple[Cell, ...]]]:
-        """Iterate over (row number, cells)."""
-        return enumerate(self.rows, start=1)
-
-    def as_written(self, numbers: set[int]) -> dict[int, str]:
-        """Rows by number as text, filled cells joined by a blank.
-
-        >>> WorkbookSheet("a.xlsx", "Data", (("Test", "", "5"),)).as_written({1})
-        {1: 'Test 5'}
-        """
-        return {n: " ".join(str(cell) for cell in self.rows[n - 1] if cell != "") for n in sorted(numbers)}
+    def sheet(self, title: str, hidden: bool = False, most: int | None = None) -> WorkbookSheet:
+        """Read one sheet, or its first rows until ``most`` of them are filled."""
 
 
 def is_workbook(data: bytes, name: str) -> bool:
-    """Whether a file is an .xlsx workbook, whatever its name.
+    """Whether a file is a workbook, whatever its name.
 
     Raises
     ------
     DataError
-        It is a spreadsheet of another format (.xls, .xlsb, .ods), or a damaged workbook.
+        It is a damaged workbook or protected by a password.
 
     >>> is_workbook(b"V;f", "a.csv")
     False
 
     """
-    if data.startswith(_OLE):
-        raise DataError(f"{name} is an old Excel workbook (.xls) or one with a password, which cannot be read. {_CURE}")
-    ends_in_xlsx = name.lower().endswith((".xlsx", ".xlsm"))
-    if not data.startswith(b"PK\x03\x04"):
-        return False
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = set(archive.namelist())
-    except zipfile.BadZipFile as error:
-        if not ends_in_xlsx:
-            return False
-        raise _damaged(name, error) from error
-    if "xl/workbook.bin" in members:
-        raise DataError(f"{name} is a binary Excel workbook (.xlsb), which cannot be read. {_CURE}")
-    if "content.xml" in members:
-        raise DataError(f"{name} is an OpenDocument file (.ods), which cannot be read. {_CURE}")
-    return ends_in_xlsx or "xl/workbook.xml" in members
+    return _format(data, name) != ""
+
+
+def open_book(data: bytes, name: str) -> Book:
+    """Open a workbook by the reader of its format.
+
+    Raises
+    ------
+    DataError
+        The workbook is damaged, protected by a password or holds no sheet of cells.
+
+    """
+    kind = _format(data, name)
+    if kind == "xlsx":
+        from .xlsx import XlsxBook
+
+        book: Book = XlsxBook(data, name)
+    else:
+        from .other_books import CalamineBook
+
+        book = CalamineBook(data, name, kind)
+    if not book.titles:
+        raise DataError(f"{name} holds no sheet of cells: save the sheet with the table as .xlsx or .csv.")
+    return book
 
 
 def read_sheets(data: bytes, name: str, sheet: str | None) -> tuple[Iterator[WorkbookSheet], tuple[str, ...]]:
@@ -75,7 +67,7 @@ def read_sheets(data: bytes, name: str, sheet: str | None) -> tuple[Iterator[Wor
 
     Returns
     -------
-    sheets : iterator of Sheet
+    sheets : iterator of WorkbookSheet
         The sheet asked for, or all of them in the book's order, each read when it is reached.
     titles : tuple of str
         The titles of all sheets.
@@ -88,44 +80,54 @@ def read_sheets(data: bytes, name: str, sheet: str | None) -> tuple[Iterator[Wor
         No sheet has the title asked for.
 
     """
-    import openpyxl
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # styles and extensions the reader leaves out carry no data
-            book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
-            titles = tuple(page.title for page in book.worksheets)
-    except Exception as error:  # a damaged part raises whatever the XML or zip reader raises
-        raise _damaged(name, error) from error
-    if not titles:
-        raise DataError(f"{name} holds no sheet of cells. {_CURE}")
-    if sheet is not None and sheet not in titles:
-        hint = did_you_mean(sheet, titles, cutoff=0.6, names="Its sheets are ")
-        raise UsageError(f"{name} has no sheet {sheet!r}. {hint}")
-    wanted = titles if sheet is None else (sheet,)
-    return (WorkbookSheet(name, title, _rows(book, title, name)) for title in wanted), titles
+    book = open_book(data, name)
+    if sheet is not None:
+        check_title(sheet, book, name)
+    wanted = book.titles if sheet is None else (sheet,)
+    return (book.sheet(title) for title in wanted), book.titles
 
 
-def _rows(book: object, title: str, name: str) -> tuple[tuple[Cell, ...], ...]:
-    page = book[title]  # type: ignore[index]
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            page.reset_dimensions()  # some programs store a wrong sheet size
-            return tuple(tuple(map(_cell, row)) for row in page.iter_rows(values_only=True))
-    except Exception as error:  # as above: the sheet is parsed only now
-        raise _damaged(name, error) from error
+def check_title(title: str, book: Book, name: str) -> None:
+    """Refuse the title of a sheet that the book does not have.
+
+    Raises
+    ------
+    UsageError
+
+    """
+    if title not in book.titles:
+        hint = did_you_mean(title, book.titles, cutoff=0.6, names="Its sheets are ")
+        raise UsageError(f"{name} has no sheet {title!r}. {hint}")
 
 
-def _cell(value: object) -> Cell:
-    if value is None:
+def book_format(data: bytes, name: str) -> str:
+    """Format of a workbook as the usual extension without its point.
+
+    >>> book_format(b"V;f", "a.csv")
+    ''
+    """
+    return _format(data, name)
+
+
+def _format(data: bytes, name: str) -> str:
+    """The extension usual for the format of a workbook, "" for any other file."""
+    lower = name.lower()
+    if data.startswith(_OLE[:4]):
+        if any(mark in data for mark in _ENCRYPTED):
+            raise protected(name)
+        return "xls"
+    ends_in_xlsx = lower.endswith((".xlsx", ".xlsm"))
+    if not data.startswith(b"PK\x03\x04"):
         return ""
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return float(value)
-    return value if isinstance(value, str) else str(value)
-
-
-def _damaged(name: str, error: Exception) -> DataError:
-    return DataError(
-        f"{name} is a damaged Excel workbook ({error}). Open it in Excel and save it again as .xlsx or .csv."
-    )
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = set(archive.namelist())
+    except zipfile.BadZipFile as error:
+        if not lower.endswith(SUFFIXES):
+            return ""
+        raise damaged(name, error) from error
+    if "xl/workbook.bin" in members:
+        return "xlsb"
+    if "content.xml" in members and (lower.endswith(".ods") or b"opendocument.spreadsheet" in data[:200]):
+        return "ods"
+    return "xlsx" if ends_in_xlsx or "xl/workbook.xml" in members else ""

@@ -1,0 +1,122 @@
+"""One sheet of a workbook: its rows, what is hidden, merged or not computed in it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from ...core.errors import DataError
+from .numerals import Cell
+
+FORMATS = {
+    "xlsx": "Excel workbook",
+    "xls": "Excel workbook (.xls)",
+    "xlsb": "Excel workbook (.xlsb)",
+    "ods": "OpenDocument spreadsheet",
+}  # by the extension of each
+
+Row = tuple[Cell, ...]
+Place = tuple[int, int]  # row and column of a cell, from 1
+
+
+@dataclass(frozen=True, slots=True)
+class WorkbookSheet:
+    """The rows of one sheet; numbers stay numbers, all else is text.
+
+    Parameters
+    ----------
+    name, title : str
+        Of the file and of the sheet.
+    rows : tuple of tuple
+        Cells of each row from the first; rows and cells that are hidden and left out are empty.
+    hidden_rows : tuple of int
+        Filled rows that are left out.
+    hidden_columns : mapping of int to tuple
+        Filled columns that are left out, each with its cells by row.
+    merged : mapping
+        Upper left cell of each range of merged cells -> its lower right cell.
+    formulas : tuple of (int, int)
+        Cells with a formula whose value the file does not hold.
+
+    >>> list(WorkbookSheet("a.xlsx", "Data", (("V",), (100.0,))))
+    [(1, ('V',)), (2, (100.0,))]
+
+    """
+
+    name: str
+    title: str
+    rows: tuple[Row, ...]
+    hidden_rows: tuple[int, ...] = ()
+    hidden_columns: Mapping[int, Mapping[int, Cell]] = field(default_factory=dict)
+    merged: Mapping[Place, Place] = field(default_factory=dict)
+    formulas: tuple[Place, ...] = ()
+
+    def __iter__(self) -> Iterator[tuple[int, Row]]:
+        """Iterate over (row number, cells)."""
+        return enumerate(self.rows, start=1)
+
+    def as_written(self, numbers: set[int]) -> dict[int, str]:
+        """Rows by number as text: two filled cells as name and value, others joined by blanks.
+
+        >>> WorkbookSheet("a.xlsx", "Data", (("Tool", "", "K10"), ("Test 5",))).as_written({1, 2})
+        {1: 'Tool: K10', 2: 'Test 5'}
+        """
+        return {n: _line(self.rows[n - 1]) for n in sorted(numbers)}
+
+
+def without_hidden(sheet: WorkbookSheet, rows: set[int], columns: set[int]) -> WorkbookSheet:
+    """The sheet without the filled cells of these rows and columns.
+
+    >>> sheet = without_hidden(WorkbookSheet("a.xlsx", "A", (("V", "f"), (1.0, 2.0), (3.0, 4.0))), {3}, {2, 5})
+    >>> sheet.rows, sheet.hidden_rows, sheet.hidden_columns
+    ((('V', ''), (1.0, ''), ()), (3,), {2: {1: 'f', 2: 2.0}})
+    """
+    if not rows and not columns:
+        return sheet
+    left_out = tuple(line for line, row in enumerate(sheet.rows, start=1) if row and line in rows)
+    kept: list[Row] = [() if line in rows else row for line, row in enumerate(sheet.rows, start=1)]
+    width = max(map(len, kept), default=0)
+    concealed: dict[int, Mapping[int, Cell]] = {}
+    for i in sorted(column for column in columns if column <= width):
+        cells = {n: row[i - 1] for n, row in enumerate(kept, start=1) if len(row) >= i and row[i - 1] != ""}
+        if cells:
+            concealed[i] = cells
+    if concealed:
+        kept = [tuple("" if i in concealed else cell for i, cell in enumerate(row, start=1)) for row in kept]
+    formulas = tuple(place for place in sheet.formulas if place[0] not in rows and place[1] not in columns)
+    return replace(sheet, rows=tuple(kept), hidden_rows=left_out, hidden_columns=concealed, formulas=formulas)
+
+
+def letters(column: int) -> str:
+    """Letters of a column of a sheet, counted from 1.
+
+    >>> letters(1), letters(28)
+    ('A', 'AB')
+    """
+    text = ""
+    while column:
+        column, rest = divmod(column - 1, 26)
+        text = chr(ord("A") + rest) + text
+    return text
+
+
+def damaged(name: str, error: BaseException, kind: str = "xlsx") -> DataError:
+    """The refusal of a workbook whose parts cannot be read."""
+    return DataError(
+        f"{name} is a damaged {FORMATS[kind]} ({error}). Open it in Excel or LibreOffice and save it again "
+        "as .xlsx or .csv."
+    )
+
+
+def protected(name: str) -> DataError:
+    """The refusal of a workbook with a password."""
+    return DataError(
+        f"{name} is protected by a password, so its cells cannot be read. "
+        "Open it, remove the password (in Excel: File, Info, Protect Workbook) and save it again."
+    )
+
+
+def _line(row: Row) -> str:
+    filled = [str(int(cell)) if isinstance(cell, float) and cell.is_integer() else str(cell) for cell in row]
+    filled = [text.strip() for text in filled if text.strip()]
+    if len(filled) == 2 and not filled[0].endswith((":", "=")):
+        return f"{filled[0]}: {filled[1]}"
+    return " ".join(filled)

@@ -1,0 +1,171 @@
+"""An .xlsx workbook, read by the parser of openpyxl, which keeps hidden parts, merged cells and number formats."""
+
+import io
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import openpyxl
+from openpyxl.styles.numbers import BUILTIN_FORMATS
+from openpyxl.utils.cell import range_boundaries
+from openpyxl.worksheet._reader import FORMULA_TAG, VALUE_TAG, WorkSheetParser
+
+from ...core.errors import DataError
+from .numerals import Cell
+from .typed_cells import cell_of, is_length_of_time, shown_time
+from .worksheet import Place, Row, WorkbookSheet, damaged, without_hidden
+
+_TRUE = ("1", "true")
+_Cells = list[tuple[int, Cell]]
+
+
+class _Parser(WorkSheetParser):
+    """The parser of openpyxl, with cells as (column, value) and a list of formulas that have no stored value."""
+
+    def __init__(self, source: Any, page: Any, book: Any) -> None:  # noqa: ANN401  openpyxl has no types
+        super().__init__(
+            source,
+            page._shared_strings,
+            data_only=True,
+            epoch=book.epoch,
+            date_formats=book._date_formats,
+            timedelta_formats=book._timedelta_formats,
+        )
+        self.book = book
+        self.places: dict[str, int] = {}
+        self.formulas: list[Place] = []
+
+    def parse_cell(self, element: Any) -> tuple[int, Cell]:  # type: ignore[override]  # noqa: ANN401
+        """Column and value of a cell: plain numbers and shared texts here, all else as openpyxl reads it."""
+        kind, reference, style = element.get("t"), element.get("r"), element.get("s")
+        if reference is None:
+            self.col_counter += 1
+            column = self.col_counter
+        else:
+            name = reference.rstrip("0123456789")
+            column = self.places.get(name) or self.places.setdefault(name, _number(name))
+            self.col_counter = column
+        value = element.findtext(VALUE_TAG)
+        if value:
+            if kind == "s":
+                return column, self.shared_strings[int(value)] or ""
+            if kind is None or kind == "n":
+                if style is None or int(style) not in self.date_formats:
+                    return column, float(value)
+                return column, self._dated(float(value), int(style))
+        elif kind in (None, "n") or (kind == "e" and element.find(FORMULA_TAG) is not None):
+            if len(element) and element.find(FORMULA_TAG) is not None:
+                self.formulas.append((self.row_counter, column))
+            return column, ""
+        return column, cell_of(super().parse_cell(element)["value"])
+
+    def _dated(self, serial: float, style: int) -> Cell:
+        code = _format_code(self.book, style)
+        if is_length_of_time(code, serial):
+            return shown_time(code, serial)
+        from openpyxl.utils.datetime import from_excel
+
+        try:
+            return cell_of(from_excel(serial, self.epoch))
+        except (OverflowError, ValueError):  # no date has this number
+            return serial
+
+
+class XlsxBook:
+    """An open .xlsx workbook.
+
+    Raises
+    ------
+    DataError
+        The workbook is damaged.
+
+    """
+
+    def __init__(self, data: bytes, name: str) -> None:
+        self._name = name
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # styles and extensions the reader leaves out carry no data
+                self._book: Any = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+                pages = self._book.worksheets
+                self.titles: tuple[str, ...] = tuple(page.title for page in pages)
+        except Exception as error:  # a damaged part raises whatever the XML or zip reader raises
+            raise damaged(name, error) from error
+        self.hidden_titles = frozenset(page.title for page in pages if page.sheet_state != "visible")
+
+    def sheet(self, title: str, hidden: bool = False, most: int | None = None) -> WorkbookSheet:
+        """Read one sheet, or its first rows until ``most`` of them are filled.
+
+        Raises
+        ------
+        DataError
+            The sheet is damaged.
+
+        """
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                return self._read(title, hidden, most)
+        except DataError:
+            raise
+        except Exception as error:  # as above: the sheet is parsed only now
+            raise damaged(self._name, error) from error
+
+    def _read(self, title: str, hidden: bool, most: int | None) -> WorkbookSheet:
+        page = self._book[title]
+        with page._get_source() as source:
+            parser = _Parser(source, page, self._book)
+            rows: list[Row] = []
+            filled = 0
+            for number, cells in parser.parse():
+                row = _row(cells)
+                if not row or number <= len(rows):
+                    continue
+                rows.extend(() for _ in range(number - 1 - len(rows)))
+                rows.append(row)
+                filled += 1
+                if most is not None and filled >= most:
+                    break
+        sheet = WorkbookSheet(
+            self._name, title, tuple(rows), merged=dict(_merged(parser.merged_cells)), formulas=tuple(parser.formulas)
+        )
+        return sheet if hidden else without_hidden(sheet, *_hidden(parser))
+
+
+def _row(cells: _Cells) -> Row:
+    """The cells of a row in their columns, empty ones at its end left off."""
+    while cells and cells[-1][1] == "":
+        cells.pop()
+    if not cells:
+        return ()
+    if cells[-1][0] == len(cells):
+        return tuple([value for _, value in cells])
+    row: list[Cell] = [""] * cells[-1][0]
+    for column, value in cells:
+        row[column - 1] = value
+    return tuple(row)
+
+
+def _hidden(parser: _Parser) -> tuple[set[int], set[int]]:
+    """Numbers of the rows and of the columns that a sheet hides."""
+    rows = {int(number) for number, row in parser.row_dimensions.items() if row.get("hidden") in _TRUE}
+    columns = [column for column in parser.column_dimensions.values() if column.get("hidden") in _TRUE]
+    return rows, {i for column in columns for i in range(int(column["min"]), int(column["max"]) + 1)}
+
+
+def _merged(ranges: Any) -> Iterator[tuple[Place, Place]]:  # noqa: ANN401
+    for one in getattr(ranges, "mergeCell", None) or ():
+        left, top, right, bottom = (bound or 0 for bound in range_boundaries(one.ref))
+        yield (top, left), (bottom, right)
+
+
+def _format_code(book: Any, style: int) -> str:  # noqa: ANN401
+    number = book._cell_styles[style].numFmtId
+    return str(BUILTIN_FORMATS.get(number, "") if number < 164 else book._number_formats[number - 164])
+
+
+def _number(name: str) -> int:
+    number = 0
+    for letter in name.upper():
+        number = 26 * number + ord(letter) - ord("A") + 1
+    return number

@@ -1,0 +1,283 @@
+"""Workbooks as laboratories keep them: cover sheets, several header rows, hidden parts, formulas, other formats.
+
+Every book is written by a library nobody here wrote (openpyxl, xlwt, odfpy) and holds the same table of known laws.
+"""
+
+import io
+
+import numpy as np
+import openpyxl
+import pytest
+import xlwt
+from fitmodels import datasets
+from fitmodels.core.errors import DataError, UsageError
+from fitmodels.datasets import read_runs, read_table
+from odf.opendocument import OpenDocumentSpreadsheet
+from odf.table import Table as OdfTable
+from odf.table import TableCell, TableRow
+from odf.text import P
+
+RNG = np.random.default_rng(5)
+HEADER = ["edge", "V [m/min]", "f [mm/rev]", "d [mm]", "t [min]", "VB [mm]"]
+DESIGN = [(V, f, d) for V in (100.0, 160.0, 220.0) for f in (0.1, 0.25) for d in (1.0, 2.0)]
+ROWS = [
+    [f"E{e}", V, f, d, t, round(4e-4 * V**0.8 * f**0.4 * d**0.2 * t**0.5 * float(np.exp(RNG.normal(0, 0.02))), 5)]
+    for e, (V, f, d) in enumerate(DESIGN, start=1)
+    for t in (2.0, 5.0, 9.0)
+]
+ROLES = ("V", "f", "d", "t", "VB")
+
+
+def fill(page, lines):
+    for line in lines:
+        page.append(line)
+
+
+def book(tmp_path, name="a.xlsx", **sheets):
+    """A book of sheets, each a list of rows or a function that fills the page."""
+    made = openpyxl.Workbook()
+    made.remove(made.active)
+    for title, content in sheets.items():
+        page = made.create_sheet(title)
+        content(page) if callable(content) else fill(page, content)
+    made.save(tmp_path / name)
+    return tmp_path / name
+
+
+def check(runs, rows=ROWS):
+    """The runs are the rows of the table, in the units of their roles."""
+    for i, role in enumerate(ROLES, start=1):
+        np.testing.assert_allclose(runs.values(role), [row[i] for row in rows], rtol=1e-12, err_msg=role)
+    assert list(runs.data["edge"]) == [row[0] for row in rows]
+
+
+def said(runs):
+    return " | ".join((*runs.warnings, *runs.notes, *runs.assumed))
+
+
+# Sheets
+
+
+COVER = [["Test report"], [], ["Tool", "GC4325"], ["Material", "C45"], ["Diameter", 80], ["Operator", "N.N."]]
+
+
+def first_own_file(page):
+    """Title, group names over merged cells, symbols, units, and remarks beside the table."""
+    fill(page, [["Versuchsreihe 3"], []])
+    page.append(["Schneide", "Schnittbedingungen", None, None, None, "Verschleiß", "Bemerkung"])
+    page.append([None, "vc", "f", "ap", "t", "VB"])
+    page.append([None, "[m/min]", "[mm/U]", "[mm]", "[min]", "[mm]"])
+    page.merge_cells("A3:A4")
+    page.merge_cells("B3:E3")
+    fill(page, [[*row, "Ausbruch" if i % 7 == 3 else None] for i, row in enumerate(ROWS)])
+    fill(page, [[], ["Gemessen von N.N."]])
+
+
+def test_the_first_own_file_needs_no_flag(tmp_path):
+    runs = read_runs(book(tmp_path, Deckblatt=COVER, Messwerte=first_own_file))
+    check(runs)
+    assert (runs.tool, runs.work) == ("GC4325", "C45")
+    assert "Sheet 'Messwerte' is read; not read: 'Deckblatt'." in runs.notes
+    assert [use.header for use in runs.columns] == ["Schneide", "vc", "f", "ap", "t", "Verschleiß VB", "Bemerkung"]
+
+
+def test_a_remark_column_without_a_name(tmp_path):
+    rows = [[*row, "chipping"] if i % 9 == 4 else row for i, row in enumerate(ROWS)]
+    check(read_runs(book(tmp_path, Data=[HEADER, *rows])))
+
+
+def test_a_table_between_blank_columns_and_rows(tmp_path):
+    lines = [[], [None, None, "Lab book 7"], [], *([None, None, line[0], None, *line[1:]] for line in [HEADER, *ROWS])]
+    lines[10:10] = [[], []]
+    check(read_runs(book(tmp_path, Data=lines)))
+
+
+def test_sheets_equally_good_are_listed(tmp_path):
+    other = [[*row[:5], 2 * row[5]] for row in ROWS]
+    path = book(tmp_path, Info=COVER, Dry=[HEADER, *ROWS], Wet=[[*HEADER[:5], "Ra [um]"], *other])
+    with pytest.raises(DataError, match=r"--sheet 'Dry' \(36 rows\), --sheet 'Wet' \(36 rows\)"):
+        read_runs(path)
+    check(read_runs(path, sheet="Dry"))
+    with pytest.raises(UsageError, match=r"no sheet 'Dri'\. Did you mean 'Dry'"):
+        read_runs(path, sheet="Dri")
+
+
+def test_a_summary_before_the_table_is_not_read(tmp_path):
+    summary = [["edge", "mean VB [mm]"], *([f"E{e}", 0.01 * e] for e in range(1, 13))]
+    runs = read_runs(book(tmp_path, Summary=summary, Data=[HEADER, *ROWS], Lists=[["steel"], ["C45"]]))
+    check(runs)
+    assert "not read: 'Summary', 'Lists'" in said(runs)
+
+
+# Header rows
+
+
+NAMES = ["Schneide", "Schnittgeschwindigkeit", "Vorschub", "Schnitttiefe", "Zeit", "Freiflächenverschleiß"]
+SYMBOLS = [None, "vc", "f", "ap", "t", "VB"]
+UNITS = [None, "m/min", "mm", "mm", "min", "mm"]
+GROUPED = [
+    [["edge", "Cutting conditions", None, None, "Test", None], [None, *HEADER[1:]]],
+    [NAMES, SYMBOLS, UNITS],
+    [NAMES, ["-", *UNITS[1:]]],
+    [["Schneide", *SYMBOLS[1:]], ["", "[m/min]", "[mm/U]", "[mm]", "[min]", "[mm]"]],
+    [[None, "Cutting conditions", None, None, None, "Wear [mm]"], ["edge", "V", "f", "d", "t", "VB"]],
+    [["Tool:", "K10"], ["Lab", "A"], HEADER],
+]
+
+
+@pytest.mark.parametrize("text", [False, True])
+@pytest.mark.parametrize("head", GROUPED)
+def test_header_rows(tmp_path, head, text):
+    path = tmp_path / "a.csv"
+    if text:
+        lines = [";".join("" if cell is None else str(cell) for cell in row) for row in [*head, *ROWS]]
+        path.write_text("\n".join(lines), encoding="utf-8")
+    else:
+        path = book(tmp_path, Data=[*head, *ROWS])
+    check(read_runs(path))
+
+
+def test_the_unit_of_a_group_is_kept(tmp_path):
+    head = [["edge", "V", "f", "d", "t", "Flank wear [µm]", None], [None, None, None, None, None, "VB", "other"]]
+    rows = [[*row[:5], 1000 * row[5], 0.1] for row in ROWS]
+    runs = read_runs(book(tmp_path, Data=[*head, *rows]))
+    np.testing.assert_allclose(runs.values("VB"), [row[5] for row in ROWS])
+
+
+def test_names_of_a_group_stay_apart(tmp_path):
+    head = [["edge", "VB", None, "AW", None], [None, "mean", "max", "mean", "max"]]
+    rows = [[f"E{i}", 0.1, 0.2, 0.3, 0.4 + i] for i in range(5)]
+    table = read_table(book(tmp_path, Data=[*head, *rows]), is_name=lambda text: text in ("edge", "VB", "AW"))
+    assert [column.name for column in table.columns] == ["edge", "VB mean", "VB max", "AW mean", "AW max"]
+
+
+# Hidden, merged, uncomputed
+
+
+def test_hidden_rows_and_columns_are_left_out_by_name(tmp_path):
+    def page(page):
+        fill(page, [[*HEADER[:5], "raw", HEADER[5]], *([*row[:5], 9.0, row[5]] for row in ROWS)])
+        fill(page, [["E1", 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]])
+        for line in (5, 6, 7, 38):
+            page.row_dimensions[line].hidden = True
+        page.column_dimensions["F"].hidden = True
+        page.column_dimensions.group("I", "XFD", hidden=True)  # the empty rest of the sheet, as many hide it
+
+    path = book(tmp_path, Data=page)
+    runs = read_runs(path)
+    check(runs, ROWS[:3] + ROWS[6:])
+    assert "Hidden columns are left out: F 'raw'; --hidden reads them." in runs.warnings
+    assert "Hidden rows are left out: 5 to 7, 38; --hidden reads them." in runs.warnings
+    whole = read_runs(path, hidden=True)
+    assert len(whole) == len(ROWS) + 1
+    assert "raw" in whole.data
+    assert not whole.warnings
+
+
+def test_a_hidden_sheet_is_read_only_if_asked(tmp_path):
+    def page(page):
+        fill(page, [HEADER, *ROWS])
+        page.sheet_state = "hidden"
+
+    path = book(tmp_path, Old=page, New=[HEADER, *ROWS[:12]])
+    assert len(read_runs(path)) == 12
+    assert len(read_runs(path, sheet="Old")) == 36
+
+
+def test_merged_cells_of_the_data_are_read_in_each_row(tmp_path):
+    def page(page):
+        fill(page, [HEADER, *ROWS])
+        for top in range(2, 38, 3):
+            for letter in "ABCD":
+                page.merge_cells(f"{letter}{top}:{letter}{top + 2}")
+
+    runs = read_runs(book(tmp_path, Data=page))
+    check(runs)
+    assert "The value of merged cells is read in each of their rows: A2:A4, B2:B4" in said(runs)
+
+
+def test_formulas_without_values_are_named(tmp_path):
+    rows = [[*row, "=2*B2"] for row in ROWS]
+    rows[3][5] = "=A1/1000"
+    runs = read_runs(book(tmp_path, Data=[[*HEADER, "check"], *rows]))
+    assert "37 cells are formulas without a stored value (G2, G3, G4, F5, G5, G6 and 31 more)" in said(runs)
+    assert "open the file in Excel or LibreOffice and save it" in said(runs)
+    only = [[row[0], *["=1+1"] * 5] for row in ROWS]
+    with pytest.raises(DataError, match=r"180 cells are formulas without a stored value \(B2, C2"):
+        read_runs(book(tmp_path, Data=[HEADER, *only]))
+
+
+# Formats
+
+
+def as_xls(path):
+    made = xlwt.Workbook()
+    cover, page = made.add_sheet("Cover"), made.add_sheet("Data")
+    cover.write(0, 0, "Tool"), cover.write(0, 1, "GC4325")
+    for i, row in enumerate([[], [], HEADER, *ROWS]):
+        for j, cell in enumerate(row, start=1):
+            page.write(i, j, cell)
+    made.save(path)
+
+
+def as_ods(path):
+    made = OpenDocumentSpreadsheet()
+    for title, rows in (("Cover", [["Tool", "GC4325"]]), ("Data", [[], [], HEADER, *ROWS])):
+        page = OdfTable(name=title)
+        for row in rows:
+            line = TableRow()
+            for cell in row:
+                text = isinstance(cell, str)
+                made_cell = TableCell(valuetype="string") if text else TableCell(valuetype="float", value=cell)
+                made_cell.addElement(P(text=str(cell)))
+                line.addElement(made_cell)
+            page.addElement(line)
+        made.spreadsheet.addElement(page)
+    made.save(path)
+
+
+@pytest.mark.parametrize(("make", "suffix", "kind"), [
+    (as_xls, "xls", "Excel workbook (.xls)"), (as_ods, "ods", "OpenDocument spreadsheet"),
+])  # fmt: skip
+def test_other_formats(tmp_path, make, suffix, kind):
+    path = tmp_path / f"a.{suffix}"
+    make(str(path))
+    runs = read_runs(path)
+    check(runs)
+    assert runs.tool == "GC4325"
+    assert runs.source.dialect == kind
+    renamed = tmp_path / "a.dat"
+    renamed.write_bytes(path.read_bytes())
+    check(read_runs(renamed))
+
+
+@pytest.mark.parametrize("make", [as_xls, as_ods, None])
+def test_damaged_books_give_one_sentence(tmp_path, make):
+    path = tmp_path / "a.bin"
+    if make is None:
+        book(tmp_path, "a.bin", Data=[HEADER, *ROWS])
+    else:
+        make(str(path))
+    whole = path.read_bytes()
+    for place in np.linspace(0.05, 0.95, 12):
+        cut = int(place * len(whole))
+        for data in (whole[:cut], whole[:cut] + bytes(64) + whole[cut + 64 :]):
+            path.write_bytes(data)
+            try:
+                read_runs(path)
+            except DataError as refusal:
+                assert "\n" not in str(refusal)  # noqa: PT017
+
+
+def test_a_password_is_named(tmp_path):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(2000) + "EncryptedPackage".encode("utf-16-le"))
+    with pytest.raises(DataError, match="protected by a password"):
+        read_runs(path)
+
+
+def test_bytes_of_a_text_named_as_a_book(tmp_path):
+    path = tmp_path / "a.ods"
+    path.write_text("V,f,d,t,VB\n100,0.1,1,2,0.1\n110,0.1,1,2,0.1\n")
+    assert len(datasets.read_runs(path)) == 2
+    assert io.BytesIO(path.read_bytes()).read(1) == b"V"
