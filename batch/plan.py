@@ -154,6 +154,8 @@ class Plan(Displayable):
     reading : Reading
     notes : tuple of str
         Free text above the table of a CSV that became Parquet; a lab file's notes stay with its pairs.
+    rules : tuple of str
+        Equations of the quantities that are computed from columns of a Parquet source.
     """
 
     name: str
@@ -165,6 +167,7 @@ class Plan(Displayable):
     assumed: tuple[str, ...]
     reading: Reading
     notes: tuple[str, ...] = ()
+    rules: tuple[str, ...] = ()
 
     @property
     def pairs(self) -> tuple[Pair, ...]:

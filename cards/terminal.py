@@ -16,7 +16,7 @@ from ..datasets.vocabulary import ROLES
 from ..fit.defaults import Refused
 from ..fit.statsmodels_ols import TOLERANCE
 from ..parameters import ParameterFile
-from ..parameters.gather.description import column_words, unused_conditions
+from ..parameters.gather.description import column_words, derived_words, unused_conditions
 from .content.dynamics import dynamics_part
 from .content.laws import about_intervals, law_part, tool_life_part
 from .content.numbers import fact_line
@@ -45,7 +45,7 @@ def reading_notes(runs: Runs) -> RenderableType:
     s = runs.source
     table.add_row("file", Text(f"{s.name}: {s.dialect}; {_rows(s.rows)}"))
     table.add_row("tool, work", Text(f"{runs.tool}, {runs.work}"))
-    columns = [column_words(runs, use) for use in runs.columns if use.role is not None]
+    columns = [column_words(runs, use) for use in runs.columns if use.role is not None] + derived_words(runs)
     table.add_row("columns", Text("\n".join(f"{f'{symbol:<4} {name}':<28} {rest}" for symbol, name, rest in columns)))
     unused = [_unused_words(use) for use in runs.columns if use.role is None]
     if unused:

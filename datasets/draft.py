@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .columns import ColumnUse, Values
+from .derived import Derived
 from .doubts import Doubt
 from .tables import Column
 from .vocabulary import ROLES
@@ -32,6 +33,8 @@ class Draft:
     assumed, warnings : list of str
         Assumptions made; what was left out or corrected.
     doubts : list of Doubt
+    derived : list of Derived
+        Quantities computed from others.
     """
 
     columns: tuple[Column, ...]
@@ -43,6 +46,7 @@ class Draft:
     assumed: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     doubts: list[Doubt] = field(default_factory=list)
+    derived: list[Derived] = field(default_factory=list)
 
     def numbers(self) -> dict[str, NDArray[np.float64]]:
         """Values of the roles that have a unit, as floats."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import did_you_mean
-from .columns import NONE, ColumnUse, Values, assign
+from .columns import ColumnUse, Values, assign
+from .derivation import derive
 from .design import decode_levels
 from .doubts import Doubt
 from .draft import Draft
@@ -92,7 +93,8 @@ def runs_from_frame(
 ) -> Runs:
     """Runs from a DataFrame; its column names are read like headers of a file.
 
-    Options are those of `read_runs`, without ``decimal``, ``delimiter``, ``sheet`` and ``hidden``.
+    Options are those of `read_runs`, without ``decimal``, ``delimiter``, ``sheet`` and ``hidden``; a sequence of texts
+    in ``frame.attrs["notes"]`` counts as the notes of a file.
 
     Examples
     --------
@@ -104,7 +106,7 @@ def runs_from_frame(
     columns = tuple(_column_of(i, str(name), frame.iloc[:, i]) for i, name in enumerate(frame.columns))
     source = Source("DataFrame", "", len(frame), "in memory")
     how = read_options(given) if options is None else options
-    return _assemble(columns, np.arange(len(frame)), source, (), (), how)
+    return _assemble(columns, np.arange(len(frame)), source, tuple(frame.attrs.get("notes", ())), (), how)
 
 
 def read_options(given: Mapping[str, Any]) -> ReadOptions:
@@ -148,7 +150,7 @@ def _assemble(
     fill_down(draft)
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
     settle_units(draft, options)
-    draft.assumed[:0] = with_thrust(draft.data, draft.units, options.map)
+    derive(draft, options)
     settle_edges(draft, options)
     check_edges(draft)
     keep_marks(draft)
@@ -170,20 +172,8 @@ def _finished(draft: Draft, source: Source, options: ReadOptions) -> Runs:
     return Runs(
         frame, draft.units, draft.uses, draft.lines, source, named["tool"], named["work"],
         tuple(draft.assumed), tuple(draft.warnings), draft.notes, tuple(draft.doubts), judged=True,
+        derived=tuple(draft.derived),
     )  # fmt: skip
-
-
-def with_thrust(data: dict[str, Values], units: dict[str, str], mapping: Mapping[str, str]) -> tuple[str, ...]:
-    """Add Fxz to Fx and Fz in place, unless it is present or unwanted; returns the note on it.
-
-    >>> with_thrust({"Fx": np.array([3.0]), "Fz": np.array([4.0])}, {}, {})
-    ("Fxz is computed from the file's Fx and Fz: sqrt(Fx^2 + Fz^2)",)
-    """
-    if "Fxz" in data or not {"Fx", "Fz"} <= set(data) or mapping.get("Fxz", "").strip().lower() == NONE:
-        return ()
-    data["Fxz"] = np.hypot(data["Fx"].astype(float), data["Fz"].astype(float))
-    units["Fxz"] = ROLES["Fxz"].unit
-    return ("Fxz is computed from the file's Fx and Fz: sqrt(Fx^2 + Fz^2)",)
 
 
 def _decoded(data: dict[str, Values], ranges: Mapping[str, tuple[float, ...]]) -> tuple[str, ...]:

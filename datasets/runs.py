@@ -12,6 +12,7 @@ from ..core.display import Display, Displayable, Plottable, TextTable
 from ..core.errors import UsageError
 from ..core.rounding import format_plain
 from .columns import ColumnUse
+from .derived import Derived
 from .doubts import Doubt
 from .vocabulary import MARK
 from .vocabulary import UNNAMED as UNNAMED
@@ -64,6 +65,8 @@ class Runs(Plottable):
         Unusual values, contradictions between columns, and choices that the file does not settle.
     judged : bool
         Whether the reading looked for doubts; runs made of arrays, or of a stream, are not judged.
+    derived : tuple of Derived
+        Quantities that were computed from others, with the formula.
 
     Examples
     --------
@@ -85,6 +88,7 @@ class Runs(Plottable):
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     judged: bool = False
+    derived: tuple[Derived, ...] = ()
 
     def __len__(self) -> int:
         return len(self.data)
@@ -168,6 +172,7 @@ class Runs(Plottable):
             warnings=(*self.warnings, *other.warnings),
             doubts=tuple(dict.fromkeys((*self.doubts, *other.doubts))),
             judged=self.judged and other.judged,
+            derived=tuple(dict.fromkeys((*self.derived, *other.derived))),
         )
 
     def to_frame(self) -> pd.DataFrame:

@@ -82,16 +82,37 @@ _TABLE = (
           "tiempo, tiempo de corte, tiempo de mecanizado"),
     _role("T", "tool life", "min", "time", "life", "Standzeit", "durée de vie, tenue d'outil",
           "vida útil, vida de la herramienta, vida de herramienta"),
-    _role("D", "workpiece diameter", "mm", "other", "Ø, ø, diameter, work diameter",
+    _role("D", "diameter", "mm", "other", "Ø, ø, workpiece diameter, work diameter",
           "Durchmesser, Werkstückdurchmesser", "diamètre, diamètre de la pièce",
           "diámetro, diámetro de la pieza"),
+    _role("Dc", "tool diameter", "mm", "other",
+          "cutter diameter, mill diameter, end mill diameter, milling cutter diameter, drill diameter",
+          "Werkzeugdurchmesser, Fräserdurchmesser, Bohrerdurchmesser",
+          "diamètre de l'outil, diamètre de la fraise, diamètre de fraise, diamètre du foret",
+          "diámetro de la herramienta, diámetro de la fresa, diámetro de fresa, diámetro de la broca"),
+    _role("z", "number of teeth", "1", "other",
+          "Z, zn, zc, teeth, flutes, no of teeth, number of flutes, no of flutes",
+          "Zähnezahl, Schneidenzahl, Zähne, Anzahl Zähne, Anzahl der Zähne",
+          "nombre de dents, dents", "número de dientes, dientes"),
+    _role("lf", "cut length", "mm", "other",
+          "L, length of cut, cutting length, length cut, feed travel, feed path",
+          "Schnittlänge, Vorschubweg, Fräsweg, Bohrweg", "longueur de coupe, longueur usinée",
+          "longitud de corte, longitud mecanizada"),
+    _role("lc", "cutting path", "m", "other",
+          "spiral length, spiral cutting length, cutting distance, sliding distance", "Schnittweg",
+          "chemin de coupe", "recorrido de corte"),
     _role("AW", "average wear", "mm", "wear", "wear, mean wear, tool wear, average tool wear",
           "Verschleiß, mittlerer Verschleiß, Werkzeugverschleiß", "usure, usure moyenne, usure de l'outil",
           "desgaste, desgaste medio, desgaste de la herramienta"),
     _role("VB", "flank wear", "mm", "wear",
-          "VBB, VBmax, VBBmax, maximum flank wear, flank wear land, flank wear width",
+          "flank, VBB, VBmax, VBBmax, maximum flank wear, flank wear land, flank wear width",
           "Freiflächenverschleiß, Verschleißmarkenbreite", "usure en dépouille, usure frontale",
           "desgaste de flanco, desgaste del flanco"),
+    _role("VBC", "nose wear", "mm", "wear", "nose, nose flank wear, corner wear, nose wear land",
+          "Eckenverschleiß, Spitzenverschleiß", "usure du bec, usure de bec, usure de pointe",
+          "desgaste de punta, desgaste de la punta"),
+    _role("VBN", "notch wear", "mm", "wear", "VN, notch, groove wear, notch wear land",
+          "Kerbverschleiß", "usure en entaille", "desgaste de entalla, desgaste en entalla"),
     _role("Fx", "force along x", "N", "load", "force x, x force", "Kraft x", "effort x", "fuerza x"),
     _role("Fy", "force along y", "N", "load", "force y, y force", "Kraft y", "effort y", "fuerza y"),
     _role("Fz", "force along z", "N", "load", "force z, z force", "Kraft z", "effort z", "fuerza z"),
@@ -220,8 +241,8 @@ def role_of(name: str, unit: str | None) -> str | None:
     """Symbol of the role denoted by a column's name (without its unit), None when it is unknown.
 
     The unit decides between the roles of one name. If it fits none of them, the first is returned, so that the
-    reader reports the unit, except where the letter denotes something else: V in volt, T in degC, a
-    label with a unit. None, "" or a spelling that is not listed is ignored.
+    reader reports the unit, except where the letter denotes something else: V in volt, T in degC, z in mm, DC
+    in A, a label with a unit. None, "" or a spelling that is not listed is ignored.
 
     >>> role_of("Schnittgeschwindigkeit vc", "m/min"), role_of("feed", "mm/s"), role_of("V", "volt")
     ('V', 'fm', None)
@@ -234,7 +255,10 @@ def role_of(name: str, unit: str | None) -> str | None:
     fitting = [symbol for symbol in found if fits(symbol, unit)]
     if fitting:
         return fitting[0]
-    other_thing = canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t")
+    electric = canonical(unit) in ("V", "mV", "A", "mA") and found[0] == "Dc"
+    other_thing = (
+        electric or found[0] == "z" or (canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t"))
+    )
     return None if other_thing or not ROLES[found[0]].unit else found[0]
 
 

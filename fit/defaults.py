@@ -11,7 +11,8 @@ from .lawfit import LawFit
 from .laws import Error
 from .regression import exponential_law, load_law, power_law
 
-CONDITIONS = ("V", "f", "d", "t")
+CONDITIONS = ("V", "f", "d", "ae", "t")
+STAND_INS = {"V": ("n",), "f": ("fz", "fm")}  # in place of a condition that is neither measured nor computed
 WEAR = ("AW", "VB")
 LOADS = ("Fxz", "Fx", "Fy", "Fz", "Fc", "Ff", "Fp", "F", "P")
 
@@ -25,11 +26,26 @@ class Asked:
     kind: Literal["power", "load", "exponential"] = "power"
 
 
+def law_conditions(has: Callable[[str], bool]) -> tuple[str, ...]:
+    """Conditions that the laws of a file contain: V, f, d, ae and t.
+
+    Without V the spindle speed stands in its place, without f the feed per tooth or the feed rate.
+
+    A feed rate alone is no condition of a law: it is what a controller of the load moves.
+
+    >>> law_conditions({"n", "fz", "d", "t"}.__contains__)
+    ('n', 'fz', 'd', 't')
+    """
+    found = (next((name for name in (one, *STAND_INS.get(one, ())) if has(name)), None) for one in CONDITIONS)
+    conditions = tuple(name for name in found if name is not None)
+    return () if conditions == ("fm",) else conditions
+
+
 def asked_laws(has: Callable[[str], bool]) -> tuple[Asked, ...]:
     """Every law of the papers that columns ask for, in the order of the output.
 
-    Wear on V, f, d, t; each force and the power on V, f, d, t and wear; current on feed rate and wear;
-    roughness as an exponential of the resultant force.
+    Wear on the conditions (`law_conditions`); each force and the power on these and wear; current on feed rate and
+    wear; roughness as an exponential of the resultant force.
 
     Parameters
     ----------
@@ -41,7 +57,7 @@ def asked_laws(has: Callable[[str], bool]) -> tuple[Asked, ...]:
     >>> [(law.response, *law.factors) for law in asked_laws({"V", "t", "VB", "P"}.__contains__)]
     [('VB', 'V', 't'), ('P', 'V', 't', 'VB')]
     """
-    conditions = tuple(name for name in CONDITIONS if has(name))
+    conditions = law_conditions(has)
     wear = tuple(name for name in WEAR if has(name))
     asked = [Asked(name, conditions) for name in wear if conditions]
     asked += [Asked(name, conditions + wear[:1]) for name in LOADS if has(name) and (conditions or wear)]

@@ -522,10 +522,10 @@ def test_error_additive_keeps_a_zero(tmp_path):
 
 
 def test_a_condition_that_no_law_takes_is_said(tmp_path):
-    path = write(tmp_path / "a.csv", header=("V", "fz", "t", "AW"))
+    path = write(tmp_path / "a.csv", header=("V", "n", "t", "AW"))
     result = run(path, "--out", tmp_path / "out")
     assert result.code == 0
-    assert "fz, feed per tooth, varies but is in no law" in " ".join(result.out.split())
+    assert "n, spindle speed, varies but is in no law" in " ".join(result.out.split())
     (card,) = (tmp_path / "out").rglob("README.md")
     assert "is in no law" in card.read_text("utf-8")
 

@@ -66,9 +66,9 @@ def csv_stream(
     made = converted(source, reading, work, report, head, block_size)
     plan = parquet_plan(
         made.path, made.reading, most_rows=most_rows, most_pairs=most_pairs, work=work, report=report, name=source.name,
-        reads=reads,
+        reads=reads, notes=made.notes,
     )  # fmt: skip
-    return replace(plan, assumed=(*made.assumed, *plan.assumed), notes=made.notes)
+    return replace(plan, assumed=(*made.assumed, *plan.assumed))
 
 
 def converted(

@@ -25,6 +25,7 @@ def parquet_plan(
     report: Callable[[str], None],
     name: str | None = None,
     reads: float = 4.0,
+    notes: tuple[str, ...] = (),
 ) -> Plan:
     """Cut a Parquet file, or a folder of them, into blocks of pairs.
 
@@ -44,6 +45,8 @@ def parquet_plan(
         Name of the source, where it was made from another.
     reads : float
         How many times its rows the blocks may read together; beyond it a copy is sorted by block first.
+    notes : tuple of str
+        Free text above the table of a CSV that became this source.
 
     Returns
     -------
@@ -71,7 +74,7 @@ def parquet_plan(
     [('A on steel', 2), ('B on steel', 1)]
     """
     files = parquet_files(source, work)
-    known = interpret_columns(_first_readable(files), files, reading)
+    known = interpret_columns(_first_readable(files), files, reading, notes)
     index = indexed(files, known, reading, report)
     if not index.held:
         raise DataError(_nothing(source, index.unreadable))
@@ -84,7 +87,10 @@ def parquet_plan(
         unreadable = unreadable | lost
         assumed.append(SORTED)
     rows = sum(block.rows for block in blocks)
-    return Plan(name or source.name, "parquet", blocks, rows, known.columns, unreadable, tuple(assumed), reading)
+    return Plan(
+        name or source.name, "parquet", blocks, rows, known.columns, unreadable, tuple(assumed), reading,
+        notes=notes, rules=known.rules,
+    )  # fmt: skip
 
 
 SORTED = "the rows of a pair are far apart in the source: they are read from a copy that is sorted by pair"

@@ -9,8 +9,8 @@ import pandas as pd
 
 from ...core.errors import DataError
 from ...datasets.columns import ColumnUse
+from ...datasets.derived import apply, known_of
 from ...datasets.design import decode_levels
-from ...datasets.reading import with_thrust
 from ...datasets.runs import Source
 from ...datasets.units import convert
 from ...datasets.vocabulary import ROLES
@@ -182,7 +182,8 @@ def _frame(read: list[_Read], block: Block, plan: Plan) -> tuple[pd.DataFrame, d
         elif use.role not in texts:
             texts[use.role or _group_name(use, plan)] = joined([some for some in values if isinstance(some, Labels)])
     units = {role: ROLES[role].unit for role in data}
-    with_thrust(data, units, plan.reading.map)  # type: ignore[arg-type]
+    found = apply(known_of(data, plan.notes, plan.reading), {}, only=plan.rules)  # type: ignore[arg-type]
+    units.update({one.role: ROLES[one.role].unit for one in found if one.role in data})
     for name in plan.reading.groups:  # a group may be a column that has a role too
         if name not in data and name not in texts and (role := group_column(plan.columns, name).role) in texts:
             texts[name] = texts[str(role)]

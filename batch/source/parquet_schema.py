@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -109,12 +109,15 @@ class SourceColumns:
     kinds : mapping of str to str
         Kind of each column of the first file.
     assumed : tuple of str
+    rules : tuple of str
+        Equations of the quantities that are computed from these columns.
     """
 
     first: ParquetFile
     columns: tuple[ColumnUse, ...]
     kinds: Mapping[str, str]
     assumed: tuple[str, ...]
+    rules: tuple[str, ...] = ()
 
 
 def needed_columns(columns: tuple[ColumnUse, ...], reading: Reading) -> tuple[ColumnUse, ...]:
@@ -135,8 +138,10 @@ def group_column(columns: tuple[ColumnUse, ...], name: str) -> ColumnUse:
     raise UsageError(f"no column {name!r} to group the pairs by. {hint}")
 
 
-def interpret_columns(first: ParquetFile, files: tuple[ParquetFile, ...], reading: Reading) -> SourceColumns:
-    """Roles, units and assumptions.
+def interpret_columns(
+    first: ParquetFile, files: tuple[ParquetFile, ...], reading: Reading, notes: tuple[str, ...] = ()
+) -> SourceColumns:
+    """Roles, units, assumptions, and what is computed from the columns and the constants of the notes.
 
     Raises
     ------
@@ -148,7 +153,9 @@ def interpret_columns(first: ParquetFile, files: tuple[ParquetFile, ...], readin
         if key not in frame:
             frame[key] = _folder_values(key, files, len(frame))
     frame, coded = _without_codes(frame, reading)
-    runs = runs_from_frame(frame, map=reading.map, units=reading.units, tool="-", work="-")
+    frame.attrs["notes"] = notes
+    how = replace(reading, ranges={}, tool="-", work="-")
+    runs = runs_from_frame(frame, options=how)
     columns, assumed = runs.columns, (*coded, *runs.assumed)
     roles = {use.role for use in columns}
     if len(files) > 1 and not roles & {"tool", "work"} and reading.tool is None:
@@ -159,7 +166,7 @@ def interpret_columns(first: ParquetFile, files: tuple[ParquetFile, ...], readin
         for role, name in UNNAMED.items()
         if getattr(reading, role) is None and role not in {use.role for use in columns}
     )
-    found = SourceColumns(first, columns, kinds, assumed)
+    found = SourceColumns(first, columns, kinds, assumed, tuple(one.equation for one in runs.derived))
     needed_columns(columns, reading)
     return found
 

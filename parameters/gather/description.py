@@ -29,6 +29,7 @@ def reading_notes(runs: "Runs", laws: Mapping[str, LawSection], labels: Labels |
     columns = [column_words(runs, use, labels) for use in runs.columns if use.role is not None]
     lines = [f"{symbol}: {quantity}, {rest}" for symbol, quantity, rest in columns]
     unused = ", ".join(repr(use.header) for use in runs.columns if use.role is None)
+    lines += [f"{symbol}: {quantity}, {rest}" for symbol, quantity, rest in derived_words(runs)]
     lines += [f"not used: {unused}"] if unused else []
     lines += unused_conditions(runs, laws)
     lines += [f"assumed: {sentence}" for sentence in runs.assumed]
@@ -46,37 +47,67 @@ def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -
         shown = ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
         count = f"{len(names)} value{'' if len(names) == 1 else 's'}"
         return role.symbol, role.quantity, f"{head}: {count} ({shown})"
-    values = runs.values(role.symbol)
-    lacking = int(np.count_nonzero(np.isnan(values)))
-    known = lacking < len(values)
-    span = f"{np.fmin.reduce(values):.4g} to {np.fmax.reduce(values):.4g} {role.unit}" if known else "empty"
-    missing = f", {lacking} missing" if lacking and known else ""
     unit = f", converted from {use.unit}" if use.converted else ""
-    return role.symbol, role.quantity, f"{head}: {span}{unit}{missing}"
+    return role.symbol, role.quantity, f"{head}: {_range(runs, role.symbol, unit)}"
+
+
+def _range(runs: "Runs", symbol: str, converted: str = "") -> str:
+    """Least and greatest value of a role, and how many rows lack one."""
+    from ...datasets.vocabulary import ROLES
+
+    values, unit = runs.values(symbol), ROLES[symbol].unit
+    lacking = int(np.count_nonzero(np.isnan(values)))
+    if lacking == len(values):
+        return f"empty{converted}"
+    span = f"{np.fmin.reduce(values):.4g} to {np.fmax.reduce(values):.4g}{'' if unit == '1' else ' ' + unit}"
+    return f"{span}{converted}{f', {lacking} missing' if lacking else ''}"
+
+
+def derived_words(runs: "Runs") -> list[tuple[str, str, str]]:
+    """Symbol, quantity and range of each quantity that was computed from columns, as of `column_words`."""
+    from ...datasets.vocabulary import ROLES
+
+    roles = dict.fromkeys(one.role for one in runs.derived if one.role in runs.data)
+    return [(role, ROLES[role].quantity, f"computed: {_range(runs, role)}") for role in roles]
 
 
 def unused_conditions(runs: "Runs", laws: Mapping[str, LawSection]) -> list[str]:
-    """Conditions that vary in the file and are in none of its laws, one sentence each."""
+    """Conditions that vary in the file and are in none of its laws, directly or through others, one sentence each."""
     from ...datasets.vocabulary import ROLES
     from ...fit.defaults import CONDITIONS
 
     taken = {law.response for law in laws.values()}.union(
         *({f.symbol for f in law.factors} | {item.factor for item in law.left_out} for law in laws.values())
     )
+    contained = _contained(runs, taken)
     out = []
     for use in runs.columns:
         role = ROLES.get(use.role or "")
-        if role is None or role.kind != "condition" or role.symbol in taken:
+        if role is None or role.kind != "condition" or role.symbol in contained:
             continue
         values = runs.values(role.symbol)
         if len(values) and np.fmin.reduce(values) < np.fmax.reduce(values):
-            remedy = f' To use it as the feed f, give --map "f={use.name}" --unit f=mm/rev.'
-            remedy = remedy if role.symbol == "fz" or (role.symbol == "fm" and not use.unit) else ""
             out.append(
-                f"{role.symbol}, {role.quantity}, varies but is in no law: laws are fitted on "
-                f"{', '.join(CONDITIONS)}.{remedy}"
+                f"{role.symbol}, {role.quantity}, varies but is in no law: laws are fitted on {', '.join(CONDITIONS)}."
             )
     return out
+
+
+def _contained(runs: "Runs", taken: set[str]) -> set[str]:
+    """Symbols in the laws, and those that follow from these: n from V and D, fm from f and n."""
+    from ...datasets.derived import RULES
+    from ...datasets.vocabulary import ROLES
+
+    seen = [frozenset((one.role, *one.inputs)) for one in runs.derived]
+    seen += [frozenset((rule.role, *rule.inputs)) for rule in RULES if all(map(runs.has, (rule.role, *rule.inputs)))]
+    found, before = set(taken), -1
+    while len(found) > before:
+        before = len(found)
+        for members in seen:
+            conditions = {symbol for symbol in members if ROLES[symbol].kind == "condition"}
+            if len(conditions - found) == 1:
+                found |= conditions
+    return found
 
 
 def _different(runs: "Runs") -> Labels:

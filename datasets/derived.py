@@ -1,0 +1,229 @@
+"""Quantities computed from others of a file: the table of rules, and their application.
+
+Formulas: V, MRR and P of turning, milling and drilling as in the formula pages of Sandvik Coromant and the technical
+information of Kyocera (R27-R28); Fxz, and Fy as the power force, as Alaskari and Oraby (doi 10.15242/IIE.E1216006).
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from math import pi
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .columns import NONE, Values
+from .constants import Given, given_values
+from .options import Process, ReadOptions
+from .process import process_of
+
+Array: TypeAlias = NDArray[np.float64]
+Number: TypeAlias = Array | float
+
+TORQUE = 60000 / (2 * pi)  # P in kW from M in N m and n in 1/min: P = M n/9549.2966
+KC = (500.0, 6000.0)  # N/mm2, usual specific cutting force
+LONG = 20_000.0  # mm: a cut length in turning above it is along the cut, at 50 to 1000 times the travel of the feed
+ROTATING = ("fz", "ae", "z", "Dc")  # columns of tests with a rotating tool
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """A formula of one quantity.
+
+    Attributes
+    ----------
+    role, formula : str
+    inputs : tuple of str
+        Roles of the arguments of ``function``, which are in their units, as the result is.
+    function : callable
+    processes : tuple of str
+        Processes in which it holds; empty: in all.
+    agree : tuple of float
+        Least and greatest ratio of a measured value to the computed one at which the two agree.
+    """
+
+    role: str
+    formula: str
+    inputs: tuple[str, ...]
+    function: Callable[..., Any]
+    processes: tuple[Process, ...] = ()
+    agree: tuple[float, float] = (0.97, 1.03)
+
+    @property
+    def equation(self) -> str:
+        """The formula with its result."""
+        return f"{self.role} = {self.formula}"
+
+
+FEED = (0.99, 1.01)
+POWER = (0.5, 5.0)  # at the drive up to twice the power of the cut
+RULES = (
+    Rule("V", "pi Dc n/1000", ("Dc", "n"), lambda D, n: pi * D * n / 1000),
+    Rule("V", "pi D n/1000", ("D", "n"), lambda D, n: pi * D * n / 1000),
+    Rule("n", "1000 V/(pi Dc)", ("V", "Dc"), lambda V, D: 1000 * V / (pi * D)),
+    Rule("n", "1000 V/(pi D)", ("V", "D"), lambda V, D: 1000 * V / (pi * D)),
+    Rule("f", "fm/n", ("fm", "n"), lambda fm, n: fm / n, agree=FEED),
+    Rule("f", "fz z", ("fz", "z"), lambda fz, z: fz * z, agree=FEED),
+    Rule("fz", "fm/(n z)", ("fm", "n", "z"), lambda fm, n, z: fm / (n * z), ("milling",), FEED),
+    Rule("fz", "f/z", ("f", "z"), lambda f, z: f / z, ("milling",), FEED),
+    Rule("fm", "f n", ("f", "n"), lambda f, n: f * n, agree=FEED),
+    Rule("t", "lf/(1000 V)", ("lf", "V"), lambda lf, V: lf / (1000 * V), ("turning",)),
+    Rule("t", "lf/fm", ("lf", "fm"), lambda lf, fm: lf / fm),
+    Rule("t", "lc/V", ("lc", "V"), lambda lc, V: lc / V),
+    Rule("AW", "(VBC + VB + VBN)/3", ("VBC", "VB", "VBN"), lambda *lands: sum(lands) / 3, agree=(0.9, 1.1)),
+    Rule("Fxz", "sqrt(Fx^2 + Fz^2)", ("Fx", "Fz"), np.hypot),
+    Rule("P", "Fc V/60000", ("Fc", "V"), lambda F, V: F * V / 60000, agree=POWER),
+    Rule("P", "M n/9549.2966", ("M", "n"), lambda M, n: M * n / TORQUE, agree=POWER),
+    Rule("P", "Fy V/60000", ("Fy", "V"), lambda F, V: F * V / 60000, ("turning",), POWER),
+    Rule("MRR", "1000 V f d", ("V", "f", "d"), lambda V, f, d: 1000 * V * f * d, ("turning",)),
+    Rule("MRR", "ae d fm", ("ae", "d", "fm"), lambda ae, d, fm: ae * d * fm, ("milling",)),
+    Rule("MRR", "pi Dc^2/4 f n", ("Dc", "f", "n"), lambda D, f, n: pi * D**2 / 4 * f * n, ("drilling",)),
+    Rule("MRR", "pi D^2/4 f n", ("D", "f", "n"), lambda D, f, n: pi * D**2 / 4 * f * n, ("drilling",)),
+)
+"""Rules of a quantity in the order in which they are tried."""
+
+TARGETS = ("V", "f", "fz", "t", "AW", "Fxz", "P", "MRR")
+"""Quantities that are computed where they are not measured; others only on the way to these."""
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """A quantity that was computed: its role, the equation, the roles that entered, and the sentence that says so."""
+
+    role: str
+    equation: str
+    inputs: tuple[str, ...]
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What rules may use: columns by role, constants, roles that are not wanted, and the process."""
+
+    data: dict[str, Values]
+    given: dict[str, Given]
+    unwanted: frozenset[str]
+    process: Process | None
+    stated: bool  # the process is given or seen from the columns, not read from the notes
+
+    def has(self, role: str) -> bool:
+        """Whether a role is a column of numbers or a constant."""
+        return role in self.given or (role in self.data and self.data[role].dtype != object)
+
+    def value(self, role: str) -> Number:
+        """The column, or else the constant."""
+        return np.asarray(self.data[role], dtype=np.float64) if role in self.data else self.given[role].value
+
+    @property
+    def turned(self) -> bool:
+        """Whether these may be tests of turning."""
+        return self.process == "turning" or (self.process is None and set(ROTATING).isdisjoint(self.data))
+
+    def allows(self, rule: Rule) -> bool:
+        """Whether a rule holds for the process, and for the values where its formula does not tell."""
+        if rule.formula.startswith("Fy"):
+            return fy_is_cutting(self)
+        if rule.formula.startswith("lf/(1000"):
+            return self.turned and bool(np.nanmedian(self.value("lf")) > LONG)
+        if rule.role == "MRR" and not self.stated:
+            return False
+        if "D" in rule.inputs and self.process != "turning" and self.has("Dc"):
+            return False
+        if "Dc" in rule.inputs and self.process == "turning" and self.has("D"):
+            return False
+        if "z" in rule.inputs and not (self.has("z") and whole(self.value("z"))):
+            return False
+        return not rule.processes or self.process in rule.processes or (rule.role == "fz" and self.process is None)
+
+
+def whole(z: Number) -> bool:
+    """Whether all known numbers of teeth are whole and above zero: a coordinate z is not."""
+    known = np.asarray(z)[~np.isnan(z)]
+    return bool(known.size and np.all(known >= 1) and np.all(known == np.round(known)))
+
+
+def fy_is_cutting(known: Known) -> bool:
+    """Whether Fy is the main cutting force of a turning file: the largest of three, with a usual specific force."""
+    if known.has("Fc") or not known.turned:
+        return False
+    if not all(role in known.data and known.has(role) for role in ("Fx", "Fy", "Fz", "f", "d")):
+        return False
+    Fx, Fy, Fz, f, d = (known.value(role) for role in ("Fx", "Fy", "Fz", "f", "d"))
+    full = ~np.isnan(Fx + Fy + Fz + f * d) & (np.asarray(f) > 0) & (np.asarray(d) > 0)
+    if not full.any():
+        return False
+    largest = np.mean((Fy >= np.maximum(Fx, Fz))[full])
+    middle = np.median(Fy[full] / (f * d)[full])  # type: ignore[index]
+    return bool(largest > 0.9 and KC[0] <= middle <= KC[1])
+
+
+def known_of(data: dict[str, Values], notes: Iterable[str], options: ReadOptions) -> Known:
+    """What the rules may use of a table."""
+    notes = tuple(notes)
+    unwanted = frozenset(role for role, name in options.map.items() if name.strip().lower() == NONE)
+    given = {role: one for role, one in given_values(options.constants, notes).items() if role not in data}
+    stated = process_of(options.process, data)
+    process = stated or process_of(None, data, notes)
+    return Known(data, given, unwanted, process, stated is not None)
+
+
+def apply(known: Known, words: Mapping[str, str], only: Iterable[str] | None = None) -> list[Derived]:
+    """Compute in place every target that is missing and follows from what is known.
+
+    Parameters
+    ----------
+    known : Known
+    words : mapping of str to str
+        Header of each role's column, for the sentences.
+    only : iterable of str, optional
+        Equations that may be used; all where None.
+    """
+    found: list[Derived] = []
+    names = dict(words)
+    allowed = None if only is None else frozenset(only)
+    for target in TARGETS:
+        if known.has(target) or target in known.data or target in known.unwanted:
+            continue
+        steps = _steps(target, known, frozenset(), allowed) or ()
+        found.extend(_computed(rule, known, names) for rule in steps if not known.has(rule.role))
+    return found
+
+
+def _steps(role: str, known: Known, above: frozenset[str], allowed: frozenset[str] | None) -> tuple[Rule, ...] | None:
+    """Rules that give a role, in the order of their use; None where none does."""
+    if known.has(role):
+        return ()
+    if role in above or role in known.unwanted or role in known.data:
+        return None
+    for rule in RULES:
+        if rule.role != role or (allowed is not None and rule.equation not in allowed):
+            continue
+        parts = [_steps(name, known, above | {role}, allowed) for name in rule.inputs]
+        if all(part is not None for part in parts) and (allowed is not None or known.allows(rule)):
+            return (*(step for part in parts if part for step in part), rule)
+    return None
+
+
+def _computed(rule: Rule, known: Known, names: dict[str, str]) -> Derived:
+    """Apply a rule; a result of constants alone is a constant."""
+    with np.errstate(all="ignore"):
+        value = rule.function(*(known.value(role) for role in rule.inputs))
+    columns = [names[role] for role in rule.inputs if role in known.data and role in names]
+    others = [str(known.given[role]) for role in rule.inputs if role in known.given]
+    computed = [role for role in rule.inputs if role in known.data and role not in names]
+    of = "column" if len(columns) == 1 else "columns"
+    parts = [f"{of} {_listed(columns)}"] * bool(columns) + computed + others
+    sentence = f"{rule.equation}, computed from {_listed(parts)}"
+    if rule.formula.startswith("lf/(1000"):
+        sentence += "; lengths of so many metres are along the cut, not along the feed"
+    if rule.formula.startswith("Fy"):
+        sentence += "; Fy is taken as the cutting force, being the largest of the three"
+    if isinstance(value, np.ndarray):
+        known.data[rule.role] = np.where(np.isfinite(value), value, np.nan)
+    else:
+        known.given[rule.role] = Given(rule.role, float(value), f"{rule.formula}, {_listed(others)}")
+    return Derived(rule.role, rule.equation, rule.inputs, sentence)
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else "".join(words)

@@ -1,0 +1,175 @@
+"""Comparison of quantities that a file holds with those computed from its other columns."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.rounding import format_plain
+from .columns import NONE
+from .derived import RULES, Known, Rule
+from .doubts import Doubt
+from .draft import Draft
+from .vocabulary import ROLES
+
+Array = NDArray[np.float64]
+
+NAMED = 5  # lines that are named
+ODD_ROW = {"P": 3.0, "AW": 1.5}  # factor from the median ratio at which a row contradicts the others; otherwise:
+ODD = 1.2
+SEVERAL = 0.5  # share of odd rows above which the columns contradict each other as a whole
+TWICE = 2.0
+ALMOST = 0.02  # relative distance of a ratio from a known factor
+
+
+def compare(draft: Draft, known: Known) -> None:
+    """Add a doubt for each rule whose quantity is measured and does not agree with what the rule computes."""
+    compared: set[frozenset[str]] = set()
+    for rule in RULES:
+        roles = frozenset((rule.role, *rule.inputs))
+        if roles in compared or rule.role not in known.data or not all(map(known.has, roles)):
+            continue
+        if rule.role == "MRR" and known.process not in (None, *rule.processes):
+            continue
+        if not known.allows(replace(rule, processes=())) and rule.role != "MRR":
+            continue
+        compared.add(roles)
+        doubt = _judged(draft, known, rule)
+        if doubt is not None and not _another_agrees(known, rule):
+            draft.doubts.append(doubt)
+
+
+def ratios(known: Known, rule: Rule) -> Array:
+    """Measured over computed value of each row, NaN where either is missing or not above zero."""
+    with np.errstate(all="ignore"):
+        ratio = np.asarray(known.value(rule.role) / rule.function(*map(known.value, rule.inputs)), dtype=np.float64)
+    return np.where(np.isfinite(ratio) & (ratio > 0), ratio, np.nan)
+
+
+def _another_agrees(known: Known, rule: Rule) -> bool:
+    """Whether another rule of a removal rate fits, where the process is not known."""
+    if rule.role != "MRR" or known.process is not None:
+        return False
+    others = (other for other in RULES if other.role == "MRR" and all(map(known.has, other.inputs)))
+    return any(_agrees(float(np.nanmedian(ratios(known, other))), other) for other in others)
+
+
+def _agrees(ratio: float, rule: Rule) -> bool:
+    low, high = rule.agree
+    return low <= ratio <= high
+
+
+def _judged(draft: Draft, known: Known, rule: Rule) -> Doubt | None:
+    """The doubt about a rule; None where measured and computed values agree."""
+    ratio = ratios(known, rule)
+    seen = ratio[~np.isnan(ratio)]
+    if not seen.size:
+        return None
+    middle = float(np.median(seen))
+    low, high = rule.agree
+    limit = ODD_ROW.get(rule.role, ODD)
+    with np.errstate(invalid="ignore"):
+        off = (np.abs(np.log(ratio / middle)) > np.log(limit)) & ~np.isnan(ratio)
+    if _agrees(middle, rule):
+        if not off.any():
+            return None
+        return _odd_rows(draft, known, rule, ratio, off)
+    spread = [float(v) for v in np.quantile(seen, (0.05, 0.95))]
+    constant = spread[1] <= spread[0] * (1 + ALMOST)
+    shown = _number(middle) if constant else f"{_number(spread[0])} to {_number(spread[1])}, median {_number(middle)}"
+    cause, remedy = _cause(draft, known, rule, middle, constant)
+    columns = tuple(role for role in (rule.role, *rule.inputs) if role in known.data)
+    return Doubt(
+        columns,
+        f"{_header(draft, rule.role)} does not agree with {rule.formula} from {_others(draft, known, rule)}: "
+        f"the ratio is {shown}{' in all rows' if constant else ''} (usual {low:g} to {high:g}); {cause}",
+        remedy,
+    )
+
+
+def _odd_rows(draft: Draft, known: Known, rule: Rule, ratio: Array, off: NDArray[np.bool_]) -> Doubt:
+    """Doubt about single rows that contradict a rule with which the others agree."""
+    at = np.flatnonzero(off)
+    lines = ", ".join(str(draft.lines[i]) for i in at[:NAMED]) + (", ..." if len(at) > NAMED else "")
+    rows = "1 row" if len(at) == 1 else f"{len(at)} rows"
+    values = " to ".join(dict.fromkeys(_number(v) for v in (np.min(ratio[at]), np.max(ratio[at]))))
+    which = "all other rows agree" if len(at) < SEVERAL * len(ratio) else "the other rows agree"
+    return Doubt(
+        tuple(role for role in (rule.role, *rule.inputs) if role in known.data),
+        f"{_header(draft, rule.role)} is {values} times {rule.formula} from {_others(draft, known, rule)} in {rows} "
+        f"(line{'s' * (len(at) > 1)} {lines}), and {which}; correct these cells",
+    )
+
+
+def _cause(draft: Draft, known: Known, rule: Rule, ratio: float, constant: bool) -> tuple[str, str]:
+    """The probable cause of a ratio, and the option that would correct it."""
+    special = _special(known, rule, ratio)
+    if special:
+        return special
+    units = list(_units_that_explain(draft, known, rule, ratio)) if constant else []
+    if len(units) == 1:
+        ((role, unit),) = units
+        return f"{_header(draft, role)} in {unit} would agree", f"--unit {role}={unit}"
+    if units:
+        return f"one of these would agree: {', '.join(f'--unit {role}={unit}' for role, unit in units[:NAMED])}", ""
+    leave = next((role for role in reversed(rule.inputs) if role in known.data), rule.role)
+    out = f"--map {leave}={NONE}"
+    if {"D", "Dc"} & set(rule.inputs):
+        what = next(role for role in rule.inputs if role in ("D", "Dc"))
+        if abs(ratio * TWICE - 1) < ALMOST or abs(ratio / TWICE - 1) < ALMOST:
+            return "a radius is taken as a diameter, or the reverse", out
+        return f"{what} is not the diameter at the cut, or one of the columns is wrong", out
+    return "one of the columns is wrong, or has another meaning", out
+
+
+def _special(known: Known, rule: Rule, ratio: float) -> tuple[str, str] | None:
+    """Causes in which one column holds another quantity: a feed rate as feed, a feed per revolution as per tooth."""
+    if rule.role in ("f", "fz"):
+        for role, meaning in (("n", "the feed rate in mm/min"), ("z", "another feed: per revolution or per tooth")):
+            if role in rule.inputs:
+                factor = float(np.nanmedian(known.value(role)))
+                if factor > 1.1 and min(abs(ratio / factor - 1), abs(ratio * factor - 1)) < ALMOST:
+                    return f"the ratio is {role}, so {rule.role} is probably {meaning}", f"--map {rule.role}={NONE}"
+    return None
+
+
+def _units_that_explain(draft: Draft, known: Known, rule: Rule, ratio: float) -> Iterable[tuple[str, str]]:
+    """Columns and units with which the ratio would be usual; columns without a unit in the file first."""
+    from .units import SPELLINGS, convert, same_dimension
+
+    written = {use.role: bool(use.unit) for use in draft.uses}
+    roles = [role for role in (rule.role, *rule.inputs) if role in known.data and ROLES[role].unit != "1"]
+    middle = {role: float(np.nanmedian(known.value(role))) for role in (rule.role, *rule.inputs)}
+    low, high = np.sqrt(rule.agree) if rule.agree[1] > TWICE else rule.agree
+    for role in sorted(roles, key=lambda role: written.get(role, False)):
+        for unit in SPELLINGS:
+            if unit == ROLES[role].unit or not same_dimension(unit, ROLES[role].unit):
+                continue
+            read_as = next((use.unit for use in draft.uses if use.role == role), "") or ROLES[role].unit
+            factor = float(convert(np.ones(1), unit, read_as)[0])
+            if role == rule.role:
+                then = ratio * factor
+            else:
+                moved = {**middle, role: middle[role] * factor}
+                change = rule.function(*(moved[i] for i in rule.inputs)) / rule.function(
+                    *(middle[i] for i in rule.inputs)
+                )
+                then = ratio / change
+            if isfinite(then) and low <= then <= high:
+                yield role, unit
+
+
+def _header(draft: Draft, role: str) -> str:
+    header = next((use.name for use in draft.uses if use.role == role), "")
+    return f"{role} ({header!r})" if header and header != role else role
+
+
+def _others(draft: Draft, known: Known, rule: Rule) -> str:
+    words = [_header(draft, role) if role in known.data else str(known.given[role]) for role in rule.inputs]
+    return " and ".join(words) if len(words) < 3 else ", ".join(words)
+
+
+def _number(value: float) -> str:
+    return format_plain(float(value), 3)
