@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .columns import NONE, Values
 from .constants import Given, given_values
 from .options import Process, ReadOptions
-from .process import process_of
+from .ranges import process_of
 
 Array: TypeAlias = NDArray[np.float64]
 Number: TypeAlias = Array | float
@@ -162,8 +162,8 @@ def known_of(data: dict[str, Values], notes: Iterable[str], options: ReadOptions
     notes = tuple(notes)
     unwanted = frozenset(role for role, name in options.map.items() if name.strip().lower() == NONE)
     given = {role: one for role, one in given_values(options.constants, notes).items() if role not in data}
-    stated = process_of(options.process, data)
-    process = stated or process_of(None, data, notes)
+    stated = options.process or process_of(data, ())
+    process = stated or process_of(data, notes)
     return Known(data, given, unwanted, process, stated is not None)
 
 

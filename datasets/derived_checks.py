@@ -21,6 +21,7 @@ ODD_ROW = {"P": 3.0, "AW": 1.5}  # factor from the median ratio at which a row c
 ODD = 1.2
 SEVERAL = 0.5  # share of odd rows above which the columns contradict each other as a whole
 TWICE = 2.0
+LEFT_OUT = ("MRR", "P", "D", "Dc", "z", "n", "fm")  # what a law misses least, first
 ALMOST = 0.02  # relative distance of a ratio from a known factor
 
 
@@ -114,8 +115,9 @@ def _cause(draft: Draft, known: Known, rule: Rule, ratio: float, constant: bool)
         return f"{_header(draft, role)} in {unit} would agree", f"--unit {role}={unit}"
     if units:
         return f"one of these would agree: {', '.join(f'--unit {role}={unit}' for role, unit in units[:NAMED])}", ""
-    leave = next((role for role in reversed(rule.inputs) if role in known.data), rule.role)
-    out = f"--map {leave}={NONE}"
+    roles = (rule.role, *rule.inputs)
+    leave = next((role for role in LEFT_OUT if role in roles and role in known.data), roles[-1])
+    out = _without(leave)
     if {"D", "Dc"} & set(rule.inputs):
         what = next(role for role in rule.inputs if role in ("D", "Dc"))
         if abs(ratio * TWICE - 1) < ALMOST or abs(ratio / TWICE - 1) < ALMOST:
@@ -124,14 +126,17 @@ def _cause(draft: Draft, known: Known, rule: Rule, ratio: float, constant: bool)
     return "one of the columns is wrong, or has another meaning", out
 
 
+def _without(role: str) -> str:
+    return f"--map {role}={NONE}"
+
+
 def _special(known: Known, rule: Rule, ratio: float) -> tuple[str, str] | None:
-    """Causes in which one column holds another quantity: a feed rate as feed, a feed per revolution as per tooth."""
-    if rule.role in ("f", "fz"):
-        for role, meaning in (("n", "the feed rate in mm/min"), ("z", "another feed: per revolution or per tooth")):
-            if role in rule.inputs:
-                factor = float(np.nanmedian(known.value(role)))
-                if factor > 1.1 and min(abs(ratio / factor - 1), abs(ratio * factor - 1)) < ALMOST:
-                    return f"the ratio is {role}, so {rule.role} is probably {meaning}", f"--map {rule.role}={NONE}"
+    """A feed per revolution in the column of the feed per tooth, or the reverse."""
+    if "z" not in rule.inputs:
+        return None
+    z = float(np.nanmedian(known.value("z")))
+    if z > 1 and min(abs(ratio / z - 1), abs(ratio * z - 1)) < ALMOST:
+        return f"the ratio is z: {rule.role} is probably another feed, per revolution or per tooth", _without(rule.role)
     return None
 
 

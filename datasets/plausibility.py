@@ -48,7 +48,9 @@ def check_values(draft: Draft, options: ReadOptions) -> None:
 def _state_unnamed(draft: Draft) -> None:
     """State the units in which columns without a unit were taken."""
     unnamed = [
-        f"{use.role} {ROLES[use.role].unit}" for use in draft.uses if use.role and not use.unit and ROLES[use.role].unit
+        f"{use.role} {ROLES[use.role].unit}"
+        for use in draft.uses
+        if use.role and not use.unit and ROLES[use.role].unit not in ("", "1")
     ]
     if unnamed:
         draft.assumed.append(f"units that the file does not name: {', '.join(unnamed)}")

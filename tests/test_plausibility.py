@@ -235,6 +235,7 @@ def test_a_plan_over_a_decade_is_no_mistake(read):
 
 def test_specific_cutting_force_out_of_range_names_its_columns(read):
     columns = rows()
+    columns.pop("P")
     Fc = 2400 * columns["f"] * columns["d"]
     assert said(read(text(columns | {"Fc": Fc}))) == []
     (doubt,) = read(text(columns | {"Fc": Fc / 20})).doubts
