@@ -1,51 +1,28 @@
-"""Contradictions within cutting edges: settings that change, time or wear that falls, single cells that stand out."""
+"""Contradictions within cutting edges: settings that change, wear that falls, single cells that stand out."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.rounding import format_plain
 from .doubts import Doubt
 from .draft import Draft
-from .edge_columns import Array, Codes, Flags, differs
+from .edge_columns import Array, Flags, differs
+from .edge_rows import FEW, EdgeRows, by_edge, listed, median
 from .merged_cells import lines_text
+from .time_checks import doubts_of_time
 from .vocabulary import ROLES
 
 MOST_ROWS = 100_000  # of a table whose edges are checked cell by cell
-FEW = 0.3  # share of the edges above which something is a property of the tests, not a slip
 JUMP = 3.0  # factor of a cell against its neighbours above which a digit or decimal mark may have slipped
 STEADY = 1.5  # factor between two neighbours of which a third cell is judged
 FALL = 0.8  # of the wear before
 SPREADS = 4.0  # robust standard deviations of the steps of wear that a fall must exceed
-LATE = 5.0  # times the largest other step of time in its edge
+APART = 15.0  # factor between the level of an edge and that of the others
 FACTORS = ((25.4, "in and mm"), (60.0, "min and s"), (3.2808, "m and ft"), (10.0, ""), (100.0, ""), (1000.0, ""))
-SLIPPED = "a digit or decimal mark may have slipped"
-LISTED = 3  # cells that a sentence names
-
-
-@dataclass(frozen=True, slots=True)
-class _Edges:
-    """Rows by edge, in the order of the file.
-
-    Attributes
-    ----------
-    order : ndarray of int, shape (n,)
-        Rows sorted by edge.
-    same : ndarray of bool, shape (n - 1,)
-        Whether a sorted row is of the edge of the one before.
-    codes : ndarray of int, shape (n,)
-        Edge of each row of the file.
-    several : int
-        Number of edges of two rows or more.
-    """
-
-    order: NDArray[np.intp]
-    same: Flags
-    codes: Codes
-    several: int
+SHIFTED = "shifted by one row against the other columns"
+MEASURED = ("wear", "load", "surface")
 
 
 def check_edges(draft: Draft) -> None:
@@ -53,47 +30,38 @@ def check_edges(draft: Draft) -> None:
     if len(draft.lines) > MOST_ROWS or len(draft.lines) < 3:
         return
     numbers = draft.numbers()
+    kinds = {role: ROLES[role].kind for role in numbers}
     copies = _copies(draft, numbers)
     draft.doubts += _of_copies(draft, copies)
     if "edge" not in draft.data:
         return
-    edges = _edges(draft)
+    edges = by_edge(draft)
     if edges.several == 0:
         return
-    for role, values in numbers.items():
-        if ROLES[role].kind == "condition":
-            draft.doubts += _of_setting(draft, edges, role, values)
-    if "t" in numbers:
-        draft.doubts += _of_time(draft, edges, numbers["t"], copies)
-    for role, values in numbers.items():
-        if ROLES[role].kind in ("wear", "load", "surface"):
-            draft.doubts += _of_response(draft, edges, role, values, numbers.get("t"))
-
-
-def _edges(draft: Draft) -> _Edges:
-    codes = pd.factorize(np.asarray(draft.data["edge"]))[0].astype(np.intp)
-    for role in ("tool", "work"):
-        if role in draft.data:
-            label = pd.factorize(np.asarray(draft.data[role]))[0]
-            codes = np.unique(codes * (int(label.max()) + 2) + label + 1, return_inverse=True)[1]
-    order = np.argsort(codes, kind="stable")
-    same = np.asarray(codes[order][1:] == codes[order][:-1])
-    several = int((same & np.concatenate([[True], ~same[:-1]])).sum())
-    return _Edges(order, same, codes, several)
+    t = numbers.get("t")
+    shifted = {role for doubt in draft.doubts if SHIFTED in doubt.sentence for role in doubt.columns}
+    for role in (role for role, kind in kinds.items() if kind == "condition" and role not in shifted):
+        draft.doubts += _of_setting(draft, edges, role, numbers[role])
+    if t is not None:
+        wear = next((numbers[role] for role, kind in kinds.items() if kind == "wear"), None)
+        draft.doubts += doubts_of_time(draft, edges, t, wear, copies)
+    order = edges.order if t is None else np.lexsort((t, edges.codes))
+    for role in (role for role, kind in kinds.items() if kind in MEASURED):
+        draft.doubts += _of_response(draft, edges, role, numbers[role], t, order)
 
 
 def _copies(draft: Draft, numbers: dict[str, Array]) -> Flags:
     """Rows all of whose cells stand in a row before."""
     n = len(draft.lines)
     copy = np.zeros(n, dtype=bool)
-    if len(numbers) < 3 or not any(ROLES[role].kind in ("wear", "load", "surface") for role in numbers):
+    if len(numbers) < 3 or not any(ROLES[role].kind in MEASURED for role in numbers):
         return copy
     keys = np.nan_to_num(np.vstack(list(numbers.values())), nan=-1e300)
     order = np.lexsort(keys)
     equal = (keys[:, order[1:]] == keys[:, order[:-1]]).all(axis=0)
     for i in np.flatnonzero(equal):
         a, b = sorted((int(order[i]), int(order[i + 1])))
-        texts = (column.values for column in draft.columns)  # noqa: PD011  a Column, not a Series
+        texts = (column.values for column in draft.columns)
         copy[b] = all(cells[a] == cells[b] or (cells[a] != cells[a] and cells[b] != cells[b]) for cells in texts)
     return copy
 
@@ -109,32 +77,49 @@ def _of_copies(draft: Draft, copies: Flags) -> Iterator[Doubt]:
         )
 
 
-def _of_setting(draft: Draft, edges: _Edges, role: str, values: Array) -> Iterator[Doubt]:
+def _of_setting(draft: Draft, edges: EdgeRows, role: str, values: Array) -> Iterator[Doubt]:
     """Cells of a setting that differ from the rest of their edge."""
     x = values[edges.order]
     moved = edges.same & differs(x[1:], x[:-1])
     if not moved.any():
         return
-    at_fault = np.unique(edges.codes[edges.order][1:][moved])
-    if len(at_fault) > max(1, FEW * edges.several):
-        return  # tests with changing conditions
-    cells = []
-    for code in at_fault:
+    if edges.edges_of(moved) > edges.few:
+        yield from _shifted(edges, role, moved)
+        return
+    cells: list[str] = []
+    for code in dict.fromkeys(edges.codes[edges.order[1:][moved]].tolist()):
         rows = np.flatnonzero(edges.codes == code)
-        there = rows[~np.isnan(values[rows])]
-        usual = float(np.median(values[there]))
-        odd = there[differs(values[there], np.full(len(there), usual))]
-        name = draft.data["edge"][rows[0]]
-        if len(there) == 2 or 2 * len(odd) > len(there):
-            some = ", ".join(
-                f"{format_plain(v)} (line {draft.lines[i]})" for v, i in zip(values[there], there, strict=True)
+        cells += _odd_cells(draft, values, rows[~np.isnan(values[rows])], str(edges.names[rows[0]]))
+    yield Doubt((role,), f"{role} changes within an edge: {listed(cells)}; correct the cell, or the name of the edge")
+
+
+def _odd_cells(draft: Draft, values: Array, rows: NDArray[np.intp], name: str) -> Iterator[str]:
+    """The cells of an edge that differ from most, or all of them where most do."""
+    usual = median(values[rows])
+    odd = rows[differs(values[rows], np.full(len(rows), usual))]
+    if len(rows) == 2 or 2 * len(odd) > len(rows):
+        yield f"edge {name} has {', '.join(f'{format_plain(values[i])} (line {draft.lines[i]})' for i in rows)}"
+        return
+    for i in odd:
+        others = f"the other rows of edge {name} have {format_plain(usual)}"
+        yield f"line {draft.lines[i]} has {format_plain(values[i])} where {others}{_factor_words(values[i], usual)}"
+
+
+def _shifted(edges: EdgeRows, role: str, moved: Flags) -> Iterator[Doubt]:
+    """A setting that changes in most edges, in each after its first row or before its last one."""
+    step = np.flatnonzero(moved) + 1  # as sorted: the row that differs from the one before
+    edge = np.searchsorted(edges.first, step, side="right") - 1
+    once = len(set(edge.tolist())) == len(edge)
+    second, last = step - edges.first[edge] == 1, edges.first[edge] + edges.sizes[edge] - 1 == step
+    long = edges.sizes[edge] >= 3
+    for name, there in (("after the first row", second), ("before the last row", last)):
+        if once and long.any() and there[long].all():
+            yield Doubt(
+                (role,),
+                f"{role} changes {name} of {len(edge)} of {edges.several} edges: the column is "
+                f"{SHIFTED}; correct it in the file",
             )
-            cells.append(f"edge {name} has {some}")
-        else:
-            others = f"the other rows of edge {name} have {format_plain(usual)}"
-            cells += [f"line {draft.lines[i]} has {format_plain(values[i])} where {others}"
-                      f"{_factor_words(values[i], usual)}" for i in odd]  # fmt: skip
-    yield Doubt((role,), f"{role} changes within an edge: {_some(cells)}; correct the cell, or the name of the edge")
+            return
 
 
 def _factor_words(value: float, usual: float) -> str:
@@ -152,134 +137,85 @@ def _factor_words(value: float, usual: float) -> str:
     return ""
 
 
-def _of_time(draft: Draft, edges: _Edges, t: Array, copies: Flags) -> Iterator[Doubt]:
-    """Times that fall or repeat within an edge, stand far above the others, or run on from edge to edge."""
-    order, same = edges.order, edges.same
-    x = t[order]
-    falls, repeats = same & (x[1:] < x[:-1]), same & (x[1:] == x[:-1]) & ~copies[order][1:]
-    sorted_codes = edges.codes[order][1:]
-    if falls.any() and len(np.unique(sorted_codes[falls])) <= max(1, FEW * edges.several):
-        cells = [
-            f"{format_plain(x[i + 1])} min at line {draft.lines[order[i + 1]]} after {format_plain(x[i])} in edge "
-            f"{draft.data['edge'][order[i]]}"
-            for i in np.flatnonzero(falls)
-        ]
-        yield Doubt(
-            ("t", "edge"), f"t falls within an edge: {_some(cells)}; correct the time, or begin a new edge there"
-        )
-    if repeats.any() and len(np.unique(sorted_codes[repeats])) <= max(1, FEW * edges.several):
-        cells = [
-            f"{format_plain(x[i])} min at lines {draft.lines[order[i]]} and {draft.lines[order[i + 1]]} of edge "
-            f"{draft.data['edge'][order[i]]}"
-            for i in np.flatnonzero(repeats)
-        ]
-        yield Doubt(
-            ("t", "edge"), f"t repeats within an edge: {_some(cells)}; correct the time or the name of the edge"
-        )
-    yield from _late(draft, edges, t)
-    yield from _begun(draft, edges, t)
-    yield from _running_on(edges, t)
-
-
-def _late(draft: Draft, edges: _Edges, t: Array) -> Iterator[Doubt]:
-    """A last time that is far from the others of its edge."""
-    rows = np.flatnonzero(np.concatenate([~edges.same, [True]]))  # last of each edge, as sorted
-    x = t[edges.order]
-    step = np.concatenate([[np.nan], np.where(edges.same, np.diff(x), np.nan)])
-    cells = []
-    for last, first in zip(rows, np.concatenate([[0], rows[:-1] + 1]), strict=True):
-        others = step[first + 1 : last]
-        if last - first >= 3 and step[last] > LATE * np.nanmax(others, initial=np.inf if np.isnan(others).all() else 0):
-            cells.append(
-                f"{format_plain(x[last])} min at line {draft.lines[edges.order[last]]} after "
-                f"{format_plain(x[last - 1])}"
-            )
-    if cells and len(cells) <= max(1, FEW * edges.several):
-        yield Doubt(("t",), f"t jumps at the end of an edge: {_some(cells)}; {SLIPPED}")
-
-
-def _begun(draft: Draft, edges: _Edges, t: Array) -> Iterator[Doubt]:
-    """A first time that is far from the one at which nearly all edges begin."""
-    rows = edges.order[np.concatenate([[True], ~edges.same])]
-    usual = float(np.nanmedian(t[rows]))
-    odd = rows[(t[rows] > 0) & ((t[rows] > JUMP * usual) | (t[rows] < usual / JUMP))]
-    alike = np.abs(t[rows] - usual) <= 0.01 * usual
-    if usual > 0 and len(odd) and 1 - alike.mean() <= FEW and len(odd) <= max(1, FEW * len(rows)):
-        cells = [f"{format_plain(t[i])} min at line {draft.lines[i]}" for i in odd]
-        yield Doubt(
-            ("t",), f"t begins at {format_plain(usual)} min in most edges, but at {_some(cells)}; correct the time"
-        )
-
-
-def _running_on(edges: _Edges, t: Array) -> Iterator[Doubt]:
-    """Time that does not begin anew with an edge."""
-    begin = np.concatenate([[True], ~edges.same])
-    first, last = t[edges.order[begin]], t[edges.order[np.append(begin[1:], True)]]
-    place = np.argsort(edges.order[begin], kind="stable")
-    if edges.several >= 3 and 2 * edges.several > len(place) and (first[place][1:] > last[place][:-1]).all():
-        yield Doubt(
-            ("t",),
-            f"t runs on from edge to edge, to {format_plain(float(np.nanmax(t)))} min: each edge begins above the last "
-            "time of the one before. Is it the time of the machine? A law needs the time in cut of the edge, from its "
-            "first cut",
-        )
-
-
-def _of_response(draft: Draft, edges: _Edges, role: str, values: Array, t: Array | None) -> Iterator[Doubt]:
-    """Single cells that jump against their neighbours, and wear that falls."""
-    clock = np.arange(len(values), dtype=float) if t is None else t
-    order = np.lexsort((clock, edges.codes))
-    order = order[(values[order] > 0) & ~np.isnan(clock[order])]
+def _of_response(
+    draft: Draft, edges: EdgeRows, role: str, values: Array, t: Array | None, order: NDArray[np.intp]
+) -> Iterator[Doubt]:
+    """Single cells that jump against their neighbours, wear that falls, and edges far from the others."""
+    x = values[order]
+    known = x > 0 if t is None else (x > 0) & ~np.isnan(t[order])
+    if not known.all():
+        order, x = order[known], x[known]
     if len(order) < 3:
         return
-    code, y = edges.codes[order], np.log(values[order])
-    same = code[1:] == code[:-1]
-    step = np.where(same, np.diff(y), np.nan)
-    slipped = _slips(y, step, np.log(np.maximum(clock[order], 1e-9)), grows=ROLES[role].kind == "wear")
-    unit = draft.units.get(role, "")
-    if slipped.any():
-        cells = [_slip_words(draft, values, order, step, int(i), unit) for i in np.flatnonzero(slipped)]
-        if len(cells) <= max(1, FEW * edges.several):
-            yield Doubt((role,), f"{role} jumps within an edge: {_some(cells)}; {SLIPPED}")
-    if ROLES[role].kind != "wear" or not np.isfinite(step).any():
-        return
-    centre = float(np.nanmedian(step))
-    spread = 1.4826 * float(np.nanmedian(np.abs(step - centre)))
+    code, y = edges.codes[order], np.log(x)
+    step = np.where(code[1:] == code[:-1], np.diff(y), np.nan)
+    grows = ROLES[role].kind == "wear"
+    slipped = np.zeros(len(y), dtype=bool)
+    if (np.abs(step) > np.log(JUMP)).any():
+        slipped = _slips(y, step, None if t is None else np.log(np.maximum(t[order], 1e-9)), grows=grows)
+        if 0 < slipped.sum() <= edges.few:
+            cells = (_slip_words(draft, edges, values, order, step, int(i), role) for i in np.flatnonzero(slipped))
+            what = "a digit or decimal mark may have slipped"
+            yield Doubt((role,), f"{role} jumps within an edge: {listed(cells)}; {what}")
+    if grows and (step < np.log(FALL)).any():
+        yield from _falls(draft, role, values, order, step, slipped)
+    yield from _levels(edges, role, code, y)
+
+
+def _falls(
+    draft: Draft, role: str, values: Array, order: NDArray[np.intp], step: Array, slipped: Flags
+) -> Iterator[Doubt]:
+    known = step[~np.isnan(step)]
+    centre = median(known)
+    spread = 1.4826 * median(np.abs(known - centre))
     falls = (step < np.log(FALL)) & (step < centre - SPREADS * spread) & ~slipped[1:] & ~slipped[:-1]
-    if falls.any() and falls.sum() <= max(2, FEW * edges.several):
-        cells = [
-            f"from {format_plain(values[order[i]])} to {format_plain(values[order[i + 1]])} {unit} at line "
-            f"{draft.lines[order[i + 1]]}"
+    if 0 < falls.sum() <= max(2, 0.1 * len(known)):
+        cells = (
+            f"from {format_plain(values[order[i]])} to {format_plain(values[order[i + 1]])} {draft.units.get(role, '')}"
+            f" at line {draft.lines[order[i + 1]]}"
             for i in np.flatnonzero(falls)
-        ]
-        yield Doubt((role,), f"{role} falls by more than 20 % along an edge: {_some(cells)}; wear does not heal: check "
-                    "these lines")  # fmt: skip
+        )
+        what = "wear does not heal: check these lines"
+        yield Doubt((role,), f"{role} falls by more than 20 % along an edge: {listed(cells)}; {what}")
 
 
-def _slips(y: Array, step: Array, log_t: Array, *, grows: bool) -> Flags:
+def _slips(y: Array, step: Array, log_t: Array | None, *, grows: bool) -> Flags:
     """Cells that stand out by the factor from both neighbours, or at an end from two that agree."""
-    n, jump, steady = len(y), np.log(JUMP), np.log(STEADY)
-    before, after = np.concatenate([[np.nan], step]), np.concatenate([-step, [np.nan]])  # against the neighbours
+    jump, steady = np.log(JUMP), np.log(STEADY)
+    nothing = np.array([np.nan])
+    before, after = np.concatenate([nothing, step]), np.concatenate([-step, nothing])  # against the neighbours
     both = (np.minimum(before, after) > jump) | (np.maximum(before, after) < -jump)
-    next_but = np.concatenate([np.abs(step[1:]), [np.nan, np.nan]])[:n]  # step between the two that follow
-    last_but = np.concatenate([[np.nan, np.nan], np.abs(step[:-1])])[:n]
-    first = np.isnan(before) & (np.abs(after) > jump) & (next_but < steady)
-    last = np.isnan(after) & (np.abs(before) > jump) & (last_but < steady)
+    beyond = np.concatenate([np.abs(step[1:]), nothing, nothing])  # step between the two rows that follow
+    ahead = np.concatenate([nothing, nothing, np.abs(step[:-1])])
+    first = np.isnan(before) & (np.abs(after) > jump) & (beyond < steady)
+    last = np.isnan(after) & (np.abs(before) > jump) & (ahead < steady)
     if grows:  # wear is low at first, and may rise fast at last
-        later = np.concatenate([np.diff(log_t), [np.nan]])
+        later = np.zeros(len(y)) if log_t is None else np.append(np.diff(log_t), 0.0)
         first &= (after > 0) | (-after > jump + 1.5 * later)
         last &= (before < 0) | (before > jump + steady)
     return np.asarray(both | first | last)
 
 
-def _slip_words(draft: Draft, values: Array, order: NDArray[np.intp], step: Array, i: int, unit: str) -> str:
-    beside = [k for k, s in ((i - 1, i - 1), (i + 1, i)) if 0 <= s < len(step) and np.isfinite(step[s])]
+def _slip_words(
+    draft: Draft, edges: EdgeRows, values: Array, order: NDArray[np.intp], step: Array, i: int, role: str
+) -> str:
+    beside = [k for k, s in ((i - 1, i - 1), (i + 1, i)) if 0 <= s < len(step) and not np.isnan(step[s])]
     around = " and ".join(format_plain(values[order[k]]) for k in beside)
-    row = order[i]
-    return f"line {draft.lines[row]} has {format_plain(values[row])} {unit}, its neighbours in edge " \
-           f"{draft.data['edge'][row]} {around}"  # fmt: skip
+    value = f"{format_plain(values[order[i]])} {draft.units.get(role, '')}"
+    return f"line {draft.lines[order[i]]} has {value}, its neighbours in edge {edges.names[order[i]]} {around}"
 
 
-def _some(cells: list[str]) -> str:
-    more = len(cells) - LISTED
-    return "; ".join(cells[:LISTED]) + (f"; and {more} more" if more > 0 else "")
+def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array) -> Iterator[Doubt]:
+    """Edges in which a measured quantity is of another order than in the others: another unit."""
+    at = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]]))
+    if len(at) < 6 or np.ptp(y) < np.log(APART):
+        return
+    level = np.add.reduceat(y, at) / np.diff(at, append=len(y))
+    apart = level - median(level)
+    spread = 1.4826 * median(np.abs(apart))
+    odd = np.abs(apart) > max(np.log(APART), 6 * spread)
+    if 0 < odd.sum() <= edges.few:
+        name = dict(zip(edges.codes.tolist(), edges.names.tolist(), strict=True))
+        which = listed(f"edge {name[code[i]]} by a factor of {np.exp(abs(apart[k])):.3g}"
+                       for k, i in enumerate(at) if odd[k])  # fmt: skip
+        yield Doubt((role,), f"{role} is of another order than in the other edges: {which}; are these in another unit?")

@@ -1,7 +1,7 @@
 """Edges inferred from the order of the tests: a new one where the settings change or time does not rise."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -34,11 +34,14 @@ class Inferred:
         Whether they follow from the order of the rows; otherwise from the settings alone.
     sentence : str
         How the edges were found, or why not.
+    shifted : mapping of str to ndarray
+        Settings that change one row before or after time begins anew, with the lines of these changes.
     """
 
     codes: Codes | None
     in_order: bool
     sentence: str
+    shifted: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
 
 
 def settings_of(conditions: Mapping[str, Array]) -> dict[str, Array]:
@@ -66,6 +69,9 @@ def edges_by_design(draft: Draft) -> Inferred | None:
     if n / chains.sum() < LEAST:
         return None
     starts = _starts(t, settings, labels)
+    shifted = {role: rows for role, x in settings.items() if len(rows := _shifted_rows(t, x)) > 1}
+    for rows in shifted.values():
+        starts[rows] = t[rows] <= t[rows - 1]
     starts = _mended(starts, t, settings, labels)
     codes = np.cumsum(starts) - 1
     count = int(codes[-1]) + 1
@@ -73,7 +79,8 @@ def edges_by_design(draft: Draft) -> Inferred | None:
     names = [*settings, *(role for role in ("tool", "work") if role in draft.data)]
     if count <= max(SPARE * chains.sum(), chains.sum() + 1) and n / count >= LEAST:
         rule = f"a new edge where {_listed(names, 'or')} changes or t does not rise"
-        return Inferred(codes, True, _found(count, sizes, f"the order of the tests ({rule})"))
+        found = _found(count, sizes, f"the order of the tests ({rule})")
+        return Inferred(codes, True, found, {role: draft.lines[rows] for role, rows in shifted.items()})
     if _numbered_in_order(draft):
         return None  # a randomised plan in the order of its tests: t would rise if rows shared edges
     paired = int(((t[1:] == t[:-1]) & ~_changes(settings, labels)).sum())
@@ -161,6 +168,21 @@ def _changes(settings: Mapping[str, Array], labels: list[NDArray[np.intp]]) -> F
     for label in labels:
         changed |= label[1:] != label[:-1]
     return changed
+
+
+def _shifted_rows(t: Array, x: Array) -> NDArray[np.intp]:
+    """Rows at which a setting changes while time rises, one row beside a row at which time begins anew.
+
+    The row between has the setting of the other edge, as it has where a column is shifted by one row.
+    """
+    begins = np.append(np.append(True, t[1:] <= t[:-1]), True)
+    if len(t) < 3 * begins.sum():
+        return np.empty(0, dtype=np.intp)
+    rows = np.flatnonzero(differs(x[2:], x[1:-1]) & ~begins[2:-1]) + 2
+    rows = rows[rows < len(t) - 1]
+    after = begins[rows - 1] & ~differs(x[rows - 1], x[rows - 2])
+    before = begins[rows + 1] & ~differs(x[rows], x[rows + 1])
+    return rows if len(rows) and (after.all() or before.all()) else np.empty(0, dtype=np.intp)
 
 
 def _mended(start: Flags, t: Array, settings: Mapping[str, Array], labels: list[NDArray[np.intp]]) -> Flags:

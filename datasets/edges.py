@@ -10,13 +10,18 @@ import pandas as pd
 from .columns import NONE, ColumnUse
 from .doubts import Doubt
 from .draft import Draft
-from .edge_columns import Codes, Tests, holds_edges, is_numbering, may_be_edge, meant_by
+from .edge_checks import SHIFTED
+from .edge_columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by
+from .edge_names import tidy_names
 from .edge_order import edges_by_design, settings_of
+from .merged_cells import lines_text
 from .options import ReadOptions
+from .time_checks import duration
 from .vocabulary import ROLES
 
 SAMPLE = 20_000  # rows by which the content of columns is decided
 FEW_EDGES = 4  # an insert has no more edges of its own than a type of tools, which is tested on more
+NEARLY = 0.8  # share of the rows with a number of their own in a column that numbers rows
 SURE = 6  # values from which labels that are no numbering can be edges too
 
 EDGE_WORDS = ("edge", "schneid", "arête", "filo")  # in names that can mean nothing but the edge
@@ -52,9 +57,9 @@ def settle_edges(draft: Draft, options: ReadOptions) -> None:
     if "edge" not in given and tests is not None:
         _decide(draft, tests, given)
     if "edge" in draft.data:
-        _name_the_unnamed(draft)
+        tidy_names(draft, tests)
     elif tests is not None and tests.time is not None:
-        _infer(draft)
+        _infer(draft, tests)
 
 
 def _tests(draft: Draft) -> Tests | None:
@@ -232,7 +237,7 @@ def _types_of_tools(one: _Labels, tests: Tests) -> bool:
 
 def _numbers_rows(one: _Labels, draft: Draft) -> bool:
     """Whether every row has a number of its own under a name such as ``test no`` although rows share edges."""
-    if "t" not in draft.data or len(one.names) < len(one.codes) or len(one.codes) != len(draft.lines):
+    if "t" not in draft.data or len(one.names) < NEARLY * len(one.codes) or len(one.codes) != len(draft.lines):
         return False
     found = edges_by_design(draft)
     return found is not None and found.codes is not None and found.in_order
@@ -269,34 +274,24 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:4]) + (" ..." if len(names) > 4 else "")
 
 
-def _name_the_unnamed(draft: Draft) -> None:
-    """Rows without an edge become edges of their own: as one edge named "" they would be rows of many edges."""
-    edge = draft.data["edge"]
-    blank = np.asarray(edge == "", dtype=bool)
-    if not blank.any() or blank.all():
-        return
-    from .merged_cells import lines_text
-
-    edge = edge.copy()
-    edge[blank] = [f"line {line}" for line in draft.lines[blank]]
-    draft.data["edge"] = edge
-    draft.doubts.append(
-        Doubt(
-            ("edge",),
-            f"{lines_text(draft.lines[blank])} name{'s' if blank.sum() == 1 else ''} no edge: each is read as an edge "
-            "of its own; name the edge in the file",
-        )
-    )
-
-
-def _infer(draft: Draft) -> None:
+def _infer(draft: Draft, tests: Tests) -> None:
     """Edges from the order of the tests, where it settles them."""
     found = edges_by_design(draft)
     if found is None:
+        if tests.time is not None and tests.wear is not None and tests.settings:
+            moved = [differs(x[1:], x[:-1]) for x in tests.settings.values()]
+            alike = ~np.logical_or.reduce(moved) & (tests.time[1:] == tests.time[:-1])
+            draft.doubts += duration(tests.wear[:-1][alike], tests.wear[1:][alike])
         return
     if found.codes is None:
         draft.doubts.append(Doubt(("edge",), found.sentence, f"--edge {NONE}"))
         return
+    if found.shifted:
+        roles = " and ".join(found.shifted)
+        lines = lines_text(np.unique(np.concatenate(list(found.shifted.values()))))
+        what = f"{roles} {'changes' if len(found.shifted) == 1 else 'change'} one row before or after time begins anew"
+        end = f"({lines}): {roles if len(found.shifted) == 1 else 'time'} is {SHIFTED}; correct it in the file"
+        draft.doubts.append(Doubt((*found.shifted, "t"), f"{what} {end}"))
     count = int(found.codes.max()) + 1
     width = max(2, len(str(count)))
     names = np.array([f"E{i + 1:0{width}d}" for i in range(count)], dtype=object)

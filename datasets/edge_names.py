@@ -1,0 +1,100 @@
+"""Names of cutting edges put in order: spellings of one edge, rows without a name, names of a single row."""
+
+import re
+
+import numpy as np
+import pandas as pd
+
+from .doubts import Doubt
+from .draft import Draft
+from .edge_columns import Codes, Tests, differs
+from .merged_cells import lines_text
+
+MOST_NAMES = 5_000  # that are compared
+
+
+def tidy_names(draft: Draft, tests: Tests | None) -> None:
+    """Join spellings of one edge, give rows without a name an edge of their own, and doubt names of a single row."""
+    codes, names = pd.factorize(np.asarray(draft.data["edge"]))
+    if len(names) <= MOST_NAMES:
+        _join_spellings(draft, tests, np.asarray(codes, dtype=np.intp), [str(name) for name in names])
+    _name_the_unnamed(draft)
+    if tests is not None and tests.n == len(codes):
+        _doubt_single_rows(draft, tests)
+
+
+def spelling(name: str) -> str:
+    """Form of a name without blanks, underscores, case and leading zeros.
+
+    >>> spelling("E 04"), spelling("e4"), spelling("Platte_010")
+    ('e4', 'e4', 'platte10')
+    """
+    return re.sub(r"(?<!\d)0+(?=\d)", "", re.sub(r"[\s_]+", "", name).casefold())
+
+
+def _join_spellings(draft: Draft, tests: Tests | None, codes: Codes, names: list[str]) -> None:
+    """Rows of one edge whose name is spelled in two ways, where their settings agree."""
+    first: dict[str, int] = {}
+    for code, name in enumerate(names):
+        other = first.setdefault(spelling(name), code)
+        if other == code or not name or not _alike(tests, codes, code, other):
+            continue
+        mostly, rarely = sorted((other, code), key=lambda c: -int((codes == c).sum()))
+        rows = codes == rarely
+        edge = draft.data["edge"].copy()
+        edge[rows] = names[mostly]
+        draft.data["edge"] = edge
+        draft.warnings.append(
+            f"edge {names[rarely]!r} is read as {names[mostly]!r} ({lines_text(draft.lines[rows])}): the same name in "
+            "another spelling"
+        )
+
+
+def _alike(tests: Tests | None, codes: Codes, one: int, other: int) -> bool:
+    """Whether the settings of two edges agree."""
+    if tests is None:
+        return True
+    known = codes[: tests.n]
+    a, b = np.flatnonzero(known == one), np.flatnonzero(known == other)
+    return not len(a) or not len(b) or not any(differs(x[a[:1]], x[b[:1]])[0] for x in tests.settings.values())
+
+
+def _name_the_unnamed(draft: Draft) -> None:
+    """Rows without an edge become edges of their own: as one edge named "" they would be rows of many edges."""
+    edge = draft.data["edge"]
+    blank = np.asarray(edge == "", dtype=bool)
+    if not blank.any() or blank.all():
+        return
+    edge = edge.copy()
+    edge[blank] = [f"line {line}" for line in draft.lines[blank]]
+    draft.data["edge"] = edge
+    what = "names no edge: it is read as an edge" if blank.sum() == 1 else "name no edge: each is read as an edge"
+    draft.doubts.append(
+        Doubt(("edge",), f"{lines_text(draft.lines[blank])} {what} of its own; name the edge in the file")
+    )
+
+
+def _doubt_single_rows(draft: Draft, tests: Tests) -> None:
+    """A name of one row only beside rows of an edge that it continues: misspelled."""
+    codes, names = pd.factorize(np.asarray(draft.data["edge"]))
+    counts = np.bincount(codes)
+    single = np.flatnonzero(counts[codes] == 1)
+    if tests.time is None or not 0 < len(single) <= max(2, 0.1 * len(counts)):
+        return
+    t, n = tests.time, len(codes)
+    for i in single.tolist():
+        above = i > 0 and counts[codes[i - 1]] > 1 and t[i] > t[i - 1] and _same_setting(tests, i, i - 1)
+        below = i + 1 < n and counts[codes[i + 1]] > 1 and t[i] < t[i + 1] and _same_setting(tests, i, i + 1)
+        if above or below:
+            beside = names[codes[i - 1 if above else i + 1]]
+            draft.doubts.append(
+                Doubt(
+                    ("edge",),
+                    f"line {draft.lines[i]} alone is of edge {names[codes[i]]}, and its settings and time continue edge"
+                    f" {beside}: is the name misspelled? Correct it in the file",
+                )
+            )
+
+
+def _same_setting(tests: Tests, i: int, j: int) -> bool:
+    return not any(differs(x[i : i + 1], x[j : j + 1])[0] for x in tests.settings.values())
