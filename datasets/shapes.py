@@ -224,7 +224,7 @@ def _unpivoted(table: Table, family: _Family, key: str, conditions: Sequence[Col
     others = [column for column in table.columns if column not in family.columns]
     number = max(column.number for column in table.columns)
     ids = np.array(family.ids, dtype=object)[places]
-    response = family.response or "VB"
+    response = family.response or "AW"
     bad = tuple(cell for column in family.columns for cell in column.bad)
     made = (
         _key_column(key, ids, family.unit_of_time, number + 1),
@@ -242,7 +242,7 @@ def _unpivoted(table: Table, family: _Family, key: str, conditions: Sequence[Col
         f"measurement of {response}"
     )
     doubts = () if family.response else (
-        Doubt((response,), f"no header or note names what the columns {names} hold: read as wear VB"),
+        Doubt((response,), f"the table is wide and nothing names what its columns {names} hold: read as wear AW"),
     )  # fmt: skip
     return replace(
         table, columns=(*kept, *added, *made), lines=table.lines[rows], assumed=(*table.assumed, sentence),
@@ -309,6 +309,9 @@ def _with_conditions(table: Table) -> tuple[Table, tuple[Column, ...]]:
         if all(column.is_numeric for column in others)
     )
     names = [column.name for column in table.columns]
+    below = first.values[len(rows) :]
+    if "t" not in roles and role_of(parse_header(names[0]).name, None) == "edge" and bool(np.all(np.diff(below) > 0)):
+        names[0] = "t"  # the numbers below the conditions rise and have no name
     for row, role in zip(rows, roles, strict=True):
         texts = [_leading_texts(column).get(row, "") for column in others]
         if role == "edge" and any(texts):

@@ -227,7 +227,7 @@ def test_a_column_for_each_edge_becomes_rows(tmp_path, header):
 def test_conditions_above_a_wide_table_are_those_of_its_columns(tmp_path):
     above = [[name, *(of_edge[i] for of_edge in CONDITIONS.values())] for i, name in enumerate(NAMES[1:4])]
     for head, rows in (
-        ([], by_edge()),
+        ([], by_edge("VB {}")),
         ([["edge", *CONDITIONS]], [["t [min]", *["VB [mm]"] * 4], *by_edge()[1:]]),
     ):
         runs = read(tmp_path, lines([*head, *above, *rows]))
@@ -236,7 +236,7 @@ def test_conditions_above_a_wide_table_are_those_of_its_columns(tmp_path):
 
 
 def test_cells_of_unnamed_wide_columns_are_doubted(tmp_path):
-    assert "no header or note names what" in str(read(tmp_path, lines(by_edge())).doubts[0])
+    assert "nothing names what its columns 'E1' to 'E4' hold" in str(read(tmp_path, lines(by_edge())).doubts[0])
 
 
 def test_marks_of_a_wide_table_stay_with_their_rows(tmp_path):
@@ -283,3 +283,76 @@ def test_a_table_of_tool_lives_is_read_and_named(tmp_path):
     said_of = nothing_fitted(runs, ())
     assert "tool lives (T, 5 values)" in said_of
     assert "t and VB" in said_of
+
+
+def test_times_without_a_name_below_conditions_are_times(tmp_path):
+    above = [[name, *(of_edge[i] for of_edge in CONDITIONS.values())] for i, name in enumerate(NAMES[1:4])]
+    runs = read(tmp_path, lines([["edge", *CONDITIONS], *above, *by_edge()[1:]], "Flank wear VB\n"))
+    assert same(runs, read(tmp_path, LONG, "b.csv"))
+
+
+# Blocks below headings
+
+
+def blocks(heading, header="t [min],VB [mm]", gap="", repeat=True) -> str:
+    text = header + "\n" if not repeat else ""
+    for i, (edge, (V, f, d)) in enumerate(CONDITIONS.items(), start=1):
+        text += heading.format(i=i, V=V, f=f, d=d) + "\n" + (header + "\n") * repeat
+        text += "".join(f"{t},{PIVOT[edge, t]}\n" for t in TIMES) + gap
+    return text
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Test {i}: V = {V} m/min, f = {f} mm/rev, d = {d} mm",
+        "Test {i}: V = {V} m/min; f = {f} mm/rev; ap = {d} mm",
+        "Test {i} (vc={V} m/min f={f} mm/rev ap={d} mm)",
+        '"Test no. {i}, vc = {V} m/min, f = {f} mm/rev, ap = {d} mm"',
+        "Test {i}\nvc: {V} m/min\nf: {f} mm/rev\nap: {d} mm",
+    ],
+)
+@pytest.mark.parametrize("gap", ["", "\n", "Mean,0.02\n\n"])
+@pytest.mark.parametrize("repeat", [True, False])
+def test_blocks_below_headings_become_rows(tmp_path, heading, gap, repeat):
+    runs = read(tmp_path, blocks(heading, gap=gap, repeat=repeat))
+    kept = ~np.isnan(runs.values("t"))
+    reference = read(tmp_path, LONG, "b.csv")
+    assert all(np.array_equal(runs.values(role)[kept], reference.values(role)) for role in ("V", "f", "d", "t", "VB"))
+    assert runs.labels("edge")[kept].tolist() == [row[0][1:] for row in ROWS]
+    assert "4 blocks below headings" in said(runs)
+
+
+def test_units_of_headings_count(tmp_path):
+    runs = read(tmp_path, blocks("Test {i}: V = {V} m/s, f = {f} mm/rev, d = {d} mm"))
+    assert runs.values("V")[0] == 6000
+
+
+def test_headings_of_two_units_are_refused(tmp_path):
+    text = blocks("Test {i}: V = {V} m/min, f = {f} mm/rev, d = {d} mm").replace("V = 200 m/min", "V = 3.33 m/s")
+    with pytest.raises(DataError, match=r"V is in m/min in line 1 and in m/s in line 11"):
+        read(tmp_path, text)
+
+
+def test_a_repeated_header_is_left_out(tmp_path):
+    header, *rows = LONG.splitlines()
+    runs = read(tmp_path, "\n".join([header, *rows[:6], header, *rows[6:]]))
+    assert same(runs, read(tmp_path, LONG, "b.csv"))
+    assert "The header is repeated 1 time" in said(runs)
+    assert runs.lines.tolist() == [2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14]
+
+
+def test_blocks_of_a_sheet_become_rows(tmp_path):
+    book = openpyxl.Workbook()
+    for line in blocks("Test {i}: V = {V} m/min; f = {f} mm/rev; d = {d} mm", gap="\n").splitlines():
+        cells = [line] if line.startswith("Test") else line.split(",")
+        book.active.append([float(cell) if cell.replace(".", "").isdecimal() else cell for cell in cells])
+    book.save(tmp_path / "a.xlsx")
+    assert same(read_runs(tmp_path / "a.xlsx"), read(tmp_path, LONG, "b.csv"))
+
+
+def test_a_remark_with_an_equals_sign_makes_no_blocks(tmp_path):
+    header, *rows = table([(*row, "") for row in ROWS], (*NAMES, "remark")).splitlines()
+    rows[5] += "stopped at VB = 0.3"
+    runs = read(tmp_path, "\n".join(["# coolant = dry", header, *rows]))
+    assert same(runs, read(tmp_path, LONG, "b.csv"))

@@ -17,6 +17,7 @@ _PLURALS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "b
 _MARK_NAMES = {",": "comma", ".": "point", "'": "apostrophe", "’": "apostrophe"}
 _SEP_LINE = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
 _QUOTED_OR_BARE = re.compile(r'"([^"]*)"|([^ \t"][^ \t]*)')
+_KEY_AND_VALUE = re.compile(r"\s*[^\W\d_][^,;\t|\d=:]*[:=][^,;\t|]*$")  # "vc: 150 m/min" says nothing of the delimiter
 _SAMPLE = 300  # lines examined to find the delimiter
 _LONGEST_CELL = 30  # lines one quoted cell may span
 _END = "\x00end"  # follows the last line: a cell that swallows it was opened by a quote and never closed
@@ -233,8 +234,9 @@ def is_comment(line: str, delimiter: str) -> bool:
 
 def _sample(data: bytes, encoding: str) -> list[str]:
     head = islice(text_lines(data, encoding), 10 * _SAMPLE)
-    kept = (line for line in head if line.strip() and not is_comment(line, " "))
-    return list(islice(kept, _SAMPLE))
+    kept = list(islice((line for line in head if line.strip() and not is_comment(line, " ")), _SAMPLE))
+    table = [line for line in kept if not _KEY_AND_VALUE.match(line)]
+    return table if len(table) > 1 else kept
 
 
 def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None:

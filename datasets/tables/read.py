@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...core.errors import UsageError
 from ...core.suggestions import did_you_mean
 from ..doubts import Doubt
+from .blocks import without_blocks
 from .body import Body, weigh_decimal
 from .decode import encoding_of, load_bytes
 from .dialect import Dialect, TextSource, split_line, text_source
@@ -146,6 +147,7 @@ def read_table(
     source: TextSource | WorkbookSheet
     words = Words(is_unit, is_name)
     kind = encoding = book_format(data, path.name)
+    written = ""
     if kind:
         source, layout, notes, warnings = _from_workbook(data, path.name, sheet, words, hidden)
     elif sheet is not None:
@@ -153,9 +155,11 @@ def read_table(
     else:
         encoding = encoding_of(data, path.name)
         seen, decoded, removed = without_invisible(data, encoding)
-        source = text = text_source(path.name, seen, decoded, delimiter)
-        layout, notes, warnings = _from_text(text, words)
-        warnings += removed
+        text = text_source(path.name, seen, decoded, delimiter)
+        source, joined = without_blocks(text, is_unit)
+        layout, notes, warnings = _from_text(source, words)
+        warnings += [*removed, *joined]
+        written = text.delimiter
     mark = ""
     realigned: list[str] = []
     if isinstance(source, TextSource):
@@ -172,7 +176,7 @@ def read_table(
         lines=lines,
         notes=tuple(text for _, text in sorted([*notes, *named], key=itemgetter(0))),
         warnings=(*warnings, *realigned, *doubts, *findings.sentences()),
-        dialect=Dialect(encoding, body.delimiter, point, thousands, layout.header_line > 0),
+        dialect=Dialect(encoding, written, point, thousands, layout.header_line > 0),
         doubts=cell_doubts,
     )
 

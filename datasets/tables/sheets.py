@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ...core.errors import DataError
+from .blocks import sheet_without_blocks
 from .header_rows import Words
 from .invisible import cleaned_rows
 from .layout import SAMPLE, Layout, find_layout
@@ -159,13 +160,13 @@ def ranges(lines: Sequence[int]) -> str:
 
 def _table(sheet: WorkbookSheet, name: str, words: Words) -> SheetTable:
     rows, removed = cleaned_rows(sheet.rows)
-    sheet = unmerged(replace(sheet, rows=rows))
+    sheet, joined = sheet_without_blocks(unmerged(replace(sheet, rows=rows)), words.is_unit)
     spans = {place: end[1] - place[1] + 1 for place, end in sheet.merged.items()}
     layout = find_layout(sheet, words.is_unit, f"{name}, sheet {sheet.title!r}", words.is_name, spans)
     first = next(((line, row) for line, row in sheet if line > layout.above and row), None)
     if layout.header_line and first is not None:
         layout = with_numbers_below(layout, *first)
-    return SheetTable(sheet, layout, frozenset(filter(words.is_name, layout.names)), tuple(removed))
+    return SheetTable(sheet, layout, frozenset(filter(words.is_name, layout.names)), (*removed, *joined))
 
 
 def _best(tables: Sequence[SheetTable], name: str) -> SheetTable:
