@@ -11,18 +11,17 @@ from rich.text import Text
 
 from ..core.display import TextTable
 from ..datasets import Runs
-from ..datasets.columns import ColumnUse
-from ..datasets.vocabulary import ROLES
 from ..fit.defaults import Refused
 from ..fit.statsmodels_ols import TOLERANCE
 from ..parameters import ParameterFile
-from ..parameters.gather.description import column_words, derived_words, unused_conditions
+from ..parameters.gather.description import unused_conditions
 from .content.dynamics import dynamics_part
 from .content.laws import about_intervals, law_part, tool_life_part
 from .content.numbers import fact_line
 from .content.parts import LawPart
 from .content.posterior import EXPLANATIONS
 from .content.tables import check_table, coefficient_table
+from .reading_terminal import count_rows
 
 if TYPE_CHECKING:
     from ..fit.statsmodels_ols import StatsmodelsComparison
@@ -34,35 +33,13 @@ NOTHING = (
     'instance --map "VB=col7".'
 )
 WRAPPED = {"SE, rows independent": "SE, rows\nindependent", "published value": "published\nvalue"}
-LONGEST = 8  # sentences of a kind that are shown
-
-
-def reading_notes(runs: Runs) -> RenderableType:
-    """How the file was read, before anything is fitted."""
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column()
-    s = runs.source
-    table.add_row("file", Text(f"{s.name}: {s.dialect}; {_rows(s.rows)}"))
-    table.add_row("tool, work", Text(f"{runs.tool}, {runs.work}"))
-    columns = [column_words(runs, use) for use in runs.columns if use.role is not None] + derived_words(runs)
-    table.add_row("columns", Text("\n".join(f"{f'{symbol:<4} {name}':<28} {rest}" for symbol, name, rest in columns)))
-    unused = [_unused_words(use) for use in runs.columns if use.role is None]
-    if unused:
-        table.add_row("not used", Text(", ".join(unused)))
-    doubts = tuple(map(str, runs.doubts))
-    said = (("doubts", doubts), ("assumed", runs.assumed), ("corrected", runs.warnings), ("notes", runs.notes))
-    for label, sentences in said:
-        if sentences:
-            table.add_row(label, Text("\n".join(_first(sentences))))
-    return _block(Text("Input", style="bold"), table)
 
 
 def pair_head(runs: Runs) -> RenderableType:
     """Title of a pair, with its rows."""
     title = Text(f"{runs.tool} on {runs.work}", style="bold underline")
     simulated = ", not measured: " + runs.disclaimers[0] if runs.simulated else ""
-    title.append(f"   {_rows(len(runs))}{simulated}", "not bold")
+    title.append(f"   {count_rows(len(runs))}{simulated}", "not bold")
     return Padding(title, (0, 0, 1, 0))
 
 
@@ -156,19 +133,3 @@ def _texts(sentences: Iterable[str]) -> list[RenderableType]:
 
 def _refusal(item: Refused) -> str:
     return f"{item.response} is not fitted: {item.reason.removeprefix(f'{item.response}: ')}"
-
-
-def _rows(n: int) -> str:
-    return f"{n} row{'s' if n != 1 else ''}"
-
-
-def _unused_words(use: ColumnUse) -> str:
-    if use.suggestion is None:
-        return repr(use.header)
-    role = ROLES[use.suggestion]
-    return f'{use.header!r} (similar to {role.quantity}: assign it with --map "{role.symbol}={use.name}")'
-
-
-def _first(sentences: Iterable[str]) -> list[str]:
-    lines = list(sentences)
-    return lines if len(lines) <= LONGEST else [*lines[:LONGEST], f"... and {len(lines) - LONGEST} more"]

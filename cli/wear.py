@@ -1,13 +1,17 @@
 """The main job: read a file of wear tests, fit its laws, check them, write a folder for each pair."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.version import __version__
 from .arguments import Parser, typed
+from .corrections import corrected
+from .look import facts
 from .options import fit_options, fitting_options, reading_options
 from .output import Printer, complain, print_json
+from .standard_input import opened, stem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,10 +29,11 @@ def parser() -> Parser:
         "fitmodels data.csv",
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
-        "Other commands, each with -h: reduce; predict, plan, next, confirm, simulate; ident, excite, tune; limits,\n"
-        "settings, replay, check, export; card, publish; batch",
+        "Other commands, each with -h: look, reduce; predict, plan, next, confirm, simulate; ident, excite, tune;\n"
+        "limits, settings, replay, check, export; card, publish; batch",
     )
-    p.add_argument("file", metavar="FILE", help="table of tests: CSV, TXT, TSV, .xlsx, .xls, .xlsb or .ods")
+    kinds = "CSV, TXT, TSV, .xlsx, .xls, .xlsb or .ods"
+    p.add_argument("file", metavar="FILE", help=f"table of tests: {kinds}; - reads standard input")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
     p.add_argument("--json", action="store_true", help="print the report as JSON; writes nothing unless --out")
@@ -44,26 +49,34 @@ def parser() -> Parser:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Analyse the file, print and write the results, and return the exit code."""
-    from ..cards import terminal
+    """Read the file, analyse it or identify it where it is a record, and return the exit code."""
     from ..core.errors import RecordError
     from ..core.progress import progress_bar
-    from ..pipeline.analysis import analyse_runs
     from ..pipeline.reading import read_tests
 
     options = fit_options(args, "by", "verify", "posterior_figures")
+    with opened(args.file) as path:
+        with progress_bar(lines=False) as step:
+            step.say(f"reading {path.name}")
+            try:
+                runs = read_tests(path, options)
+            except RecordError:
+                runs = None
+        if runs is None:
+            return _identify(args, path)
+    return _analysed(runs, options, args)
+
+
+def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> int:
+    """Analyse the runs, print and write the results, and return the exit code."""
+    from ..cards.reading_terminal import doubts_reminder, reading_notes
+    from ..core.progress import progress_bar
+    from ..pipeline.analysis import analyse_runs
+
     out = Printer()
-    with progress_bar(lines=False) as step:
-        step.say(f"reading {Path(args.file).name}")
-        try:
-            runs = read_tests(Path(args.file), options)
-        except RecordError:
-            runs = None
-    if runs is None:
-        return _identify(args)
     folders = _folders(runs, options, args)
     if not args.json:
-        out.show(terminal.reading_notes(runs))
+        out.show(reading_notes(runs, partial(corrected, args.words)))
     with progress_bar(lines=False) as step:
         analysis = analyse_runs(runs, options, command=typed(args.words), step=step.say)
     reports = []
@@ -76,20 +89,24 @@ def run(args: argparse.Namespace) -> int:
         if not args.json and folder is not None and pair.parameters is not None:
             out.show(_written(pair, folder))
         reports.append(_report(pair, folder))
+    reminder = doubts_reminder(runs)
+    if reminder and not args.json:
+        out.show(reminder)
     if args.json:
-        print_json("report", {"understood": _facts(runs), "pairs": reports}, version=3)
+        print_json("report", {"understood": facts(runs), "pairs": reports}, version=3)
     if any(pair.failed for pair in analysis.pairs):
         return 5
     return 4 if any(pair.parameters is None for pair in analysis.pairs) else 0
 
 
-def _identify(args: argparse.Namespace) -> int:
+def _identify(args: argparse.Namespace, path: Path) -> int:
     """Identify a record, with the options that both commands have."""
     from ..core.errors import DataError, UsageError
     from . import ident
 
     shared = ("out", "tool", "work", "decimal", "delimiter", "unit", "force", "json", "words")
-    options = ident.parser().parse_args(["--", args.file])
+    options = ident.parser().parse_args(["--", str(path)])
+    options.out = f"{stem(args.file)}-fit" if not args.json else None
     vars(options).update({name: value for name in shared if (value := getattr(args, name)) is not None})
     try:
         return ident.run(options)
@@ -106,7 +123,7 @@ def _folders(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> "
     each = pairs_of(runs, options)
     if args.json and not args.out:
         return [None] * len(each)
-    return pair_folders(each, args.out or f"{Path(args.file).stem}-fit", options, force=args.force)
+    return pair_folders(each, args.out or f"{stem(args.file)}-fit", options, force=args.force)
 
 
 def _show(pair: "PairAnalysis", folder: "Folder | None", args: argparse.Namespace, out: Printer) -> None:
@@ -158,22 +175,4 @@ def _report(pair: "PairAnalysis", folder: "Folder | None") -> dict[str, Any]:
         "gate": pair.failed or None,
         "refused": [{"response": item.response, "reason": item.reason} for item in pair.refused],
         "statsmodels": [{**asdict(one), "agrees": one.agrees} for one in pair.comparisons],
-    }
-
-
-def _facts(runs: "Runs") -> dict[str, Any]:
-    """How the file was understood, for programs."""
-    from dataclasses import asdict
-
-    return {
-        "source": asdict(runs.source),
-        "tool": runs.tool,
-        "work": runs.work,
-        "columns": [asdict(use) for use in runs.columns],
-        "units": dict(runs.units),
-        "assumed": list(runs.assumed),
-        "warnings": list(runs.warnings),
-        "doubts": [asdict(doubt) for doubt in runs.doubts],
-        "notes": list(runs.notes),
-        "simulated": runs.simulated,
     }

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from .errors import FitmodelsError, UsageError
 
+STANDARD_INPUT = "standard input"  # name of the data where a command reads them from ``-``
+
 
 def cause(error: OSError | ValueError) -> str:
     """The reason of a failed file operation in lower case.

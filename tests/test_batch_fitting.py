@@ -218,7 +218,8 @@ def test_files_of_a_block_are_those_of_the_single_command(fitted, tmp_path, monk
     (path,) = (tmp_path / "single").rglob("params.json")
     runs = datasets.read_runs(source)
     data = runs.data.assign(tool=runs.tool, work=runs.work)
-    rows = PairRows(data, runs.lines, runs.units, runs.columns, runs.source, runs.assumed, runs.warnings, runs.notes)
+    of_pair = {Pair(runs.tool, runs.work): PairSource.of(runs)}
+    rows = PairRows(data, runs.lines, runs.units, runs.columns, runs.source, of_pair=of_pair)
     how = BatchOptions(draws=1200, criterion=0.25, keep_draws=True, command=parameters.read(path).provenance.command)
     (outcome,) = fitted(rows, how=how).pairs
     (tmp_path / "params.json").write_bytes(outcome.files["params.json"])

@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from ...core.files import STANDARD_INPUT
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.origin import DesignSection, EdgeFacts, LeftOutRows
 from .numbers import NONE, count, fact, figure, quantity
@@ -33,7 +34,7 @@ def design_part(design: DesignSection | None) -> DesignPart | None:
 def doubts(pf: ParameterFile) -> tuple[DoubtPart, ...]:
     """Doubts about the data file, each with the command that reads it corrected."""
     held = () if pf.reading is None else pf.reading.doubts
-    file = shlex.quote(pf.provenance.data_file or "FILE")
+    file = "-" if pf.provenance.data_file == STANDARD_INPUT else shlex.quote(pf.provenance.data_file or "FILE")
     return tuple(
         DoubtPart(
             columns=doubt.columns,

@@ -1,0 +1,99 @@
+"""The command as typed with the options of a remedy: an option that both give is taken from the remedy."""
+
+import re
+import shlex
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from .arguments import typed
+
+if TYPE_CHECKING:
+    from ..datasets import Runs
+
+BY_ROLE = ("--map", "--unit", "--range", "--value")  # given once for each role
+SINGLE = ("--tool", "--work", "--edge", "--process", "--decimal", "--delimiter", "--sheet")
+OPTION = re.compile(
+    r"""--(?:map|unit|range|value|edge|process|decimal|sheet) (?:"[^"]*"|'[^']*'|[^\s"']+)|--hidden\b"""
+)
+BARE = ("--force", "--json")  # not part of how a file is read
+
+
+def corrected(words: Sequence[str], remedy: str) -> str:
+    """The whole command, to be copied.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The command line as typed, without the program; the name of ``look`` is left out.
+    remedy : str
+        Options as typed, such as ``--unit VB=um``.
+
+    Examples
+    --------
+    >>> corrected(["data.csv", "--unit", "VB=mm", "--force"], "--unit VB=um")
+    'fitmodels data.csv --unit VB=um'
+    >>> corrected(["look", "data.csv", "--out", "a.png", "--map", "V=vc x"], '--map "f=col 2"')
+    "fitmodels data.csv --map 'V=vc x' --map 'f=col 2'"
+    """
+    try:
+        added = shlex.split(remedy)
+    except ValueError:  # a quote without its partner: as written
+        return f"{typed(words)} {remedy}"
+    look = list(words[:1]) == ["look"]
+    replaced = {key for key, _ in _options(added) if key}
+    kept = [
+        text
+        for key, texts in _options(words[1:] if look else words)
+        for text in texts
+        if key not in replaced and texts[0] not in BARE and not (look and texts[0].partition("=")[0] == "--out")
+    ]
+    return shlex.join(["fitmodels", *kept, *added])
+
+
+def _options(words: Sequence[str]) -> Iterator[tuple[tuple[str, str] | None, list[str]]]:
+    """Each option with its value, and what it sets (option and role) where an option is given once for that."""
+    rest = list(words)
+    while rest:
+        word = rest.pop(0)
+        name, equals, value = word.partition("=")
+        texts = [word]
+        if name in (*BY_ROLE, *SINGLE, "--out") and not equals and rest:
+            value = rest.pop(0)
+            texts.append(value)
+        if name in BY_ROLE:
+            yield (name, value.partition("=")[0].strip()), texts
+        else:
+            yield ((name, "") if name in SINGLE else None), texts
+
+
+def explicit(runs: "Runs") -> str:
+    """Options that state the units which the file does not name; empty where it names all of them.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> explicit(datasets.read_runs(datasets.bundled("gc435_709m40")))
+    ''
+    """
+    named = [use.role for use in runs.columns if use.role is not None and not use.unit and runs.units.get(use.role)]
+    return " ".join(f"--unit {shlex.quote(f'{role}={runs.units[role]}')}" for role in named)
+
+
+def remedies_in(message: str) -> list[str]:
+    """Options that a message proposes, one text for each alternative; none where it gives an example.
+
+    >>> remedies_in("VB 66 to 387 mm cannot be; 66 to 387 um can: --unit VB=um.")
+    ['--unit VB=um']
+    >>> remedies_in("V: --unit V=sfm or --unit V=m/min; d: --unit d=in or --unit d=mm.")
+    ['--unit V=sfm --unit d=in', '--unit V=m/min --unit d=mm']
+    """
+    if "for instance" in message or "..." in message:
+        return []
+    found: dict[object, list[str]] = {}
+    for option in OPTION.finditer(message):
+        text = option.group().rstrip(".,;:)")
+        key = next(_options(shlex.split(text)))[0]
+        found.setdefault(key, []).append(text)
+    most = max(map(len, found.values()), default=0)
+    alternatives = (" ".join(each[min(k, len(each) - 1)] for each in found.values()) for k in range(most))
+    return list(dict.fromkeys(alternatives))

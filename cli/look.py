@@ -1,0 +1,168 @@
+"""``fitmodels look``: how a file is read, a first picture, and the commands that correct or confirm it."""
+
+import argparse
+import shlex
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .arguments import Parser
+from .corrections import corrected, explicit, remedies_in
+from .options import read_keywords, reading_options
+from .output import Printer, print_json
+from .standard_input import opened, stem
+
+if TYPE_CHECKING:
+    from ..core.errors import FitmodelsError
+    from ..datasets import Runs
+    from ..datasets.options import ReadOptions
+
+MADE_BY = "fitmodels look"  # in the picture, so that another picture of its name is not replaced
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels look``."""
+    p = Parser(
+        "fitmodels look",
+        "fitmodels look data.csv",
+        "Print how a file of cutting tests is read (columns, units, edges, pairs, doubts), draw a first picture, and\n"
+        "print the whole command that fits it as read, or corrected. Nothing is fitted. Where the reading is refused,\n"
+        "the columns are printed as found.",
+    )
+    p.add_argument("file", metavar="FILE", help="table of tests, as of fitmodels FILE; - reads standard input")
+    p.add_argument("--out", metavar="FILE", help="the picture (default: ./<file>-look.png)")
+    p.add_argument("--force", action="store_true", help="replace a picture that another program made")
+    p.add_argument("--json", action="store_true", help="print the reading as JSON (fitmodels.look/1); no picture")
+    reading_options(p)
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the reading, draw the picture, and return the exit code."""
+    from ..core.errors import DataError
+    from ..datasets.options import ReadOptions
+    from ..pipeline.reading import read_tests
+
+    options = ReadOptions(**read_keywords(args))
+    picture = None if args.json else _picture_path(args)
+    with opened(args.file) as path:
+        try:
+            runs = read_tests(path, options)
+        except DataError as refusal:
+            if not args.json:
+                _show_columns(path, options, refusal, args.words)
+            raise
+    commands = _commands(runs, args.words)
+    if args.json:
+        print_json("look", {**facts(runs), "commands": [{"purpose": why, "command": how} for why, how in commands]})
+        return 0
+    _show(runs, commands, args.words)
+    if picture is not None:
+        _draw(runs, picture)
+        Printer().show(f"Picture: {picture}")
+    return 0
+
+
+def facts(runs: "Runs") -> dict[str, Any]:
+    """How the file was understood, for programs."""
+    from dataclasses import asdict
+
+    return {
+        "source": asdict(runs.source),
+        "tool": runs.tool,
+        "work": runs.work,
+        "columns": [asdict(use) for use in runs.columns],
+        "units": dict(runs.units),
+        "assumed": list(runs.assumed),
+        "warnings": list(runs.warnings),
+        "doubts": [asdict(doubt) for doubt in runs.doubts],
+        "notes": list(runs.notes),
+        "simulated": runs.simulated,
+    }
+
+
+def _show(runs: "Runs", commands: list[tuple[str, str]], words: list[str]) -> None:
+    from ..cards import reading_terminal as shown
+
+    out = Printer()
+    out.show(shown.reading_notes(runs, partial(corrected, words)))
+    out.show(shown.pairs_block(tuple(runs.pairs()), _laws))
+    if (edges := shown.edges_block(runs)) is not None:
+        out.show(edges)
+    out.show(shown.commands_block(commands))
+
+
+def _laws(runs: "Runs") -> str:
+    """Responses of the laws that the columns of a pair ask for, with their factors."""
+    from ..fit.defaults import asked_laws
+
+    laws = asked_laws(lambda name: runs.has(name) and bool(runs.data[name].notna().any()))
+    return "; ".join(f"{law.response} of {', '.join(law.factors)}" for law in laws)
+
+
+def _commands(runs: "Runs", words: list[str]) -> list[tuple[str, str]]:
+    """Purpose and whole command: as read, with every assumption written out, and corrected."""
+    found = [("Fit it as read:", corrected(words, ""))]
+    if written := explicit(runs):
+        found.append(("The same, with the units that the file does not name written out:", corrected(words, written)))
+    remedies = [doubt.remedy for doubt in runs.doubts if doubt.remedy]
+    found += [(f"Corrected, for {_named(doubt.columns)}:", corrected(words, doubt.remedy))
+              for doubt in runs.doubts if doubt.remedy]  # fmt: skip
+    if len(dict.fromkeys(remedies)) > 1:
+        found.append(("Corrected, all of them:", corrected(words, " ".join(dict.fromkeys(remedies)))))
+    return list({command: (why, command) for why, command in reversed(found)}.values())[::-1]
+
+
+def _named(columns: tuple[str, ...]) -> str:
+    return ", ".join(columns) or "the doubt above"
+
+
+def _show_columns(path: Path, options: "ReadOptions", refusal: "FitmodelsError", words: list[str]) -> None:
+    """Columns of a file whose reading is refused, where its table can be read, and the remedy as a whole command."""
+    from ..cards import reading_terminal as shown
+    from ..core.errors import FitmodelsError
+    from ..datasets import read_table
+    from ..datasets.units import is_unit
+
+    try:
+        table = read_table(
+            path, is_unit=is_unit, decimal=options.decimal, delimiter=options.delimiter, sheet=options.sheet
+        )  # fmt: skip
+    except FitmodelsError:
+        return
+    out = Printer()
+    out.show(shown.raw_columns(table))
+    if remedies := remedies_in(str(refusal)):
+        purpose = "Corrected:" if len(remedies) == 1 else "Either:"
+        out.show(shown.commands_block([(purpose, corrected(words, remedies[0]))]
+                                      + [("Or:", corrected(words, remedy)) for remedy in remedies[1:]]))  # fmt: skip
+
+
+def _picture_path(args: argparse.Namespace) -> Path:
+    """Where the picture goes; a file there that is not such a picture is not replaced."""
+    from ..core.errors import UsageError
+
+    path = Path(args.out or f"{stem(args.file)}-look.png")
+    if path.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise UsageError(f"--out {args.out}: the picture is a file that ends in .png, .pdf or .svg.")
+    if path.is_dir() or not path.parent.is_dir():
+        where = "is a folder" if path.is_dir() else f"cannot be written: there is no folder {path.parent}"
+        raise UsageError(f"{path} {where}; choose another file with --out.")
+    if path.exists() and not args.force and MADE_BY.encode() not in path.read_bytes():
+        raise UsageError(
+            f"{path} exists and was not made by {MADE_BY}; replace it with --force, or choose another file with --out "
+            f"{shlex.quote(f'{path.stem}-2{path.suffix}')}."
+        )
+    return path
+
+
+def _draw(runs: "Runs", path: Path) -> None:
+    from io import BytesIO
+
+    from ..core.files import write_whole
+    from ..datasets.overview import overview_figure
+
+    held, kind = BytesIO(), path.suffix.lower()[1:]
+    named = {"png": "Software", "pdf": "Creator", "svg": "Creator"}[kind]
+    overview_figure(runs).savefig(held, format=kind, dpi=110, metadata={named: MADE_BY})
+    write_whole(path, held.getvalue())

@@ -1,0 +1,245 @@
+"""``fitmodels look`` and ``fitmodels -``: what is printed, the picture, and commands that do what they promise."""
+
+import contextlib
+import io
+import json
+import re
+import shlex
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, parameters
+from fitmodels.cli import main
+from fitmodels.cli.corrections import corrected, remedies_in
+from fitmodels.datasets.overview import overview_figure
+
+GC435 = datasets.bundled("gc435_709m40")
+HEADER = "edge,V [m/min],f [mm/rev],d [mm],t [min],{}"
+FACTORS = [(V, f, d) for V in (80, 160) for f in (0.1, 0.2) for d in (1, 2)]
+
+
+def table(name="VB", scale=1.0, times=(2, 5, 9), factors=FACTORS):
+    """A made table: VB = .01 V^.5 f^.2 d^.2 t^.3 with 1 % scatter, eight edges."""
+    rng = np.random.default_rng(18)
+    rows = [
+        f"E{i + 1},{V},{f},{d},{t},{scale * 0.01 * V**0.5 * f**0.2 * d**0.2 * t**0.3 * rng.lognormal(0, 0.01):.5g}"
+        for i, (V, f, d) in enumerate(factors)
+        for t in times
+    ]
+    return "\n".join([HEADER.format(name), *rows]) + "\n"
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*arguments, stdin=None):
+    """The command in this process: exit code, standard output, standard error."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.MonkeyPatch.context() as patch:
+        if stdin is not None:
+            patch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(stdin), closed=False, isatty=lambda: False))
+        code = main([str(argument) for argument in arguments])
+    return SimpleNamespace(code=code, out=out.getvalue(), err=err.getvalue())
+
+
+def commands(text):
+    """Commands that are printed to be copied, lines that end in a backslash joined."""
+    joined = re.sub(r" \\\n\s+", " ", text)
+    return [shlex.split(line) for line in map(str.strip, joined.splitlines()) if line.startswith("fitmodels ")]
+
+
+# What look prints
+
+
+def test_look_prints_the_reading_and_fits_nothing(here):
+    (here / "data.csv").write_bytes(GC435.read_bytes())
+    result = run("look", "data.csv")
+    assert (result.code, result.err) == (0, "")
+    assert "GC435 on 709M40 (En 19)   239     24  AW of V, f, d, t; Fxz of" in result.out
+    assert "Edges: 24" in result.out
+    assert re.search(r"E07\s+9\s+141.4\s+0.337", result.out)
+    assert sorted(path.name for path in here.iterdir()) == ["data-look.png", "data.csv"]
+    assert (here / "data-look.png").read_bytes().startswith(b"\x89PNG")
+    assert "Picture: data-look.png" in result.out
+    assert "doubts" not in result.out
+    assert commands(result.out) == [["fitmodels", "data.csv"]]
+
+
+def test_every_command_that_look_prints_can_be_typed(here):
+    (here / "my data.csv").write_text(table("VB", 1000).replace(" [min]", "").replace(" [mm]", ""))
+    result = run("look", "my data.csv", "--tool", "GC 435")
+    found = commands(result.out)
+    assert ["fitmodels", "my data.csv", "--tool", "GC 435"] in found
+    assert any("VB=um" in words for words in found)
+    for _, *words in found:
+        again = run("look", *words)
+        assert again.code == 0, again.err
+        assert re.search(r"VB +flank wear .*: 0\.\d+ to 0\.\d+ mm", again.out)
+
+
+def test_doubts_stand_first_with_the_command_that_corrects_them(here):
+    (here / "a.csv").write_text(table("VB", 1000))
+    for command in ("look", None):
+        result = run(*([command] if command else []), "a.csv", "--seed" if not command else "--tool", "3")
+        assert result.code == 0
+        doubts = result.out.split("columns")[0]
+        assert "1. VB" in doubts
+        assert re.search(r"^ +fitmodels a.csv .*--unit VB=um$", doubts, flags=re.M)
+    assert "1 doubt about the data (VB): see the beginning of this output." in result.out
+    pf = parameters.read(next(here.rglob("params.json")))
+    assert [doubt.columns for doubt in pf.reading.doubts] == [("VB",)]
+    assert run("a.csv", "--unit", "VB=um", "--out", "b").code == 0
+    assert parameters.read(next((here / "b").rglob("params.json"))).reading.doubts == ()
+
+
+def test_a_refused_file_is_shown_as_found(here):
+    (here / "a.csv").write_text("alpha,beta,gamma\n1,2,x\n2,3,y\n")
+    result = run("look", "a.csv")
+    assert result.code == 3
+    assert "no column is recognised" in result.err
+    assert re.search(r"col2 +beta +2, 3", result.out)
+    assert not list(here.glob("*.png"))
+    nothing = run("look", "missing.csv")
+    assert (nothing.code, nothing.out) == (3, "")
+
+
+def test_a_refusal_with_a_remedy_gives_commands_that_work(here):
+    (here / "a.csv").write_text(table("VB [mm]", 1000))
+    result = run("look", "a.csv")
+    assert result.code == 3
+    assert "role by name" in result.out
+    (words,) = commands(result.out)
+    assert words == ["fitmodels", "a.csv", "--unit", "VB=um"]
+    assert run("look", *words[1:]).code == 0
+
+
+def test_look_as_json_has_the_commands_and_draws_nothing(here):
+    result = run("look", GC435, "--json")
+    found = json.loads(result.out)
+    assert (found["schema"], found["doubts"], found["source"]["rows"]) == ("fitmodels.look/1", [], 239)
+    assert found["commands"] == [{"purpose": "Fit it as read:", "command": f"fitmodels {GC435}"}]
+    assert list(here.iterdir()) == []
+
+
+def test_a_picture_of_another_program_is_kept(here):
+    (here / "data-look.png").write_bytes(b"mine")
+    result = run("look", GC435)
+    assert (result.code, result.out) == (2, "")
+    assert "--force" in result.err
+    assert (here / "data-look.png").read_bytes() == b"mine"
+    assert run("look", GC435, "--force").code == 0
+    assert run("look", GC435).code == 0  # its own is replaced
+    assert run("look", GC435, "--out", "a.svg").code == 0
+    for wrong in ("a.csv", "none/a.png", "."):
+        assert run("look", GC435, "--out", wrong).code == 2
+
+
+def test_a_record_is_named_as_one(here):
+    rows = "\n".join(f"{i * 0.001:.3f},{i % 7},{i % 11}" for i in range(500))
+    (here / "run.csv").write_text(f"time [s],u,y\n{rows}\n")
+    result = run("look", "run.csv")
+    assert result.code == 3
+    assert "fitmodels ident run.csv" in result.err
+
+
+# The picture
+
+
+def test_the_picture_shows_units_levels_and_every_edge():
+    figure = overview_figure(datasets.read_runs(GC435))
+    labels = {ax.get_xlabel() for ax in figure.axes} | {ax.get_ylabel() for ax in figure.axes}
+    assert {"V, cutting speed [m/min]", "AW, average wear [mm]", "t, cutting time [min]"} <= labels
+    wear = next(ax for ax in figure.axes if ax.get_ylabel().startswith("AW"))
+    assert len(wear.lines) == 24
+    assert {text.get_text() for text in wear.texts} == {f"E{i:02d}" for i in range(1, 25)}
+    assert (wear.get_xscale(), wear.get_yscale()) == ("log", "log")
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        {"V": [100.0], "VB": [0.1]},
+        {"V": [100.0, 200.0], "f": [0.1, 0.1]},
+        {"V": [100.0, np.nan, 200.0], "VB": [np.nan] * 3},
+        {"t": [0.0, 1.0, 2.0], "VB": [0.0, 0.1, 0.2], "edge": ["a", "a", ""]},
+        {"t": np.arange(1.0, 901.0), "VB": np.full(900, 0.1), "edge": [f"e{i // 2}" for i in range(900)]},
+        {"t": np.arange(1.0, 61.0), "P": np.full(60, 2.0), "tool": ["a", "b", "c"] * 20, "edge": ["1", "2", "3"] * 20},
+    ],
+)
+def test_odd_tables_have_a_picture(frame, tmp_path):
+    overview_figure(datasets.runs_from_frame(pd.DataFrame(frame))).savefig(tmp_path / "a.png")
+
+
+# Standard input
+
+
+def test_standard_input_is_read(here):
+    data = table().encode()
+    (here / "a.csv").write_bytes(data)
+    result = run("-", "--tool", "GC435", "--work", "steel", stdin=data)
+    assert result.code == 0, result.err
+    assert "file        standard input: UTF-8, commas" in result.out
+    pf = parameters.read(here / "stdin-fit" / "GC435_steel" / "params.json")
+    assert pf.provenance.data_file == "standard input"
+    assert pf.provenance.data_sha256 == datasets.read_runs(here / "a.csv").source.sha256
+    assert pf.provenance.command == "fitmodels - --tool GC435 --work steel"
+    looked = run("look", "-", stdin=data)
+    assert looked.code == 0
+    assert commands(looked.out) == [["fitmodels", "-"], ["fitmodels", "-", "--unit", "VB=mm"]]
+    assert (here / "stdin-look.png").is_file()
+
+
+def test_a_workbook_on_standard_input_is_read(here):
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    for line in table().splitlines():
+        cells = line.split(",")
+        book.active.append([float(cell) if re.fullmatch(r"[\d.]+", cell) else cell for cell in cells])
+    held = io.BytesIO()
+    book.save(held)
+    assert run("look", "-", stdin=held.getvalue()).code == 0
+
+
+def test_an_empty_pipe_and_a_terminal_are_one_message(here, monkeypatch):
+    for command in (["-"], ["look", "-"]):
+        result = run(*command, stdin=b"")
+        assert (result.code, result.out) == (3, "")
+        assert result.err == "fitmodels: standard input is empty: the command before the pipe has printed nothing.\n"
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(closed=False, isatty=lambda: True))
+        result = run(*command)
+        assert (result.code, result.out) == (2, "")
+        assert "standard input is a terminal" in result.err
+        assert "fitmodels - < data.csv" in result.err
+    assert list(here.iterdir()) == []
+
+
+def test_a_record_on_standard_input_is_identified(here):
+    data = datasets.bundled("gc435_709m40").parents[2] / "docs/examples/drive.csv"
+    if not data.is_file():
+        pytest.skip("the examples are not installed")
+    result = run("-", "--out", "out", stdin=data.read_bytes())
+    assert (here / "out").is_dir() or "fitmodels ident -" in result.err
+
+
+# Commands
+
+
+def test_an_option_of_the_remedy_replaces_the_typed_one():
+    words = ["a.csv", "--unit", "VB=mm", "--unit=t=s", "--edge", "col1", "--json", "--map", "V=a b"]
+    assert corrected(words, "--unit VB=um --edge none") == (
+        "fitmodels a.csv --unit=t=s --map 'V=a b' --unit VB=um --edge none"
+    )
+    assert corrected(["a.csv"], "--map 'V=") == "fitmodels a.csv --map 'V="
+
+
+def test_alternatives_of_a_message_are_separate_commands():
+    assert remedies_in('give --map "V=vc (m/min)" or --map V=col2') == ['--map "V=vc (m/min)"', "--map V=col2"]
+    assert remedies_in("assign them, for instance --map V=col1") == []
+    assert remedies_in("no remedy") == []
