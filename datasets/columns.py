@@ -122,21 +122,28 @@ def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapp
         if role is not None and role in units:
             text = units[role]
         claims.append(_Claim(column, header.name, text, role, column.number in assigned))
-    claims = _named_by_unit(claims, mapping, units)
+    claims = _named_otherwise(claims, mapping, units)
     missing = [symbol for symbol in units if all(claim.role != symbol for claim in claims)]
     if missing:
         raise UsageError(f"--unit {missing[0]}={units[missing[0]]}: no column has the role {missing[0]}.")
     return claims
 
 
-def _named_by_unit(claims: list[_Claim], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
-    """The claims; a column whose whole header is a unit (SFM, IPR, mm/min) takes the role it measures, if free."""
-    taken = {claim.role for claim in claims}
-    done = []
+def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
+    """The claims, with free roles for headers that are a unit (SFM, IPR) or a name and a remark after a comma."""
+    taken = {claim.role for claim in claims} | set(mapping)
+    found = []
     for claim in claims:
-        role = role_of_unit(claim.name) if claim.role is None else None
-        if role is not None and role not in taken and role not in mapping:
-            done.append(replace(claim, unit_text=units.get(role, claim.unit_text or claim.name), role=role))
+        role, text = None, claim.unit_text
+        if claim.role is None:
+            name, comma, _ = claim.name.partition(",")
+            role = role_of(name, canonical(text) if text else None) if comma else role_of_unit(claim.name)
+            text = text if comma else text or claim.name
+        found.append((role, text))
+    done = []
+    for claim, (role, text) in zip(claims, found, strict=True):
+        if role is not None and role not in taken and [one for one, _ in found].count(role) == 1:
+            done.append(replace(claim, unit_text=units.get(role, text), role=role))
         else:
             done.append(claim)
     return done

@@ -185,7 +185,7 @@ def looks_coded(values: NDArray[np.float64]) -> bool:
     (True, False)
     """
     known = values[~np.isnan(values)]
-    if not known.size or known.min() < -3 or known.max() > 3:  # the usual case, decided without sorting
+    if not known.size or not (-3 <= known.min() <= -1 and 1 <= known.max() <= 3):  # decided without sorting
         return False
     levels = np.unique(known)
     if not 2 <= len(levels) <= 7 or not {-1.0, 1.0} <= set(levels):

@@ -14,7 +14,7 @@ from .ranges import plausible
 from .stray_values import listed
 from .tables import Column
 from .units import canonical, same_dimension
-from .vocabulary import ROLES, understood_unit
+from .vocabulary import ROLES, roles_named, understood_unit
 
 SAMPLE = 20000  # rows looked at
 FEWEST = 6
@@ -22,7 +22,7 @@ MOST_LEVELS = 7
 MOST_EDGES = 0.8  # share of the edges that decides
 
 Array = NDArray[np.float64]
-_FACTORS = (("V", ("V", "n")), ("f", ("f", "fz", "fm")), ("d", ("d", "ae")))  # a factor, and what stands for it
+_EQUAL = (("V", "n"), ("f", "fz", "fm"), ("d", "ae"), ("AW", "VB"), ("t", "T"))  # roles that stand for each other
 _OTHER_WORDS = re.compile(
     r"temp|hard|härte|dur(?:eté|eza)|press|druck|angle|winkel|radi|cool|kühl|noise|vib|date|datum|day|no\.?$|nr\.?$|"
     r"id$|num|count|anzahl|index|repl|pass|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
@@ -31,19 +31,23 @@ _OTHER_WORDS = re.compile(
 
 
 def check_unused(draft: Draft, options: ReadOptions) -> None:
-    """Doubt columns that resemble a condition of the tests and have no role."""
+    """Doubt columns that resemble a condition or a result of the tests and have no role."""
+    if len(draft.lines) < FEWEST:
+        return
     process = table_process(draft, options)
+    taken: set[str] = set()
     for column, use in zip(draft.columns, draft.uses, strict=True):
-        if use.role is not None or not column.is_numeric or column.bad or len(draft.lines) < FEWEST:
+        if use.role is not None or not column.is_numeric or column.bad:
             continue
         values = np.asarray(column.values, dtype=float)[:SAMPLE]
         levels = np.unique(values[np.isfinite(values)])
         if len(levels) < 2 or np.isfinite(values).sum() < FEWEST:
             continue
-        role = _named_like(draft, column, use.suggestion, options)
+        role = _named_like(draft, column, use.suggestion, options) or _measured_like(draft, column, values, options)
         if role is None and _is_set(draft, values, levels) and not _OTHER_WORDS.search(use.name):
             role = _valued_like(draft, column, levels, process, options)
-        if role is not None:
+        if role is not None and role not in taken:
+            taken.add(role)
             sentence = (
                 f"column {column.name!r} varies between the tests ({listed(levels)}) and is not used; "
                 f"it may be the {ROLES[role].quantity} {role}"
@@ -53,20 +57,81 @@ def check_unused(draft: Draft, options: ReadOptions) -> None:
 
 def _free(draft: Draft, role: str, options: ReadOptions) -> bool:
     """Whether a role stands open: no column has it, none stands for it, and the user did not refuse it."""
-    equal = next((those for factor, those in _FACTORS if factor == role), (role,))
+    equal = next((those for those in _EQUAL if role in those), (role,))
     return not any(one in draft.data or one in options.map or one in options.constants for one in equal)
 
 
+def _unit_text(column: Column) -> str:
+    return column.unit_cell or parse_header(column.name).unit_text
+
+
 def _named_like(draft: Draft, column: Column, suggestion: str | None, options: ReadOptions) -> str | None:
-    """The condition that the name or the unit of a column resembles."""
-    if suggestion is not None and ROLES[suggestion].kind in ("condition", "time") and _free(draft, suggestion, options):
-        return suggestion
-    text = column.unit_cell or parse_header(column.name).unit_text
+    """The condition, time or wear that the name, a word of it, or the unit of a column resembles."""
+    unit = canonical(_unit_text(column)) if _unit_text(column) else None
+    words = [word for word in re.split(r"[\s_.,;:/()-]+", parse_header(column.name).name) if len(word) > 1]
+    partly = [role for word in words for role in roles_named(word)[:1]] if not _OTHER_WORDS.search(column.name) else []
+    for role in (suggestion, *partly):
+        if role is None or ROLES[role].kind not in ("condition", "time", "wear") or not _free(draft, role, options):
+            continue
+        if unit is None or same_dimension(unit, ROLES[role].unit):
+            return role
     for role in ("V", "f", "fz", "fm", "n", "t"):
-        unit = canonical(text) if text else None
         if unit is not None and _free(draft, role, options) and same_dimension(unit, ROLES[role].unit):
             return role
     return None
+
+
+def _measured_like(draft: Draft, column: Column, values: Array, options: ReadOptions) -> str | None:
+    """Wear where a length in mm or um rises within the edges and the file has none; a load by its unit alone."""
+    text = _unit_text(column)
+    unit = canonical(text) if text else None
+    if unit in ("mm", "um", None) and _free(draft, "AW", options) and _rises(draft, values):
+        ranges = plausible("AW", None)
+        known = values[values > 0] * (0.001 if unit == "um" else 1)
+        if ranges and known.size and (unit or ranges.unusual[0] <= np.median(known)) and known.max() <= ranges.hard[1]:
+            return "AW"
+    for role, units in (
+        ("F", ("N", "kN", "lbf")),
+        ("P", ("kW", "W", "hp")),
+        ("M", ("Nm", "Ncm", "Nmm")),
+        ("I", ("A",)),
+    ):
+        same = [one for one in draft.uses if one.role and ROLES[one.role].unit == ROLES[role].unit]
+        alike = [one for one in draft.columns if one.is_numeric and canonical(_unit_text(one) or "-") in units]
+        if unit in units and not same and len(alike) == 1 and _free(draft, role, options):
+            return role
+    return None
+
+
+def _rises(draft: Draft, values: Array) -> bool:
+    """Whether values rise from the first to the last row of nearly every edge."""
+    if "edge" not in draft.data:
+        return False
+    labels = draft.data["edge"][:SAMPLE].astype(str)
+    known = np.isfinite(values) & (labels != "")
+    code = np.unique(labels[known], return_inverse=True)[1]
+    if not code.size:
+        return False
+    order = np.argsort(code, kind="stable")
+    sizes = np.bincount(code)
+    ends = np.cumsum(sizes)
+    ordered = values[known][order]
+    enough = sizes >= 3
+    steps = np.diff(ordered)
+    inside = np.delete(steps, ends[:-1] - 1)
+    rising = ordered[ends - 1] > ordered[ends - sizes] * 1.02
+    return bool(
+        enough.sum() >= 3 and rising[enough].mean() > MOST_EDGES and np.mean(inside >= 0) > MOST_EDGES
+        and _regular(ordered, ends, sizes) is False
+    )  # fmt: skip
+
+
+def _regular(ordered: Array, ends: NDArray[np.intp], sizes: NDArray[np.intp]) -> bool:
+    """Whether every edge holds the same numbers, as a schedule of times or sub-tests does."""
+    if sizes.min() != sizes.max():
+        return bool(np.all(ordered == np.round(ordered)))
+    rows = ordered.reshape(len(sizes), -1)
+    return bool(np.all(rows == rows[0]) or np.all(ordered == np.round(ordered)))
 
 
 def _is_set(draft: Draft, values: Array, levels: Array) -> bool:
@@ -100,7 +165,7 @@ def _valued_like(
 ) -> str | None:
     """The missing condition in whose usual range all levels lie; a column in a unit of another kind is none."""
     text = column.unit_cell or parse_header(column.name).unit_text
-    for role, _ in _FACTORS:
+    for role in ("V", "f", "d"):
         unit = understood_unit(role, text) if text else None
         if unit is not None and unit != "1" and not same_dimension(unit, ROLES[role].unit):
             continue
