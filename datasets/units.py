@@ -162,6 +162,7 @@ def _look_up(text: str) -> str | None:
     return None
 
 
+@lru_cache(maxsize=4096)  # a header is asked about many times
 def canonical(text: str) -> str | None:
     """Canonical unit of a laboratory's spelling, None when it is not listed.
 
