@@ -329,7 +329,8 @@ CELL_TRIES = 400
 
 def one_cell(s, rng, laws):
     """A mutation of a cell that moves an exponent by a standard error or more; "" where none was found."""
-    roles = sorted({role for law in laws.values() for role in (*law.factors, law.response)} & set(s.roles))
+    laws = {key: law for key, law in laws.items() if {*law.factors, law.response} <= set(s.roles)}  # none derived
+    roles = sorted({role for law in laws.values() for role in (*law.factors, law.response)})
     scale = {role: s.numbers(role) for role in roles}
     for _ in range(CELL_TRIES):
         role, i, kind = _any(rng, roles), int(rng.integers(len(s.rows))), _any(rng, list(CELLS))
