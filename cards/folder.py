@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
-from ..core.files import cause, move_folder, staged
+from ..core.files import cause, move_folder, staged, swap_folder
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
 from .content.parts import Card, DesignPart, PublicationPart
@@ -92,6 +92,7 @@ def write(
     data_lines: Sequence[str] = (),
     publication: PublicationPart | None = None,
     force: bool = False,
+    whole: bool = False,
 ) -> Path:
     """Write ``params.json``, its card in three forms, figures of ``laws`` and draws of ``posteriors``.
 
@@ -116,6 +117,8 @@ def write(
         Licence, authors and so on, for the card.
     force : bool
         Replace files that exist.
+    whole : bool
+        Replace the folder as a whole: nothing of its former content stays.
 
     Raises
     ------
@@ -143,7 +146,7 @@ def write(
                 (made / DRAWS).write_bytes(draws_of(posteriors))
             _draw(made / "figures", pf, laws, posteriors if posterior_figures else (), identification)
             _write_forms(pf, made, publication, data_lines)
-            move_folder(made, folder)
+            (swap_folder if whole else move_folder)(made, folder)
     except OSError as error:
         raise UsageError(f"{folder} cannot be written: {cause(error)}; choose another place with --out.") from None
     return folder

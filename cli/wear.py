@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from ..pipeline.pair import PairAnalysis
 
 
+LISTED = 5  # folders that are named
+
+
 def parser() -> Parser:
     """Arguments of ``fitmodels FILE``."""
     p = Parser(
@@ -72,6 +75,7 @@ def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> 
     from ..cards.reading_terminal import doubts_reminder, reading_notes
     from ..core.progress import progress_bar
     from ..pipeline.analysis import analyse_runs
+    from ..pipeline.folders import left_folders
 
     out = Printer()
     folders = _folders(runs, options, args)
@@ -79,7 +83,7 @@ def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> 
         out.show(reading_notes(runs, partial(corrected, args.words)))
     with progress_bar(lines=False) as step:
         analysis = analyse_runs(runs, options, command=typed(args.words), step=step.say)
-    reports = []
+    reports, written = [], []
     for pair, folder in zip(analysis.pairs, folders, strict=True):
         _show(pair, folder, args, out)
         if folder is not None:
@@ -88,12 +92,17 @@ def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> 
                 folder.write(pair, options, force=args.force)
         if not args.json and folder is not None and pair.parameters is not None:
             out.show(_written(pair, folder))
+        if folder is not None and pair.parameters is not None:
+            written.append(folder.path)
         reports.append(_report(pair, folder))
+    left = left_folders(_root(args), runs, written) if written else ()
+    if left and not args.json:
+        out.show(_left(left, runs))
     reminder = doubts_reminder(runs)
     if reminder and not args.json:
         out.show(reminder)
     if args.json:
-        print_json("report", {"understood": facts(runs), "pairs": reports}, version=3)
+        print_json("report", {"understood": facts(runs), "pairs": reports, "left": list(map(str, left))}, version=3)
     if any(pair.failed for pair in analysis.pairs):
         return 5
     return 4 if any(pair.parameters is None for pair in analysis.pairs) else 0
@@ -123,7 +132,21 @@ def _folders(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> "
     each = pairs_of(runs, options)
     if args.json and not args.out:
         return [None] * len(each)
-    return pair_folders(each, args.out or f"{stem(args.file)}-fit", options, force=args.force)
+    return pair_folders(each, _root(args), options, force=args.force)
+
+
+def _root(args: argparse.Namespace) -> str:
+    return args.out or f"{stem(args.file)}-fit"
+
+
+def _left(left: "Sequence[Path]", runs: "Runs") -> str:
+    """A sentence on folders that a former reading of the file has left."""
+    names = ", ".join(path.name for path in left[:LISTED]) + (", ..." if len(left) > LISTED else "")
+    folders = "1 folder" if len(left) == 1 else f"{len(left)} folders"
+    return (
+        f"Left in {left[0].parent} from a former reading of {runs.source.name}: {folders} ({names}). They are not "
+        "part of this result; delete them if they are wrong."
+    )
 
 
 def _show(pair: "PairAnalysis", folder: "Folder | None", args: argparse.Namespace, out: Printer) -> None:
@@ -160,7 +183,8 @@ def _written(pair: "PairAnalysis", folder: "Folder") -> str:
 
     if folder.unchanged or pair.parameters is None:
         return f"{folder.path}: unchanged"
-    return f"Written: {folder.path}/ ({', '.join(files(pair.parameters))})"
+    instead = " in place of the former reading" if folder.former else ""
+    return f"Written: {folder.path}/ ({', '.join(files(pair.parameters))}){instead}"
 
 
 def _report(pair: "PairAnalysis", folder: "Folder | None") -> dict[str, Any]:

@@ -117,6 +117,20 @@ def move_folder(made: Path, folder: Path) -> None:
         path.replace(target)
 
 
+def swap_folder(made: Path, folder: Path) -> None:
+    """Rename a new folder into the place of a former one, which moves beside the new one's place and is lost with it.
+
+    A failure leaves the former folder in its place.
+    """
+    former = made.with_name(f"{made.name}-former")
+    folder.rename(former)
+    try:
+        made.rename(folder)
+    except BaseException:
+        former.rename(folder)
+        raise
+
+
 @contextmanager
 def locked(path: Path, message: str) -> Iterator[None]:
     """Hold the lock file ``path`` as its only process; the system releases it when the process ends.

@@ -1,7 +1,7 @@
-"""One folder for each pair of an analysis; a folder with the same result is left unchanged."""
+"""One folder for each pair of an analysis: an unchanged result stays, a former reading of the same file is replaced."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,23 +11,45 @@ from ..cards.names import folder_names
 from ..core.errors import ParameterError, UsageError
 from ..core.version import __version__
 from ..datasets import Runs
-from .options import FitOptions
+from .options import OF_READING, FitOptions
 from .pair import PairAnalysis
+
+Snapshot = tuple[tuple[str, int, int], ...]  # of each file: name, size, time of the last change
+# Sections that the main job does not write: what added them would be lost.
+LATER = ("dynamics", "pi", "load_line", "limits", "roughness", "adaptive_force")
 
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Folder of a pair, and whether it already contains this result."""
+    """Folder of a pair, and what it already contains.
+
+    Attributes
+    ----------
+    path : Path
+    unchanged : bool
+        Whether it already contains this result.
+    former : Snapshot
+        Its files where it holds a former reading of the same file, which is replaced; empty otherwise.
+    """
 
     path: Path
     unchanged: bool
+    former: Snapshot = ()
 
     def write(self, pair: PairAnalysis, options: FitOptions, *, force: bool = False) -> Path:
-        """Write parameter file, cards, figures and draws, all of them or none."""
+        """Write parameter file, cards, figures and draws, all of them or none.
+
+        Raises
+        ------
+        UsageError
+            The folder of a former reading has changed since it was checked.
+        """
         if pair.parameters is not None and not self.unchanged:
+            if self.former and _snapshot(self.path) != self.former:
+                raise UsageError(f"{self.path} was changed while the laws were fitted; nothing was written. Run again.")
             cards.write(
                 pair.parameters, self.path, laws=pair.laws, posteriors=pair.posteriors,
-                posterior_figures=options.posterior_figures, force=force,
+                posterior_figures=options.posterior_figures, force=force or bool(self.former), whole=bool(self.former),
             )  # fmt: skip
         return self.path
 
@@ -36,6 +58,9 @@ def pair_folders(
     pairs: Sequence[Runs], root: str | os.PathLike[str], options: FitOptions, *, force: bool = False
 ) -> tuple[Folder, ...]:
     """Folders of pairs below ``root``; nothing is written.
+
+    The folder of a former reading of the same file, with other options of reading and the same of fitting, is
+    replaced; everything in it must be as fitmodels wrote it.
 
     Raises
     ------
@@ -50,13 +75,33 @@ def pair_folders(
     names = folder_names((runs.tool, runs.work) for runs in pairs)
     for runs, path in zip(pairs, (root / name for name in names), strict=True):
         same = not force and _holds(path, runs, recorded)
+        former: Snapshot = ()
         if not (same or force) and path.is_dir() and any(path.iterdir()):
-            raise UsageError(
-                f"{path} exists and contains a different result or other files; replace what fitmodels wrote there "
-                "with --force, or write elsewhere with --out."
-            )
-        found.append(Folder(path, same))
+            former = _snapshot(path)
+            if why := _not_replaceable(path, runs, recorded):
+                raise UsageError(
+                    f"{path} exists and contains a different result or other files ({why}); replace what fitmodels "
+                    "wrote there with --force, or write elsewhere with --out."
+                )
+        found.append(Folder(path, same, former))
     return tuple(found)
+
+
+def left_folders(root: str | os.PathLike[str], runs: Runs, written: Iterable[Path]) -> tuple[Path, ...]:
+    """Folders below ``root`` with results of the same file that this analysis did not write: of a former reading."""
+    root, kept = Path(root), set(written)
+    if not (runs.source.sha256 and root.is_dir()):
+        return ()
+    others = (path for path in sorted(root.iterdir()) if path not in kept and (path / "params.json").is_file())
+    return tuple(path for path in others if _source(path) == (runs.source.sha256, runs.source.name))
+
+
+def _source(folder: Path) -> tuple[str | None, str | None]:
+    try:
+        p = parameters.read(folder / "params.json").provenance
+    except ParameterError:
+        return None, None
+    return p.data_sha256, p.data_file
 
 
 def _holds(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> bool:
@@ -70,3 +115,51 @@ def _holds(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> bool:
     p = pf.provenance
     made = (p.data_sha256, p.fitmodels, p.options, p.data_file)
     return made == (runs.source.sha256, __version__, dict(recorded), runs.source.name)
+
+
+def _not_replaceable(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> str:
+    """Why a folder is not the untouched result of a former reading of the same file; empty where it is."""
+    try:
+        pf = parameters.read(folder / "params.json")
+    except ParameterError:
+        return "it has no parameter file that can be read"
+    p = pf.provenance
+    if not runs.source.sha256 or (p.data_sha256, p.data_file) != (runs.source.sha256, runs.source.name):
+        return f"it was made from {p.data_file or 'another file'}{_changed_file(p.data_file, runs)}"
+    then, now = ({k: v for k, v in of.items() if k not in OF_READING} for of in (p.options, recorded))
+    if then != now or dict(p.options) == dict(recorded):
+        return f"by fitmodels {p.fitmodels}" if then == now else "fitted with other options"
+    if p.then or pf.model_extra or any(getattr(pf, name) is not None for name in LATER):
+        return "sections were added to its parameter file later"
+    return _edited(folder, pf)
+
+
+def _changed_file(name: str | None, runs: Runs) -> str:
+    return " before that file was changed" if name == runs.source.name else ""
+
+
+def _edited(folder: Path, pf: "parameters.ParameterFile") -> str:
+    """Which file of a result is not as fitmodels writes it; empty where all of them are."""
+    from ..cards.content.card import compose
+    from ..cards.folder import card_files
+    from ..parameters.file import as_bytes
+
+    ours = set(cards.files(pf))
+    drawn = "figures/posterior_" if pf.provenance.options.get("posterior_figures") else None
+    for name, _, _ in _snapshot(folder):
+        if name not in ours and not (drawn and name.startswith(drawn) and name.endswith(".png")):
+            return f"{name} is not a file of fitmodels"
+    texts = card_files(compose(pf, folder=folder), pf)
+    if (folder / "params.json").read_bytes() != as_bytes(pf):
+        return "params.json was edited, or written by another version"
+    edited = [name for name, text in texts.items() if not _is(folder / name, text)]
+    return f"{edited[0]} was edited, or written by another version" if edited else ""
+
+
+def _is(path: Path, content: bytes) -> bool:
+    return path.is_file() and path.read_bytes() == content
+
+
+def _snapshot(folder: Path) -> Snapshot:
+    found = (path for path in sorted(folder.rglob("*")) if not path.is_dir())
+    return tuple((path.relative_to(folder).as_posix(), (s := path.lstat()).st_size, s.st_mtime_ns) for path in found)

@@ -17,6 +17,9 @@ Error: TypeAlias = Literal["multiplicative", "additive"]
 
 NAMED_PRIORS = ("weak", "reference")
 # Names in the parameter file are those of the command's options.
+OF_READING = (
+    *("map", "unit", "range", "value", "tool", "work", "edge", "process", "decimal", "delimiter", "sheet", "hidden"),
+)
 RECORDED = (
     *("map", "unit", "range", "value", "tool", "work", "by", "error", "criterion", "gauge_sd", "seed", "draws"),
     *("priors", "student", "verify", "posterior_figures", "decimal", "delimiter", "sheet", "edge", "process", "hidden"),
