@@ -12,7 +12,8 @@ from .edge_columns import Array, Codes, Flags, differs
 from .vocabulary import ROLES
 
 LEAST = 1.7  # mean rows of an edge; fewer: nearly every row is a test of its own
-SPARE = 1.3  # times the least number of edges that the settings allow: a file in more pieces is not in order
+SPARE = 1.3  # times the least number of edges that the settings allow: a file in hardly more pieces is in order
+ORDERED = 3.0  # mean rows of an edge of one or two settings in order; rows in any order rise in half of the steps
 SLIPS = 0.1  # share of the edges that a slip in a single cell may have split
 TOGETHER = 0.9  # share of edges that begin at the usual time
 UNKNOWN = (
@@ -77,7 +78,8 @@ def edges_by_design(draft: Draft) -> Inferred | None:
     count = int(codes[-1]) + 1
     sizes = np.bincount(codes)
     names = [*settings, *(role for role in ("tool", "work") if role in draft.data)]
-    if count <= max(SPARE * chains.sum(), chains.sum() + 1) and n / count >= LEAST:
+    least = int(chains.sum())
+    if n / count >= (LEAST if len(chains) > 2 or count <= max(SPARE * least, least + 1) else ORDERED):
         rule = f"a new edge where {_listed(names, 'or')} changes or t does not rise"
         found = _found(count, sizes, f"the order of the tests ({rule})")
         return Inferred(codes, True, found, {role: draft.lines[rows] for role, rows in shifted.items()})
@@ -206,13 +208,16 @@ def _mended(start: Flags, t: Array, settings: Mapping[str, Array], labels: list[
             false.append((i,))
         elif together and joins_below and t[i] <= usual < t[i + 1]:
             false.append((i + 1,))
-    for i in at[1:]:
-        if t[i] <= t[i - 1] and _alike(i - 1, i, settings, labels):
-            this_low = start[i] and i + 1 < len(t) and t[i + 1] > t[i - 1] and not start[min(i + 1, len(t) - 1)]
-            above_high = i >= 2 and not start[i - 1] and t[i - 2] < t[i]
-            first_high = together and start[i - 1] and t[i] > usual
-            if (this_low and not start[i - 1]) or above_high or first_high:
-                false.append((int(i),))
+    length = np.diff(at, append=len(t))
+    for k in range(1, len(at)):
+        i = int(at[k])
+        if t[i] > t[i - 1] or not _alike(i - 1, i, settings, labels):
+            continue
+        low = (together or length[k - 1] >= 3) and i + 1 < len(t) and t[i + 1] > t[i - 1] and not 0.5 < t[i] / usual < 2
+        high = length[k - 1] >= 3 and t[i - 2] < t[i]
+        first_high = together and length[k - 1] == 1 and t[i] > usual
+        if low or high or first_high:
+            false.append((i,))
     if not false or len(set(false)) > max(2, SLIPS * len(at)):
         return start
     mended = start.copy()

@@ -26,7 +26,8 @@ def doubts_of_time(draft: Draft, edges: EdgeRows, t: Array, wear: Array | None, 
         yield from _falls(draft, edges, x, falls)
     if repeats.any():
         yield from _repeats(draft, edges, x, repeats, wear)
-    yield from _late(draft, edges, x)
+    if not falls.any() or edges.edges_of(falls) > edges.few:
+        yield from _late(draft, edges, t)
     yield from _begun(draft, edges, x)
     if not falls.any():
         yield from _running_on(edges, x)
@@ -82,10 +83,10 @@ def duration(before: Array, after: Array) -> Iterator[Doubt]:
         )
 
 
-def _late(draft: Draft, edges: EdgeRows, x: Array) -> Iterator[Doubt]:
+def _late(draft: Draft, edges: EdgeRows, t: Array) -> Iterator[Doubt]:
     """A last time that is far from the others of its edge."""
-    if len(x) < 4:
-        return
+    order = np.lexsort((t, edges.codes))
+    x = t[order]
     step = np.zeros(len(x))
     step[1:] = np.where(edges.same, np.diff(x), 0.0)
     last = edges.first + edges.sizes - 1
@@ -94,7 +95,7 @@ def _late(draft: Draft, edges: EdgeRows, x: Array) -> Iterator[Doubt]:
     most = np.fmax.reduceat(inner, edges.first)
     odd = np.flatnonzero((edges.sizes >= 4) & (most > 0) & (step[last] > LATE * most))
     if 0 < len(odd) <= edges.few:
-        lines = draft.lines[edges.order]
+        lines = draft.lines[order]
         cells = (
             f"{format_plain(x[i])} min at line {lines[i]} after {format_plain(x[i - 1])}" for i in last[odd].tolist()
         )
