@@ -51,17 +51,21 @@ def check_edges(draft: Draft) -> None:
 
 
 def _copies(draft: Draft, numbers: dict[str, Array]) -> Flags:
-    """Rows all of whose cells stand in a row before."""
+    """Rows all of whose cells stand in a row before; of one measured quantity alone two may be equal by chance."""
     n = len(draft.lines)
     copy = np.zeros(n, dtype=bool)
-    if len(numbers) < 3 or not any(ROLES[role].kind in MEASURED for role in numbers):
+    measured = sum(ROLES[role].kind in MEASURED for role in numbers)
+    if len(numbers) < 3 or measured == 0:
         return copy
+    chance = measured == 1 and all(use.role != "edge" for use in draft.uses)
     keys = np.nan_to_num(np.vstack(list(numbers.values())), nan=-1e300)
     order = np.lexsort(keys)
     equal = (keys[:, order[1:]] == keys[:, order[:-1]]).all(axis=0)
     for i in np.flatnonzero(equal):
         a, b = sorted((int(order[i]), int(order[i + 1])))
         texts = (column.values for column in draft.columns)
+        if chance and b > a + 1:
+            continue
         copy[b] = all(cells[a] == cells[b] or (cells[a] != cells[a] and cells[b] != cells[b]) for cells in texts)
     return copy
 

@@ -67,6 +67,8 @@ def is_numbering(names: Sequence[str]) -> bool:
     >>> is_numbering(["P10", "P20", "P30"]), is_numbering(["Platte 1", "Platte 2"])
     (False, True)
     """
+    if len(names) < 2:
+        return False
     if all(_GRID.fullmatch(name) for name in names) or (all(len(n) == 1 and n.isalpha() for n in names)):
         return True
     parts = [_NUMBERED.fullmatch(name) for name in names]

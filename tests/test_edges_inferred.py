@@ -1,0 +1,290 @@
+"""Cutting edges of a file: the column that names them by its content, the order of the tests, and checks within edges.
+
+The NASA figures are those of the published milling set (16 cases): K. Goebel and A. Agogino, Mill data set, NASA.
+"""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.core.errors import UsageError
+from fitmodels.datasets.options import ReadOptions
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+SETTINGS = list(itertools.product((100.0, 150.0, 220.0), (0.1, 0.2), (1.0, 2.0)))
+TIMES = (2.0, 4.0, 6.0, 8.0, 10.0)
+ROWS = len(SETTINGS) * len(TIMES)
+PER_EDGE = len(TIMES)
+
+
+def designed(edges=SETTINGS, seed=1):
+    """Rows of edges in the order of their tests."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for k, (V, f, d) in enumerate(edges):
+        level = rng.normal(0, 0.05)
+        for t in TIMES:
+            wear = 0.02 * (V / 100) ** 0.6 * f**0.17 * d**0.25 * t**0.4 * np.exp(level + rng.normal(0, 0.03))
+            rows.append((f"E{k + 1:02d}", V, f, d, t, round(float(wear), 4)))
+    return pd.DataFrame(rows, columns=["edge", "V [m/min]", "f [mm/rev]", "d [mm]", "t [min]", "VB [mm]"])
+
+
+TABLE = designed()
+NUMBER = pd.factorize(TABLE["edge"])[0]
+V, F, T, VB = (next(c for c in TABLE if c.startswith(role + " [")) for role in ("V", "f", "t", "VB"))
+
+
+def read(frame, **options):
+    return datasets.runs_from_frame(frame.reset_index(drop=True), **{"tool": "GC435", "work": "Ck 45"} | options)
+
+
+def without(**columns):
+    return TABLE.drop(columns="edge").assign(**columns)
+
+
+def partition(runs):
+    return pd.factorize(runs.labels("edge"))[0].tolist()
+
+
+def doubted(runs):
+    return " | ".join(map(str, runs.doubts))
+
+
+def changed(line, column, value, frame=TABLE):
+    frame = frame.copy()
+    frame.loc[line, column] = value
+    return frame
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["Insert", "Platte", "Schneide", "Schneidplatte", "plaquette", "filo", "arête", "tool no.", "tool #", "Tool",
+     "Werkzeug Nr.", "outil no", "n° outil", "plaquita", "inserto", "corner", "Ecke", "tip", "No.", "Run", "Test no.",
+     "file"],
+)  # fmt: skip
+@pytest.mark.parametrize("labels", [NUMBER + 1.0, [f"A{k + 1}" for k in NUMBER]], ids=["numbers", "texts"])
+def test_a_column_with_rising_time_in_each_value_is_that_of_the_edges(name, labels):
+    runs = datasets.runs_from_frame(without(**{name: labels}))
+    assert partition(runs) == NUMBER.tolist()
+    assert len(list(runs.pairs())) == 1
+    assert runs.doubts == ()
+
+
+def test_the_decision_is_printed_with_the_option_that_reverses_it():
+    runs = read(without(Insert=NUMBER + 1.0), tool=None)
+    said = "column 'Insert' has 12 values with rising time in each: cutting edges, not tool types; --map tool=Insert"
+    assert any(note.startswith(said) for note in runs.assumed)
+    assert len(list(read(without(Insert=NUMBER + 1.0), tool=None, map={"tool": "Insert"}).pairs())) == 12
+
+
+def two_types(**columns):
+    first, second = ({name: values[k] for name, values in columns.items()} for k in (0, 1))
+    return pd.concat([TABLE.assign(**first), TABLE.assign(**second)], ignore_index=True)
+
+
+@pytest.mark.parametrize("name", ["Tool", "Insert", "Platte", "Schneide", "plaquette"])
+@pytest.mark.parametrize("types", [("GC435", "GC4025"), ("Sandvik CNMG 120408", "Kennametal")])
+def test_two_makers_or_grades_are_types_of_tools(name, types):
+    runs = read(two_types(**{name: types}).drop(columns="edge"), tool=None)
+    assert sorted(pair.tool for pair in runs.pairs()) == sorted(types)
+    assert len(set(partition(runs))) == 24
+    assert all(len(set(partition(pair))) == 12 for pair in runs.pairs())
+
+
+def test_a_grade_stays_the_tool_beside_numbered_inserts():
+    runs = read(without(Insert=NUMBER + 1.0).assign(**{"Tool material": "GC435"}), tool=None)
+    assert (runs.tool, partition(runs)) == ("GC435", NUMBER.tolist())
+
+
+@pytest.mark.parametrize("inserts", [NUMBER // 4 + 1, [f"P{k // 4 + 1}" for k in NUMBER]], ids=["numbers", "texts"])
+@pytest.mark.parametrize("corner", ["corner", "edge", "Ecke", "Schneide"])
+def test_corner_and_insert_name_an_edge_together(inserts, corner):
+    runs = read(without(Insert=inserts).assign(**{corner: NUMBER % 4 + 1}), tool=None)
+    assert partition(runs) == NUMBER.tolist()
+    assert len(list(runs.pairs())) == 1
+    assert any("combinations of columns 'Insert' and" in note for note in runs.assumed)
+
+
+def test_numbers_of_inserts_with_several_edges_are_no_types_of_tools():
+    runs = read(without(Insert=NUMBER // 4 + 1.0), tool=None)
+    assert len(list(runs.pairs())) == 1
+    assert partition(runs) == NUMBER.tolist()
+
+
+def test_numbers_of_rows_are_no_edges():
+    runs = read(without(**{"Test no": np.arange(ROWS) + 1.0}))
+    assert partition(runs) == NUMBER.tolist()
+    assert any("'Test no' numbers every row" in note for note in runs.assumed)
+    runs = read(TABLE.assign(edge=np.arange(ROWS) + 1.0))
+    assert "--map run=edge" in doubted(runs)
+    assert partition(read(TABLE.assign(edge=np.arange(ROWS) + 1.0), map={"run": "edge"})) == NUMBER.tolist()
+
+
+def test_one_row_a_test_stays_as_it_is():
+    once = TABLE[TABLE[T] == 6]
+    assert len(set(partition(read(once)))) == len(once)
+    runs = read(once.drop(columns="edge"))
+    assert not runs.has("edge")
+    assert runs.doubts == ()
+    randomised = TABLE.drop(columns="edge").sample(frac=1, random_state=3).assign(Run=np.arange(ROWS) + 1.0)
+    assert not read(randomised).has("edge")
+
+
+def test_edges_are_inferred_from_the_order_of_the_tests():
+    runs = read(without())
+    assert partition(runs) == NUMBER.tolist()
+    assert runs.labels("edge")[-1] == "E12"
+    assert any("edges inferred from the order of the tests" in note and "12 edges of 5 rows" in note
+               for note in runs.assumed)  # fmt: skip
+    assert runs.doubts == ()
+    assert not read(without(), edge="none").has("edge")
+
+
+def test_inferred_edges_give_the_inference_of_named_ones():
+    named, found = (fit.power_law(read(frame), "VB", ["V", "f", "d", "t"]) for frame in (TABLE, without()))
+    np.testing.assert_allclose(found.bse, named.bse, rtol=1e-12)
+    assert found.edges.df == named.edges.df == 11
+
+
+@settings(max_examples=40)
+@given(
+    st.lists(st.sampled_from(SETTINGS), min_size=4, max_size=14),
+    st.randoms(use_true_random=False),
+)
+def test_any_order_of_blocks_keeps_the_partition(edges, random):
+    frame = designed(edges)
+    blocks = [block for _, block in frame.groupby("edge", sort=False)]
+    random.shuffle(blocks)
+    frame = pd.concat(blocks, ignore_index=True)
+    truth = pd.factorize(frame["edge"])[0].tolist()
+    assert partition(read(frame.drop(columns="edge"))) == truth
+    assert partition(read(frame.rename(columns={"edge": "Insert"}), tool=None)) == truth
+
+
+def test_shuffled_rows_of_one_edge_a_setting_are_inferred_and_others_doubted():
+    mixed = TABLE.sample(frac=1, random_state=1)
+    runs = read(mixed.drop(columns="edge"))
+    assert partition(runs) == pd.factorize(mixed["edge"])[0].tolist()
+    twice = designed(SETTINGS * 2).sample(frac=1, random_state=1)
+    runs = read(twice.drop(columns="edge"))
+    assert not runs.has("edge")
+    assert "Standard errors cannot be defended" in doubted(runs)
+    assert runs.doubts[0].remedy == "--edge none"
+    assert read(twice.drop(columns="edge"), edge="none").doubts == ()
+
+
+def test_merged_cells_are_filled_down():
+    inner = TABLE[T] > 2
+    merged = TABLE.copy()
+    merged.loc[inner, "edge"] = ""
+    merged.loc[inner, [V, F]] = np.nan
+    runs = read(merged)
+    assert partition(runs) == NUMBER.tolist()
+    np.testing.assert_array_equal(runs.values("V"), TABLE[V])
+    assert [note.split(":")[0] for note in runs.warnings] == ["column 'edge'", f"column {V!r}", f"column {F!r}"]
+    assert "48 blank cells" in runs.warnings[0]
+    law, truth = (fit.power_law(read(frame), "VB", ["V", "f", "d", "t"]) for frame in (merged, TABLE))
+    np.testing.assert_allclose(law.bse, truth.bse, rtol=1e-12)  # not those of one edge named ""
+
+
+def test_isolated_blanks_are_not_filled_with_other_edges():
+    runs = read(changed([7, 33], "edge", ""))
+    assert partition(runs) == NUMBER.tolist()
+    runs = read(changed([9, 10], "edge", ""))  # the last row of one edge and the first of the next
+    assert "lines 9 and 10 name no edge" in doubted(runs)
+    assert "" not in set(runs.labels("edge"))
+    assert np.isnan(read(changed([7, 12, 33], V, np.nan)).values("V")).sum() == 3
+
+
+def test_spellings_of_one_edge_are_joined_and_others_doubted():
+    runs = read(changed([6, 7], "edge", ["e02", "E 2"]))
+    assert partition(runs) == NUMBER.tolist()
+    assert sum("another spelling" in note for note in runs.warnings) == 2
+    assert "is the name misspelled" in doubted(read(changed(7, "edge", "E20")))
+
+
+@pytest.mark.parametrize("line", [5, 7, 9], ids=["first", "middle", "last"])
+@pytest.mark.parametrize("frame", [TABLE, without()], ids=["named", "inferred"])
+def test_a_single_setting_that_differs_in_an_edge_is_named(frame, line):
+    runs = read(changed(line, F, 5.08, frame))
+    assert f"line {line} has 5.08 where the other rows of edge E02 have 0.1" in doubted(runs)
+    assert partition(runs) == NUMBER.tolist()
+
+
+@pytest.mark.parametrize(("line", "time"), [(7, 0.6), (7, 60.0), (9, 100.0), (5, 20.0), (5, 0.2)])
+@pytest.mark.parametrize("frame", [TABLE, without()], ids=["named", "inferred"])
+def test_a_time_that_is_out_of_order_is_named(frame, line, time):
+    runs = read(changed(line, T, time, frame))
+    assert partition(runs) == NUMBER.tolist()
+    assert any("t" in doubt.columns and ("line" in doubt.sentence) for doubt in runs.doubts)
+
+
+@pytest.mark.parametrize("line", range(5, 10))
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_a_digit_slipped_in_a_wear_is_named(line, factor):
+    value = float(TABLE[VB][line]) * factor
+    assert f"VB jumps within an edge: line {line} has" in doubted(read(changed(line, VB, value)))
+
+
+def test_falling_wear_repeated_rows_and_repeated_times_are_named():
+    fallen = changed(8, VB, 0.6 * float(TABLE[VB][7]))
+    assert "at line 8; wear does not heal" in doubted(read(fallen))
+    copied = pd.concat([TABLE, TABLE.iloc[[59]]], ignore_index=True)
+    assert "line 60 repeats an earlier row" in doubted(read(copied))
+    assert "4 min at lines 6 and 7 of edge E02" in doubted(read(changed(7, T, 4.0)))
+
+
+def test_time_that_runs_on_or_is_counted_by_sub_test_is_doubted():
+    assert "t runs on from edge to edge" in doubted(read(TABLE.assign(**{T: np.arange(ROWS) * 2.0 + 2})))
+    for frame in (TABLE, without()):
+        assert "is it the time of each sub-test" in doubted(read(frame.assign(**{T: 2.0})))
+
+
+@pytest.mark.parametrize("role", ["V", "f", "d", "t"])
+@pytest.mark.parametrize("by", [-1, 1])
+@pytest.mark.parametrize("frame", [TABLE, without()], ids=["named", "inferred"])
+def test_a_column_shifted_by_one_row_is_doubted(frame, role, by):
+    column = next(c for c in frame if c.startswith(role + " ["))
+    runs = read(frame.assign(**{column: np.roll(frame[column], by)}))
+    assert any(role in doubt.columns for doubt in runs.doubts)
+
+
+def test_edges_of_another_unit_are_named():
+    wrong = TABLE.copy()
+    wrong.loc[NUMBER == 4, VB] *= 25.4
+    assert "VB is of another order than in the other edges: edge E05" in doubted(read(wrong))
+
+
+def test_tests_with_changing_conditions_and_several_readings_are_sound():
+    assert read(TABLE.assign(**{F: np.tile([0.1, 0.15, 0.2, 0.25, 0.3], 12)})).doubts == ()
+    rng = np.random.default_rng(5)
+    twice = TABLE.loc[np.repeat(np.arange(ROWS), 2)].assign(**{VB: lambda x: x[VB] + rng.normal(0, 0.001, 2 * ROWS)})
+    assert read(twice).doubts == ()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_sound_file_is_not_doubted(seed):
+    assert read(designed(seed=seed)).doubts == ()
+
+
+def test_the_edge_is_named_once():
+    assert ReadOptions(edge="Insert").columns == {"edge": "Insert"}
+    assert partition(read(TABLE.rename(columns={"edge": "point"}), edge="point")) == NUMBER.tolist()
+    with pytest.raises(UsageError, match=r"edge 'a' and map edge='b' name different columns"):
+        ReadOptions(edge="a", map={"edge": "b"})
+
+
+@pytest.mark.parametrize("drop", [["case"], ["case", "run"]], ids=["case", "case and run"])
+@pytest.mark.parametrize("measured", [False, True], ids=["all rows", "rows with wear"])
+def test_nasa_milling_has_its_16_edges_without_the_column(measurements, drop, measured):
+    frame = pd.read_csv(measurements / "nasa_milling" / "nasa_mill_runs.csv")
+    frame = frame.dropna(subset=["VB"]) if measured else frame
+    named, found = (datasets.runs_from_frame(x.reset_index(drop=True)) for x in (frame, frame.drop(columns=drop)))
+    assert partition(found) == partition(named)
+    assert len(set(partition(found))) == 16
+    laws = [fit.power_law(runs, "VB", ["d", "f", "t"]) for runs in (named, found)]
+    np.testing.assert_allclose(laws[1].bse, laws[0].bse, rtol=1e-9)
+    np.testing.assert_allclose(laws[1].theta, laws[0].theta, rtol=1e-12)
