@@ -39,7 +39,7 @@ def _bracketed(text: str) -> Iterator[tuple[str, str]]:
         inside = next(group for group in match.groups() if group is not None).strip()
         name = f"{text[: match.start()]} {text[match.end() :]}"
         foreign = not is_unit(inside) and set(roles_named(name)).isdisjoint(roles_named(inside))
-        looks = match[0][0] in "[{" or re.search(r"[/^*·%°µμ⁻]", inside)
+        looks = match[0][0] in "[{" or re.search(r"[/^*·%°µμ⁻]|^[hm]+(in)?:", inside)
         if _is_unit_of(name, inside) or (foreign and looks):
             yield name, inside
 

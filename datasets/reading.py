@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import did_you_mean
+from .clock import clock_columns
 from .columns import ColumnUse, Values, assign
 from .derivation import derive
 from .design import decode_levels
@@ -144,9 +145,11 @@ def _assemble(
     doubts: tuple[Doubt, ...] = (),
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
-    uses, data, assumed = assign(columns, options.columns, options.units)
+    columns, of_columns, clocks, of_times = clock_columns(columns, options)
+    uses, data, assumed = assign(columns, options.columns, of_columns)
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
-    draft = Draft(columns, uses, data, units, lines, notes, [*assumed_shape, *assumed], list(warnings), list(doubts))
+    taken = [*assumed_shape, *clocks, *assumed]
+    draft = Draft(columns, uses, data, units, lines, notes, taken, list(warnings), [*doubts, *of_times])
     fill_down(draft)
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
     settle_units(draft, options)

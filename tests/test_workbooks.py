@@ -3,6 +3,7 @@
 Every book is written by a library nobody here wrote (openpyxl, xlwt, odfpy) and holds the same table of known laws.
 """
 
+import datetime
 import io
 
 import numpy as np
@@ -281,3 +282,130 @@ def test_bytes_of_a_text_named_as_a_book(tmp_path):
     path.write_text("V,f,d,t,VB\n100,0.1,1,2,0.1\n110,0.1,1,2,0.1\n")
     assert len(datasets.read_runs(path)) == 2
     assert io.BytesIO(path.read_bytes()).read(1) == b"V"
+
+
+# Averages
+
+
+def text_of(rows, header=HEADER):
+    return "\n".join(";".join("" if cell is None else str(cell) for cell in row) for row in [header, *rows])
+
+
+def with_averages(label, edge=3, digits=6):
+    """The rows with their mean after each edge."""
+    rows = []
+    for i in range(0, len(ROWS), edge):
+        part = ROWS[i : i + edge]
+        means = [round(float(np.mean([row[j] for row in part])), digits) for j in range(1, 6)]
+        rows += [*part, [part[0][0] if label is None else label.format(part[0][0]), *means]]
+    return rows
+
+
+@pytest.mark.parametrize("label", ["Mean", "Mittelwert {}", "moyenne:", "media", "Ø", "{} average", None, ""])
+@pytest.mark.parametrize("name", ["a.csv", "a.xlsx"])
+def test_averages_among_the_data_are_left_out_by_line(tmp_path, label, name):
+    path = tmp_path / name
+    if name == "a.csv":
+        path.write_text(text_of(with_averages(label)), encoding="utf-8")
+    else:
+        book(tmp_path, Data=[HEADER, *with_averages(label, digits=15)])
+    runs = read_runs(path)
+    check(runs)
+    lines = [line for line in range(2, 50) if line not in runs.lines]
+    assert lines[:3] == [5, 9, 13]
+    words = "Rows of averages are left out: lines 5, 9" if label else "Rows that are the mean of the rows above them"
+    assert words in said(runs)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sound_table_loses_no_row(tmp_path, seed):
+    """Replicates, centre points and rounded forces: means occur among the conditions, never in all columns."""
+    rng = np.random.default_rng(seed)
+    corners = [(V, f) for V in (100, 200) for f in (0.1, 0.3)]
+    design = [(150, 0.2) if i % 5 == 4 else corners[i % 5] for i in range(20)]
+    rows = [
+        [V, f, 1, 5, round(100 + 3 * V * f + rng.normal(0, 2)), round(0.1 + rng.normal(0, 0.01), 3)] for V, f in design
+    ]
+    path = tmp_path / "a.csv"
+    path.write_text(text_of(rows, ["V", "f", "d", "t", "Fc", "VB"]))
+    assert len(read_runs(path)) == 20
+    path.write_text(text_of([[V, f] for V, f in design], ["V", "f"]))
+    assert len(read_runs(path)) == 20
+
+
+def test_names_that_resemble_labels_are_kept(tmp_path):
+    rows = [[("mean", "max")[i % 2], 100 + i, i / 8 + 0.1] for i in range(8)]
+    path = tmp_path / "a.csv"
+    path.write_text(text_of(rows, ["value", "V", "VB"]))
+    assert len(read_runs(path)) == 8
+    rows = [[("K10", "dureza media")[i % 2], 100 + i, i / 8 + 0.1] for i in range(8)]
+    path.write_text(text_of(rows, ["work", "V", "VB"]))
+    assert len(read_runs(path)) == 8
+
+
+# Times
+
+
+def timed(tmp_path, times, header="t", **options):
+    """The times of a file of one speed, and its runs."""
+    path = tmp_path / "a.csv"
+    path.write_text(
+        text_of([[100, 0.2, 1, t, 0.1 + 0.01 * i] for i, t in enumerate(times)], ["V", "f", "d", header, "VB"])
+    )
+    return read_runs(path, **options)
+
+
+@pytest.mark.parametrize(("times", "header", "options", "minutes"), [
+    (["2:30", "5:00", "14:30"], "t", {}, [2.5, 5, 14.5]),
+    (["0:02:30", "0:05:00", "0:14:30"], "Zeit", {}, [2.5, 5, 14.5]),
+    (["0:15", "0:45", "1:30"], "t", {"units": {"t": "h:mm"}}, [15, 45, 90]),
+    (["0:15", "0:45", "1:30"], "t", {"units": {"t": "mm:ss"}}, [0.25, 0.75, 1.5]),
+    (["0:15", "0:45", "1:30"], "t [mm:ss]", {}, [0.25, 0.75, 1.5]),
+    (["0:15", "0:45", "1:30"], "cutting time (hh:mm)", {}, [15, 45, 90]),
+    (["0:15", "0:45", "1:30"], "cutting time in min", {}, [0.25, 0.75, 1.5]),
+    (["2 min 30 s", "5 min", "1 h 20 min"], "t", {}, [2.5, 5, 80]),
+    (["45:10", "1:02:30", "1:15:00"], "t", {"units": {"t": "mm:ss"}}, [45 + 1 / 6, 62.5, 75]),
+    (["0", "1:30", "13:00"], "t", {}, [0, 1.5, 13]),
+])  # fmt: skip
+def test_clock_times(tmp_path, times, header, options, minutes):
+    runs = timed(tmp_path, times, header, **options)
+    np.testing.assert_allclose(runs.values("t"), minutes)
+    assert " is read as " in said(runs)
+
+
+def test_clock_times_of_two_readings_are_refused_with_both_options(tmp_path):
+    with pytest.raises(DataError, match=r"0:30 may be .*--unit t=h:mm or --unit t=mm:ss"):
+        timed(tmp_path, ["0:30", "1:00", "1:30"])
+
+
+def test_times_of_day_are_refused(tmp_path):
+    with pytest.raises(DataError, match=r"times of day \(10:02.*since the start of each edge"):
+        timed(tmp_path, ["10:02", "10:04", "10:09"])
+    assert timed(tmp_path, ["10:02", "10:04", "10:09"], units={"t": "mm:ss"}).values("t")[0] == pytest.approx(
+        10 + 2 / 60
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "doubts"), [("mm:ss", 0), ("[mm]:ss", 0), ("h:mm:ss", 0), ("[h]:mm:ss", 0), ("h:mm", 1)]
+)
+def test_times_of_a_workbook(tmp_path, code, doubts):
+    """Numbers of days, shown by the format; 15:00 shown as h:mm may be 15 hours or 15 minutes."""
+
+    def page(page):
+        fill(
+            page,
+            [
+                HEADER,
+                *(
+                    [*row[:4], datetime.timedelta(minutes=row[4] if code != "h:mm" else 60 * row[4]), row[5]]
+                    for row in ROWS
+                ),
+            ],
+        )
+        for (cell,) in page.iter_rows(min_row=2, min_col=5, max_col=5):
+            cell.number_format = code
+
+    runs = read_runs(book(tmp_path, Data=page))
+    check(runs)
+    assert len(runs.doubts) == doubts

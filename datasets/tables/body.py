@@ -98,6 +98,7 @@ class Body:
     rows: Iterable[tuple[int, Sequence[Cell]]]
     layout: Layout
     delimiter: str
+    left_out: frozenset[int] = frozenset()  # lines of averages
 
     def blocks(self, findings: Findings) -> Iterator[RowBlock]:
         """Iterate over the data in blocks of at most 2000 rows, noting what is met.
@@ -117,7 +118,8 @@ class Body:
         lines: list[int] = []
         rows: list[Sequence[Cell]] = []
         above = self.layout.above
-        for line, row in self.rows:
+        numbered = self.rows if not self.left_out else (one for one in self.rows if one[0] not in self.left_out)
+        for line, row in numbered:
             if line > above and row:
                 lines.append(line)
                 rows.append(row)
@@ -154,6 +156,8 @@ class Body:
         return row
 
     def _cut_tail(self, lines: list[int], rows: list[Sequence[Cell]], findings: Findings) -> None:
+        if rows and all(footer_label(row) for row in rows):
+            return  # a column whose values are such words
         while rows:
             if label := footer_label(rows[-1]):
                 findings.footers.insert(0, (lines[-1], label))

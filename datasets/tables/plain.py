@@ -84,7 +84,7 @@ def _numbers(body: Body, decimal: Decimal) -> Generator[NumberBlock, None, Itera
     They end where blocks of cells would end, so that what is found at the foot of a table does not change.
     """
     source = body.rows
-    if not isinstance(source, TextSource) or b'"' in source.data:  # a quoted cell may hold line ends
+    if body.left_out or not isinstance(source, TextSource) or b'"' in source.data:  # a quoted cell may hold line ends
         return source
     lines, above = source.lines(), body.layout.above
     for _ in islice(lines, above):

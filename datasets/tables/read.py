@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...core.errors import UsageError
 from ...core.suggestions import did_you_mean
 from ..doubts import Doubt
+from .averages import average_rows, average_sentences
 from .blocks import without_blocks
 from .body import Body, weigh_decimal
 from .decode import encoding_of, load_bytes
@@ -168,6 +169,10 @@ def read_table(
     body = Body(path.name, source, layout, mark)
     point, thousands, doubts = weigh_decimal(body, decimal)
     columns, lines, findings, cell_doubts = gather_columns(body, point)
+    averages = average_rows(columns, lines, body)
+    if averages:
+        body = replace(body, left_out=frozenset(averages))
+        columns, lines, findings, cell_doubts = gather_columns(body, point)
     named = source.as_written({*layout.note_lines, *findings.remarks}).items()
     return Table(
         path=path,
@@ -175,7 +180,7 @@ def read_table(
         columns=columns,
         lines=lines,
         notes=tuple(text for _, text in sorted([*notes, *named], key=itemgetter(0))),
-        warnings=(*warnings, *realigned, *doubts, *findings.sentences()),
+        warnings=(*warnings, *realigned, *doubts, *average_sentences(averages), *findings.sentences()),
         dialect=Dialect(encoding, written, point, thousands, layout.header_line > 0),
         doubts=cell_doubts,
     )

@@ -1,0 +1,162 @@
+"""Rows of averages among the data: found by their label, or as the mean of the rows above them."""
+
+import math
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .body import Body, Findings
+from .gather import Column
+from .layout import footer_label
+from .numerals import Cell, is_missing, is_number
+
+_LONGEST = 60  # rows that one average may be of
+_DECADES = 6.0  # chance of all agreements together, as a power of ten
+_WORDS = (
+    "mean|average|avg|mittelwert|durchschnitt|moyenne|promedio|std dev|stdev|standard deviation|"
+    "standardabweichung|stabw|écart-type|ecart-type"
+)
+_AVERAGE = re.compile(
+    rf"(?:(?:{_WORDS})\b[\s\w.,:()#/-]{{0,40}}|[\s\w.,:()#/-]{{0,40}}\b(?:{_WORDS}))[\s:=]*", re.IGNORECASE
+)
+_BARE = frozenset(("mw", "ø", "mittel", "media", "moy", "sd", "std", "s"))
+
+Floats = NDArray[np.float64]
+
+
+def average_label(text: str) -> bool:
+    """Whether a text labels a row of means or standard deviations.
+
+    >>> [average_label(text) for text in ("Mean", "Mittelwert E3:", "E1 average", "meander", "max")]
+    [True, True, True, False, False]
+    """
+    plain = text.strip()
+    return len(plain) <= 2 * 40 and (plain.casefold().strip(" .:=") in _BARE or _AVERAGE.fullmatch(plain) is not None)
+
+
+def average_rows(columns: Sequence[Column], lines: NDArray[np.int64], body: Body) -> dict[int, str]:
+    """Lines of the rows of averages with their labels, "" where they have none."""
+    if any(map(_holds_label, columns)):
+        found = _labelled(body)
+        if 2 * len(found) < len(lines):
+            return found
+    return dict.fromkeys((int(lines[i]) for i in _means([c.values for c in columns if c.is_numeric])), "")
+
+
+def average_sentences(found: dict[int, str]) -> list[str]:
+    """What was left out, as full sentences.
+
+    >>> average_sentences({4: "Mean", 8: "Mean"}), average_sentences({4: ""})
+    (["Rows of averages are left out: lines 4, 8 ('Mean')."], ['The mean of the rows above it is left out: line 4.'])
+    """
+    if not found:
+        return []
+    shown = f"line{'s' * (len(found) > 1)} " + ", ".join(map(str, list(found)[:8]))
+    shown += f" and {len(found) - 8} more" if len(found) > 8 else ""
+    if labels := list(dict.fromkeys(repr(label) for label in found.values() if label)):
+        return [f"Rows of averages are left out: {shown} ({', '.join(labels[:3])}{', ...' * (len(labels) > 3)})."]
+    if len(found) == 1:
+        return [f"The mean of the rows above it is left out: {shown}."]
+    return [f"Rows that are the mean of the rows above them are left out: {shown}."]
+
+
+def _holds_label(column: Column) -> bool:
+    """Whether some cells of a column, and not most of them, are labels of averages."""
+    if column.is_numeric:
+        return any(average_label(text) or footer_label([text]) for _, text in column.bad)
+    texts = set(column.values.tolist())
+    labels = [text for text in texts if text and (average_label(text) or footer_label([text]))]
+    return 0 < len(labels) < len(texts) and not all(average_label(t) for t in texts if t)
+
+
+def _labelled(body: Body) -> dict[int, str]:
+    found: dict[int, str] = {}
+    for block in body.blocks(Findings()):
+        for line, row in zip(block.lines, zip(*block.columns, strict=True), strict=True):
+            if label := _label(row):
+                found[line] = label
+    return found
+
+
+def _label(row: Sequence[Cell]) -> str:
+    """The label of a row of averages: its first filled cell, or a later one before the first of two numbers."""
+    numbers = 0
+    for i, cell in enumerate(row):
+        text = str(cell).strip()
+        if not text or is_missing(text):
+            continue
+        if is_number(cell):
+            numbers += 1
+            if numbers > 1:
+                return ""
+        elif average_label(text) or (not numbers and footer_label(row[i:])):
+            rest = row[i + 1 :]
+            return text if any(is_number(other) for other in rest) or not rest else ""
+    return ""
+
+
+def _means(arrays: Sequence[Floats]) -> list[int]:
+    """Positions of rows that are the mean of the rows since the last such row, in every column that varies."""
+    varying = [values for values in arrays if _varies(values)]
+    if len(varying) < 2:
+        return []
+    found: list[int] = []
+    decades, start = 0.0, 0
+    while True:
+        table = np.column_stack([values[start : start + _LONGEST + 1] for values in varying])
+        place, sure = _first_mean(table, varying)
+        if place < 0:
+            return found if decades >= _DECADES else []
+        found.append(start + place)
+        decades += sure
+        start += place + 1
+
+
+def _varies(values: Floats) -> bool:
+    head = values[: _LONGEST + 1]
+    steps = np.diff(head)
+    counts_rows = len(steps) > 2 and bool((steps == 1).all())
+    return not counts_rows and bool((head[np.isfinite(head)] != head[np.isfinite(head)][:1]).any())
+
+
+def _first_mean(table: Floats, columns: Sequence[Floats]) -> tuple[int, float]:
+    """Position of the first row that is the mean of all above it, and how sure this is in powers of ten."""
+    known = np.isfinite(table)
+    counts = known.cumsum(axis=0)
+    means = np.divide(
+        np.where(known, table, 0.0).cumsum(axis=0), counts, out=np.full_like(table, np.nan), where=counts > 0
+    )
+    for place in range(2, len(table)):
+        row, mean = table[place], means[place - 1]
+        both = known[place] & np.isfinite(mean)
+        if both.sum() >= 2 and (np.abs(row - mean)[both] <= 0.5 + 1e-9 * np.abs(mean[both])).all():
+            sure = _sureness(row, mean, table[:place], both, columns)
+            if sure > 0:
+                return place, sure
+    return -1, 0.0
+
+
+def _sureness(row: Floats, mean: Floats, above: Floats, both: NDArray[np.bool_], columns: Sequence[Floats]) -> float:
+    """Powers of ten by which chance is excluded, 0 where a column differs from the mean by more than its rounding."""
+    sure, agreeing = 0.0, 0
+    for j in np.flatnonzero(both).tolist():
+        block = above[:, j][np.isfinite(above[:, j])]
+        spread = float(np.ptp(block))
+        rounding = 0.51 * 10.0 ** -_decimals(float(row[j]))
+        exact = 1e-9 * max(abs(float(mean[j])), spread)
+        if abs(row[j] - mean[j]) > max(rounding if spread else 0.0, exact):
+            return 0.0
+        if spread > 0:
+            agreeing += 1
+            head = columns[j][:2000]
+            measured = 2 * len(np.unique(head[np.isfinite(head)])) > len(head)
+            if measured:
+                sure += max(0.0, math.log10(spread / (2 * max(rounding, exact))))
+    return sure if agreeing >= 2 and sure >= 1 else 0.0
+
+
+def _decimals(value: float) -> int:
+    text = f"{value:.12f}".rstrip("0")
+    return len(text) - text.index(".") - 1
