@@ -42,7 +42,9 @@ def average_rows(columns: Sequence[Column], lines: NDArray[np.int64], body: Body
         found = _labelled(body)
         if 2 * len(found) < len(lines):
             return found
-    return dict.fromkeys((int(lines[i]) for i in _means([c.values for c in columns if c.is_numeric])), "")
+    with np.errstate(all="ignore"):  # values near the largest number have no mean
+        places = _means([column.values for column in columns if column.is_numeric])
+    return dict.fromkeys((int(lines[i]) for i in places), "")
 
 
 def average_sentences(found: dict[int, str]) -> list[str]:
