@@ -13,6 +13,7 @@ from .unit_systems import check_systems
 from .unused_columns import check_order, check_unused
 from .vocabulary import ROLES, roles_named
 
+_RESULTS = ("load", "surface", "other")  # exchanged among each other, conditions with time and wear
 CLOSE = 10  # units of a smaller ratio cannot be told apart by values that are merely uncommon
 
 
@@ -26,13 +27,13 @@ def settle_units(draft: Draft, options: ReadOptions) -> None:
     """
     process = table_process(draft, options)
     found = numeric_columns(draft, options, process)
-    exchanged = _exchanges(found)
+    exchanged, named = _exchanges(found), draft.uses
     for one in found:
         if one.unit:
             _judge_named(draft, one, exchanged)
         elif not one.lies_in(one.ranges.usual):
             _judge_unnamed(draft, one, exchanged)
-    check_systems(draft, options)
+    check_systems(draft, options, named)
     _state_unnamed(draft)
     check_cells(draft, options)
 
@@ -61,6 +62,8 @@ def _exchanges(found: list[Quantity]) -> dict[str, Quantity]:
     partners: dict[str, list[Quantity]] = {}
     for i, a in enumerate(found):
         for b in found[i + 1 :]:
+            if (ROLES[a.role].kind in _RESULTS) != (ROLES[b.role].kind in _RESULTS):
+                continue
             if a.lies_in(a.ranges.unusual) and b.lies_in(b.ranges.unusual):
                 continue
             if b.lies_in(a.ranges.usual, a.factor) and a.lies_in(b.ranges.usual, b.factor):
@@ -124,6 +127,15 @@ def _correct(one: Quantity) -> str:
     )
 
 
+def _doubt_unnamed(draft: Draft, one: Quantity, unit: str) -> None:
+    """Doubt the default unit, which is taken, where another unit would make the values usual."""
+    sentence = (
+        f"{one.role} {one.shown(ROLES[one.role].unit)} is unusual ({one.usual}), its unit is not named; "
+        f"{one.shown(unit)} would be usual"
+    )
+    draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={unit}"))
+
+
 def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:
     """Take the default unit while it is plausible, otherwise the only plausible one, otherwise ask."""
     home, *others = candidate_units(one.role)
@@ -132,15 +144,15 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
     if one.lies_in(one.ranges.unusual):
         far = [unit for unit in usual if not 1 / CLOSE < unit_factor(unit, one.role) < CLOSE]
         if far:
-            sentence = (
-                f"{head} {home} is unusual ({one.usual}), its unit is not named; {one.shown(far[0])} would be usual"
-            )
-            draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={far[0]}"))
+            _doubt_unnamed(draft, one, far[0])
         return
     other = exchanged.get(one.role)
     options = usual or [unit for unit in others if one.lies_in(one.ranges.unusual, unit_factor(unit, one.role))]
     role = _other_role(draft, one)
     options = [unit for unit in options if not (role and unit == "um/rev")]  # rare beside a feed rate
+    if options == ["mil"] and other is None and one.lies_in(one.ranges.hard, 1.0):  # a rare unit, and possible in mm
+        _doubt_unnamed(draft, one, "mil")
+        return
     if len(options) == 1 and other is None and not role:
         take_unit(draft, one, options[0])
         sentence = (

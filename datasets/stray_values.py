@@ -16,16 +16,23 @@ RATIOS: dict[str, dict[float, str]] = {
     "wear": {1000: "um or mm", 25.4: "inch or mm"},
     "time": {60: "s or min"},
     "load": {1000: "another unit"},
-    "surface": {39.37: "uin or um", 1000: "another unit"},
+    "surface": {1000: "another unit"},
 }
-LATTICE = (25.4, 3.280839895, 60.0, 10.0, 1000.0)
+LATTICE = {
+    "V": (3.280839895, 60.0, 1000.0, 10.0),
+    "n": (60.0, 10.0),
+    "fm": (25.4, 60.0, 1000.0, 10.0),
+}  # ratios of units and decimal marks; of the other conditions as follows
+LENGTHS = (25.4, 10.0, 1000.0)
 NEAR = 0.012  # of a level, for values rounded in another unit
 GAP = 1.3  # ratio between the shifted rows and the others
 CLEAR_GAP = 2.2  # needed for one shifted level, and for a factor of 10, which a plan may span
+CHANCE = 0.01  # that levels of a sound plan lie at a unit ratio
 MOST_ROWS = 1 / 3  # shifted rows are a minority
 GAP_OF_RESULTS = 2.0
 NEARLY = 1.5  # results in another unit need not lie exactly among the others
 FAR = 3.0  # ratio to the next value beyond which a single cell is doubted
+FAR_ALONE = 4.0  # the same for conditions, roughness, and loads that are not divided by the section of the chip
 FEWEST = 8  # rows below which no cell is judged by the others
 MOST_LEVELS = 7
 MOST_VALUES = 500  # different values beyond which a column has no levels
@@ -69,30 +76,41 @@ def _without_impossible(draft: Draft, role: str, values: Array, process: Process
 
 def _doubt_far(draft: Draft, role: str, values: Array) -> None:
     """Doubt one cell that is several times the next: a wrong decimal mark or unit in a single cell."""
-    if role == "T":
-        return
-    size = np.abs(values)
+    kind = ROLES[role].kind
+    size, section = np.abs(values), _section(draft, role)
+    if section is not None:
+        size = size / section
     known = size[size > 0]
-    if len(known) < FEWEST:
+    if len(known) < FEWEST or role == "T":
         return
-    lows = ROLES[role].kind not in ("time", "wear")  # both begin near zero
-    for far, beyond in (
-        (known.max(), size > known.max() / FAR),
-        (known.min(), (size < known.min() * FAR) & (size > 0)),
-    ):
-        if (far == known.min() and not lows) or np.count_nonzero(beyond) != 1:
-            continue
-        row = np.flatnonzero(beyond)
-        rest = np.where(beyond, np.nan, size)
-        ends = f"{format_decimal(np.nanmin(np.where(rest > 0, rest, np.nan)))} to {format_decimal(np.nanmax(rest))}"
-        sentence = (
-            f"{places(draft, row)}: {role} {listed(values[row])} {ROLES[role].unit} is far from all other rows, "
-            f"which hold {ends}{_cause(float(far), rest)}"
-        )
-        draft.doubts.append(Doubt((role,), sentence))
+    limit = FAR if section is not None or kind in ("time", "wear") else FAR_ALONE
+    ends = [(known.max(), size > known.max() / limit)]
+    if kind not in ("time", "wear"):  # both begin near zero
+        ends.append((known.min(), (size < known.min() * limit) & (size > 0)))
+    for far, beyond in ends:
+        if np.count_nonzero(beyond) == 1:
+            row, rest = np.flatnonzero(beyond), np.abs(values[~beyond & (values != 0) & np.isfinite(values)])
+            range_of_rest = f"{format_decimal(float(rest.min()))} to {format_decimal(float(rest.max()))}"
+            per = " at its feed and depth" if section is not None else ""
+            moved = _cause(float(far), size[~beyond], 1.0 if section is None else float(section[row[0]]))
+            sentence = (
+                f"{places(draft, row)}: {role} {listed(values[row])} {ROLES[role].unit} is far from all other rows"
+                f"{per}, which hold {range_of_rest}{moved}"
+            )
+            draft.doubts.append(Doubt((role,), sentence))
 
 
-def _cause(value: float, rest: Array) -> str:
+def _section(draft: Draft, role: str) -> Array | None:
+    """Section of the chip f d (times V for a power), to which loads are nearly proportional; None without it."""
+    needed = ("f", "d", "V") if role == "P" else ("f", "d")
+    if ROLES[role].kind != "load" or role in ("M", "I") or not set(needed) <= set(draft.data):
+        return None
+    with np.errstate(invalid="ignore"):
+        section = np.prod([np.asarray(draft.data[one], dtype=float) for one in needed], axis=0)
+        return np.where(section > 0, section, np.nan)
+
+
+def _cause(value: float, rest: Array, scale: float = 1.0) -> str:
     """The likely cause of a stray value: a factor that brings it among the others."""
     known = np.abs(rest[np.isfinite(rest) & (rest != 0)])
     if value <= 0 or not known.size:
@@ -101,7 +119,7 @@ def _cause(value: float, rest: Array) -> str:
     for factor, cause in FACTORS.items():
         for moved in (value / factor, value * factor):
             if low <= moved <= high:
-                return f"; {format_decimal(moved)} if {cause} is wrong (x{factor:g})"
+                return f"; {format_decimal(moved * scale)} if {cause} is wrong (x{factor:g})"
     return ""
 
 
@@ -122,15 +140,20 @@ def _doubt_shifted(draft: Draft, role: str, values: Array) -> bool:
     levels, counts = np.unique(values[values > 0], return_counts=True)
     if not 2 <= len(levels) <= MOST_VALUES:
         return False
+    ratios = LATTICE.get(role, LENGTHS)
     shares = np.cumsum(counts) / counts.sum()
     for cut in np.flatnonzero(levels[1:] > levels[:-1] * GAP) + 1:
         gap, lower = levels[cut] / levels[cut - 1], shares[cut - 1]
         if min(lower, 1 - lower) > MOST_ROWS:
             continue
         moved, kept = (levels[:cut], levels[cut:]) if lower < 0.5 else (levels[cut:], levels[:cut])
-        for factor in LATTICE if lower < 0.5 else (1 / k for k in LATTICE):
+        for factor in ratios if lower < 0.5 else (1 / k for k in ratios):
             ratio = moved[:, None] * factor / kept[None, :]
-            apart = gap > CLEAR_GAP or (len(moved) > 1 and factor not in (10, 0.1))
+            chance = min(1.0, 2 * NEAR * len(kept) / np.log(max(2.0, kept[-1] / kept[0]))) ** len(moved)
+            if factor in (10, 0.1):
+                apart = gap > CLEAR_GAP and len(moved) > 1
+            else:
+                apart = chance < CHANCE or (gap > CLEAR_GAP and chance < 10 * CHANCE)
             if apart and np.all(np.any(np.abs(np.log(ratio)) < NEAR, axis=1)):
                 _add_shifted(draft, role, np.flatnonzero(np.isin(values, moved)), moved, kept, factor)
                 return True
@@ -158,6 +181,8 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
         if not 1 < count <= len(known) // 4:
             continue
         group, rest = size[outside], size[(size > 0) & ~outside]
+        if power > 0 and ROLES[role].kind == "wear" and _early(draft, outside):
+            continue
         gap = max(group.min() / rest.max(), rest.min() / group.max())
         for factor, units in RATIOS.get(ROLES[role].kind, {}).items():
             moved = group * factor**power
@@ -172,12 +197,20 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
                 return
 
 
+def _early(draft: Draft, rows: NDArray[np.bool_]) -> bool:
+    """Whether rows are mostly among the first times, where wear is small."""
+    if "t" not in draft.data:
+        return True
+    t = np.asarray(draft.data["t"], dtype=float)
+    return bool(np.nanmedian(t[rows]) < np.nanmedian(t[~rows]) / 2)
+
+
 def _doubt_single(draft: Draft, role: str, values: Array) -> None:
-    """Doubt a value that occurs once in a column of few levels, each of which occurs three times and more."""
+    """Doubt a value that occurs once in a column of few levels, each of which occurs four times and more."""
     known = values[:SAMPLE][np.isfinite(values[:SAMPLE])]
     levels, counts = np.unique(known, return_counts=True)
     levels, counts = levels[counts > 1], counts[counts > 1]
-    if not 2 <= len(levels) <= MOST_LEVELS or counts.min() < 3:
+    if not 2 <= len(levels) <= MOST_LEVELS or counts.min() < 4:
         return
     rows = np.flatnonzero(np.isfinite(values) & ~np.logical_or.reduce([values == level for level in levels]))
     if len(rows) != 1:

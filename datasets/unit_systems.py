@@ -1,6 +1,7 @@
 """Metric and inch units in one file: a column without a unit is settled by its values or asked about."""
 
 from ..core.errors import DataError
+from .columns import ColumnUse
 from .doubts import Doubt
 from .draft import Draft
 from .options import ReadOptions
@@ -12,8 +13,11 @@ _BASIC = ("V", "f", "fz", "fm", "d", "ae", "D")  # conditions that show the syst
 _SHARED = ("min", "1/min")  # in both systems
 
 
-def check_systems(draft: Draft, options: ReadOptions) -> None:
+def check_systems(draft: Draft, options: ReadOptions, before: tuple[ColumnUse, ...]) -> None:
     """Settle columns without a unit in a file of inch units, and doubt a file that names units of both systems.
+
+    ``before`` are the uses of the columns with the units that the file names: wear alone whose unit was found from its
+    values does not show that the file is in inches.
 
     Raises
     ------
@@ -21,7 +25,8 @@ def check_systems(draft: Draft, options: ReadOptions) -> None:
         A column without a unit is plausible in both systems.
     """
     found = numeric_columns(draft, options, table_process(draft, options))
-    inch = [one for one in found if one.unit in INCH]
+    stated = {use.role for use in before if use.unit}
+    inch = [one for one in found if one.unit in INCH and (one.role in stated or ROLES[one.role].kind != "wear")]
     basic = [one for one in inch if one.role in _BASIC]
     metric = [one for one in found if one.unit and one.unit not in INCH and one.role in _BASIC]
     if basic and metric and not (_given(basic) or _given(metric)):
