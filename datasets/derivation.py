@@ -69,9 +69,12 @@ def _substitutes(draft: Draft, known: Known) -> None:
                 )
             )
     if "V" not in data and "n" in data and "V" not in known.unwanted and _varies(data["n"]):
-        draft.assumed.append(
-            "the speed of the laws is n, spindle speed: the diameter is not known; --value D=80 (the diameter in mm) "
-            "gives V"
+        draft.doubts.append(
+            Doubt(
+                ("n",),
+                "the speed of the laws is n, spindle speed, since no diameter is known: its exponent is that of V only "
+                "if the diameter was constant; --value D=80 (the diameter in mm) or a column D gives V",
+            )
         )
     if not {"t", "T"} & data.keys() and "t" not in known.unwanted and {"lf", "lc"} & data.keys():
         draft.assumed.append(

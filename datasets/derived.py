@@ -23,6 +23,7 @@ Number: TypeAlias = Array | float
 TORQUE = 60000 / (2 * pi)  # P in kW from M in N m and n in 1/min: P = M n/9549.2966
 KC = (500.0, 6000.0)  # N/mm2, usual specific cutting force
 LONG = 20_000.0  # mm: a cut length in turning above it is along the cut, at 50 to 1000 times the travel of the feed
+HALF = 0.5
 ROTATING = ("fz", "ae", "z", "Dc")  # columns of tests with a rotating tool
 
 
@@ -124,7 +125,7 @@ class Known:
         if rule.formula.startswith("Fy"):
             return fy_is_cutting(self)
         if rule.formula.startswith("lf/(1000"):
-            return self.turned and bool(np.nanmedian(self.value("lf")) > LONG)
+            return self.turned and bool(np.mean(np.asarray(self.value("lf")) > LONG) > HALF)
         if rule.role == "MRR" and not self.stated:
             return False
         if "D" in rule.inputs and self.process != "turning" and self.has("Dc"):

@@ -22,6 +22,7 @@ ODD = 1.2
 SEVERAL = 0.5  # share of odd rows above which the columns contradict each other as a whole
 TWICE = 2.0
 LEFT_OUT = ("MRR", "P", "D", "Dc", "z", "n", "fm")  # what a law misses least, first
+EVEN = 0.25  # relative spread of a ratio that one factor explains
 ALMOST = 0.02  # relative distance of a ratio from a known factor
 
 
@@ -80,7 +81,7 @@ def _judged(draft: Draft, known: Known, rule: Rule) -> Doubt | None:
     spread = [float(v) for v in np.quantile(seen, (0.05, 0.95))]
     constant = spread[1] <= spread[0] * (1 + ALMOST)
     shown = _number(middle) if constant else f"{_number(spread[0])} to {_number(spread[1])}, median {_number(middle)}"
-    cause, remedy = _cause(draft, known, rule, middle, constant)
+    cause, remedy = _cause(draft, known, rule, middle, even=spread[1] <= spread[0] * (1 + EVEN))
     columns = tuple(role for role in (rule.role, *rule.inputs) if role in known.data)
     return Doubt(
         columns,
@@ -104,12 +105,12 @@ def _odd_rows(draft: Draft, known: Known, rule: Rule, ratio: Array, off: NDArray
     )
 
 
-def _cause(draft: Draft, known: Known, rule: Rule, ratio: float, constant: bool) -> tuple[str, str]:
+def _cause(draft: Draft, known: Known, rule: Rule, ratio: float, even: bool) -> tuple[str, str]:
     """The probable cause of a ratio, and the option that would correct it."""
     special = _special(known, rule, ratio)
     if special:
         return special
-    units = list(_units_that_explain(draft, known, rule, ratio)) if constant else []
+    units = list(_units_that_explain(draft, known, rule, ratio)) if even else []
     if len(units) == 1:
         ((role, unit),) = units
         return f"{_header(draft, role)} in {unit} would agree", f"--unit {role}={unit}"

@@ -357,3 +357,17 @@ def test_a_constant_is_read_by_the_batch_too(tmp_path):
         np.testing.assert_array_equal(rows.frame[role], runs.values(role))
     assert plan.rules == ("V = pi D n/1000", "f = fm/n")
     assert set(runs.assumed[:2]) <= set(plan.assumed)
+
+
+@pytest.mark.parametrize(("names", "symbol", "remedy"), [(("V", "fz"), "fz", "--value z=4"), (("n", "f"), "n", "D=80")])
+def test_a_region_refuses_a_law_on_another_speed_or_feed(names, symbol, remedy):
+    """Wear and power would stay the same while the removal rate grows with the feed."""
+    from fitmodels import controllers, parameters
+
+    runs = read(**milling(names=(*names, "ap", "t", "VB")))
+    laws, _ = fit.default_laws(runs)
+    limits = {"speed": {"low": 80, "high": 200, "unit": "m/min"}, "feed": {"low": 0.1, "high": 0.4, "unit": "mm/rev"},
+              "wear": {"value": 0.3, "unit": "mm", "of": "VB"}}  # fmt: skip
+    pf = parameters.collect(design=runs, laws=laws, limits=limits, draws_kept=False)
+    with pytest.raises(errors.UsageError, match=f"is on {symbol} .*{remedy}"):
+        controllers.visible_region(pf, d=2, t=5, at={symbol: 0.05})

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 WEARS = ("AW", "VB")
+STAND_IN = {"n": ("V", "D=80"), "fz": ("f", "z=4"), "fm": ("f", "n=1000")}  # factors that stand for V and f in a law
 USUAL = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 
 
@@ -97,10 +98,11 @@ def plane(
     Raises
     ------
     UsageError
-        The law is not a power law, or the value of a factor is unknown.
+        The law is not a power law, is on another speed or feed than V and f, or the value of a factor is unknown.
     """
     if law.form != "power":
         raise UsageError(f"the law of {law.response} is {law.form.replace('_', ' ')}: a region needs power laws.")
+    _need_speed_and_feed(law)
     of = law.theta if of is None else of
     places = dict(zip(law.parameter_names, np.moveaxis(of, -1, 0), strict=True))
     none = np.zeros(of.shape[:-1])
@@ -120,6 +122,18 @@ def plane(
     return LogPlane(
         law.response, law.quantity, law.unit, out["intercept"], slopes, out["wear"], places.get("t", none)
     )  # fmt: skip
+
+
+def _need_speed_and_feed(law: "LawSection") -> None:
+    """Refuse a law whose speed or feed is another quantity than the V and f that span the plane."""
+    symbols = {factor.symbol for factor in law.factors}
+    for factor in law.factors:
+        moved, value = STAND_IN.get(factor.symbol, ("", ""))
+        if moved and moved not in symbols:
+            raise UsageError(
+                f"the law of {law.response} is on {factor.symbol} ({factor.unit}), and a region moves V and f: read "
+                f"the tests again with the constant that gives {moved}, for instance --value {value}."
+            )
 
 
 def with_wear(plane: LogPlane, wear: LogPlane) -> LogPlane:
