@@ -46,8 +46,8 @@ def parser() -> Parser:
     group = p.add_argument_group("cuts")
     group.add_argument("--channel", metavar="Fc", help="channel on which cuts are found (default: highest contrast)")
     group.add_argument("--shortest", type=float, default=1.0, metavar="S", help="shortest cut (default: 1)")
-    share = "smallest load of a cut, as a share of the largest of its record (default: 0.1)"
-    group.add_argument("--threshold", type=float, default=0.1, metavar="SHARE", help=share)
+    share = "smallest load of a cut, as a share of the largest of its record (default: 0.06)"
+    group.add_argument("--threshold", type=float, default=0.06, metavar="SHARE", help=share)
     group.add_argument(
         "--guard",
         type=float,

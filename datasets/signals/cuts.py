@@ -1,7 +1,8 @@
 """Cuts of a record: where a load leaves its local idle level, by hysteresis, and the air before and after each.
 
-The load is averaged over blocks of 20 ms and smoothed over a revolution. The idle level follows the air between cuts,
-so that a slow drift of the zero is no cut. A spindle drive has three levels: off, idle and cut.
+The load is averaged over blocks of 20 ms and over a revolution; its median over half a second is free of short peaks.
+The idle level follows the air between cuts, so that a slow drift of the zero is no cut. A spindle drive has three
+levels: off, idle and cut. All times are for cuts of a second and more, and shorter in proportion for shorter cuts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,13 +18,16 @@ from .recording import Recording
 
 BLOCK = 0.02  # s, a period of 50 Hz
 SMOOTHED = 0.2  # s, at least
+MEDIAN = 0.5  # s; shorter peaks are neither cut nor idle
 SETTLED = 0.3  # s between a cut and the air that counts
 AIR = 5.0  # s of air used before and after a cut, at most
 FOLLOWING = 2.0  # s, time constant of the idle level
 MERGED = 0.5  # s; a shorter fall to idle is part of the cut
 NOISE = 6.0  # standard deviations of the idle level
+SMALL = 0.4  # of the threshold; such loads are air, but named
 LEFT = 0.25  # share of the load of a cut below which it has ended
 PLATEAU = 0.9  # share of the load from which entry and exit have ended
+SCATTER = 4.0  # standard deviations of the load that count as steady
 OFF = 0.1  # share of the next level below which a spindle is off
 ALIKE = 0.2  # difference of the idle levels before and after, as a share of the load
 DETECTABLE = 5.0  # contrast, in standard deviations
@@ -70,14 +74,16 @@ class CutsFound:
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """A smoothed load, shape (m,), with the sizes of the search in blocks."""
+    """A smoothed load without and with its short peaks, shape (m,), and the sizes of the search in blocks."""
 
     load: Array
+    peaks: Array
     step: float
     high: float
+    scale: float
 
     def count(self, seconds: float) -> int:
-        return max(1, round(seconds / self.step))
+        return max(1, round(seconds * self.scale / self.step))
 
 
 def find_cuts(recording: Recording, how: ReduceOptions, revolution: float = 0.0) -> CutsFound:
@@ -97,14 +103,15 @@ def find_cuts(recording: Recording, how: ReduceOptions, revolution: float = 0.0)
     UsageError
         The channel chosen does not exist.
     """
-    size = max(1, round(BLOCK / recording.sample_time))
+    scale = min(1.0, how.shortest)
+    size = max(1, round(BLOCK * scale / recording.sample_time))
     step = size * recording.sample_time
-    width = max(1, round(max(SMOOTHED, revolution) / step))
-    signal, load = _chosen(recording, how, size, width, step)
-    noise, reach = _scale(load, step)
+    width = max(1, round(max(SMOOTHED * scale, revolution) / step))
+    signal, peaks, load = _chosen(recording, how, size, width, step / scale)
+    noise, reach = _scale(load, step / scale)
     if reach < DETECTABLE * noise or reach == 0:
         raise DataError(_no_cut(recording.name, signal, load, noise))
-    search = _Search(load, step, max(NOISE * noise, how.threshold * reach))
+    search = _Search(load, peaks, step, max(NOISE * noise, how.threshold * reach), scale)
     spans, levels = _three_states(search, _spans(search), signal.removeprefix("standard deviation of ") in DRIVEN)
     long = [span for span in spans if (span[1] - span[0]) * step >= how.shortest]
     if not long:
@@ -113,9 +120,34 @@ def find_cuts(recording: Recording, how: ReduceOptions, revolution: float = 0.0)
     if len(long) < len(spans):
         shown = ", ".join(f"{(b - a) * step:.2g} s at {a * step:.4g} s" for a, b in spans if (a, b) not in long)
         remarks.append(f"shorter than {how.shortest:g} s and left out: {shown}")
+    remarks += _small_loads(search, long, NOISE * noise, reach, how)
     cuts = tuple(_cut(search, k, long, how, width, size, len(recording)) for k in range(len(long)))
     middle = float(np.median(np.concatenate([load[a:b] for a, b in long])))
+    idle = levels["idle"]
+    if signal.removeprefix("standard deviation of ") in DRIVEN and abs(middle) < abs(idle):
+        raise DataError(
+            f"{recording.name}: {signal} is {middle:.4g} in the cut and {idle:.4g} when idle; a cut must exceed idle. "
+            "Look at the picture; name another channel with --channel, or take the record out."
+        )
     return CutsFound(cuts, signal, {**levels, "cut": middle}, tuple(remarks))
+
+
+def _small_loads(search: _Search, cuts: list[Interval], noise: float, reach: float, how: ReduceOptions) -> list[str]:
+    """A remark on loads below the threshold that last as long as a cut."""
+    lowest = max(noise, SMALL * how.threshold * reach)
+    if lowest > 0.8 * search.high:
+        return []
+    found = _spans(replace(search, high=lowest))
+    small = [
+        (a, b)
+        for a, b in found
+        if (b - a) * search.step >= how.shortest and not any(a < end and first < b for first, end in cuts)
+    ]
+    if not small:
+        return []
+    shown = ", ".join(f"{(b - a) * search.step:.3g} s at {a * search.step:.4g} s" for a, b in small[:4])
+    more = f" and {len(small) - 4} more" if len(small) > 4 else ""
+    return [f"loads below {100 * how.threshold:g} % of the largest are taken as air: {shown}{more} (--threshold)"]
 
 
 def block_means(values: Array, size: int) -> Array:
@@ -136,28 +168,28 @@ def block_means(values: Array, size: int) -> Array:
     return out
 
 
-def _chosen(recording: Recording, how: ReduceOptions, size: int, width: int, step: float) -> tuple[str, Array]:
-    """The signal of the highest contrast: the mean of a channel, or its standard deviation (interrupted cuts)."""
+def _chosen(recording: Recording, how: ReduceOptions, size: int, width: int, step: float) -> tuple[str, Array, Array]:
+    """The signal of the highest contrast, with and without its short peaks: the mean of a channel, or its scatter."""
     names = list(recording.channels)
     if how.channel is not None:
         if how.channel not in names:
             raise UsageError(f"--channel {how.channel}: {recording.name} has {', '.join(names)}.")
         names = [how.channel]
-    found: list[tuple[float, str, Array]] = []
+    found: list[tuple[float, str, Array, Array]] = []
     for name in names:
         values = recording.channels[name]
         if not np.isfinite(values).any():
             continue
-        means = block_means(values, size)
-        load = _smoothed(means, width)
-        found.append((_contrast(load, step), name, load))
+        peaks = _smoothed(block_means(values, size), width)
+        load = _without_peaks(peaks, step)
+        found.append((_contrast(load, step), name, peaks, load))
         if size >= 4:
-            scatter = _smoothed(_block_sd(values, size), width)
-            found.append((0.3 * _contrast(scatter, step), f"standard deviation of {name}", scatter))
+            peaks = _smoothed(_block_sd(values, size), width)
+            load = _without_peaks(peaks, step)
+            found.append((0.3 * _contrast(load, step), f"standard deviation of {name}", peaks, load))
     if not found:
         raise DataError(f"{recording.name}: {', '.join(names)} contain no numbers.")
-    _, name, load = max(found, key=lambda item: item[0])
-    return name, load
+    return max(found, key=lambda item: item[0])[1:]
 
 
 def _block_sd(values: Array, size: int) -> Array:
@@ -173,6 +205,14 @@ def _smoothed(values: Array, width: int) -> Array:
     first = np.maximum(np.arange(len(values)) - width // 2, 0)
     last = np.minimum(np.arange(len(values)) + (width + 1) // 2, len(values))
     return np.asarray((total[last] - total[first]) / (last - first) + values[0], dtype=np.float64)
+
+
+def _without_peaks(load: Array, step: float) -> Array:
+    """Moving median over half a second."""
+    from scipy.ndimage import median_filter
+
+    size = 2 * round(MEDIAN / step / 2) + 1
+    return load if size < 3 else np.asarray(median_filter(load, size=size, mode="nearest"), dtype=np.float64)
 
 
 def _scale(load: Array, step: float) -> tuple[float, float]:
@@ -194,17 +234,17 @@ def _contrast(load: Array, step: float) -> float:
 
 def _spans(search: _Search, begin: Interval | None = None) -> list[Interval]:
     """Intervals in blocks in which the load is away from its local idle level."""
-    load, rate = search.load, min(1.0, search.step / FOLLOWING)
+    load, rate = search.load, min(1.0, search.step / (FOLLOWING * search.scale))
     first, end = begin or (0, len(load))
     idle = _first_idle(search, first, end)
     spans: list[Interval] = []
-    start, level, j = -1, 0.0, first
+    start, level, sign, j = -1, 0.0, 1.0, first
     values = load.tolist()
     while j < end:
-        away = abs(values[j] - idle)
+        away = sign * (values[j] - idle)
         if start < 0:
-            if away > search.high:
-                start, level = j, away
+            if abs(away) > search.high:
+                start, level, sign = j, abs(away), 1.0 if values[j] > idle else -1.0
             else:
                 idle += rate * (values[j] - idle)
         else:
@@ -213,7 +253,7 @@ def _spans(search: _Search, begin: Interval | None = None) -> list[Interval]:
                 spans.append((start, j))
                 start = -1
                 ahead = load[j + search.count(SETTLED) : min(end, j + search.count(SETTLED + 1.0))]
-                near = ahead[np.abs(ahead - idle) < max(LEFT * level, search.high)]
+                near = ahead[sign * (ahead - idle) < max(LEFT * level, search.high)]
                 idle = float(np.median(near)) if near.size else idle
         j += 1
     if start >= 0:
@@ -222,18 +262,24 @@ def _spans(search: _Search, begin: Interval | None = None) -> list[Interval]:
 
 
 def _first_idle(search: _Search, first: int, end: int) -> float:
-    """Level of the first second; of the quietest second where the record begins in a cut."""
+    """Level of the first second, or the lowest one where the record begins in a cut.
+
+    It begins in air where the first level is the lowest, or where it is the last one too, and the quieter.
+    """
     size = search.count(1.0)
-    begin = search.load[first : first + size]
-    level, noise = float(np.median(begin)), float(begin.std())
-    windows = search.load[first : first + (end - first) // size * size].reshape(-1, size)
+    load = search.load[first:end]
+    level, last = float(np.median(load[:size])), float(np.median(load[-size:]))
+    windows = load[: len(load) // size * size].reshape(-1, size)
     if not len(windows):
         return level
     medians = np.median(windows, axis=1)
-    lowest = int(np.argmin(np.abs(medians)))
-    quiet = float(windows[lowest].std())
-    in_cut = abs(level) - abs(float(medians[lowest])) > 3 * search.high and noise > 1.5 * quiet
-    return float(medians[lowest]) if in_cut else level
+    at = int(np.argmin(np.abs(medians)))
+    lowest = float(medians[at])
+    if abs(level) - abs(lowest) <= 1.5 * search.high:
+        return level
+    peaks = search.peaks[first:end]
+    quieter = peaks[:size].std() < peaks[at * size : (at + 1) * size].std()
+    return level if abs(last - level) < search.high and quieter else lowest
 
 
 def _merged(spans: Sequence[Interval], gap: int) -> list[Interval]:
@@ -286,7 +332,7 @@ def _inner(search: _Search, span: Interval, rest: float) -> tuple[list[Interval]
         return [span], None
     before, after = (float(np.median(part)) for part in (
         search.load[first : first + second // 2 + 1], search.load[end - second // 2 - 1 : end]))  # fmt: skip
-    noise, reach = _scale(search.load[first:end], search.step)
+    noise, reach = _scale(search.load[first:end], search.step / search.scale)
     inside = replace(search, high=max(NOISE * noise, 0.1 * reach))
     idle = (before + after) / 2
     if not abs(rest) < OFF * abs(idle) or reach < DETECTABLE * noise or reach < ALIKE * abs(idle):
@@ -309,10 +355,9 @@ def _cut(search: _Search, k: int, spans: Sequence[Interval], how: ReduceOptions,
     after = _same_level(
         search, (end + settled, min(upper - settled if k + 1 < len(spans) else upper, end + settled + air))
     )
-    away = np.abs(search.load[first:end] - _idle_at(search, before, after))
-    third = max(1, len(away) // 3)
-    begins = int(np.argmax(away >= PLATEAU * np.median(away[:third]))) if before[1] > before[0] else 0
-    ends = int(np.argmax(away[::-1] >= PLATEAU * np.median(away[-third:]))) if after[1] > after[0] else 0
+    away = np.abs(search.peaks[first:end] - _idle_at(search, before, after))
+    begins = _settled(away, search.count(SETTLED))
+    ends = _settled(away[::-1], search.count(SETTLED))
     guard = max(round(how.guard * len(away)), width // 2 + 1)
     inner = (first + begins + guard, end - ends - guard)
     if inner[1] - inner[0] < max(1, len(away) // 10):
@@ -320,6 +365,23 @@ def _cut(search: _Search, k: int, spans: Sequence[Interval], how: ReduceOptions,
         inner = (middle - len(away) // 4, middle + len(away) // 4 + 1)
     scaled = [(min(a * size, n), min(b * size, n)) for a, b in ((first, end), inner, before, after)]
     return Cut(*scaled)
+
+
+def _settled(away: Array, run: int) -> int:
+    """Blocks until the load, shape (m,), stays near the line through its middle half; a third at most."""
+    quarter, third = max(1, len(away) // 4), max(1, len(away) // 3)
+    middle = away[quarter : len(away) - quarter]
+    half = max(1, len(middle) // 2)
+    first, second = float(np.median(middle[:half])), float(np.median(middle[-half:]))
+    slope = (second - first) / max(1, len(middle) - half)
+    line = first + slope * (np.arange(len(away)) - quarter - (half - 1) / 2)
+    off = np.abs(away - line)
+    band = max((1 - PLATEAU) * first, SCATTER * 1.4826 * float(np.median(off[quarter : len(away) - quarter])))
+    outside = np.flatnonzero(off[: third + run] > band)
+    if not outside.size:
+        return 0
+    quiet = np.flatnonzero(np.diff(np.append(outside, third + run)) > run)
+    return min(int(outside[quiet[0]]) + 1, third) if quiet.size else third
 
 
 def _idle_at(search: _Search, before: Interval, after: Interval) -> float:

@@ -1,9 +1,11 @@
 """Faults of a signal in a cut, each a sentence: saturation, lost signal, gaps, mains ripple, drift, no air."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ...core.arrays import Array
-from .cuts import Cut, Interval, widened
+from .cuts import Cut, Interval, block_means, widened
 from .recording import Recording
 from .statistics import ChannelFigures
 
@@ -15,12 +17,15 @@ GAPS = 0.001  # share of the window without a value
 RIPPLE = 0.05  # amplitude of the mains in the air, as a share of the mean
 DRIFT = 0.1  # drift of the zero over the cut, as a share of the mean
 STEADY = 0.3  # change from the first to the last third of the window, as a share of the mean
+SCATTER = 0.25  # standard deviation of the means of revolutions, as a share of the mean
+FEWEST_TURNS = 8
+UNCERTAIN = 0.01  # standard error, as a share of the mean
 CYCLES = 10  # periods of the mains that the air must hold
 MOST = 2_000_000  # samples of a window that are examined
 
 
-def cut_faults(name: str, recording: Recording, cut: Cut, figures: ChannelFigures, unit: str) -> list[str]:
-    """Remarks on one channel in one cut."""
+def cut_faults(name: str, recording: Recording, cut: Cut, figures: ChannelFigures, turn: float, unit: str) -> list[str]:
+    """Remarks on one channel in one cut; ``turn`` is the length of a revolution or of 0.1 s, in samples."""
     values = recording.channels[name]
     part = values[cut.window[0] : min(cut.window[1], cut.window[0] + MOST)]
     out = [*_gaps(name, part, recording.sample_time)]
@@ -28,18 +33,24 @@ def cut_faults(name: str, recording: Recording, cut: Cut, figures: ChannelFigure
     if not known.size:
         return out
     out += _stuck(name, known, values, recording.sample_time, unit)
-    out += _zero(name, figures, unit)
+    out += _zero(name, figures, unit) + _uncertain(name, figures, unit)
     out += _ripple(name, recording, cut, figures, unit)
     out += _unsteady(name, known, figures, unit)
-    return out
+    return out + _scattered(name, known, figures, turn, unit)
 
 
-def air_faults(cut: Cut) -> list[str]:
-    """Remarks on missing air before or after a cut: the zero then is taken from one side, or not at all."""
+def air_faults(cut: Cut, levels: Mapping[str, float]) -> list[str]:
+    """Remarks on missing air before or after a cut, and on an idle level that exceeds the load."""
     missing = [word for word, (a, b) in (("before", cut.before), ("after", cut.after)) if b <= a]
+    out = []
+    if abs(levels["idle"]) > abs(levels["cut"]):
+        out.append(
+            f"the idle level {levels['idle']:.4g} is farther from zero than the cut, {levels['cut']:.4g}: offset of "
+            "the amplifier, or air taken for the cut?"
+        )
     if len(missing) == 2:
-        return ["no air before or after the cut: the zero is not removed"]
-    return [f"no air {missing[0]} the cut: the drift of the zero is not removed"] if missing else []
+        return [*out, "no air before or after the cut: the zero is not removed"]
+    return [*out, *(f"no air {word} the cut: the drift of the zero is not removed" for word in missing)]
 
 
 def _gaps(name: str, part: Array, step: float) -> list[str]:
@@ -86,6 +97,13 @@ def _zero(name: str, figures: ChannelFigures, unit: str) -> list[str]:
     return []
 
 
+def _uncertain(name: str, figures: ChannelFigures, unit: str) -> list[str]:
+    if figures.se > UNCERTAIN * abs(figures.mean):
+        share = 100 * figures.se / max(abs(figures.mean), 1e-300)
+        return [f"{name}: noise makes the mean {figures.mean:.4g} {unit} uncertain, standard error {share:.2g} %"]
+    return []
+
+
 def _ripple(name: str, recording: Recording, cut: Cut, figures: ChannelFigures, unit: str) -> list[str]:
     """Amplitude of 50 and 60 Hz in the longer stretch of air."""
     air = max(cut.before, cut.after, key=_length)
@@ -116,6 +134,16 @@ def _unsteady(name: str, known: Array, figures: ChannelFigures, unit: str) -> li
     first, last = float(known[:third].mean()), float(known[-third:].mean())
     if abs(last - first) > STEADY * abs(figures.mean) and abs(last - first) > 3 * figures.sd / np.sqrt(third):
         return [f"{name} changes from {first:.4g} to {last:.4g} {unit} within the cut"]
+    return []
+
+
+def _scattered(name: str, known: Array, figures: ChannelFigures, turn: float, unit: str) -> list[str]:
+    """A load whose revolutions differ: not one cut, or one that is interrupted."""
+    size = max(1, round(turn))
+    means = block_means(known, size)
+    if len(means) >= FEWEST_TURNS and means.std() > SCATTER * abs(figures.mean):
+        share = 100 * float(means.std()) / max(abs(figures.mean), 1e-300)
+        return [f"{name} is not steady: its revolutions scatter by {share:.0f} % of the mean {figures.mean:.4g} {unit}"]
     return []
 
 

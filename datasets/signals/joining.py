@@ -242,16 +242,17 @@ def _clock(seconds: float) -> str:
     return f"{whole // 3600:02d}:{whole // 60 % 60:02d}:{whole % 60:02d}"
 
 
-def count_mismatch(plan: Plan, found: Sequence[tuple[str, int, int]], how: str) -> DataError:
-    """Refusal that lists cuts and rows of each record; ``found`` holds name, cuts and rows."""
+def count_mismatch(plan: Plan, found: Sequence[tuple[str, int, int]], how: str, notes: Sequence[str] = ()) -> DataError:
+    """Refusal that lists cuts and rows of each record; ``found`` holds name, cuts and rows (-1: not known)."""
     wrong = [item for item in found if item[1] != item[2]] or list(found)
-    listed = "; ".join(f"{name}: {cuts} cut(s), {rows} row(s)" for name, cuts, rows in wrong[:12])
+    texts = [f"{name}: {cuts} cut(s)" + (f", {rows} row(s)" if rows >= 0 else "") for name, cuts, rows in wrong[:12]]
+    listed = "; ".join(texts)
     more = f" and {len(wrong) - 12} more" if len(wrong) > 12 else ""
     total = sum(cuts for _, cuts, _ in found)
     return DataError(
         f"{total} cuts in {len(found)} records, {len(plan)} rows in {plan.table.path.name}, joined by {how}: {listed}"
-        f"{more}. Look at the pictures; correct the rows, or the search for cuts with --shortest, --threshold or "
-        "--channel."
+        f"{more}. {''.join(f'{note}. ' for note in notes[:3])}Look at the pictures; correct the rows, or the search "
+        "for cuts with --shortest, --threshold or --channel."
     )
 
 

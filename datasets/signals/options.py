@@ -48,7 +48,7 @@ class ReduceOptions:
     rate: float | None = None
     shortest: float = 1.0
     guard: float = 0.05
-    threshold: float = 0.1
+    threshold: float = 0.06
     channel: str | None = None
     join: Join | None = None
     decimal: DecimalMark | None = None

@@ -42,7 +42,7 @@ class ReducedCut:
     peak_of : str
         What each peak is the largest value of: ``revolution``, or a length of time.
     figures : mapping of channel to mapping
-        mean, peak, sd, idle and drift, in the unit of the channel.
+        mean, peak, sd, se, idle and drift, in the unit of the channel.
     remarks : tuple of str
     """
 
@@ -199,12 +199,12 @@ def _rows(plan: Plan, joined: Assignment, records: Sequence[ReducedRecord]) -> t
             counts[record.file] += 1
         found = [(name, counts[name], len(rows)) for name, rows in joined.rows.items()]
         if any(a != b for _, a, b in found):
-            raise count_mismatch(plan, found, joined.how)
+            raise count_mismatch(plan, found, joined.how, _notes(records))
         return tuple(row for name in dict.fromkeys(record.file for record in records) for row in joined.rows[name])
     if len(cuts) != len(plan):
-        by_record = {record.name: len(record.cuts) for record in records}
-        text = f"{joined.how}: {len(cuts)} cuts for {len(plan)} rows"
-        raise count_mismatch(plan, [(name, count, 0) for name, count in by_record.items()], text)
+        raise count_mismatch(
+            plan, [(record.name, len(record.cuts), -1) for record in records], joined.how, _notes(records)
+        )
     if joined.how == "order":
         return tuple(range(len(plan)))
     starts = start_times(plan)
@@ -213,6 +213,12 @@ def _rows(plan: Plan, joined: Assignment, records: Sequence[ReducedRecord]) -> t
         raise DataError(f"{untimed} has no time of day: give --join order, or name the records in a column 'record'.")
     begins = [(record.name, float(cut.clock or 0.0)) for record, cut in cuts]
     return tuple(rows_by_time(starts, begins, plan.table.lines.tolist()))
+
+
+def _notes(records: Sequence[ReducedRecord]) -> list[str]:
+    return [
+        f"{record.name}: {note}" for record in records for note in record.notes if "air" in note or "left out" in note
+    ]
 
 
 def _reduced(
@@ -288,12 +294,12 @@ def _record(
         clock = None if recording.begin is None else recording.begin + cut.span[0] * step
         window, peak_of = peak_window(recording, speed(before + k, clock))
         each = {name: channel_figures(values, cut, window, step) for name, values in recording.channels.items()}
-        remarks = [*air_faults(cut)]
+        remarks = air_faults(cut, found.levels)
         samples = cut.window[1] - cut.window[0]
         if samples < SHORTEST_WINDOW:
             remarks.append(f"only {samples} samples between entry and exit")
         for name, figures in each.items():
-            remarks += cut_faults(name, recording, cut, figures, ROLES[name].unit)
+            remarks += cut_faults(name, recording, cut, figures, window, ROLES[name].unit)
         cuts.append(
             ReducedCut(
                 round(cut.span[0] * step, 6), round((cut.span[1] - cut.span[0]) * step, 6), clock,
@@ -310,6 +316,5 @@ def _record(
 
 
 def _stored(figures: ChannelFigures) -> dict[str, float]:
-    return {
-        "mean": figures.mean, "peak": figures.peak, "sd": figures.sd, "idle": figures.idle, "drift": figures.drift,
-    }  # fmt: skip
+    names = ("mean", "peak", "sd", "se", "idle", "drift")
+    return {name: float(getattr(figures, name)) for name in names}

@@ -35,8 +35,9 @@ def reduced_rows(reduction: Reduction, how: ReduceOptions, folder: Path) -> tupl
     frame, notes = _of_plan(reduction, channels)
     figures, signs, remarks = _of_cuts(reduction, channels)
     frame = pd.concat([frame, *_time(reduction), figures], axis=1)
-    if any(remarks):
+    if doubted := sum(bool(text) for text in remarks):
         frame["remarks"] = remarks
+        signs.append(f"remarks on {doubted} of {len(remarks)} rows: see the column remarks, and judge these rows")
     return frame, [*_head(reduction, how, folder), *notes, *signs], remarks
 
 

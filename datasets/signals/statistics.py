@@ -13,6 +13,7 @@ WINDOW = 0.1  # s over which peaks are taken where the spindle speed is not know
 FEWEST_A_WINDOW = 10  # samples of such a window
 AVERAGED = 0.1  # s of air in a mean: whole periods of 50 and 60 Hz
 FEWEST_MEANS = 3
+PARTS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,8 @@ class ChannelFigures:
         Mean of the largest values of the revolutions, or of windows of ``peak_window`` seconds.
     samples : int
         Samples with a value.
+    se : float
+        Standard error of the mean from parts of the window, with that of the zero; NaN where it is not known.
     before, after : float
         Level of the air; NaN where there is none.
     line : ZeroLine
@@ -48,6 +51,7 @@ class ChannelFigures:
     sd: float
     peak: float
     samples: int
+    se: float
     before: float
     after: float
     line: ZeroLine
@@ -75,11 +79,12 @@ def channel_figures(values: Array, cut: Cut, turn: float, step: float) -> Channe
     known = np.isfinite(part)
     count = int(np.count_nonzero(known))
     if not count:
-        return ChannelFigures(np.nan, np.nan, np.nan, 0, before, after, line)
+        return ChannelFigures(np.nan, np.nan, np.nan, 0, np.nan, before, after, line)
     full = part if count == len(part) else part[known]
     mean, sd = float(full.mean()), float(full.std(ddof=1)) if count > 1 else np.nan
     sign = 1.0 if mean >= 0 else -1.0
-    return ChannelFigures(mean, sd, sign * _peak(sign * part, turn), count, before, after, line)
+    se = _standard_error(full, [values[a:b] for a, b in (cut.before, cut.after)])
+    return ChannelFigures(mean, sd, sign * _peak(sign * part, turn), count, se, before, after, line)
 
 
 def zero_line(values: Array, cut: Cut, step: float) -> tuple[ZeroLine, float, float]:
@@ -100,6 +105,20 @@ def _air(values: Array, air: Interval, step: float) -> tuple[float, float]:
     means = block_means(part, size) if part.size else part
     known = means[np.isfinite(means)]
     return (float(np.median(known)) if known.size else np.nan), (air[0] + air[1] - 1) / 2
+
+
+def _standard_error(part: Array, airs: list[Array]) -> float:
+    """Of the mean of a window less the zero, from the means of ten parts of each; a trend within them is taken out."""
+    known = [air for air in airs if len(air) >= PARTS]
+    squares = [_batch_variance(air) for air in known]
+    zero = sum(squares) / len(squares) ** 2 if squares else 0.0
+    return float(np.sqrt(_batch_variance(part) + zero)) if len(part) >= PARTS else np.nan
+
+
+def _batch_variance(part: Array) -> float:
+    """Variance of the mean of a signal, shape (n,), by differences of the means of ten parts."""
+    means = block_means(part, len(part) // PARTS)[:PARTS]
+    return float(np.nanmean(np.diff(means) ** 2) / 2 / PARTS)
 
 
 def _peak(part: Array, turn: float) -> float:
