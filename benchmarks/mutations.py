@@ -10,7 +10,8 @@ exponent by one standard error or more.
 
 A mutation is *silent* when an exponent changed (by more than one standard error for a cell, by more than 1e-9 of
 itself or a missing factor or law for all others) and the command prints neither a refusal nor a message (a doubt,
-warning, assumption or rows left out) that it does not print for the good file. Where values were changed in some
+warning or assumption; rows left out of each law that changed, unless a column was shifted) that it does not print for
+the good file. Where values were changed in some
 rows, a check of the fit that the good file passes counts as well, in a column of its own. Silent ones are printed with
 their seed; ``--only SEED`` shows one of them. A changed constant or number of edges is counted apart: the constant
 of a column in another plausible unit cannot be seen.
@@ -417,14 +418,21 @@ class Result:
 
 
 def sentences(outcome):
-    """Sentences that the command prints about a reading beside its numbers."""
+    """Sentences that the command prints about a reading beside its numbers; of a list of units each item."""
     found = {f"message: {text}" for text in outcome.messages}
-    if outcome.runs is not None:
-        found |= {"assumed: " + re.sub(r"\d+", "#", text) for text in outcome.runs.assumed}
-    for (_, response), law in outcome.laws.items():
-        found |= {f"{response}: {item.factor} is left out: {item.reason}" for item in law.left_out}
-        found |= {f"{response}: rows left out: {item.reason}" for item in law.dropped}
+    for text in () if outcome.runs is None else outcome.runs.assumed:
+        head, _, items = text.partition(": ")
+        listed = items.split(", ") if head.startswith("units that the file does not name") else [items]
+        found |= {f"assumed: {head}: {re.sub(r'[0-9]+', '#', item)}" for item in listed}
     return found
+
+
+def left_out(outcome):
+    """Factors and rows that each law leaves out, by response."""
+    return {
+        response: {item.factor for item in law.left_out} | {f"rows: {item.reason}" for item in law.dropped}
+        for (_, response), law in outcome.laws.items()
+    }
 
 
 def failed_checks(outcome):
@@ -434,24 +442,24 @@ def failed_checks(outcome):
 
 
 def changes(good, bad, kind):
-    """Change of exponents as a text, "" where there is none; and of constants and edges."""
-    exponents, apart = "", ""
-    for key, right in good.items():
-        law = bad.get(key)
+    """Change of exponents of each law, by response; and of a constant or the edges, as a text."""
+    exponents, apart = {}, ""
+    for (number, response), right in good.items():
+        law = bad.get((number, response))
         if law is None or set(law.theta_names) != set(right.theta_names):
-            have = "no law" if law is None else f"factors {', '.join(law.factors)}"
-            return f"{key[1]}: {have}", ""
+            exponents[response] = "no law" if law is None else f"factors {', '.join(law.factors)}"
+            continue
         order = [law.theta_names.index(name) for name in right.theta_names]
         difference = np.abs(law.theta[order] - right.theta)
         se = np.sqrt(np.diag(right.cov_theta))
         limit = se if kind == "cell" else EXACT * np.abs(right.theta)
-        k = 1 + int(np.argmax((difference / se)[1:]))
         if (difference[1:] > limit[1:]).any():
-            exponents = exponents or f"{key[1]}: {right.theta_names[k]} by {difference[k] / se[k]:.3g} SE"
-        elif difference[0] > 1e-6 and not apart:
-            apart = f"{key[1]}: constant"
-        elif law.n_edges != right.n_edges and not apart:
-            apart = f"{key[1]}: {law.n_edges} edges instead of {right.n_edges}"
+            k = 1 + int(np.argmax((difference / se)[1:]))
+            exponents[response] = f"{right.theta_names[k]} by {difference[k] / se[k]:.3g} SE"
+        elif difference[0] > 1e-6:
+            apart = apart or f"{response}: constant"
+        elif law.n_edges != right.n_edges:
+            apart = apart or f"{response}: {law.n_edges} edges instead of {right.n_edges}"
     return exponents, apart
 
 
@@ -463,26 +471,31 @@ def mutate(seed, folder):
     good = reads(_written(sheet, folder))
     if good.refusal:
         raise RuntimeError(f"the good file is refused: {name}, seed {seed}: {good.refusal}")
-    change = deepcopy(sheet)
+    copy = deepcopy(sheet)
     how = _any(rng, KINDS[kind])
-    done = how(change, rng, good.laws) if kind == "cell" else how(change, rng)
-    if not done or change.content() == sheet.content():
+    done = how(copy, rng, good.laws) if kind == "cell" else how(copy, rng)
+    if not done or copy.content() == sheet.content():
         return None
-    path = _written(change, folder)
+    path = _written(copy, folder)
     try:
         bad = reads(path)
     except Exception as error:  # a defect of the reading is a failure too
         return Result(seed, name, kind, done, "SILENT", f"error {type(error).__name__}: {error}")
     if bad.refusal:
         return Result(seed, name, kind, done, "refused", message=bad.refusal)
-    exponents, apart = changes(good.laws, bad.laws, kind)
-    if not exponents and not apart:
+    changed, apart = changes(good.laws, bad.laws, kind)
+    change = "; ".join(f"{response}: {text}" for response, text in changed.items())
+    if not changed and not apart:
         return Result(seed, name, kind, done, "unchanged")
     if told := sentences(bad) - sentences(good):
-        return Result(seed, name, kind, done, "message", exponents, min(told))
-    if exponents and kind in OF_VALUES and (told := failed_checks(bad) - failed_checks(good)):
-        return Result(seed, name, kind, done, "check", exponents, ", ".join(sorted(told)))
-    return Result(seed, name, kind, done, "SILENT" if exponents else "unchanged", exponents, apart=apart)
+        return Result(seed, name, kind, done, "message", change, min(told))
+    before, after = left_out(good), left_out(bad)
+    new = {response: after.get(response, set()) - before[response] for response in changed}
+    if changed and all(new.values()) and how is not column_shifted:  # there, the row left out is not the fault
+        return Result(seed, name, kind, done, "message", change, str(new))
+    if changed and kind in OF_VALUES and (told := failed_checks(bad) - failed_checks(good)):
+        return Result(seed, name, kind, done, "check", change, ", ".join(sorted(told)))
+    return Result(seed, name, kind, done, "SILENT" if changed else "unchanged", change, apart=apart)
 
 
 def _written(sheet, folder):
