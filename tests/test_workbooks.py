@@ -122,6 +122,7 @@ GROUPED = [
     [NAMES, ["-", *UNITS[1:]]],
     [["Schneide", *SYMBOLS[1:]], ["", "[m/min]", "[mm/U]", "[mm]", "[min]", "[mm]"]],
     [[None, "Cutting conditions", None, None, None, "Wear [mm]"], ["edge", "V", "f", "d", "t", "VB"]],
+    [["edge", "Conditions", None, None, "Time", "Wear"], [None, "V", "f", "d", None, "VB"], ["-", *UNITS[1:]]],
     [["Tool:", "K10"], ["Lab", "A"], HEADER],
 ]
 

@@ -135,7 +135,8 @@ def is_units_row(row: SampleRow, header: SampleRow, is_unit: Tells) -> bool:
     if other_width and (len(row.cells) > len(header.cells) or row.filled < _FEW or row.numbers):
         return False
     places = [i for i, cell in enumerate(row.cells) if str(cell).strip()]
-    if any(i >= len(header.cells) or not str(header.cells[i]).strip() for i in places):
+    unnamed = [i for i in places if not header.text(i) and row.text(i) not in _DASHES]
+    if any(i >= len(header.cells) for i in places) or 2 * len(unnamed) >= len(places):
         return False
     texts = [str(row.cells[i]).strip() for i in places]
     units = [text for text in texts if _is_unit_cell(text, is_unit)]
