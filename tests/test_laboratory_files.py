@@ -6,6 +6,8 @@
 import sys
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -16,13 +18,7 @@ from laboratory_truth import READ, SILENT, deviation, judge, reads, table, wear_
 sys.path.remove(str(Path(__file__).parent))
 
 PENDING: set[str] = {
-    "averages among the rows, by label",
-    "times as min:s",
-    "times as h:min:s",
-    "n and f, no diameter",
     "workbook: cover sheet, two header rows, units row, remarks",
-    "workbook: times as [mm]:ss",
-    "workbook: times as h:mm:ss",
     "a folder: a file for each test",
     "a folder: the conditions in notes of each file",
     "a folder: one file in other units",
@@ -51,3 +47,27 @@ def test_the_comparison_sees_a_wrong_factor_and_a_wrong_unit(tmp_path):
         path.write_text(table(wrong))
         assert deviation(reads(path).laws, truth) > 3
     assert CASES["the clean table"].expected == (READ,)
+
+
+NASA = {
+    "as it is": lambda runs: runs,
+    "fz and z": lambda runs: runs.assign(fz=runs["feed"] / 6, z=6).drop(columns="feed"),
+    "vf and n": lambda runs: runs.assign(vf=runs["feed"] * 826, n=826).drop(columns="feed"),
+    "um": lambda runs: runs.assign(VB=runs["VB"] * 1000),
+    "no edge column": lambda runs: runs.drop(columns=["case", "run"]),
+    "run without case": lambda runs: runs.drop(columns="case"),
+}
+
+
+@pytest.mark.parametrize("variant", NASA)
+def test_nasa_milling_gets_its_laws_by_edge_without_options(measurements, tmp_path, variant):
+    """16 cases are 16 edges, of which 8 and 7 of the two materials have wear above zero at t > 0."""
+    runs = pd.read_csv(measurements / "nasa_milling/nasa_mill_runs.csv")
+    runs = runs[["case", "run", "VB", "time", "DOC", "feed", "material"]]
+    path = tmp_path / "runs.csv"
+    NASA[variant](runs).to_csv(path, index=False)
+    laws = reads(path).laws
+    assert [law.n_edges for law in laws.values()] == [8, 7]
+    assert [law.factors for law in laws.values()] == [("f", "d", "t")] * 2
+    exponents = np.array([law.theta[1:] for law in laws.values()])
+    np.testing.assert_allclose(exponents, [[0.2285, 0.6351, 0.7354], [0.6399, 0.6616, 0.9894]], atol=6e-5)
