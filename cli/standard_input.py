@@ -44,9 +44,12 @@ def opened(file: str) -> Iterator[Path]:
 
 
 def stem(file: str) -> str:
-    """Name of a file without its ending, for what is written by default.
+    """Name of a file without its ending, or of a folder, for what is written by default.
 
     >>> stem("tests/data.csv"), stem("-")
     ('data', 'stdin')
     """
-    return STEM if file == MARK else Path(file).stem
+    if file == MARK:
+        return STEM
+    path = Path(file)
+    return path.resolve().name if path.is_dir() else path.stem

@@ -36,7 +36,9 @@ def parser() -> Parser:
         "limits, settings, replay, check, export; card, publish; batch",
     )
     kinds = "CSV, TXT, TSV, .xlsx, .xls, .xlsb or .ods"
-    p.add_argument("file", metavar="FILE", help=f"table of tests: {kinds}; - reads standard input")
+    p.add_argument(
+        "file", metavar="FILE", help=f"table of tests: {kinds}, or a folder of such files; - reads standard input"
+    )
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
     p.add_argument("--json", action="store_true", help="print the report as JSON; writes nothing unless --out")

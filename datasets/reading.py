@@ -1,9 +1,9 @@
 """Read a laboratory file or a DataFrame as `Runs`: columns get roles and units, every assumption is recorded."""
 
 import os
-import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,8 +24,10 @@ from .headers import is_known
 from .marked import keep_marks
 from .merged_cells import fill_down
 from .options import ReadOptions
+from .pair_names import pair_name as pair_name
 from .plausibility import check_values, settle_units
 from .runs import UNNAMED, Runs, Source
+from .several_files import files_of_folder, joined_tables
 from .shapes import long_table
 from .tables import Column, Table, read_table
 from .units import is_unit
@@ -33,7 +35,7 @@ from .vocabulary import ROLES
 
 
 def read_runs(
-    path: str | os.PathLike[str] | Table,
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Table,
     *,
     options: ReadOptions | None = None,
     **given: Any,  # noqa: ANN401  the fields of ReadOptions
@@ -42,7 +44,7 @@ def read_runs(
 
     Parameters
     ----------
-    path : path of the file, or a Table that was read from it
+    path : path of the file, of a folder or a list of files that are one table, or a Table that was read before
     options : ReadOptions, optional
     **given
         Options by name instead of ``options``: ``map`` (role symbol to column header or ``col7``), ``units`` (role
@@ -66,11 +68,41 @@ def read_runs(
     how = read_options(given) if options is None else options
     table = path
     if not isinstance(table, Table):
-        table = table_of_tests(table, how)
+        table = tables_of_tests(table, how)
     table = long_table(table)
     source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
     notes = tuple(note.lstrip("#% ") for note in table.notes)
     return _assemble(table.columns, table.lines, source, notes, table.warnings, how, table.assumed, table.doubts)
+
+
+def tables_of_tests(
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    options: ReadOptions,
+    check: Callable[[Path, Table], object] | None = None,
+) -> Table:
+    """Read the table of a file of tests, or those of a folder or list of files as one; ``check`` may refuse a file.
+
+    >>> from fitmodels import datasets
+    >>> tables_of_tests([datasets.bundled("ac2017_table1")], ReadOptions()).n_rows
+    16
+    """
+    if isinstance(path, str | os.PathLike):
+        if not Path(path).is_dir():
+            return table_of_tests(path, options)
+        files, others = files_of_folder(Path(path))
+        name = Path(path).resolve()
+    else:
+        files, others = tuple(map(Path, path)), ()
+        if not files:
+            raise UsageError("an empty list of files: give at least one.")
+        name = Path(files[0].name if len(files) == 1 else f"{files[0].name} and {len(files) - 1} more")
+    tables = []
+    for file in files:
+        table = table_of_tests(file, options)
+        if check is not None:
+            check(file, table)
+        tables.append(long_table(table))
+    return tables[0] if len(tables) == 1 else joined_tables(tables, name, others)
 
 
 def table_of_tests(path: str | os.PathLike[str], options: ReadOptions) -> Table:
@@ -202,21 +234,3 @@ def _without_role(
             taken = not column.name or column.name in ROLES or column.name in data or column.name in out
             out[f"col{column.number}" if taken else column.name] = column.values  # noqa: PD011  a Column, not a Series
     return out
-
-
-def pair_name(role: str, frame: pd.DataFrame, notes: tuple[str, ...]) -> str:
-    """Name of tool or work: from its column, from a note ``tool: GC435``, or the placeholder.
-
-    >>> pair_name("tool", pd.DataFrame(), ("Werkzeug: GC435",))
-    'GC435'
-    """
-    if role in frame:
-        names = [name for name in dict.fromkeys(frame[role]) if name]
-        return names[0] if len(names) == 1 else "several" if names else UNNAMED[role]
-    words = "|".join(re.escape(name) for name in (role, *ROLES[role].names))
-    for note in notes:
-        if match := re.match(rf"\s*(?:{words})\s*[:;,|=\t]\s*(.*\S)", note, flags=re.IGNORECASE):
-            name = match[1].strip(" ;,|\t:")
-            if name:
-                return name
-    return UNNAMED[role]

@@ -29,6 +29,7 @@ _TIMED = re.compile(
     rf"(?P<stem>.*?){_AFTER}(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)[\s_]*(?P<unit>min|minutes?|mins|s|sec|seconds?|h)?\)?",
     re.IGNORECASE,
 )
+_TAIL = re.compile(r"\d\D*$|[\s_#.-][A-Za-z]$")
 _EDGES = ("e", "t", "no", "nr", "test", "run", "tool", "insert", "platte", "cutting edge", "tooth", "sample", "probe")
 
 
@@ -71,8 +72,7 @@ def long_table(table: Table) -> Table:
     """
     if not 3 <= len(table.columns) <= _WIDEST:
         return table
-    heads = [_head(column) for column in table.columns]
-    if all(head.role for head in heads):
+    if not _may_be_wide(table):
         return table
     written, (table, conditions) = table, _with_header(table)
     heads = [_head(column) for column in table.columns]
@@ -91,6 +91,17 @@ def long_table(table: Table) -> Table:
 _WIDEST = 400  # columns of a wide table
 _LONGEST = 10_000  # rows of a wide table with a column for each edge
 _NAMES_ABOVE = 12  # rows of names and conditions above it
+
+
+def _may_be_wide(table: Table) -> bool:
+    """A quick look: two headers end in a number or a letter of their own, or names stand among the numbers."""
+    if not table.dialect.has_header or any(column.bad for column in table.columns):
+        return True
+    names = [column.name for column in table.columns]
+    if sum(bool(_TAIL.search(name)) or (len(name) == 1 and name not in ROLES) for name in names) > 1:
+        return True
+    first = table.columns[0]
+    return not first.is_numeric and _as_numbers(first, table).is_numeric
 
 
 def _head(column: Column) -> _Head:

@@ -12,7 +12,7 @@ import pandas as pd
 from ..core.errors import DataError, RecordError, UsageError
 from ..datasets import Runs, read_runs, runs_from_frame
 from ..datasets.options import ReadOptions
-from ..datasets.reading import table_of_tests
+from ..datasets.reading import table_of_tests, tables_of_tests
 from ..datasets.records.formats import kind_of, looks_like_record
 from ..datasets.shapes import long_table
 from ..datasets.tables.decode import load_bytes
@@ -74,12 +74,21 @@ def read_tests(path: Path, options: ReadOptions) -> Runs:
 def tests_table(path: Path, options: ReadOptions) -> "tuple[Table, tuple[str, ...]]":
     """The table of a file of tests, and a sentence where it might be a record as well."""
     of_tests = options.map or options.ranges or options.sheet  # a record has none of these
+    if path.is_dir():
+        return tables_of_tests(path, options, None if of_tests else _refuse_in_folder), ()
     if not of_tests and kind_of(load_bytes(path), path.name) != "table":
         raise _record(path, looks_like_record(path))
     table = table_of_tests(path, options)
     doubt = () if of_tests else refuse_record(path, table)
     rows = long_table(table)
     return rows, doubt if rows is table else ()
+
+
+def _refuse_in_folder(path: Path, table: "Table") -> None:
+    try:
+        refuse_record(path, table)
+    except RecordError as record:
+        raise DataError(f"{record} The files of a folder are read as one table of tests.") from record
 
 
 def refuse_record(path: Path, table: "Table") -> tuple[str, ...]:

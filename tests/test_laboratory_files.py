@@ -19,10 +19,6 @@ sys.path.remove(str(Path(__file__).parent))
 
 PENDING: set[str] = {
     "workbook: cover sheet, two header rows, units row, remarks",
-    "a folder: a file for each test",
-    "a folder: the conditions in notes of each file",
-    "a folder: one file in other units",
-    "a folder: two files of the same edge numbers, two tools",
 }  # cases that are not yet as expected
 
 

@@ -356,3 +356,102 @@ def test_a_remark_with_an_equals_sign_makes_no_blocks(tmp_path):
     rows[5] += "stopped at VB = 0.3"
     runs = read(tmp_path, "\n".join(["# coolant = dry", header, *rows]))
     assert same(runs, read(tmp_path, LONG, "b.csv"))
+
+
+# Several files as one table
+
+
+def folder_of(tmp_path, names=NAMES, drop=(), above="", name="{edge}.csv", change=None) -> Path:
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    kept = [i for i, header in enumerate(names) if header not in drop]
+    for edge, (V, f, d) in CONDITIONS.items():
+        rows = [[row[i] for i in kept] for row in ROWS if row[0] == edge]
+        text = above.format(V=V, f=f, d=d) + table(rows, [names[i] for i in kept])
+        (folder / name.format(edge=edge, V=V, f=f, d=d)).write_text(change(edge, text) if change else text, "utf-8")
+    return folder
+
+
+def test_a_folder_of_files_is_one_table(tmp_path):
+    folder = folder_of(tmp_path, drop=("edge",))
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff")
+    runs = read_runs(folder)
+    assert same(runs, read(tmp_path, LONG))
+    assert runs.labels("edge").tolist() == [row[0] for row in ROWS]
+    assert runs.source.name == "lab"
+    assert "4 files are read as one table: E1.csv, E2.csv, E3.csv, E4.csv" in said(runs)
+    assert "Not read in lab: photo.jpg" in said(runs)
+    assert same(read_runs(sorted(folder.glob("*.csv"))), runs)
+    assert read_runs(folder).source.sha256 == runs.source.sha256
+    (folder / "E4.csv").write_text(LONG, "utf-8")
+    assert read_runs(folder).source.sha256 != runs.source.sha256
+
+
+@pytest.mark.parametrize(
+    ("above", "name"),
+    [
+        ("# V = {V} m/min\n# f = {f} mm/rev\n# ap = {d} mm\n", "{edge}.csv"),
+        ("", "{edge}_V{V}_f{f}_ap{d}.csv"),
+        ("", "V{V} f{f} d{d} {edge}.csv"),
+        ("vc: {V} m/min, f: {f} mm/rev\n", "{edge}_d{d}.csv"),
+    ],
+)
+def test_conditions_stand_in_the_notes_or_the_name_of_each_file(tmp_path, above, name):
+    folder = folder_of(tmp_path, drop=NAMES[:4], above=above, name=name)
+    runs = read_runs(folder)
+    frame = runs.data.sort_values(["V", "f", "d", "t"])
+    reference = read(tmp_path, LONG).data.sort_values(["V", "f", "d", "t"])
+    for role in ("V", "f", "d", "t", "VB"):
+        assert frame[role].tolist() == reference[role].tolist()
+    assert len(set(runs.labels("edge"))) == 4
+    assert "of the files: V 100 to 200" in said(runs)
+
+
+def test_columns_in_another_order_or_unit_are_matched_by_role(tmp_path):
+    def change(edge: str, text: str) -> str:
+        if edge == "E2":
+            header, *rows = (line.split(",")[::-1] for line in text.splitlines())
+            return lines([header, *rows])
+        return text.replace("VB [mm]", "VB [um]").replace("0.0", "") if edge == "E3" else text
+
+    wear = {"E3": 1000}
+    folder = folder_of(tmp_path, change=change)
+    (folder / "E3.csv").write_text(
+        table([(*row[:5], f"{row[5] * wear['E3']:g}") for row in ROWS if row[0] == "E3"], (*NAMES[:5], "VB [um]"))
+    )
+    runs = read_runs(folder)
+    assert np.allclose(runs.values("VB"), read(tmp_path, LONG).values("VB"), rtol=1e-12)
+    assert runs.labels("edge").tolist() == [row[0] for row in ROWS]
+
+
+def test_files_that_number_their_edges_alike_have_edges_of_their_own(tmp_path):
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    for tool, rows in (("K10", ROWS[:6]), ("P25", ROWS[6:])):
+        numbered = [(1 + i // 3, *row[1:]) for i, row in enumerate(rows)]
+        (folder / f"{tool}.csv").write_text(f"# tool: {tool}\n" + table(numbered))
+    runs = read_runs(folder)
+    assert sorted(set(runs.labels("edge"))) == ["K10: 1", "K10: 2", "P25: 1", "P25: 2"]
+    assert [pair.tool for pair in runs.pairs()] == ["K10", "P25"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("V [m/min],f [mm/rev],t [min],VB [mm]\n100,0.1,2,0.1\n", "x.csv has no depth of cut d, which E1.csv has"),
+        ("V [m/min],f [mm/rev],d [mm]\n100,0.1,2\n", "x.csv holds no wear, force, power or roughness"),
+        ("edge,V,f,d,t,VB [N]\nE9,100,0.1,2,3,0.1\n", "is in N, in the other files in mm"),
+        ("nothing\n", "x.csv"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_named_and_refused(tmp_path, text, words):
+    folder = folder_of(tmp_path)
+    (folder / "x.csv").write_text(text)
+    with pytest.raises(DataError, match=words):
+        read_runs(folder)
+
+
+def test_marks_of_several_files_stay_with_their_rows(tmp_path):
+    folder = folder_of(tmp_path, drop=("edge",), change=lambda e, t: t.replace(str(PIVOT["E3", 9]), "<0.05"))
+    runs = read_runs(folder)
+    assert runs.labels("VB mark").tolist().index("<0.05") == 8

@@ -208,14 +208,15 @@ def test_there_are_enough_of_them():
     assert len(BAD) >= 20
 
 
-def test_a_missing_file_is_guessed_and_a_folder_refused(tmp_path):
+def test_a_missing_file_is_guessed_and_a_folder_without_tables_refused(tmp_path):
     (tmp_path / "wear_2024.csv").write_text(table())
     result = run(tmp_path / "wear-2024.csv")
     assert (result.code, result.out) == (3, "")
     assert "does not exist. Did you mean wear_2024.csv?" in result.err
-    result = run(tmp_path)
+    (tmp_path / "empty").mkdir()
+    result = run(tmp_path / "empty")
     assert (result.code, result.out) == (3, "")
-    assert "is a folder, not a file: name the data file inside it" in result.err
+    assert "holds no table: none of its files ends in .csv" in result.err
 
 
 # Odd files that are read

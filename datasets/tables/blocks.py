@@ -16,7 +16,7 @@ from .worksheet import WorkbookSheet
 
 Rows = list[tuple[int, list[Cell]]]
 
-_ASSIGNMENT = re.compile(
+ASSIGNMENT = re.compile(
     r"(?P<name>[^\W\d_][\w.']*(?:[ ]+[^\W\d_][\w.']*){0,2}(?:\s*[\[(][^\])=]*[\])])?)\s*[=:]\s*"
     r"(?P<number>[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)(?![\d:.,/-]*\d)\s*"
     r"(?P<unit>(?!\S+\s*=)[^\W\d_%][^\s,;=|)]*|%|°C)?"
@@ -229,7 +229,7 @@ def _assignments(row: Sequence[Cell]) -> tuple[dict[str, tuple[str, str]], tuple
         return None
     label = _LABEL.match(text)
     rest = text[label.end() :] if label and "=" not in label[0] and not re.match(r"\s*=", text[label.end() :]) else text
-    found = {match["name"].strip(): (match["number"], match["unit"] or "") for match in _ASSIGNMENT.finditer(rest)}
+    found = {match["name"].strip(): (match["number"], match["unit"] or "") for match in ASSIGNMENT.finditer(rest)}
     if not found or ("=" not in text and len(filled) > 3):
         return None
     if sum(map(is_number, filled)) > len(found):
