@@ -10,7 +10,7 @@ from .quantities import Quantity, numeric_columns, table_process, take_unit, uni
 from .ranges import candidate_units, plausible, widest
 from .stray_values import check_cells, check_levels
 from .unit_systems import check_systems
-from .unused_columns import check_order, check_unused
+from .unused_columns import check_uses
 from .vocabulary import ROLES, roles_named
 
 _RESULTS = ("load", "surface", "other")  # exchanged among each other, conditions with time and wear
@@ -33,17 +33,17 @@ def settle_units(draft: Draft, options: ReadOptions) -> None:
             _judge_named(draft, one, exchanged)
         elif not one.lies_in(one.ranges.usual):
             _judge_unnamed(draft, one, exchanged)
-    check_systems(draft, options, named)
+    check_systems(draft, found if draft.uses is named else numeric_columns(draft, options, process), named)
     _state_unnamed(draft)
     check_cells(draft, options)
 
 
 def check_values(draft: Draft, options: ReadOptions) -> None:
     """Doubt values and columns of a complete draft that contradict each other, and columns that are not used."""
-    check_levels(draft, options)
-    check_columns(draft, options)
-    check_order(draft, options)
-    check_unused(draft, options)
+    if len(draft.lines):
+        check_levels(draft, options)
+        check_columns(draft, options)
+        check_uses(draft, options)
 
 
 def _state_unnamed(draft: Draft) -> None:

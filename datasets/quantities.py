@@ -1,6 +1,7 @@
 """Numeric columns of a file of tests with their values as written, the unit named and the plausible ranges."""
 
 from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,13 +79,13 @@ def numeric_columns(draft: Draft, options: ReadOptions, process: Process | None)
         if use.role is None or ranges is None or use.role in options.ranges:
             continue
         values = np.abs(np.asarray(draft.columns[place].values, dtype=float)[:: len(draft.lines) // SAMPLE + 1])
-        values = values[values > 0]
+        values = np.sort(values[values > 0])
         if not values.size:
             continue
         factor = unit_factor(use.unit, use.role) if use.unit else 1.0
         kind = ROLES[use.role].kind
         bulk = _bulk(values, 0.5 if kind in ("time", "wear") else 0.1)
-        span = float(values.min()), float(values.max())
+        span = float(values[0]), float(values[-1])
         found.append(Quantity(use.role, place, bulk, span, use.unit, use.role in options.units, factor, ranges))
     return found
 
@@ -99,10 +100,11 @@ def unit_factor(unit: str, role: str) -> float:
     return 1.0 if unit == home else float(convert(np.ones(1), unit, home)[0])
 
 
-def _bulk(values: Array, low: float) -> Range:
+def _bulk(ordered: Array, low: float) -> Range:
     """Most of the values: one stray value among any number leaves it unchanged; wear and time begin near zero."""
-    ends = np.quantile(values, low, method="higher"), np.quantile(values, 0.9, method="lower")
-    return float(min(ends)), float(max(ends))
+    last = len(ordered) - 1
+    ends = float(ordered[ceil(low * last)]), float(ordered[int(0.9 * last)])
+    return min(ends), max(ends)
 
 
 def take_unit(draft: Draft, one: Quantity, unit: str) -> None:

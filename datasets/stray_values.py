@@ -1,5 +1,7 @@
 """Single cells of a file of tests that are impossible or far from all others, and levels shifted by a known factor."""
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +37,6 @@ FAR = 3.0  # ratio to the next value beyond which a single cell is doubted
 FAR_ALONE = 4.0  # the same for conditions, roughness, and loads that are not divided by the section of the chip
 FEWEST = 8  # rows below which no cell is judged by the others
 MOST_LEVELS = 7
-MOST_VALUES = 500  # different values beyond which a column has no levels
 SAMPLE = 20000
 LISTED = 4
 
@@ -43,15 +44,14 @@ Array = NDArray[np.float64]
 
 
 def check_cells(draft: Draft, options: ReadOptions) -> None:
-    """Leave out single cells that are impossible, and doubt those that are far from all others."""
+    """Leave out single cells that are impossible, each with a doubt."""
     process = table_process(draft, options)
     for use in draft.uses:
         if use.role is None or use.role in options.ranges or not ROLES[use.role].unit:
             continue
         values = np.asarray(draft.data[use.role], dtype=float)
         if len(values) >= FEWEST:
-            draft.data[use.role] = values = _without_impossible(draft, use.role, values, process)
-            _doubt_far(draft, use.role, values)
+            draft.data[use.role] = _without_impossible(draft, use.role, values, process)
 
 
 def _without_impossible(draft: Draft, role: str, values: Array, process: Process | None) -> Array:
@@ -97,7 +97,7 @@ def _doubt_far(draft: Draft, role: str, values: Array) -> None:
                 f"{places(draft, row)}: {role} {listed(values[row])} {ROLES[role].unit} is far from all other rows"
                 f"{per}, which hold {range_of_rest}{moved}"
             )
-            draft.doubts.append(Doubt((role,), sentence))
+            _add(draft, role, row, sentence)
 
 
 def _section(draft: Draft, role: str) -> Array | None:
@@ -124,11 +124,12 @@ def _cause(value: float, rest: Array, scale: float = 1.0) -> str:
 
 
 def check_levels(draft: Draft, options: ReadOptions) -> None:
-    """Doubt rows of a condition whose values are levels of the other rows in another unit, and single near misses."""
+    """Doubt cells far from all others, and rows of a column that seem to be in another unit."""
     for use in draft.uses:
         if use.role is None or use.role in options.ranges or not ROLES[use.role].unit or len(draft.lines) < FEWEST:
             continue
         values = np.asarray(draft.data[use.role], dtype=float)
+        _doubt_far(draft, use.role, values)
         if ROLES[use.role].kind != "condition":
             _doubt_group(draft, use.role, values)
         elif not _doubt_shifted(draft, use.role, values):
@@ -137,8 +138,10 @@ def check_levels(draft: Draft, options: ReadOptions) -> None:
 
 def _doubt_shifted(draft: Draft, role: str, values: Array) -> bool:
     """Whether a minority of rows lies apart from the others and holds their levels in another unit."""
+    if len(values) > SAMPLE and len(np.unique(values[:SAMPLE])) > 2 * MOST_LEVELS:
+        return False
     levels, counts = np.unique(values[values > 0], return_counts=True)
-    if not 2 <= len(levels) <= MOST_VALUES:
+    if not 2 <= len(levels) <= 2 * MOST_LEVELS:
         return False
     ratios = LATTICE.get(role, LENGTHS)
     shares = np.cumsum(counts) / counts.sum()
@@ -166,7 +169,7 @@ def _add_shifted(draft: Draft, role: str, rows: NDArray[np.intp], moved: Array, 
         f"{places(draft, rows)}: {role} {listed(moved)} {ROLES[role].unit} {way} are levels of the other rows "
         f"({listed(kept)}): another unit or decimal mark in these rows"
     )
-    draft.doubts.append(Doubt((role,), sentence))
+    _add(draft, role, rows, sentence)
 
 
 def _doubt_group(draft: Draft, role: str, values: Array) -> None:
@@ -175,7 +178,8 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
     known = size[size > 0]
     if not known.size:
         return
-    first, third = np.quantile(known[:: len(known) // SAMPLE + 1], [0.25, 0.75])
+    some = np.sort(known[:: len(known) // SAMPLE + 1])
+    first, third = some[len(some) // 4], some[3 * len(some) // 4]
     for outside, power in ((size > third * 3, -1), ((size > 0) & (size < first / 3), 1)):
         count = int(np.count_nonzero(outside))
         if not 1 < count <= len(known) // 4:
@@ -193,7 +197,7 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
                     f"{places(draft, rows)}: {role} {listed(values[rows])} {ROLES[role].unit} {way} {factor:g} would "
                     f"lie among the other rows: these rows may be in {units}"
                 )
-                draft.doubts.append(Doubt((role,), sentence))
+                _add(draft, role, rows, sentence)
                 return
 
 
@@ -219,7 +223,14 @@ def _doubt_single(draft: Draft, role: str, values: Array) -> None:
         f"{places(draft, rows)}: {role} {listed(values[rows])} {ROLES[role].unit} occurs once, "
         f"every other row holds one of {listed(levels)}"
     )
-    draft.doubts.append(Doubt((role,), sentence))
+    _add(draft, role, rows, sentence)
+
+
+def _add(draft: Draft, role: str, rows: NDArray[np.intp], sentence: str) -> None:
+    """Add a doubt about rows of a role, unless each line is named by an earlier one."""
+    earlier = " ".join(doubt.sentence for doubt in draft.doubts if role in doubt.columns)
+    if not earlier or not all(re.search(rf"\b{line}\b", earlier) for line in draft.lines[rows[:LISTED]].tolist()):
+        draft.doubts.append(Doubt((role,), sentence))
 
 
 def places(draft: Draft, rows: NDArray[np.intp]) -> str:

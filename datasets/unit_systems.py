@@ -4,8 +4,7 @@ from ..core.errors import DataError
 from .columns import ColumnUse
 from .doubts import Doubt
 from .draft import Draft
-from .options import ReadOptions
-from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
+from .quantities import Quantity, take_unit, unit_factor
 from .ranges import INCH, candidate_units
 from .vocabulary import ROLES
 
@@ -13,7 +12,7 @@ _BASIC = ("V", "f", "fz", "fm", "d", "ae", "D")  # conditions that show the syst
 _SHARED = ("min", "1/min")  # in both systems
 
 
-def check_systems(draft: Draft, options: ReadOptions, before: tuple[ColumnUse, ...]) -> None:
+def check_systems(draft: Draft, found: list[Quantity], before: tuple[ColumnUse, ...]) -> None:
     """Settle columns without a unit in a file of inch units, and doubt a file that names units of both systems.
 
     ``before`` are the uses of the columns with the units that the file names: wear alone whose unit was found from its
@@ -24,7 +23,6 @@ def check_systems(draft: Draft, options: ReadOptions, before: tuple[ColumnUse, .
     DataError
         A column without a unit is plausible in both systems.
     """
-    found = numeric_columns(draft, options, table_process(draft, options))
     stated = {use.role for use in before if use.unit}
     inch = [one for one in found if one.unit in INCH and (one.role in stated or ROLES[one.role].kind != "wear")]
     basic = [one for one in inch if one.role in _BASIC]

@@ -1,8 +1,10 @@
 """Columns that vary between tests and are not used, and columns whose names are exchanged, seen from the edges."""
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from .doubts import Doubt
@@ -30,10 +32,56 @@ _OTHER_WORDS = re.compile(
 )
 
 
-def check_unused(draft: Draft, options: ReadOptions) -> None:
+@dataclass(frozen=True, slots=True)
+class _Edges:
+    """Rows of the edges of three rows and more: the row numbers, edge by edge, and where each edge starts."""
+
+    rows: NDArray[np.intp]
+    starts: NDArray[np.intp]
+
+    def varying(self, values: Array) -> float:
+        """Share of the edges within which a column varies."""
+        ordered = values[self.rows]
+        low, high = np.fmin.reduceat(ordered, self.starts), np.fmax.reduceat(ordered, self.starts)
+        return float(np.mean(high - low > 1e-9 * np.abs(high)))
+
+    def rising(self, values: Array) -> bool:
+        """Whether measured values rise from row to row within nearly every edge, without a common schedule."""
+        ordered = values[self.rows]
+        ends = np.append(self.starts[1:], len(ordered)) - 1
+        steps = np.delete(np.diff(ordered), ends[:-1])
+        if not (np.mean(ordered[ends] > ordered[self.starts] * 1.02) > MOST_EDGES and np.mean(steps >= 0) > MOST_EDGES):
+            return False
+        return len(np.unique(ordered)) > max(len(self.starts), len(ordered) // len(self.starts) + 1)
+
+
+def _edges_of(draft: Draft) -> _Edges | None:
+    """Edges among the first rows; None where fewer than three of three rows are known."""
+    if "edge" not in draft.data:
+        return None
+    code, names = pd.factorize(draft.data["edge"][:SAMPLE])
+    sizes = np.bincount(code[code >= 0], minlength=len(names))
+    enough = (sizes >= 3) & (names != "")
+    if enough.sum() < 3:
+        return None
+    rows = np.argsort(code, kind="stable")
+    rows = rows[(code[rows] >= 0) & enough[code[rows]]]
+    ends = np.cumsum(sizes[enough])
+    return _Edges(rows, ends - sizes[enough])
+
+
+def check_uses(draft: Draft, options: ReadOptions) -> None:
+    """Doubt columns that are not used, or whose names are exchanged."""
+    if len(draft.lines) >= FEWEST:
+        edges = _edges_of(draft)
+        if edges is not None:
+            _doubt_exchanged(draft, options, edges)
+        if any(use.role is None for use in draft.uses):
+            _doubt_unused(draft, options, edges)
+
+
+def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> None:
     """Doubt columns that resemble a condition or a result of the tests and have no role."""
-    if len(draft.lines) < FEWEST:
-        return
     process = table_process(draft, options)
     taken: set[str] = set()
     for column, use in zip(draft.columns, draft.uses, strict=True):
@@ -43,8 +91,10 @@ def check_unused(draft: Draft, options: ReadOptions) -> None:
         levels = np.unique(values[np.isfinite(values)])
         if len(levels) < 2 or np.isfinite(values).sum() < FEWEST:
             continue
-        role = _named_like(draft, column, use.suggestion, options) or _measured_like(draft, column, values, options)
-        if role is None and _is_set(draft, values, levels) and not _OTHER_WORDS.search(use.name):
+        role = _named_like(draft, column, use.suggestion, options) or _measured_like(
+            draft, column, values, options, edges
+        )
+        if role is None and _is_set(draft, values, levels, edges) and not _OTHER_WORDS.search(use.name):
             role = _valued_like(draft, column, levels, process, options)
         if role is not None and role not in taken:
             taken.add(role)
@@ -81,11 +131,13 @@ def _named_like(draft: Draft, column: Column, suggestion: str | None, options: R
     return None
 
 
-def _measured_like(draft: Draft, column: Column, values: Array, options: ReadOptions) -> str | None:
+def _measured_like(
+    draft: Draft, column: Column, values: Array, options: ReadOptions, edges: _Edges | None
+) -> str | None:
     """Wear where a length in mm or um rises within the edges and the file has none; a load by its unit alone."""
     text = _unit_text(column)
     unit = canonical(text) if text else None
-    if unit in ("mm", "um", None) and _free(draft, "AW", options) and _rises(draft, values):
+    if unit in ("mm", "um", None) and _free(draft, "AW", options) and edges and edges.rising(values):
         ranges = plausible("AW", None)
         known = values[values > 0] * (0.001 if unit == "um" else 1)
         if ranges and known.size and (unit or ranges.unusual[0] <= np.median(known)) and known.max() <= ranges.hard[1]:
@@ -96,45 +148,15 @@ def _measured_like(draft: Draft, column: Column, values: Array, options: ReadOpt
         ("M", ("Nm", "Ncm", "Nmm")),
         ("I", ("A",)),
     ):
-        same = [one for one in draft.uses if one.role and ROLES[one.role].unit == ROLES[role].unit]
+        if unit not in units or any(one.role and ROLES[one.role].unit == ROLES[role].unit for one in draft.uses):
+            continue
         alike = [one for one in draft.columns if one.is_numeric and canonical(_unit_text(one) or "-") in units]
-        if unit in units and not same and len(alike) == 1 and _free(draft, role, options):
+        if len(alike) == 1 and _free(draft, role, options):
             return role
     return None
 
 
-def _rises(draft: Draft, values: Array) -> bool:
-    """Whether values rise from the first to the last row of nearly every edge."""
-    if "edge" not in draft.data:
-        return False
-    labels = draft.data["edge"][:SAMPLE].astype(str)
-    known = np.isfinite(values) & (labels != "")
-    code = np.unique(labels[known], return_inverse=True)[1]
-    if not code.size:
-        return False
-    order = np.argsort(code, kind="stable")
-    sizes = np.bincount(code)
-    ends = np.cumsum(sizes)
-    ordered = values[known][order]
-    enough = sizes >= 3
-    steps = np.diff(ordered)
-    inside = np.delete(steps, ends[:-1] - 1)
-    rising = ordered[ends - 1] > ordered[ends - sizes] * 1.02
-    return bool(
-        enough.sum() >= 3 and rising[enough].mean() > MOST_EDGES and np.mean(inside >= 0) > MOST_EDGES
-        and _regular(ordered, ends, sizes) is False
-    )  # fmt: skip
-
-
-def _regular(ordered: Array, ends: NDArray[np.intp], sizes: NDArray[np.intp]) -> bool:
-    """Whether every edge holds the same numbers, as a schedule of times or sub-tests does."""
-    if sizes.min() != sizes.max():
-        return bool(np.all(ordered == np.round(ordered)))
-    rows = ordered.reshape(len(sizes), -1)
-    return bool(np.all(rows == rows[0]) or np.all(ordered == np.round(ordered)))
-
-
-def _is_set(draft: Draft, values: Array, levels: Array) -> bool:
+def _is_set(draft: Draft, values: Array, levels: Array, edges: _Edges | None) -> bool:
     """Whether values were set by the plan of tests: few repeated levels, or constant in each edge; no numbering."""
     known = values[np.isfinite(values)]
     whole = np.all(levels == np.round(levels))
@@ -142,8 +164,7 @@ def _is_set(draft: Draft, values: Array, levels: Array) -> bool:
         return False
     if len(levels) <= MOST_LEVELS and np.unique(known, return_counts=True)[1].min() >= 2:
         return not _repeats_another(draft, values)
-    varies = _varying_edges(draft, values)
-    return varies is not None and varies == 0 and not _repeats_another(draft, values)
+    return edges is not None and edges.varying(values) == 0 and not _repeats_another(draft, values)
 
 
 def _repeats_another(draft: Draft, values: Array) -> bool:
@@ -175,15 +196,13 @@ def _valued_like(
     return None
 
 
-def check_order(draft: Draft, options: ReadOptions) -> None:
+def _doubt_exchanged(draft: Draft, options: ReadOptions, edges: _Edges) -> None:
     """Doubt a condition that varies within the edges while a result is constant in each: exchanged names."""
-    shares = {}
-    for use in draft.uses:
-        if use.role and use.role not in options.ranges and ROLES[use.role].unit:
-            share = _varying_edges(draft, np.asarray(draft.data[use.role], dtype=float)[:SAMPLE])
-            if share is None:
-                return
-            shares[use.role] = (share, use.number)
+    shares = {
+        use.role: (edges.varying(np.asarray(draft.data[use.role], dtype=float)), use.number)
+        for use in draft.uses
+        if use.role and use.role not in options.ranges and ROLES[use.role].unit
+    }
     moving = [role for role, (share, _) in shares.items() if ROLES[role].kind == "condition" and share > MOST_EDGES]
     still = [role for role, (share, _) in shares.items() if ROLES[role].kind != "condition" and share < 1 - MOST_EDGES]
     for role in moving:
@@ -193,23 +212,3 @@ def check_order(draft: Draft, options: ReadOptions) -> None:
                 f"{role} varies within the edges and {result} is constant in each: the two columns may be exchanged"
             )
             draft.doubts.append(Doubt((role, result), sentence, remedy))
-
-
-def _varying_edges(draft: Draft, values: Array) -> float | None:
-    """Share of the edges of three rows and more within which a column varies; None where fewer than three are known."""
-    if "edge" not in draft.data:
-        return None
-    labels = draft.data["edge"][:SAMPLE]
-    known = np.isfinite(values) & np.array([str(label) != "" for label in labels])
-    code = np.unique(labels[known].astype(str), return_inverse=True)[1]
-    if not code.size:
-        return None
-    order = np.lexsort((values[known], code))
-    sizes = np.bincount(code)
-    ends = np.cumsum(sizes)
-    ordered = values[known][order]
-    enough = sizes >= 3
-    if enough.sum() < 3:
-        return None
-    spread = ordered[ends - 1] - ordered[ends - sizes]
-    return float(np.mean(spread[enough] > 1e-9 * np.abs(ordered[ends - 1][enough])))
