@@ -129,7 +129,8 @@ def _report(found: "Reduction", notes: list[str], remarks: list[str], out: Path,
         held = found.plan.table.lines
         lines += [f"  line {held[k]} of the plan: {text}" for k, text in doubted[:SHOWN]]
         lines += [f"  and {len(doubted) - SHOWN} more"] if len(doubted) > SHOWN else []
-    lines += [note for note in notes if note.startswith("peak:") or "sign is reversed" in note or "signs are" in note]
+    shown = ("sign is reversed", "signs are", "does not rise")
+    lines += [note for note in notes if note.startswith("peak:") or any(words in note for words in shown)]
     lines.append(f"Written: {out} ({len(found.plan)} rows); pictures of the records in {kept}/. Next: fitmodels {out}")
     return lines
 

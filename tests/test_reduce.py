@@ -304,6 +304,45 @@ def test_time_in_cut_is_summed_by_edge_where_the_plan_has_none(lab):
     assert lab.run().values("t") == pytest.approx(np.array([5, 10, 15]) / 60, rel=0.03)
 
 
+def test_by_the_run_order_of_the_plan(lab, capsys):
+    """A plan in standard order with the order of cutting in a column, as `fitmodels plan` writes it."""
+    pd.DataFrame({"run": [3, 1, 2], "V": 120.0, "f": 0.2}).to_csv(lab.plan, index=False)
+    lab.record("a.csv", means=[300.0, 400.0, 500.0])
+    assert lab.run().values("Fc") == pytest.approx([500, 300, 400], rel=WITHIN)
+    assert "by order (of column run of the plan)" in capsys.readouterr().out
+
+
+def test_loads_that_do_not_follow_feed_and_depth_are_named(lab, capsys):
+    f = np.array([0.1, 0.2, 0.3, 0.4, 0.15, 0.25, 0.35, 0.45])
+    pd.DataFrame({"V": 120.0, "f": f, "d": 2.0}).to_csv(lab.plan, index=False)
+    lab.record("a.csv", means=2000 * f, seconds=2.0)
+    lab.run()
+    assert "does not rise with feed and depth" not in capsys.readouterr().out
+    lab.record("a.csv", means=2000 * f[::-1], seconds=2.0)
+    lab.run("--force")
+    assert "does not rise with feed and depth" in capsys.readouterr().out
+    assert "does not rise with feed and depth" in lab.out.read_text()
+
+
+def test_a_cut_that_is_shorter_than_its_time_is_remarked(lab):
+    pd.DataFrame({"edge": "E1", "V": 120.0, "t": np.array([1, 2, 3, 4, 8]) * 5 / 60}).to_csv(lab.plan, index=False)
+    lab.record(means=[500.0] * 5)
+    remarks = lab.run().data["remarks"].tolist()
+    assert [("the cut lasts" in text) for text in remarks] == [False] * 4 + [True]
+
+
+def test_active_phases_of_a_real_servo_current(lab, measurements):
+    """A square wave of 1 Hz for 10 s: 20 moves, each with a starting and a braking peak of eight times its current."""
+    source = measurements / "servo_sweep" / "LinA__no-pp-square-wave-10mm-1Hz.txt"
+    (lab.folder / "square.txt").write_bytes(source.read_bytes())
+    pd.DataFrame({"V": np.arange(1.0, 21.0)}).to_csv(lab.plan, index=False)
+    columns = ["--map", "I=col6", "--unit", "I=mA", "--map", "time=col1", "--unit", "time=ms"]
+    lab.run(*columns, "--shortest", "0.1")
+    rows = pd.read_csv(lab.out, comment="#")
+    assert np.sign(rows["I [A]"]).tolist() == [1, -1] * 10
+    assert rows["I [A]"].abs().between(0.4, 0.75).all()
+
+
 # Files
 
 

@@ -45,11 +45,14 @@ class Plan:
         Edge of each row, "" where none is named.
     n : ndarray, shape (rows,), 1/min
         Spindle speed, NaN where it is not known.
+    order : tuple of int
+        Rows in the order in which they were cut: by a column run, otherwise as they stand.
     """
 
     table: Table
     edges: tuple[str, ...]
     n: Array
+    order: tuple[int, ...]
 
     def __len__(self) -> int:
         return self.table.n_rows
@@ -74,7 +77,11 @@ def read_plan(path: Path, how: ReduceOptions) -> Plan:
     table = read_table(path, is_unit=is_unit)
     known = {head.role: head for head in reversed(heads(table.columns)) if head.role}
     edges = tuple(str(v) for v in known["edge"].column.labels()) if "edge" in known else ("",) * table.n_rows
-    return Plan(table, edges, _speeds(table, how))
+    run = known.get("run")
+    order = np.arange(table.n_rows)
+    if run is not None and run.column.is_numeric and np.isfinite(run.column.values).all():
+        order = np.argsort(run.column.values, kind="stable")
+    return Plan(table, edges, _speeds(table, how), tuple(order.tolist()))
 
 
 def _speeds(table: Table, how: ReduceOptions) -> Array:
@@ -86,8 +93,12 @@ def _speeds(table: Table, how: ReduceOptions) -> Array:
 
 
 def _quantity(table: Table, symbol: str, how: ReduceOptions) -> Array | None:
-    if symbol in how.constants:
-        return np.full(table.n_rows, float(how.constants[symbol]))
+    constant = how.constants.get(symbol)
+    return column_values(table, symbol) if constant is None else np.full(table.n_rows, float(constant))
+
+
+def column_values(table: Table, symbol: str) -> Array | None:
+    """Values of a role in its unit, shape (rows,); None where the table has no such numbers."""
     head = next((h for h in heads(table.columns) if h.role == symbol and h.column.is_numeric), None)
     if head is None:
         return None
@@ -122,7 +133,8 @@ def assignment(plan: Plan, files: Sequence[Path], join: str | None) -> Assignmen
         if start_times(plan) is None:
             raise UsageError("--join time: the plan has no column 'start' of times of day as 12:30:00.")
         return Assignment("time", None)
-    return Assignment("order", None)
+    by_run = plan.order != tuple(range(len(plan)))
+    return Assignment("order (of column run of the plan)" if by_run else "order", None)
 
 
 def _text_column(plan: Plan, names: Sequence[str]) -> Column | None:

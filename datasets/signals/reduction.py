@@ -172,8 +172,8 @@ def _speeds(plan: Plan, joined: Assignment, path: Path, before: int) -> tuple[Sp
     n = plan.n
     if joined.rows is not None:
         own = n[list(joined.rows[path.name])]
-    elif joined.how == "order":
-        own = n[before:]
+    elif joined.how != "time":
+        own = n[list(plan.order[before:])]
     else:
         starts = start_times(plan)
 
@@ -205,8 +205,8 @@ def _rows(plan: Plan, joined: Assignment, records: Sequence[ReducedRecord]) -> t
         raise count_mismatch(
             plan, [(record.name, len(record.cuts), -1) for record in records], joined.how, _notes(records)
         )
-    if joined.how == "order":
-        return tuple(range(len(plan)))
+    if joined.how != "time":
+        return plan.order
     starts = start_times(plan)
     untimed = next((record.name for record, cut in cuts if cut.clock is None), None)
     if untimed is not None or starts is None:

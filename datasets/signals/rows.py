@@ -14,6 +14,7 @@ from ..design import round_significant
 from ..records.columns import heads
 from ..tables import Column
 from ..vocabulary import ROLES
+from .checks import duration_remarks, load_doubts
 from .options import DRIVEN, LOADS, ReduceOptions
 from .reduction import ReducedCut, ReducedRecord, Reduction
 
@@ -34,6 +35,13 @@ def reduced_rows(reduction: Reduction, how: ReduceOptions, folder: Path) -> tupl
     ]
     frame, notes = _of_plan(reduction, channels)
     figures, signs, remarks = _of_cuts(reduction, channels)
+    durations = np.zeros(len(reduction.plan))
+    for row, (_, cut) in zip(reduction.rows, _cuts(reduction), strict=True):
+        durations[row] = cut.duration
+    for row, text in duration_remarks(reduction.plan, durations).items():
+        remarks[row] = "; ".join(filter(None, (remarks[row], text)))
+    means = [(name, figures[f"{name} [{ROLES[name].unit}]"].to_numpy()) for name in channels]
+    signs += load_doubts(reduction.plan, means)
     frame = pd.concat([frame, *_time(reduction), figures], axis=1)
     if doubted := sum(bool(text) for text in remarks):
         frame["remarks"] = remarks
