@@ -17,13 +17,14 @@ from .edge_order import edges_by_design, settings_of
 from .merged_cells import lines_text
 from .options import ReadOptions
 from .time_checks import duration
-from .vocabulary import ROLES
+from .vocabulary import ROLES, roles_named
 
 SAMPLE = 20_000  # rows by which the content of columns is decided
 FEW_EDGES = 4  # an insert has no more edges of its own than a type of tools, which is tested on more
 NEARLY = 0.8  # share of the rows with a number of their own in a column that numbers rows
 SURE = 6  # values from which labels that are no numbering can be edges too
 
+GENERAL = ("tool", "cutting tool", "werkzeug", "outil", "outil de coupe", "herramienta")  # of types too
 EDGE_WORDS = ("edge", "schneid", "arête", "filo")  # in names that can mean nothing but the edge
 
 Kind = Literal["edge", "tool", "run", "other"]
@@ -107,7 +108,7 @@ def _decide(draft: Draft, tests: Tests, given: dict[str, str]) -> None:
     if tool is not None and tool not in chosen:
         _number_of_inserts(draft, tool, tests)
     if "tool" not in draft.data and "tool" not in given:
-        others = [one for one in labels if one.kind == "tool" and one not in chosen and one is not tool]
+        others = [one for one in labels if "tool" in roles_named(one.use.name) and one not in (*chosen, tool)]
         for one in others[:1]:
             if not is_numbering(one.names):
                 _give(draft, one, "tool")
@@ -133,7 +134,7 @@ def _labels(draft: Draft, place: int, use: ColumnUse) -> _Labels | None:
 
 def _chosen(labels: list[_Labels], tests: Tests) -> tuple[_Labels, ...]:
     """The column of the edges, or two whose values name an edge together; none where the content does not say so."""
-    types = [one for one in labels if one.use.role == "tool" and not is_numbering(one.names)]
+    types = [one for one in labels if one.use.role == "tool" and not _numbers_inserts(one)]
     named = [one for one in labels if one.kind == "edge" and one.several]
     for one in named:
         if holds_edges(_crossed([one, *types[:1]]), tests):
@@ -149,7 +150,7 @@ def _chosen(labels: list[_Labels], tests: Tests) -> tuple[_Labels, ...]:
     for first in several:
         for second in several:
             small = len(second.names) <= 8 and is_numbering(second.names) and second.kind in ("edge", "other")
-            inserts = first.kind in ("tool", "other") and is_numbering(first.names) and len(first.names) > 1
+            inserts = first.kind in ("tool", "other") and _numbers_inserts(first)
             if first is not second and small and inserts and holds_edges(_crossed([first, second]), tests):
                 return (first, second)
     if tests.time is None and not named:
@@ -181,6 +182,11 @@ def _crossed_settings(one: _Labels, tests: Tests) -> int:
     first = np.unique(one.codes, return_index=True)[1]
     columns = [x[first] for x in tests.settings.values()]
     return len(np.unique(np.column_stack(columns), axis=0)) if columns else 1
+
+
+def _numbers_inserts(one: _Labels) -> bool:
+    """Whether values count inserts; few values under the name of a tool in general are types."""
+    return is_numbering(one.names) and (one.use.name.casefold() not in GENERAL or len(one.names) >= SURE)
 
 
 def _many_inserts(one: _Labels) -> bool:
@@ -245,17 +251,17 @@ def _numbers_rows(one: _Labels, draft: Draft) -> bool:
 
 def _number_of_inserts(draft: Draft, tool: _Labels, tests: Tests) -> None:
     """Take the role of the tool from a column that numbers inserts, each with few edges of its own."""
-    if len(tool.names) < 3 or not tool.several or (not is_numbering(tool.names) and len(tool.names) < SURE):
+    if len(tool.names) < 3 or not tool.several or (len(tool.names) < SURE and not _numbers_inserts(tool)):
         return
     if "edge" in draft.data:
         edge = pd.factorize(np.asarray(draft.data["edge"][:SAMPLE]))[0]
-        edge = np.unique(edge * len(tool.names) + tool.codes, return_index=True)[1]
+        edge = np.unique(edge * (len(tool.names) + 1) + tool.codes, return_index=True)[1]
         of_edge = tool.codes[edge]
     else:
         rows = np.column_stack([tool.codes, *tests.settings.values()])
         of_edge = np.unique(rows, axis=0)[:, 0].astype(np.intp)
     most = float(np.median(np.bincount(of_edge[of_edge >= 0], minlength=len(tool.names))))
-    if most > (FEW_EDGES if is_numbering(tool.names) else 1):
+    if most > (FEW_EDGES if is_numbering(tool.names) and tool.use.name.casefold() not in GENERAL else 1):
         return
     _give(draft, tool, None)
     draft.assumed.append(

@@ -142,6 +142,21 @@ def runs_from_frame(
     return _assemble(columns, np.arange(len(frame)), source, tuple(frame.attrs.get("notes", ())), (), how)
 
 
+def runs_of_sample(frame: pd.DataFrame, options: ReadOptions) -> Runs:
+    """Runs of the first rows of a longer table, whose columns have their roles by name: no edges are looked for.
+
+    Examples
+    --------
+    >>> runs_of_sample(pd.DataFrame({"V": [100.0, 100.0], "Insert": ["1", "2"]}), ReadOptions()).columns[1].role
+    'tool'
+    """
+    columns = tuple(_column_of(i, str(name), frame.iloc[:, i]) for i, name in enumerate(frame.columns))
+    notes = tuple(frame.attrs.get("notes", ()))
+    return _assemble(
+        columns, np.arange(len(frame)), Source("DataFrame", "", len(frame), ""), notes, (), options, sample=True
+    )
+
+
 def read_options(given: Mapping[str, Any]) -> ReadOptions:
     """Options from keywords; None counts as not given, and a name that does not exist is refused.
 
@@ -175,6 +190,8 @@ def _assemble(
     options: ReadOptions,
     assumed_shape: tuple[str, ...] = (),
     doubts: tuple[Doubt, ...] = (),
+    *,
+    sample: bool = False,
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
     columns, of_columns, clocks, of_times = clock_columns(columns, options)
@@ -182,14 +199,16 @@ def _assemble(
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
     taken = [*assumed_shape, *clocks, *assumed]
     draft = Draft(columns, uses, data, units, lines, notes, taken, list(warnings), [*doubts, *of_times])
-    fill_down(draft)
+    if not sample:
+        fill_down(draft)
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
     settle_units(draft, options)
     derive(draft, options)
-    settle_edges(draft, options)
-    check_edges(draft)
-    keep_marks(draft)
-    check_values(draft, options)
+    if not sample:
+        settle_edges(draft, options)
+        check_edges(draft)
+        keep_marks(draft)
+        check_values(draft, options)
     return _finished(draft, source, options)
 
 

@@ -99,7 +99,9 @@ def read_head(path: Path, reading: Reading, folder: Path, size: int) -> Head:
     if table.dialect.delimiter in ("", " "):
         how = "holds one column" if table.dialect.delimiter == "" else "separates its cells by blanks"
         raise DataError(f"{path.name} {how}, and is too large to be read whole: export it with commas or semicolons.")
-    uses, values, _ = assign(tuple(replace(c, bad=(), bad_count=0) for c in table.columns), reading.map, reading.units)
+    uses, values, _ = assign(
+        tuple(replace(c, bad=(), bad_count=0) for c in table.columns), reading.columns, reading.units
+    )
     notes = tuple(note.lstrip("#% ") for note in table.notes)
     labels = pd.DataFrame({role: values[role] for role in UNNAMED if role in values})
     onward, assumed = _names(path, reading, labels, notes)

@@ -15,7 +15,8 @@ from ...core.errors import DataError, UsageError
 from ...core.suggestions import did_you_mean
 from ...datasets.columns import LARGEST, ColumnUse
 from ...datasets.design import decode_levels
-from ...datasets.reading import runs_from_frame
+from ...datasets.options import ReadOptions
+from ...datasets.reading import runs_of_sample
 from ...datasets.vocabulary import ROLES, UNNAMED
 from ..plan import Reading
 from .common import PARQUET
@@ -146,7 +147,7 @@ def interpret_columns(
     Raises
     ------
     DataError, UsageError
-        As `datasets.runs_from_frame` raises them; a group that is no column.
+        As `datasets.read_runs` raises them; a group that is no column.
     """
     frame, kinds = _few_rows(first)
     for key in dict(first.partition):
@@ -155,7 +156,7 @@ def interpret_columns(
     frame, coded = _without_codes(frame, reading)
     frame.attrs["notes"] = notes
     how = replace(reading, ranges={}, tool="-", work="-")
-    runs = runs_from_frame(frame, options=how)
+    runs = runs_of_sample(frame, how)
     columns, assumed = runs.columns, (*coded, *runs.assumed)
     roles = {use.role for use in columns}
     if len(files) > 1 and not roles & {"tool", "work"} and reading.tool is None:
@@ -227,7 +228,7 @@ def _without_codes(frame: pd.DataFrame, reading: Reading) -> tuple[pd.DataFrame,
     if not reading.ranges:
         return frame, ()
     blank = pd.DataFrame({name: _blank(frame[name]) for name in frame})
-    runs = runs_from_frame(blank, map=reading.map, units=reading.units, tool="-", work="-")
+    runs = runs_of_sample(blank, ReadOptions(map=reading.columns, units=reading.units, tool="-", work="-"))
     frame, assumed = frame.copy(), tuple[str, ...]()
     for role, given in reading.ranges.items():
         header = next((use.header for use in runs.columns if use.role == role), None)
