@@ -332,7 +332,10 @@ def test_a_cut_that_is_shorter_than_its_time_is_remarked(lab):
 
 
 def test_active_phases_of_a_real_servo_current(lab, measurements):
-    """A square wave of 1 Hz for 10 s: 20 moves, each with a starting and a braking peak of eight times its current."""
+    """A square wave of 1 Hz for 10 s: 20 moves, each with a starting and a braking peak of eight times its current.
+
+    After the ninth move the axis does not come to rest at once: its braking peak lies within the load, and is remarked.
+    """
     source = measurements / "servo_sweep" / "LinA__no-pp-square-wave-10mm-1Hz.txt"
     (lab.folder / "square.txt").write_bytes(source.read_bytes())
     pd.DataFrame({"V": np.arange(1.0, 21.0)}).to_csv(lab.plan, index=False)
@@ -340,7 +343,9 @@ def test_active_phases_of_a_real_servo_current(lab, measurements):
     lab.run(*columns, "--shortest", "0.1")
     rows = pd.read_csv(lab.out, comment="#")
     assert np.sign(rows["I [A]"]).tolist() == [1, -1] * 10
-    assert rows["I [A]"].abs().between(0.4, 0.75).all()
+    right = rows["I [A]"].abs().between(0.4, 0.75)
+    assert np.flatnonzero(~right).tolist() == [8]
+    assert "the zero drifts" in rows["remarks"][8]
 
 
 # Files
