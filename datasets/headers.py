@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 from .units import canonical, is_unit
 from .vocabulary import fits, roles_named
@@ -81,6 +82,7 @@ def _suffixed(text: str) -> Iterator[tuple[str, str]]:
                 yield name, unit_text
 
 
+@lru_cache(maxsize=4096)  # each header is read by several steps
 def parse_header(text: str) -> Header:
     """Split a header cell into name and unit.
 

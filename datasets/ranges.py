@@ -172,14 +172,19 @@ def candidate_units(role: str) -> tuple[str, ...]:
     return _UNITS.get(role, (ROLES[role].unit,))
 
 
+@lru_cache(maxsize=64)  # each step of a reading asks
+def _named_in(text: str) -> tuple[Process, ...]:
+    folded = text.casefold()
+    return tuple(process for process, words in _WORDS.items() if re.search(words, folded))
+
+
 def process_of(roles: Iterable[str], texts: Iterable[str]) -> Process | None:
     """Process that the roles of a table or its texts name, None where they name none or several.
 
     >>> process_of(("V", "fz", "ae"), ()), process_of(("V",), ("machine: lathe",)), process_of(("V", "f"), ())
     ('milling', 'turning', None)
     """
-    text = "\n".join(texts).casefold()
-    named = [process for process, words in _WORDS.items() if re.search(words, text)]
+    named = _named_in("\n".join(texts))
     if len(named) == 1:
         return named[0]
     if not named and not {"fz", "ae", "z"}.isdisjoint(roles):

@@ -284,6 +284,7 @@ def role_of_unit(text: str) -> str | None:
     return _BY_UNIT.get(unit) if unit is not None else None
 
 
+@lru_cache(maxsize=1024)  # the files of a laboratory have the same headers
 def suggest_role(name: str) -> str | None:
     """Symbol of the role whose name is most similar to an unknown name, None when none is.
 
