@@ -68,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
     """Reduce, print and write, and return the exit code."""
     from ..core.progress import progress_bar
     from ..datasets import write_csv
+    from ..datasets.signals.recording import record_files
     from ..datasets.signals.reduction import reduce_folder
     from ..datasets.signals.rows import reduced_rows
 
@@ -79,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     if out.resolve() == Path(args.plan).resolve():
         raise UsageError("--out is the plan itself: choose another name.")
     try:
-        with progress_bar(unit="records") as meter:
+        with progress_bar(unit="records", lines=len(record_files(folder)) > SHOWN) as meter:
             found = reduce_folder(folder, Path(args.plan), how, kept, besides=(out,), meter=meter)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted; the records reduced so far are kept in {kept}: run it again.") from None

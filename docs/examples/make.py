@@ -138,7 +138,33 @@ def pairs() -> list[list[str]]:
     return rows + [[work, "M20", "emulsion"] for work in stainless]
 
 
+CUTS = {"E01": (120, 0.2, (512.0, 534.0, 561.0)), "E02": (160, 0.3, (704.0, 741.0, 795.0))}  # V, f, forces in N
+
+
+def force_record(edge: str) -> list[list[str]]:
+    """A record of three cuts at 50 Hz: a drifting zero, ramps and a peak at the entry, noise."""
+    noise = np.random.default_rng(int(edge[1:]))
+    t = np.arange(1150) / 50
+    force = 12 * t / t[-1] + 6 * noise.standard_normal(t.size)
+    for k, mean in enumerate(CUTS[edge][2]):
+        since = t - 2 - 7 * k
+        shape = np.clip(since / 0.2, 0, 1) * np.clip((5 - since) / 0.2, 0, 1)
+        force += mean * shape * (1 + 0.4 * np.exp(-(((since - 0.2) / 0.06) ** 2)))
+    rows = [["# simulated: no measurement"], ["time [s]", "Fc [N]"]]
+    return rows + [[f"{a:.2f}", f"{b:.1f}"] for a, b in zip(t, force, strict=True)]
+
+
+def plan_of_records() -> list[list[str]]:
+    """The table of tests that belongs to the records of forces."""
+    rows = [["# simulated: no measurement"], ["edge", "V [m/min]", "f [mm/rev]", "d [mm]", "t [min]", "VB [mm]"]]
+    for edge, (V, f, _) in CUTS.items():
+        rows += [[edge, str(V), str(f), "2", str(t), f"{0.05 * (V / 120) * t**0.4:.3f}"] for t in (4, 8, 12)]
+    return rows
+
+
 FILES = {
+    **{f"records/{edge}.csv": (partial(force_record, edge), ",") for edge in CUTS},
+    "records-plan.csv": (plan_of_records, ","),
     **{f"shop/{tool}.csv": (partial(of_a_shop, tool), ";" if tool == "GC435" else ",") for tool in SHOP},
     "shop-pairs.csv": (pairs, ","),
     "verschleiss.csv": (workshop, ";"),
