@@ -15,7 +15,7 @@ from .quantities import table_process
 from .ranges import plausible
 from .stray_values import listed
 from .tables import Column
-from .units import canonical, same_dimension
+from .units import canonical, is_unit, same_dimension
 from .vocabulary import ROLES, roles_named, understood_unit
 
 SAMPLE = 20000  # rows looked at
@@ -89,14 +89,17 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
             continue
         values = np.asarray(column.values, dtype=float)[:SAMPLE]
         levels = np.unique(values[np.isfinite(values)])
-        if len(levels) < 2 or np.isfinite(values).sum() < FEWEST:
+        if len(levels) < 2 or np.isfinite(values).sum() < FEWEST or np.all(np.diff(values) == 1):  # or row numbers
             continue
         role = _named_like(draft, column, use.suggestion, options) or _measured_like(
             draft, column, values, options, edges
         )
         if role is None and _is_set(draft, values, levels, edges) and not _OTHER_WORDS.search(use.name):
             role = _valued_like(draft, column, levels, process, options)
-        if role is not None and role not in taken:
+        if role is None and column.name in ("", f"col{column.number}"):
+            sentence = f"column {column.number} has no name and is not used; it varies ({listed(values)})"
+            draft.doubts.append(Doubt((f"col{column.number}",), sentence))
+        elif role is not None and role not in taken:
             taken.add(role)
             sentence = (
                 f"column {column.name!r} varies between the tests ({listed(levels)}) and is not used; "
@@ -112,7 +115,7 @@ def _free(draft: Draft, role: str, options: ReadOptions) -> bool:
 
 
 def _unit_text(column: Column) -> str:
-    return column.unit_cell or parse_header(column.name).unit_text
+    return column.unit_cell or parse_header(column.name).unit_text or (column.name if is_unit(column.name) else "")
 
 
 def _named_like(draft: Draft, column: Column, suggestion: str | None, options: ReadOptions) -> str | None:

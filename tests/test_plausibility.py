@@ -268,6 +268,12 @@ def test_an_unused_result_is_named_with_its_map(read, role, header, expected):
     assert said(read(text(columns, {role: header}), **typed(doubt.remedy))) == []
 
 
+def test_a_column_without_a_name_is_named_unless_it_numbers_the_rows():
+    with_loads = datasets.runs_from_frame(pd.DataFrame(rows() | {"": rows()["V"] ** 2}))
+    assert any("column 7 has no name" in doubt for doubt in said(with_loads))
+    assert said(datasets.runs_from_frame(pd.DataFrame({"": np.arange(24.0)} | rows()))) == []
+
+
 def test_a_remark_after_the_name_leaves_its_role(read):
     assert read('V,"average wear, 3 lands (mm)"\n100,.1\n200,.2\n').values("AW").tolist() == [0.1, 0.2]
     assert not read('V,P,"VB, left","VB, right"\n100,2,.1,.2\n200,3,.2,.3\n').has("VB")
