@@ -26,6 +26,7 @@ _LABEL = re.compile(
 )
 _KEY_LINES = re.compile(rb"^[^\W\d_][^,;\t|\d:]*:[ \t]*\d", re.MULTILINE)
 _SNIFFED = 1 << 18  # bytes in which a heading or a second header is looked for
+_HEAD = 60  # first lines, of which one is the header
 _SAMPLE = 2000  # rows in which a second block must begin
 
 
@@ -106,8 +107,9 @@ def _may_be_blocks(source: TextSource) -> bool:
     head = source.data[:_SNIFFED]
     if b"=" in head or (b":" in head and len(_KEY_LINES.findall(head)) > 1):
         return True
-    lines = Counter(line for line in head.splitlines() if line[:1].isalpha() or line[:1] in b'"')
-    return any(count > 1 and not re.search(rb"[,;\t ]\s*-?[\d.]", line) for line, count in lines.items())
+    lines = head.split(b"\n", _HEAD)
+    texts = [line for line in lines[:_HEAD] if line[:1].isalpha() and not re.search(rb"[,;\t ]\s*-?[\d.]", line)]
+    return any(head.count(b"\n" + line) > (line != lines[0]) for line in texts)
 
 
 def _repeats(rows: Rows) -> bool:

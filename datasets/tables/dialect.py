@@ -244,7 +244,7 @@ def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None
     if delimiter != " " and not any(delimiter in line for line in lines):
         return None
     rows = [split_line(line, delimiter) for line in lines]
-    numbers = [sum(map(is_number, row)) for row in rows]
+    numbers = [sum(map(is_number, row)) if len(row) > 1 else 0 for row in rows]
     first = next((i for i, row in enumerate(rows) if len(row) > 1 and numbers[i]), None)
     if first is None:
         return None

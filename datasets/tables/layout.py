@@ -135,8 +135,9 @@ def _look(numbered: tuple[int, Sequence[Cell]]) -> SampleRow | None:
     if not cells:
         return None
     filled = [cell for cell in cells if str(cell).strip()]
-    numbers = sum(map(is_number, filled))
-    marks = sum(1 for cell in filled if isinstance(cell, str) and is_missing(cell))
+    texts = [cell for cell in filled if not is_number(cell)]
+    numbers = len(filled) - len(texts)
+    marks = sum(1 for cell in texts if isinstance(cell, str) and is_missing(cell))
     return SampleRow(line, tuple(cells), len(written), len(filled), numbers, marks)
 
 

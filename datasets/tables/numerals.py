@@ -195,6 +195,12 @@ class Evidence:
                         self.first[kind] = min(sighting, self.first.get(kind, sighting))
 
     def _kind(self, text: str, count: int) -> str:
+        whole, point, fraction = text.partition(".")
+        if whole.isdecimal() and whole.isascii() and (not point or (fraction.isdecimal() and fraction.isascii())):
+            if not point:
+                return ""
+            if len(fraction) != 3 or whole[0] == "0" or len(whole) > 3:
+                return "point"
         numbers: dict[Decimal, float] = {}
         for reading, grammar in _GRAMMAR.items():
             match = grammar.fullmatch(text.strip().replace(_MINUS, "-"))
