@@ -69,8 +69,8 @@ def clock_columns(
     """
     units, assumed, doubts, made = dict(options.units), [], [], []
     for column in columns:
-        role = _role(column, options.map)
-        times = None if not role or column.is_numeric else _times(column)
+        role = "" if column.is_numeric else _role(column, options.map)
+        times = _times(column) if role else None
         if times is not None:
             named = units.get(role, "") or column.unit_cell or _unit_of(column.name)
             if units.get(role) and notation(units[role]):

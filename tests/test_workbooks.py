@@ -302,7 +302,9 @@ def with_averages(label, edge=3, digits=6):
     return rows
 
 
-@pytest.mark.parametrize("label", ["Mean", "Mittelwert {}", "moyenne:", "media", "Ø", "{} average", None, ""])
+@pytest.mark.parametrize(
+    "label", ["Mean", "Mittelwert {}", "moyenne:", "media", "Ø", "{} average", "Std. dev. {}", None, ""]
+)
 @pytest.mark.parametrize("name", ["a.csv", "a.xlsx"])
 def test_averages_among_the_data_are_left_out_by_line(tmp_path, label, name):
     path = tmp_path / name

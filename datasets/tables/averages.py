@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from .body import Body, Findings
 from .gather import Column
-from .layout import footer_label
+from .layout import FOOTERS, footer_label
 from .numerals import Cell, is_missing, is_number
 
 _LONGEST = 60  # rows that one average may be of
+_ROUNDED = 0.5  # largest rounding of a mean: to a whole number
 _DECADES = 6.0  # chance of all agreements together, as a power of ten
 _WORDS = (
     "mean|average|avg|mittelwert|durchschnitt|moyenne|promedio|std dev|stdev|standard deviation|"
@@ -22,6 +23,9 @@ _AVERAGE = re.compile(
     rf"(?:(?:{_WORDS})\b[\s\w.,:()#/-]{{0,40}}|[\s\w.,:()#/-]{{0,40}}\b(?:{_WORDS}))[\s:=]*", re.IGNORECASE
 )
 _BARE = frozenset(("mw", "ø", "mittel", "media", "moy", "sd", "std", "s"))
+_SHORT = "|".join(re.escape(word) for word in {*FOOTERS, *_BARE} if len(word) < 4)
+_LONG = "|".join(re.escape(word) for word in FOOTERS if len(word) >= 4)
+_HINT = re.compile(rf"{_WORDS}|{_LONG}|^[\s.:=]*(?:{_SHORT})[\s.:=]*$", re.IGNORECASE | re.MULTILINE)  # a quick look
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +36,7 @@ def average_label(text: str) -> bool:
     >>> [average_label(text) for text in ("Mean", "Mittelwert E3:", "E1 average", "meander", "max")]
     [True, True, True, False, False]
     """
-    plain = text.strip()
+    plain = text.strip().replace(".", " ").replace("  ", " ")
     return len(plain) <= 2 * 40 and (plain.casefold().strip(" .:=") in _BARE or _AVERAGE.fullmatch(plain) is not None)
 
 
@@ -69,6 +73,8 @@ def _holds_label(column: Column) -> bool:
     if column.is_numeric:
         return any(average_label(text) or footer_label([text]) for _, text in column.bad)
     texts = set(column.values.tolist())
+    if not _HINT.search("\n".join(texts).replace(".", " ").replace("  ", " ")):
+        return False
     labels = [text for text in texts if text and (average_label(text) or footer_label([text]))]
     return 0 < len(labels) < len(texts) and not all(average_label(t) for t in texts if t)
 
@@ -130,13 +136,12 @@ def _first_mean(table: Floats, columns: Sequence[Floats]) -> tuple[int, float]:
     means = np.divide(
         np.where(known, table, 0.0).cumsum(axis=0), counts, out=np.full_like(table, np.nan), where=counts > 0
     )
-    for place in range(2, len(table)):
-        row, mean = table[place], means[place - 1]
-        both = known[place] & np.isfinite(mean)
-        if both.sum() >= 2 and (np.abs(row - mean)[both] <= 0.5 + 1e-9 * np.abs(mean[both])).all():
-            sure = _sureness(row, mean, table[:place], both, columns)
-            if sure > 0:
-                return place, sure
+    both = known[2:] & np.isfinite(means[1:-1])
+    near = np.abs(table[2:] - means[1:-1]) <= _ROUNDED + 1e-9 * np.abs(means[1:-1])
+    for place in (np.flatnonzero((near | ~both).all(axis=1) & (both.sum(axis=1) >= 2)) + 2).tolist():
+        sure = _sureness(table[place], means[place - 1], table[:place], both[place - 2], columns)
+        if sure > 0:
+            return place, sure
     return -1, 0.0
 
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import islice
 
 from ...core.errors import DataError
@@ -10,7 +11,8 @@ from .header_rows import SampleRow, Words, is_units_row, no_units, read_head
 from .numerals import Cell, is_missing, is_number
 
 SAMPLE = 500  # rows looked at to find header and data
-_FOOTERS = frozenset(
+_BLANK, _NUMBER, _MARK, _TEXT = range(4)  # kinds of a cell
+FOOTERS = frozenset(
     """
     mean/mean value/average/avg/sum/total/grand total/subtotal/std/sd/std dev/stdev/stddev/standard deviation/
     variance/min/minimum/max/maximum/count/median/range/rsd/cv/
@@ -107,7 +109,7 @@ def footer_label(cells: Sequence[Cell]) -> str:
     """
     label = next((str(cell).strip() for cell in cells if str(cell).strip()), "")
     plain = " ".join(label.casefold().replace(".", " ").split()).strip(" :=")
-    return label if plain in _FOOTERS else ""
+    return label if plain in FOOTERS else ""
 
 
 def is_text_line(cells: Sequence[Cell], layout: Layout) -> bool:
@@ -129,16 +131,24 @@ def is_text_line(cells: Sequence[Cell], layout: Layout) -> bool:
 
 def _look(numbered: tuple[int, Sequence[Cell]]) -> SampleRow | None:
     line, written = numbered
-    cells = list(written)
-    while cells and not str(cells[-1]).strip():
-        cells.pop()
-    if not cells:
+    kinds = list(map(_kind, written))
+    end = len(kinds)
+    while end and kinds[end - 1] == _BLANK:
+        end -= 1
+    if not end:
         return None
-    filled = [cell for cell in cells if str(cell).strip()]
-    texts = [cell for cell in filled if not is_number(cell)]
-    numbers = len(filled) - len(texts)
-    marks = sum(1 for cell in texts if isinstance(cell, str) and is_missing(cell))
-    return SampleRow(line, tuple(cells), len(written), len(filled), numbers, marks)
+    filled = end - kinds[:end].count(_BLANK)
+    return SampleRow(line, tuple(written[:end]), len(written), filled, kinds.count(_NUMBER), kinds.count(_MARK))
+
+
+@lru_cache(maxsize=2**14)
+def _kind(cell: Cell) -> int:
+    """Whether a cell is blank, a number, a mark of a missing value, or another text."""
+    if isinstance(cell, str) and not cell.strip():
+        return _BLANK
+    if is_number(cell):
+        return _NUMBER
+    return _MARK if isinstance(cell, str) and is_missing(cell) else _TEXT
 
 
 def _no_numbers(sample: Sequence[SampleRow], name: str) -> DataError:

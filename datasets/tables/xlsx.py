@@ -16,6 +16,7 @@ from .typed_cells import cell_of, is_length_of_time, shown_time
 from .worksheet import Place, Row, WorkbookSheet, damaged, without_hidden
 
 _TRUE = ("1", "true")
+_TEXT_TAG = VALUE_TAG[: -len("v")] + "t"
 _Cells = list[tuple[int, Cell]]
 
 
@@ -53,6 +54,8 @@ class _Parser(WorkSheetParser):
                 if style is None or int(style) not in self.date_formats:
                     return column, float(value)
                 return column, self._dated(float(value), int(style))
+        elif kind == "inlineStr" and len(element) == 1 and len(element[0]) == 1 and element[0][0].tag == _TEXT_TAG:
+            return column, element[0][0].text or ""  # one piece of text
         elif kind in (None, "n") or (kind == "e" and element.find(FORMULA_TAG) is not None):
             if len(element) and element.find(FORMULA_TAG) is not None:
                 self.formulas.append((self.row_counter, column))
