@@ -22,8 +22,9 @@ MOST_FACTORS = 6  # small panels in a row
 NAMED_LEVELS = 4  # written below their marks
 FEW_LEVELS = 25  # drawn one by one; more are a histogram
 NAMED_EDGES = 40  # edges whose names stand beside their lines
-MOST_EDGES = 400  # drawn as lines; rows of more edges are points
+MOST_EDGES = 200  # drawn as lines
 MOST_POINTS = 20_000
+Rows = NDArray[np.intp]
 LOG_SPAN = 3.0  # times and responses that span more are drawn on logarithmic axes, where a power law is straight
 PAIR_COLOURS = ("#1f5fa8", "#c8551b", "#2a8c4a", "#8a4fa3", "#b8860b", "#0f8b8d", "#a83250", "#5f5f5f")
 
@@ -135,24 +136,39 @@ def _curves(runs: Runs, symbol: str, ax: Axes, colours: NDArray[np.object_]) -> 
         ax.set(xscale="log", yscale="log")
     drawn = np.flatnonzero(seen & (edges != ""))
     codes, names = pd.factorize(edges[drawn])
-    if 1 < len(names) <= MOST_EDGES:
-        drawn = drawn[np.lexsort((x[drawn], codes))]
-        rows = np.split(drawn, np.cumsum(np.bincount(codes))[:-1])
-        step = max(1, len(drawn) // MOST_POINTS)
-        for at in rows:
-            few = np.append(at[:-1:step], at[-1])
-            ax.plot(x[few], y[few], "o-", ms=3, lw=0.9, color=colours[at[0]], alpha=0.85)
-        if len(names) <= NAMED_EDGES:
-            last = [at[-1] for at in rows]
-            _names_beside(ax, [str(name) for name in names], x[last], y[last], colours[last])
+    if len(names) > 1:
+        _lines(ax, x, y, drawn, codes, names, colours)
     else:
-        some = np.flatnonzero(seen)[:: max(1, int(seen.sum()) // MOST_POINTS)]
+        some = _some(np.flatnonzero(seen), MOST_POINTS)
         ax.scatter(x[some], y[some], s=16, c=colours[some].tolist(), alpha=0.7, linewidths=0)
     label = with_unit(f"{x_name}, {ROLES[x_name].quantity}", runs.units.get(x_name, "")) if x_name else "row"
     ax.set_xlabel(label)
     ax.set_ylabel(with_unit(f"{symbol}, {ROLES[symbol].quantity}", runs.units.get(symbol, "")))
     _plain_ticks(ax)
     ax.grid(color=GREY, alpha=0.2, which="both")
+
+
+def _lines(
+    ax: Axes, x: Array, y: Array, drawn: Rows, codes: Rows, names: NDArray[np.object_], colours: NDArray[np.object_]
+) -> None:
+    """A line for each edge, of many edges for some of them; few edges are named."""
+    drawn = drawn[np.lexsort((x[drawn], codes))]
+    rows = np.split(drawn, np.cumsum(np.bincount(codes))[:-1])
+    if len(names) > MOST_EDGES:
+        rows = [rows[i] for i in _some(np.arange(len(names)), MOST_EDGES)]
+        ax.set_title(f"{MOST_EDGES} of {len(names)} edges, drawn at random", fontsize=8, loc="right")
+    step = max(1, sum(map(len, rows)) // MOST_POINTS)
+    for at in rows:
+        few = np.append(at[:-1:step], at[-1])
+        ax.plot(x[few], y[few], "o-", ms=3, lw=0.9, color=colours[at[0]], alpha=0.85)
+    if len(names) <= NAMED_EDGES:
+        last = [at[-1] for at in rows]
+        _names_beside(ax, [str(name) for name in names], x[last], y[last], colours[last])
+
+
+def _some(places: Rows, most: int) -> Rows:
+    """All places where they are few, otherwise so many of them, chosen at random and always the same."""
+    return places if len(places) <= most else np.sort(np.random.default_rng(0).choice(places, most, replace=False))
 
 
 def _correlation(runs: Runs, x: str, y: str) -> float:
