@@ -34,11 +34,17 @@ def corrected(words: Sequence[str], remedy: str) -> str:
     'fitmodels data.csv --unit VB=um'
     >>> corrected(["look", "data.csv", "--out", "a.png", "--map", "V=vc x"], '--map "f=col 2"')
     "fitmodels data.csv --map 'V=vc x' --map 'f=col 2'"
+    >>> corrected(["data.csv"], "--map V=col2 --unit V=sfm --map V=col2")
+    'fitmodels data.csv --map V=col2 --unit V=sfm'
     """
     try:
         added = shlex.split(remedy)
     except ValueError:  # a quote without its partner: as written
         return f"{typed(words)} {remedy}"
+    once: dict[object, list[str]] = {}
+    for index, (key, texts) in enumerate(_options(added)):
+        once.setdefault(key or index, texts)
+    added = [text for texts in once.values() for text in texts]
     look = list(words[:1]) == ["look"]
     replaced = {key for key, _ in _options(added) if key}
     kept = [
@@ -86,14 +92,16 @@ def remedies_in(message: str) -> list[str]:
     ['--unit VB=um']
     >>> remedies_in("V: --unit V=sfm or --unit V=m/min; d: --unit d=in or --unit d=mm.")
     ['--unit V=sfm --unit d=in', '--unit V=m/min --unit d=mm']
+    >>> remedies_in("100 to 400 um/rev can: --unit f=um/rev or as feed rate, --map fm=col3 --unit fm=mm/min.")
+    ['--unit f=um/rev', '--map fm=col3 --unit fm=mm/min']
     """
     if "for instance" in message or "..." in message:
         return []
-    found: dict[object, list[str]] = {}
-    for option in OPTION.finditer(message):
-        text = option.group().rstrip(".,;:)")
-        key = next(_options(shlex.split(text)))[0]
-        found.setdefault(key, []).append(text)
-    most = max(map(len, found.values()), default=0)
-    alternatives = (" ".join(each[min(k, len(each) - 1)] for each in found.values()) for k in range(most))
+    clauses = []
+    for clause in re.split(r"[;.] ", message):
+        either = [[found.group().rstrip(".,;:)") for found in OPTION.finditer(part)] for part in clause.split(" or ")]
+        if any(either):
+            clauses.append([" ".join(options) for options in either if options])
+    most = max(map(len, clauses), default=0)
+    alternatives = (" ".join(either[min(k, len(either) - 1)] for either in clauses) for k in range(most))
     return list(dict.fromkeys(alternatives))
