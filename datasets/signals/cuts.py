@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ...core.errors import DataError, UsageError
+from ...core.errors import DataError
+from .contrast import Interval, chosen_signal, noise_and_reach, widened
 from .options import DRIVEN, ReduceOptions
 from .recording import Recording
 
 BLOCK = 0.02  # s, a period of 50 Hz
 SMOOTHED = 0.2  # s, at least
-MEDIAN = 0.5  # s; shorter peaks are neither cut nor idle
 SETTLED = 0.3  # s between a cut and the air that counts
 AIR = 5.0  # s of air used before and after a cut, at most
 FOLLOWING = 2.0  # s, time constant of the idle level
@@ -31,8 +31,6 @@ SCATTER = 4.0  # standard deviations of the load that count as steady
 OFF = 0.1  # share of the next level below which a spindle is off
 ALIKE = 0.2  # difference of the idle levels before and after, as a share of the load
 DETECTABLE = 5.0  # contrast, in standard deviations
-
-Interval = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +105,8 @@ def find_cuts(recording: Recording, how: ReduceOptions, revolution: float = 0.0)
     size = max(1, round(BLOCK * scale / recording.sample_time))
     step = size * recording.sample_time
     width = max(1, round(max(SMOOTHED * scale, revolution) / step))
-    signal, peaks, load = _chosen(recording, how, size, width, step / scale)
-    noise, reach = _scale(load, step / scale)
+    signal, peaks, load = chosen_signal(recording, how, size, width, step / scale)
+    noise, reach = noise_and_reach(load, step / scale)
     if reach < DETECTABLE * noise or reach == 0:
         raise DataError(_no_cut(recording.name, signal, load, noise))
     search = _Search(load, peaks, step, max(NOISE * noise, how.threshold * reach), scale)
@@ -148,88 +146,6 @@ def _small_loads(search: _Search, cuts: list[Interval], noise: float, reach: flo
     shown = ", ".join(f"{(b - a) * search.step:.3g} s at {a * search.step:.4g} s" for a, b in small[:4])
     more = f" and {len(small) - 4} more" if len(small) > 4 else ""
     return [f"loads below {100 * how.threshold:g} % of the largest are taken as air: {shown}{more} (--threshold)"]
-
-
-def block_means(values: Array, size: int) -> Array:
-    """Means of blocks of ``size`` values, shape (n // size,); a block without a number takes the level before it."""
-    if size == 1:
-        out = np.array(values, dtype=np.float64)
-    else:
-        blocks = values[: len(values) // size * size].reshape(-1, size)
-        out = blocks.mean(axis=1)
-        for k in np.flatnonzero(np.isnan(out)):
-            row = blocks[k][np.isfinite(blocks[k])]
-            out[k] = row.mean() if row.size else np.nan
-    lost = np.isnan(out)
-    if lost.any() and not lost.all():
-        places = np.maximum.accumulate(np.where(lost, 0, np.arange(len(out))))
-        out = out[places]
-        out[np.isnan(out)] = out[np.flatnonzero(np.isfinite(out))[0]]
-    return out
-
-
-def _chosen(recording: Recording, how: ReduceOptions, size: int, width: int, step: float) -> tuple[str, Array, Array]:
-    """The signal of the highest contrast, with and without its short peaks: the mean of a channel, or its scatter."""
-    names = list(recording.channels)
-    if how.channel is not None:
-        if how.channel not in names:
-            raise UsageError(f"--channel {how.channel}: {recording.name} has {', '.join(names)}.")
-        names = [how.channel]
-    found: list[tuple[float, str, Array, Array]] = []
-    for name in names:
-        values = recording.channels[name]
-        if not np.isfinite(values).any():
-            continue
-        peaks = _smoothed(block_means(values, size), width)
-        load = _without_peaks(peaks, step)
-        found.append((_contrast(load, step), name, peaks, load))
-        if size >= 4:
-            peaks = _smoothed(_block_sd(values, size), width)
-            load = _without_peaks(peaks, step)
-            found.append((0.3 * _contrast(load, step), f"standard deviation of {name}", peaks, load))
-    if not found:
-        raise DataError(f"{recording.name}: {', '.join(names)} contain no numbers.")
-    return max(found, key=lambda item: item[0])[1:]
-
-
-def _block_sd(values: Array, size: int) -> Array:
-    blocks = np.nan_to_num(values[: len(values) // size * size]).reshape(-1, size)
-    return np.asarray(blocks.std(axis=1), dtype=np.float64)
-
-
-def _smoothed(values: Array, width: int) -> Array:
-    """Moving mean over ``width`` values, shorter at the ends."""
-    if width <= 1:
-        return values
-    total = np.concatenate([[0.0], np.cumsum(values - values[0])])
-    first = np.maximum(np.arange(len(values)) - width // 2, 0)
-    last = np.minimum(np.arange(len(values)) + (width + 1) // 2, len(values))
-    return np.asarray((total[last] - total[first]) / (last - first) + values[0], dtype=np.float64)
-
-
-def _without_peaks(load: Array, step: float) -> Array:
-    """Moving median over half a second."""
-    from scipy.ndimage import median_filter
-
-    size = 2 * round(MEDIAN / step / 2) + 1
-    return load if size < 3 else np.asarray(median_filter(load, size=size, mode="nearest"), dtype=np.float64)
-
-
-def _scale(load: Array, step: float) -> tuple[float, float]:
-    """Noise of the quiet part, and largest step between half seconds: neither sees a slow drift."""
-    size = max(4, round(1.0 / step))
-    windows = load[: len(load) // size * size].reshape(-1, size)
-    noise = float(np.percentile(windows.std(axis=1), 25)) if len(windows) else float(load.std())
-    half = max(2, round(0.5 / step))
-    means = _smoothed(load, half)
-    apart = 3 * half
-    reach = float(np.abs(means[apart:] - means[:-apart]).max()) if len(means) > apart else float(np.ptp(means))
-    return noise, reach
-
-
-def _contrast(load: Array, step: float) -> float:
-    noise, reach = _scale(load, step)
-    return reach / max(noise, 1e-3 * reach, 1e-300)
 
 
 def _spans(search: _Search, begin: Interval | None = None) -> list[Interval]:
@@ -332,7 +248,7 @@ def _inner(search: _Search, span: Interval, rest: float) -> tuple[list[Interval]
         return [span], None
     before, after = (float(np.median(part)) for part in (
         search.load[first : first + second // 2 + 1], search.load[end - second // 2 - 1 : end]))  # fmt: skip
-    noise, reach = _scale(search.load[first:end], search.step / search.scale)
+    noise, reach = noise_and_reach(search.load[first:end], search.step / search.scale)
     inside = replace(search, high=max(NOISE * noise, 0.1 * reach))
     idle = (before + after) / 2
     if not abs(rest) < OFF * abs(idle) or reach < DETECTABLE * noise or reach < ALIKE * abs(idle):
@@ -415,15 +331,3 @@ def _no_cut(name: str, signal: str, load: NDArray[np.float64], noise: float, sho
         "does not leave its idle level. Take the record out of the folder, with its row of the plan, or name another "
         "channel with --channel."
     )
-
-
-def widened(numbers: NDArray[np.intp], by: int) -> list[Interval]:
-    """Runs of consecutive numbers as intervals [first, end), for messages and pictures; gaps up to ``by`` are closed.
-
-    >>> widened(np.array([1, 2, 3, 9]), 1)
-    [(1, 4), (9, 10)]
-    """
-    if not numbers.size:
-        return []
-    breaks = np.flatnonzero(np.diff(numbers) > by) + 1
-    return [(int(part[0]), int(part[-1]) + 1) for part in np.split(numbers, breaks)]

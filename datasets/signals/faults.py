@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...core.arrays import Array
-from .cuts import Cut, Interval, block_means, widened
+from .contrast import Interval, block_means, widened
+from .cuts import Cut
 from .recording import Recording
 from .statistics import ChannelFigures
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Array
-from .cuts import Cut, Interval, block_means
+from .contrast import Interval, block_means
+from .cuts import Cut
 from .recording import Recording
 
 FEWEST_A_TURN = 4  # samples; fewer do not show a peak within a revolution
