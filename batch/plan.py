@@ -6,6 +6,7 @@ from typing import Any
 
 from ..core.display import Display, Displayable, facts_of
 from ..datasets.columns import ColumnUse
+from ..datasets.derived import Derived
 from ..datasets.options import ReadOptions
 from ..pipeline.options import FitOptions
 
@@ -154,8 +155,8 @@ class Plan(Displayable):
     reading : Reading
     notes : tuple of str
         Free text above the table of a CSV that became Parquet; a lab file's notes stay with its pairs.
-    rules : tuple of str
-        Equations of the quantities that are computed from columns of a Parquet source.
+    derived : tuple of Derived
+        Quantities that are computed from columns of a Parquet source.
     """
 
     name: str
@@ -167,7 +168,7 @@ class Plan(Displayable):
     assumed: tuple[str, ...]
     reading: Reading
     notes: tuple[str, ...] = ()
-    rules: tuple[str, ...] = ()
+    derived: tuple[Derived, ...] = ()
 
     @property
     def pairs(self) -> tuple[Pair, ...]:

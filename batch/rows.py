@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..datasets import Runs
 from ..datasets.columns import ColumnUse
+from ..datasets.derived import Derived
 from ..datasets.doubts import Doubt
 from ..datasets.runs import Source, disclaimers
 from ..pipeline.reading import digest
@@ -28,11 +29,14 @@ class PairSource:
     notes: tuple[str, ...]
     doubts: tuple[Doubt, ...] = ()
     judged: bool = False
+    derived: tuple[Derived, ...] = ()
 
     @classmethod
     def of(cls, runs: Runs) -> "PairSource":
         """Those of the runs of a pair."""
-        return cls(runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes, runs.doubts, runs.judged)
+        return cls(
+            runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes, runs.doubts, runs.judged, runs.derived
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +55,8 @@ class PairRows:
     source : Source
         Of the rows of one lab file or several; for Parquet its ``sha256`` is empty and is taken of each pair's rows.
     assumed, warnings, notes : tuple of str
+    derived : tuple of Derived
+        Quantities that were computed from others.
     of_pair : mapping of Pair to PairSource
         Source, columns, assumed, warnings and notes of pairs that have their own; the others have those above.
     """
@@ -63,6 +69,7 @@ class PairRows:
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    derived: tuple[Derived, ...] = ()
     of_pair: Mapping[Pair, PairSource] = field(default_factory=dict)
 
     def simulated(self, pair: Pair) -> bool:
@@ -88,9 +95,9 @@ class PairRows:
         about = self.of_pair.get(pair)
         if about is None:
             source = Source(self.source.name, self.source.sha256 or digest(data), len(data), self.source.dialect)
-            about = PairSource(source, self.columns, self.assumed, self.warnings, self.notes)
+            about = PairSource(source, self.columns, self.assumed, self.warnings, self.notes, derived=self.derived)
         lines = np.arange(1, 1 + len(where)) if self.lines is None else self.lines[where]
         return pair, Runs(
             data, self.units, about.columns, lines, about.source, pair.tool, pair.work,
-            about.assumed, about.warnings, about.notes, about.doubts, about.judged,
+            about.assumed, about.warnings, about.notes, about.doubts, about.judged, about.derived,
         )  # fmt: skip

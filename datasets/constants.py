@@ -13,6 +13,7 @@ from .units import canonical, convert, same_dimension
 from .vocabulary import ROLES
 
 IN_NOTES = ("D", "Dc", "z", "n", "V")  # quantities that are constant in a series of tests more often than not
+NEED_UNIT = ("n", "V")  # n = 3 is a number of repeats
 _NUMBER = r"([-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+))(?![\d.,]*\d)"
 _UNIT = r"[ \t]*([^\s,;:()\[\]|]*)"
 _RANGE = re.compile(r"\s*(?:to|bis|à|hasta|-|–|\.\.|…|±|/|and|und|et|y)\s*[\d.]")
@@ -95,6 +96,8 @@ def _values(role: str, pattern: re.Pattern[str], text: str) -> Iterable[float]:
         value, unit = float(match[1].replace(",", ".")), ROLES[role].unit
         written = canonical(match[2].rstrip(".")) if match[2] else None
         if value <= 0 or _RANGE.match(text[match.end(1) :]):
+            continue
+        if written in (None, "1") and role in NEED_UNIT:
             continue
         if written in (None, "1", unit):
             yield value

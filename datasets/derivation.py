@@ -16,6 +16,7 @@ from .options import ReadOptions
 from .vocabulary import ROLES
 
 CONDITIONS = ("V", "n", "f", "fz", "fm", "d", "ae")
+SUMMED = ", summed"  # end of an equation whose values are summed over rows
 MOST, FEW = 0.9, 0.1  # shares of steps along an edge that rise
 EQUAL = 1e-9
 
@@ -118,7 +119,7 @@ def summed(draft: Draft, known: Known, made: Derived) -> Derived:
                 )
             )
         words = "each row is one pass, and the passes of an edge are summed"
-        return replace(made, equation=f"{made.equation}, summed", sentence=f"{made.sentence}; {words}")
+        return replace(made, equation=made.equation + SUMMED, sentence=f"{made.sentence}; {words}")
     if rising < MOST:
         draft.doubts.append(
             Doubt(
@@ -137,7 +138,7 @@ def summed(draft: Draft, known: Known, made: Derived) -> Derived:
     sums = np.asarray(pd.Series(increments).groupby(edge[order]).cumsum(), dtype=float)
     t[order] = sums
     words = "the speed changes along an edge, so increments of the length are divided by the speed of their row"
-    return replace(made, equation=f"{made.equation}, summed", sentence=f"{made.sentence}; {words}")
+    return replace(made, equation=made.equation + SUMMED, sentence=f"{made.sentence}; {words}")
 
 
 def _edges(draft: Draft) -> NDArray[np.intp]:

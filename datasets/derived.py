@@ -24,6 +24,7 @@ TORQUE = 60000 / (2 * pi)  # P in kW from M in N m and n in 1/min: P = M n/9549.
 KC = (500.0, 6000.0)  # N/mm2, usual specific cutting force
 LONG = 20_000.0  # mm: a cut length in turning above it is along the cut, at 50 to 1000 times the travel of the feed
 HALF = 0.5
+SOME = 10_000  # rows from which a convention is recognized
 ROTATING = ("fz", "ae", "z", "Dc")  # columns of tests with a rotating tool
 
 
@@ -57,6 +58,7 @@ class Rule:
 
 
 FEED = (0.99, 1.01)
+RATE = (0.85, 1.1)  # (1 - d/D) of it where V is that of the uncut diameter
 POWER = (0.5, 5.0)  # at the drive up to twice the power of the cut
 RULES = (
     Rule("V", "pi Dc n/1000", ("Dc", "n"), lambda D, n: pi * D * n / 1000),
@@ -76,7 +78,7 @@ RULES = (
     Rule("P", "Fc V/60000", ("Fc", "V"), lambda F, V: F * V / 60000, agree=POWER),
     Rule("P", "M n/9549.2966", ("M", "n"), lambda M, n: M * n / TORQUE, agree=POWER),
     Rule("P", "Fy V/60000", ("Fy", "V"), lambda F, V: F * V / 60000, ("turning",), POWER),
-    Rule("MRR", "1000 V f d", ("V", "f", "d"), lambda V, f, d: 1000 * V * f * d, ("turning",)),
+    Rule("MRR", "1000 V f d", ("V", "f", "d"), lambda V, f, d: 1000 * V * f * d, ("turning",), RATE),
     Rule("MRR", "ae d fm", ("ae", "d", "fm"), lambda ae, d, fm: ae * d * fm, ("milling",)),
     Rule("MRR", "pi Dc^2/4 f n", ("Dc", "f", "n"), lambda D, f, n: pi * D**2 / 4 * f * n, ("drilling",)),
     Rule("MRR", "pi D^2/4 f n", ("D", "f", "n"), lambda D, f, n: pi * D**2 / 4 * f * n, ("drilling",)),
@@ -217,6 +219,8 @@ def _computed(rule: Rule, known: Known, names: dict[str, str]) -> Derived:
     sentence = f"{rule.equation}, computed from {_listed(parts)}"
     if rule.formula.startswith("lf/(1000"):
         sentence += "; lengths of so many metres are along the cut, not along the feed"
+    if rule.role == "Fxz":
+        sentence += _not_thrust(known)
     if rule.formula.startswith("Fy"):
         sentence += "; Fy is taken as the cutting force, being the largest of the three"
     if isinstance(value, np.ndarray):
@@ -224,6 +228,17 @@ def _computed(rule: Rule, known: Known, names: dict[str, str]) -> Derived:
     else:
         known.given[rule.role] = Given(rule.role, float(value), f"{rule.formula}, {_listed(others)}")
     return Derived(rule.role, rule.equation, rule.inputs, sentence)
+
+
+def _not_thrust(known: Known) -> str:
+    """Remark where Fy, the cutting force in Alaskari and Oraby, is not the largest of the three components."""
+    if not ("Fy" in known.data and known.has("Fy")):
+        return ""
+    middle = {role: float(np.median(np.nan_to_num(np.abs(known.value(role))[:SOME]))) for role in ("Fx", "Fy", "Fz")}
+    largest = max(middle, key=lambda role: middle[role])
+    if largest == "Fy":
+        return ""
+    return f"; it is the thrust only where Fy is the cutting force, and {largest} is the largest of the three here"
 
 
 def _listed(words: list[str]) -> str:

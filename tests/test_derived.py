@@ -120,6 +120,7 @@ def test_constants_in_notes(note, role, value):
         "end milling (down), ap 0.2 mm, ae 1.4 mm, 10000 rpm",
         "overhang L/D = 3",
         "d = 2.5 mm",
+        "n = 3 repeats; V = 12",
     ],
 )
 def test_notes_that_state_no_constant(note):
@@ -355,7 +356,7 @@ def test_a_constant_is_read_by_the_batch_too(tmp_path):
     runs = datasets.runs_from_frame(table, constants={"D": 80.0})
     for role in ("V", "f"):
         np.testing.assert_array_equal(rows.frame[role], runs.values(role))
-    assert plan.rules == ("V = pi D n/1000", "f = fm/n")
+    assert [one.equation for one in plan.derived] == ["V = pi D n/1000", "f = fm/n"]
     assert set(runs.assumed[:2]) <= set(plan.assumed)
 
 
@@ -371,3 +372,28 @@ def test_a_region_refuses_a_law_on_another_speed_or_feed(names, symbol, remedy):
     pf = parameters.collect(design=runs, laws=laws, limits=limits, draws_kept=False)
     with pytest.raises(errors.UsageError, match=f"is on {symbol} .*{remedy}"):
         controllers.visible_region(pf, d=2, t=5, at={symbol: 0.05})
+
+
+def test_a_batch_refuses_sums_along_edges(tmp_path):
+    pytest.importorskip("pyarrow")
+    from fitmodels.batch.plan import Reading
+    from fitmodels.batch.source.parquet_blocks import parquet_plan
+
+    path = Path(tmp_path, "tests.parquet")
+    rows = {"tool": "A", "work": "B", "edge": ["1", "1", "2", "2"], "n": 1000.0, "vf [mm/min]": 200.0,
+            "length of cut [mm]": 1000.0, "VB": [0.1, 0.2, 0.1, 0.3]}  # fmt: skip
+    pd.DataFrame(rows).to_parquet(path)
+    options = {"most_rows": 100, "most_pairs": 10, "work": Path(tmp_path), "report": print}
+    with pytest.raises(errors.DataError, match=r"not summed.*--map lf=none"):
+        parquet_plan(path, Reading(), **options)
+    assert parquet_plan(path, Reading(map={"lf": "none"}), **options).rows == 4
+
+
+def test_a_length_that_is_no_cut_length_is_no_doubt():
+    n = np.array([1000.0, 1600, 2000])
+    assert doubted(n=n, f=[0.2, 0.3, 0.4], L=[120, 120, 120], t=[2, 4, 6], VB=[0.1, 0.2, 0.3]) == []
+
+
+def test_the_thrust_of_other_axes_is_remarked():
+    forces = {"V": [100.0, 150.0], "Fx": [1800, 1000], "Fy": [600, 400], "Fz": [500, 300]}
+    assert any("Fx is the largest of the three here" in text for text in read(**forces).assumed)

@@ -89,7 +89,7 @@ def parquet_plan(
     rows = sum(block.rows for block in blocks)
     return Plan(
         name or source.name, "parquet", blocks, rows, known.columns, unreadable, tuple(assumed), reading,
-        notes=notes, rules=known.rules,
+        notes=notes, derived=known.derived,
     )  # fmt: skip
 
 

@@ -70,9 +70,10 @@ def parquet_rows(block: Block, plan: Plan) -> tuple[list[PairRows], dict[str, st
     if not read:
         return [], unreadable
     frame, units = _frame(read, block, plan)
+    derived = tuple(one for one in plan.derived if one.role in units)
     assumed = tuple(sentence for sentence in plan.assumed if sentence != SORTED)
     source = Source(plan.name, "", len(frame), NO_LINES)
-    return [PairRows(frame, None, units, plan.columns, source, assumed, notes=plan.notes)], unreadable
+    return [PairRows(frame, None, units, plan.columns, source, assumed, notes=plan.notes, derived=derived)], unreadable
 
 
 def parquet_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:
@@ -182,7 +183,7 @@ def _frame(read: list[_Read], block: Block, plan: Plan) -> tuple[pd.DataFrame, d
         elif use.role not in texts:
             texts[use.role or _group_name(use, plan)] = joined([some for some in values if isinstance(some, Labels)])
     units = {role: ROLES[role].unit for role in data}
-    found = apply(known_of(data, plan.notes, plan.reading), {}, only=plan.rules)  # type: ignore[arg-type]
+    found = apply(known_of(data, plan.notes, plan.reading), {}, only=[one.equation for one in plan.derived])  # type: ignore[arg-type]
     units.update({one.role: ROLES[one.role].unit for one in found if one.role in data})
     for name in plan.reading.groups:  # a group may be a column that has a role too
         if name not in data and name not in texts and (role := group_column(plan.columns, name).role) in texts:

@@ -14,6 +14,8 @@ import pandas as pd
 from ...core.errors import DataError, UsageError
 from ...core.suggestions import did_you_mean
 from ...datasets.columns import LARGEST, ColumnUse
+from ...datasets.derivation import SUMMED
+from ...datasets.derived import Derived
 from ...datasets.design import decode_levels
 from ...datasets.options import ReadOptions
 from ...datasets.reading import runs_of_sample
@@ -110,15 +112,15 @@ class SourceColumns:
     kinds : mapping of str to str
         Kind of each column of the first file.
     assumed : tuple of str
-    rules : tuple of str
-        Equations of the quantities that are computed from these columns.
+    derived : tuple of Derived
+        Quantities that are computed from these columns.
     """
 
     first: ParquetFile
     columns: tuple[ColumnUse, ...]
     kinds: Mapping[str, str]
     assumed: tuple[str, ...]
-    rules: tuple[str, ...] = ()
+    derived: tuple[Derived, ...] = ()
 
 
 def needed_columns(columns: tuple[ColumnUse, ...], reading: Reading) -> tuple[ColumnUse, ...]:
@@ -167,9 +169,20 @@ def interpret_columns(
         for role, name in UNNAMED.items()
         if getattr(reading, role) is None and role not in {use.role for use in columns}
     )
-    found = SourceColumns(first, columns, kinds, assumed, tuple(one.equation for one in runs.derived))
+    found = SourceColumns(first, columns, kinds, assumed, _row_by_row(runs.derived))
     needed_columns(columns, reading)
     return found
+
+
+def _row_by_row(derived: tuple[Derived, ...]) -> tuple[Derived, ...]:
+    """What is computed from the columns; sums along an edge, which need its rows together, are refused."""
+    for one in derived:
+        if one.equation.endswith(SUMMED):
+            raise DataError(
+                f"{one.sentence}: rows of so large a source are not summed. Write the time in cut as a column t, or "
+                f"leave the length out with --map {one.inputs[0]}=none."
+            )
+    return derived
 
 
 def _few_rows(file: ParquetFile) -> tuple[pd.DataFrame, dict[str, str]]:
