@@ -132,18 +132,17 @@ def check_levels(draft: Draft, options: ReadOptions) -> None:
         _doubt_far(draft, use.role, values)
         if ROLES[use.role].kind != "condition":
             _doubt_group(draft, use.role, values)
-        elif not _doubt_shifted(draft, use.role, values):
-            _doubt_single(draft, use.role, values)
+        elif len(np.unique(values[:SAMPLE])) <= 3 * MOST_LEVELS:
+            levels, counts = np.unique(values[values > 0], return_counts=True)
+            if not _doubt_shifted(draft, use.role, values, levels, counts):
+                _doubt_single(draft, use.role, values, levels, counts)
 
 
-def _doubt_shifted(draft: Draft, role: str, values: Array) -> bool:
+def _doubt_shifted(draft: Draft, role: str, values: Array, levels: Array, counts: NDArray[np.intp]) -> bool:
     """Whether a minority of rows lies apart from the others and holds their levels in another unit."""
-    if len(values) > SAMPLE and len(np.unique(values[:SAMPLE])) > 2 * MOST_LEVELS:
-        return False
-    levels, counts = np.unique(values[values > 0], return_counts=True)
     if not 2 <= len(levels) <= 2 * MOST_LEVELS:
         return False
-    ratios = LATTICE.get(role, LENGTHS)
+    ratios = [ratio for ratio in LATTICE.get(role, LENGTHS) if ratio < levels[-1] / levels[0] * (1 + NEAR)]
     shares = np.cumsum(counts) / counts.sum()
     for cut in np.flatnonzero(levels[1:] > levels[:-1] * GAP) + 1:
         gap, lower = levels[cut] / levels[cut - 1], shares[cut - 1]
@@ -209,19 +208,15 @@ def _early(draft: Draft, rows: NDArray[np.bool_]) -> bool:
     return bool(np.nanmedian(t[rows]) < np.nanmedian(t[~rows]) / 2)
 
 
-def _doubt_single(draft: Draft, role: str, values: Array) -> None:
+def _doubt_single(draft: Draft, role: str, values: Array, levels: Array, counts: NDArray[np.intp]) -> None:
     """Doubt a value that occurs once in a column of few levels, each of which occurs four times and more."""
-    known = values[:SAMPLE][np.isfinite(values[:SAMPLE])]
-    levels, counts = np.unique(known, return_counts=True)
-    levels, counts = levels[counts > 1], counts[counts > 1]
-    if not 2 <= len(levels) <= MOST_LEVELS or counts.min() < 4:
+    once, several = levels[counts == 1], levels[counts > 1]
+    if len(once) != 1 or not 2 <= len(several) <= MOST_LEVELS or counts[counts > 1].min() < 4:
         return
-    rows = np.flatnonzero(np.isfinite(values) & ~np.logical_or.reduce([values == level for level in levels]))
-    if len(rows) != 1:
-        return
+    rows = np.flatnonzero(values == once[0])
     sentence = (
         f"{places(draft, rows)}: {role} {listed(values[rows])} {ROLES[role].unit} occurs once, "
-        f"every other row holds one of {listed(levels)}"
+        f"every other row holds one of {listed(several)}"
     )
     _add(draft, role, rows, sentence)
 
