@@ -2,26 +2,11 @@
 
 import datetime as dt
 
-from laboratory_truth import BASE, DOUBTED, READ, REFUSED, Case, cells, headed, show, table, wear_test
+from laboratory_truth import BASE, DOUBTED, READ, REFUSED, cells, headed, registry, show, table
 from laboratory_workbooks import ods, xls, xlsb, xlsx
 
 CASES = []
-
-
-def add(name, *expected, names="", file="data.xlsx", test=None, **how):
-    """Register a case: the function makes the bytes (or a mapping of file names to bytes), and perhaps the truth."""
-
-    def register(write):
-        def make():
-            w = wear_test(name, **(test or {}))
-            made = write(w.copy())
-            content, truth = made if isinstance(made, tuple) else (made, w[list(BASE)])
-            return content if isinstance(content, dict) else {file: content}, truth, {}
-
-        CASES.append(Case(name, make, expected, tuple(names.split("|")) if names else (), **how))
-        return write
-
-    return register
+add = registry(CASES, "data.xlsx")
 
 
 def grid(w, *columns, **names):

@@ -3,6 +3,8 @@
     python tests/laboratory_files.py                          reads every file and prints the table
     python tests/laboratory_files.py --write FOLDER [NAME]    writes the files whose name contains NAME into a folder
     python tests/laboratory_files.py --only NAME              the table of these alone, with the whole message
+
+Set LABORATORY_SALT to any text for other numbers in every file.
 """  # fmt: skip
 
 import sys
@@ -13,10 +15,11 @@ from tempfile import TemporaryDirectory
 sys.path.insert(0, str(Path(__file__).parent))
 
 from laboratory_books import CASES as BOOKS
+from laboratory_habits import CASES as HABITS
 from laboratory_texts import CASES as TEXTS
 from laboratory_truth import judge
 
-CASES = {case.name: case for case in (*TEXTS, *BOOKS)}
+CASES = {case.name: case for case in (*TEXTS, *HABITS, *BOOKS)}
 
 
 def main():

@@ -2,29 +2,13 @@
 
 import numpy as np
 import pandas as pd
-from laboratory_truth import BASE, DOUBTED, READ, REFUSED, Case, cells, frame_text, headed, show, table, text, wear_test
+from laboratory_truth import BASE, DOUBTED, READ, REFUSED, cells, frame_text, headed, registry, show, table, text
 
 VB = {"AW": "VB"}
 OF_VB = ("edge", "V", "f", "d", "t", "VB")
 INCH = 25.4
 CASES = []
-
-
-def add(name, *expected, names="", file="data.csv", encoding="utf-8", test=None, corrected=None, **how):
-    """Register a case: the function makes the text, or text and truth, of the wear test of this name."""
-
-    def register(write):
-        def make():
-            w = wear_test(name, **(test or {}))
-            made = write(w.copy())
-            content, truth = made if isinstance(made, tuple) else (made, w[list(BASE)])
-            after = {} if corrected is None else {file: corrected(w).encode(encoding)}
-            return {file: content.encode(encoding)}, truth, after
-
-        CASES.append(Case(name, make, expected, tuple(names.split("|")) if names else (), **how))
-        return write
-
-    return register
+add = registry(CASES)
 
 
 def of_vb(w):
