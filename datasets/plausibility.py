@@ -5,6 +5,7 @@ from .columns import NONE
 from .cross_checks import check_columns
 from .doubts import Doubt
 from .draft import Draft
+from .mixed_units import check_mixed_units
 from .options import ReadOptions
 from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
 from .ranges import candidate_units, plausible, widest
@@ -42,6 +43,7 @@ def check_values(draft: Draft, options: ReadOptions) -> None:
     """Doubt values and columns of a complete draft that contradict each other, and columns that are not used."""
     if len(draft.lines):
         check_levels(draft, options)
+        check_mixed_units(draft)
         check_columns(draft, options)
         check_uses(draft, options)
 

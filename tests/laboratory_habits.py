@@ -127,14 +127,7 @@ def _(w):
     return text(headed(w[NAMES], t="t [h:mm]"), rows)
 
 
-@add(
-    "wear per mille of a metre: VB [1/100 mm]",
-    READ,
-    REFUSED,
-    names="VB|AW",
-    typed="--unit AW=cm",
-    check=lambda seen: False,
-)
+@add("wear in hundredths: AW [1/100 mm]", READ, REFUSED, names="AW", corrected=plain)
 def _(w):
     return table(w[NAMES].assign(AW=(w["AW"] * 100).round(2)), AW="AW [1/100 mm]")
 

@@ -309,6 +309,15 @@ def _remedy_fault(case, refusal, path, folder):
     return "" if tried is True else tried
 
 
+def _typed(options, remedy):
+    """Options with further ones, which replace earlier ones for the same role."""
+    given = {}
+    for word in re.split(r"\s+(?=--)", f"{options} {remedy}".strip()):
+        flag, _, value = word.partition(" ")
+        given[flag, value.partition("=")[0].strip("\"'")] = word
+    return " ".join(given.values())
+
+
 def _tried(case, refusal, path, options, depth):
     """True where one of the remedies, typed as printed, reads right; else why not."""
     found = remedies(refusal)
@@ -316,7 +325,7 @@ def _tried(case, refusal, path, options, depth):
         return "the refusal holds no option to type"
     why = ""
     for remedy in found:
-        typed = f"{options} {remedy}".strip()
+        typed = _typed(options, remedy)
         try:
             seen = reads(path, typed)
         except (SystemExit, ValueError):

@@ -1,0 +1,77 @@
+"""Edges with a condition in another unit: found by their wear, and not where there are none."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets
+
+LEVELS = {"V": (80, 120, 180), "f": (0.1, 0.2, 0.4), "d": (1, 1.5, 2.5)}
+ENDS = {"V": (60, 200), "f": (0.08, 0.5), "d": (0.8, 3)}
+TIMES = (2.0, 4.0, 7.0, 10.0, 14.0, 18.0)
+
+
+def wear(seed, edges=24, grid=False, scatter=(0.052, 0.08)):
+    """A test by the wear law of AC-2016; standard deviations of edges and rows as there."""
+    rng = np.random.default_rng(seed)
+    names = [f"E{i + 1:02d}" for i in range(edges)]
+    if grid:
+        all_of_them = np.array(np.meshgrid(*LEVELS.values())).reshape(3, -1).T
+        X = all_of_them[rng.permutation(len(all_of_them))[:edges]].T
+    else:
+        X = np.exp([rng.uniform(*np.log(ends), edges) for ends in ENDS.values()])
+    frame = pd.DataFrame({"edge": names, **dict(zip(LEVELS, X, strict=True))}).loc[np.repeat(range(edges), len(TIMES))]
+    frame["t"] = np.tile(TIMES, edges)
+    of_edge = np.repeat(rng.normal(0, scatter[0], edges), len(TIMES))
+    noise = np.exp(of_edge + rng.normal(0, scatter[1], len(frame)))
+    frame["AW"] = (
+        0.00762 * frame["V"] ** 0.577 * frame["f"] ** 0.168 * frame["d"] ** 0.248 * frame["t"] ** 0.245 * noise
+    )
+    return frame.reset_index(drop=True)
+
+
+def doubts(frame):
+    units = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min", "AW": "mm"}
+    return datasets.runs_from_frame(frame.rename(columns={name: f"{name} [{u}]" for name, u in units.items()})).doubts
+
+
+def by_response(frame):
+    return [doubt for doubt in doubts(frame) if "the unit of th" in doubt.sentence]
+
+
+def mixed(seed, role, factor, shifted, **how):
+    frame = wear(seed, **how)
+    frame.loc[frame["edge"].isin([f"E{number:02d}" for number in shifted]), role] *= factor
+    return frame
+
+
+@pytest.mark.parametrize(
+    ("role", "factor", "edges", "least"),
+    [("f", 1 / 25.4, (2, 9, 15, 20), 18), ("d", 1 / 25.4, (1, 12, 13), 18), ("V", 1 / 0.3048, (3, 4, 17), 12)],
+)
+def test_edges_in_another_unit_are_found(role, factor, edges, least):
+    """Of 20 tests; simulated rates for 24 edges are above .9, and .77 for speeds that land inside the design."""
+    found = [doubts(mixed(seed, role, factor, edges)) for seed in range(20)]
+    assert sum(any(role in doubt.columns for doubt in one) for one in found) >= least
+    named = f"edges {', '.join(f'E{number:02d}' for number in edges)}: with {role}"
+    assert any(doubt.sentence.startswith(named) for one in found for doubt in one)
+
+
+@pytest.mark.parametrize("grid", [True, False])
+def test_sound_files_are_not_doubted(grid):
+    assert not [seed for seed in range(40) if by_response(wear(seed, grid=grid))]
+
+
+def test_a_test_without_scatter_is_not_doubted():
+    assert not by_response(wear(1, scatter=(0, 0)))
+
+
+def test_a_single_edge_may_have_several_causes():
+    sentence = by_response(mixed(3, "V", 1 / 0.3048, (7,)))[0].sentence
+    assert sentence.startswith("edge E07: with V")
+    assert "divided by 3.281 (sfm and m/min)" in sentence
+    assert sentence.endswith("check the unit of this edge")
+
+
+def test_few_edges_and_no_response_are_left_alone():
+    assert not by_response(mixed(1, "f", 1 / 25.4, (2,), edges=6))
+    assert not by_response(mixed(1, "f", 1 / 25.4, (2, 5)).drop(columns="AW"))
