@@ -130,8 +130,8 @@ def _report(found: "Reduction", notes: list[str], remarks: list[str], out: Path,
         held = found.plan.table.lines
         lines += [f"  line {held[k]} of the plan: {text}" for k, text in doubted[:SHOWN]]
         lines += [f"  and {len(doubted) - SHOWN} more"] if len(doubted) > SHOWN else []
-    shown = ("sign is reversed", "signs are", "does not rise")
-    lines += [note for note in notes if note.startswith("peak:") or any(words in note for words in shown)]
+    shown = ("less the idle level", "sign is reversed", "signs are", "does not rise")
+    lines += [note for note in notes if note.startswith(("peak:", "t:")) or any(words in note for words in shown)]
     lines.append(f"Written: {out} ({len(found.plan)} rows); pictures of the records in {kept}/. Next: fitmodels {out}")
     return lines
 

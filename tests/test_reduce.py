@@ -110,6 +110,17 @@ def test_a_drive_has_three_states(lab):
     assert runs.data["P idle [kW]"].to_numpy() == pytest.approx(0.8, rel=0.05)
 
 
+def test_a_spindle_that_only_idles_is_no_cut(lab, capsys):
+    rng = np.random.default_rng(3)
+    _, load, *_ = simulated.cut_signal([2.0], 100, rng, seconds=5.0, drift=0, ripple=0)
+    for name, inner in (("E1.csv", 0.8 + load), ("E2.csv", np.full(800, 0.8) + 0.02 * rng.standard_normal(800))):
+        power = np.concatenate([np.zeros(300), inner, np.zeros(300)]) + 0.002 * rng.standard_normal(len(inner) + 600)
+        simulated.write_table(lab.folder / name, 0.01 * np.arange(len(power)), {"P [kW]": power})
+    lab.rows(1, edges=("E1", "E2"))
+    lab.run(code=3)
+    assert "E2.csv contains no cut" in capsys.readouterr().err
+
+
 def test_an_interrupted_cut_is_found_on_its_scatter():
     rng = np.random.default_rng(4)
     load = 2 * rng.standard_normal(20_000)
@@ -259,10 +270,10 @@ def test_by_edge_in_the_name_and_in_natural_order(lab):
     lab.rows(2, edges=("E2", "E10"))
     for edge, base in (("E2", 300.0), ("E10", 700.0)):
         for k in (1, 2):
-            lab.record(f"{edge}_{k}.csv", means=[base + 50 * k], seed=k)
+            lab.record(f"{edge.replace('E', 'E0')}_{k}.csv", means=[base + 50 * k], seed=k)
     runs = lab.run()
     assert runs.values("Fc") == pytest.approx([350, 400, 750, 800], rel=WITHIN)
-    assert runs.data["record"].tolist() == ["E2_1.csv", "E2_2.csv", "E10_1.csv", "E10_2.csv"]
+    assert runs.data["record"].tolist() == ["E02_1.csv", "E02_2.csv", "E010_1.csv", "E010_2.csv"]
 
 
 def test_by_a_column_of_the_plan(lab, capsys):

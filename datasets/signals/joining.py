@@ -201,12 +201,13 @@ def _by_edge(plan: Plan, files: Sequence[Path]) -> Assignment | None:
 
 
 def _contains(stem: str, label: str) -> bool:
-    """Whether a name contains an edge as a word: E2 is not in E21.
+    """Whether a name contains an edge as a word, with or without leading zeros: E2 is in E02, not in E21.
 
-    >>> _contains("run-E02_03", "E02"), _contains("E21", "E2"), _contains("test 7-2", "7")
+    >>> _contains("run-E02_03", "E2"), _contains("E21", "E2"), _contains("test 7-2", "07")
     (True, False, True)
     """
-    return bool(re.search(rf"(?<![0-9A-Za-z]){re.escape(label)}(?![0-9A-Za-z])", stem, flags=re.IGNORECASE))
+    plain, wanted = (re.sub(r"(?<!\d)0+(?=\d)", "", text) for text in (stem, label))
+    return bool(re.search(rf"(?<![0-9A-Za-z]){re.escape(wanted)}(?![0-9A-Za-z])", plain, flags=re.IGNORECASE))
 
 
 def natural_sorted(names: Sequence[str]) -> list[str]:

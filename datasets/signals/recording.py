@@ -162,7 +162,8 @@ def _channels(
     if not chosen:
         raise DataError(
             f"{name} has no column of a force, a torque, power or current among "
-            f"{', '.join(head.label for head in known[:12])}: name it with --map, as --map Fc=col2."
+            f"{', '.join(head.label for head in known[:12])}: name it with --map, as --map Fc=col2, "
+            "or take the file out of the folder."
         )
     return chosen, [f"not read: {', '.join(others)}"] if others else []
 

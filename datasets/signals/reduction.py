@@ -21,6 +21,7 @@ from .options import ReduceOptions
 from .recording import Recording, read_recordings, record_files
 from .statistics import ChannelFigures, channel_figures, peak_window
 
+LOW = 0.2  # deviation of idle levels between records
 SHORTEST_WINDOW = 10  # samples
 Speed = Callable[[int, float | None], float | None]
 
@@ -152,6 +153,7 @@ def reduce_folder(
         resumed += again
         if meter is not None:
             (meter.skip if again else meter.advance)(1)
+    refused += _idle_only(records)
     if refused:
         raise _refusal(refused, len(files), kept)
     return Reduction(tuple(records), plan, _rows(plan, joined, records), joined.how, resumed)
@@ -165,6 +167,27 @@ def _refusal(refused: Sequence[DataError], files: int, kept: Path) -> DataError:
         + " ".join(f"({k}) {e}" for k, e in enumerate(refused[:5], 1))
         + (f" The others are kept in {kept}." if len(refused) < files else "")
     )  # fmt: skip
+
+
+def _idle_only(records: Sequence[ReducedRecord]) -> list[DataError]:
+    """Refusals of records in which a spindle starts and stops without a cut: their load is the idle level of others."""
+    idles: dict[str, list[float]] = {}
+    for record in records:
+        if "off" in record.levels:
+            idles.setdefault(record.signal, []).append(record.levels["idle"])
+    out = []
+    for record in records:
+        if "off" in record.levels or record.signal not in idles:
+            continue
+        idle, load = float(np.median(idles[record.signal])), record.levels["cut"]
+        if abs(record.levels["idle"]) < LOW * abs(idle) and abs(load - idle) < LOW * abs(idle):
+            out.append(
+                DataError(
+                    f"{record.name} contains no cut: its load, {record.signal} {load:.3g}, is the idle level of the "
+                    f"other records, {idle:.3g}. Take it out of the folder, with its row of the plan."
+                )
+            )
+    return out
 
 
 def _speeds(plan: Plan, joined: Assignment, path: Path, before: int) -> tuple[Speed, str]:
