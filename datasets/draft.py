@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .columns import ColumnUse, Values
 from .derived import Derived
 from .doubts import Doubt
+from .edge_columns import Codes, numbered
 from .tables import Column
 from .vocabulary import ROLES
 
@@ -47,8 +48,18 @@ class Draft:
     warnings: list[str] = field(default_factory=list)
     doubts: list[Doubt] = field(default_factory=list)
     derived: list[Derived] = field(default_factory=list)
+    coded: dict[str, tuple[Values, Codes, list[str]]] = field(default_factory=dict, repr=False)
 
     def numbers(self) -> dict[str, NDArray[np.float64]]:
         """Values of the roles that have a unit, as floats."""
         with_unit = [role for role in self.data if role in ROLES and ROLES[role].unit]
         return {role: np.asarray(self.data[role], dtype=float) for role in with_unit}
+
+    def codes(self, role: str) -> tuple[Codes, list[str]]:
+        """Codes of the rows of a label, and its names; computed once for each array."""
+        labels = self.data[role]
+        known = self.coded.get(role)
+        if known is None or known[0] is not labels:
+            known = (labels, *numbered(np.asarray(labels, dtype=object)))
+            self.coded[role] = known
+        return known[1], known[2]

@@ -58,10 +58,12 @@ def _copies(draft: Draft, numbers: dict[str, Array]) -> Flags:
     if len(numbers) < 3 or measured == 0:
         return copy
     chance = measured == 1 and all(use.role != "edge" for use in draft.uses)
-    keys = np.nan_to_num(np.vstack(list(numbers.values())), nan=-1e300)
-    order = np.lexsort(keys)
-    equal = (keys[:, order[1:]] == keys[:, order[:-1]]).all(axis=0)
-    for i in np.flatnonzero(equal):
+    key = np.zeros(n)  # equal rows have equal sums
+    for k, values in enumerate(numbers.values()):
+        missing = np.isnan(values)
+        key += (k + np.sqrt(2)) * (np.where(missing, 0.1234, values) if missing.any() else values)
+    order = np.argsort(key, kind="stable")
+    for i in np.flatnonzero(key[order[1:]] == key[order[:-1]]):
         a, b = sorted((int(order[i]), int(order[i + 1])))
         texts = (column.values for column in draft.columns)
         if chance and b > a + 1:

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from .columns import ColumnUse
 from .vocabulary import roles_named
 
 TOLERANCE = 0.02  # relative; conditions that differ by less are the same setting measured twice
+SHORT = 2_000  # rows below which a dictionary is faster than pandas
 MOST = 0.9  # share of the edges in which a rule must hold
 
 # Names of columns without a role that may number edges: numbers of tools, corners, samples, files.
@@ -101,6 +103,20 @@ class Tests:
         return len(next(x for x in (self.time, self.wear, *self.settings.values()) if x is not None))
 
 
+def numbered(labels: NDArray[np.object_]) -> tuple[Codes, list[str]]:
+    """Codes of labels and their names, in the order of the rows.
+
+    >>> numbered(np.array(["b", "a", "b"], dtype=object))
+    (array([0, 1, 0]), ['b', 'a'])
+    """
+    if len(labels) > SHORT:
+        codes, names = pd.factorize(labels)
+        return codes.astype(np.intp, copy=False), list(names)
+    known: dict[str, int] = {}
+    found = [known.setdefault(label, len(known)) for label in labels.tolist()]
+    return np.array(found, dtype=np.intp), list(known)
+
+
 def differs(a: Array, b: Array) -> Flags:
     """Whether two settings differ by more than the tolerance; a missing one does not."""
     return np.asarray(np.abs(a - b) > TOLERANCE * np.maximum(np.abs(a), np.abs(b)))
@@ -112,38 +128,33 @@ def holds_edges(codes: Codes, tests: Tests) -> bool:
     Without a time, wear must rise and the settings be constant.
     """
     order = np.argsort(codes, kind="stable")
-    order = order[codes[order] >= 0]
-    same, first = _within(codes[order])
-    several = len(np.unique(codes[order][first]))
+    order = order[np.searchsorted(codes[order], 0) :]
+    code = codes[order]
+    same = code[1:] == code[:-1]
+    several = int((same & np.append(True, ~same[:-1])).sum())
     if same.sum() < len(order) / 2 or several < 2:  # fewer than two rows an edge
         return False
 
-    def share(bad: Flags, at: NDArray[np.intp]) -> float:
-        return 1 - len(np.unique(codes[at][1:][bad & same])) / several
+    def share(bad: Flags) -> float:
+        """Share of the edges without a bad pair of neighbours."""
+        at = code[1:][bad & same]
+        return 1 - (1 + int((at[1:] != at[:-1]).sum()) if len(at) else 0) / several
 
-    settings = [x for x in tests.settings.values() if not np.isnan(x).all()]
+    settings = [x[order] for x in tests.settings.values()]
     moved = np.zeros(len(order) - 1, dtype=bool)
     for x in settings:
-        moved |= differs(x[order][1:], x[order][:-1])
-    constant = share(moved, order) >= MOST
+        moved |= differs(x[1:], x[:-1])
+    constant = share(moved) >= MOST
     if tests.time is not None:
         t = tests.time[order]
-        if share(t[1:] <= t[:-1], order) >= MOST:
-            return constant or share(moved, order) <= 1 - MOST or not settings or _restarts(t, same)
-        by_time = np.lexsort((tests.time, codes))
-        by_time = by_time[codes[by_time] >= 0]
-        t = tests.time[by_time]
-        return constant and share(t[1:] == t[:-1], by_time) >= MOST
+        if share(t[1:] <= t[:-1]) >= MOST:
+            return constant or share(moved) <= 1 - MOST or not settings or _restarts(t, same)
+        t = t[np.lexsort((t, code))]
+        return constant and share(t[1:] == t[:-1]) >= MOST
     if tests.wear is not None:
         w = tests.wear[order]
-        return constant and share(w[1:] < w[:-1], order) >= MOST
+        return constant and share(w[1:] < w[:-1]) >= MOST
     return False
-
-
-def _within(codes: Codes) -> tuple[Flags, NDArray[np.intp]]:
-    """Whether each row but the first has the code of the row before it, and the first rows of codes of several rows."""
-    same = codes[1:] == codes[:-1]
-    return same, np.flatnonzero(same)
 
 
 def _restarts(time: Array, same: Flags) -> bool:

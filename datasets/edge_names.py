@@ -3,21 +3,21 @@
 import re
 
 import numpy as np
-import pandas as pd
 
 from .doubts import Doubt
 from .draft import Draft
 from .edge_columns import Codes, Tests, differs
 from .merged_cells import lines_text
 
+_ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
 MOST_NAMES = 5_000  # that are compared
 
 
 def tidy_names(draft: Draft, tests: Tests | None) -> None:
     """Join spellings of one edge, give rows without a name an edge of their own, and doubt names of a single row."""
-    codes, names = pd.factorize(np.asarray(draft.data["edge"]))
+    codes, names = draft.codes("edge")
     if len(names) <= MOST_NAMES:
-        _join_spellings(draft, tests, np.asarray(codes, dtype=np.intp), [str(name) for name in names])
+        _join_spellings(draft, tests, codes, names)
     _name_the_unnamed(draft)
     if tests is not None and tests.n == len(codes):
         _doubt_single_rows(draft, tests)
@@ -29,7 +29,8 @@ def spelling(name: str) -> str:
     >>> spelling("E 04"), spelling("e4"), spelling("Platte_010")
     ('e4', 'e4', 'platte10')
     """
-    return re.sub(r"(?<!\d)0+(?=\d)", "", re.sub(r"[\s_]+", "", name).casefold())
+    plain = "".join(name.split()).replace("_", "").casefold()
+    return _ZEROS.sub("", plain) if "0" in plain else plain
 
 
 def _join_spellings(draft: Draft, tests: Tests | None, codes: Codes, names: list[str]) -> None:
@@ -62,8 +63,10 @@ def _alike(tests: Tests | None, codes: Codes, one: int, other: int) -> bool:
 def _name_the_unnamed(draft: Draft) -> None:
     """Rows without an edge become edges of their own: as one edge named "" they would be rows of many edges."""
     edge = draft.data["edge"]
+    if "" not in draft.codes("edge")[1]:
+        return
     blank = np.asarray(edge == "", dtype=bool)
-    if not blank.any() or blank.all():
+    if blank.all():
         return
     edge = edge.copy()
     edge[blank] = [f"line {line}" for line in draft.lines[blank]]
@@ -76,7 +79,7 @@ def _name_the_unnamed(draft: Draft) -> None:
 
 def _doubt_single_rows(draft: Draft, tests: Tests) -> None:
     """A name of one row only beside rows of an edge that it continues: misspelled."""
-    codes, names = pd.factorize(np.asarray(draft.data["edge"]))
+    codes, names = draft.codes("edge")
     counts = np.bincount(codes)
     single = np.flatnonzero(counts[codes] == 1)
     if tests.time is None or not 0 < len(single) <= max(2, 0.1 * len(counts)):

@@ -8,14 +8,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .draft import Draft
-from .edge_columns import Array, Codes, Flags, differs
+from .edge_columns import Array, Codes, differs
+from .edge_slips import TestOrder, shifted_rows, without_slips
 from .vocabulary import ROLES
 
 LEAST = 1.7  # mean rows of an edge; fewer: nearly every row is a test of its own
+WIDEST = 0.1  # relative width of a level of a setting
+LARGE = 50_000  # rows by which it is decided whether there is anything to infer
 SPARE = 1.3  # times the least number of edges that the settings allow: a file in hardly more pieces is in order
 ORDERED = 3.0  # mean rows of an edge of one or two settings in order; rows in any order rise in half of the steps
-SLIPS = 0.1  # share of the edges that a slip in a single cell may have split
-TOGETHER = 0.9  # share of edges that begin at the usual time
 UNKNOWN = (
     "Standard errors cannot be defended without the edges: add a column edge to the file, or, if every row is of an "
     "edge of its own"
@@ -60,61 +61,64 @@ def settings_of(conditions: Mapping[str, Array]) -> dict[str, Array]:
 
 def edges_by_design(draft: Draft) -> Inferred | None:
     """Edges of the rows; None where there is nothing to infer, as where each row is a test of its own."""
-    t, settings, labels = _columns(draft)
-    n = len(t)
-    if n < 4 or not settings or np.isnan(t).mean() > 0.5:
+    tests, n = _tests_in_order(draft), len(draft.lines)
+    if n < 4 or not tests.settings or np.isnan(tests.time).mean() > 0.5:
         return None
-    t = _filled(t)
-    cell = _cells(settings, labels)
-    chains = _chains(cell, t)
-    if n / chains.sum() < LEAST:
+    some = tests.first(LARGE)
+    cell = _cells(some)
+    chains = _chains(cell, some.time)
+    if len(cell) / chains.sum() < LEAST:
         return None
-    starts = _starts(t, settings, labels)
-    shifted = {role: rows for role, x in settings.items() if len(rows := _shifted_rows(t, x)) > 1}
+    starts = np.append(True, (tests.time[1:] <= tests.time[:-1]) | tests.changes())
+    shifted = {role: rows for role, x in tests.settings.items() if len(rows := shifted_rows(tests.time, x)) > 1}
     for rows in shifted.values():
-        starts[rows] = t[rows] <= t[rows - 1]
-    starts = _mended(starts, t, settings, labels)
+        starts[rows] = tests.time[rows] <= tests.time[rows - 1]
+    starts = without_slips(starts, tests)
     codes = np.cumsum(starts) - 1
-    count = int(codes[-1]) + 1
-    sizes = np.bincount(codes)
-    names = [*settings, *(role for role in ("tool", "work") if role in draft.data)]
-    least = int(chains.sum())
+    count, least = int(codes[-1]) + 1, int(chains.sum())
+    names = [*tests.settings, *(role for role in ("tool", "work") if role in draft.data)]
     if n / count >= (LEAST if len(chains) > 2 or count <= max(SPARE * least, least + 1) else ORDERED):
         rule = f"a new edge where {_listed(names, 'or')} changes or t does not rise"
-        found = _found(count, sizes, f"the order of the tests ({rule})")
+        found = _found(np.bincount(codes), f"the order of the tests ({rule})")
         return Inferred(codes, True, found, {role: draft.lines[rows] for role, rows in shifted.items()})
+    return _out_of_order(draft, tests, cell, chains, count, names)
+
+
+def _out_of_order(
+    draft: Draft, tests: TestOrder, cell: Codes, chains: Codes, count: int, names: list[str]
+) -> Inferred | None:
+    """Edges of rows that do not stand in the order of the tests, or why they are unknown."""
     if _numbered_in_order(draft):
         return None  # a randomised plan in the order of its tests: t would rise if rows shared edges
-    paired = int(((t[1:] == t[:-1]) & ~_changes(settings, labels)).sum())
+    n, what = len(tests.time), "no column names the edges, and"
+    paired = int(((tests.time[1:] == tests.time[:-1]) & ~tests.changes()).sum())
     if paired and n / (count - paired) >= LEAST:
-        what = f"{paired} rows have the settings and the time of the row above"
+        repeats = f"{paired} rows have the settings and the time of the row above"
         which = "are these readings of one edge, or edges side by side?"
-        return Inferred(None, False, f"no column names the edges, and {what}: {which} {UNKNOWN}")
-    if (chains == 1).all():
+        return Inferred(None, False, f"{what} {repeats}: {which} {UNKNOWN}")
+    if (chains == 1).all() and len(cell) == n:
         codes = pd.factorize(cell)[0].astype(np.intp)
         rule = f"rows of equal {_listed(names, 'and')} are an edge: no time repeats in them"
-        return Inferred(codes, False, _found(len(chains), np.bincount(codes), f"the settings ({rule})"))
-    what = (
+        return Inferred(codes, False, _found(np.bincount(codes), f"the settings ({rule})"))
+    shared = (
         f"at {int((chains > 1).sum())} of {len(chains)} settings of {_listed(names, 'and')} up to {int(chains.max())} "
         "rows have the same time, so which rows share an edge is unknown"
     )
-    return Inferred(
-        None, False, f"no column names the edges, and the rows are not in the order of the tests: {what}. {UNKNOWN}"
-    )
+    return Inferred(None, False, f"{what} the rows are not in the order of the tests: {shared}. {UNKNOWN}")
 
 
-def _found(count: int, sizes: NDArray[np.intp], by: str) -> str:
-    low, high = int(sizes.min()), int(sizes.max())
+def _found(sizes: NDArray[np.intp], by: str) -> str:
+    count, low, high = len(sizes), int(sizes.min()), int(sizes.max())
     rows = f"{low} rows" if low == high else f"{low} to {high} rows"
     what = f"{count} edges of {rows}" if count > 1 else f"1 edge of {rows}"
     return f"edges inferred from {by}: {what}; --edge none takes the rows as independent"
 
 
-def _columns(draft: Draft) -> tuple[Array, dict[str, Array], list[NDArray[np.intp]]]:
+def _tests_in_order(draft: Draft) -> TestOrder:
     """Time, settings and codes of the labels that an edge has one of."""
     conditions = {role: values for role, values in draft.numbers().items() if ROLES[role].kind == "condition"}
-    labels = [pd.factorize(np.asarray(draft.data[role]))[0] for role in ("tool", "work") if role in draft.data]
-    return np.asarray(draft.data["t"], dtype=float), settings_of(conditions), labels
+    labels = tuple(draft.codes(role)[0] for role in ("tool", "work") if role in draft.data)
+    return TestOrder(_filled(np.asarray(draft.data["t"], dtype=float)), settings_of(conditions), labels)
 
 
 def _listed(names: list[str], word: str) -> str:
@@ -130,21 +134,25 @@ def _filled(t: Array) -> Array:
     return t[last]
 
 
-def _cells(settings: Mapping[str, Array], labels: list[NDArray[np.intp]]) -> NDArray[np.intp]:
-    """Number of the setting of each row."""
-    cell = np.zeros(len(next(iter(settings.values()))), dtype=np.intp)
-    levels: list[NDArray[np.intp]] = list(labels)
-    for x in settings.values():
+def _cells(tests: TestOrder) -> Codes:
+    """Number of the setting of each row; values within the tolerance are one level, unless levels overlap."""
+    levels: list[Codes] = list(tests.labels)
+    for x in tests.settings.values():
         found = np.unique(x)
         found = found[~np.isnan(found)]
-        group = np.concatenate([[0], np.cumsum(differs(found[1:], found[:-1]))]).astype(np.intp)
-        levels.append(group[np.minimum(np.searchsorted(found, x), len(found) - 1)])
-    for level in levels:
-        cell = np.unique(cell * (int(level.max()) + 2) + level + 1, return_inverse=True)[1]
+        new = np.append(True, differs(found[1:], found[:-1]))
+        low, high = found[new], found[np.append(new[1:], True)]
+        if (np.abs(high - low) > WIDEST * np.abs(high)).any():
+            new[:] = True
+        level = np.cumsum(new) - 1
+        levels.append(level[np.minimum(np.searchsorted(found, x), len(found) - 1)])
+    cell = np.zeros(len(tests.time), dtype=np.intp)
+    for one in levels:
+        cell = np.unique(cell * (int(one.max()) + 2) + one + 1, return_inverse=True)[1]
     return cell
 
 
-def _chains(cell: NDArray[np.intp], t: Array) -> NDArray[np.intp]:
+def _chains(cell: Codes, t: Array) -> Codes:
     """Least number of edges with rising time at each setting: the largest number of rows of one time."""
     order = np.lexsort((t, cell))
     c, s = cell[order], t[order]
@@ -154,80 +162,6 @@ def _chains(cell: NDArray[np.intp], t: Array) -> NDArray[np.intp]:
     chains = np.zeros(int(cell.max()) + 1, dtype=np.intp)
     np.maximum.at(chains, c[at], times)
     return chains
-
-
-def _starts(t: Array, settings: Mapping[str, Array], labels: list[NDArray[np.intp]]) -> Flags:
-    start = np.ones(len(t), dtype=bool)
-    start[1:] = (t[1:] <= t[:-1]) | _changes(settings, labels)
-    return start
-
-
-def _changes(settings: Mapping[str, Array], labels: list[NDArray[np.intp]]) -> Flags:
-    """Whether the setting of each row but the first differs from that of the row above."""
-    changed = np.zeros(len(next(iter(settings.values()))) - 1, dtype=bool)
-    for x in settings.values():
-        changed |= differs(x[1:], x[:-1])
-    for label in labels:
-        changed |= label[1:] != label[:-1]
-    return changed
-
-
-def _shifted_rows(t: Array, x: Array) -> NDArray[np.intp]:
-    """Rows at which a setting changes while time rises, one row beside a row at which time begins anew.
-
-    The row between has the setting of the other edge, as it has where a column is shifted by one row.
-    """
-    begins = np.append(np.append(True, t[1:] <= t[:-1]), True)
-    if len(t) < 3 * begins.sum():
-        return np.empty(0, dtype=np.intp)
-    rows = np.flatnonzero(differs(x[2:], x[1:-1]) & ~begins[2:-1]) + 2
-    rows = rows[rows < len(t) - 1]
-    after = begins[rows - 1] & ~differs(x[rows - 1], x[rows - 2])
-    before = begins[rows + 1] & ~differs(x[rows], x[rows + 1])
-    return rows if len(rows) and (after.all() or before.all()) else np.empty(0, dtype=np.intp)
-
-
-def _mended(start: Flags, t: Array, settings: Mapping[str, Array], labels: list[NDArray[np.intp]]) -> Flags:
-    """Starts without those that a slip in a single cell of a setting or time makes; the checks name that cell."""
-    at = np.flatnonzero(start)
-    if len(at) < 4:
-        return start
-    false: list[tuple[int, ...]] = []
-    end = np.append(at[1:], len(t)) - 1
-    usual = float(np.median(t[at]))
-    together = (t[at] <= usual * (1 + 1e-9)).mean() >= TOGETHER - SLIPS
-    for k in np.flatnonzero(end == at)[: len(at)]:  # edges of one row
-        i = int(at[k])
-        joins_above = k > 0 and t[i] > t[i - 1]
-        joins_below = i + 1 < len(t) and t[i + 1] > t[i]
-        if joins_above and joins_below and _alike(i - 1, i + 1, settings, labels):
-            false.append((i, i + 1))
-        elif i + 1 < len(t) and _alike(i, i + 1, settings, labels):
-            continue  # time falls after it: below
-        elif together and joins_above and t[i] > usual and not (joins_below and t[i + 1] > usual):
-            false.append((i,))
-        elif together and joins_below and t[i] <= usual < t[i + 1]:
-            false.append((i + 1,))
-    length = np.diff(at, append=len(t))
-    for k in range(1, len(at)):
-        i = int(at[k])
-        if t[i] > t[i - 1] or not _alike(i - 1, i, settings, labels):
-            continue
-        low = (together or length[k - 1] >= 3) and i + 1 < len(t) and t[i + 1] > t[i - 1] and not 0.5 < t[i] / usual < 2
-        high = length[k - 1] >= 3 and t[i - 2] < t[i]
-        first_high = together and length[k - 1] == 1 and t[i] > usual
-        if low or high or first_high:
-            false.append((i,))
-    if not false or len(set(false)) > max(2, SLIPS * len(at)):
-        return start
-    mended = start.copy()
-    mended[[i for joined in false for i in joined]] = False
-    return mended
-
-
-def _alike(i: int, j: int, settings: Mapping[str, Array], labels: list[NDArray[np.intp]]) -> bool:
-    same = all(not differs(x[i : i + 1], x[j : j + 1])[0] for x in settings.values())
-    return same and all(label[i] == label[j] for label in labels)
 
 
 def _numbered_in_order(draft: Draft) -> bool:

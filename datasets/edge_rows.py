@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from .draft import Draft
@@ -61,10 +60,10 @@ class EdgeRows:
 def by_edge(draft: Draft) -> EdgeRows:
     """The rows of a draft that has edges."""
     names = np.asarray(draft.data["edge"], dtype=object)
-    codes = np.asarray(pd.factorize(names)[0], dtype=np.intp)
+    codes = draft.codes("edge")[0]
     for role in ("tool", "work"):
         if role in draft.data:
-            label = pd.factorize(np.asarray(draft.data[role]))[0]
+            label = draft.codes(role)[0]
             if label.any():
                 codes = np.unique(codes * (int(label.max()) + 2) + label + 1, return_inverse=True)[1]
     order = np.argsort(codes, kind="stable")

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-import pandas as pd
+from numpy.typing import NDArray
 
 from .columns import NONE, ColumnUse
 from .doubts import Doubt
 from .draft import Draft
 from .edge_checks import SHIFTED
-from .edge_columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by
+from .edge_columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, numbered
 from .edge_names import tidy_names
 from .edge_order import edges_by_design, settings_of
 from .merged_cells import lines_text
@@ -121,15 +121,19 @@ def _candidates(draft: Draft, given: dict[str, str]) -> list[_Labels | None]:
 
 
 def _labels(draft: Draft, place: int, use: ColumnUse) -> _Labels | None:
-    column = draft.columns[place]
-    texts = replace(column, values=column.values[:SAMPLE]).labels()  # noqa: PD011  a Column, not a Series
-    codes, names = pd.factorize(texts)
+    if use.role is not None:
+        codes, names = draft.codes(use.role)
+        codes = codes[:SAMPLE]
+        names = names[: int(codes.max(initial=-1)) + 1]
+    else:
+        column = draft.columns[place]
+        codes, names = numbered(replace(column, values=column.values[:SAMPLE]).labels())
     if "" in names:
-        empty = int(np.flatnonzero(names == "")[0])
+        empty = names.index("")
         codes = np.where(codes == empty, -1, codes - (codes > empty))
-        names = np.delete(names, empty)
+        names = names[:empty] + names[empty + 1 :]
     kind: Any = meant_by(use.name) or "other"
-    return _Labels(place, use, kind, codes, tuple(map(str, names))) if len(names) else None
+    return _Labels(place, use, kind, codes, tuple(names)) if names else None
 
 
 def _chosen(labels: list[_Labels], tests: Tests) -> tuple[_Labels, ...]:
@@ -199,7 +203,7 @@ def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | Non
         return
     if by_name is not None and by_name not in chosen:
         _give(draft, by_name, None)
-    texts = [draft.columns[one.place].labels() for one in chosen]
+    texts = [_texts(draft, one) for one in chosen]
     for one in chosen:
         _give(draft, one, "edge" if len(chosen) == 1 else None)
     if len(chosen) == 2:
@@ -216,13 +220,21 @@ def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | Non
     draft.assumed.append(f"{one.title} has {len(set(texts[0]) - {''})} values {why}: cutting edges{other}")
 
 
+def _texts(draft: Draft, one: _Labels) -> NDArray[np.object_]:
+    """Labels of a column, those of its role where it has one."""
+    role = draft.uses[one.place].role
+    if role is not None and role in draft.data:
+        return np.asarray(draft.data[role], dtype=object)
+    return draft.columns[one.place].labels()
+
+
 def _give(draft: Draft, one: _Labels, role: str | None) -> None:
     """Change the role of a column."""
-    old = draft.uses[one.place].role
+    old, texts = draft.uses[one.place].role, _texts(draft, one)
     if old is not None:
         draft.data.pop(old, None)
     if role is not None:
-        draft.data[role] = draft.columns[one.place].labels()
+        draft.data[role] = texts
     uses = list(draft.uses)
     uses[one.place] = replace(uses[one.place], role=role)
     if role is not None:
@@ -254,7 +266,7 @@ def _number_of_inserts(draft: Draft, tool: _Labels, tests: Tests) -> None:
     if len(tool.names) < 3 or not tool.several or (len(tool.names) < SURE and not _numbers_inserts(tool)):
         return
     if "edge" in draft.data:
-        edge = pd.factorize(np.asarray(draft.data["edge"][:SAMPLE]))[0]
+        edge = draft.codes("edge")[0][:SAMPLE]
         edge = np.unique(edge * (len(tool.names) + 1) + tool.codes, return_index=True)[1]
         of_edge = tool.codes[edge]
     else:

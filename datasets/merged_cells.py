@@ -12,7 +12,7 @@ from .edge_columns import may_be_edge
 from .vocabulary import ROLES
 
 FOLLOWED = 0.7  # share of the filled cells that are followed by a blank where a column names only the first row
-DITTO = frozenset({'"', "''", "”", "〃", "ditto", "do.", "dto.", "dito", "idem", "id."})  # as above
+DITTO = frozenset({"", '"', "''", "”", "〃", "ditto", "do.", "dto.", "dito", "idem", "id."})  # as above
 LISTED = 5  # lines in a sentence
 
 Flags = NDArray[np.bool_]
@@ -26,6 +26,8 @@ def fill_down(draft: Draft) -> None:
         if not label and (role is None or (role.kind != "condition" and role.symbol != "D")):
             continue
         values = column.values
+        if not column.is_numeric and DITTO.isdisjoint(values.tolist()):
+            continue
         blank = np.isnan(values) if column.is_numeric else _blank_texts(values)
         if not blank.any() or len(blank) < 3 or blank.all():
             continue
@@ -49,7 +51,7 @@ def fill_down(draft: Draft) -> None:
 
 
 def _blank_texts(values: NDArray[Any]) -> Flags:
-    return np.asarray((values == "") | np.isin(values, list(DITTO)), dtype=bool)
+    return np.asarray([value in DITTO for value in values.tolist()], dtype=bool)
 
 
 def _leading(blank: Flags) -> Flags:
