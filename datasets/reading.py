@@ -21,6 +21,7 @@ from .draft import Draft
 from .edge_checks import check_edges
 from .edges import settle_edges
 from .headers import is_known
+from .lookalikes import with_latin_headers
 from .marked import keep_marks
 from .merged_cells import fill_down
 from .options import ReadOptions
@@ -112,10 +113,11 @@ def table_of_tests(path: str | os.PathLike[str], options: ReadOptions) -> Table:
     >>> table_of_tests(datasets.bundled("ac2017_table1"), ReadOptions()).n_rows
     16
     """
-    return read_table(
+    table = read_table(
         path, is_unit=is_unit, is_name=is_known, decimal=options.decimal, delimiter=options.delimiter,
         sheet=options.sheet, hidden=options.hidden,
     )  # fmt: skip
+    return with_latin_headers(table)
 
 
 def runs_from_frame(

@@ -455,3 +455,29 @@ def test_marks_of_several_files_stay_with_their_rows(tmp_path):
     folder = folder_of(tmp_path, drop=("edge",), change=lambda e, t: t.replace(str(PIVOT["E3", 9]), "<0.05"))
     runs = read_runs(folder)
     assert runs.labels("VB mark").tolist().index("<0.05") == 8
+
+
+# Letters of other scripts
+
+
+@pytest.mark.parametrize(
+    ("header", "written"),
+    [
+        ("V [m/min]", "\N{GREEK SMALL LETTER NU} [m/min]"),
+        ("d [mm]", "\N{CYRILLIC SMALL LETTER A}\N{CYRILLIC SMALL LETTER ER} [mm]"),
+        ("V [m/min]", "v\N{CYRILLIC SMALL LETTER ES} [m/min]"),
+        ("VB [mm]", "V\N{CYRILLIC CAPITAL LETTER VE} [mm]"),
+    ],
+)
+def test_letters_that_look_latin_are_read_so_in_headers(tmp_path, header, written):
+    runs = read(tmp_path, LONG.replace(header, written))
+    assert same(runs, read(tmp_path, LONG, "b.csv"))
+    assert "letters of another script" in said(runs)
+
+
+def test_greek_letters_of_units_stay(tmp_path):
+    runs = read(
+        tmp_path, table([(*row[:5], 1000 * row[5]) for row in ROWS], (*NAMES[:5], "VB [\N{GREEK SMALL LETTER MU}m]"))
+    )
+    assert runs.values("VB")[0] == pytest.approx(ROWS[0][5], rel=1e-12)
+    assert "another script" not in said(runs)
