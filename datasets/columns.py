@@ -119,6 +119,8 @@ def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapp
         role = assigned.get(column.number) or role_of(header.name, canonical(text) if text else None)
         if role is not None and role in mapping and role not in wanted:
             role = None
+        if role is not None and column.number not in assigned and not _may_be(role, column):
+            role = None
         if role is not None and role in units:
             text = units[role]
         claims.append(_Claim(column, header.name, text, role, column.number in assigned))
@@ -127,6 +129,18 @@ def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapp
     if missing:
         raise UsageError(f"--unit {missing[0]}={units[missing[0]]}: no column has the role {missing[0]}.")
     return claims
+
+
+def _may_be(role: str, column: Column) -> bool:
+    """Whether the cells allow a role whose names have other meanings: z a coordinate, L or nose a remark."""
+    if role in ("VBC", "VBN"):
+        return column.is_numeric or bool(column.bad)
+    if role not in ("z", "Dc", "lf", "lc"):
+        return True
+    if not column.is_numeric or column.bad:
+        return False
+    values = np.asarray(column.values, dtype=float)
+    return role != "z" or not np.any((values < 1) | (values % 1 > 0))
 
 
 def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:

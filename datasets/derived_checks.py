@@ -81,6 +81,8 @@ def _judged(draft: Draft, known: Known, rule: Rule) -> Doubt | None:
             return None
         return _odd_rows(draft, known, rule, ratio, off)
     spread = [float(v) for v in np.quantile(seen, (0.05, 0.95))]
+    if rule.role == "MRR" and known.process is None and spread[1] > spread[0] * (1 + EVEN):
+        return None  # of a process with another formula
     constant = spread[1] <= spread[0] * (1 + ALMOST)
     shown = _number(middle) if constant else f"{_number(spread[0])} to {_number(spread[1])}, median {_number(middle)}"
     cause, remedy = _cause(draft, known, rule, middle, even=spread[1] <= spread[0] * (1 + EVEN))

@@ -14,6 +14,7 @@ from .regression import exponential_law, load_law, power_law
 CONDITIONS = ("V", "f", "d", "ae", "t")
 STAND_INS = {"V": ("n",), "f": ("fz", "fm")}  # in place of a condition that is neither measured nor computed
 WEAR = ("AW", "VB")
+LANDS = ("VBC", "VBN")  # nose and notch, where they are the only wear
 LOADS = ("Fxz", "Fx", "Fy", "Fz", "Fc", "Ff", "Fp", "F", "P")
 
 
@@ -58,7 +59,7 @@ def asked_laws(has: Callable[[str], bool]) -> tuple[Asked, ...]:
     [('VB', 'V', 't'), ('P', 'V', 't', 'VB')]
     """
     conditions = law_conditions(has)
-    wear = tuple(name for name in WEAR if has(name))
+    wear = tuple(name for name in WEAR if has(name)) or tuple(name for name in LANDS if has(name))
     asked = [Asked(name, conditions) for name in wear if conditions]
     asked += [Asked(name, conditions + wear[:1]) for name in LOADS if has(name) and (conditions or wear)]
     if has("I") and has("fm") and wear:

@@ -397,3 +397,25 @@ def test_a_length_that_is_no_cut_length_is_no_doubt():
 def test_the_thrust_of_other_axes_is_remarked():
     forces = {"V": [100.0, 150.0], "Fx": [1800, 1000], "Fy": [600, 400], "Fz": [500, 300]}
     assert any("Fx is the largest of the three here" in text for text in read(**forces).assumed)
+
+
+@pytest.mark.parametrize(
+    ("header", "cells"),
+    [
+        ("z", [0, 5, 5]),
+        ("Z", ["a", "b", "b"]),
+        ("z", [1.5, 2, 3]),
+        ("L", ["long", "short", ""]),
+        ("notch", ["y", "n", "n"]),
+    ],
+)
+def test_names_with_other_meanings_are_decided_by_their_cells(header, cells):
+    runs = read(V=[100, 150, 200], AW=[0.1, 0.2, 0.3], **{header: cells})
+    assert runs.columns[2].role is None
+    assert runs.data.iloc[:, 2].tolist() == cells
+
+
+def test_notch_wear_alone_has_a_law():
+    V = np.array([80, 100, 120, 150, 200.0])
+    (law,), _ = fit.default_laws(read(V=V, **{"notch wear [mm]": 1e-3 * V**0.9 * [1, 1.01, 1, 0.99, 1]}))
+    assert law.response == "VBN"
