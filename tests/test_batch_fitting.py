@@ -22,6 +22,7 @@ from fitmodels.batch.rows import PairRows, PairSource
 from fitmodels.cards.folder import markdown
 from fitmodels.cli import main
 from fitmodels.core import errors
+from fitmodels.datasets.doubts import Doubt
 from fitmodels.datasets.runs import Source
 from fitmodels.fit.defaults import asked_laws, fit_asked
 from fitmodels.pipeline import FitOptions
@@ -87,6 +88,32 @@ def fitted(monkeypatch):
         return with_laws(fit_block(block, plan, how))
 
     return call
+
+
+def test_a_pair_of_a_stream_in_another_unit_is_doubted(fitted):
+    plain, wrong = simulated("A", 1), simulated("B", 2)
+    wrong = wrong.assign(AW=1000 * wrong["AW"])
+    wrong.loc[wrong.index[0], "AW"] = 0.0  # a new edge
+    found = fitted(rows_of(plain, wrong)).pairs
+    doubts = [[c.words for c in pair.concerns if c.kind == "doubt in reading"] for pair in found]
+    assert doubts[0] == []
+    (words,) = doubts[1]
+    assert words.startswith("AW ")
+    assert words.endswith("mm is unusual throughout this pair (usual 0.02 to 0.6 mm).")
+
+
+def test_doubts_of_a_laboratory_file_are_concerns_and_in_its_parameter_file(fitted):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    doubt = Doubt(("AW",), "AW is doubted", "--unit AW=um")
+    data = runs.data.assign(tool=runs.tool, work=runs.work)
+    of_pair = {Pair(runs.tool, runs.work): PairSource.of(replace(runs, doubts=(doubt,)))}
+    rows = PairRows(data, runs.lines, runs.units, runs.columns, runs.source, of_pair=of_pair)
+    (outcome,) = fitted(rows, how=FAST).pairs
+    assert "AW is doubted: --unit AW=um" in [c.words for c in outcome.concerns if c.kind == "doubt in reading"]
+    pf = parameters.ParameterFile.model_validate_json(outcome.files["params.json"])
+    assert [one.sentence for one in pf.reading.doubts] == ["AW is doubted"]
+    (streamed,) = fitted(replace(rows, of_pair={}), how=FAST).pairs
+    assert parameters.ParameterFile.model_validate_json(streamed.files["params.json"]).reading is None
 
 
 def row(outcome, response):

@@ -7,16 +7,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...datasets.ranges import plausible, process_of
 from ...fit.defaults import WEAR
 from ..law_rows import PAIR, fitted, refusals
 from ..outcomes import NO_LAW, REFUSED, Concern
 from .pair_laws import NumberedRows, texts
 
 if TYPE_CHECKING:
+    from ...datasets.options import Process
     from ...parameters import ParameterFile
 
 ABOUT = ("machine", "setup", "iso513")  # groups that the identity of a parameter file has a place for
 SHOWN = 3
+DOUBT = "doubt in reading"
 
 
 def groups_of_pairs(of: NumberedRows, headers: Sequence[str]) -> tuple[list[dict[str, str]], list[list[Concern]]]:
@@ -44,6 +47,44 @@ def groups_of_pairs(of: NumberedRows, headers: Sequence[str]) -> tuple[list[dict
         for i in np.flatnonzero(counts > 1):
             concerns[i].append(differs(header, named["name"][named["pair"] == i].tolist()))
     return groups, concerns
+
+
+def concerns_of_values(of: NumberedRows, process: "Process | None") -> list[list[Concern]]:
+    """For each pair of a stream its quantities that are unusual throughout; pairs of lab files were judged before.
+
+    A unit that the source states wrongly, or not at all, makes every value of a pair unusual. Single values are not
+    judged here.
+
+    Examples
+    --------
+    >>> from fitmodels.datasets.runs import Source
+    >>> from fitmodels.batch.plan import Pair
+    >>> from fitmodels.batch.rows import PairRows
+    >>> from fitmodels.batch.fitting.pair_laws import numbered_rows
+    >>> frame = pd.DataFrame({"tool": ["A", "A"], "work": ["W", "W"], "VB": [66.0, 387.0]})
+    >>> rows = PairRows(frame, np.arange(2), {"VB": "mm"}, (), Source("", "", 2, ""))
+    >>> [[concern.words for concern in of] for of in concerns_of_values(numbered_rows(rows, {Pair("A", "W")}), None)]
+    [['VB 66 to 387 mm is unusual throughout this pair (usual 0.02 to 0.6 mm).']]
+    """
+    concerns: list[list[Concern]] = [[] for _ in of.pairs]
+    named = process or process_of(of.held, of.rows.notes)
+    judged = np.array([pair in of.rows.of_pair for pair in of.pairs], dtype=bool)
+    for role in of.held if not judged.all() else ():
+        ranges = plausible(role, named)
+        if ranges is None or not pd.api.types.is_numeric_dtype(of.rows.frame[role]):
+            continue
+        sizes = of.rows.frame[role].abs()
+        groups = sizes.where(sizes > 0).groupby(of.number)
+        numbers = range(len(of.pairs))
+        low, high = (ends.reindex(numbers).to_numpy(dtype=float) for ends in (groups.min(), groups.max()))
+        odd = ~judged & ((low > ranges.unusual[1]) | (high < ranges.unusual[0]))
+        unit, usual = of.rows.units.get(role, ""), " to ".join(f"{end:g}" for end in ranges.usual)
+        for i in np.flatnonzero(odd):
+            words = (
+                f"{role} {low[i]:.4g} to {high[i]:.4g} {unit} is unusual throughout this pair (usual {usual} {unit})."
+            )
+            concerns[i].append(Concern(DOUBT, words))
+    return concerns
 
 
 def differs(header: str, names: Sequence[str]) -> Concern:
