@@ -43,7 +43,7 @@ def test_fenced_blocks_are_of_known_kinds(page):
     """``sh`` is the install line of the README; a ``text`` block is the output of the Python block before it."""
     text = page.read_text("utf-8")
     fences = [match["info"].strip() for match in blocks.FENCE.finditer(text)]
-    known = {"console", "python", "text", "sh", "{commands}", "{roles}", "{toctree}"}
+    known = {"console", "python", "text", "sh", "{commands}", "{roles}", "{ranges}", "{toctree}"}
     ours = ("{code-block}", "{include}", "{schema}")
     assert [info for info in fences if info not in known and not info.startswith(ours)] == []
     examples = [item for item in blocks.examples_of(text) if isinstance(item, blocks.Example)]
