@@ -17,6 +17,7 @@ from .vocabulary import ROLES, Role, role_of, role_of_unit, suggest_role, unders
 
 LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
 _BOUND = re.compile(r"\s*[<>≤≥]")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[.-][A-Za-zäé]{3,4}\.?(?:[.-]\d{2,4})?")  # 2024-02-01, 1-Feb, 01.Feb
 _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:[^\W\d_]|[%°\"'])\D*")
 NONE = "none"  # --map P=none: no column of this file is the power
 DECIDED = ("edge", "tool", "run")  # roles that several columns may claim: `edges` decides by their content
@@ -251,6 +252,8 @@ def _remedy(text: str, role: Role) -> str:
         return "It has another decimal mark than the rest of the file: use one throughout."
     if _BOUND.match(text):
         return "Write a number, or leave the cell empty: a value known only by its bound cannot be fitted."
+    if role.kind != "time" and _DATE.fullmatch(text):
+        return "A spreadsheet has turned a number into a date (1.2 into 1 February): type the number again."
     if _WITH_UNIT.fullmatch(text):
         return f"Write the number alone in the cell, and its unit in the header, as {role.symbol} [{role.unit}]."
     if role.kind == "time":

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from .options import ReadOptions
 from .pair_names import pair_name as pair_name
 from .plausibility import check_values, settle_units
 from .runs import UNNAMED, Runs, Source
-from .several_files import files_of_folder, joined_tables
+from .several_files import files_of_folder, joined_sheets, joined_tables
 from .shapes import long_table
 from .tables import Column, Table, read_table
 from .units import is_unit
@@ -113,10 +113,19 @@ def table_of_tests(path: str | os.PathLike[str], options: ReadOptions) -> Table:
     >>> table_of_tests(datasets.bundled("ac2017_table1"), ReadOptions()).n_rows
     16
     """
-    table = read_table(
-        path, is_unit=is_unit, is_name=is_known, decimal=options.decimal, delimiter=options.delimiter,
-        sheet=options.sheet, hidden=options.hidden,
-    )  # fmt: skip
+    from .tables.sheets import EqualSheetsError
+
+    try:
+        table = read_table(
+            path, is_unit=is_unit, is_name=is_known, decimal=options.decimal, delimiter=options.delimiter,
+            sheet=options.sheet, hidden=options.hidden,
+        )  # fmt: skip
+    except EqualSheetsError as refusal:
+        tables = [table_of_tests(path, replace(options, sheet=title)) for title in refusal.titles]
+        joined = joined_sheets(tables, refusal.titles, Path(path))
+        if joined is None:
+            raise
+        return joined
     return with_latin_headers(table)
 
 

@@ -21,6 +21,7 @@ from .units import canonical, convert, same_dimension
 from .vocabulary import ROLES, UNNAMED, role_of, understood_unit
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".prn", ".asc", ".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
+_SHEET = ".sheet"  # ends the name of a table that is a sheet of a workbook
 _LISTED = 4  # files named in a sentence
 _MEASURED = ("wear", "load", "surface")
 
@@ -112,6 +113,36 @@ def joined_tables(tables: Sequence[Table], path: Path, others: Sequence[str] = (
         assumed=(*said, *named, *pairs, *_by_file(parts, "assumed")),
         doubts=(*(replace(d, sentence=f"{p.name}: {d.sentence}") for p in parts for d in p.table.doubts), *doubts),
     )
+
+
+def joined_sheets(tables: Sequence[Table], titles: Sequence[str], path: Path) -> Table | None:
+    """One table of the sheets of a workbook if each is the course of one edge, else None."""
+    named = [replace(table, path=Path(f"{title}{_SHEET}")) for table, title in zip(tables, titles, strict=True)]
+    parts = [_part(table) for table in named]
+    if not all(map(_is_one_edge, parts)) or not all(map(_has_one_condition, parts)):
+        return None
+    try:
+        joined = joined_tables(named, path)
+    except DataError as refusal:
+        raise DataError(f"{path.name}: {_of_sheets(str(refusal))}") from refusal
+    return replace(
+        joined,
+        sha256=tables[0].sha256,
+        notes=tuple(dict.fromkeys(text for table in tables for text in table.notes if not text.startswith("Sheet "))),
+        warnings=tuple(map(_of_sheets, joined.warnings)),
+        assumed=tuple(map(_of_sheets, joined.assumed)),
+        doubts=tuple(replace(doubt, sentence=_of_sheets(doubt.sentence)) for doubt in joined.doubts),
+    )
+
+
+def _of_sheets(text: str) -> str:
+    return re.sub(r"\bfile(s?)\b", r"sheet\1", text).replace(_SHEET, "")
+
+
+def _has_one_condition(part: _Part) -> bool:
+    """Whether no condition varies within a file, as far as it has columns of them."""
+    conditions = [c for key, c in part.columns.items() if key in ROLES and ROLES[key].kind == "condition"]
+    return all(len(set(column.labels().tolist()) - {""}) <= 1 for column in conditions)
 
 
 def _part(table: Table) -> _Part:

@@ -121,7 +121,7 @@ BAD = {
                    3, ["'AW'", "holds text", "--map AW=none"]),
     "dates as time": ("a.csv", with_time(lambda i: f"2024-03-{i + 1:02d}"), 3,
                       ["'t'", "'2024-03-01'", "a number of min", "not as a date"]),
-    "clock times": ("a.csv", with_time(lambda i: f"00:{i + 1:02d}:30"), 3, ["'t'", "a number of min"]),
+    "clock times": ("a.csv", with_time(lambda i: f"10:{i + 1:02d}"), 3, ["'t'", "times of day", "since the start"]),
     "dates of a workbook": (
         "a.xlsx",
         workbook(D=[HEADER, *((*r[:3], datetime.date(2024, 3, 1 + i), r[4]) for i, r in enumerate(ROWS))]),

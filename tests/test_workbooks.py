@@ -96,7 +96,7 @@ def test_a_table_between_blank_columns_and_rows(tmp_path):
 def test_sheets_equally_good_are_listed(tmp_path):
     other = [[*row[:5], 2 * row[5]] for row in ROWS]
     path = book(tmp_path, Info=COVER, Dry=[HEADER, *ROWS], Wet=[[*HEADER[:5], "Ra [um]"], *other])
-    with pytest.raises(DataError, match=r"--sheet 'Dry' \(36 rows\), --sheet 'Wet' \(36 rows\)"):
+    with pytest.raises(DataError, match=r"--sheet Dry \(36 rows\), --sheet Wet \(36 rows\)"):
         read_runs(path)
     check(read_runs(path, sheet="Dry"))
     with pytest.raises(UsageError, match=r"no sheet 'Dri'\. Did you mean 'Dry'"):
@@ -412,3 +412,58 @@ def test_times_of_a_workbook(tmp_path, code, doubts):
     runs = read_runs(book(tmp_path, Data=page))
     check(runs)
     assert len(runs.doubts) == doubts
+
+
+# Cells
+
+
+def test_errors_of_formulas_are_named(tmp_path):
+    rows = [list(row) for row in ROWS]
+    rows[4][5], rows[6][3] = "#DIV/0!", "#REF!"
+    for path in (book(tmp_path, Data=[HEADER, *rows]), tmp_path / "a.csv"):
+        if path.suffix == ".csv":
+            path.write_text(text_of(rows))
+        runs = read_runs(path)
+        assert "an error of a formula count as missing: 'd [mm]' line 8 #REF!, 'VB [mm]' line 6 #DIV/0!." in said(runs)
+        assert np.flatnonzero(np.isnan(runs.values("VB"))).tolist() == [4]
+
+
+def test_numbers_as_text_with_an_apostrophe(tmp_path):
+    rows = [[row[0], *(f"'{cell}" for cell in row[1:])] for row in ROWS]
+    check(read_runs(book(tmp_path, Data=[HEADER, *rows])))
+
+
+def test_a_number_turned_into_a_date_is_explained(tmp_path):
+    rows = [list(row) for row in ROWS]
+    rows[5][3] = datetime.date(2024, 2, 1)
+    with pytest.raises(DataError, match=r"line 7: '2024-02-01'.* a date \(1.2 into 1 February\): type the number"):
+        read_runs(book(tmp_path, Data=[HEADER, *rows]))
+
+
+# A sheet for each test
+
+
+def by_sheet(head=HEADER, keep=slice(None), notes=lambda row: []):
+    """A sheet for each edge, with lines above the table."""
+    groups = [ROWS[i : i + 3] for i in range(0, len(ROWS), 3)]
+    return {part[0][0]: [*notes(part[0]), head[keep], *(row[keep] for row in part)] for part in groups}
+
+
+@pytest.mark.parametrize("notes", [False, True])
+def test_a_sheet_for_each_test_is_one_table(tmp_path, notes):
+    if notes:
+        lines = lambda row: [["V = %g m/min" % row[1]], ["f = %g mm/rev" % row[2]], ["ap = %g mm" % row[3]], []]  # noqa: E731, UP031
+        sheets = by_sheet(keep=slice(4, None), notes=lines)
+    else:
+        sheets = by_sheet(keep=slice(1, None))
+    runs = read_runs(book(tmp_path, Cover=COVER, **sheets))
+    check(runs)
+    assert runs.tool == "GC4325"
+    assert "12 sheets are read as one table: E1, E2" in said(runs)
+    assert "each sheet is one cutting edge, named as the sheet" in said(runs)
+
+
+def test_sheets_of_several_tests_each_are_not_joined(tmp_path):
+    path = book(tmp_path, Dry=[HEADER, *ROWS], Wet=[HEADER, *ROWS])
+    with pytest.raises(DataError, match=r"give one of --sheet Dry \(36 rows\), --sheet Wet \(36 rows\)\."):
+        read_runs(path)

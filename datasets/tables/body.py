@@ -33,6 +33,7 @@ class Findings:
     inside: list[int] = field(default_factory=list)
     footers: list[tuple[int, str]] = field(default_factory=list)
     remarks: list[int] = field(default_factory=list)
+    errors: list[tuple[str, int, str]] = field(default_factory=list)  # column, line and text of errors of formulas
 
     def add_short(self, line: int, row: Sequence[Cell], layout: Layout) -> None:
         """Note a row with fewer cells than the header."""
@@ -87,6 +88,10 @@ class Findings:
             sentences.append(f"Footer rows are left out: {rows}.")
         if self.remarks:
             sentences.append(f"Text below the data is kept as a note: line {', '.join(map(str, self.remarks))}.")
+        if self.errors:
+            cells = ", ".join(f"{name!r} line {line} {text}" for name, line, text in self.errors[:4])
+            more = ", ..." if len(self.errors) > 4 else ""
+            sentences.append(f"Cells with an error of a formula count as missing: {cells}{more}.")
         return sentences
 
 

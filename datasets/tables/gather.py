@@ -85,6 +85,7 @@ class _Gathering:
     n_rows: int = 0
     marks: list[tuple[int, Mark]] = field(default_factory=list)
     grouped: list[tuple[int, int, str]] = field(default_factory=list)  # row, line and text of "1,234"
+    errors: list[tuple[int, str]] = field(default_factory=list)  # line and text of "#DIV/0!"
 
     @property
     def is_numeric(self) -> bool:
@@ -105,6 +106,9 @@ class _Gathering:
             bad = [i for i in bad if not found[str(cells[i])]]
         self.bad_count += len(bad)
         self.bad += [(lines[i], str(cells[i]).strip()) for i in bad[: _LISTED - len(self.bad)]]
+        if len(self.errors) < _LISTED:
+            missing = np.flatnonzero(values != values).tolist()
+            self.errors += ((lines[i], text) for i in missing if _is_error(text := str(cells[i]).strip()))
         self.floats.append(values)
         self.n_rows += len(cells)
 
@@ -159,6 +163,8 @@ def gather_columns(
         )
     findings.check_width(body.layout, body.name, gatherings[0].n_rows)
     doubts: list[Doubt] = []
+    names = body.layout.names
+    findings.errors = [(name, *one) for g, name in zip(gatherings, names, strict=True) for one in g.errors]
     columns = tuple(_columns(body, gatherings, doubts))
     return columns, np.concatenate(lines), findings, (*findings.doubts(body.layout), *doubts)
 
@@ -219,6 +225,11 @@ def _texts(cells: tuple[Cell, ...]) -> NDArray[np.object_]:
     """The cells as text, one object for equal texts."""
     known = {cell: _text(cell) for cell in set(cells)}
     return np.array([known[cell] for cell in cells], dtype=object)
+
+
+def _is_error(text: str) -> bool:
+    """Whether a missing value is the error of a formula; #N/A is also written on purpose."""
+    return text.startswith("#") and text.upper() not in ("#N/A", "#NV", "#N/D")
 
 
 def _text(cell: Cell) -> str:

@@ -43,13 +43,14 @@ _ONE_GROUP: dict[Decimal, re.Pattern[str]] = {
 def parse_number(text: str, decimal: Decimal) -> float | None:
     """Read one cell as a finite number, or give None.
 
-    Signs, a unicode minus, exponents and one kind of thousands mark are read; a thousands group never starts
-    with 0 and never carries an exponent; ``inf``, ``1_000``, ``0x10`` and ``True`` are no numbers.
+    Signs, a unicode minus, exponents, one kind of thousands mark, and the apostrophe by which a spreadsheet marks
+    text are read; a thousands group never starts with 0 and never carries an exponent; ``inf``, ``1_000``, ``0x10``
+    and ``True`` are no numbers.
 
     >>> parse_number("1.234,5", "comma"), parse_number("1.234", "point"), parse_number("1.234,5", "point")
     (1234.5, 1.234, None)
     """
-    match = _GRAMMAR[decimal].fullmatch(text.strip().replace(_MINUS, "-"))
+    match = _GRAMMAR[decimal].fullmatch(text.strip().replace(_MINUS, "-").removeprefix("'"))
     if match is None:
         return None
     value = _value(match, decimal)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from shlex import quote
 
 from ...core.errors import DataError
 from .blocks import sheet_without_blocks
@@ -14,6 +15,8 @@ from .workbook import Book, check_title
 from .worksheet import Place, Row, WorkbookSheet, letters
 
 _FEW = 2  # known names that make a table of tests
+_COVER = 40  # filled rows of a cover sheet looked at
+_COVERS = 3  # sheets at the beginning that may be covers of the one asked for
 _NAMED = 6  # cells, rows or sheets named in a sentence
 _SAVE = "open the file in Excel or LibreOffice and save it"
 
@@ -31,6 +34,20 @@ class SheetTable:
     def n_rows(self) -> int:
         """The number of filled rows below the head."""
         return sum(1 for row in self.sheet.rows[self.layout.above :] if row)
+
+
+class EqualSheetsError(DataError):
+    """Several sheets with a table of tests of the same header, each of which may be one test.
+
+    Attributes
+    ----------
+    titles : tuple of str
+        Their titles in the order of the book.
+    """
+
+    def __init__(self, message: str, titles: tuple[str, ...]) -> None:
+        super().__init__(message)
+        self.titles = titles
 
 
 def sheet_tables(
@@ -62,17 +79,16 @@ def choose_sheet(book: Book, name: str, title: str | None, words: Words, hidden:
         No sheet has the title asked for.
 
     """
+    titles = [one for one in book.titles if hidden or one not in book.hidden_titles] or list(book.titles)
     if title is not None:
         check_title(title, book, name)
-        titles: list[str] = [title]
-    else:
-        shown = [one for one in book.titles if hidden or one not in book.hidden_titles]
-        titles = shown or list(book.titles)
-    if len(titles) == 1:
-        tables, refusals = sheet_tables(book, name, words, titles=titles, hidden=hidden)
+    if title is not None or len(titles) == 1:
+        tables, refusals = sheet_tables(book, name, words, titles=[title or titles[0]], hidden=hidden)
         if not tables:
             raise refusals[0]
-        return tables[0], []
+        covers = [one for one in titles[:_COVERS] if one != tables[0].sheet.title]
+        seen, _ = sheet_tables(book, name, words, titles=covers, hidden=hidden, most=_COVER)
+        return tables[0], [line for one in covers for line in _pairs(book, one, seen)]
     tables, refusals = sheet_tables(book, name, words, titles=titles, hidden=hidden, most=SAMPLE)
     if not tables:
         raise refusals[0]
@@ -176,8 +192,12 @@ def _best(tables: Sequence[SheetTable], name: str) -> SheetTable:
         return next((table for table in tables if table.layout.header_line), tables[0])
     equal = sorted((table for table in tables if len(table.known) == most), key=lambda table: -table.n_rows)
     if len(equal) > 1 and 2 * equal[1].n_rows >= equal[0].n_rows:
-        listed = ", ".join(f"--sheet {table.sheet.title!r} ({table.n_rows} rows)" for table in equal)
-        raise DataError(f"{name} has several sheets with a table of tests: give one of {listed}.")
+        listed = _some([f"--sheet {quote(table.sheet.title)} ({table.n_rows} rows)" for table in equal])
+        refusal = f"{name} has several sheets with a table of tests: give one of {listed}."
+        alike = [table for table in tables if table.known == equal[0].known]
+        if len(alike) == len(equal):
+            raise EqualSheetsError(refusal, tuple(table.sheet.title for table in alike))
+        raise DataError(refusal)
     return equal[0]
 
 
@@ -185,7 +205,7 @@ def _pairs(book: Book, title: str, tables: Sequence[SheetTable]) -> list[str]:
     """Lines with a name and a value of a sheet without a table of tests."""
     if any(table.sheet.title == title and len(table.known) >= _FEW for table in tables):
         return []
-    sheet = book.sheet(title, most=40)
+    sheet = book.sheet(title, most=_COVER)
     cells = {n: [cell for cell in row if cell != ""] for n, row in enumerate(sheet.rows, start=1)}
     pairs = {n for n, filled in cells.items() if len(filled) == _FEW and isinstance(filled[0], str)}
     return list(sheet.as_written(pairs).values())
