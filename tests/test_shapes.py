@@ -481,3 +481,30 @@ def test_greek_letters_of_units_stay(tmp_path):
     )
     assert runs.values("VB")[0] == pytest.approx(ROWS[0][5], rel=1e-12)
     assert "another script" not in said(runs)
+
+
+# A sheet for each test
+
+
+def book_of(tmp_path, rows_of) -> Path:
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for edge, (V, f, d) in CONDITIONS.items():
+        sheet = book.create_sheet(f"{edge}_V{V}_f{f}_d{d}")
+        for row in rows_of(edge):
+            sheet.append(row)
+    book.save(tmp_path / "a.xlsx")
+    return tmp_path / "a.xlsx"
+
+
+def test_sheets_of_one_test_each_are_one_table(tmp_path):
+    runs = read_runs(book_of(tmp_path, lambda edge: [NAMES[4:], *(row[4:] for row in ROWS if row[0] == edge)]))
+    assert same(runs, read(tmp_path, LONG))
+    assert len(set(runs.labels("edge"))) == 4
+    assert "4 sheets are read as one table" in said(runs)
+    assert "from the names of the sheets: V 100 to 200" in said(runs)
+
+
+def test_sheets_of_several_tests_are_listed(tmp_path):
+    with pytest.raises(DataError, match=r"several sheets with a table of tests: give one of --sheet"):
+        read_runs(book_of(tmp_path, lambda edge: [NAMES, *ROWS]))

@@ -14,6 +14,7 @@ from .row_widths import with_numbers_below
 from .workbook import Book, check_title
 from .worksheet import Place, Row, WorkbookSheet, letters
 
+_ALTERNATIVES = 2  # sheets with the same names, of which the much longer one is read
 _FEW = 2  # known names that make a table of tests
 _COVER = 40  # filled rows of a cover sheet looked at
 _COVERS = 3  # sheets at the beginning that may be covers of the one asked for
@@ -191,7 +192,7 @@ def _best(tables: Sequence[SheetTable], name: str) -> SheetTable:
     if most < _FEW:
         return next((table for table in tables if table.layout.header_line), tables[0])
     equal = sorted((table for table in tables if len(table.known) == most), key=lambda table: -table.n_rows)
-    if len(equal) > 1 and 2 * equal[1].n_rows >= equal[0].n_rows:
+    if len(equal) > _ALTERNATIVES or (len(equal) > 1 and 2 * equal[1].n_rows >= equal[0].n_rows):
         listed = _some([f"--sheet {quote(table.sheet.title)} ({table.n_rows} rows)" for table in equal])
         refusal = f"{name} has several sheets with a table of tests: give one of {listed}."
         alike = [table for table in tables if table.known == equal[0].known]
