@@ -254,6 +254,33 @@ def test_cuts_that_do_not_match_the_plan_are_refused(lab, capsys, means, rows, w
     assert (lab.kept / "E1.csv.png").is_file()
 
 
+def test_a_record_all_in_the_cut_is_refused(lab, capsys):
+    t, load, *_ = simulated.cut_signal([500.0], 1000, np.random.default_rng(1), seconds=8.0)
+    inside = (t > 4) & (t < 10)
+    simulated.write_table(lab.folder / "E1.csv", t[inside], {"Fc [N]": load[inside]})
+    lab.rows(1)
+    lab.run(code=3)
+    assert "contains no cut" in capsys.readouterr().err
+
+
+def test_an_offset_of_the_amplifier_is_removed_and_said(lab):
+    t, load, *_ = simulated.cut_signal(MEANS, 200, np.random.default_rng(1), seconds=5.0)
+    simulated.write_table(lab.folder / "E1.csv", t, {"Fc [N]": load - 3000})
+    lab.rows()
+    runs = lab.run()
+    assert runs.values("Fc") == pytest.approx(MEANS, rel=WITHIN)
+    assert "offset of the amplifier" in runs.data["remarks"].iloc[0]
+
+
+def test_a_dead_channel_is_left_out_of_its_row(lab):
+    t, load, *_ = simulated.cut_signal(MEANS, 200, np.random.default_rng(1), seconds=5.0)
+    simulated.write_table(lab.folder / "E1.csv", t, {"Fc [N]": load, "Fz [N]": np.where(t > 20, 0.0, 0.5 * load)})
+    lab.rows()
+    runs = lab.run()
+    assert np.isnan(runs.values("Fz")).tolist() == [False, False, True]
+    assert "signal lost, left out" in runs.data["remarks"].iloc[2]
+
+
 def test_short_touches_are_no_cuts_and_said(lab, capsys):
     t, load, *_ = simulated.cut_signal(MEANS, 200, np.random.default_rng(1), seconds=5.0)
     load[(t > 1) & (t < 1.4)] += 400

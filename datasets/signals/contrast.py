@@ -85,7 +85,9 @@ def noise_and_reach(load: Array, step: float) -> tuple[float, float]:
     """Noise of the quiet part, and largest step between half seconds: neither sees a slow drift."""
     size = max(4, round(1.0 / step))
     windows = load[: len(load) // size * size].reshape(-1, size)
-    noise = float(np.percentile(windows.std(axis=1), QUIET)) if len(windows) else float(load.std())
+    scatter = windows.std(axis=1) if len(windows) else load.std(keepdims=True)
+    moving = scatter[scatter > 1e-9 * np.abs(load).max()]  # a dead or coarse signal is not a quiet one
+    noise = float(np.percentile(moving, QUIET)) if moving.size else 0.0
     half = max(2, round(0.5 / step))
     means = smoothed(load, half)
     apart = 3 * half
@@ -94,8 +96,10 @@ def noise_and_reach(load: Array, step: float) -> tuple[float, float]:
 
 
 def _contrast(load: Array, step: float) -> float:
+    """Reach over noise; less where the signal is dead for a part of the record."""
     noise, reach = noise_and_reach(load, step)
-    return reach / max(noise, 1e-3 * reach, 1e-300)
+    dead = float(np.mean(np.diff(load) == 0))
+    return (1 - dead) * reach / max(noise, 1e-3 * reach, 1e-300)
 
 
 def widened(numbers: NDArray[np.intp], by: int) -> list[Interval]:

@@ -29,6 +29,7 @@ LEFT = 0.25  # share of the load of a cut below which it has ended
 PLATEAU = 0.9  # share of the load from which entry and exit have ended
 SCATTER = 4.0  # standard deviations of the load that count as steady
 OFF = 0.1  # share of the next level below which a spindle is off
+RESTLESS = 3.0  # ratio of the scatter of two seconds that tells cut from air
 ALIKE = 0.2  # difference of the idle levels before and after, as a share of the load
 DETECTABLE = 5.0  # contrast, in standard deviations
 
@@ -79,6 +80,7 @@ class _Search:
     step: float
     high: float
     scale: float
+    driven: bool
 
     def count(self, seconds: float) -> int:
         return max(1, round(seconds * self.scale / self.step))
@@ -109,8 +111,10 @@ def find_cuts(recording: Recording, how: ReduceOptions, revolution: float = 0.0)
     noise, reach = noise_and_reach(load, step / scale)
     if reach < DETECTABLE * noise or reach == 0:
         raise DataError(_no_cut(recording.name, signal, load, noise))
-    search = _Search(load, peaks, step, max(NOISE * noise, how.threshold * reach), scale)
-    spans, levels = _three_states(search, _spans(search), signal.removeprefix("standard deviation of ") in DRIVEN)
+    driven = signal.removeprefix("standard deviation of ") in DRIVEN
+    search = _Search(load, peaks, step, max(NOISE * noise, how.threshold * reach), scale, driven)
+    spans, levels = _three_states(search, _spans(search))
+    spans = [span for span in spans if _exceeds(search, span)]
     long = [span for span in spans if (span[1] - span[0]) * step >= how.shortest]
     if not long:
         raise DataError(_no_cut(recording.name, signal, load, noise, [(b - a) * step for a, b in spans]))
@@ -122,7 +126,7 @@ def find_cuts(recording: Recording, how: ReduceOptions, revolution: float = 0.0)
     cuts = tuple(_cut(search, k, long, how, width, size, len(recording)) for k in range(len(long)))
     middle = float(np.median(np.concatenate([load[a:b] for a, b in long])))
     idle = levels["idle"]
-    if signal.removeprefix("standard deviation of ") in DRIVEN and abs(middle) < abs(idle):
+    if driven and abs(middle) < abs(idle):
         raise DataError(
             f"{recording.name}: {signal} is {middle:.4g} in the cut and {idle:.4g} when idle; a cut must exceed idle. "
             "Look at the picture; name another channel with --channel, or take the record out."
@@ -180,7 +184,8 @@ def _spans(search: _Search, begin: Interval | None = None) -> list[Interval]:
 def _first_idle(search: _Search, first: int, end: int) -> float:
     """Level of the first second, or the lowest one where the record begins in a cut.
 
-    It begins in air where the first level is the lowest, or where it is the last one too, and the quieter.
+    It begins in air where the first level is the lowest; and where it is the last one too, an offset of the amplifier,
+    unless it is less quiet or the load is that of a drive.
     """
     size = search.count(1.0)
     load = search.load[first:end]
@@ -194,8 +199,16 @@ def _first_idle(search: _Search, first: int, end: int) -> float:
     if abs(level) - abs(lowest) <= 1.5 * search.high:
         return level
     peaks = search.peaks[first:end]
-    quieter = peaks[:size].std() < peaks[at * size : (at + 1) * size].std()
-    return level if abs(last - level) < search.high and quieter else lowest
+    restless = peaks[:size].std() > RESTLESS * peaks[at * size : (at + 1) * size].std()
+    return lowest if search.driven or restless or abs(last - level) > search.high else level
+
+
+def _exceeds(search: _Search, span: Interval) -> bool:
+    """Whether the load of a span differs from the level beside it by more than the threshold."""
+    near = search.count(1.0)
+    beside = [search.load[max(0, span[0] - near) : span[0]], search.load[span[1] : span[1] + near]]
+    levels = [float(np.median(part)) for part in beside if part.size]
+    return not levels or abs(float(np.median(search.load[span[0] : span[1]])) - float(np.mean(levels))) > search.high
 
 
 def _merged(spans: Sequence[Interval], gap: int) -> list[Interval]:
@@ -208,10 +221,10 @@ def _merged(spans: Sequence[Interval], gap: int) -> list[Interval]:
     return out
 
 
-def _three_states(search: _Search, spans: list[Interval], driven: bool) -> tuple[list[Interval], dict[str, float]]:
+def _three_states(search: _Search, spans: list[Interval]) -> tuple[list[Interval], dict[str, float]]:
     """Cuts of a drive between the starts and stops of its spindle, where it has these; the levels of off and idle."""
     load = search.load
-    if driven:
+    if search.driven:
         rest, running = _running(search)
         inner = [(span, *_inner(search, span, rest)) for span in running]
         idles = [idle for _, _, idle in inner if idle is not None]

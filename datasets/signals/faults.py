@@ -12,7 +12,7 @@ from .statistics import ChannelFigures
 
 CLIPPED = 0.002  # share of the samples of a window at the largest value of the record
 RUN = 4  # samples in a row at the extreme
-CONSTANT = 0.05  # share of the window in which the signal does not change
+CONSTANT = 0.002  # share of the window in which the signal does not change
 LEVELS = 16  # a signal of no more distinct values is coarse, not clipped
 GAPS = 0.001  # share of the window without a value
 RIPPLE = 0.05  # amplitude of the mains in the air, as a share of the mean
@@ -20,6 +20,7 @@ DRIFT = 0.1  # drift of the zero over the cut, as a share of the mean
 STEADY = 0.3  # change from the first to the last third of the window, as a share of the mean
 SCATTER = 0.25  # standard deviation of the means of revolutions, as a share of the mean
 FEWEST_TURNS = 8
+LOW = 0.5  # of the mean
 UNCERTAIN = 0.01  # standard error, as a share of the mean
 CYCLES = 10  # periods of the mains that the air must hold
 MOST = 2_000_000  # samples of a window that are examined
@@ -33,6 +34,8 @@ def cut_faults(name: str, recording: Recording, cut: Cut, figures: ChannelFigure
     known = part[np.isfinite(part)]
     if not known.size:
         return out
+    if np.isnan(figures.mean):
+        return [*out, f"{name} is constant at the level of the air, {known[0]:.4g} {unit}: signal lost, left out"]
     out += _stuck(name, known, values, recording.sample_time, unit)
     out += _zero(name, figures, unit) + _uncertain(name, figures, unit)
     out += _ripple(name, recording, cut, figures, unit)
@@ -84,7 +87,8 @@ def _stuck(name: str, known: Array, values: Array, step: float, unit: str) -> li
                 f"{extreme:.4g} {unit}; mean and peak are too small"
             )
     longest = int(lengths.argmax())
-    if not out and lengths[longest] > max(20, CONSTANT * len(known)):
+    usual = float(np.percentile(lengths, 95))
+    if not out and lengths[longest] > max(20, CONSTANT * len(known), 10 * usual * (len(lengths) > 20)):
         out.append(
             f"{name} is constant at {levels[longest]:.4g} {unit} for {step * lengths[longest]:.2g} s: signal lost?"
         )
@@ -141,7 +145,10 @@ def _unsteady(name: str, known: Array, figures: ChannelFigures, unit: str) -> li
 def _scattered(name: str, known: Array, figures: ChannelFigures, turn: float, unit: str) -> list[str]:
     """A load whose revolutions differ: not one cut, or one that is interrupted."""
     size = max(1, round(turn))
-    means = block_means(known, size)
+    means = block_means(known, size) - figures.idle
+    low = np.count_nonzero(means * np.sign(figures.mean) < LOW * abs(figures.mean))
+    if 0 < low < LOW * len(means):
+        return [f"{name} falls below half of its mean for {100 * low / len(means):.2g} % of the cut"]
     if len(means) >= FEWEST_TURNS and means.std() > SCATTER * abs(figures.mean):
         share = 100 * float(means.std()) / max(abs(figures.mean), 1e-300)
         return [f"{name} is not steady: its revolutions scatter by {share:.0f} % of the mean {figures.mean:.4g} {unit}"]

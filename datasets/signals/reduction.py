@@ -22,6 +22,7 @@ from .recording import Recording, read_recordings, record_files
 from .statistics import ChannelFigures, channel_figures, peak_window
 
 LOW = 0.2  # deviation of idle levels between records
+SIGNIFICANT = 3.0  # standard errors
 SHORTEST_WINDOW = 10  # samples
 Speed = Callable[[int, float | None], float | None]
 
@@ -258,10 +259,10 @@ def _reduced(
     for recording in read_recordings(path, how):
         try:
             found = find_cuts(recording, how, turn)
+            record, figures = _record(recording, path.name, found, speed, count)
         except DataError:
             _picture(recording, None, (), kept)
             raise
-        record, figures = _record(recording, path.name, found, speed, count)
         _picture(recording, found, figures, kept)
         records.append(record)
         count += len(record.cuts)
@@ -331,11 +332,22 @@ def _record(
             )
         )  # fmt: skip
         drawn.append(each)
+    if found.signal in recording.channels and not any(_significant(each[found.signal]) for each in drawn):
+        raise DataError(
+            f"{recording.name} contains no cut that exceeds its noise: the load found on {found.signal} is "
+            f"{drawn[0][found.signal].mean:.3g} {ROLES[found.signal].unit}, with a standard error of "
+            f"{drawn[0][found.signal].se:.2g}. Does the record begin and end in the air? Look at the picture; take the "
+            "record out of the folder, with its row of the plan, or name another channel with --channel."
+        )
     record = ReducedRecord(
         recording.name, file, 1 / step, len(recording) * step, found.signal, dict(found.levels), tuple(cuts),
         (*recording.notes, *found.remarks),
     )  # fmt: skip
     return record, drawn
+
+
+def _significant(figures: ChannelFigures) -> bool:
+    return not abs(figures.mean) <= SIGNIFICANT * figures.se
 
 
 def _stored(figures: ChannelFigures) -> dict[str, float]:

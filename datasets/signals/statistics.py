@@ -81,6 +81,8 @@ def channel_figures(values: Array, cut: Cut, turn: float, step: float) -> Channe
     count = int(np.count_nonzero(known))
     if not count:
         return ChannelFigures(np.nan, np.nan, np.nan, 0, np.nan, before, after, line)
+    if _lost(values, cut, line):
+        return ChannelFigures(np.nan, np.nan, np.nan, 0, np.nan, before, after, line)
     full = part if count == len(part) else part[known]
     mean, sd = float(full.mean()), float(full.std(ddof=1)) if count > 1 else np.nan
     sign = 1.0 if mean >= 0 else -1.0
@@ -106,6 +108,16 @@ def _air(values: Array, air: Interval, step: float) -> tuple[float, float]:
     means = block_means(part, size) if part.size else part
     known = means[np.isfinite(means)]
     return (float(np.median(known)) if known.size else np.nan), (air[0] + air[1] - 1) / 2
+
+
+def _lost(values: Array, cut: Cut, line: ZeroLine) -> bool:
+    """Whether a channel is constant in the window, and at the level of the air: its signal is lost."""
+    part = values[cut.window[0] : cut.window[1]]
+    if np.nanmin(part) != np.nanmax(part):
+        return False
+    air = np.concatenate([values[a:b] for a, b in (cut.before, cut.after)])
+    reach = float(np.nanmax(np.abs(air - np.nanmedian(air)))) if air.size else 0.0
+    return bool(abs(np.nanmedian(part) - line.at(sum(cut.window) / 2)) <= reach)
 
 
 def _standard_error(part: Array, airs: list[Array]) -> float:
