@@ -16,9 +16,11 @@ from .vocabulary import ROLES
 
 MOST_ROWS = 100_000  # of a table whose edges are checked cell by cell
 JUMP = 3.0  # factor of a cell against its neighbours above which a digit or decimal mark may have slipped
+RISES = 0.8  # share of the steps of wear along the edges
 STEADY = 1.5  # factor between two neighbours of which a third cell is judged
 FALL = 0.8  # of the wear before
 SPREADS = 4.0  # robust standard deviations of the steps of wear that a fall must exceed
+CLOSER = 0.6  # of the variation within edges, which a column moved by one row must be below
 APART = 15.0  # factor between the level of an edge and that of the others
 FACTORS = ((25.4, "in and mm"), (60.0, "min and s"), (3.2808, "m and ft"), (10.0, ""), (100.0, ""), (1000.0, ""))
 SHIFTED = "shifted by one row against the other columns"
@@ -39,6 +41,8 @@ def check_edges(draft: Draft) -> None:
     if edges.several == 0:
         return
     t = numbers.get("t")
+    if t is None and "T" not in numbers:
+        draft.doubts += _of_no_time(draft, edges, numbers)
     shifted = {role for doubt in draft.doubts if SHIFTED in doubt.sentence for role in doubt.columns}
     for role in (role for role, kind in kinds.items() if kind == "condition" and role not in shifted):
         draft.doubts += _of_setting(draft, edges, role, numbers[role])
@@ -46,8 +50,32 @@ def check_edges(draft: Draft) -> None:
         wear = next((numbers[role] for role, kind in kinds.items() if kind == "wear"), None)
         draft.doubts += doubts_of_time(draft, edges, t, wear, copies)
     order = edges.order if t is None else np.lexsort((t, edges.codes))
-    for role in (role for role, kind in kinds.items() if kind in MEASURED):
+    computed = {one.role for one in draft.derived}
+    for role in (role for role, kind in kinds.items() if kind in MEASURED and role not in computed):
         draft.doubts += _of_response(draft, edges, role, numbers[role], t, order)
+
+
+def _of_no_time(draft: Draft, edges: EdgeRows, numbers: dict[str, Array]) -> Iterator[Doubt]:
+    """Wear that rises along the edges while no column is the time."""
+    wear = next((role for role in numbers if ROLES[role].kind == "wear"), None)
+    if wear is None or len(edges.order) < 3 * len(edges.first):
+        return
+    step = np.diff(numbers[wear][edges.order])[edges.same]
+    known = step[~np.isnan(step)]
+    if len(known) < 6 or (known > 0).mean() < RISES:
+        return
+    rising = [
+        column.name
+        for column, use in zip(draft.columns, draft.uses, strict=True)
+        if use.role is None and column.is_numeric and (np.diff(column.values[edges.order])[edges.same] > 0).all()
+    ]
+    other = f"; column {rising[0]!r} rises in each" if rising else ""
+    yield Doubt(
+        (wear, "t"),
+        f"{wear} rises along the edges but no column is the cutting time: the laws are of the mean wear of each edge"
+        f"{other}",
+        f'--map "t={rising[0]}"' if rising else "",
+    )
 
 
 def _copies(draft: Draft, numbers: dict[str, Array]) -> Flags:
@@ -55,7 +83,7 @@ def _copies(draft: Draft, numbers: dict[str, Array]) -> Flags:
     n = len(draft.lines)
     copy = np.zeros(n, dtype=bool)
     measured = sum(ROLES[role].kind in MEASURED for role in numbers)
-    if len(numbers) < 3 or measured == 0:
+    if len(numbers) < 3 or measured == 0 or (measured == 1 and "t" not in numbers):
         return copy
     chance = measured == 1 and all(use.role != "edge" for use in draft.uses)
     key = np.zeros(n)  # equal rows have equal sums
@@ -166,6 +194,7 @@ def _of_response(
     if grows and (step < np.log(FALL)).any():
         yield from _falls(draft, role, values, order, step, slipped)
     yield from _levels(edges, role, code, y)
+    yield from _shifted_response(edges, role, values)
 
 
 def _falls(
@@ -213,15 +242,32 @@ def _slip_words(
 
 def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array) -> Iterator[Doubt]:
     """Edges in which a measured quantity is of another order than in the others: another unit."""
-    at = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]]))
-    if len(at) < 6 or np.ptp(y) < np.log(APART):
+    far = np.log(APART if ROLES[role].kind == "wear" else APART**2)
+    if np.ptp(y) < far:
         return
+    at = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]]))
     level = np.add.reduceat(y, at) / np.diff(at, append=len(y))
-    apart = level - median(level)
-    spread = 1.4826 * median(np.abs(apart))
-    odd = np.abs(apart) > max(np.log(APART), 6 * spread)
-    if 0 < odd.sum() <= edges.few:
-        name = dict(zip(edges.codes.tolist(), edges.names.tolist(), strict=True))
-        which = listed(f"edge {name[code[i]]} by a factor of {np.exp(abs(apart[k])):.3g}"
-                       for k, i in enumerate(at) if odd[k])  # fmt: skip
-        yield Doubt((role,), f"{role} is of another order than in the other edges: {which}; are these in another unit?")
+    apart = np.abs(level - median(level))
+    odd = apart > far
+    if len(at) < 6 or not 0 < odd.sum() <= edges.few or apart[odd].min() < 2 * apart[~odd].max():
+        return
+    name = dict(zip(edges.codes.tolist(), edges.names.tolist(), strict=True))
+    which = listed(f"edge {name[code[i]]} by a factor of {np.exp(apart[k]):.3g}" for k, i in enumerate(at) if odd[k])
+    yield Doubt((role,), f"{role} is of another order than in the other edges: {which}; are these in another unit?")
+
+
+def _shifted_response(edges: EdgeRows, role: str, values: Array) -> Iterator[Doubt]:
+    """A measured column that varies far less within the edges if it is moved by one row."""
+    if len(edges.first) < 6 or len(values) < 3 * len(edges.first) or not (values > 0).all():
+        return
+    y, same = np.log(values), edges.codes[1:] == edges.codes[:-1]
+    step = np.abs(y[1:] - y[:-1])
+    here = step[same].sum()
+    fall = (y[1:] < y[:-1]) & same
+    second, last = same & np.append(True, ~same[:-1]), same & np.append(~same[1:], True)
+    for where, moved, place in (("first", step[1:][same[:-1]], second), ("last", step[:-1][same[1:]], last)):
+        falls = ROLES[role].kind == "wear" and fall[place].mean() > 0.8 and fall[same & ~place].mean() < 0.3
+        if falls or moved.sum() < CLOSER * here:
+            words = f"{role} jumps at the {where} row of most edges, and would not if it were moved by one row"
+            yield Doubt((role,), f"{words}: the column is {SHIFTED}; correct it in the file")
+            return

@@ -12,7 +12,7 @@ from .doubts import Doubt
 from .draft import Draft
 from .edge_checks import SHIFTED
 from .edge_columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, numbered
-from .edge_names import tidy_names
+from .edge_names import join_types, tidy_names
 from .edge_order import edges_by_design, settings_of
 from .merged_cells import lines_text
 from .options import ReadOptions
@@ -54,6 +54,7 @@ def settle_edges(draft: Draft, options: ReadOptions) -> None:
     given = options.columns
     if given.get("edge", "").strip().lower() == NONE or not len(draft.lines):
         return
+    join_types(draft)
     tests = _tests(draft)
     if "edge" not in given and tests is not None:
         _decide(draft, tests, given)
@@ -61,6 +62,8 @@ def settle_edges(draft: Draft, options: ReadOptions) -> None:
         tidy_names(draft, tests)
     elif tests is not None and tests.time is not None:
         _infer(draft, tests)
+    elif tests is not None:
+        _infer_readings(draft, tests)
 
 
 def _tests(draft: Draft) -> Tests | None:
@@ -83,6 +86,14 @@ def _decide(draft: Draft, tests: Tests, given: dict[str, str]) -> None:
     chosen = _chosen(labels, tests)
     if chosen:
         _edges_are(draft, chosen, by_name)
+    elif by_name is not None and (codes := _numbered_anew(draft, by_name)) is not None:
+        width = len(str(int(codes.max()) + 1))
+        names = [f"E{k + 1:0{width}d}" for k in range(int(codes.max()) + 1)]
+        draft.data["edge"] = np.array(names, dtype=object)[codes]
+        draft.assumed.append(
+            f"{by_name.title} numbers edges anew in each block of tests: {len(names)} edges of {len(by_name.names)} "
+            "names, by the order of the tests"
+        )
     elif by_name is not None and _types_of_tools(by_name, tests) and "tool" not in draft.data:
         _give(draft, by_name, "tool")
         draft.assumed.append(
@@ -253,6 +264,18 @@ def _types_of_tools(one: _Labels, tests: Tests) -> bool:
     )  # fmt: skip
 
 
+def _numbered_anew(draft: Draft, one: _Labels) -> Codes | None:
+    """Codes of edges by the order of the tests, where the names of a column start again in each block of tests."""
+    if "t" not in draft.data or not one.several or len(one.codes) != len(draft.lines) or (one.codes < 0).any():
+        return None
+    found = edges_by_design(draft)
+    if found is None or found.codes is None or not found.in_order or found.codes.max() < len(one.names):
+        return None
+    begins = np.append(True, found.codes[1:] != found.codes[:-1])
+    renamed = np.append(True, one.codes[1:] != one.codes[:-1])
+    return found.codes if (begins == renamed).all() else None
+
+
 def _numbers_rows(one: _Labels, draft: Draft) -> bool:
     """Whether every row has a number of its own under a name such as ``test no`` although rows share edges."""
     if "t" not in draft.data or len(one.names) < NEARLY * len(one.codes) or len(one.codes) != len(draft.lines):
@@ -290,6 +313,30 @@ def _typed(one: _Labels) -> str:
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:4]) + (" ..." if len(names) > 4 else "")
+
+
+def _infer_readings(draft: Draft, tests: Tests) -> None:
+    """Tests without a time whose rows are several readings, as where a mean force is repeated with each roughness."""
+    measured = {role: x for role, x in draft.numbers().items() if ROLES[role].kind in ("load", "wear", "surface")}
+    for place, use in enumerate(draft.uses):
+        if use.role is not None or meant_by(use.name) not in ("run", "edge") or len(measured) < 2:
+            continue
+        codes, names = numbered(draft.columns[place].labels())
+        if "" in names or 2 * len(names) > len(codes) or len(names) < 3 or len(codes) > SAMPLE:
+            continue
+        order = np.argsort(codes, kind="stable")
+        same = codes[order][1:] == codes[order][:-1]
+        if any((differs(x[order][1:], x[order][:-1]) & same).any() for x in tests.settings.values()):
+            continue
+        copied = [role for role, x in measured.items() if (x[order][1:] == x[order][:-1])[same].all()]
+        if 0 < len(copied) < len(measured):
+            draft.data["edge"] = draft.columns[place].labels()
+            draft.assumed.append(
+                f"column {use.header!r} has {len(names)} values, in each of which {', '.join(copied)} and the settings "
+                "are constant: its rows are readings of one test, and are taken as one edge; --edge none takes them as "
+                "independent"
+            )
+            return
 
 
 def _infer(draft: Draft, tests: Tests) -> None:

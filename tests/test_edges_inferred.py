@@ -277,6 +277,47 @@ def test_the_edge_is_named_once():
         ReadOptions(edge="a", map={"edge": "b"})
 
 
+def test_readings_of_one_test_are_one_edge(measurements):
+    """Six roughness readings of each turned surface, with its mean forces repeated on each row."""
+    path = measurements / "turning_forces" / "Exp1.csv"
+    runs, rows = datasets.read_runs(path), datasets.read_runs(path, edge="none")
+    assert len(set(runs.labels("edge"))) == 54
+    assert any("'Run_ID' has 54 values" in note for note in runs.assumed)
+    by_test, by_row = (fit.power_law(some, "Ra", ["V", "f", "d"]) for some in (runs, rows))
+    np.testing.assert_allclose(by_test.theta, by_row.theta, rtol=1e-12)
+    assert (by_test.bse / by_row.bse).min() > 2  # they differ by their readings, which are not repeated tests
+    forces = [fit.power_law(some, "Fx", ["V", "f", "d"]) for some in (runs, rows)]
+    np.testing.assert_allclose(forces[0].bse, forces[1].bse, rtol=1e-12)
+
+
+@pytest.mark.parametrize("by", [-1, 1])
+def test_a_measured_column_shifted_by_one_row_is_doubted(by):
+    for frame in (TABLE, without()):
+        assert "VB jumps" in doubted(read(frame.assign(**{VB: np.roll(frame[VB], by)})))
+    force = 1800 * TABLE[F] ** 0.75 * TABLE["d [mm]"] ** 0.95 * (1 + 2 * TABLE[VB])
+    found = doubted(read(TABLE.assign(**{"Fc [N]": np.roll(force, by)})))
+    assert "Fc jumps at the" in found
+    assert "moved by one row" in found
+    assert read(TABLE.assign(**{"Fc [N]": force.round()})).doubts == ()
+
+
+def test_wear_along_edges_without_a_time_is_doubted():
+    runs = read(TABLE.rename(columns={T: "stamp"}))
+    assert "no column is the cutting time" in doubted(runs)
+    assert runs.doubts[0].remedy == '--map "t=stamp"'
+
+
+def test_names_that_start_again_are_told_apart_by_the_order():
+    runs = read(TABLE.assign(edge=[str(k % 4 + 1) for k in NUMBER]))
+    assert partition(runs) == NUMBER.tolist()
+    assert any("numbers edges anew" in note for note in runs.assumed)
+
+
+def test_spellings_of_a_work_material_are_one_pair():
+    runs = read(TABLE.assign(Material=["c45 " if k % 7 else "C45" for k in range(ROWS)]), work=None)
+    assert (runs.work, len(list(runs.pairs()))) == ("c45 ", 1)
+
+
 @pytest.mark.parametrize("drop", [["case"], ["case", "run"]], ids=["case", "case and run"])
 @pytest.mark.parametrize("measured", [False, True], ids=["all rows", "rows with wear"])
 def test_nasa_milling_has_its_16_edges_without_the_column(measurements, drop, measured):
