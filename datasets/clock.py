@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from shlex import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from .units import canonical
 from .vocabulary import roles_named
 
 _CLOCK = re.compile(r"(\d{1,4}):([0-5]?\d)(?::([0-5]?\d(?:[.,]\d+)?))?(?:\s*(?:h|min|hrs?))?")
+_STAMP = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[ T]+\d{1,2}:\d\d(?::\d\d(?:[.,]\d+)?)?(?:\s*[AaPp]\.?[Mm]\.?)?")
 _WORDS = re.compile(
     r"(?=\d)(?:(\d+)\s*h(?:rs?|ours?)?\s*)?(?:(\d+(?:[.,]\d+)?)\s*(?:minutes?|mins?|m|['′])\s*)?"
     r"(?:(\d+(?:[.,]\d+)?)\s*(?:seconds?|sec|sek|s|''|[\"″])\s*)?\.?",
@@ -27,6 +29,8 @@ _FORMATS = {
 }  # notations by the unit of their first number
 _USUAL = (0.2, 120.0)  # min, time in cut
 _LONGEST = 600.0  # min
+_FEW = 3  # times that show a course
+_RISING = 0.6  # share of rising steps in a column of times
 _MORNING = 240.0  # min after midnight: before it nobody starts a test
 
 Floats = NDArray[np.float64]
@@ -70,8 +74,12 @@ def clock_columns(
     units, assumed, doubts, made = dict(options.units), [], [], []
     for column in columns:
         role = "" if column.is_numeric else _role(column, options.map)
-        times = _times(column) if role else None
-        if times is not None:
+        if not role and not column.is_numeric and _first_text(_STAMP, column):
+            doubts += _unused(None, column, columns)
+        times = None if column.is_numeric or not (role or _first_text(_CLOCK, column)) else _times(column)
+        if times is not None and not role:
+            doubts += _unused(times, column, columns)
+        elif times is not None:
             named = units.get(role, "") or column.unit_cell or _unit_of(column.name)
             if units.get(role) and notation(units[role]):
                 del units[role]
@@ -112,6 +120,32 @@ def _unit_of(name: str) -> str:
     return match[0].strip(" []()") if match else parse_header(name).unit_text
 
 
+def _first_text(pattern: re.Pattern[str], column: Column) -> str:
+    """The first filled cell of a column of texts if it is of this pattern, else ""."""
+    first = next((text for text in column.values if text), "")
+    return first if pattern.fullmatch(first) else ""
+
+
+def _unused(times: _Times | None, column: Column, columns: tuple[Column, ...]) -> list[Doubt]:
+    """A doubt on a column of rising clock times or of dates with times in a file that has no other time."""
+    if any(_role(other, {}) for other in columns):
+        return []
+    if times is None or _is_time_of_day(times.minutes("h")):
+        if times is None and len(set(column.values.tolist())) < len(column.values) / 2:
+            return []
+        example = times.example if times is not None else _first_text(_STAMP, column)
+        sentence = (
+            f"column {column.name!r} ({example}) holds times of day and is not used, and the file has no time in "
+            "cut: write the minutes in cut since the start of each edge in a column t [min]"
+        )
+        return [Doubt((column.name,), sentence)]
+    known = times.minutes("min")[np.isfinite(times.parts[:, 0])]
+    if len(set(known.tolist())) < _FEW or (np.diff(known) > 0).mean() < _RISING:
+        return []
+    sentence = f"column {column.name!r} ({times.example}) may be the time in cut and is not used"
+    return [Doubt((column.name,), sentence, f"--map {quote(f't={column.name}')}")]
+
+
 def _times(column: Column) -> _Times | None:
     """The cells as numbers, None where one of them is no clock time; times in words have their own units."""
     texts = [str(text).strip() for text in column.values]
@@ -137,7 +171,8 @@ def _decided(times: _Times, role: str, column: Column, named: str) -> tuple[str,
     if first := notation(named):
         return first, []
     in_hours, in_minutes = times.minutes("h"), times.minutes("min")
-    if _is_time_of_day(in_hours):
+    unit = canonical(named) if named else None
+    if unit is None and _is_time_of_day(in_hours):
         raise DataError(_of_day(times, role, column))
     seconds = times.parts[:, 2][times.has_seconds]
     if seconds.size == times.parts.shape[0] - np.isnan(times.parts[:, 0]).sum() and (seconds != 0).any():
@@ -147,7 +182,6 @@ def _decided(times: _Times, role: str, column: Column, named: str) -> tuple[str,
     usual_h, usual_min = _is_usual(in_hours), _is_usual(in_minutes)
     if seconds.size and usual_h:
         return "h", []
-    unit = canonical(named) if named else None
     if unit in ("min", "s", "h"):
         first = "h" if unit == "h" else "min"
         as_other, flag = ("min:s", "mm:ss") if first == "h" else ("h:min", "h:mm")
@@ -174,11 +208,13 @@ def _is_usual(minutes: Floats) -> bool:
 
 
 def _is_time_of_day(minutes: Floats) -> bool:
-    """Whether times lie within a day after its beginning and only rise, by less than half of the last."""
+    """Whether times lie in a day after its beginning, and each rising stretch within the last half of its end."""
     known = minutes[np.isfinite(minutes)]
-    if len(known) < 3 or known.min() < _MORNING or known.max() >= 24 * 60:
+    if len(known) < _FEW or known.min() < _MORNING or known.max() >= 24 * 60:
         return False
-    return bool((np.diff(known) >= 0).all() and known.max() - known.min() < known.max() / 2)
+    stretches = np.split(known, np.flatnonzero(np.diff(known) < 0) + 1)
+    narrow = [part[-1] - part[0] < part[-1] / 2 for part in stretches]
+    return all(narrow) and max(map(len, stretches)) >= _FEW
 
 
 def _span(minutes: Floats) -> str:
@@ -187,7 +223,7 @@ def _span(minutes: Floats) -> str:
 
 def _of_day(times: _Times, role: str, column: Column) -> str:
     return (
-        f"column {column.name!r} holds times of day ({times.example}, rising through the file), not the time in cut "
+        f"column {column.name!r} holds times of day ({times.example}, rising within each edge), not the time in cut "
         f"{role}: they count pauses and do not begin at the start of an edge. Write the minutes in cut since the start "
         f"of each edge, or give --unit {role}=mm:ss if the cells are minutes and seconds, or --map {role}=none."
     )

@@ -389,6 +389,28 @@ def test_times_of_day_are_refused(tmp_path):
     )
 
 
+def test_times_of_day_that_begin_anew_with_each_edge(tmp_path):
+    clock = ["10:02", "10:04", "10:09"] * 3
+    with pytest.raises(DataError, match="times of day"):
+        timed(tmp_path, clock)
+    with pytest.raises(DataError, match="times of day"):
+        timed(tmp_path, clock, "stamp", map={"t": "stamp"})
+    (doubt,) = (doubt for doubt in timed(tmp_path, clock, "stamp").doubts if "stamp" in doubt.columns)
+    assert "'stamp' (10:02) holds times of day and is not used" in doubt.sentence
+
+
+def test_stamps_with_date_and_time_are_pointed_out(tmp_path):
+    stamps = [f"2024-03-0{day} {hour}:15" for day in (1, 2) for hour in (9, 10, 11)]
+    assert [doubt.columns for doubt in timed(tmp_path, stamps, "measured at").doubts] == [("measured at",)]
+    assert not timed(tmp_path, ["2024-03-01 9:15"] * 3 + ["2024-03-02 9:15"] * 3, "measured at").doubts
+
+
+def test_clock_times_without_a_known_name_are_pointed_out(tmp_path):
+    (doubt,) = (d for d in timed(tmp_path, ["2:30", "5:00", "14:30"], "Lap").doubts if "Lap" in d.columns)
+    assert doubt.remedy == "--map t=Lap"
+    assert timed(tmp_path, ["2:30", "5:00", "14:30"], "Lap", map={"t": "Lap"}).values("t").tolist() == [2.5, 5, 14.5]
+
+
 @pytest.mark.parametrize(
     ("code", "doubts"), [("mm:ss", 0), ("[mm]:ss", 0), ("h:mm:ss", 0), ("[h]:mm:ss", 0), ("h:mm", 1)]
 )
