@@ -13,7 +13,7 @@ from ..core.suggestions import closest, did_you_mean
 from .headers import parse_header
 from .tables import Column, is_number
 from .units import canonical, convert, same_dimension, suggest
-from .vocabulary import ROLES, Role, role_of, role_of_unit, suggest_role, understood_unit
+from .vocabulary import ROLES, Role, role_of, role_of_unit, role_within, suggest_role, understood_unit
 
 LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
 _BOUND = re.compile(r"\s*[<>≤≥]")
@@ -94,6 +94,14 @@ def _unrecognised(columns: tuple[Column, ...]) -> str:
         head = f"the file has no row of column names above its numbers: no column is recognised among {names}"
     else:
         head = f"no column is recognised among {names}"
+    alike: dict[str, Column] = {}
+    for column in columns:
+        role = role_within(parse_header(column.name).name) if column.is_numeric else None
+        if role is not None:
+            alike.setdefault(role, column)
+    if alike:
+        each = " ".join(f'--map "{role}={column.name}"' for role, column in alike.items())
+        return f"{head}. By the words in their names they may be {', '.join(alike)}: {each}."
     return (
         f"{head}: name them as V, f, d, t, AW ... in a header row, or assign them, for instance "
         '--map "V=col1" --map "VB=col3".'

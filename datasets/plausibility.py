@@ -149,6 +149,8 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
             _doubt_unnamed(draft, one, far[0])
         return
     other = exchanged.get(one.role)
+    if other is not None and usual not in ([], ["mil"]) and other.lies_in(other.ranges.unusual):
+        other = None  # a unit of this column alone explains it
     options = usual or [unit for unit in others if one.lies_in(one.ranges.unusual, unit_factor(unit, one.role))]
     role = _other_role(draft, one)
     options = [unit for unit in options if not (role and unit == "um/rev")]  # rare beside a feed rate
@@ -158,7 +160,7 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
     if len(options) == 1 and other is None and not role:
         take_unit(draft, one, options[0])
         sentence = (
-            f"{head} has no unit and is taken in {options[0]}, since {one.shown(home)} is implausible ({one.usual})"
+            f"{head} has no unit and is taken as {options[0]}, since {one.shown(home)} is implausible ({one.usual})"
         )
         draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={options[0]}"))
         return
@@ -166,11 +168,12 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
         sentence = f"{head} {home} is unusual ({one.usual}), its unit is not named"
         draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={home}"))
         return
-    choices = [*([role] if role else ()), *(f"--unit {one.role}={unit}" for unit in options)]
     if other is not None:
-        choices.insert(0, f"exchange the columns {one.role} and {other.role}, {_exchange_options(draft, one, other)}")
-    if one.lies_in(one.ranges.hard, 1.0):
-        choices.append(f"--unit {one.role}={home} if they are right")
+        choices = [f"exchange the columns {one.role} and {other.role}, {_exchange_options(draft, one, other)}"]
+    else:
+        choices = [*([role] if role else ()), *(f"--unit {one.role}={unit}" for unit in options)]
+        if one.lies_in(one.ranges.hard, 1.0):
+            choices.append(f"--unit {one.role}={home} if they are right")
     header = draft.columns[one.place].name
     raise DataError(
         f"column {header!r}: {head} has no unit and is implausible in {home} ({one.usual}): "

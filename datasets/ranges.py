@@ -73,7 +73,7 @@ _TABLE: dict[str, dict[str, Plausible]] = {
         "grinding": _row(500, 60000, 50, 200000, 0, 400000),
     },
     "t": _TIME,
-    "T": _TIME,
+    "T": {"any": _row(0.5, 600, 0.02, 6000, 0, 1e6)},
     "D": {"any": _row(1, 1000, 0.05, 5000, 0, 30000)},
     "AW": _WEAR,
     "VB": _WEAR,

@@ -79,7 +79,7 @@ def _settled(draft: Draft, one: Quantity) -> bool:
         return False
     if one.role in _BASIC or taken == unit:
         sentence = (
-            f"{one.role} {one.shown('')} has no unit in a file of inch units and is taken in {taken}, "
+            f"{one.role} {one.shown('')} has no unit in a file of inch units and is taken as {taken}, "
             f"since {one.shown(other)} is implausible ({one.usual})"
         )
         draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={taken}"))

@@ -16,7 +16,7 @@ from .ranges import plausible
 from .stray_values import listed
 from .tables import Column
 from .units import canonical, is_unit, same_dimension
-from .vocabulary import ROLES, roles_named, understood_unit
+from .vocabulary import ROLES, role_within, understood_unit
 
 SAMPLE = 20000  # rows looked at
 FEWEST = 6
@@ -53,6 +53,13 @@ class _Edges:
         if not (np.mean(ordered[ends] > ordered[self.starts] * 1.02) > MOST_EDGES and np.mean(steps >= 0) > MOST_EDGES):
             return False
         return len(np.unique(ordered)) > max(len(self.starts), len(ordered) // len(self.starts) + 1)
+
+    def counting(self, values: Array) -> bool:
+        """Whether values rise with every row of every edge, and begin anew with each."""
+        ordered = values[self.rows]
+        ends = np.append(self.starts[1:], len(ordered)) - 1
+        steps = np.delete(np.diff(ordered), ends[:-1])
+        return bool(np.all(steps > 0) and np.all(ordered[self.starts][1:] < ordered[ends][:-1]))
 
 
 def _edges_of(draft: Draft) -> _Edges | None:
@@ -121,9 +128,8 @@ def _unit_text(column: Column) -> str:
 def _named_like(draft: Draft, column: Column, suggestion: str | None, options: ReadOptions) -> str | None:
     """The condition, time or wear that the name, a word of it, or the unit of a column resembles."""
     unit = canonical(_unit_text(column)) if _unit_text(column) else None
-    words = [word for word in re.split(r"[\s_.,;:/()-]+", parse_header(column.name).name) if len(word) > 1]
-    partly = [role for word in words for role in roles_named(word)[:1]] if not _OTHER_WORDS.search(column.name) else []
-    for role in (suggestion, *partly):
+    partly = role_within(parse_header(column.name).name) if not _OTHER_WORDS.search(column.name) else None
+    for role in (suggestion, partly):
         if role is None or ROLES[role].kind not in ("condition", "time", "wear") or not _free(draft, role, options):
             continue
         if unit is None or same_dimension(unit, ROLES[role].unit):
@@ -145,6 +151,8 @@ def _measured_like(
         known = values[values > 0] * (0.001 if unit == "um" else 1)
         if ranges and known.size and (unit or ranges.unusual[0] <= np.median(known)) and known.max() <= ranges.hard[1]:
             return "AW"
+    if unit is None and _free(draft, "t", options) and edges and edges.counting(values):
+        return "t"
     for role, units in (
         ("F", ("N", "kN", "lbf")),
         ("P", ("kW", "W", "hp")),

@@ -23,6 +23,7 @@ __all__ = [
     "fits",
     "role_of",
     "role_of_unit",
+    "role_within",
     "roles_named",
     "suggest_role",
     "understood_unit",
@@ -282,6 +283,29 @@ def role_of_unit(text: str) -> str | None:
     """
     unit = canonical(text) if text else None
     return _BY_UNIT.get(unit) if unit is not None else None
+
+
+_WORDS = re.compile(r"[^\W\d_]?[^\W\d_A-ZÄÖÜ]+|[A-ZÄÖÜ]+(?![^\W\d_A-ZÄÖÜ])")  # of Speed_set, FeedSet, VBleft
+_PARTIAL: Mapping[str, str] = {
+    "flank": "VB", "minutes": "t", "seconds": "t", "hours": "t", "minuten": "t", "sekunden": "t", "stunden": "t",
+}  # fmt: skip
+
+
+def role_within(name: str) -> str | None:
+    """Symbol of the quantity that some words of a name denote, the longest first; None for labels and other names.
+
+    >>> role_within("Speed_set"), role_within("DepthSet"), role_within("Flank (mean)"), role_within("remark")
+    ('V', 'd', 'VB', None)
+    """
+    words = _WORDS.findall(name)
+    for length in range(min(3, len(words)), 0, -1):
+        for start in range(len(words) - length + 1):
+            part = " ".join(words[start : start + length])
+            found = roles_named(part) if len(part) > 1 else ()
+            role = found[0] if found else _PARTIAL.get(part.casefold())
+            if role is not None and ROLES[role].kind != "label":
+                return role
+    return None
 
 
 @lru_cache(maxsize=1024)  # the files of a laboratory have the same headers

@@ -124,7 +124,7 @@ def test_the_only_plausible_unit_is_taken_and_said(read, role, factor, unit):
     runs = read(text(columns, named))
     assert runs.values(role) == pytest.approx(rows()[role], rel=1e-6)
     (doubt,) = (one for one in runs.doubts if one.columns == (role,) and "unit" in one.sentence)
-    assert f"is taken in {unit}" in doubt.sentence
+    assert f"is taken as {unit}" in doubt.sentence
     assert doubt.remedy == f"--unit {role}={unit}"
     assert "unit" not in str(said(read(text(columns, named), **typed(doubt.remedy))))
 
@@ -299,3 +299,18 @@ def test_a_grinding_speed_needs_its_process(read):
     columns = {"V [m/s]": np.tile([25.0, 30, 35], 4), "P [kW]": np.tile([2.0, 2.5, 3.0], 4)}
     assert said(read(text(columns), process="grinding")) == []
     assert said(read(text(columns), process="turning"))
+
+
+def test_names_of_several_words_are_proposed_with_the_whole_command(read):
+    header = {"V": "Speed_set", "f": "FeedSet", "d": "DepthSet", "t": "Minutes", "VB": "Flank (mean)"}
+    columns = {name: rows()[name] for name in header}
+    says = r'--map "V=Speed_set" --map "f=FeedSet" --map "d=DepthSet" --map "t=Minutes" --map "VB=Flank \(mean\)"'
+    with pytest.raises(errors.DataError, match=says):
+        read(text(columns, header))
+
+
+def test_a_column_that_counts_within_edges_may_be_the_time(read):
+    columns = {"edge": np.repeat(np.arange(1.0, 7), 4), "f": np.repeat([0.1, 0.2, 0.4, 0.1, 0.2, 0.4], 4)}
+    columns |= {"passes": np.tile([2.0, 5, 10, 18], 6)}
+    columns["VB"] = 0.1 * columns["f"] ** 0.2 * columns["passes"] ** 0.3
+    assert [doubt.remedy for doubt in read(text(columns)).doubts] == ['--map "t=col3"']
