@@ -13,10 +13,9 @@ from rich.text import Text
 
 from ..core.rounding import format_plain
 from ..datasets import Runs
-from ..datasets.columns import ColumnUse
+from ..datasets.columns import ColumnUse, recognised
 from ..datasets.doubts import Doubt
-from ..datasets.headers import parse_header
-from ..datasets.vocabulary import ROLES, role_of
+from ..datasets.vocabulary import ROLES
 from ..parameters.gather.description import column_words, derived_words
 
 if TYPE_CHECKING:
@@ -120,10 +119,7 @@ def raw_columns(table: "FileTable") -> RenderableType:
     grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for heading in ("column", "header", "unit", "role by name", "first values"):
         grid.add_column(heading)
-    for column in table.columns:
-        header = parse_header(column.name)
-        unit = column.unit_cell or header.unit_text
-        role = role_of(header.name, unit or None)
+    for column, (role, unit) in zip(table.columns, recognised(table.columns), strict=True):
         name = f"{role} {ROLES[role].quantity}" if role else ""
         cells = column.values[:SHOWN_VALUES]  # noqa: PD011  a Column, not a Series
         texts = (f"{value:.6g}" if isinstance(value, float) else str(value)[:20] for value in cells)

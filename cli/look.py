@@ -39,7 +39,7 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Print the reading, draw the picture, and return the exit code."""
-    from ..core.errors import DataError
+    from ..core.errors import DataError, UsageError
     from ..datasets.options import ReadOptions
     from ..pipeline.reading import read_tests
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     with opened(args.file) as path:
         try:
             runs = read_tests(path, options)
-        except DataError as refusal:
+        except (DataError, UsageError) as refusal:
             if not args.json:
                 _show_columns(path, options, refusal, args.words)
             raise
@@ -121,13 +121,10 @@ def _show_columns(path: Path, options: "ReadOptions", refusal: "FitmodelsError",
     """Columns of a file whose reading is refused, where its table can be read, and the remedy as a whole command."""
     from ..cards import reading_terminal as shown
     from ..core.errors import FitmodelsError
-    from ..datasets import read_table
-    from ..datasets.units import is_unit
+    from ..datasets.reading import table_of_tests
 
     try:
-        table = read_table(
-            path, is_unit=is_unit, decimal=options.decimal, delimiter=options.delimiter, sheet=options.sheet
-        )  # fmt: skip
+        table = table_of_tests(path, options)
     except FitmodelsError:
         return
     out = Printer()

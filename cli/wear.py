@@ -5,13 +5,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.files import STANDARD_INPUT
 from ..core.version import __version__
 from .arguments import Parser, typed
 from .corrections import corrected
 from .look import facts
 from .options import fit_options, fitting_options, reading_options
 from .output import Printer, complain, print_json
-from .standard_input import opened, stem
+from .standard_input import MARK, opened, stem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -122,7 +123,9 @@ def _identify(args: argparse.Namespace, path: Path) -> int:
     try:
         return ident.run(options)
     except (UsageError, DataError) as error:  # the options that it names are those of the other command
-        error.args = (f"{args.file} is a record of a run, for fitmodels ident {args.file}: {error}",)
+        name = STANDARD_INPUT if args.file == MARK else args.file
+        command = "" if args.file == MARK else f", for fitmodels ident {args.file}"
+        error.args = (f"{name} is a record of a run{command}: {error}",)
         raise
 
 

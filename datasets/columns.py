@@ -88,6 +88,11 @@ def assign(
     return tuple(uses), data, tuple(assumed)
 
 
+def recognised(columns: tuple[Column, ...]) -> tuple[tuple[str | None, str], ...]:
+    """Role of each column by its header alone, None where it has none, and the text of its unit."""
+    return tuple((claim.role, claim.unit_text) for claim in _claims(columns, {}, {}))
+
+
 def _unrecognised(columns: tuple[Column, ...]) -> str:
     names = ", ".join(repr(c.name) for c in columns[:12]) + (", ..." if len(columns) > 12 else "")
     if all(c.name == f"col{c.number}" for c in columns):

@@ -1,6 +1,7 @@
 """Tests of an analysis: from a path, a DataFrame, or runs that were read before."""
 
 import os
+import shlex
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..core.errors import DataError, RecordError, UsageError
+from ..core.files import STANDARD_INPUT
 from ..datasets import Runs, read_runs, runs_from_frame
 from ..datasets.options import ReadOptions
 from ..datasets.reading import table_of_tests, tables_of_tests
@@ -105,7 +107,7 @@ def refuse_record(path: Path, table: "Table") -> tuple[str, ...]:
         raise _record(path, look)
     if look.kind == "table":
         return ()
-    return (f"a table of cutting tests ({look.reason}); for a record of one run use fitmodels ident {path.name}",)
+    return (f"a table of cutting tests ({look.reason}); for a record of one run use {_identify(path)}",)
 
 
 def digest(data: pd.DataFrame) -> str:
@@ -129,6 +131,11 @@ def digest(data: pd.DataFrame) -> str:
     return made.hexdigest()
 
 
+def _identify(path: Path) -> str:
+    """The command that identifies a record; that of standard input has no name."""
+    return "fitmodels -" if path.name == STANDARD_INPUT else f"fitmodels ident {shlex.quote(path.name)}"
+
+
 def _record(path: Path, look: "FileKind") -> DataError:
     """The refusal of a record: one of loads is to be reduced, one of input and output to be identified."""
     if look.loads:
@@ -139,6 +146,6 @@ def _record(path: Path, look: "FileKind") -> DataError:
             "--output ..."
         )
     return RecordError(
-        f"{path.name} is a record of one run ({look.reason}): identify it with fitmodels ident {path.name}, or assign "
-        "the columns of cutting tests with --map."
+        f"{path.name} is a record of one run ({look.reason}): identify it with {_identify(path)}, or assign the "
+        "columns of cutting tests with --map."
     )

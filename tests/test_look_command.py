@@ -109,6 +109,16 @@ def test_a_refused_file_is_shown_as_found(here):
     assert (nothing.code, nothing.out) == (3, "")
 
 
+def test_roles_by_name_are_those_of_the_reading(here):
+    rows = "\n".join(f"{V},0.01,0.1,{t},{0.001 * t}" for V in (300, 400) for t in (2, 5, 9))
+    (here / "a.csv").write_text(f"SFM,IPR,DOC,t [min],VB\n{rows}\n")
+    result = run("look", "a.csv", "--map", "V=speed")
+    assert result.code == 2
+    assert "The columns are SFM" in result.err
+    assert re.search(r"col1 +SFM +SFM +V cutting speed +300, 300", result.out)
+    assert re.search(r"col2 +IPR +IPR +f feed", result.out)
+
+
 def test_a_refusal_with_a_remedy_gives_commands_that_work(here):
     (here / "a.csv").write_text(table("VB [mm]", 1000))
     result = run("look", "a.csv")
@@ -221,11 +231,26 @@ def test_an_empty_pipe_and_a_terminal_are_one_message(here, monkeypatch):
 
 
 def test_a_record_on_standard_input_is_identified(here):
-    data = datasets.bundled("gc435_709m40").parents[2] / "docs/examples/drive.csv"
-    if not data.is_file():
-        pytest.skip("the examples are not installed")
-    result = run("-", "--out", "out", stdin=data.read_bytes())
-    assert (here / "out").is_dir() or "fitmodels ident -" in result.err
+    t = np.arange(600) * 0.02
+    u = np.sign(np.sin(2 * np.pi * 0.3 * t * (1 + t / 12)))
+    y = np.zeros_like(u)
+    for k in range(1, len(u)):
+        y[k] = 0.9 * y[k - 1] + 0.1 * u[k - 1]
+    y += np.random.default_rng(1).normal(0, 0.005, len(u))
+    rows = "\n".join(f"{a:.2f},{b:.1f},{c:.5f}" for a, b, c in zip(t, u, y, strict=True))
+    data = f"time [s],command [V],current [A]\n{rows}\n".encode()
+    looked = run("look", "-", stdin=data)
+    assert looked.code == 3
+    assert "identify it with fitmodels -, or" in looked.err
+    result = run("-", stdin=data)
+    assert result.code == 0, result.err
+    (folder,) = (here / "stdin-fit").rglob("params.json")
+    pf = parameters.read(folder)
+    assert pf.provenance.data_file == "standard input"
+    assert pf.dynamics is not None
+    again = run("-", stdin=data)
+    assert again.code == 2
+    assert again.err.startswith("fitmodels: standard input is a record of a run: stdin-fit exists")
 
 
 # Commands
