@@ -258,7 +258,7 @@ def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array) -> Ite
 
 def _shifted_response(edges: EdgeRows, role: str, values: Array) -> Iterator[Doubt]:
     """A measured column that varies far less within the edges if it is moved by one row."""
-    if len(edges.first) < 6 or len(values) < 3 * len(edges.first) or not (values > 0).all():
+    if len(edges.first) < 6 or len(values) < 3 * len(edges.first) or not (edges.together and (values > 0).all()):
         return
     y, same = np.log(values), edges.codes[1:] == edges.codes[:-1]
     step = np.abs(y[1:] - y[:-1])
@@ -266,7 +266,8 @@ def _shifted_response(edges: EdgeRows, role: str, values: Array) -> Iterator[Dou
     fall = (y[1:] < y[:-1]) & same
     second, last = same & np.append(True, ~same[:-1]), same & np.append(~same[1:], True)
     for where, moved, place in (("first", step[1:][same[:-1]], second), ("last", step[:-1][same[1:]], last)):
-        falls = ROLES[role].kind == "wear" and fall[place].mean() > 0.8 and fall[same & ~place].mean() < 0.3
+        there, elsewhere = int(fall[place].sum()), int(fall[same & ~place].sum())
+        falls = ROLES[role].kind == "wear" and there > 0.8 * place.sum() and elsewhere < 0.3 * (same & ~place).sum()
         if falls or moved.sum() < CLOSER * here:
             words = f"{role} jumps at the {where} row of most edges, and would not if it were moved by one row"
             yield Doubt((role,), f"{words}: the column is {SHIFTED}; correct it in the file")

@@ -48,6 +48,11 @@ class EdgeRows:
         return int((self.sizes > 1).sum())
 
     @property
+    def together(self) -> bool:
+        """Whether the rows of each edge follow each other in the file."""
+        return int((self.codes[1:] != self.codes[:-1]).sum()) == len(self.first) - 1
+
+    @property
     def few(self) -> float:
         """Number of edges up to which something is a slip."""
         return max(1.0, FEW * self.several)

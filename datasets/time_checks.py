@@ -44,12 +44,15 @@ def _falls(draft: Draft, edges: EdgeRows, x: Array, falls: Flags) -> Iterator[Do
         what = "correct the time, or begin a new edge there"
         yield Doubt(("t", "edge"), f"t falls within an edge: {listed(cells)}; {what}")
         return
-    together = int((np.diff(edges.codes) != 0).sum()) == len(edges.first) - 1
     first = np.zeros(len(x), dtype=bool)
     first[edges.first] = True
     last = np.append(first[1:], True)
     for name, place in (("first to the second", first[:-1]), ("last but one to the last", last[1:])):
-        if together and falls[place & edges.same].mean() >= SHIFTED and (falls & place).sum() >= SHIFTED * falls.sum():
+        if (
+            edges.together
+            and falls[place & edges.same].mean() >= SHIFTED
+            and (falls & place).sum() >= SHIFTED * falls.sum()
+        ):
             yield Doubt(
                 ("t", "edge"),
                 f"t falls from the {name} row of {int((falls & place).sum())} of {edges.several} edges: a column is "
