@@ -18,7 +18,10 @@ RATIOS = {
     "f": {25.4: "inch and mm", 10.0: "a decimal mark"},
     "d": {25.4: "inch and mm", 10.0: "cm and mm, or a decimal mark"},
 }
-RESPONSES = ("AW", "VB", "Fc", "P", "Fxz", "F", "Fz", "Fx", "Fy", "Ff", "Fp")
+RESPONSES = {
+    ("AW", "VB"): ("V", "f", "d"),
+    ("Fc", "P", "Fxz", "F", "Fz", "Fx", "Fy", "Ff", "Fp"): ("f", "d"),  # forces hardly depend on V
+}
 GAP = 1.3  # ratio between the shifted edges and the others
 INSIDE = 1.5  # shifted edges land among the others, or this ratio beside them
 MINORITY = 1 / 3  # of the edges
@@ -63,25 +66,29 @@ def check_mixed_units(draft: Draft) -> None:
     regression of the edges' mean response then leaves much less. Residuals alone do not show such edges: by their
     leverage the exponent follows them.
     """
-    edges = _edges(draft)
-    if edges is None:
-        return
-    left = edges.residual({})
-    if left <= EXACT * float(np.sum((edges.y - edges.y.mean()) ** 2)):
-        return
+    measured = {use.role for use in draft.uses}
     doubted = {role for doubt in draft.doubts for role in doubt.columns}
-    found = [shift for role in edges.settings if role not in doubted for shift in _shifts(edges, role, left)]
-    if found and (best := max(found, key=lambda shift: shift.evidence)).evidence > EVIDENCE:
-        limit = max(EVIDENCE, best.evidence - CLOSE)
-        equals = [one for one in found if np.array_equal(one.edges, best.edges) and one.evidence > limit]
+    found: list[tuple[_Edges, list[_Shift]]] = []
+    for responses, roles in RESPONSES.items():
+        response = next((role for role in responses if role in measured), None)
+        if response is not None and (edges := _edges(draft, response)) is not None:
+            tried = [role for role in edges.settings if role in roles and role not in doubted]
+            found.append((edges, [one for role in tried for one in _shifts(edges, role)]))
+    found.sort(key=_most)
+    if found and (best := _most(found[-1])) > EVIDENCE:
+        edges, shifts = found[-1]
+        first = next(one for one in shifts if one.evidence == best)
+        limit = max(EVIDENCE, best - CLOSE)
+        equals = [one for one in shifts if np.array_equal(one.edges, first.edges) and one.evidence > limit]
         draft.doubts.append(_doubt(edges, sorted(equals, key=lambda one: -one.evidence)))
 
 
-def _edges(draft: Draft) -> _Edges | None:
+def _most(found: tuple[_Edges, list[_Shift]]) -> float:
+    return max((one.evidence for one in found[1]), default=0.0)
+
+
+def _edges(draft: Draft, response: str) -> _Edges | None:
     """The edges of the first rows, where there are enough of them; rows of the same conditions without edges."""
-    response = next((role for role in RESPONSES if role in draft.data), None)
-    if response is None:
-        return None
     rows = slice(0, MOST_ROWS)
     data = {role: x[rows] for role, x in draft.numbers().items()}
     settings = {role: data[role] for role in RATIOS if role in data}
@@ -124,9 +131,11 @@ def _at_one_time(y: Array, t: Array, code: NDArray[np.intp], count: NDArray[np.i
     return np.asarray(y_mean - slope * t_mean)
 
 
-def _shifts(edges: _Edges, role: str, left: float) -> list[_Shift]:
+def _shifts(edges: _Edges, role: str) -> list[_Shift]:
     """Minorities beyond a gap of a condition that the ratio of two units brings among the others."""
-    x = edges.settings[role]
+    x, left = edges.settings[role], edges.residual({})
+    if left <= EXACT * float(np.sum((edges.y - edges.y.mean()) ** 2)):
+        return []
     levels = np.unique(x)
     found = []
     for cut in np.flatnonzero(np.diff(levels) > np.log(GAP)):
@@ -156,7 +165,7 @@ def _doubt(edges: _Edges, shifts: list[_Shift]) -> Doubt:
         values = low if low == high else f"{low} to {high}"
         ratio = max(one.factor, 1 / one.factor)
         way = "multiplied" if one.factor > 1 else "divided"
-        units = RATIOS[one.role][min(RATIOS[one.role], key=lambda known, ratio=ratio: abs(known - ratio))]
+        units = next(cause for known, cause in RATIOS[one.role].items() if np.isclose(known, ratio))
         ways.append(f"{one.role} {values} {ROLES[one.role].unit} {way} by {ratio:.4g} ({units})")
     one_edge = len(names) == 1
     sentence = (
