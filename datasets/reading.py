@@ -70,7 +70,7 @@ def read_runs(
     table = path
     if not isinstance(table, Table):
         table = tables_of_tests(table, how)
-    table = long_table(table)
+    table = long_table(table, how.map)
     source = Source(table.path.name, table.sha256, table.n_rows, table.dialect.describe())
     notes = tuple(note.lstrip("#% ") for note in table.notes)
     return _assemble(table.columns, table.lines, source, notes, table.warnings, how, table.assumed, table.doubts)
@@ -102,7 +102,7 @@ def tables_of_tests(
         table = table_of_tests(file, options)
         if check is not None:
             check(file, table)
-        tables.append(long_table(table))
+        tables.append(long_table(table, options.map))
     return tables[0] if len(tables) == 1 else joined_tables(tables, name, others)
 
 

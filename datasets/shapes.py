@@ -1,7 +1,7 @@
 """Wide tables of tests, with a column for each edge or each time, turned into one row per measurement."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,8 +14,8 @@ from .headers import parse_header
 from .tables import Column, Table, is_number
 from .tables.marks import Mark
 from .tables.numerals import parse_number
-from .units import canonical, same_dimension
-from .vocabulary import ROLES, role_of, roles_named
+from .units import canonical, is_unit, same_dimension
+from .vocabulary import ROLES, fits, role_of, roles_named
 
 RESPONSES = ("wear", "load", "surface")
 EXAMPLE = """
@@ -54,8 +54,10 @@ class _Head:
     role: str | None
 
 
-def long_table(table: Table) -> Table:
+def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
     r"""The table with one row per measurement; a table that has this shape already is returned unchanged.
+
+    So is one whose response, time or edges are assigned by ``mapping``, role to column.
 
     Raises
     ------
@@ -71,6 +73,8 @@ def long_table(table: Table) -> Table:
 
     """
     if not 3 <= len(table.columns) <= _WIDEST:
+        return table
+    if any(role in ("t", "T", "edge") or (role in ROLES and ROLES[role].kind in RESPONSES) for role in mapping or ()):
         return table
     if not _may_be_wide(table):
         return table
@@ -129,9 +133,9 @@ def _by_edge(table: Table, heads: Sequence[_Head], free: Sequence[_Head]) -> _Fa
     is_edge = rest in _EDGES or "edge" in roles_named(rest) or rest == ""
     if not is_edge or (not rest and varies):
         return None
-    stems_written = (_as_written(match["stem"], response) if rest else "" for match in found if match)
-    ids = tuple(f"{one}{match['id']}" for one, match in zip(stems_written, found, strict=True) if match)
-    return _Family(tuple(head.column for head in free), ids, response or _named_in_notes(table), unit)
+    ids = tuple(_label(match, response) if rest else match["id"] for match in found if match)
+    noted, noted_unit = ("", "") if response else _named_in_notes(table)
+    return _Family(tuple(head.column for head in free), ids, response or noted, unit or noted_unit)
 
 
 def _by_time(table: Table, free: Sequence[_Head]) -> _Family | None:
@@ -156,7 +160,9 @@ def _by_time(table: Table, free: Sequence[_Head]) -> _Family | None:
     measured = {head.unit for head, *_ in timed if not same_as_time(head.unit)}
     columns = tuple(head.column for head, *_ in timed)
     ids = tuple(f"{time:g}" for time in times)
-    return _Family(columns, ids, response or _named_in_notes(table), "".join(measured), unit or _time_in_notes(table))
+    noted, noted_unit = ("", "") if response else _named_in_notes(table)
+    measured_in = "".join(measured) or noted_unit
+    return _Family(columns, ids, response or noted, measured_in, unit or _time_in_notes(table))
 
 
 def same_as_time(unit: str) -> bool:
@@ -179,14 +185,15 @@ def _response_in(stem: str) -> tuple[str, str]:
     return "", stem
 
 
-def _as_written(stem: str, response: str) -> str:
-    """The stem of a label without the words of the response."""
-    words = re.split(r"[\s_]+", stem)
-    return " ".join(words[1:] if response and len(words) > 1 else words)
+def _label(match: re.Match[str], response: str) -> str:
+    """The label of an edge in a header, without the words of the response."""
+    words = re.split(r"[\s_]+", match["stem"])
+    kept = " ".join(words[1:] if response and len(words) > 1 else words)
+    return f"{kept}{match['gap']}{match['id']}"
 
 
-def _named_in_notes(table: Table) -> str:
-    """Symbol of the response that a note of the file names, "" where none does."""
+def _named_in_notes(table: Table) -> tuple[str, str]:
+    """Symbol and unit of the response that a note of the file names, "" where none does."""
     for note in table.notes:
         words = re.findall(r"[^\W\d_]\w*", note)
         for count in (3, 2, 1):
@@ -194,8 +201,9 @@ def _named_in_notes(table: Table) -> str:
                 name = " ".join(words[start : start + count])
                 role = role_of(name, None) if len(name) > 1 else None
                 if role and ROLES[role].kind in RESPONSES:
-                    return role
-    return ""
+                    unit = re.search(rf"{re.escape(words[start + count - 1])}\s*(?:\bin\b|\[|\()\s*([^\s\])]+)", note)
+                    return role, unit[1] if unit and is_unit(unit[1]) and fits(role, unit[1]) else ""
+    return "", ""
 
 
 def _time_in_notes(table: Table) -> str:
@@ -217,7 +225,8 @@ def _refusal(table: Table, free: Sequence[_Head]) -> str:
     names = ", ".join(repr(head.name) for head in free[:4]) + (" ..." if len(free) > 4 else "")
     return (
         f"{table.path.name} seems to be a wide table, with its measurements in the columns {names}, and it is open "
-        f"whether these are edges, times or repeated readings. Write one row per measurement, for instance:{EXAMPLE}"
+        f"whether these are edges, times or repeated readings. Take one of them, as with --map "
+        f"VB=col{free[0].column.number}, or write one row per measurement, for instance:{EXAMPLE}"
     )
 
 

@@ -82,7 +82,7 @@ def tests_table(path: Path, options: ReadOptions) -> "tuple[Table, tuple[str, ..
         raise _record(path, looks_like_record(path))
     table = table_of_tests(path, options)
     doubt = () if of_tests else refuse_record(path, table)
-    rows = long_table(table)
+    rows = long_table(table, options.map)
     return rows, doubt if rows is table else ()
 
 

@@ -508,3 +508,18 @@ def test_sheets_of_one_test_each_are_one_table(tmp_path):
 def test_sheets_of_several_tests_are_listed(tmp_path):
     with pytest.raises(DataError, match=r"several sheets with a table of tests: give one of --sheet"):
         read_runs(book_of(tmp_path, lambda edge: [NAMES, *ROWS]))
+
+
+def test_a_column_of_repeated_readings_is_taken_with_the_option_of_the_refusal(tmp_path):
+    text = "edge,V,f,d,t,VB1,VB2,VB3\n" + "".join(f"E1,100,.1,1,{t},{t / 99},{t / 98},{t / 97}\n" for t in (1, 2, 4))
+    with pytest.raises(DataError, match=r"Take one of them, as with --map VB=col6"):
+        read(tmp_path, text)
+    assert read(tmp_path, text, map={"VB": "col6"}).values("VB")[0] == 1 / 99
+
+
+def test_a_title_gives_response_and_unit_of_a_wide_table(tmp_path):
+    title = "Flank wear VB in µm after t [min]\n"
+    rows = [[*row[:4], *(f"{1000 * v:g}" for v in row[4:])] for row in by_time()[1:]]
+    runs = read(tmp_path, lines([[*NAMES[:4], *TIMES], *rows], title))
+    assert np.allclose(runs.values("VB"), [row[5] for row in ROWS])
+    assert not runs.doubts
