@@ -76,6 +76,8 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
         return table
     if any(role in ("t", "T", "edge") or (role in ROLES and ROLES[role].kind in RESPONSES) for role in mapping or ()):
         return table
+    if (turned := _turned(table)) is not None:
+        return turned
     if not _may_be_wide(table):
         return table
     written, (table, conditions) = table, _with_header(table)
@@ -94,7 +96,41 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
 
 _WIDEST = 400  # columns of a wide table
 _LONGEST = 10_000  # rows of a wide table with a column for each edge
+_QUANTITIES = 40  # rows of a table with a column for each test
 _NAMES_ABOVE = 12  # rows of names and conditions above it
+
+
+def _turned(table: Table) -> Table | None:
+    """The table with rows and columns exchanged, where each row holds a quantity and each column a test; else None."""
+    first, tests = table.columns[0], table.columns[1:]
+    if first.is_numeric or not 3 <= table.n_rows <= _QUANTITIES or any(c.bad or not c.is_numeric for c in tests):
+        return None
+    labels = [str(value) for value in first.values]
+    headers = [parse_header(label) for label in labels]
+    roles = [role_of(h.name, canonical(h.unit_text) if h.unit_text else None) for h in headers]
+    known = [role for role in roles if role]
+    kinds = {ROLES[role].kind for role in known}
+    if len(known) < 3 or len(set(known)) < len(known) or "condition" not in kinds or not (
+        kinds & set(RESPONSES) or "T" in known
+    ):  # fmt: skip
+        return None
+    values = np.array([column.values for column in tests], dtype=float)
+    marks = [{j: dict(column.marks)[row] for j, column in enumerate(tests) if row in dict(column.marks)}
+             for row in range(table.n_rows)]  # fmt: skip
+    columns = [
+        Column(i, label, "", values[:, i - 1], True, marks=tuple(marks[i - 1].items()))
+        for i, label in enumerate(labels, start=1)
+    ]
+    if table.dialect.has_header and "edge" not in known:
+        names = np.array([column.name for column in tests], dtype=object)
+        columns.append(Column(len(columns) + 1, "edge", "", names, False))
+    said = f"each row holds a quantity and each column a test: rows and columns are exchanged, {len(tests)} tests"
+    return replace(
+        table, columns=tuple(columns), lines=np.array([column.number for column in tests]),
+        assumed=(*table.assumed, f"{said}; the lines named are columns of the file"),
+        dialect=replace(table.dialect, has_header=True),
+        warnings=tuple(text for text in table.warnings if not text.startswith("There is no header row")),
+    )  # fmt: skip
 
 
 def _may_be_wide(table: Table) -> bool:

@@ -523,3 +523,15 @@ def test_a_title_gives_response_and_unit_of_a_wide_table(tmp_path):
     runs = read(tmp_path, lines([[*NAMES[:4], *TIMES], *rows], title))
     assert np.allclose(runs.values("VB"), [row[5] for row in ROWS])
     assert not runs.doubts
+
+
+@pytest.mark.parametrize("head", [("edge",), ("Quantity",), None])
+def test_a_table_with_a_column_for_each_test_is_turned(tmp_path, head):
+    last = [row for row in ROWS if row[4] == TIMES[-1]]
+    turned = [[name, *(row[i] for row in last)] for i, name in enumerate(NAMES) if i]
+    top = [[*head, *(row[0] for row in last)]] if head else []
+    runs = read(tmp_path, lines([*top, *turned]))
+    assert runs.values("VB").tolist() == [row[5] for row in last]
+    assert runs.values("V").tolist() == [row[1] for row in last]
+    assert "rows and columns are exchanged, 4 tests" in said(runs)
+    assert not head or runs.labels("edge").tolist() == [row[0] for row in last]
