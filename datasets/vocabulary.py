@@ -57,7 +57,7 @@ def _role(symbol: str, quantity: str, unit: str, kind: Kind, *names: str) -> Rol
 # fmt: off
 _TABLE = (
     _role("V", "cutting speed", "m/min", "condition", "v, vc, speed, surface speed",
-          "Schnittgeschwindigkeit, Geschwindigkeit", "vitesse de coupe, vitesse",
+          "Schnittgeschwindigkeit, Schnittgeschw, Geschwindigkeit", "vitesse de coupe, vitesse",
           "velocidad de corte, velocidad"),
     _role("f", "feed", "mm/rev", "condition", "fn, feed per revolution, feed per rev",
           "Vorschub, Vorschub pro Umdrehung", "avance, avance par tour",

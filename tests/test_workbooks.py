@@ -123,6 +123,8 @@ GROUPED = [
     [["Schneide", *SYMBOLS[1:]], ["", "[m/min]", "[mm/U]", "[mm]", "[min]", "[mm]"]],
     [[None, "Cutting conditions", None, None, None, "Wear [mm]"], ["edge", "V", "f", "d", "t", "VB"]],
     [["edge", "Conditions", None, None, "Time", "Wear"], [None, "V", "f", "d", None, "VB"], ["-", *UNITS[1:]]],
+    [HEADER, [1, 2, 3, 4, 5, 6]],
+    [HEADER, ["(1)", "(2)", "(3)", "(4)", "(5)", "(6)"]],
     [["Tool:", "K10"], ["Lab", "A"], HEADER],
 ]
 
@@ -318,6 +320,14 @@ def test_averages_among_the_data_are_left_out_by_line(tmp_path, label, name):
     assert lines[:3] == [5, 9, 13]
     words = "Rows of averages are left out: lines 5, 9" if label else "Rows that are the mean of the rows above them"
     assert words in said(runs)
+
+
+def test_the_mean_of_all_rows_is_left_out(tmp_path):
+    rows = [*ROWS, *([*row[:5], round(1.1 * row[5], 5)] for row in ROWS)]
+    means = [sum(row[j] for row in rows) / len(rows) for j in (4, 5)]
+    runs = read_runs(book(tmp_path, Data=[HEADER, *rows, [None, None, None, None, *means]]))
+    check(runs, rows)
+    assert "The mean of the rows above it is left out: line 74." in runs.warnings
 
 
 @pytest.mark.parametrize("seed", range(20))

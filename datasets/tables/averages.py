@@ -13,6 +13,7 @@ from .layout import FOOTERS, footer_label
 from .numerals import Cell, is_missing, is_number
 
 _LONGEST = 60  # rows that one average may be of
+_FINER = 2  # decimals that a mean has beyond set levels
 _ROUNDED = 0.5  # largest rounding of a mean: to a whole number
 _DECADES = 6.0  # chance of all agreements together, as a power of ten
 _WORDS = (
@@ -116,10 +117,23 @@ def _means(arrays: Sequence[Floats]) -> list[int]:
         table = np.column_stack([values[start : start + _LONGEST + 1] for values in varying])
         place, sure = _first_mean(table, varying)
         if place < 0:
-            return found if decades >= _DECADES else []
+            return found if decades >= _DECADES else [] if found else _last_mean(varying)
         found.append(start + place)
         decades += sure
         start += place + 1
+
+
+def _last_mean(columns: Sequence[Floats]) -> list[int]:
+    """Position of the last row if it is the mean of all others."""
+    n = len(columns[0])
+    if n <= _LONGEST:
+        return []
+    ends = np.column_stack([np.array([np.nanmean(values[:-1]), values[-1]]) for values in columns])
+    both = np.isfinite(ends).all(axis=0)
+    if both.sum() < 2 or (np.abs(ends[0] - ends[1])[both] > _ROUNDED + 1e-9 * np.abs(ends[0][both])).any():
+        return []
+    above = np.column_stack([values[:-1] for values in columns])
+    return [n - 1] if _sureness(ends[1], ends[0], above, both, columns) >= _DECADES else []
 
 
 def _varies(values: Floats) -> bool:
@@ -159,7 +173,7 @@ def _sureness(row: Floats, mean: Floats, above: Floats, both: NDArray[np.bool_],
             agreeing += 1
             head = columns[j][:2000]
             measured = 2 * len(np.unique(head[np.isfinite(head)])) > len(head)
-            if measured:
+            if measured or _decimals(float(row[j])) >= _FINER + max(map(_decimals, np.unique(block).tolist()[:20])):
                 sure += max(0.0, math.log10(spread / (2 * max(rounding, exact))))
     return sure if agreeing >= 2 and sure >= 1 else 0.0
 

@@ -11,6 +11,8 @@ from .header_rows import SampleRow, Words, is_units_row, no_units, read_head
 from .numerals import Cell, is_missing, is_number
 
 SAMPLE = 500  # rows looked at to find header and data
+_TOP = 30  # rows among which one may count the columns
+_COUNTED = 4  # columns that are counted
 _BLANK, _NUMBER, _MARK, _TEXT = range(4)  # kinds of a cell
 FOOTERS = frozenset(
     """
@@ -81,6 +83,8 @@ def find_layout(
 
     """
     sample = list(islice((row for row in map(_look, rows) if row is not None), SAMPLE))
+    numbering = next((i for i in range(1, min(len(sample), _TOP)) if _numbers_columns(sample[i - 1], sample[i])), None)
+    counts = 0 if numbering is None else sample.pop(numbering).line
     weights: Counter[int] = Counter()
     for row in sample:
         weights[len(row.cells)] += row.numbers**2
@@ -98,7 +102,7 @@ def find_layout(
         return Layout(0, names, ("",) * width, sample[first].line - 1, notes, numeric)
     found = read_head(sample, head, first, Words(is_unit, is_name), spans)
     notes = tuple(row.line for row in sample[:head] if row.line < found.first)
-    return Layout(sample[head].line, found.names, found.unit_cells, found.above, notes, numeric)
+    return Layout(sample[head].line, found.names, found.unit_cells, max(found.above, counts), notes, numeric)
 
 
 def footer_label(cells: Sequence[Cell]) -> str:
@@ -127,6 +131,14 @@ def is_text_line(cells: Sequence[Cell], layout: Layout) -> bool:
     if any(is_number(cells[i]) or is_missing(str(cells[i])) for i in in_numbers):
         return False
     return len(cells) != layout.width or (len(filled) == 1 and filled == in_numbers)
+
+
+def _numbers_columns(above: SampleRow, row: SampleRow) -> bool:
+    """Whether a row below text counts the columns: 1, 2, 3, ... or (1), (2), (3), ..."""
+    if not above.is_text or row.filled != len(row.cells) or row.filled < max(_COUNTED, above.filled):
+        return False
+    texts = [str(int(cell)) if isinstance(cell, float) else cell.strip(" ()[].") for cell in row.cells]
+    return texts == list(map(str, range(1, len(texts) + 1)))
 
 
 def _look(numbered: tuple[int, Sequence[Cell]]) -> SampleRow | None:
