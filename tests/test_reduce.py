@@ -99,6 +99,7 @@ def test_a_drive_has_three_states(lab):
     rng = np.random.default_rng(3)
     t, load, *_ = simulated.cut_signal([2.0, 3.0], 100, rng, seconds=5.0, drift=0, ripple=0)
     power = np.concatenate([np.zeros(300), 0.8 + load, np.zeros(300)]) + 0.002 * rng.standard_normal(len(t) + 600)
+    power[300:340] += np.linspace(3, 0, 40)  # the spindle accelerates
     found = find_cuts(recording(power, 100, "P"), ReduceOptions())
     assert len(found.cuts) == 2
     assert found.levels["off"] == pytest.approx(0, abs=0.01)

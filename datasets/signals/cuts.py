@@ -19,6 +19,7 @@ from .recording import Recording
 
 BLOCK = 0.02  # s, a period of 50 Hz
 SMOOTHED = 0.2  # s, at least
+STARTING = 5.0  # s in which a spindle starts or stops
 SETTLED = 0.3  # s between a cut and the air that counts
 AIR = 5.0  # s of air used before and after a cut, at most
 FOLLOWING = 2.0  # s, time constant of the idle level
@@ -122,7 +123,8 @@ def find_cuts(recording: Recording, how: ReduceOptions, revolution: float = 0.0)
     if len(long) < len(spans):
         shown = ", ".join(f"{(b - a) * step:.2g} s at {a * step:.4g} s" for a, b in spans if (a, b) not in long)
         remarks.append(f"shorter than {how.shortest:g} s and left out: {shown}")
-    remarks += _small_loads(search, long, NOISE * noise, reach, how)
+    if "off" not in levels:
+        remarks += _small_loads(search, long, NOISE * noise, reach, how)
     cuts = tuple(_cut(search, k, long, how, width, size, len(recording)) for k in range(len(long)))
     middle = float(np.median(np.concatenate([load[a:b] for a, b in long])))
     idle = levels["idle"]
@@ -259,19 +261,28 @@ def _inner(search: _Search, span: Interval, rest: float) -> tuple[list[Interval]
     second = search.count(1.0)
     if end - first < 3 * second:
         return [span], None
-    before, after = (float(np.median(part)) for part in (
-        search.load[first : first + second // 2 + 1], search.load[end - second // 2 - 1 : end]))  # fmt: skip
+    head, tail = min(search.count(STARTING), (end - first) // 2), second // 2 + 1
+    skipped, before = _lowest(search.load[first : first + head], tail)
+    left, after = _lowest(search.load[end - head : end][::-1], tail)
+    first, end = first + skipped, end - left
     noise, reach = noise_and_reach(search.load[first:end], search.step / search.scale)
     inside = replace(search, high=max(NOISE * noise, 0.1 * reach))
     idle = (before + after) / 2
     if not abs(rest) < OFF * abs(idle) or reach < DETECTABLE * noise or reach < ALIKE * abs(idle):
         return [span], None
-    found = _spans(inside, (first, end))
+    found = [(a, b) for a, b in _spans(inside, (first, end)) if b - a >= second // 2]  # the rest of a surge is none
     complete = bool(found) and found[0][0] > first + 1 and found[-1][1] < end - 1
     higher = all(abs(float(np.median(search.load[a:b]))) > abs(idle) for a, b in found)
     if not complete or not higher or abs(before - after) > ALIKE * reach:
         return [span], None
     return found, idle
+
+
+def _lowest(load: Array, size: int) -> tuple[int, float]:
+    """Place and level of the lowest median of ``size`` values, shape (m,): idle, after the surge of a start."""
+    medians = [float(np.median(load[k : k + size])) for k in range(0, max(1, len(load) - size + 1), size)]
+    at = int(np.argmin(np.abs(medians)))
+    return at * size, medians[at]
 
 
 def _cut(search: _Search, k: int, spans: Sequence[Interval], how: ReduceOptions, width: int, size: int, n: int) -> Cut:
