@@ -156,7 +156,7 @@ def renamed(s, rng):
     j = _any(rng, range(len(s.header)))
     old = s.header[j]
     word, _, unit = old.partition(" ")
-    new = [f"Par_{j}", "X1", word[:-1] + "x" if len(word) > 1 else word + "q", f"{word}_old", "", f"{word}{word}"]
+    new = [f"Par_{j}", "X1", word[:-1] + "q", f"{word}_old", "", f"{word}{word}"]
     s.header[j] = f"{_any(rng, new)} {unit}".strip()
     return f"header {old!r} becomes {s.header[j]!r}"
 
