@@ -1,9 +1,8 @@
-"""Edges whose speed, feed or depth is in another unit than that of the others, found by their wear or load."""
+"""Edges whose speed, feed or depth is in another unit than that of the others, found by their wear or force."""
 
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.rounding import format_decimal
@@ -12,6 +11,7 @@ from .draft import Draft
 from .vocabulary import ROLES
 
 Array = NDArray[np.float64]
+Codes = NDArray[np.intp]
 
 RATIOS = {
     "V": {3.280839895: "sfm and m/min", 60.0: "m/s and m/min", 10.0: "a decimal mark"},
@@ -35,28 +35,24 @@ LISTED = 6
 
 
 @dataclass(frozen=True, slots=True)
-class _Edges:
-    """Each edge in one row: its name, the logarithms of its conditions and of its response at one time."""
-
-    names: list[str]
-    response: str
-    settings: dict[str, Array]
-    others: Array  # indicators of tool and work, shape (edges, levels)
-    y: Array
-
-    def residual(self, moved: dict[str, Array]) -> float:
-        """Residual sum of squares of the regression on all conditions, some of them replaced."""
-        columns = [moved.get(role, x) for role, x in self.settings.items()]
-        X = np.column_stack([np.ones(len(self.y)), self.others, *columns])
-        return float(np.sum((self.y - X @ np.linalg.lstsq(X, self.y, rcond=None)[0]) ** 2))
-
-
-@dataclass(frozen=True, slots=True)
 class _Shift:
+    """Some edges moved by the ratio of two units in one condition."""
+
     role: str
     edges: NDArray[np.bool_]
     factor: float
-    evidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Tests:
+    """Rows with conditions, and the logarithms of the conditions of each edge, shape (edges,)."""
+
+    good: NDArray[np.bool_]
+    code: Codes
+    count: Array
+    first: Codes
+    settings: dict[str, Array]
+    others: Array  # one, and indicators of tool and work, shape (edges, k)
 
 
 def check_mixed_units(draft: Draft) -> None:
@@ -68,108 +64,133 @@ def check_mixed_units(draft: Draft) -> None:
     """
     measured = {use.role for use in draft.uses}
     doubted = {role for doubt in draft.doubts for role in doubt.columns}
-    found: list[tuple[_Edges, list[_Shift]]] = []
-    for responses, roles in RESPONSES.items():
-        response = next((role for role in responses if role in measured), None)
-        if response is not None and (edges := _edges(draft, response)) is not None:
-            tried = [role for role in edges.settings if role in roles and role not in doubted]
-            found.append((edges, [one for role in tried for one in _shifts(edges, role)]))
-    found.sort(key=_most)
-    if found and (best := _most(found[-1])) > EVIDENCE:
-        edges, shifts = found[-1]
-        first = next(one for one in shifts if one.evidence == best)
-        limit = max(EVIDENCE, best - CLOSE)
-        equals = [one for one in shifts if np.array_equal(one.edges, first.edges) and one.evidence > limit]
-        draft.doubts.append(_doubt(edges, sorted(equals, key=lambda one: -one.evidence)))
+    asked = [(next((role for role in group if role in measured), ""), roles) for group, roles in RESPONSES.items()]
+    if len(draft.lines) > MOST_ROWS or not any(response for response, _ in asked):
+        return
+    numbers = draft.numbers()
+    tests = _tests(draft, numbers)
+    if tests is None:
+        return
+    best: tuple[float, str, list[_Shift]] = (EVIDENCE, "", [])
+    shifts = [one for role in tests.settings if role not in doubted for one in _shifts(role, tests.settings[role])]
+    for response, roles in asked:
+        tried = [one for one in shifts if one.role in roles]
+        if response and tried:
+            evidence = _evidence(tests, tried, _at_one_time(tests, numbers[response], numbers.get("t")))
+            if (most := float(evidence.max())) > best[0]:
+                first = tried[int(evidence.argmax())]
+                near = np.flatnonzero(evidence > max(EVIDENCE, most - CLOSE))
+                order = near[np.argsort(-evidence[near])]
+                best = most, response, [tried[k] for k in order if np.array_equal(tried[k].edges, first.edges)]
+    if best[2]:
+        draft.doubts.append(_doubt(draft, tests, best[1], best[2]))
 
 
-def _most(found: tuple[_Edges, list[_Shift]]) -> float:
-    return max((one.evidence for one in found[1]), default=0.0)
-
-
-def _edges(draft: Draft, response: str) -> _Edges | None:
-    """The edges of the first rows, where there are enough of them; rows of the same conditions without edges."""
-    rows = slice(0, MOST_ROWS)
-    data = {role: x[rows] for role, x in draft.numbers().items()}
-    settings = {role: data[role] for role in RATIOS if role in data}
-    t, y = data.get("t", np.ones(len(data[response]))), data[response]
-    good = np.logical_and.reduce([x > 0 for x in (y, t, *settings.values())])
-    if not settings or np.count_nonzero(good) < FEWEST:
-        return None
-    labels = [draft.data[role][rows][good] for role in ("edge", "tool", "work") if role in draft.data]
-    by = labels if "edge" in draft.data else [*labels, *(x[good] for x in settings.values())]
-    code = np.zeros(int(np.count_nonzero(good)), dtype=np.intp)
-    for one in by:
-        each, levels = pd.factorize(one)
-        code = pd.factorize(code * len(levels) + each)[0].astype(np.intp)
-    count = np.bincount(code)
+def _tests(draft: Draft, numbers: dict[str, Array]) -> _Tests | None:
+    """The edges, or rows of the same conditions where there are none; None where they are too few."""
+    settings = {role: numbers[role] for role in RATIOS if role in numbers}
+    good = np.ones(len(draft.lines), dtype=bool)
+    for x in settings.values():
+        good &= x > 0
+    labels = [draft.codes(role)[0][good] for role in ("edge", "tool", "work") if role in draft.data]
+    kinds = labels[1:] if "edge" in draft.data else labels
+    if "edge" not in draft.data:
+        labels = [*labels, *(np.unique(x[good], return_inverse=True)[1] for x in settings.values())]
+    code = np.zeros(np.count_nonzero(good), dtype=np.intp)
+    for one in labels:
+        if one.size and one.any():
+            code = code * (int(one.max()) + 2) + one + 1
+    _, first, code, count = np.unique(code, return_index=True, return_inverse=True, return_counts=True)
     if len(count) < FEWEST:
         return None
-
-    def mean(x: Array) -> Array:
-        return np.asarray(np.bincount(code, x) / count)
-
-    log = {role: mean(np.log(x[good])) for role, x in settings.items()}
-    varying = {role: x for role, x in log.items() if np.ptp(x) > 1e-9}
-    first = np.unique(code, return_index=True)[1]
-    kinds = [pd.get_dummies(one[first], drop_first=True, dtype=float).to_numpy() for one in labels[-2:]
-             if 1 < len(set(one[first])) <= len(count) // 4]  # fmt: skip
-    others = np.column_stack([np.empty((len(count), 0)), *kinds])
-    if not varying or len(count) < 1 + others.shape[1] + len(varying) + SPARE:
+    means = {role: np.bincount(code, np.log(x[good])) / count for role, x in settings.items()}
+    varying = {role: x for role, x in means.items() if x.max() - x.min() > 1e-9}
+    columns = [np.ones(len(count))]
+    for kind in kinds:
+        levels = np.unique(kind[first])
+        if 1 < len(levels) <= len(count) // 4:
+            columns += [(kind[first] == level).astype(float) for level in levels[1:]]
+    if not varying or len(count) < len(columns) + len(varying) + SPARE:
         return None
-    names = draft.data["edge"][rows][good][first] if "edge" in draft.data else draft.lines[rows][good][first]
-    level = _at_one_time(np.log(y[good]), np.log(t[good]), code, count)
-    return _Edges(list(map(str, names)), response, varying, others, level)
+    return _Tests(good, code, count.astype(float), first, varying, np.column_stack(columns))
 
 
-def _at_one_time(y: Array, t: Array, code: NDArray[np.intp], count: NDArray[np.intp]) -> Array:
-    """Mean of each edge, brought to ln t = 0 by the slope within edges."""
-    y_mean, t_mean = np.bincount(code, y) / count, np.bincount(code, t) / count
+def _at_one_time(tests: _Tests, response: Array, time: Array | None) -> Array:
+    """Mean logarithm of the response of each edge at ln t = 0, by the slope within edges; NaN where there is none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        y = np.log(response[tests.good])
+        t = np.zeros(len(y)) if time is None else np.log(time[tests.good])
+    known = np.isfinite(y) & np.isfinite(t)
+    code, y, t = tests.code[known], y[known], t[known]
+    with np.errstate(invalid="ignore"):
+        count = np.bincount(code, minlength=len(tests.count))
+        y_mean = np.bincount(code, y, len(count)) / count
+        t_mean = np.bincount(code, t, len(count)) / count
     within = t - t_mean[code]
     spread = float(within @ within)
     slope = float(within @ (y - y_mean[code])) / spread if spread > 0 else 0.0
     return np.asarray(y_mean - slope * t_mean)
 
 
-def _shifts(edges: _Edges, role: str) -> list[_Shift]:
+def _shifts(role: str, x: Array) -> list[_Shift]:
     """Minorities beyond a gap of a condition that the ratio of two units brings among the others."""
-    x, left = edges.settings[role], edges.residual({})
-    if left <= EXACT * float(np.sum((edges.y - edges.y.mean()) ** 2)):
-        return []
-    levels = np.unique(x)
+    levels = np.sort(x)
     found = []
-    for cut in np.flatnonzero(np.diff(levels) > np.log(GAP)):
-        below = x <= levels[cut]
-        for side, sign in ((below, 1.0), (~below, -1.0)):
-            if np.count_nonzero(side) > MINORITY * len(x):
-                continue
-            rest = x[~side]
-            for factor in RATIOS[role]:
-                moved = np.where(side, x + sign * np.log(factor), x)
-                near = np.log(INSIDE)
-                if moved[side].min() < rest.min() - near or moved[side].max() > rest.max() + near:
-                    continue
-                then = max(edges.residual({role: moved}), 1e-300)
-                found.append(_Shift(role, side, factor**sign, len(x) * float(np.log(left / then))))
+    for cut in np.flatnonzero(levels[1:] - levels[:-1] > np.log(GAP)):
+        share = (cut + 1) / len(x)
+        if min(share, 1 - share) > MINORITY:
+            continue
+        lower = share < 0.5
+        side, rest = (levels[: cut + 1], levels[cut + 1 :]) if lower else (levels[cut + 1 :], levels[: cut + 1])
+        for factor in RATIOS[role]:
+            move = np.log(factor) if lower else -np.log(factor)
+            near = np.log(INSIDE)
+            if side[0] + move >= rest[0] - near and side[-1] + move <= rest[-1] + near:
+                edges = x <= levels[cut] if lower else x > levels[cut]
+                found.append(_Shift(role, edges, factor if lower else 1 / factor))
     return found
 
 
-def _doubt(edges: _Edges, shifts: list[_Shift]) -> Doubt:
-    best = shifts[0]
-    names = [name for name, shifted in zip(edges.names, best.edges, strict=True) if shifted]
+def _evidence(tests: _Tests, shifts: list[_Shift], y: Array) -> Array:
+    """The statistic n ln(RSS0/RSS1) of each shift, shape (shifts,)."""
+    known = np.isfinite(y)
+    y, n = y[known], int(np.count_nonzero(known))
+    out = np.zeros(len(shifts))
+    if n < tests.others.shape[1] + len(tests.settings) + SPARE or n < FEWEST:
+        return out
+    for role in dict.fromkeys(one.role for one in shifts):
+        these = [k for k, one in enumerate(shifts) if one.role == role]
+        others = [tests.others, *(x[:, None] for name, x in tests.settings.items() if name != role)]
+        q = np.linalg.qr(np.column_stack(others)[known])[0]
+        x = tests.settings[role][known]
+        moved = np.column_stack([x, *(x + shifts[k].edges[known] * np.log(shifts[k].factor) for k in these)])
+        moved -= q @ (q.T @ moved)
+        left = y - q @ (q.T @ y)
+        size = np.einsum("ij,ij->j", moved, moved)
+        explained = np.where(size > 1e-12, (left @ moved) ** 2 / np.maximum(size, 1e-300), 0.0)
+        rss = np.maximum(float(left @ left) - explained, 0.0)
+        if rss[0] > EXACT * float(np.sum((y - y.mean()) ** 2)):
+            out[these] = n * np.log(rss[0] / np.maximum(rss[1:], 1e-300))
+    return out
+
+
+def _doubt(draft: Draft, tests: _Tests, response: str, shifts: list[_Shift]) -> Doubt:
+    places = np.flatnonzero(tests.good)[tests.first[shifts[0].edges]]
+    with_edges = "edge" in draft.data
+    names = [str(draft.data["edge"][row]) if with_edges else str(draft.lines[row]) for row in places]
     named = ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
     ways = []
     for one in shifts:
-        x = np.exp(edges.settings[one.role][one.edges])
+        x = np.exp(tests.settings[one.role][one.edges])
         low, high = format_decimal(float(x.min())), format_decimal(float(x.max()))
         values = low if low == high else f"{low} to {high}"
         ratio = max(one.factor, 1 / one.factor)
         way = "multiplied" if one.factor > 1 else "divided"
         units = next(cause for known, cause in RATIOS[one.role].items() if np.isclose(known, ratio))
         ways.append(f"{one.role} {values} {ROLES[one.role].unit} {way} by {ratio:.4g} ({units})")
-    one_edge = len(names) == 1
+    what, s = "edge" if with_edges else "line", "" if len(names) == 1 else "s"
     sentence = (
-        f"edge{'' if one_edge else 's'} {named}: with {', or '.join(ways)} the {edges.response} agrees with that of "
-        f"the other edges; check the unit of {'this edge' if one_edge else 'these edges'}"
+        f"{what}{s} {named}: with {', or '.join(ways)} the {response} agrees with that of the other {what}s; "
+        f"check the unit of {'these' if s else 'this'} {what}{s}"
     )
     return Doubt(tuple(dict.fromkeys(one.role for one in shifts)), sentence)
