@@ -4,6 +4,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, islice
 
@@ -243,7 +244,7 @@ def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None
     """(Whether a text row has the width of the numbers, share of numbers in all lines, delimiter) of the lines."""
     if delimiter != " " and not any(delimiter in line for line in lines):
         return None
-    rows = [split_line(line, delimiter) for line in lines]
+    rows = _split_lines(lines, delimiter)
     numbers = [sum(map(is_number, row)) if len(row) > 1 else 0 for row in rows]
     first = next((i for i, row in enumerate(rows) if len(row) > 1 and numbers[i]), None)
     if first is None:
@@ -255,3 +256,14 @@ def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None
     has_header = any(len(row) == width and not count for row, count in zip(rows[:first], numbers, strict=False))
     filled = sum(1 for row, _ in block for cell in row if cell.strip())
     return has_header, sum(count for _, count in block) / filled * len(block) / len(rows), delimiter
+
+
+def _split_lines(lines: Sequence[str], delimiter: str) -> list[list[str]]:
+    """Cells of each line as `split_line` finds them; one reader for all where no cell is quoted."""
+    if delimiter == " ":
+        inner = (" ", "\t")
+        return [split_line(line, " ") if any(mark in line.strip() for mark in inner) else [line] for line in lines]
+    if not any('"' in line for line in lines):
+        with suppress(csv.Error):
+            return list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+    return [split_line(line, delimiter) for line in lines]
