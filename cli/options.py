@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments import Parser, pairs, ranges, values
+from .output import complain
 
 if TYPE_CHECKING:
     from ..datasets import Runs
@@ -74,7 +75,10 @@ def fit_options(args: argparse.Namespace, *more: str) -> "FitOptions":
 
 
 def read(file: str | Path, args: argparse.Namespace) -> "Runs":
-    """Read a file of tests with the options of the command."""
+    """Read a file of tests with the options of the command; doubts about it are printed on standard error."""
     from ..datasets import read_runs
 
-    return read_runs(file, **read_keywords(args))
+    runs = read_runs(file, **read_keywords(args))
+    for doubt in runs.doubts:
+        complain(f"doubt about {runs.source.name}: {doubt}")
+    return runs

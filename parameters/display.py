@@ -23,7 +23,8 @@ def of_file(pf: ParameterFile) -> Display:
     head = f"{pf.identity.tool} on {pf.identity.work}{simulated}: {'; '.join([laws, *there])}"
     rows = tuple((law.response, short_equation(law), f"n {law.n}") for law in pf.laws.values())
     made = (("written with", f"fitmodels {pf.provenance.fitmodels}"),)
-    return Display(head, made, TextTable(("", "law", ""), rows) if rows else None)
+    doubts = () if pf.reading is None else tuple(f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts)
+    return Display(head, made, TextTable(("", "law", ""), rows) if rows else None, doubts)
 
 
 def short_equation(law: LawSection) -> str:

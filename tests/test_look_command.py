@@ -94,6 +94,7 @@ def test_doubts_stand_first_with_the_command_that_corrects_them(here):
     assert "1 doubt about the data (VB): see the beginning of this output." in result.out
     pf = parameters.read(next(here.rglob("params.json")))
     assert [doubt.columns for doubt in pf.reading.doubts] == [("VB",)]
+    assert "Doubt about the data: VB" in pf.summary()
     assert run("a.csv", "--unit", "VB=um", "--out", "b").code == 0
     assert parameters.read(next((here / "b").rglob("params.json"))).reading.doubts == ()
 
@@ -156,6 +157,13 @@ def test_a_record_is_named_as_one(here):
     result = run("look", "run.csv")
     assert result.code == 3
     assert "fitmodels ident run.csv" in result.err
+
+
+def test_other_commands_that_read_tests_print_doubts(here):
+    (here / "a.csv").write_text(table("VB", 1000))
+    result = run("next", "a.csv", "--runs", "2")
+    assert re.search(r"^fitmodels: doubt about a.csv: VB .*--unit VB=um$", result.err, flags=re.M)
+    assert "doubt" not in run("next", "a.csv", "--runs", "2", "--unit", "VB=um").err
 
 
 # The picture
