@@ -110,8 +110,11 @@ class Known:
     stated: bool  # the process is given or seen from the columns, not read from the notes
 
     def has(self, role: str) -> bool:
-        """Whether a role is a column of numbers or a constant."""
-        return role in self.given or (role in self.data and self.data[role].dtype != object)
+        """Whether a role is a constant, or a column of numbers that is not empty."""
+        if role in self.given or role not in self.data:
+            return role in self.given
+        values = self.data[role]
+        return values.dtype != object and bool(len(values) == 0 or not (np.isnan(values[0]) and np.isnan(values).all()))
 
     def value(self, role: str) -> Number:
         """The column, or else the constant."""

@@ -419,3 +419,8 @@ def test_notch_wear_alone_has_a_law():
     V = np.array([80, 100, 120, 150, 200.0])
     (law,), _ = fit.default_laws(read(V=V, **{"notch wear [mm]": 1e-3 * V**0.9 * [1, 1.01, 1, 0.99, 1]}))
     assert law.response == "VBN"
+
+
+def test_an_empty_column_gives_nothing():
+    runs = read(**{"n": [1000.0, 500], "D": [np.nan, np.nan], "VB": [0.1, 0.2]})
+    assert not runs.has("V")

@@ -15,7 +15,7 @@ from .parts import CheckPart, CoefficientPart, FactPart, LawPart, NumberPart, To
 from .posterior import posterior_of, posterior_part
 
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one is not informative
-CONDITIONS = ("V", "f", "fz", "d", "ae")  # usually constant for an edge
+CONDITIONS = ("V", "n", "f", "fz", "d", "ae")  # usually constant for an edge
 STRUCTURES = {"multiplicative": "multiplicative error (log scale)", "additive": "additive error (original scale)"}
 STATISTICS = {  # symbol of the statistic of each check
     "form": "F",
