@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..core.errors import UsageError
 from .columns import NONE, Values
 from .derived import Array, Derived, Known, apply, known_of
-from .derived_checks import compare
+from .derived_checks import compare, judge
 from .doubts import Doubt
 from .draft import Draft
 from .options import ReadOptions
@@ -31,6 +31,7 @@ def derive(draft: Draft, options: ReadOptions) -> None:
     found = [summed(draft, known, one) if one.role == "t" else one for one in found]
     draft.units.update({one.role: ROLES[one.role].unit for one in found if one.role in draft.data})
     draft.derived += found
+    judge(draft, known, found)
     draft.assumed[:0] = [one.sentence for one in found]
     _substitutes(draft, known)
     used = {role for one in found for role in one.inputs}

@@ -7,11 +7,13 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import DataError
 from ..core.rounding import format_plain
 from .columns import NONE
-from .derived import RULES, Known, Rule
+from .derived import RULES, Derived, Known, Rule
 from .doubts import Doubt
 from .draft import Draft
+from .ranges import candidate_units, plausible
 from .vocabulary import ROLES
 
 Array = NDArray[np.float64]
@@ -43,6 +45,64 @@ def compare(draft: Draft, known: Known) -> None:
         doubt = _judged(draft, known, rule)
         if doubt is not None and not _another_agrees(known, rule):
             draft.doubts.append(doubt)
+
+
+def judge(draft: Draft, known: Known, found: Iterable[Derived]) -> None:
+    """Add a doubt for each computed quantity with unusual values, and refuse one that cannot be in any row.
+
+    Raises
+    ------
+    DataError
+    """
+    for rule in (rule for one in found for rule in RULES if rule.equation == one.equation.partition(",")[0]):
+        ranges = plausible(rule.role, known.process)
+        if ranges is None or rule.role not in known.data:
+            continue
+        values = np.asarray(known.value(rule.role))
+        with np.errstate(invalid="ignore"):
+            off = (values < ranges.unusual[0]) | (values > ranges.unusual[1])
+            impossible = (values < ranges.hard[0]) | (values > ranges.hard[1]) | np.isnan(values)
+        if not off.any():
+            continue
+        low, high = _number(np.min(values[off])), _number(np.max(values[off]))
+        span = f"{low if low == high else f'{low} to {high}'} {ROLES[rule.role].unit}"
+        usual = f"(usual {_number(ranges.usual[0])} to {_number(ranges.usual[1])})"
+        at = np.flatnonzero(off)
+        whole = len(at) > SEVERAL * len(values)
+        where = "" if whole else f" in {len(at)} of {len(values)} rows ({_lines(draft, at)})"
+        units = _units_in_range(draft, known, rule, ranges.usual) if whole else []
+        causes = " or ".join(_header(draft, role) for role in rule.inputs if role in known.data)
+        cure = f"--unit {units[0][0]}={units[0][1]}" if len(units) == 1 else ""
+        others = " or ".join(f"--unit {role}={unit}" for role, unit in units) if len(units) > 1 else ""
+        head = f"{rule.equation} is {span}{where}"
+        if impossible.all():
+            remedy = (
+                cure or others or f"correct the unit (--unit), or leave the computation out with {_without(rule.role)}"
+            )
+            raise DataError(f"{head}, which cannot be {usual}: {causes} is in another unit or wrong; {remedy}.")
+        columns = (rule.role, *(role for role in rule.inputs if role in known.data))
+        there = "" if whole else " there"
+        draft.doubts.append(
+            Doubt(
+                columns,
+                f"{head} {usual}: {causes} is in another unit or wrong{there}{others and '; usual with ' + others}",
+                cure,
+            )
+        )
+
+
+def _units_in_range(draft: Draft, known: Known, rule: Rule, usual: tuple[float, float]) -> list[tuple[str, str]]:
+    """Columns and units of the inputs with which most computed values would be usual."""
+    values = np.asarray(known.value(rule.role))
+    low, high = (float(v) for v in np.nanquantile(values, (0.05, 0.95)))
+    return [
+        (role, unit)
+        for role, unit, change in _changes(draft, known, rule)
+        if role != rule.role
+        and unit in candidate_units(role)
+        and usual[0] <= low * change
+        and high * change <= usual[1]
+    ]
 
 
 def ratios(known: Known, rule: Rule) -> Array:
@@ -98,15 +158,19 @@ def _judged(draft: Draft, known: Known, rule: Rule) -> Doubt | None:
 def _odd_rows(draft: Draft, known: Known, rule: Rule, ratio: Array, off: NDArray[np.bool_]) -> Doubt:
     """Doubt about single rows that contradict a rule with which the others agree."""
     at = np.flatnonzero(off)
-    lines = ", ".join(str(draft.lines[i]) for i in at[:NAMED]) + (", ..." if len(at) > NAMED else "")
     rows = "1 row" if len(at) == 1 else f"{len(at)} rows"
     values = " to ".join(dict.fromkeys(_number(v) for v in (np.min(ratio[at]), np.max(ratio[at]))))
     which = "all other rows agree" if len(at) < SEVERAL * len(ratio) else "the other rows agree"
     return Doubt(
         tuple(role for role in (rule.role, *rule.inputs) if role in known.data),
         f"{_header(draft, rule.role)} is {values} times {rule.formula} from {_others(draft, known, rule)} in {rows} "
-        f"(line{'s' * (len(at) > 1)} {lines}), and {which}; correct these cells",
+        f"({_lines(draft, at)}), and {which}; correct these cells",
     )
+
+
+def _lines(draft: Draft, at: NDArray[np.intp]) -> str:
+    shown = ", ".join(str(draft.lines[i]) for i in at[:NAMED]) + (", ..." if len(at) > NAMED else "")
+    return f"line{'s' * (len(at) > 1)} {shown}"
 
 
 def _cause(draft: Draft, known: Known, rule: Rule, ratio: float, even: bool) -> tuple[str, str]:
@@ -147,28 +211,31 @@ def _special(known: Known, rule: Rule, ratio: float) -> tuple[str, str] | None:
 
 def _units_that_explain(draft: Draft, known: Known, rule: Rule, ratio: float) -> Iterable[tuple[str, str]]:
     """Columns and units with which the ratio would be usual; columns without a unit in the file first."""
+    low, high = np.sqrt(rule.agree) if rule.agree[1] > TWICE else rule.agree
+    for role, unit, change in _changes(draft, known, rule):
+        then = ratio * change if role == rule.role else ratio / change
+        if isfinite(then) and low <= then <= high:
+            yield role, unit
+
+
+def _changes(draft: Draft, known: Known, rule: Rule) -> Iterable[tuple[str, str, float]]:
+    """Columns of a rule, other units, and the factor by which the unit changes the measured or the computed value."""
     from .units import SPELLINGS, convert, same_dimension
 
-    written = {use.role: bool(use.unit) for use in draft.uses}
-    roles = [role for role in (rule.role, *rule.inputs) if role in known.data and ROLES[role].unit != "1"]
-    middle = {role: float(np.nanmedian(known.value(role))) for role in (rule.role, *rule.inputs)}
-    low, high = np.sqrt(rule.agree) if rule.agree[1] > TWICE else rule.agree
-    for role in sorted(roles, key=lambda role: written.get(role, False)):
+    written = {use.role: use.unit for use in draft.uses if use.role}
+    roles = [role for role in (rule.role, *rule.inputs) if role in written and ROLES[role].unit != "1"]
+    middle = {role: float(np.nanmedian(known.value(role))) for role in rule.inputs}
+    for role in sorted(roles, key=lambda role: bool(written[role])):
         for unit in SPELLINGS:
             if unit == ROLES[role].unit or not same_dimension(unit, ROLES[role].unit):
                 continue
-            read_as = next((use.unit for use in draft.uses if use.role == role), "") or ROLES[role].unit
-            factor = float(convert(np.ones(1), unit, read_as)[0])
+            factor = float(convert(np.ones(1), unit, written[role] or ROLES[role].unit)[0])
             if role == rule.role:
-                then = ratio * factor
-            else:
-                moved = {**middle, role: middle[role] * factor}
-                change = rule.function(*(moved[i] for i in rule.inputs)) / rule.function(
-                    *(middle[i] for i in rule.inputs)
-                )
-                then = ratio / change
-            if isfinite(then) and low <= then <= high:
-                yield role, unit
+                yield role, unit, factor
+                continue
+            moved = {**middle, role: middle[role] * factor}
+            now, then = (rule.function(*(at[name] for name in rule.inputs)) for at in (middle, moved))
+            yield role, unit, float(then / now)
 
 
 def _header(draft: Draft, role: str) -> str:
