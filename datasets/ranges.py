@@ -39,6 +39,7 @@ _FORCE = {
     "drilling": _row(10, 10000, 0.5, 30000, 0, 1e6),
     "grinding": _row(1, 2000, 0.05, 20000, 0, 1e6),
 }
+_DIAMETER = {"any": _row(1, 1000, 0.05, 5000, 0, 30000)}
 _WEAR = {"any": _row(0.02, 0.6, 0.01, 1, 0, 5), "grinding": _row(0.001, 0.6, 0.0002, 1, 0, 5)}
 _TIME = {"any": _row(0.2, 120, 0.02, 600, 0, 1e5)}
 _FEED_FORCES = ("Fx", "Fy", "Fz", "Fxz", "Fc", "Ff", "Fp", "F")
@@ -74,9 +75,9 @@ _TABLE: dict[str, dict[str, Plausible]] = {
     },
     "t": _TIME,
     "T": {"any": _row(0.5, 600, 0.02, 6000, 0, 1e6)},
-    **dict.fromkeys(("D", "Dc"), {"any": _row(1, 1000, 0.05, 5000, 0, 30000)}),
-    "AW": _WEAR,
-    "VB": _WEAR,
+    "D": _DIAMETER,
+    "Dc": _DIAMETER,
+    **dict.fromkeys(("AW", "VB", "VBC", "VBN"), _WEAR),
     **dict.fromkeys(_FEED_FORCES, _FORCE),
     "P": {
         "turning": _row(0.05, 30, 0.005, 100, 0, 2000),
@@ -113,9 +114,7 @@ _UNITS: dict[str, tuple[str, ...]] = {
     "T": ("min", "s", "h"),
     **dict.fromkeys(("D", "Dc"), ("mm", "in", "m")),
     "lf": ("mm", "m", "in"),
-    **dict.fromkeys(("VBC", "VBN"), ("mm", "um", "in", "mil")),
-    "AW": ("mm", "um", "in", "mil"),
-    "VB": ("mm", "um", "in", "mil"),
+    **dict.fromkeys(("AW", "VB", "VBC", "VBN"), ("mm", "um", "in", "mil")),
     **dict.fromkeys(_FEED_FORCES, ("N", "kN", "lbf", "daN")),
     "P": ("kW", "W", "hp"),
     "M": ("Nm", "Nmm", "Ncm", "in lbf"),

@@ -437,3 +437,10 @@ def test_unusual_computed_values_are_doubts():
     assert "usual with --unit D=in or --unit n=rev/s" in every.sentence
     with pytest.raises(errors.DataError, match=r"V = pi D n/1000 is .* cannot be"):
         read(**columns, **{"n [1/min]": n * 200})
+
+
+def test_lands_in_um_without_a_unit_are_taken_as_such():
+    lands = {"nose": [66.0, 120, 200], "flank": [90.0, 150, 220], "notch": [110.0, 210, 387]}
+    runs = read(**{"V [m/min]": [100.0, 150, 200]}, **lands)
+    assert runs.values("AW") == pytest.approx([0.0886667, 0.16, 0.269], rel=1e-5)
+    assert {str(doubt.remedy) for doubt in runs.doubts} >= {"--unit VBC=um", "--unit VB=um", "--unit VBN=um"}
