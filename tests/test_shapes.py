@@ -535,3 +535,22 @@ def test_a_table_with_a_column_for_each_test_is_turned(tmp_path, head):
     assert runs.values("V").tolist() == [row[1] for row in last]
     assert "rows and columns are exchanged, 4 tests" in said(runs)
     assert not head or runs.labels("edge").tolist() == [row[0] for row in last]
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "# Test {i}: V = {V} m/min, f = {f} mm/rev, d = {d} mm",
+        "V,{V},m/min\nf,{f},mm/rev\nd,{d},mm",
+        "# V = {V} m/min\n# f = {f} mm/rev\n# d = {d} mm",
+    ],
+)
+def test_headings_in_comments_or_in_cells_of_their_own_count(tmp_path, heading):
+    runs = read(tmp_path, blocks(heading, gap="\n"))
+    assert same(runs, read(tmp_path, LONG, "b.csv"))
+
+
+def test_blocks_of_gnuplot_are_read(tmp_path):
+    text = blocks("# V = {V}\n# f = {f}\n# d = {d}\n# t VB", gap="\n\n", repeat=False)
+    rows = [line.replace(",", " ") for line in text.splitlines()[1:]]
+    assert same(read(tmp_path, "\n".join(rows), "a.dat"), read(tmp_path, LONG, "b.csv"))

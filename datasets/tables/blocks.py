@@ -9,12 +9,13 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 
 from ...core.errors import DataError
-from .dialect import TextSource
+from .dialect import TextSource, split_line
 from .layout import find_layout, footer_label
 from .numerals import Cell, is_missing, is_number
 from .worksheet import WorkbookSheet
 
 Rows = list[tuple[int, list[Cell]]]
+_Found = tuple[dict[str, tuple[str, str]], tuple[str, str] | None]  # name -> number, unit; word and number of a label
 
 ASSIGNMENT = re.compile(
     r"(?P<name>[^\W\d_][\w.']*(?:[ ]+[^\W\d_][\w.']*){0,2}(?:\s*[\[(][^\])=]*[\])])?)\s*[=:]\s*"
@@ -27,6 +28,7 @@ _LABEL = re.compile(
 _KEY_LINES = re.compile(rb"^[^\W\d_][^,;\t|\d:]*:[ \t]*\d", re.MULTILINE)
 _SNIFFED = 1 << 18  # bytes in which a heading or a second header is looked for
 _HEAD = 60  # first lines, of which one is the header
+_PAIR = 3  # cells of a row with name, number and unit
 _SAMPLE = 2000  # rows in which a second block must begin
 
 
@@ -55,10 +57,13 @@ def without_blocks(source: TextSource, is_unit: Callable[[str], bool]) -> tuple[
     >>> joined.data.decode().split()
     ['Test,V', '[m/min],t,VB', '1,100,2,0.1', '2,150,2,0.2']
     """
-    sample: Rows = [(line, list(cells)) for line, cells in islice(source, _SAMPLE)] if _may_be_blocks(source) else []
-    if not sample or _joined(sample, source.name, is_unit) is None:
+    if not _may_be_blocks(source):
         return source, []
-    rows: Rows = [(line, list(cells)) for line, cells in source]
+    noted = _noted_rows(source, is_unit)
+    sample: Rows = [(line, noted.get(line) or list(cells)) for line, cells in islice(source, _SAMPLE)]
+    if _joined(sample, source.name, is_unit) is None:
+        return source, []
+    rows: Rows = [(line, noted.get(line) or list(cells)) for line, cells in source]
     found = _joined(rows, source.name, is_unit)
     if found is None:
         return source, []
@@ -102,6 +107,27 @@ def sheet_without_blocks(sheet: WorkbookSheet, is_unit: Callable[[str], bool]) -
     return replace(sheet, rows=tuple(tuple(made.get(line, ())) for line, _ in rows), merged={}), said
 
 
+def _noted_rows(source: TextSource, is_unit: Callable[[str], bool]) -> dict[int, list[Cell]]:
+    """Comments that give conditions, and a header repeated in comments where the rows have none, as rows."""
+    cut = source.data.rfind(b"\n", 0, _SNIFFED) + 1 if not source.encoding.startswith("utf-16") else 0
+    head = replace(source, data=source.data[:cut]) if 0 < cut < len(source.data) else source
+    first = next((line for line, text in enumerate(head.lines(), start=1) if text.strip()), 0)
+    if not any(line > first and _assignments([text.lstrip("#% \t")], is_unit) for line, text in head.comments()):
+        return {}  # comments above the table only
+    comments = [(line, text.lstrip("#% \t")) for line, text in source.comments()]
+    rows: dict[int, list[Cell]] = {line: [text] for line, text in comments if _assignments([text], is_unit)}
+    try:
+        bare = find_layout(islice(source, _SAMPLE), is_unit, source.name)
+    except DataError:
+        return {}
+    if not bare.header_line:
+        for line, text in comments:
+            cells = [cell.strip() for cell in split_line(text, source.delimiter)]
+            if line not in rows and len(cells) == bare.width and not any(map(is_number, cells)):
+                rows[line] = list(cells)
+    return rows
+
+
 def _may_be_blocks(source: TextSource) -> bool:
     """A quick look: an equals sign, lines such as "vc: 150", or a line of text that is written twice."""
     head = source.data[:_SNIFFED]
@@ -119,7 +145,7 @@ def _repeats(rows: Rows) -> bool:
 
 def _joined(rows: Rows, name: str, is_unit: Callable[[str], bool]) -> tuple[dict[int, list[Cell]], list[str]] | None:
     """Rows by line with the headings taken in, and the sentence; None for a table that is not in blocks."""
-    headings = {line for line, row in rows if _assignments(row) is not None}
+    headings = {line for line, row in rows if _assignments(row, is_unit) is not None}
     plain = [(line, row) for line, row in rows if line not in headings]
     try:
         layout = find_layout(plain, is_unit, name)
@@ -129,7 +155,7 @@ def _joined(rows: Rows, name: str, is_unit: Callable[[str], bool]) -> tuple[dict
     if header is None or not any(header):
         return None
     units = next((_texts(row) for line, row in plain if line == layout.above > layout.header_line), None)
-    blocks, made, order = _walk(rows, headings, (header, units), layout.above)
+    blocks, made, order = _walk(rows, headings, (header, units), layout.above, is_unit)
     given = [block for block in blocks if block.label or block.values]
     if len(blocks) < 2 or len(given) not in (0, len(blocks)):
         return None
@@ -140,7 +166,11 @@ def _joined(rows: Rows, name: str, is_unit: Callable[[str], bool]) -> tuple[dict
 
 
 def _walk(
-    rows: Rows, headings: set[int], head: tuple[list[str], list[str] | None], above: int
+    rows: Rows,
+    headings: set[int],
+    head: tuple[list[str], list[str] | None],
+    above: int,
+    is_unit: Callable[[str], bool],
 ) -> tuple[list[_Heading], dict[int, list[Cell]], dict[int, int]]:
     """Blocks, the rows that stay by line, and the block of each row of data."""
     blocks: list[_Heading] = []
@@ -154,7 +184,7 @@ def _walk(
         if line in headings or repeated or label:
             if line in headings or label:
                 pending = pending or _Heading(line)
-                _add(pending, row, label, line in headings)
+                _add(pending, label, _assignments(row, is_unit) if line in headings else None)
             elif pending is None:
                 pending = _Heading(line)
             continue
@@ -212,27 +242,25 @@ def _drop_of_first(blocks: list[_Heading]) -> None:
     blocks[0].values = {key: value for key, value in blocks[0].values.items() if key in later}
 
 
-def _add(heading: _Heading, row: Sequence[Cell], label: tuple[str, str] | None, assigns: bool) -> None:
-    if not assigns:
-        heading.label = heading.label or label
-        return
-    found = _assignments(row) or ({}, None)
-    heading.values.update(found[0])
-    heading.label = heading.label or found[1]
+def _add(heading: _Heading, label: tuple[str, str] | None, found: _Found | None) -> None:
+    if found is not None:
+        heading.values.update(found[0])
+        label = found[1]
+    heading.label = heading.label or label
 
 
-def _assignments(row: Sequence[Cell]) -> tuple[dict[str, tuple[str, str]], tuple[str, str] | None] | None:
+def _assignments(row: Sequence[Cell], is_unit: Callable[[str], bool]) -> _Found | None:
     """Conditions of a heading row and its label; None for any other row."""
     filled = [str(cell).strip() for cell in row if str(cell).strip()]
+    if len(filled) == _PAIR and is_number(filled[1]) and is_unit(filled[2]) and not is_number(filled[0]):
+        return {filled[0]: (filled[1], filled[2])}, None  # three cells: name, number, unit
     if not filled or not any("=" in cell or ":" in cell for cell in filled):
         return None
     text = (" " if any(cell.endswith(("=", ":")) for cell in filled) else ", ").join(filled)
-    if text.startswith(("#", "%")):
-        return None
     label = _LABEL.match(text)
     rest = text[label.end() :] if label and "=" not in label[0] and not re.match(r"\s*=", text[label.end() :]) else text
     found = {match["name"].strip(): (match["number"], match["unit"] or "") for match in ASSIGNMENT.finditer(rest)}
-    if not found or ("=" not in text and len(filled) > 3):
+    if not found or ("=" not in text and len(filled) > _PAIR):
         return None
     if sum(map(is_number, filled)) > len(found):
         return None
