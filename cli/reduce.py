@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from .arguments import Parser, pairs, values
@@ -148,7 +148,16 @@ def _facts(found: "Reduction", out: Path, kept: Path) -> dict[str, object]:
     return {
         "out": str(out),
         "pictures": str(kept),
-        "joined by": found.how,
+        "joined_by": found.how,
         "rows": list(found.rows),
-        "records": [asdict(record) for record in found.records],
+        "records": _known([asdict(record) for record in found.records]),
     }
+
+
+def _known(held: Any) -> Any:  # noqa: ANN401  whatever JSON can hold
+    """The same with None for NaN, which JSON does not have."""
+    if isinstance(held, dict):
+        return {key: _known(value) for key, value in held.items()}
+    if isinstance(held, list | tuple):
+        return [_known(value) for value in held]
+    return None if held != held else held

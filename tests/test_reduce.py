@@ -187,6 +187,20 @@ def test_uneven_sampling_is_interpolated_and_said(lab):
     assert any("not uniform" in note for note in held["notes"])
 
 
+def test_the_report_as_json(lab, capsys):
+    """Of a record that begins in a cut: what is not known is null."""
+    t, load, *_ = simulated.cut_signal(MEANS, 200, np.random.default_rng(1), seconds=5.0)
+    simulated.write_table(lab.folder / "E1.csv", t[t > 3.5], {"Fc [N]": load[t > 3.5]})
+    lab.rows()
+    lab.run("--json")
+    report = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert report["schema"] == "fitmodels.reduction/1"
+    assert report["rows"] == [0, 1, 2]
+    first = report["records"][0]["cuts"][0]
+    assert first["figures"]["Fc"]["mean"] == pytest.approx(MEANS[0], rel=0.02)
+    assert first["figures"]["Fc"]["drift"] is None
+
+
 # Faults, each named
 
 
