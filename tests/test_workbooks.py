@@ -5,6 +5,8 @@ Every book is written by a library nobody here wrote (openpyxl, xlwt, odfpy) and
 
 import datetime
 import io
+import sys
+from pathlib import Path
 
 import numpy as np
 import openpyxl
@@ -15,8 +17,13 @@ from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets import read_runs, read_table
 from odf.opendocument import OpenDocumentSpreadsheet
 from odf.table import Table as OdfTable
-from odf.table import TableCell, TableRow
+from odf.table import TableCell, TableColumn, TableRow
 from odf.text import P
+
+sys.path.insert(0, str(Path(__file__).parent))
+from laboratory_workbooks import xlsb
+
+sys.path.remove(str(Path(__file__).parent))
 
 RNG = np.random.default_rng(5)
 HEADER = ["edge", "V [m/min]", "f [mm/rev]", "d [mm]", "t [min]", "VB [mm]"]
@@ -240,8 +247,14 @@ def as_ods(path):
     made.save(path)
 
 
+def as_xlsb(path):
+    """By hand: no library writes this format (see laboratory_workbooks)."""
+    Path(path).write_bytes(xlsb([["Tool", "GC4325"], [], HEADER, *ROWS]))
+
+
 @pytest.mark.parametrize(("make", "suffix", "kind"), [
     (as_xls, "xls", "Excel workbook (.xls)"), (as_ods, "ods", "OpenDocument spreadsheet"),
+    (as_xlsb, "xlsb", "Excel workbook (.xlsb)"),
 ])  # fmt: skip
 def test_other_formats(tmp_path, make, suffix, kind):
     path = tmp_path / f"a.{suffix}"
@@ -255,7 +268,39 @@ def test_other_formats(tmp_path, make, suffix, kind):
     check(read_runs(renamed))
 
 
-@pytest.mark.parametrize("make", [as_xls, as_ods, None])
+def test_an_ods_hides_rows_and_columns(tmp_path):
+    made, page = OpenDocumentSpreadsheet(), OdfTable(name="Data")
+    page.addElement(TableColumn(numbercolumnsrepeated=6))
+    page.addElement(TableColumn(visibility="collapse"))
+    for i, row in enumerate([[*HEADER, "old"], *([*row, 9.0] for row in ROWS)]):
+        line = TableRow(visibility="filter") if 3 <= i < 9 else TableRow()
+        for cell in row:
+            line.addElement(one := TableCell(**ods_value(cell)))
+            one.addElement(P(text=str(cell)))
+        page.addElement(line)
+    made.spreadsheet.addElement(page)
+    made.save(str(tmp_path / "a.ods"))
+    runs = read_runs(tmp_path / "a.ods")
+    check(runs, ROWS[:2] + ROWS[8:])
+    assert "Hidden columns are left out: G 'old'" in said(runs)
+    assert "Hidden rows are left out: 4 to 9" in said(runs)
+    assert len(read_runs(tmp_path / "a.ods", hidden=True)) == 36
+
+
+def ods_value(cell):
+    return {"valuetype": "string"} if isinstance(cell, str) else {"valuetype": "float", "value": cell}
+
+
+@pytest.mark.parametrize("make", [as_xls, as_xlsb])
+def test_hidden_cells_that_cannot_be_told_are_mentioned(tmp_path, make):
+    make(str(tmp_path / "a.xls"))
+    assert (
+        "Hidden rows and columns of this format cannot be told from others and are read."
+        in read_runs(tmp_path / "a.xls").notes
+    )
+
+
+@pytest.mark.parametrize("make", [as_xls, as_ods, as_xlsb, None])
 def test_damaged_books_give_one_sentence(tmp_path, make):
     path = tmp_path / "a.bin"
     if make is None:

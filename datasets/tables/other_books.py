@@ -33,6 +33,7 @@ class CalamineBook:
         import python_calamine
 
         self._name, self._kind, self._data = name, kind, data
+        self.tells_hidden = kind == "ods"
         try:
             if kind == "ods" and _is_encrypted(data):
                 raise protected(name)

@@ -84,6 +84,8 @@ class XlsxBook:
 
     """
 
+    tells_hidden = True
+
     def __init__(self, data: bytes, name: str) -> None:
         self._name = name
         try:
