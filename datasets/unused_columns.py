@@ -21,10 +21,16 @@ from .vocabulary import ROLES, role_within, understood_unit
 SAMPLE = 20000  # rows looked at
 FEWEST = 6
 MOST_LEVELS = 7
+ALIKE = 0.9999  # correlation of a column with the same one in another unit
+MOST_STEPS = 0.6  # share of the steps within edges in which measured wear rises, with scatter
 MOST_EDGES = 0.8  # share of the edges that decides
 
 Array = NDArray[np.float64]
 _EQUAL = (("V", "n"), ("f", "fz", "fm"), ("d", "ae"), ("AW", "VB"), ("t", "T"))  # roles that stand for each other
+_ANONYMOUS = re.compile(
+    r"(?:(?:col|column|spalte|x|y|par|param|parameter|var|variable|value|wert|ch|channel|kanal)?[ _]?\d+)?",
+    re.IGNORECASE,
+)  # names that say nothing
 _OTHER_WORDS = re.compile(
     r"temp|hard|härte|dur(?:eté|eza)|press|druck|angle|winkel|radi|cool|kühl|noise|vib|date|datum|day|no\.?$|nr\.?$|"
     r"id$|num|count|anzahl|index|repl|pass|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
@@ -50,16 +56,9 @@ class _Edges:
         ordered = values[self.rows]
         ends = np.append(self.starts[1:], len(ordered)) - 1
         steps = np.delete(np.diff(ordered), ends[:-1])
-        if not (np.mean(ordered[ends] > ordered[self.starts] * 1.02) > MOST_EDGES and np.mean(steps >= 0) > MOST_EDGES):
+        if not (np.mean(ordered[ends] > ordered[self.starts] * 1.02) > MOST_EDGES and np.mean(steps >= 0) > MOST_STEPS):
             return False
         return len(np.unique(ordered)) > max(len(self.starts), len(ordered) // len(self.starts) + 1)
-
-    def counting(self, values: Array) -> bool:
-        """Whether values rise with every row of every edge, and begin anew with each."""
-        ordered = values[self.rows]
-        ends = np.append(self.starts[1:], len(ordered)) - 1
-        steps = np.delete(np.diff(ordered), ends[:-1])
-        return bool(np.all(steps > 0) and np.all(ordered[self.starts][1:] < ordered[ends][:-1]))
 
 
 def _edges_of(draft: Draft) -> _Edges | None:
@@ -103,9 +102,9 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
         )
         if role is None and _is_set(draft, values, levels, edges) and not _OTHER_WORDS.search(use.name):
             role = _valued_like(draft, column, levels, process, options)
-        if role is None and column.name in ("", f"col{column.number}"):
-            sentence = f"column {column.number} has no name and is not used; it varies ({listed(values)})"
-            draft.doubts.append(Doubt((f"col{column.number}",), sentence))
+        if role is None and _ANONYMOUS.fullmatch(column.name):
+            sentence = f"column {column.number} {column.name!r} is not used; it varies ({listed(values)})"
+            draft.doubts.append(Doubt((column.name or f"col{column.number}",), sentence))
         elif role is not None and role not in taken:
             taken.add(role)
             sentence = (
@@ -151,8 +150,6 @@ def _measured_like(
         known = values[values > 0] * (0.001 if unit == "um" else 1)
         if ranges and known.size and (unit or ranges.unusual[0] <= np.median(known)) and known.max() <= ranges.hard[1]:
             return "AW"
-    if unit is None and _free(draft, "t", options) and edges and edges.counting(values):
-        return "t"
     for role, units in (
         ("F", ("N", "kN", "lbf")),
         ("P", ("kW", "W", "hp")),
@@ -174,20 +171,25 @@ def _is_set(draft: Draft, values: Array, levels: Array, edges: _Edges | None) ->
     if whole and len(levels) > 1 and np.all(np.diff(levels) == 1) and levels[0] in (0, 1):
         return False
     if len(levels) <= MOST_LEVELS and np.unique(known, return_counts=True)[1].min() >= 2:
-        return not _repeats_another(draft, values)
-    return edges is not None and edges.varying(values) == 0 and not _repeats_another(draft, values)
+        return not _repeats_another(draft, values, levels)
+    return edges is not None and edges.varying(values) == 0 and not _repeats_another(draft, values, levels)
 
 
-def _repeats_another(draft: Draft, values: Array) -> bool:
-    """Whether a column holds the levels of a used one under other numbers."""
+def _repeats_another(draft: Draft, values: Array, levels: Array) -> bool:
+    """Whether a column holds the levels of a used one in another unit or under other numbers."""
+    own = np.searchsorted(levels, np.where(np.isfinite(values), values, levels[0]))
     for use in draft.uses:
-        if use.role is None or use.role not in draft.data:
+        if use.role is None or not ROLES[use.role].unit:
             continue
-        other = draft.data[use.role][:SAMPLE]
-        code = np.unique(other.astype(str) if other.dtype == object else other, return_inverse=True)[1]
-        own = np.unique(values, return_inverse=True)[1]
-        pairs = len(np.unique(own.astype(np.int64) * (len(code) + 1) + code))
-        if pairs == len(np.unique(own)) == len(np.unique(code)) and ROLES[use.role].kind != "label":
+        other = np.asarray(draft.data[use.role], dtype=float)[:SAMPLE]
+        both = np.isfinite(values) & np.isfinite(other)
+        if len(levels) > MOST_LEVELS:
+            if both.sum() > 2 and np.ptp(other[both]) > 0 and abs(np.corrcoef(values[both], other[both])[0, 1]) > ALIKE:
+                return True
+            continue
+        code = np.unique(other[both], return_inverse=True)[1]
+        pairs = len(np.unique(own[both] * (len(code) + 1) + code))
+        if pairs == len(np.unique(own[both])) == len(np.unique(code)):
             return True
     return False
 

@@ -270,7 +270,7 @@ def test_an_unused_result_is_named_with_its_map(read, role, header, expected):
 
 def test_a_column_without_a_name_is_named_unless_it_numbers_the_rows():
     with_loads = datasets.runs_from_frame(pd.DataFrame(rows() | {"": rows()["V"] ** 2}))
-    assert any("column 7 has no name" in doubt for doubt in said(with_loads))
+    assert any("column 7 '' is not used" in doubt for doubt in said(with_loads))
     assert said(datasets.runs_from_frame(pd.DataFrame({"": np.arange(24.0)} | rows()))) == []
 
 
@@ -307,10 +307,3 @@ def test_names_of_several_words_are_proposed_with_the_whole_command(read):
     says = r'--map "V=Speed_set" --map "f=FeedSet" --map "d=DepthSet" --map "t=Minutes" --map "VB=Flank \(mean\)"'
     with pytest.raises(errors.DataError, match=says):
         read(text(columns, header))
-
-
-def test_a_column_that_counts_within_edges_may_be_the_time(read):
-    columns = {"edge": np.repeat(np.arange(1.0, 7), 4), "f": np.repeat([0.1, 0.2, 0.4, 0.1, 0.2, 0.4], 4)}
-    columns |= {"passes": np.tile([2.0, 5, 10, 18], 6)}
-    columns["VB"] = 0.1 * columns["f"] ** 0.2 * columns["passes"] ** 0.3
-    assert [doubt.remedy for doubt in read(text(columns)).doubts] == ['--map "t=col3"']
