@@ -8,7 +8,7 @@ from .draft import Draft
 from .mixed_units import check_mixed_units
 from .options import ReadOptions
 from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
-from .ranges import candidate_units, plausible, widest
+from .ranges import INCH, candidate_units, plausible, widest
 from .stray_values import check_cells, check_levels
 from .unit_systems import check_systems
 from .unused_columns import check_uses
@@ -129,6 +129,12 @@ def _correct(one: Quantity) -> str:
     )
 
 
+def _is_metric(draft: Draft) -> bool:
+    """Whether the file names metric units of conditions, and no inch units."""
+    named = {use.unit for use in draft.uses if use.role and use.unit and ROLES[use.role].kind == "condition"}
+    return bool(named - {"1/min", "rev/s"}) and named.isdisjoint(INCH)
+
+
 def _doubt_unnamed(draft: Draft, one: Quantity, unit: str) -> None:
     """Doubt the default unit, which is taken, where another unit would make the values usual."""
     sentence = (
@@ -154,8 +160,9 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
     options = usual or [unit for unit in others if one.lies_in(one.ranges.unusual, unit_factor(unit, one.role))]
     role = _other_role(draft, one)
     options = [unit for unit in options if not (role and unit == "um/rev")]  # rare beside a feed rate
-    if options == ["mil"] and other is None and one.lies_in(one.ranges.hard, 1.0):  # a rare unit, and possible in mm
-        _doubt_unnamed(draft, one, "mil")
+    strange = options == ["mil"] or (len(options) == 1 and options[0] in INCH and _is_metric(draft))
+    if strange and other is None and one.lies_in(one.ranges.hard, 1.0):  # a rare unit, or inch in a metric file
+        _doubt_unnamed(draft, one, options[0])
         return
     if len(options) == 1 and other is None and not role:
         take_unit(draft, one, options[0])

@@ -129,6 +129,14 @@ def test_the_only_plausible_unit_is_taken_and_said(read, role, factor, unit):
     assert "unit" not in str(said(read(text(columns, named), **typed(doubt.remedy))))
 
 
+def test_small_wear_in_a_metric_file_stays_in_mm_with_a_doubt(read):
+    columns = {name: rows()[name] for name in ("V", "t", "VB")} | {"VB": rows()["VB"] / 25.4}
+    runs = read(text(columns, {"V": "V [m/min]"}))
+    assert runs.values("VB").max() < 0.02
+    assert [doubt.remedy for doubt in runs.doubts if "VB" in doubt.columns] == ["--unit VB=in"]
+    assert read(text(columns)).values("VB").max() > 0.2
+
+
 def test_wear_in_um_under_a_header_in_mm_is_refused_with_the_unit(read):
     columns = rows() | {"VB": rows()["VB"] * 1000}
     with pytest.raises(errors.DataError, match=r"VB .* mm cannot be .* um can: --unit VB=um"):
