@@ -55,7 +55,8 @@ def judge(draft: Draft, known: Known, found: Iterable[Derived]) -> None:
     DataError
     """
     for rule in (rule for one in found for rule in RULES if rule.equation == one.equation.partition(",")[0]):
-        ranges = plausible(rule.role, known.process)
+        milled = rule.role == "f" and known.process is None  # tables of feed rates are of milling more often than not
+        ranges = plausible(rule.role, "milling" if milled else known.process)
         if ranges is None or rule.role not in known.data:
             continue
         values = np.asarray(known.value(rule.role))

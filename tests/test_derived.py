@@ -444,3 +444,14 @@ def test_lands_in_um_without_a_unit_are_taken_as_such():
     runs = read(**{"V [m/min]": [100.0, 150, 200]}, **lands)
     assert runs.values("AW") == pytest.approx([0.0886667, 0.16, 0.269], rel=1e-5)
     assert {str(doubt.remedy) for doubt in runs.doubts} >= {"--unit VBC=um", "--unit VB=um", "--unit VBN=um"}
+
+
+def test_a_face_mill_has_a_large_feed_per_revolution():
+    rows = {
+        "n [1/min]": [500.0, 600, 800],
+        "vf [mm/min]": [1200.0, 1500, 2000],
+        "D [mm]": [100.0] * 3,
+        "VB [mm]": [0.1] * 3,
+    }
+    assert read(**rows).doubts == ()
+    assert read((), {"process": "turning"}, **rows).doubts != ()
