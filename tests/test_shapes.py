@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import openpyxl
 import pytest
+from fitmodels.batch.source.lab_files import pairs_of
 from fitmodels.cards.terminal import nothing_fitted
 from fitmodels.core.errors import DataError
 from fitmodels.datasets import Runs, read_runs
@@ -554,3 +555,9 @@ def test_blocks_of_gnuplot_are_read(tmp_path):
     text = blocks("# V = {V}\n# f = {f}\n# d = {d}\n# t VB", gap="\n\n", repeat=False)
     rows = [line.replace(",", " ") for line in text.splitlines()[1:]]
     assert same(read(tmp_path, "\n".join(rows), "a.dat"), read(tmp_path, LONG, "b.csv"))
+
+
+def test_marks_reach_the_pairs_of_a_batch(tmp_path):
+    runs = read(tmp_path, LONG.replace(f",{ROWS[3][5]}\n", ",<0.05\n"))
+    (_, pair), *_ = pairs_of(runs, ())
+    assert pair.labels("VB mark")[3] == "<0.05"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...core.errors import DataError, FitmodelsError
 from ...datasets import Runs, read_runs
 from ...datasets.runs import Source
-from ...datasets.vocabulary import ROLES, UNNAMED
+from ...datasets.vocabulary import MARK, ROLES, UNNAMED
 from ...pipeline.reading import tests_table
 from ..plan import Block, Pair, Piece, Plan, Reading
 from ..rows import PairRows, PairSource
@@ -52,6 +52,7 @@ def is_named_by_file(runs: Runs, path: Path) -> bool:
 def pairs_of(runs: Runs, groups: tuple[str, ...]) -> Iterator[tuple[Pair, Runs]]:
     """The runs of each pair, of roles and groups only, with tool and work as columns, all in one order."""
     roles = [name for name in map(str, runs.data) if name in ROLES and name not in UNNAMED]
+    roles += [name for name in map(str, runs.data) if name.endswith(MARK) and name.removesuffix(MARK) in roles]
     headers = [name for name in groups if name not in ROLES]
     columns = runs.data[[*roles, *(name for name in UNNAMED if name in runs.data)]]
     columns = columns.assign(**{name: group_texts(runs, name) for name in headers})
@@ -135,7 +136,12 @@ def joined(pair: Pair, parts: list[tuple[str, Runs]]) -> Runs:
         return parts[0][1]
     files = [name for name, _ in parts]
     level = [_by_file(name, runs) for name, runs in parts]
-    lost = dict.fromkeys(str(name) for runs in level for name in runs.data if any(name not in r.data for r in level))
+    lost = dict.fromkeys(
+        str(name)
+        for runs in level
+        for name in runs.data
+        if any(str(name).removesuffix(MARK) not in one.data for one in level)
+    )
     while len(level) > 1:
         couples = zip(level[::2], level[1::2], strict=False)
         level = [one.join(other) for one, other in couples] + level[len(level) & ~1 :]
