@@ -123,7 +123,7 @@ def _format(data: bytes, name: str) -> str:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = set(archive.namelist())
-    except zipfile.BadZipFile as error:
+    except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
         if not lower.endswith(SUFFIXES):
             return ""
         raise damaged(name, error) from error
