@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from ..ident.identification import Identification
 
 NOTHING = (
-    "no law can be fitted to these columns. A wear law needs AW or VB and at least one of V, f, d, t; a force or power "
-    "law also a force or P; a load line I, fm and VB; a roughness law Ra and F. Assign columns with --map, for "
+    "no law can be fitted to these columns. A wear law needs AW or VB and at least one of V, f, d, t, ae; a force or "
+    "power law also a force or P; a load line I, fm and VB; a roughness law Ra and F. Assign columns with --map, for "
     'instance --map "VB=col7".'
 )
 WRAPPED = {"SE, rows independent": "SE, rows\nindependent", "published value": "published\nvalue"}

@@ -219,7 +219,8 @@ def _computed(rule: Rule, known: Known, names: dict[str, str]) -> Derived:
     computed = [role for role in rule.inputs if role in known.data and role not in names]
     of = "column" if len(columns) == 1 else "columns"
     parts = [f"{of} {_listed(columns)}"] * bool(columns) + computed + others
-    sentence = f"{rule.equation}, computed from {_listed(parts)}"
+    listed = f"{parts[0]}, and {_listed(parts[1:])}" if len(columns) > 1 and parts[1:] else _listed(parts)
+    sentence = f"{rule.equation}, computed from {listed}"
     if rule.formula.startswith("lf/(1000"):
         sentence += "; lengths of so many metres are along the cut, not along the feed"
     if rule.role == "Fxz":
