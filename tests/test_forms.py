@@ -31,7 +31,9 @@ def cut(force, *, edges=20, per_edge=6, noise=0.03, seed=1, named=True):
     AW = 0.05 * np.exp(rng.normal(0, 0.4, edges))[at] * t**0.7
     F = force(V, AW) * np.exp(noise * rng.normal(size=len(t)))
     frame = pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "t": t, "AW": AW, "F": F})
-    return datasets.runs_from_frame(frame if named else frame.drop(columns="edge"))
+    return (
+        datasets.runs_from_frame(frame) if named else datasets.runs_from_frame(frame.drop(columns="edge"), edge="none")
+    )
 
 
 def test_left_out_errors_are_those_of_refits():
