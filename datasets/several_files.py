@@ -99,6 +99,7 @@ def joined_tables(tables: Sequence[Table], path: Path, others: Sequence[str] = (
     if given:
         columns += [_stacked(role, parts, len(keys) + i, doubts) for i, role in enumerate(given, start=1)]
     said += _places(parts)
+    doubts += _copies(columns, parts)
     columns, named = _with_edges(columns, parts)
     columns, pairs = _with_pairs(columns, parts)
     warnings = [f"Not read in {path.name}: {_some(list(others))}."] if others else []
@@ -258,6 +259,26 @@ def _in_unit(column: Column, unit: str, name: str, key: str) -> NDArray[np.float
             f"{name}: column {column.name!r} is in {own}, in the other files in {unit}: correct the unit in its header."
         )
     return convert(values, known, wanted)
+
+
+def _copies(columns: Sequence[Column], parts: Sequence[_Part]) -> list[Doubt]:
+    """A doubt on each file half of whose rows, or more, stand in an earlier file too."""
+    frame = pd.DataFrame({str(i): np.asarray(one.values) for i, one in enumerate(columns) if one.is_numeric})
+    again = frame.duplicated(keep="first").to_numpy() & (frame.notna().sum(axis=1).to_numpy() > 1)
+    doubts, at = [], 0
+    for part in parts:
+        n = part.table.n_rows
+        own = frame.iloc[at : at + n].duplicated(keep="first").to_numpy()
+        count = int(np.count_nonzero(again[at : at + n] & ~own))
+        if count >= 2 and 2 * count >= n:
+            names = tuple(key for key in part.columns if key in ROLES)
+            sentence = (
+                f"{part.name}: {count} of its {n} rows stand in a file before it too, with the same numbers; remove "
+                "the copy from the folder, or these rows count twice"
+            )
+            doubts.append(Doubt(names, sentence))
+        at += n
+    return doubts
 
 
 def _with_edges(columns: list[Column], parts: Sequence[_Part]) -> tuple[list[Column], list[str]]:

@@ -561,3 +561,11 @@ def test_marks_reach_the_pairs_of_a_batch(tmp_path):
     runs = read(tmp_path, LONG.replace(f",{ROWS[3][5]}\n", ",<0.05\n"))
     (_, pair), *_ = pairs_of(runs, ())
     assert pair.labels("VB mark")[3] == "<0.05"
+
+
+def test_a_copy_among_the_files_is_doubted(tmp_path):
+    folder = folder_of(tmp_path)
+    assert not read_runs(folder).doubts
+    (folder / "E9.csv").write_text((folder / "E2.csv").read_text())
+    (doubt,) = (one for one in read_runs(folder).doubts if "remove the copy" in one.sentence)
+    assert "E9.csv: 3 of its 3 rows stand in a file before it too" in doubt.sentence
