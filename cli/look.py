@@ -102,7 +102,11 @@ def _laws(runs: "Runs") -> str:
 
 def _commands(runs: "Runs", words: list[str]) -> list[tuple[str, str]]:
     """Purpose and whole command: as read, with every assumption written out, and corrected."""
-    found = [("Fit it as read:", corrected(words, ""))]
+    fits = any(_laws(pair) for pair in runs.pairs())
+    purpose = (
+        "Fit it as read:" if fits else "No law can be fitted to these columns; add columns to this command with --map:"
+    )
+    found = [(purpose, corrected(words, ""))]
     if written := explicit(runs):
         found.append(("The same, with the units that the file does not name written out:", corrected(words, written)))
     remedies = [doubt.remedy for doubt in runs.doubts if doubt.remedy]

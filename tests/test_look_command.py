@@ -110,6 +110,13 @@ def test_a_refused_file_is_shown_as_found(here):
     assert (nothing.code, nothing.out) == (3, "")
 
 
+def test_a_file_without_a_law_is_not_proposed_to_be_fitted(here):
+    (here / "a.csv").write_text("edge,V [m/min],T [min]\na,100,10\nb,200,5\n")
+    result = run("look", "a.csv")
+    assert "Fit it as read" not in result.out
+    assert "No law can be fitted to these columns" in result.out
+
+
 def test_roles_by_name_are_those_of_the_reading(here):
     rows = "\n".join(f"{V},0.01,0.1,{t},{0.001 * t}" for V in (300, 400) for t in (2, 5, 9))
     (here / "a.csv").write_text(f"SFM,IPR,DOC,t [min],VB\n{rows}\n")
