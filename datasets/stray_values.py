@@ -84,11 +84,13 @@ def _doubt_far(draft: Draft, role: str, values: Array) -> None:
     if len(known) < FEWEST or role == "T":
         return
     limit = FAR if section is not None or kind in ("time", "wear") else FAR_ALONE
-    ends = [(known.max(), size > known.max() / limit)]
+    least, most = float(known.min()), float(known.max())
+    ends = [(most, known > most / limit)]
     if kind not in ("time", "wear"):  # both begin near zero
-        ends.append((known.min(), (size < known.min() * limit) & (size > 0)))
-    for far, beyond in ends:
-        if np.count_nonzero(beyond) == 1:
+        ends.append((least, known < least * limit))
+    for far, near in ends:
+        if np.count_nonzero(near) == 1:
+            beyond = size == far
             row, rest = np.flatnonzero(beyond), np.abs(values[~beyond & (values != 0) & np.isfinite(values)])
             range_of_rest = f"{format_decimal(float(rest.min()))} to {format_decimal(float(rest.max()))}"
             per = " at its feed and depth" if section is not None else ""
@@ -103,11 +105,12 @@ def _doubt_far(draft: Draft, role: str, values: Array) -> None:
 def _section(draft: Draft, role: str) -> Array | None:
     """Section of the chip f d (times V for a power), to which loads are nearly proportional; None without it."""
     needed = ("f", "d", "V") if role == "P" else ("f", "d")
-    if ROLES[role].kind != "load" or role in ("M", "I") or not set(needed) <= set(draft.data):
+    if ROLES[role].kind != "load" or role in ("M", "I") or any(one not in draft.data for one in needed):
         return None
-    with np.errstate(invalid="ignore"):
-        section = np.prod([np.asarray(draft.data[one], dtype=float) for one in needed], axis=0)
-        return np.where(section > 0, section, np.nan)
+    section: Array = np.ones(len(draft.lines))
+    for one in needed:
+        section = section * np.asarray(draft.data[one], dtype=float)
+    return np.where(section > 0, section, np.nan)
 
 
 def _cause(value: float, rest: Array, scale: float = 1.0) -> str:
@@ -132,9 +135,9 @@ def check_levels(draft: Draft, options: ReadOptions) -> None:
         _doubt_far(draft, use.role, values)
         if ROLES[use.role].kind != "condition":
             _doubt_group(draft, use.role, values)
-        elif len(np.unique(values[:SAMPLE])) <= 3 * MOST_LEVELS:
+        elif len(values) <= SAMPLE or len(np.unique(values[:SAMPLE])) <= 3 * MOST_LEVELS:
             levels, counts = np.unique(values[values > 0], return_counts=True)
-            if not _doubt_shifted(draft, use.role, values, levels, counts):
+            if len(levels) <= 3 * MOST_LEVELS and not _doubt_shifted(draft, use.role, values, levels, counts):
                 _doubt_single(draft, use.role, values, levels, counts)
 
 

@@ -211,16 +211,17 @@ def _valued_like(
 
 def _doubt_exchanged(draft: Draft, options: ReadOptions, edges: _Edges) -> None:
     """Doubt a condition that varies within the edges while a result is constant in each: exchanged names."""
-    shares = {
-        use.role: (edges.varying(np.asarray(draft.data[use.role], dtype=float)), use.number)
-        for use in draft.uses
-        if use.role and use.role not in options.ranges and ROLES[use.role].unit
-    }
-    moving = [role for role, (share, _) in shares.items() if ROLES[role].kind == "condition" and share > MOST_EDGES]
-    still = [role for role, (share, _) in shares.items() if ROLES[role].kind != "condition" and share < 1 - MOST_EDGES]
+    uses = {use.role: use.number for use in draft.uses if use.role and use.role not in options.ranges}
+
+    def share(role: str) -> float:
+        return edges.varying(np.asarray(draft.data[role], dtype=float))
+
+    moving = [role for role in uses if ROLES[role].kind == "condition" and share(role) > MOST_EDGES]
+    results = [role for role in uses if ROLES[role].kind in ("time", "wear", "load", "surface")] if moving else []
+    still = [role for role in results if share(role) < 1 - MOST_EDGES]
     for role in moving:
-        for result in (one for one in still if ROLES[one].kind in ("time", "wear", "load", "surface")):
-            remedy = f'--map "{role}=col{shares[result][1]}" --map "{result}=col{shares[role][1]}"'
+        for result in still:
+            remedy = f'--map "{role}=col{uses[result]}" --map "{result}=col{uses[role]}"'
             sentence = (
                 f"{role} varies within the edges and {result} is constant in each: the two columns may be exchanged"
             )
