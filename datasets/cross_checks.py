@@ -51,7 +51,7 @@ def _compare(
     known = ratio[~np.isnan(ratio)]
     if len(known) < FEWEST:
         return
-    middle = float(np.median(known))
+    middle = float(np.sort(known)[len(known) // 2])
     low, high = map(format_decimal, usual)
     if not limits[0] <= middle <= limits[1]:
         sentence = (
