@@ -55,12 +55,12 @@ def overview_figure(runs: Runs) -> Figure:
     if factors:
         for symbol, ax in zip(factors, np.atleast_1d(above.subplots(1, len(factors))), strict=True):
             _levels(runs, symbol, ax)
-            _mark(ax, symbol, doubted)
+            _mark(ax, doubted.intersection([symbol]))
     if measured:
         colours, legend = _colours(runs)
         for symbol, ax in zip(measured, np.atleast_1d(below.subplots(1, len(measured))), strict=True):
             _curves(runs, symbol, ax, colours)
-            _mark(ax, symbol, doubted)
+            _mark(ax, doubted.intersection([symbol, "t"]))
         handles = [Line2D([], [], color=colour, marker="o", ms=3, label=text) for text, colour in legend]
         figure.legend(
             handles=handles, loc="outside lower center", ncols=max(len(handles), 1), fontsize=8, frameon=False
@@ -77,10 +77,10 @@ def _title(runs: Runs) -> str:
     return f"{runs.source.name}: {runs.tool} on {runs.work}, {len(runs)} rows{edges}{note}{doubts}"
 
 
-def _mark(ax: Axes, symbol: str, doubted: set[str]) -> None:
-    """Orange axis labels where the panel shows a column that is doubted."""
-    if symbol in doubted:
-        ax.set_title(f"{symbol} doubted", color=ORANGE, fontsize=9, loc="left")
+def _mark(ax: Axes, doubted: set[str]) -> None:
+    """An orange frame and title where the panel shows columns that are doubted."""
+    if doubted:
+        ax.set_title(f"{', '.join(sorted(doubted))} doubted", color=ORANGE, fontsize=9, loc="left")
         for spine in ax.spines.values():
             spine.set_color(ORANGE)
 
@@ -97,7 +97,9 @@ def _measured(runs: Runs) -> list[str]:
     """The first two measured quantities, wear before load."""
     named = [name for name in runs.units if name in runs.data and ROLES[name].kind in ("wear", "load", "surface")]
     order = [name for name in RESPONSES if name in named] + [name for name in named if name not in RESPONSES]
+    computed = set(order) - {use.role for use in runs.columns}
     known = [name for name in order if np.isfinite(runs.values(name)).any()]
+    known.sort(key=computed.__contains__)  # what was measured comes first
     wear = [name for name in known if ROLES[name].kind == "wear"][:1]
     return [*wear, *(name for name in known if name not in wear)][: 2 if len(known) > 1 else 1]
 
