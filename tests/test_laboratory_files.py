@@ -17,18 +17,10 @@ from laboratory_truth import READ, SILENT, deviation, judge, reads, table, wear_
 
 sys.path.remove(str(Path(__file__).parent))
 
-PENDING: set[str] = {
-    "a work material in two spellings",
-    "edges numbered anew at each speed",
-    "passes instead of time",
-}  # cases that are not yet as expected
-
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_file_is_read_right_refused_or_doubted(tmp_path, name):
     verdict = judge(CASES[name], tmp_path)
-    if name in PENDING:
-        pytest.xfail(verdict.fault)
     assert verdict.fault == ""
     assert verdict.outcome not in (SILENT, "ERROR")
 
