@@ -24,6 +24,7 @@ CLOSER = 0.6  # of the variation within edges, which a column moved by one row m
 APART = 15.0  # factor between the level of an edge and that of the others
 FACTORS = ((25.4, "in and mm"), (60.0, "min and s"), (3.2808, "m and ft"), (10.0, ""), (100.0, ""), (1000.0, ""))
 SHIFTED = "shifted by one row against the other columns"
+MOST_KNOWN = 0.9  # share of known values from which a column is looked at for a shift
 MEASURED = ("wear", "load", "surface")
 
 
@@ -258,10 +259,12 @@ def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array) -> Ite
 
 def _shifted_response(edges: EdgeRows, role: str, values: Array) -> Iterator[Doubt]:
     """A measured column that varies far less within the edges if it is moved by one row."""
-    if len(edges.first) < 6 or len(values) < 3 * len(edges.first) or not (edges.together and (values > 0).all()):
+    known = values > 0  # a shifted column lacks its first or last value
+    if len(edges.first) < 6 or len(values) < 3 * len(edges.first) or not edges.together or known.mean() < MOST_KNOWN:
         return
-    y, same = np.log(values), edges.codes[1:] == edges.codes[:-1]
-    step = np.abs(y[1:] - y[:-1])
+    y = np.log(np.where(known, values, np.nan))
+    same = edges.codes[1:] == edges.codes[:-1]
+    step = np.nan_to_num(np.abs(y[1:] - y[:-1]))
     here = step[same].sum()
     fall = (y[1:] < y[:-1]) & same
     second, last = same & np.append(True, ~same[:-1]), same & np.append(~same[1:], True)
