@@ -11,7 +11,7 @@ from .doubts import Doubt
 from .draft import Draft
 from .headers import parse_header
 from .options import Process, ReadOptions
-from .quantities import table_process
+from .quantities import table_process, unit_factor
 from .ranges import plausible
 from .stray_values import listed
 from .tables import Column
@@ -102,7 +102,7 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
         )
         if role is None and _is_set(draft, values, levels, edges) and not _OTHER_WORDS.search(use.name):
             role = _valued_like(draft, column, levels, process, options)
-        if role is None and _ANONYMOUS.fullmatch(column.name):
+        if role is None and _ANONYMOUS.fullmatch(use.name):
             sentence = f"column {column.number} {column.name!r} is not used; it varies ({listed(values)})"
             draft.doubts.append(Doubt((column.name or f"col{column.number}",), sentence))
         elif role is not None and role not in taken:
@@ -201,10 +201,14 @@ def _valued_like(
     text = column.unit_cell or parse_header(column.name).unit_text
     for role in ("V", "f", "d"):
         unit = understood_unit(role, text) if text else None
-        if unit is not None and unit != "1" and not same_dimension(unit, ROLES[role].unit):
+        named = unit if unit is not None and unit != "1" else ROLES[role].unit
+        if not same_dimension(named, ROLES[role].unit):
             continue
+        factor = unit_factor(named, role)
         ranges = plausible(role, process)
-        if ranges and _free(draft, role, options) and ranges.usual[0] <= levels[0] and levels[-1] <= ranges.usual[1]:
+        if ranges is None or not _free(draft, role, options):
+            continue
+        if ranges.usual[0] <= levels[0] * factor and levels[-1] * factor <= ranges.usual[1]:
             return role
     return None
 

@@ -266,6 +266,12 @@ def test_an_unused_column_that_resembles_a_condition_is_named_with_its_map(read)
         assert said(read(content, **typed(doubt.remedy))) == []
 
 
+def test_an_unused_column_in_inches_is_compared_in_the_unit_of_the_role(read):
+    columns = {"V [sfm]": rows()["V"] * 3.28, "f [ipr]": rows()["f"] / 25.4, "X1 [in]": rows()["d"] / 25.4}
+    (doubt,) = read(text(columns | {"VB [in]": rows()["VB"] / 25.4})).doubts
+    assert doubt.remedy == '--map "d=col3"'
+
+
 @pytest.mark.parametrize(("role", "header", "expected"), [("VB", "Par_5 [mm]", "AW"), ("P", "Par_6 [kW]", "P")])
 def test_an_unused_result_is_named_with_its_map(read, role, header, expected):
     columns = {"edge": np.repeat(np.arange(1.0, 7), 4), "f": np.repeat([0.1, 0.2, 0.4, 0.1, 0.2, 0.4], 4)}
