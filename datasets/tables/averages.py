@@ -13,6 +13,7 @@ from .layout import FOOTERS, footer_label
 from .numerals import Cell, is_missing, is_number
 
 _LONGEST = 60  # rows that one average may be of
+_NO_DIGITS = dict.fromkeys(map(ord, "0123456789"))
 _FINER = 2  # decimals that a mean has beyond set levels
 _ROUNDED = 0.5  # largest rounding of a mean: to a whole number
 _DECADES = 6.0  # chance of all agreements together, as a power of ten
@@ -74,7 +75,8 @@ def _holds_label(column: Column) -> bool:
     if column.is_numeric:
         return any(average_label(text) or footer_label([text]) for _, text in column.bad)
     texts = set(column.values.tolist())
-    if not _HINT.search("\n".join(texts).replace(".", " ").replace("  ", " ")):
+    kinds = "\n".join(set("\n".join(texts).translate(_NO_DIGITS).split("\n")))  # of many names few kinds are left
+    if not _HINT.search(kinds.replace(".", " ").replace("  ", " ")):
         return False
     labels = [text for text in texts if text and (average_label(text) or footer_label([text]))]
     return 0 < len(labels) < len(texts) and not all(average_label(t) for t in texts if t)

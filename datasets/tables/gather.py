@@ -106,7 +106,7 @@ class _Gathering:
             bad = [i for i in bad if not found[str(cells[i])]]
         self.bad_count += len(bad)
         self.bad += [(lines[i], str(cells[i]).strip()) for i in bad[: _LISTED - len(self.bad)]]
-        if len(self.errors) < _LISTED:
+        if len(self.errors) < _LISTED and self.texts[-1] is None:
             missing = np.flatnonzero(values != values).tolist()
             self.errors += ((lines[i], text) for i in missing if _is_error(text := str(cells[i]).strip()))
         self.floats.append(values)
