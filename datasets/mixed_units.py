@@ -22,6 +22,9 @@ RESPONSES = {
     ("AW", "VB"): ("V", "f", "d"),
     ("Fc", "P", "Fxz", "F", "Fz", "Fx", "Fy", "Ff", "Fp"): ("f", "d"),  # forces hardly depend on V
 }
+CHIP = {"f": 0.75, "d": 1.0}  # usual exponents of a force: Kienzle's 1 - mc and 1
+DIAMETER = {"d": {2.0: "on the diameter and on the radius"}}  # no gap shows it: found by the force alone
+NEAR_RATIO = 0.3  # of the logarithm of a force
 GAP = 1.3  # ratio between the shifted edges and the others
 INSIDE = 1.5  # shifted edges land among the others, or this ratio beside them
 MINORITY = 1 / 3  # of the edges
@@ -74,9 +77,14 @@ def check_mixed_units(draft: Draft) -> None:
     best: tuple[float, str, list[_Shift]] = (EVIDENCE, "", [])
     shifts = [one for role in tests.settings if role not in doubted for one in _shifts(role, tests.settings[role])]
     for response, roles in asked:
+        if not response:
+            continue
         tried = [one for one in shifts if one.role in roles]
-        if response and tried:
-            evidence = _evidence(tests, tried, _at_one_time(tests, numbers[response], numbers.get("t")))
+        level = _at_one_time(tests, numbers[response], numbers.get("t"))
+        if ROLES[response].kind == "load" and response != "P":
+            tried += [one for one in _by_force(tests, level) if one.role not in doubted]
+        if tried:
+            evidence = _evidence(tests, tried, level)
             if (most := float(evidence.max())) > best[0]:
                 first = tried[int(evidence.argmax())]
                 near = np.flatnonzero(evidence > max(EVIDENCE, most - CLOSE))
@@ -151,6 +159,22 @@ def _shifts(role: str, x: Array) -> list[_Shift]:
     return found
 
 
+def _by_force(tests: _Tests, level: Array) -> list[_Shift]:
+    """Minorities whose force is off, for their feed and depth, by what a ratio of units makes of it."""
+    if set(CHIP) - set(tests.settings):
+        return []
+    off = level - sum(power * tests.settings[role] for role, power in CHIP.items())
+    off = off - np.nanmedian(off)
+    found = []
+    for role, power in CHIP.items():
+        for factor in (*RATIOS[role], *DIAMETER.get(role, ())):
+            for move in (np.log(factor), -np.log(factor)):
+                edges = np.abs(off - power * move) < NEAR_RATIO * power
+                if 0 < np.count_nonzero(edges) <= MINORITY * len(off):
+                    found.append(_Shift(role, edges, float(np.exp(move))))
+    return found
+
+
 def _evidence(tests: _Tests, shifts: list[_Shift], y: Array) -> Array:
     """The statistic n ln(RSS0/RSS1) of each shift, shape (shifts,)."""
     known = np.isfinite(y)
@@ -186,7 +210,8 @@ def _doubt(draft: Draft, tests: _Tests, response: str, shifts: list[_Shift]) -> 
         values = low if low == high else f"{low} to {high}"
         ratio = max(one.factor, 1 / one.factor)
         way = "multiplied" if one.factor > 1 else "divided"
-        units = next(cause for known, cause in RATIOS[one.role].items() if np.isclose(known, ratio))
+        causes = RATIOS[one.role] | DIAMETER.get(one.role, {})
+        units = next(cause for known, cause in causes.items() if np.isclose(known, ratio))
         ways.append(f"{one.role} {values} {ROLES[one.role].unit} {way} by {ratio:.4g} ({units})")
     what, s = "edge" if with_edges else "line", "" if len(names) == 1 else "s"
     sentence = (

@@ -75,3 +75,15 @@ def test_a_single_edge_may_have_several_causes():
 def test_few_edges_and_no_response_are_left_alone():
     assert not by_response(mixed(1, "f", 1 / 25.4, (2,), edges=6))
     assert not by_response(mixed(1, "f", 1 / 25.4, (2, 5)).drop(columns="AW"))
+
+
+def test_a_diameter_instead_of_a_depth_is_seen_by_the_force():
+    """Twice the depth lies among the depths of the other edges; Kienzle's force does not: F = 2000 d f^0.75."""
+    frame = wear(5, grid=True)
+    rng = np.random.default_rng(5)
+    frame["Fc"] = 2000 * frame["d"] * frame["f"] ** 0.75 * np.exp(rng.normal(0, 0.08, len(frame)))
+    assert not by_response(frame)
+    frame.loc[frame["edge"].isin(["E04", "E11"]), "d"] *= 2
+    (doubt,) = by_response(frame)
+    assert doubt.sentence.startswith("edges E04, E11: with d")
+    assert "divided by 2 (on the diameter and on the radius) the Fc agrees" in doubt.sentence
