@@ -23,7 +23,9 @@ def cut(*, edges=16, per_edge=6, noise=0.05, seed=1, named=True, spoil=None, row
         F[at == spoil] *= 2.0
     F[list(rows)] *= 4.0
     frame = pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "t": t, "F": F})
-    return datasets.runs_from_frame(frame if named else frame.drop(columns="edge"))
+    return (
+        datasets.runs_from_frame(frame) if named else datasets.runs_from_frame(frame.drop(columns="edge"), edge="none")
+    )
 
 
 def force(error="multiplicative", **kwargs):
