@@ -83,7 +83,7 @@ def _decide(draft: Draft, tests: Tests, given: dict[str, str]) -> None:
         return
     by_name = next((one for one in labels if one.use.role == "edge"), None)
     tool = next((one for one in labels if one.use.role == "tool"), None)
-    chosen = _chosen(labels, tests)
+    chosen = _chosen(labels, tests, draft.codes("work")[0][:SAMPLE] if "work" in draft.data else None)
     if chosen:
         _edges_are(draft, chosen, by_name)
     elif by_name is not None and (codes := _numbered_anew(draft, by_name)) is not None:
@@ -147,19 +147,22 @@ def _labels(draft: Draft, place: int, use: ColumnUse) -> _Labels | None:
     return _Labels(place, use, kind, codes, tuple(names)) if names else None
 
 
-def _chosen(labels: list[_Labels], tests: Tests) -> tuple[_Labels, ...]:
-    """The column of the edges, or two whose values name an edge together; none where the content does not say so."""
+def _chosen(labels: list[_Labels], tests: Tests, work: Codes | None) -> tuple[_Labels, ...]:
+    """The column of the edges, or two whose values name an edge together; none where the content does not say so.
+
+    Names may begin again with each type of tool or work material (``work``, shape (n,)), since pairs are fitted apart.
+    """
     types = [one for one in labels if one.use.role == "tool" and not _numbers_inserts(one)]
     named = [one for one in labels if one.kind == "edge" and one.several]
     for one in named:
-        if holds_edges(_crossed([one, *types[:1]]), tests):
+        if holds_edges(_by_work(_crossed([one, *types[:1]]), work), tests):
             return (one,)
     if tests.time is None and named:
         return ()
     rest = [one for one in labels if one.kind != "edge" and one.several]
     for one in sorted(rest, key=lambda one: one.kind == "run"):
         of_types = [other for other in types[:1] if other is not one]
-        if _could_be_edges(one, tests) and holds_edges(_crossed([one, *of_types]), tests):
+        if _could_be_edges(one, tests) and holds_edges(_by_work(_crossed([one, *of_types]), work), tests):
             return (one,)
     several = [one for one in labels if one.several or len(one.names) > 1]
     for first in several:
@@ -180,6 +183,14 @@ def _crossed(parts: Sequence[_Labels]) -> Codes:
         both = np.where((codes < 0) | (part.codes < 0), -1, codes * len(part.names) + part.codes)
         codes = np.unique(both, return_inverse=True)[1] - int((both < 0).any())
     return np.asarray(codes)
+
+
+def _by_work(codes: Codes, work: Codes | None) -> Codes:
+    """Codes of labels within each work material; -1 where the label is blank."""
+    if work is None or not work.any():
+        return codes
+    found = np.unique(codes * (int(work.max()) + 1) + work, return_inverse=True)[1]
+    return np.where(codes < 0, -1, found)
 
 
 def _could_be_edges(one: _Labels, tests: Tests) -> bool:

@@ -313,6 +313,14 @@ def test_names_that_start_again_are_told_apart_by_the_order():
     assert any("numbers edges anew" in note for note in runs.assumed)
 
 
+def test_names_that_start_again_with_each_material_are_kept():
+    both = pd.concat([TABLE.assign(Material=name) for name in ("C45", "42CrMo4")], ignore_index=True)
+    runs = read(both, work=None)
+    assert runs.labels("edge").tolist() == both["edge"].tolist()
+    assert [len(set(pair.labels("edge"))) for pair in runs.pairs()] == [12, 12]
+    assert runs.doubts == ()
+
+
 def test_spellings_of_a_work_material_are_one_pair():
     runs = read(TABLE.assign(Material=["c45 " if k % 7 else "C45" for k in range(ROWS)]), work=None)
     assert (runs.work, len(list(runs.pairs()))) == ("c45 ", 1)
