@@ -436,9 +436,16 @@ def left_out(outcome):
 
 
 def failed_checks(outcome):
-    """Checks of the laws that are not passed."""
-    checks = {response: fit.judge(law).checks for (_, response), law in outcome.laws.items()}
-    return {f"{r}: {name}" for r, of in checks.items() for name, check in of.items() if getattr(check, "concern", 0)}
+    """Checks of the laws that are not passed, or that cannot be computed."""
+    found = set()
+    for (_, response), law in outcome.laws.items():
+        try:
+            checks = fit.judge(law).checks
+        except np.linalg.LinAlgError as error:
+            found.add(f"{response}: {error}")
+            continue
+        found |= {f"{response}: {name}" for name, check in checks.items() if getattr(check, "concern", 0)}
+    return found
 
 
 def changes(good, bad, kind):
