@@ -161,7 +161,7 @@ def _shifts(role: str, x: Array) -> list[_Shift]:
 
 def _by_force(tests: _Tests, level: Array) -> list[_Shift]:
     """Minorities whose force is off, for their feed and depth, by what a ratio of units makes of it."""
-    if set(CHIP) - set(tests.settings):
+    if set(CHIP) - set(tests.settings) or not np.isfinite(level).any():
         return []
     off = level - sum(power * tests.settings[role] for role, power in CHIP.items())
     off = off - np.nanmedian(off)

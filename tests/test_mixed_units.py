@@ -87,3 +87,7 @@ def test_a_diameter_instead_of_a_depth_is_seen_by_the_force():
     (doubt,) = by_response(frame)
     assert doubt.sentence.startswith("edges E04, E11: with d")
     assert "divided by 2 (on the diameter and on the radius) the Fc agrees" in doubt.sentence
+
+
+def test_a_force_without_a_value_is_left_alone():
+    assert not by_response(wear(5, grid=True).assign(Fc=float("nan")))
