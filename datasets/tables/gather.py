@@ -101,9 +101,11 @@ class _Gathering:
         self.filled += int(np.count_nonzero(values == values)) + len(bad)
         self.texts.append(_texts(cells) if 2 * len(bad) >= len(cells) else None)
         if bad:
-            found = {cell: read_mark(cell, decimal) for cell in {str(cells[i]) for i in bad}}
-            self.marks += ((self.n_rows + i, mark) for i in bad if (mark := found[str(cells[i])]))
-            bad = [i for i in bad if not found[str(cells[i])]]
+            texts = {str(cell) for cell in set(cells)} if len(bad) == len(cells) else {str(cells[i]) for i in bad}
+            found = {text: mark for text in texts if (mark := read_mark(text, decimal))}
+            if found:
+                self.marks += ((self.n_rows + i, mark) for i in bad if (mark := found.get(str(cells[i]))))
+                bad = [i for i in bad if str(cells[i]) not in found]
         self.bad_count += len(bad)
         self.bad += [(lines[i], str(cells[i]).strip()) for i in bad[: _LISTED - len(self.bad)]]
         if len(self.errors) < _LISTED and self.texts[-1] is None:

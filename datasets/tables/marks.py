@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from .numerals import Decimal, parse_number
 
 _SIGNS = {"<": "<", "≤": "<", ">": ">", "≥": ">", "~": "~", "≈": "~", "≃": "~", "*": "*", "†": "*", "‡": "*"}
+_FIRST_LETTERS = "caeCAE"  # of ca., circa, about, approx., env., etwa
 _MARKED = re.compile(
     r"(?P<before>[<>]=?|=?[<>]|[≤≥~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?)?\s*"
     r"(?P<number>[+\-−]?[\d.,][\d.,'’ \u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?)\s*"
@@ -55,7 +56,10 @@ def read_mark(text: str, decimal: Decimal) -> Mark | None:
     (None, None)
 
     """
-    match = _MARKED.fullmatch(text.strip())
+    text = text.strip()
+    if not text or (text[0].isalpha() and text[:1] not in _FIRST_LETTERS):
+        return None
+    match = _MARKED.fullmatch(text)
     if match is None or not (match["before"] or match["after"]):
         return None
     value = parse_number(match["number"].strip(), decimal)
@@ -63,4 +67,4 @@ def read_mark(text: str, decimal: Decimal) -> Mark | None:
         return None
     sign = match["before"] or (">" if match["after"] == "+" else "*")
     plain = sign.strip("=")[:1]
-    return Mark(_SIGNS.get(plain, "~"), value, match["unit"] or "", text.strip())
+    return Mark(_SIGNS.get(plain, "~"), value, match["unit"] or "", text)

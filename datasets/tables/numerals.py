@@ -154,8 +154,8 @@ def one_group(cells: Sequence[Cell], decimal: Decimal) -> list[int]:
     >>> one_group(["1,500", "1,500.0", "12", "0,500"], "point")
     [0]
     """
-    pattern = _ONE_GROUP[decimal]
-    found = {cell for cell in set(cells) if isinstance(cell, str) and pattern.fullmatch(cell.strip())}
+    pattern, mark = _ONE_GROUP[decimal], "," if decimal == "point" else "."
+    found = {cell for cell in set(cells) if isinstance(cell, str) and mark in cell and pattern.fullmatch(cell.strip())}
     return [i for i, cell in enumerate(cells) if cell in found] if found else []
 
 
