@@ -102,7 +102,7 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
         )
         if role is None and _is_set(draft, values, levels, edges) and not _OTHER_WORDS.search(use.name):
             role = _valued_like(draft, column, levels, process, options)
-        if role is None and _ANONYMOUS.fullmatch(use.name):
+        if role is None and (_ANONYMOUS.fullmatch(use.name) or is_unit(use.name)):
             sentence = f"column {column.number} {column.name!r} is not used; it varies ({listed(values)})"
             draft.doubts.append(Doubt((column.name or f"col{column.number}",), sentence))
         elif role is not None and role not in taken:
