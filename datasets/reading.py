@@ -133,12 +133,20 @@ def runs_from_frame(
     frame: pd.DataFrame,
     *,
     options: ReadOptions | None = None,
+    judge: bool = True,
     **given: Any,  # noqa: ANN401  the fields of ReadOptions
 ) -> Runs:
     """Runs from a DataFrame; its column names are read like headers of a file.
 
-    Options are those of `read_runs`, without ``decimal``, ``delimiter``, ``sheet`` and ``hidden``; a sequence of texts
-    in ``frame.attrs["notes"]`` counts as the notes of a file.
+    Parameters
+    ----------
+    frame : DataFrame
+        A sequence of texts in ``frame.attrs["notes"]`` counts as the notes of a file.
+    options, **given
+        Options of `read_runs`, without ``decimal``, ``delimiter``, ``sheet`` and ``hidden``.
+    judge : bool
+        False: numbers of no machine, for instance of a textbook. No unit is settled by the values, no value is
+        doubted or left out, no edge is inferred, and the runs are marked as not judged.
 
     Examples
     --------
@@ -150,7 +158,7 @@ def runs_from_frame(
     columns = tuple(_column_of(i, str(name), frame.iloc[:, i]) for i, name in enumerate(frame.columns))
     source = Source("DataFrame", "", len(frame), "in memory")
     how = read_options(given) if options is None else options
-    return _assemble(columns, np.arange(len(frame)), source, tuple(frame.attrs.get("notes", ())), (), how)
+    return _assemble(columns, np.arange(len(frame)), source, tuple(frame.attrs.get("notes", ())), (), how, judge=judge)
 
 
 def runs_of_sample(frame: pd.DataFrame, options: ReadOptions) -> Runs:
@@ -203,6 +211,7 @@ def _assemble(
     doubts: tuple[Doubt, ...] = (),
     *,
     sample: bool = False,
+    judge: bool = True,
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
     columns, of_columns, clocks, of_times = clock_columns(columns, options)
@@ -213,17 +222,20 @@ def _assemble(
     if not sample:
         fill_down(draft)
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
-    settle_units(draft, options)
+    if judge:
+        settle_units(draft, options)
     derive(draft, options)
-    if not sample:
+    if judge and not sample:
         settle_edges(draft, options)
         check_edges(draft)
+    if not sample:
         keep_marks(draft)
+    if judge and not sample:
         check_values(draft, options)
-    return _finished(draft, source, options)
+    return _finished(draft, source, options, judged=judge)
 
 
-def _finished(draft: Draft, source: Source, options: ReadOptions) -> Runs:
+def _finished(draft: Draft, source: Source, options: ReadOptions, *, judged: bool) -> Runs:
     """The runs of a complete draft, with the names of the pair."""
     data = draft.data | _without_role(draft.columns, draft.uses, draft.data)
     given = {"tool": options.tool, "work": options.work}
@@ -236,7 +248,7 @@ def _finished(draft: Draft, source: Source, options: ReadOptions) -> Runs:
     )
     return Runs(
         frame, draft.units, draft.uses, draft.lines, source, named["tool"], named["work"],
-        tuple(draft.assumed), tuple(draft.warnings), draft.notes, tuple(draft.doubts), judged=True,
+        tuple(draft.assumed), tuple(draft.warnings), draft.notes, tuple(draft.doubts), judged=judged,
         derived=tuple(draft.derived),
     )  # fmt: skip
 
