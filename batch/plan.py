@@ -6,7 +6,7 @@ from typing import Any
 
 from ..core.display import Display, Displayable, facts_of
 from ..datasets.columns import ColumnUse
-from ..datasets.derived import Derived
+from ..datasets.derived.rules import Derived
 from ..datasets.options import ReadOptions
 from ..pipeline.options import FitOptions
 

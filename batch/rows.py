@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..datasets import Runs
 from ..datasets.columns import ColumnUse
-from ..datasets.derived import Derived
+from ..datasets.derived.rules import Derived
 from ..datasets.doubts import Doubt
 from ..datasets.runs import Source, disclaimers
 from ..pipeline.reading import digest

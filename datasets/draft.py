@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .columns import ColumnUse, Values
-from .derived import Derived
+from .derived.rules import Derived
 from .doubts import Doubt
-from .edge_columns import Codes, numbered
+from .edges.columns import Codes, numbered
 from .tables import Column
 from .vocabulary import ROLES
 

@@ -14,19 +14,19 @@ from ..core.errors import DataError, UsageError
 from ..core.suggestions import did_you_mean
 from .clock import clock_columns
 from .columns import ColumnUse, Values, assign
-from .derivation import derive
+from .derived.derivation import derive
 from .design import decode_levels
 from .doubts import Doubt
 from .draft import Draft
-from .edge_checks import check_edges
-from .edges import settle_edges
+from .edges.assignment import settle_edges
+from .edges.checks import check_edges
+from .edges.merged_cells import fill_down
 from .headers import is_known
 from .lookalikes import with_latin_headers
 from .marked import keep_marks
-from .merged_cells import fill_down
 from .options import ReadOptions
 from .pair_names import pair_name as pair_name
-from .plausibility import check_values, settle_units
+from .plausibility.judgement import check_values, settle_units
 from .runs import UNNAMED, Runs, Source
 from .several_files import files_of_folder, joined_sheets, joined_tables
 from .shapes import long_table

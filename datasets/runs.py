@@ -12,7 +12,7 @@ from ..core.display import Display, Displayable, Plottable, TextTable
 from ..core.errors import UsageError
 from ..core.rounding import format_plain
 from .columns import ColumnUse
-from .derived import Derived
+from .derived.rules import Derived
 from .doubts import Doubt
 from .vocabulary import MARK
 from .vocabulary import UNNAMED as UNNAMED

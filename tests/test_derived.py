@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
-from fitmodels.datasets.constants import from_notes
-from fitmodels.datasets.derived import RULES
+from fitmodels.datasets.derived.constants import from_notes
+from fitmodels.datasets.derived.rules import RULES
 from hypothesis import given
 from hypothesis import strategies as st
 

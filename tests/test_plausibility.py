@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from fitmodels import datasets
 from fitmodels.core import errors
-from fitmodels.datasets.quantities import unit_factor
-from fitmodels.datasets.ranges import candidate_units, plausible, process_of
+from fitmodels.datasets.plausibility.quantities import unit_factor
+from fitmodels.datasets.plausibility.ranges import candidate_units, plausible, process_of
 from fitmodels.datasets.vocabulary import ROLES
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...datasets.ranges import plausible, process_of
+from ...datasets.plausibility.ranges import plausible, process_of
 from ...fit.defaults import WEAR
 from ..law_rows import PAIR, fitted, refusals
 from ..outcomes import NO_LAW, REFUSED, Concern

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ...core.errors import DataError
 from ...datasets.columns import ColumnUse
-from ...datasets.derived import apply, known_of
+from ...datasets.derived.rules import apply, known_of
 from ...datasets.design import decode_levels
 from ...datasets.runs import Source
 from ...datasets.units import convert

@@ -14,8 +14,8 @@ import pandas as pd
 from ...core.errors import DataError, UsageError
 from ...core.suggestions import did_you_mean
 from ...datasets.columns import LARGEST, ColumnUse
-from ...datasets.derivation import SUMMED
-from ...datasets.derived import Derived
+from ...datasets.derived.derivation import SUMMED
+from ...datasets.derived.rules import Derived
 from ...datasets.design import decode_levels
 from ...datasets.options import ReadOptions
 from ...datasets.reading import runs_of_sample

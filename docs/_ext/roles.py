@@ -33,7 +33,7 @@ class Ranges(Directive):
 
     def run(self) -> list[nodes.Node]:
         """The table."""
-        from fitmodels.datasets.ranges import plausible
+        from fitmodels.datasets.plausibility.ranges import plausible
         from fitmodels.datasets.vocabulary import ROLES
 
         rows = []

@@ -95,7 +95,7 @@ def unused_conditions(runs: "Runs", laws: Mapping[str, LawSection]) -> list[str]
 
 def _contained(runs: "Runs", taken: set[str]) -> set[str]:
     """Symbols in the laws, and those that follow from these: n from V and D, fm from f and n."""
-    from ...datasets.derived import RULES
+    from ...datasets.derived.rules import RULES
     from ...datasets.vocabulary import ROLES
 
     seen = [frozenset((one.role, *one.inputs)) for one in runs.derived]

@@ -4,9 +4,9 @@ import re
 
 import numpy as np
 
-from .doubts import Doubt
-from .draft import Draft
-from .edge_columns import Codes, Tests, differs
+from ..doubts import Doubt
+from ..draft import Draft
+from .columns import Codes, Tests, differs
 from .merged_cells import lines_text
 
 _ZEROS = re.compile(r"(?<!\d)0+(?=\d)")

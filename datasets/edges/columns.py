@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .columns import ColumnUse
-from .vocabulary import roles_named
+from ..columns import ColumnUse
+from ..vocabulary import roles_named
 
 TOLERANCE = 0.02  # relative; conditions that differ by less are the same setting measured twice
 SHORT = 2_000  # rows below which a dictionary is faster than pandas

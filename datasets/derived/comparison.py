@@ -7,14 +7,14 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import DataError
-from ..core.rounding import format_plain
-from .columns import NONE
-from .derived import RULES, Derived, Known, Rule
-from .doubts import Doubt
-from .draft import Draft
-from .ranges import candidate_units, plausible
-from .vocabulary import ROLES
+from ...core.errors import DataError
+from ...core.rounding import format_plain
+from ..columns import NONE
+from ..doubts import Doubt
+from ..draft import Draft
+from ..plausibility.ranges import candidate_units, plausible
+from ..vocabulary import ROLES
+from .rules import RULES, Derived, Known, Rule
 
 Array = NDArray[np.float64]
 
@@ -221,7 +221,7 @@ def _units_that_explain(draft: Draft, known: Known, rule: Rule, ratio: float) ->
 
 def _changes(draft: Draft, known: Known, rule: Rule) -> Iterable[tuple[str, str, float]]:
     """Columns of a rule, other units, and the factor by which the unit changes the measured or the computed value."""
-    from .units import SPELLINGS, convert, same_dimension
+    from ..units import SPELLINGS, convert, same_dimension
 
     written = {use.role: use.unit for use in draft.uses if use.role}
     roles = [role for role in (rule.role, *rule.inputs) if role in written and ROLES[role].unit != "1"]

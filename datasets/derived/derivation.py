@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.errors import UsageError
-from .columns import NONE, Values
-from .derived import Array, Derived, Known, apply, known_of
-from .derived_checks import compare, judge
-from .doubts import Doubt
-from .draft import Draft
-from .options import ReadOptions
-from .vocabulary import ROLES
+from ...core.errors import UsageError
+from ..columns import NONE, Values
+from ..doubts import Doubt
+from ..draft import Draft
+from ..options import ReadOptions
+from ..vocabulary import ROLES
+from .comparison import compare, judge
+from .rules import Array, Derived, Known, apply, known_of
 
 CONDITIONS = ("V", "n", "f", "fz", "fm", "d", "ae")
 SUMMED = ", summed"  # end of an equation whose values are summed over rows

@@ -7,16 +7,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .doubts import Doubt
-from .draft import Draft
-from .headers import parse_header
-from .options import Process, ReadOptions
+from ..doubts import Doubt
+from ..draft import Draft
+from ..headers import parse_header
+from ..options import Process, ReadOptions
+from ..tables import Column
+from ..units import canonical, is_unit, same_dimension
+from ..vocabulary import ROLES, role_within, understood_unit
 from .quantities import table_process, unit_factor
 from .ranges import plausible
 from .stray_values import listed
-from .tables import Column
-from .units import canonical, is_unit, same_dimension
-from .vocabulary import ROLES, role_within, understood_unit
 
 SAMPLE = 20000  # rows looked at
 FEWEST = 6

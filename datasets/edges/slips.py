@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .edge_columns import Array, Codes, Flags, differs
+from .columns import Array, Codes, Flags, differs
 
 SLIPS = 0.1  # share of the edges that a slip in a single cell may have split
 TOGETHER = 0.8  # share of the edges that begin at the usual time or before

@@ -1,12 +1,12 @@
 """Metric and inch units in one file: a column without a unit is settled by its values or asked about."""
 
-from ..core.errors import DataError
-from .columns import ColumnUse
-from .doubts import Doubt
-from .draft import Draft
+from ...core.errors import DataError
+from ..columns import ColumnUse
+from ..doubts import Doubt
+from ..draft import Draft
+from ..vocabulary import ROLES
 from .quantities import Quantity, take_unit, unit_factor
 from .ranges import INCH, candidate_units
-from .vocabulary import ROLES
 
 _BASIC = ("V", "f", "fz", "fm", "d", "ae", "D")  # conditions that show the system of a laboratory
 _SHARED = ("min", "1/min")  # in both systems

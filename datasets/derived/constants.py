@@ -7,10 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..core.errors import UsageError
-from ..core.suggestions import closest
-from .units import canonical, convert, same_dimension
-from .vocabulary import ROLES
+from ...core.errors import UsageError
+from ...core.suggestions import closest
+from ..units import canonical, convert, same_dimension
+from ..vocabulary import ROLES
 
 IN_NOTES = ("D", "Dc", "z", "n", "V")  # quantities that are constant in a series of tests more often than not
 NEED_UNIT = ("n", "V")  # n = 3 is a number of repeats

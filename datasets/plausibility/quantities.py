@@ -6,12 +6,12 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.rounding import format_decimal
-from .draft import Draft
-from .options import Process, ReadOptions
+from ...core.rounding import format_decimal
+from ..draft import Draft
+from ..options import Process, ReadOptions
+from ..units import canonical, convert
+from ..vocabulary import ROLES
 from .ranges import Plausible, Range, plausible, process_of
-from .units import canonical, convert
-from .vocabulary import ROLES
 
 SAMPLE = 20000  # values of a long column that settle its unit
 

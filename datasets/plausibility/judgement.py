@@ -1,18 +1,18 @@
 """Plausibility of a file of tests: what cannot be is refused, what is unusual or contradictory is doubted."""
 
-from ..core.errors import DataError
-from .columns import NONE
+from ...core.errors import DataError
+from ..columns import NONE
+from ..doubts import Doubt
+from ..draft import Draft
+from ..options import ReadOptions
+from ..vocabulary import ROLES, roles_named
 from .cross_checks import check_columns
-from .doubts import Doubt
-from .draft import Draft
 from .mixed_units import check_mixed_units
-from .options import ReadOptions
 from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
 from .ranges import INCH, candidate_units, plausible, widest
 from .stray_values import check_cells, check_levels
 from .unit_systems import check_systems
 from .unused_columns import check_uses
-from .vocabulary import ROLES, roles_named
 
 _RESULTS = ("load", "surface", "other")  # exchanged among each other, conditions with time and wear
 CLOSE = 10  # units of a smaller ratio cannot be told apart by values that are merely uncommon

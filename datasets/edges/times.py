@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..core.rounding import format_plain
-from .doubts import Doubt
-from .draft import Draft
-from .edge_columns import Array, Flags
-from .edge_rows import FEW, EdgeRows, listed, median
+from ...core.rounding import format_plain
+from ..doubts import Doubt
+from ..draft import Draft
+from .columns import Array, Flags
+from .rows import FEW, EdgeRows, listed, median
 
 LATE = 5.0  # times the largest other step of time in its edge
 FAR = 3.0  # factor from the time at which nearly all edges begin

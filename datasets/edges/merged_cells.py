@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .draft import Draft
-from .edge_columns import may_be_edge
-from .vocabulary import ROLES
+from ..draft import Draft
+from ..vocabulary import ROLES
+from .columns import may_be_edge
 
 FOLLOWED = 0.7  # share of the filled cells that are followed by a blank where a column names only the first row
 DITTO = frozenset({"", '"', "''", "”", "〃", "ditto", "do.", "dto.", "dito", "idem", "id."})  # as above

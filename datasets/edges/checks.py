@@ -5,14 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.rounding import format_plain
-from .doubts import Doubt
-from .draft import Draft
-from .edge_columns import Array, Flags, differs
-from .edge_rows import FEW, EdgeRows, by_edge, listed, median
+from ...core.rounding import format_plain
+from ..doubts import Doubt
+from ..draft import Draft
+from ..vocabulary import ROLES
+from .columns import Array, Flags, differs
 from .merged_cells import lines_text
-from .time_checks import doubts_of_time
-from .vocabulary import ROLES
+from .rows import FEW, EdgeRows, by_edge, listed, median
+from .times import doubts_of_time
 
 MOST_ROWS = 100_000  # of a table whose edges are checked cell by cell
 JUMP = 3.0  # factor of a cell against its neighbours above which a digit or decimal mark may have slipped

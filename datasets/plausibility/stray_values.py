@@ -5,13 +5,13 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.rounding import format_decimal
-from .doubts import Doubt
-from .draft import Draft
-from .options import Process, ReadOptions
+from ...core.rounding import format_decimal
+from ..doubts import Doubt
+from ..draft import Draft
+from ..options import Process, ReadOptions
+from ..vocabulary import ROLES
 from .quantities import table_process
 from .ranges import plausible
-from .vocabulary import ROLES
 
 FACTORS = {10.0: "a decimal mark", 100.0: "a decimal mark", 1000.0: "a decimal mark or a unit", 25.4: "a unit, inch"}
 RATIOS: dict[str, dict[float, str]] = {

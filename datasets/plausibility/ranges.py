@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
-from .options import Process
-from .vocabulary import ROLES
+from ..options import Process
+from ..vocabulary import ROLES
 
 Range = tuple[float, float]
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.rounding import format_decimal
-from .doubts import Doubt
-from .draft import Draft
-from .vocabulary import ROLES
+from ...core.rounding import format_decimal
+from ..doubts import Doubt
+from ..draft import Draft
+from ..vocabulary import ROLES
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.intp]

@@ -7,17 +7,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .columns import NONE, ColumnUse
-from .doubts import Doubt
-from .draft import Draft
-from .edge_checks import SHIFTED
-from .edge_columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, numbered
-from .edge_names import join_types, tidy_names
-from .edge_order import edges_by_design, settings_of
+from ..columns import NONE, ColumnUse
+from ..doubts import Doubt
+from ..draft import Draft
+from ..options import ReadOptions
+from ..vocabulary import ROLES, roles_named
+from .checks import SHIFTED
+from .columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, numbered
 from .merged_cells import lines_text
-from .options import ReadOptions
-from .time_checks import duration
-from .vocabulary import ROLES, roles_named
+from .names import join_types, tidy_names
+from .order import edges_by_design, settings_of
+from .times import duration
 
 SAMPLE = 20_000  # rows by which the content of columns is decided
 FEW_EDGES = 4  # an insert has no more edges of its own than a type of tools, which is tested on more

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .draft import Draft
-from .edge_columns import Array, Codes, differs
-from .edge_slips import TestOrder, shifted_rows, without_slips
-from .vocabulary import ROLES
+from ..draft import Draft
+from ..vocabulary import ROLES
+from .columns import Array, Codes, differs
+from .slips import TestOrder, shifted_rows, without_slips
 
 LEAST = 1.7  # mean rows of an edge; fewer: nearly every row is a test of its own
 WIDEST = 0.1  # relative width of a level of a setting
@@ -166,7 +166,7 @@ def _chains(cell: Codes, t: Array) -> Codes:
 
 def _numbered_in_order(draft: Draft) -> bool:
     """Whether a column numbers the rows as they were run, each once and rising."""
-    from .edge_columns import may_be_edge, meant_by
+    from .columns import may_be_edge, meant_by
 
     for column, use in zip(draft.columns, draft.uses, strict=True):
         if column.is_numeric and may_be_edge(use) and (use.role or meant_by(use.name)) in ("run", "edge", "other"):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .draft import Draft
-from .edge_columns import Array, Codes, Flags
+from ..draft import Draft
+from .columns import Array, Codes, Flags
 
 FEW = 0.3  # share of the edges above which something is a property of the tests, not a slip
 LISTED = 3  # cells that a sentence names

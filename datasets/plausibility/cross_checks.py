@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.rounding import format_decimal
-from .doubts import Doubt
-from .draft import Draft
-from .options import ReadOptions
+from ...core.rounding import format_decimal
+from ..doubts import Doubt
+from ..draft import Draft
+from ..options import ReadOptions
+from ..vocabulary import ROLES
 from .quantities import table_process
 from .stray_values import places
-from .vocabulary import ROLES
 
 KC_USUAL = (500, 6000)  # N/mm2, steel and cast iron to hard metals and small chips
 KC_LIMITS = (250, 15000)

@@ -12,10 +12,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .columns import NONE, Values
+from ..columns import NONE, Values
+from ..options import Process, ReadOptions
+from ..plausibility.ranges import process_of
 from .constants import Given, given_values
-from .options import Process, ReadOptions
-from .ranges import process_of
 
 Array: TypeAlias = NDArray[np.float64]
 Number: TypeAlias = Array | float

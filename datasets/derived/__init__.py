@@ -1,0 +1,1 @@
+"""Quantities computed from others of a file, with the formula, and their comparison with measured ones."""
