@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from ..core.errors import DataError
 from .doubts import Doubt
 from .headers import parse_header
-from .tables import Column, Table, is_number
+from .leading_rows import as_numbers, with_header
+from .tables import Column, Table
 from .tables.marks import Mark
-from .tables.numerals import parse_number
-from .units import canonical, is_unit, same_dimension
-from .vocabulary import ROLES, fits, role_of, roles_named
+from .units import canonical
+from .vocabulary import ROLES, role_of, roles_named
+from .wide_names import RESPONSES, named_in_notes, response_in, same_as_time, time_in_notes
 
-RESPONSES = ("wear", "load", "surface")
 EXAMPLE = """
   edge, V [m/min], f [mm/rev], d [mm], t [min], VB [mm]
   E1, 150, 0.2, 2, 2, 0.08
@@ -80,7 +80,7 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
         return turned
     if not _may_be_wide(table):
         return table
-    written, (table, conditions) = table, _with_header(table)
+    written, (table, conditions) = table, with_header(table)
     heads = [_head(column) for column in table.columns]
     held = {head.role for head in heads if head.role}
     measured = {role for role in held if ROLES[role].kind in RESPONSES or role == "T"}
@@ -95,9 +95,7 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
 
 
 _WIDEST = 400  # columns of a wide table
-_LONGEST = 10_000  # rows of a wide table with a column for each edge
 _QUANTITIES = 40  # rows of a table with a column for each test
-_NAMES_ABOVE = 12  # rows of names and conditions above it
 
 
 def _turned(table: Table) -> Table | None:
@@ -141,7 +139,7 @@ def _may_be_wide(table: Table) -> bool:
     if sum(bool(_TAIL.search(name)) or (len(name) == 1 and name not in ROLES) for name in names) > 1:
         return True
     first = table.columns[0]
-    return not first.is_numeric and _as_numbers(first, table).is_numeric
+    return not first.is_numeric and as_numbers(first, table).is_numeric
 
 
 def _head(column: Column) -> _Head:
@@ -162,7 +160,7 @@ def _by_edge(table: Table, heads: Sequence[_Head], free: Sequence[_Head]) -> _Fa
     if len(stems) != 1 or len(units) != 1:
         return None
     stem, unit = stems.pop(), units.pop()
-    response, rest = _response_in(stem)
+    response, rest = response_in(stem)
     varies = any(
         head.role and ROLES[head.role].kind == "condition" and np.unique(head.column.values).size > 1 for head in heads
     )
@@ -170,7 +168,7 @@ def _by_edge(table: Table, heads: Sequence[_Head], free: Sequence[_Head]) -> _Fa
     if not is_edge or (not rest and varies):
         return None
     ids = tuple(_label(match, response) if rest else match["id"] for match in found if match)
-    noted, noted_unit = ("", "") if response else _named_in_notes(table)
+    noted, noted_unit = ("", "") if response else named_in_notes(table)
     return _Family(tuple(head.column for head in free), ids, response or noted, unit or noted_unit)
 
 
@@ -189,36 +187,16 @@ def _by_time(table: Table, free: Sequence[_Head]) -> _Family | None:
     if len(stems) != 1 or len(units) != 1 or any(b <= a for a, b in pairwise(times)):
         return None
     stem, unit = stems.pop(), units.pop()
-    response, rest = _response_in(stem)
+    response, rest = response_in(stem)
     counted = times == list(range(1, len(times) + 1)) or times == list(range(len(times)))
-    if rest or (not unit and counted and not _time_in_notes(table)):
+    if rest or (not unit and counted and not time_in_notes(table)):
         return None
     measured = {head.unit for head, *_ in timed if not same_as_time(head.unit)}
     columns = tuple(head.column for head, *_ in timed)
     ids = tuple(f"{time:g}" for time in times)
-    noted, noted_unit = ("", "") if response else _named_in_notes(table)
+    noted, noted_unit = ("", "") if response else named_in_notes(table)
     measured_in = "".join(measured) or noted_unit
-    return _Family(columns, ids, response or noted, measured_in, unit or _time_in_notes(table))
-
-
-def same_as_time(unit: str) -> bool:
-    """Whether a unit is one of time.
-
-    >>> same_as_time("s"), same_as_time("mm"), same_as_time("")
-    (True, False, False)
-    """
-    known = canonical(unit) if unit else None
-    return known is not None and same_dimension(known, "min")
-
-
-def _response_in(stem: str) -> tuple[str, str]:
-    """Symbol of the response that a header names first, and the rest of the header."""
-    words = re.split(r"[\s_]+", stem)
-    for count in range(len(words), 0, -1):
-        role = role_of(" ".join(words[:count]), None) or role_of(" ".join(words[:count]).upper(), None)
-        if role and ROLES[role].kind in RESPONSES:
-            return role, " ".join(words[count:])
-    return "", stem
+    return _Family(columns, ids, response or noted, measured_in, unit or time_in_notes(table))
 
 
 def _label(match: re.Match[str], response: str) -> str:
@@ -226,28 +204,6 @@ def _label(match: re.Match[str], response: str) -> str:
     words = re.split(r"[\s_]+", match["stem"])
     kept = " ".join(words[1:] if response and len(words) > 1 else words)
     return f"{kept}{match['gap']}{match['id']}"
-
-
-def _named_in_notes(table: Table) -> tuple[str, str]:
-    """Symbol and unit of the response that a note of the file names, "" where none does."""
-    for note in table.notes:
-        words = re.findall(r"[^\W\d_]\w*", note)
-        for count in (3, 2, 1):
-            for start in range(len(words) - count + 1):
-                name = " ".join(words[start : start + count])
-                role = role_of(name, None) if len(name) > 1 else None
-                if role and ROLES[role].kind in RESPONSES:
-                    unit = re.search(rf"{re.escape(words[start + count - 1])}\s*(?:\bin\b|\[|\()\s*([^\s\])]+)", note)
-                    return role, unit[1] if unit and is_unit(unit[1]) and fits(role, unit[1]) else ""
-    return "", ""
-
-
-def _time_in_notes(table: Table) -> str:
-    """Unit of time in a note such as "VB after t min" or "time [s]"."""
-    for note in table.notes:
-        if match := re.search(r"\b(?:t|time|zeit|temps|tiempo)\b[\s,in/=]*[\[(]?\s*(min|s|h)\b", note, re.IGNORECASE):
-            return match[1]
-    return ""
 
 
 def _is_series(free: Sequence[_Head]) -> bool:
@@ -326,98 +282,3 @@ def _moved(
         return ()
     pairs = enumerate(zip(rows.tolist(), places.tolist(), strict=True))
     return tuple((i, marked[pair]) for i, pair in pairs if pair in marked)
-
-
-def _with_header(table: Table) -> tuple[Table, tuple[Column, ...]]:
-    """The table without the rows of names and conditions that its first rows hold, and a condition for each column.
-
-    A header that holds times as numbers is no header to the reader of tables: it comes as the first row. Rows such as
-    ``V [m/min], 100, 150, 200`` above a wide table hold a condition of each of its columns.
-    """
-    table = replace(table, columns=(_as_numbers(table.columns[0], table), *table.columns[1:]))
-    cells = [_leading_texts(column) for column in table.columns]
-    if not table.dialect.has_header and table.n_rows > 1 and any(cells) and len(cells[0]) < 2:
-        first = [texts.get(0, "") for texts in cells]
-        if sum(bool(text) and role_of(parse_header(text).name, None) is not None for text in first) >= 1 and all(
-            text or np.isfinite(column.values[0])
-            for text, column in zip(first, table.columns, strict=True)
-            if column.is_numeric
-        ):
-            names = [text or f"{column.values[0]:g}" for text, column in zip(first, table.columns, strict=True)]
-            return _below(table, 1, names), ()
-    return _with_conditions(table)
-
-
-def _with_conditions(table: Table) -> tuple[Table, tuple[Column, ...]]:
-    """Read rows of conditions above a wide table, named by the texts of its first column."""
-    first, others = table.columns[0], table.columns[1:]
-    lead = _leading_texts(first)
-    rows = sorted(lead)
-    if not first.is_numeric or not rows or rows != list(range(len(rows))) or len(rows) >= table.n_rows:
-        return table, ()
-    roles = [role_of(parse_header(lead[row]).name, None) for row in rows]
-    known = [row for row, role in zip(rows, roles, strict=True) if role and ROLES[role].kind in ("condition", "other")]
-    if not known or not all(roles):
-        return table, ()
-    conditions = tuple(
-        Column(0, lead[row], "", np.array([column.values[row] for column in others], dtype=float), True)
-        for row in known
-        if all(column.is_numeric for column in others)
-    )
-    names = [column.name for column in table.columns]
-    below = first.values[len(rows) :]
-    if "t" not in roles and role_of(parse_header(names[0]).name, None) == "edge" and bool(np.all(np.diff(below) > 0)):
-        names[0] = "t"  # the numbers below the conditions rise and have no name
-    for row, role in zip(rows, roles, strict=True):
-        texts = [_leading_texts(column).get(row, "") for column in others]
-        if role == "edge" and any(texts):
-            names[1:] = [text or name for text, name in zip(texts, names[1:], strict=True)]
-        if role == "t":
-            names[0] = lead[row]
-            if len(set(texts)) == len(texts) and all(texts):
-                names[1:] = texts
-            elif len(set(texts)) == 1 and _response_in(parse_header(texts[0]).name)[0]:
-                names[1:] = [f"{texts[0]} {name}" for name in names[1:]]
-    return _below(table, len(rows), names), conditions
-
-
-def _as_numbers(column: Column, table: Table) -> Column:
-    """A column of a few names above numbers as a column of numbers; any other unchanged."""
-    if column.is_numeric:
-        return column
-    texts = [str(value) for value in column.values[:_NAMES_ABOVE]]
-    count = next((i for i, text in enumerate(texts) if is_number(text)), 0)
-    if not count or not all(texts[:count]) or table.n_rows > _LONGEST:
-        return column
-    numbers = [parse_number(str(value), table.dialect.decimal) for value in column.values[count:]]
-    if any(number is None for number in numbers):
-        return column
-    values = np.array([np.nan] * count + numbers, dtype=float)
-    bad = tuple(zip(table.lines[:count].tolist(), texts[:count], strict=True))
-    return replace(column, values=values, is_numeric=True, bad=bad, bad_count=count)
-
-
-def _leading_texts(column: Column) -> dict[int, str]:
-    """Texts of the first rows of a column, by row; of a numeric column its cells that are no numbers."""
-    if not column.is_numeric:
-        return {0: str(column.values[0])} if len(column.values) and column.values[0] else {}
-    if not column.bad or column.bad_count > len(column.bad):
-        return {}
-    empty = np.flatnonzero(np.isnan(column.values))[: len(column.bad)].tolist()
-    return dict(zip(empty, (text for _, text in column.bad), strict=False))
-
-
-def _below(table: Table, count: int, names: Sequence[str]) -> Table:
-    """The table without its first rows, under other names; texts of the removed rows are no bad cells."""
-    above = int(table.lines[count - 1])
-    columns = []
-    for column, name in zip(table.columns, names, strict=True):
-        bad = tuple(cell for cell in column.bad if cell[0] > above)
-        marks = tuple((row - count, mark) for row, mark in column.marks if row >= count)
-        columns.append(
-            replace(column, name=name, values=column.values[count:], bad=bad, marks=marks,
-                    bad_count=column.bad_count - len(column.bad) + len(bad))
-        )  # fmt: skip
-    dialect = replace(table.dialect, has_header=True)
-    warnings = tuple(text for text in table.warnings if not text.startswith("There is no header row"))
-    return replace(table, columns=tuple(columns), lines=table.lines[count:], dialect=dialect, warnings=warnings)
