@@ -63,7 +63,7 @@ def line(y, *columns, edge=None):
     frame["AW"] = np.exp(np.asarray(y))
     if edge is not None:
         frame["edge"] = np.asarray(edge)
-    return fit.power_law(datasets.runs_from_frame(frame), "AW", SYMBOLS[: len(columns)])
+    return fit.power_law(datasets.runs_from_frame(frame, judge=False), "AW", SYMBOLS[: len(columns)])
 
 
 def cars(*names):

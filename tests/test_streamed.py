@@ -71,7 +71,7 @@ def gc435():
 def both(frame, factors=FACTORS, chunks=None, **options):
     chunks = cut(frame, len(frame) // 7, len(frame) // 2) if chunks is None else chunks
     streamed = streamed_power_law(chunks, "AW", factors, **options)
-    return streamed, fit.power_law(datasets.runs_from_frame(frame), "AW", factors, **options)
+    return streamed, fit.power_law(datasets.runs_from_frame(frame, judge=False), "AW", factors, **options)
 
 
 def assert_same(streamed, memory):
@@ -357,7 +357,7 @@ def test_why_there_is_nothing_by_edge_is_told_as_in_memory(frame):
 )
 def test_what_cannot_be_fitted_is_refused_as_in_memory(frame, options):
     with pytest.raises(errors.FitError) as memory:
-        fit.power_law(datasets.runs_from_frame(frame), "AW", FACTORS, **options)
+        fit.power_law(datasets.runs_from_frame(frame, judge=False), "AW", FACTORS, **options)
     with pytest.raises(errors.FitError) as streamed:
         streamed_power_law(cut(frame, len(frame) // 2), "AW", FACTORS, **options)
     numbers = r"(?<=exp\()[-\d.e+]+|(?<=out as )[-\d.e+]+(?=\. )"  # of a runaway exponent no digit is certain

@@ -20,7 +20,7 @@ def cut(error, *, seed=1, edges=16, per_edge=6, noise=0.15, unit=1.0):
     F = 30 * V**0.5 * t**0.4
     e = noise * rng.normal(size=len(t))
     F = F * np.exp(e) if error == "multiplicative" else F + e * F.mean()
-    return datasets.runs_from_frame(pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "t": t, "F": unit * F}))
+    return datasets.runs_from_frame(pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "t": t, "F": unit * F}), judge=False)
 
 
 def law(error, fitted="multiplicative", **kwargs):
@@ -71,7 +71,7 @@ def test_a_law_that_hardly_changes_tells_nothing():
     """Where the response spans a few per cent the two structures are the same, and the sentence says so."""
     frame = cut("multiplicative", noise=0.001, edges=4, seed=3).data.copy()
     frame["F"] = 100 * (frame["F"] / 100) ** 0.01
-    found = error_structure(fit.power_law(datasets.runs_from_frame(frame), "F", ["V", "t"]))
+    found = error_structure(fit.power_law(datasets.runs_from_frame(frame, judge=False), "F", ["V", "t"]))
     assert (found.preferred, found.concern) == (None, 0)
     assert "errors fit equally well" in found.verdict
 
@@ -89,7 +89,7 @@ def exact():
 def below_zero():
     frame = cut("additive").data.copy()
     frame.loc[0, "F"] = -1.0
-    return fit.power_law(datasets.runs_from_frame(frame), "F", ["V", "t"], error="additive")
+    return fit.power_law(datasets.runs_from_frame(frame, judge=False), "F", ["V", "t"], error="additive")
 
 
 def three_rows():
