@@ -47,7 +47,7 @@ def loop(frame, response, factors, pair, edge="edge"):
     for key, rows in frame.groupby(pair, sort=False):
         columns = list(dict.fromkeys([response, *factors, *([edge] if edge else [])]))
         try:
-            runs = datasets.runs_from_frame(rows[columns].reset_index(drop=True))
+            runs = datasets.runs_from_frame(rows[columns].reset_index(drop=True), judge=False)
             yield key, fit.power_law(runs, response, factors, edge=edge)
         except FitmodelsError as error:
             yield key, str(error)

@@ -20,7 +20,9 @@ def cut(error, *, seed=1, edges=16, per_edge=6, noise=0.15, unit=1.0):
     F = 30 * V**0.5 * t**0.4
     e = noise * rng.normal(size=len(t))
     F = F * np.exp(e) if error == "multiplicative" else F + e * F.mean()
-    return datasets.runs_from_frame(pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "t": t, "F": unit * F}), judge=False)
+    return datasets.runs_from_frame(
+        pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "t": t, "F": unit * F}), judge=False
+    )
 
 
 def law(error, fitted="multiplicative", **kwargs):
