@@ -313,6 +313,13 @@ def test_names_that_start_again_are_told_apart_by_the_order():
     assert any("numbers edges anew" in note for note in runs.assumed)
 
 
+def test_rows_pasted_again_are_copies_and_no_edges_anew():
+    """Taken as new edges, three copies of a test would make its standard errors too small by the root of 3."""
+    runs = read(pd.concat([TABLE] * 3, ignore_index=True))
+    assert partition(runs) == NUMBER.tolist() * 3
+    assert not any("anew" in note for note in runs.assumed)
+
+
 def test_names_that_start_again_with_each_material_are_kept():
     both = pd.concat([TABLE.assign(Material=name) for name in ("C45", "42CrMo4")], ignore_index=True)
     runs = read(both, work=None)

@@ -12,7 +12,7 @@ from ..doubts import Doubt
 from ..draft import Draft
 from ..options import ReadOptions
 from ..vocabulary import ROLES, roles_named
-from .checks import SHIFTED
+from .checks import MEASURED, SHIFTED
 from .columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, numbered
 from .merged_cells import lines_text
 from .names import join_types, tidy_names
@@ -284,7 +284,25 @@ def _numbered_anew(draft: Draft, one: _Labels) -> Codes | None:
         return None
     begins = np.append(True, found.codes[1:] != found.codes[:-1])
     renamed = np.append(True, one.codes[1:] != one.codes[:-1])
-    return found.codes if (begins == renamed).all() else None
+    again = _again(one.codes, found.codes)
+    if not (begins == renamed).all() or _copied(draft, one) > again / 2:
+        return None
+    return found.codes
+
+
+def _again(names: Codes, edges: Codes) -> int:
+    """Number of rows of edges whose name an earlier edge has."""
+    edge_of_name = edges[np.unique(names, return_index=True)[1]]
+    return int((edges != edge_of_name[names]).sum())
+
+
+def _copied(draft: Draft, one: _Labels) -> int:
+    """Number of rows that repeat the name and every number of an earlier row; 0 where nothing is measured."""
+    numbers = draft.numbers()
+    if not any(ROLES[role].kind in MEASURED for role in numbers):
+        return 0
+    rows = np.column_stack([one.codes, *(np.nan_to_num(values, nan=-1.0) for values in numbers.values())])
+    return len(rows) - len(np.unique(rows, axis=0))
 
 
 def _numbers_rows(one: _Labels, draft: Draft) -> bool:
