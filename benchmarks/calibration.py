@@ -55,7 +55,7 @@ def study(label: str, sets: int, *, method: str, edges: bool, natural: bool, err
         if not (np.isfinite(frame["AW"]) & (frame["AW"] > 0)).all():
             continue  # not a valid measurement; rare at this scatter
         law = fit.power_law(
-            datasets.runs_from_frame(frame), "AW", ["V", "t"],
+            datasets.runs_from_frame(frame, judge=False), "AW", ["V", "t"],
             error="additive" if natural else "multiplicative", edge="edge" if edges else None,
         )  # fmt: skip
         post = fit.posterior(law, seed=done, priors=of, method=method, errors=errors, draws=2000)

@@ -47,7 +47,7 @@ WEAR = [
 ]
 NAMES = (
     "../../x", "<script>alert(1)</script>", '"; M30 (', "a`b|c", "con", "n" * 300, "漢" * 100, "", "...",
-    "E1", "e1", "new\nline", "*bold* [link](http://x)", "..", "/etc/passwd",
+    "E/1", "e:1", "new\nline", "*bold* [link](http://x)", "..", "/etc/passwd",
 )  # fmt: skip
 
 
