@@ -167,6 +167,7 @@ _SHARED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("fm", "vf", "feed rate", "feed speed"), ("fm", "f")),
     **dict.fromkeys(("Vorschubgeschwindigkeit", "vitesse d'avance", "velocidad de avance"), ("fm", "f")),
     **dict.fromkeys(("speed", "Geschwindigkeit", "vitesse", "velocidad"), ("V", "n")),
+    "F": ("F", "fm"),  # F [mm/min], the feed word of a part program
     **dict.fromkeys(("force", "Kraft", "effort", "fuerza"), ("F", "Fx", "Fy", "Fz", "Fxz", "Fc", "Ff", "Fp")),
     **dict.fromkeys(("wear", "Verschleiß", "usure", "desgaste"), ("AW", "VB")),
     **dict.fromkeys(("roughness", "Rauheit", "rugosité", "rugosidad"), ("Ra", "Rz")),

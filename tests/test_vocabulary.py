@@ -46,6 +46,10 @@ def test_columns_whose_units_hang_on_underscores(column, told):
     assert (header.name, header.unit_text, role_of(header.name, header.unit_text)) == told
 
 
+def test_the_feed_word_of_a_part_program_is_a_feed_rate_by_its_unit():
+    assert [role_of("F", unit) for unit in ("mm/min", "N", None)] == ["fm", "F", "F"]
+
+
 def test_no_suggestion_for_a_column_that_is_no_role():
     unknown = [name for name, role in {**NASA_MILLING, **TURNING_FORCES}.items() if role is None]
     assert {name: suggest_role(name) for name in unknown if suggest_role(name)} == {"CTime": "t"}

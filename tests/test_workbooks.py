@@ -526,9 +526,12 @@ def by_sheet(head=HEADER, keep=slice(None), notes=lambda row: []):
     return {part[0][0]: [*notes(part[0]), head[keep], *(row[keep] for row in part)] for part in groups}
 
 
-@pytest.mark.parametrize("notes", [False, True])
+@pytest.mark.parametrize("notes", ["columns", "equations", "cells"])
 def test_a_sheet_for_each_test_is_one_table(tmp_path, notes):
-    if notes:
+    if notes == "cells":
+        lines = lambda row: [["vc", row[1], "m/min"], ["f", row[2], "mm/U"], ["ap", row[3], "mm"], []]  # noqa: E731
+        sheets = by_sheet(keep=slice(4, None), notes=lines)
+    elif notes == "equations":
         lines = lambda row: [["V = %g m/min" % row[1]], ["f = %g mm/rev" % row[2]], ["ap = %g mm" % row[3]], []]  # noqa: E731, UP031
         sheets = by_sheet(keep=slice(4, None), notes=lines)
     else:

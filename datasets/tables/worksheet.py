@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from ...core.errors import DataError
-from .numerals import Cell
+from .numerals import Cell, is_number
 
 FORMATS = {
     "xlsx": "Excel workbook",
@@ -54,10 +54,11 @@ class WorkbookSheet:
         return enumerate(self.rows, start=1)
 
     def as_written(self, numbers: set[int]) -> dict[int, str]:
-        """Rows by number as text: two filled cells as name and value, others joined by blanks.
+        """Rows by number as text: name and value, also with a unit, as ``name: value unit``; others joined by blanks.
 
-        >>> WorkbookSheet("a.xlsx", "Data", (("Tool", "", "K10"), ("Test 5",))).as_written({1, 2})
-        {1: 'Tool: K10', 2: 'Test 5'}
+        >>> rows = (("Tool", "", "K10"), ("vc", 80.0, "m/min"), ("Test 5",))
+        >>> WorkbookSheet("a.xlsx", "Data", rows).as_written({1, 2, 3})
+        {1: 'Tool: K10', 2: 'vc: 80 m/min', 3: 'Test 5'}
         """
         return {n: _line(self.rows[n - 1]) for n in sorted(numbers)}
 
@@ -117,6 +118,7 @@ def protected(name: str) -> DataError:
 def _line(row: Row) -> str:
     filled = [str(int(cell)) if isinstance(cell, float) and cell.is_integer() else str(cell) for cell in row]
     filled = [text.strip() for text in filled if text.strip()]
-    if len(filled) == 2 and not filled[0].endswith((":", "=")):
-        return f"{filled[0]}: {filled[1]}"
+    pair = len(filled) == 2 or (len(filled) == 3 and is_number(filled[1]) and not is_number(filled[2]))
+    if pair and not filled[0].endswith((":", "=")):
+        return f"{filled[0]}: {' '.join(filled[1:])}"
     return " ".join(filled)
