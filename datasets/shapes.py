@@ -26,7 +26,8 @@ EXAMPLE = """
 _NUMBERED = re.compile(r"(?P<stem>.*?)(?P<gap>[\s_#.:-]*)(?P<id>\d{1,3}|(?<![^\W\d_])[A-Za-z])")
 _AFTER = r"(?:after|at|nach|bei|après|apres|a|à|tras|despu[eé]s de|@|t|time|zeit|=|:|\s|_|,|\()*"
 _TIMED = re.compile(
-    rf"(?P<stem>.*?){_AFTER}(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)[\s_]*(?P<unit>min|minutes?|mins|s|sec|seconds?|h)?\)?",
+    rf"(?P<stem>.*?){_AFTER}(?:(?<=[\s_,(])(?P<before>min|s|h)[\s_)]+)?"  # VB after t min 2
+    r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)[\s_]*(?P<unit>min|minutes?|mins|s|sec|seconds?|h)?\)?",
     re.IGNORECASE,
 )
 _TAIL = re.compile(r"\d\D*$|[\s_#.-][A-Za-z]$")
@@ -178,7 +179,7 @@ def _by_time(table: Table, free: Sequence[_Head]) -> _Family | None:
     for head in free:
         match = _TIMED.fullmatch(head.name) or _TIMED.fullmatch(head.column.name)
         if match:
-            unit = match["unit"] or (head.unit if same_as_time(head.unit) else "")
+            unit = match["unit"] or match["before"] or (head.unit if same_as_time(head.unit) else "")
             timed.append((head, match["stem"].strip(" _-"), float(match["number"].replace(",", ".")), unit))
     if len(timed) < 2:
         return None

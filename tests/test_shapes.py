@@ -207,6 +207,7 @@ def lines(rows, above="") -> str:
         lines(by_time("t = {} min"), "Flank wear VB in mm\n"),
         lines(by_time("{}"), "VB [mm] after t [min]\n"),
         lines([[*NAMES[:4], "VB [mm]"], ["", "", "", "", *TIMES], *by_time()[1:]]),
+        lines(by_time("VB after t min {}")),
     ],
 )
 def test_a_column_for_each_time_becomes_rows(tmp_path, text):
