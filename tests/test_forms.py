@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.fit.checks import competing_models
+from fitmodels.fit.checks.competing_forms import FittedForm
 from fitmodels.fit.checks.competing_models import compare_forms
 from fitmodels.fit.checks.time_exponent import common_exponent, slope_spread
 from scipy.optimize import curve_fit
@@ -117,6 +119,26 @@ def test_what_cannot_be_fitted_says_why():
     falling = compare_forms(fit.power_law(cut(lambda V, AW: V * AW**-0.3), "F", ["V", "AW"]))
     assert "has no additive contribution of AW" in str(dict(falling.not_fitted)["additive in AW"])
     assert "no time t" in str(falling.common_exponent)
+
+
+def test_a_form_of_nearly_dependent_columns_costs_itself_only(monkeypatch):
+    """Rounding leaves the inverse of some of these normal matrices without a Cholesky factor."""
+    made = competing_models.form_makers
+
+    def near(law, seed):
+        Z, y = law.formula.design(law.X), np.log(law.observed)
+        apart = 1e-9 * np.random.default_rng(seed).normal(size=len(y)) if seed else 0.0
+        columns = np.column_stack([Z, Z[:, 1] + apart])
+        return FittedForm("near", "F", {}, columns, y - y.mean(), columns, y - y.mean())
+
+    more = [(f"near {seed}", lambda law, seed=seed: near(law, seed)) for seed in range(12)]
+    monkeypatch.setattr(competing_models, "form_makers", lambda law: (*made(law), *more))
+    law = fit.power_law(cut(lambda V, AW: V * AW**0.2), "F", ["V", "AW"])
+    found = fit.judge(law).checks["rival forms"]
+    dependent = [name for name, reason in found.not_fitted if "nearly linearly dependent" in str(reason)]
+    assert dependent[0] == "near 0"
+    assert len(dependent) > 1
+    assert {form.name for form in found.alternatives} >= {"exponential in AW"}
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
+from ...core.errors import FitError
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..least_squares import linear
@@ -169,7 +170,10 @@ def _prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
 
     With Q = columns L orthonormal, leaving unit g out moves theta by ``-L (I - Q_g'Q_g)^-1 Q_g' rest_g``.
     """
-    L = np.linalg.cholesky(linear(fit.columns, fit.rest).cov_unscaled)
+    try:
+        L = np.linalg.cholesky(linear(fit.columns, fit.rest).cov_unscaled)
+    except (FitError, np.linalg.LinAlgError):
+        return NotAvailable("its columns are nearly linearly dependent in these rows, which rounding does not resolve")
     Q = fit.columns @ L
     if int(codes.max()) + 1 == len(codes):
         left = 1.0 - np.einsum("ij,ij->i", Q, Q)
