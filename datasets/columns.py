@@ -64,7 +64,7 @@ class _Claim:
 
 
 def assign(
-    columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]
+    columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str], edge: str | None = None
 ) -> tuple[tuple[ColumnUse, ...], dict[str, Values], tuple[str, ...]]:
     """Uses of the columns, values by role in the role's unit, and what was assumed about units."""
     _known_roles((*mapping, *units))
@@ -123,7 +123,7 @@ def _known_roles(symbols: tuple[str, ...]) -> None:
 
 def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
     wanted = {symbol: name for symbol, name in mapping.items() if name.strip().lower() != NONE}
-    assigned = {_find(columns, name).number: symbol for symbol, name in wanted.items()}
+    assigned = {find_column(columns, name).number: symbol for symbol, name in wanted.items()}
     if len(assigned) < len(wanted):
         raise UsageError("--map gives one column to two roles; each role needs a column of its own.")
     claims = []
@@ -177,8 +177,17 @@ def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Ma
     return done
 
 
-def _find(columns: tuple[Column, ...], name: str) -> Column:
-    """The column of this header, this name without unit, or ``col7``; the header counts first."""
+def find_column(columns: tuple[Column, ...], name: str, option: str = "--map") -> Column:
+    """The column of this header, this name without unit, or ``col7``; the header counts first.
+
+    Raises
+    ------
+    UsageError
+        There is none, or several; the message begins with the option that names it.
+
+    >>> find_column((Column(1, "vc [m/min]", "", np.ones(2), True),), "vc").number
+    1
+    """
     wanted = name.strip()
     for test in (
         lambda c: c.name == wanted,
@@ -192,7 +201,7 @@ def _find(columns: tuple[Column, ...], name: str) -> Column:
             places = " or ".join(f"col{c.number}" for c in found)
             raise UsageError(f"column {wanted!r} occurs {len(found)} times in the file: give {places}.")
     hint = did_you_mean(wanted, [c.name for c in columns], names="The columns are ")
-    raise UsageError(f"--map names a column {wanted!r} that the file does not have. {hint}")
+    raise UsageError(f"{option} names a column {wanted!r} that the file does not have. {hint}")
 
 
 def _one_each(claims: list[_Claim]) -> dict[str, _Claim]:

@@ -145,6 +145,7 @@ def test_units_that_do_not_fit_are_refused(read, header, error, says):
         ({"map": {"Vc": "col1"}}, "'Vc' is no role of a column; did you mean"),
         ({"map": {"jjj": "col1"}}, r"'jjj' is no role of a column; The roles are V, f"),
         ({"map": {"VB": "flank"}}, "--map names a column 'flank' that the file does not have"),
+        ({"edge": "Insert"}, "^--edge names a column 'Insert' that the file does not have"),
         ({"map": {"VB": "smoth"}}, "Did you mean 'smooth'"),
         ({"map": {"VB": "col9"}}, "a column 'col9' that the file does not have"),
         ({"map": {"VB": "col3", "AW": "col3"}}, "gives one column to two roles"),
