@@ -182,8 +182,8 @@ def _hdf5(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
         reader = import_module("h5py")
     except ImportError as error:
         raise DataError(
-            f"{path.name} is a MATLAB 7.3 file, which needs the package h5py: pip install h5py, or save it in MATLAB "
-            "with the option -v7."
+            f"{path.name} is a MATLAB 7.3 file, which needs the package h5py: pip install 'fitmodels[mat]', or save it "
+            "in MATLAB with the option -v7."
         ) from error
     try:
         with reader.File(io.BytesIO(data), "r") as file:
