@@ -258,6 +258,31 @@ def test_edges_of_another_unit_are_named():
     assert "VB is of another order than in the other edges: edge E05" in doubted(read(wrong))
 
 
+def test_a_load_of_another_column_or_unit_in_one_edge_is_named():
+    """The loads of the edges differ by their feeds and depths: 1/300 of one of them is seen over the section f d."""
+    rng = np.random.default_rng(3)
+    noise = np.exp(rng.normal(0, 0.1, ROWS))
+    force = (1800 * TABLE[F] ** 0.75 * TABLE["d [mm]"] ** 0.95 * (1 + 2 * TABLE[VB]) * noise).round()
+    sound = TABLE.assign(**{"Fc [N]": force})
+    assert read(sound).doubts == ()
+    other = sound.assign(**{"Fc [N]": np.where(NUMBER == 4, (force / 120).round(2), force)})
+    assert "Fc is of another order than in the other edges: edge E05" in doubted(read(other))
+
+
+@pytest.mark.parametrize("by", [-1, 1])
+def test_a_load_with_scatter_shifted_by_one_row_is_doubted(by):
+    """Each last (first) value is of the next edge (of the one before); a rise at the end of each edge is sound."""
+    rng = np.random.default_rng(3)
+    scatter, end = np.exp(rng.normal(0, 0.1, ROWS)), np.where(TABLE[T] == TIMES[-1], 1.4, 1.0)
+    force = 1800 * TABLE[F] ** 0.75 * TABLE["d [mm]"] ** 0.95 * scatter
+    edges = rng.permutation(len(SETTINGS))
+    rows = np.concatenate([np.arange(PER_EDGE) + PER_EDGE * k for k in edges])
+    for load in (force, force * end):
+        assert read(TABLE.assign(**{"Fc [N]": load.round()}).loc[rows]).doubts == ()
+    moved = TABLE.loc[rows].assign(**{"Fc [N]": force[rows].shift(by).round()})
+    assert f"Fc jumps at the {'last' if by < 0 else 'first'} row of most edges" in doubted(read(moved))
+
+
 def test_tests_with_changing_conditions_and_several_readings_are_sound():
     assert read(TABLE.assign(**{F: np.tile([0.1, 0.15, 0.2, 0.25, 0.3], 12)})).doubts == ()
     rng = np.random.default_rng(5)

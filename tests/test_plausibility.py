@@ -321,3 +321,19 @@ def test_names_of_several_words_are_proposed_with_the_whole_command(read):
     says = r'--map "V=Speed_set" --map "f=FeedSet" --map "d=DepthSet" --map "t=Minutes" --map "VB=Flank \(mean\)"'
     with pytest.raises(errors.DataError, match=says):
         read(text(columns, header))
+
+
+def test_a_name_that_is_missing_above_a_row_of_units_is_said(tmp_path):
+    """The header row lacks its last cell; the name before it does not stand for that column."""
+    path = tmp_path / "data.csv"
+    rows = [
+        f"E{k // 4},{100 + 50 * (k // 8)},0.{1 + k // 4 % 2},1,{2 + 2 * (k % 4)},0.{10 + 3 * (k % 4)}"
+        for k in range(16)
+    ]
+    cells = [f"{row},{300 + 17 * k * k % 101}" for k, row in enumerate(rows)]
+    path.write_text("\n".join(["edge,V,f,d,t,AW", ",m/min,mm/rev,mm,min,mm,N", *cells]) + "\n")
+    runs = datasets.read_runs(path)
+    assert runs.values("AW")[0] == 0.1
+    found = [doubt for doubt in runs.doubts if "it may be the resultant force F" in doubt.sentence]
+    assert [doubt.remedy for doubt in found] == ['--map "F=col7"']
+    assert runs.columns[-1].name == "N"

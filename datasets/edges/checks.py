@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import Draft
+from ..plausibility.stray_values import section_of
 from ..vocabulary import ROLES
 from .columns import Array, Flags, differs
 from .merged_cells import lines_text
@@ -24,6 +25,9 @@ CLOSER = 0.6  # of the variation within edges, which a column moved by one row m
 APART = 15.0  # factor between the level of an edge and that of the others
 FACTORS = ((25.4, "in and mm"), (60.0, "min and s"), (3.2808, "m and ft"), (10.0, ""), (100.0, ""), (1000.0, ""))
 SHIFTED = "shifted by one row against the other columns"
+LEVELS_APART = 4.0  # robust standard deviations between the levels of two edges that tell their values apart
+HALFWAY = 0.5  # of the way between two levels
+MOST_VOTES = 0.75  # share of the edges that decides
 MOST_KNOWN = 0.9  # share of known values from which a column is looked at for a shift
 MEASURED = ("wear", "load", "surface")
 
@@ -194,7 +198,8 @@ def _of_response(
             yield Doubt((role,), f"{role} jumps within an edge: {listed(cells)}; {what}")
     if grows and (step < np.log(FALL)).any():
         yield from _falls(draft, role, values, order, step, slipped)
-    yield from _levels(edges, role, code, y)
+    section = section_of(draft, role)
+    yield from _levels(edges, role, code, y if section is None else y - np.log(section[order]), section is not None)
     yield from _shifted_response(edges, role, values)
 
 
@@ -241,10 +246,13 @@ def _slip_words(
     return f"line {draft.lines[order[i]]} has {value}, its neighbours in edge {edges.names[order[i]]} {around}"
 
 
-def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array) -> Iterator[Doubt]:
-    """Edges in which a measured quantity is of another order than in the others: another unit."""
-    far = np.log(APART if ROLES[role].kind == "wear" else APART**2)
-    if np.ptp(y) < far:
+def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, per_section: bool) -> Iterator[Doubt]:
+    """Edges in which a measured quantity, a load over the section of the chip, is of another order: another unit."""
+    far = np.log(APART if per_section or ROLES[role].kind == "wear" else APART**2)
+    known = np.isfinite(y)
+    if not known.all():
+        code, y = code[known], y[known]
+    if not len(y) or np.ptp(y) < far:
         return
     at = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]]))
     level = np.add.reduceat(y, at) / np.diff(at, append=len(y))
@@ -254,7 +262,10 @@ def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array) -> Ite
         return
     name = dict(zip(edges.codes.tolist(), edges.names.tolist(), strict=True))
     which = listed(f"edge {name[code[i]]} by a factor of {np.exp(apart[k]):.3g}" for k, i in enumerate(at) if odd[k])
-    yield Doubt((role,), f"{role} is of another order than in the other edges: {which}; are these in another unit?")
+    yield Doubt(
+        (role,),
+        f"{role} is of another order than in the other edges: {which}; in another unit, or of another column?",
+    )
 
 
 def _shifted_response(edges: EdgeRows, role: str, values: Array) -> Iterator[Doubt]:
@@ -268,10 +279,33 @@ def _shifted_response(edges: EdgeRows, role: str, values: Array) -> Iterator[Dou
     here = step[same].sum()
     fall = (y[1:] < y[:-1]) & same
     second, last = same & np.append(True, ~same[:-1]), same & np.append(~same[1:], True)
+    wear = ROLES[role].kind == "wear"
     for where, moved, place in (("first", step[1:][same[:-1]], second), ("last", step[:-1][same[1:]], last)):
         there, elsewhere = int(fall[place].sum()), int(fall[same & ~place].sum())
-        falls = ROLES[role].kind == "wear" and there > 0.8 * place.sum() and elsewhere < 0.3 * (same & ~place).sum()
-        if falls or moved.sum() < CLOSER * here:
+        falls = wear and there > 0.8 * place.sum() and elsewhere < 0.3 * (same & ~place).sum()
+        if falls or moved.sum() < CLOSER * here or (not wear and _of_the_next(y, ~same, at_end=where == "last")):
             words = f"{role} jumps at the {where} row of most edges, and would not if it were moved by one row"
             yield Doubt((role,), f"{words}: the column is {SHIFTED}; correct it in the file")
             return
+
+
+def _of_the_next(y: Array, begins: Flags, *, at_end: bool) -> bool:
+    """Whether the last values of the edges (the first ones) are of the level of the next edge (of the one before).
+
+    Only edges whose level differs from that of the neighbour by far more than the scatter are asked; there must be
+    some above their neighbour and some below, which no trend along an edge explains.
+    """
+    if not at_end:
+        y, begins = y[::-1], begins[::-1]
+    ends = np.append(np.flatnonzero(begins), len(y) - 1)
+    starts = np.append(0, ends[:-1] + 1)
+    inner = [y[a:b] for a, b in zip(starts, ends, strict=True)]
+    if min(map(len, inner)) < 2:
+        return False
+    level = np.array([np.nanmean(x) if np.isfinite(x).any() else np.nan for x in inner])
+    scatter = median(np.sort(np.concatenate([np.abs(x - m) for x, m in zip(inner, level, strict=True)])))
+    gap = level[1:] - level[:-1]
+    asked = np.abs(gap) > LEVELS_APART * 1.4826 * scatter
+    beyond = (y[ends[:-1]] - level[:-1]) / np.where(gap == 0, np.nan, gap) > HALFWAY
+    votes = [beyond[asked & (sign * gap > 0)] for sign in (1, -1)]
+    return all(len(vote) >= 2 and vote.mean() > MOST_VOTES for vote in votes)

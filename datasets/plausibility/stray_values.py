@@ -77,7 +77,7 @@ def _without_impossible(draft: Draft, role: str, values: Array, process: Process
 def _doubt_far(draft: Draft, role: str, values: Array) -> None:
     """Doubt one cell that is several times the next: a wrong decimal mark or unit in a single cell."""
     kind = ROLES[role].kind
-    size, section = np.abs(values), _section(draft, role)
+    size, section = np.abs(values), section_of(draft, role)
     if section is not None:
         size = size / section
     known = size[size > 0]
@@ -102,7 +102,7 @@ def _doubt_far(draft: Draft, role: str, values: Array) -> None:
             _add(draft, role, row, sentence)
 
 
-def _section(draft: Draft, role: str) -> Array | None:
+def section_of(draft: Draft, role: str) -> Array | None:
     """Section of the chip f d (times V for a power), to which loads are nearly proportional; None without it."""
     needed = ("f", "d", "V") if role == "P" else ("f", "d")
     if ROLES[role].kind != "load" or role in ("M", "I") or any(one not in draft.data for one in needed):

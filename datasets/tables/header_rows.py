@@ -175,7 +175,7 @@ def _names(
     """One name for each column from the texts above each other, groups first."""
     stacks: list[list[tuple[str, bool]]] = [[] for _ in range(width)]
     for row in rows[:-1]:
-        for i, entry in enumerate(_spread(row, rows[-1], width, spans)):
+        for i, entry in enumerate(_spread(row, rows[-1], width, spans, words)):
             stacks[i].append(entry)
     for i in range(width):
         stacks[i].append((rows[-1].text(i), False))
@@ -183,15 +183,19 @@ def _names(
 
 
 def _spread(
-    row: SampleRow, below: SampleRow, width: int, spans: Mapping[tuple[int, int], int]
+    row: SampleRow, below: SampleRow, width: int, spans: Mapping[tuple[int, int], int], words: Words
 ) -> list[tuple[str, bool]]:
-    """Texts of a row by column, and whether each covers several: a merged cell, or blanks after it above names."""
+    """Texts of a row by column, and whether each covers several: a merged cell, or blanks after it above names.
+
+    A name above a row of units alone covers no blank: the name of the next column is missing.
+    """
     found, text, shared, until = [], "", False, 0
+    only_units = all(_is_unit_cell(cell, words.is_unit) for cell in map(below.text, range(width)) if cell)
     for i in range(width):
         own = row.text(i)
         if own:
             span = spans.get((row.line, i + 1), 0)
-            after = not row.text(i + 1) and bool(below.text(i)) and bool(below.text(i + 1))
+            after = not row.text(i + 1) and bool(below.text(i)) and bool(below.text(i + 1)) and not only_units
             text, shared = own, span > 1 or (not span and after)
             until = i + span if span else width
         elif i >= until or not shared or not below.text(i):
