@@ -45,7 +45,7 @@ def corn():
     """Yield as the logarithm of a roughness, nitrogen as its force: an exponential law is a line in them."""
     y = np.array([86, 115, 90, 86, 110, 91, 99, 96, 99, 104, 96.0])
     x = np.array([70, 97, 53, 64, 95, 64, 50, 70, 94, 69, 51.0])
-    return fit.exponential_law(datasets.runs_from_frame(pd.DataFrame({"F": x, "Ra": np.exp(y - 97)})))
+    return fit.exponential_law(datasets.runs_from_frame(pd.DataFrame({"F": x, "Ra": np.exp(y - 97)}), judge=False))
 
 
 def test_fullers_corn():

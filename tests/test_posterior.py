@@ -94,7 +94,7 @@ def test_an_outlying_edge_counts_for_less_with_student_errors():
     ln = 1.5 * np.log(V) - 9 + rng.normal(0, 0.05, 80)
     ln[V.max() == V] += 3.0
     runs = datasets.runs_from_frame(
-        pd.DataFrame({"V": V, "AW": np.exp(ln), "edge": np.repeat([f"e{i}" for i in range(20)], 4)})
+        pd.DataFrame({"V": V, "AW": np.exp(ln), "edge": np.repeat([f"e{i}" for i in range(20)], 4)}), judge=False
     )
     law = fit.power_law(runs, "AW", ["V"])
     normal, student = (fit.posterior(law, errors=errors).draws[:, 1].mean() for errors in ("normal", "student"))
@@ -237,7 +237,10 @@ def test_ranks_of_the_truth_among_exact_draws_are_uniform():
         ln = true["level"] + true["V"] * (np.log(V) - np.log(V).mean()) + np.repeat(rng.normal(0, between, 8), 4)
         frame = pd.DataFrame({"V": V, "AW": np.exp(ln + rng.normal(0, true["sd"], 32)), "edge": names})
         post = fit.posterior(
-            fit.power_law(datasets.runs_from_frame(frame), "AW", ["V"]), seed=seed, priors=priors, draws=1000
+            fit.power_law(datasets.runs_from_frame(frame, judge=False), "AW", ["V"]),
+            seed=seed,
+            priors=priors,
+            draws=1000,
         )
         ranks.append([(post.draws[:99, j] < true[name]).sum() for j, name in ((1, "V"), (2, "sd"), (3, "icc"))])
     counts = np.apply_along_axis(lambda r: np.bincount(r * bins // 100, minlength=bins), 0, np.array(ranks))
