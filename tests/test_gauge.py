@@ -30,7 +30,7 @@ def cut(gauge=0.0, *, seed=0, edges=24, per_edge=6, named=True, noise=0.06, abso
     error = gauge * rng.normal(size=len(t))
     AW = AW + error if absolute else AW * np.exp(error)
     frame = pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "f": f, "t": t, "AW": AW, "P": P})
-    return datasets.runs_from_frame(frame if named else frame.drop(columns="edge"))
+    return datasets.runs_from_frame(frame, edge=None if named else "none")
 
 
 def power(*args, **kwargs):

@@ -35,7 +35,7 @@ def cut(gauge, *, seed=0, edges=24, per_edge=6, noise=0.06, levels=0.05, unit="l
     error = gauge * rng.normal(size=len(t))
     AW = w * np.exp(error) if unit == "ln" else w + error
     frame = pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "f": f, "t": t, "AW": AW, "P": P, "Fxz": F})
-    return datasets.runs_from_frame(frame if named else frame.drop(columns="edge"))
+    return datasets.runs_from_frame(frame, edge=None if named else "none")
 
 
 def laws(runs, loads=("P",)):

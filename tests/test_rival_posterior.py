@@ -37,7 +37,7 @@ def cut(form="power law", *, seed=0, edges=24, per_edge=6, level=0.03, noise=0.0
     }[form]
     P = P * np.exp(level * rng.normal(size=edges)[at] + noise * rng.normal(size=len(t)))
     frame = pd.DataFrame({"edge": [f"E{g:02}" for g in at], "V": V, "f": f, "t": t, "AW": AW, "P": P})
-    return datasets.runs_from_frame(frame if named else frame.drop(columns="edge"))
+    return datasets.runs_from_frame(frame, edge=None if named else "none")
 
 
 def law_of(*args, error="multiplicative", **kwargs):
