@@ -1,4 +1,4 @@
-"""Blocks of nothing but numbers read as the reader of cells reads them, and everything else is left to it."""
+"""Blocks of nothing but numbers, or of full rows, read as the reader of cells reads them; the others are left to it."""
 
 import csv
 
@@ -7,7 +7,7 @@ import pytest
 from fitmodels.core.errors import DataError
 from fitmodels.datasets.tables import gather, plain, read_table
 from fitmodels.datasets.tables.numerals import to_floats
-from fitmodels.datasets.tables.plain import plain_numbers
+from fitmodels.datasets.tables.plain import plain_cells, plain_numbers
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -139,3 +139,35 @@ def test_blocks_of_numbers_are_read_as_such(tmp_path, monkeypatch):
     path.write_text("".join(replaced(3_000, "100,,0.2\n")))
     read_table(path)
     assert [None if block is None else block.shape for block in taken] == [(2_000, 3), None]
+
+
+@given(
+    st.lists(st.lists(st.text("E1.5 \t-;", max_size=3), min_size=1, max_size=4), min_size=1, max_size=5),
+    st.sampled_from(",;\t|"),
+    st.sampled_from(("\n", "\r\n", "\r")),
+)
+def test_full_rows_are_split_as_by_the_csv_module(rows, delimiter, end):
+    lines = [delimiter.join(row) + end for row in rows]
+    found = plain_cells(lines, len(rows[0]), delimiter)
+    if found is not None:
+        expected = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+        assert list(zip(*found, strict=True)) == [tuple(row) for row in expected]
+
+
+def test_full_rows_are_found_whatever_ends_their_lines():
+    for end in ("\n", "\r\n", "\r"):
+        assert plain_cells([f"E 1;2{end}", f"E2;{end}"], 2, ";") == [("E 1", "E2"), ("2", "")]
+    assert plain_cells([";2\n"], 2, ";") is None  # may be a blank row
+
+
+def test_rows_below_full_ones_are_read_on(tmp_path):
+    rows = [f"E{i // 6},{i % 7},{i}.5" for i in range(ROWS)]
+    rows[2_500] = " E416, 1,2500.5"  # blanks: left to the reader of cells
+    file = tmp_path / "a.csv"
+    file.write_text("edge,V,t\n" + "\n".join(rows) + "\nMean,3,2250\n")
+    table = read_table(file)
+    edge, v, t = (column.values for column in table.columns)
+    assert edge.tolist() == [f"E{i // 6}" for i in range(ROWS)]
+    assert np.array_equal(v, np.arange(ROWS) % 7)
+    assert np.array_equal(t, np.arange(ROWS) + 0.5)
+    assert table.lines.tolist() == list(range(2, ROWS + 2))

@@ -137,7 +137,8 @@ class Body:
     def _block(self, lines: list[int], rows: list[Sequence[Cell]], findings: Findings) -> Iterator[RowBlock]:
         """Bring the rows to one width; if all begin with a filled cell and have it, nothing is done."""
         width = self.layout.width
-        if not all(len(row) == width and row[0] and row[0] != " " for row in rows):
+        first = [row[0] if row else "" for row in rows]
+        if set(map(len, rows)) != {width} or not all(first) or " " in first:
             kept = [
                 (line, fitted)
                 for line, row in zip(lines, rows, strict=True)

@@ -83,7 +83,7 @@ class TextSource:
         return self.rows_of(self.lines(), 0)
 
     def lines(self) -> Iterator[str]:
-        r"""Iterate over the lines unchanged, comment lines as blank lines.
+        r"""The lines unchanged, comment lines as blank lines.
 
         >>> list(TextSource("a.csv", b"# steel\nV;f\n", "utf-8", ";", False).lines())
         ['\n', 'V;f\n']
@@ -91,10 +91,9 @@ class TextSource:
         lines = text_lines(self.data, self.encoding)
         if self.has_sep_line:
             next(lines)
-            yield "\n"
         if self._may_hold_comments():
             lines = ("\n" if is_comment(line, self.delimiter) else line for line in lines)
-        yield from lines
+        return chain(["\n"], lines) if self.has_sep_line else lines
 
     def rows_of(self, lines: Iterable[str], above: int) -> Iterator[tuple[int, list[str]]]:
         r"""Iterate over (line number, cells) of the lines that follow line ``above``.
@@ -105,9 +104,14 @@ class TextSource:
         if self.delimiter in ("", " "):
             yield from enumerate((split_line(line, self.delimiter) for line in lines), start=above + 1)
             return
-        reader = csv.reader(chain(lines, [_END]), delimiter=self.delimiter, skipinitialspace=True)
+        quoted = b'"' in self.data
+        ends = chain(lines, [_END]) if quoted else lines
+        reader = csv.reader(ends, delimiter=self.delimiter, skipinitialspace=True)
         start = above + 1
         try:
+            if not quoted:  # each line is a row
+                yield from enumerate(reader, start)
+                return
             for row in reader:
                 end = above + reader.line_num
                 if end - start > _LONGEST_CELL or (row and row[-1].endswith(_END)):
@@ -117,6 +121,7 @@ class TextSource:
                 yield start, row
                 start = end + 1
         except csv.Error as error:
+            start = start if quoted else above + reader.line_num
             raise self._unclosed(start) if self._is_short(start) else self._too_long(start) from error
 
     def comments(self) -> list[tuple[int, str]]:
@@ -242,10 +247,11 @@ def _sample(data: bytes, encoding: str) -> list[str]:
 
 def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None:
     """(Whether a text row has the width of the numbers, share of numbers in all lines, delimiter) of the lines."""
-    if delimiter != " " and not any(delimiter in line for line in lines):
+    if delimiter != " " and delimiter not in "".join(lines):
         return None
     rows = _split_lines(lines, delimiter)
-    numbers = [sum(map(is_number, row)) if len(row) > 1 else 0 for row in rows]
+    asked = {cell: is_number(cell) for cell in set(chain.from_iterable(row for row in rows if len(row) > 1))}
+    numbers = [sum(map(asked.__getitem__, row)) if len(row) > 1 else 0 for row in rows]
     first = next((i for i, row in enumerate(rows) if len(row) > 1 and numbers[i]), None)
     if first is None:
         return None
@@ -254,16 +260,15 @@ def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None
         return None
     width = Counter(len(row) for row, count in block if count).most_common(1)[0][0]
     has_header = any(len(row) == width and not count for row, count in zip(rows[:first], numbers, strict=False))
-    filled = sum(1 for row, _ in block for cell in row if cell.strip())
+    filled = sum(map(bool, map(str.strip, chain.from_iterable(row for row, _ in block))))
     return has_header, sum(count for _, count in block) / filled * len(block) / len(rows), delimiter
 
 
 def _split_lines(lines: Sequence[str], delimiter: str) -> list[list[str]]:
     """Cells of each line as `split_line` finds them; one reader for all where no cell is quoted."""
     if delimiter == " ":
-        inner = (" ", "\t")
-        return [split_line(line, " ") if any(mark in line.strip() for mark in inner) else [line] for line in lines]
-    if not any('"' in line for line in lines):
+        return [split_line(line, " ") if " " in (inner := line.strip()) or "\t" in inner else [line] for line in lines]
+    if '"' not in "".join(lines):
         with suppress(csv.Error):
             return list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
     return [split_line(line, delimiter) for line in lines]

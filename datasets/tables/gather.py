@@ -12,7 +12,7 @@ from ..doubts import Doubt
 from .body import Body, Findings
 from .invisible import visible
 from .marks import Mark, read_mark
-from .numerals import Cell, Decimal, is_missing, one_group, plain_floats, strict_floats
+from .numerals import Cell, Decimal, is_missing, is_word, one_group, plain_floats, strict_floats
 from .plain import NumberBlock, stretches
 
 _LISTED = 5  # bad cells kept per column
@@ -237,4 +237,4 @@ def _is_error(text: str) -> bool:
 def _text(cell: Cell) -> str:
     if isinstance(cell, float):
         return str(int(cell)) if cell.is_integer() else repr(cell)
-    return "" if is_missing(cell) else visible(cell.strip())
+    return visible(cell.strip()) if is_word(cell) or not is_missing(cell) else ""

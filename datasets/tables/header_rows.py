@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from .numerals import Cell, is_number
 
@@ -25,8 +26,7 @@ def no_units(text: str) -> bool:
     return False
 
 
-@dataclass(frozen=True, slots=True)
-class SampleRow:
+class SampleRow(NamedTuple):
     """A row of the sample: its cells up to the last filled one, and counts of what they are."""
 
     line: int

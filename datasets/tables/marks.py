@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from .numerals import Decimal, parse_number
 
 _SIGNS = {"<": "<", "≤": "<", ">": ">", "≥": ">", "~": "~", "≈": "~", "≃": "~", "*": "*", "†": "*", "‡": "*"}
-_FIRST_LETTERS = "caeCAE"  # of ca., circa, about, approx., env., etwa
+_FIRST_LETTERS = ("ca", "ci", "ab", "ap", "en", "et")  # of ca., circa, about, approx., env., etwa
 _MARKED = re.compile(
     r"(?P<before>[<>]=?|=?[<>]|[≤≥~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?)?\s*"
     r"(?P<number>[+\-−]?[\d.,][\d.,'’ \u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?)\s*"
@@ -57,7 +57,7 @@ def read_mark(text: str, decimal: Decimal) -> Mark | None:
 
     """
     text = text.strip()
-    if not text or (text[0].isalpha() and text[:1] not in _FIRST_LETTERS):
+    if not text or (text[0].isalpha() and not text[:2].lower().startswith(_FIRST_LETTERS)):
         return None
     match = _MARKED.fullmatch(text)
     if match is None or not (match["before"] or match["after"]):

@@ -23,6 +23,7 @@ _MISSING_TEXTS = """
 """
 _MISSING = frozenset(["", *_MISSING_TEXTS.split()])
 # Spellings met in long files, looked up unchanged; any other goes through the strict path.
+_WORDS = frozenset(mark[:1] for mark in _MISSING if mark[:1].isalpha())  # first letters of those that are words
 MISSING_AS_WRITTEN = _MISSING | {mark.upper() for mark in _MISSING} | {"NaN", "Null", "None"}
 
 
@@ -66,6 +67,16 @@ def is_missing(text: str) -> bool:
     (True, True, False)
     """
     return text.strip().replace(_MINUS, "-").casefold() in _MISSING
+
+
+def is_word(text: str) -> bool:
+    """Whether a cell begins with a letter that begins neither a number nor a missing mark.
+
+    >>> is_word("E1"), is_word("NaN"), is_word("1.5"), is_word("\N{MINUS SIGN}2")
+    (True, False, False, False)
+    """
+    first = text[:1]
+    return first.isalpha() and first.casefold() not in _WORDS
 
 
 def is_number(cell: Cell) -> bool:
@@ -142,8 +153,15 @@ def strict_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.f
     >>> strict_floats(["1.500", "worn"], "comma")
     (array([1500.,   nan]), [1])
     """
-    read = {cell: cell if isinstance(cell, float) else parse_number(cell, decimal) for cell in set(cells)}
-    failed = {cell for cell, value in read.items() if value is None and not is_missing(str(cell))}
+    different = set(cells)
+    failed: set[Cell] = {cell for cell in different if isinstance(cell, str) and is_word(cell)}
+    if len(failed) == len(different):
+        return np.full(len(cells), math.nan), list(range(len(cells)))
+    read: dict[Cell, float | None] = dict.fromkeys(failed)
+    for cell in different - failed:
+        read[cell] = cell if isinstance(cell, float) else parse_number(cell, decimal)
+        if read[cell] is None and not is_missing(str(cell)):
+            failed.add(cell)
     values = np.array([math.nan if (value := read[cell]) is None else value for cell in cells], dtype=float)
     return values, [i for i, cell in enumerate(cells) if cell in failed] if failed else []
 

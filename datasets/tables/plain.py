@@ -1,4 +1,4 @@
-"""Fast conversion of lines that hold only numbers, without splitting them into cells."""
+"""Fast reading of lines without quotes: of numbers alone to an array, of full rows to columns of cells."""
 
 import csv
 from collections.abc import Generator, Iterable, Iterator, Sequence
@@ -28,6 +28,8 @@ class NumberBlock:
 def stretches(body: Body, findings: Findings, decimal: Decimal) -> Iterator[NumberBlock | RowBlock]:
     r"""Iterate over the data as `Body.blocks` does, the first blocks as numbers while they hold only numbers.
 
+    The next ones, while their rows are full, are split without the reader of quoted cells.
+
     >>> from .layout import find_layout
     >>> source = TextSource("a.csv", b"V,f\n" + 2300 * b"1,2\n", "utf-8", ",", False)
     >>> body = Body("a.csv", source, find_layout(source, lambda text: False, "a.csv"), ",")
@@ -35,7 +37,7 @@ def stretches(body: Body, findings: Findings, decimal: Decimal) -> Iterator[Numb
     [('NumberBlock', 2000), ('RowBlock', 300)]
 
     """
-    below = yield from _numbers(body, decimal)
+    below = yield from _plain(body, decimal)
     yield from replace(body, rows=below).blocks(findings)
 
 
@@ -78,8 +80,40 @@ def plain_numbers(lines: Sequence[str], width: int, delimiter: str, decimal: Dec
     return values if values.shape == (len(lines), width) and np.isfinite(values).all() else None
 
 
-def _numbers(body: Body, decimal: Decimal) -> Generator[NumberBlock, None, Iterable[tuple[int, Sequence[Cell]]]]:
-    """Yield the blocks of numbers that begin the data, and return the rows below them.
+def plain_cells(lines: Sequence[str], width: int, delimiter: str) -> list[tuple[Cell, ...]] | None:
+    r"""Split lines without quotes whose rows are full and begin with a filled cell; None for any others.
+
+    Returns
+    -------
+    list of tuple of str, or None
+        The columns, as the reader of quoted cells gives them.
+
+    >>> plain_cells(["E1,1\n", "E1,2\n"], 2, ",")
+    [('E1', 'E1'), ('1', '2')]
+    >>> plain_cells(["E1,1\n", "E1\n"], 2, ",") is None, plain_cells(["E1, 1\n"], 2, ",") is None
+    (True, True)
+
+    """
+    if not delimiter or delimiter not in _DELIMITERS or max(map(len, lines)) > csv.field_size_limit():
+        return None
+    if {line.count(delimiter) for line in lines} != {width - 1}:
+        return None
+    text = "".join(lines)
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    cells = text.removesuffix("\n").replace("\n", delimiter).split(delimiter)
+    first = cells[::width]
+    if len(cells) != width * len(lines) or not all(first) or delimiter + " " in text:
+        return None
+    if any(cell[0] == " " for cell in first):  # blanks after a delimiter are no part of a cell
+        return None
+    return [tuple(cells[i::width]) for i in range(width)]
+
+
+def _plain(
+    body: Body, decimal: Decimal
+) -> Generator[NumberBlock | RowBlock, None, Iterable[tuple[int, Sequence[Cell]]]]:
+    """Yield the blocks of numbers and then of full rows that begin the data, and return the rows below them.
 
     They end where blocks of cells would end, so that what is found at the foot of a table does not change.
     """
@@ -90,14 +124,21 @@ def _numbers(body: Body, decimal: Decimal) -> Generator[NumberBlock, None, Itera
     for _ in islice(lines, above):
         pass
     held: list[str] = []
+    only_numbers = True
     while True:
         held += islice(lines, BLOCK + TAIL - len(held))
         if len(held) < BLOCK + TAIL:
             break
-        values = plain_numbers(held[:BLOCK], body.layout.width, source.delimiter, decimal)
-        if values is None:
-            break
-        yield NumberBlock(range(above + 1, above + BLOCK + 1), values)
+        block, lines_of = held[:BLOCK], range(above + 1, above + BLOCK + 1)
+        values = plain_numbers(block, body.layout.width, source.delimiter, decimal) if only_numbers else None
+        if values is not None:
+            yield NumberBlock(lines_of, values)
+        else:
+            only_numbers = False
+            cells = plain_cells(block, body.layout.width, source.delimiter)
+            if cells is None:
+                break
+            yield RowBlock(list(lines_of), cells)
         above += BLOCK
         del held[:BLOCK]
     return source.rows_of(chain(held, lines), above)
