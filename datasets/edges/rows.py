@@ -29,6 +29,10 @@ class EdgeRows:
         Whether a sorted row is of the edge of the one before.
     first : ndarray of int, shape (g,)
         Place in ``order`` of the first row of each edge.
+    sizes : ndarray of int, shape (g,)
+        Rows of each edge.
+    several : int
+        Number of edges of two rows or more.
     """
 
     names: NDArray[np.object_]
@@ -36,16 +40,8 @@ class EdgeRows:
     order: NDArray[np.intp]
     same: Flags
     first: NDArray[np.intp]
-
-    @property
-    def sizes(self) -> NDArray[np.intp]:
-        """Rows of each edge, shape (g,)."""
-        return np.diff(self.first, append=len(self.order))
-
-    @property
-    def several(self) -> int:
-        """Number of edges of two rows or more."""
-        return int((self.sizes > 1).sum())
+    sizes: NDArray[np.intp]
+    several: int
 
     @property
     def together(self) -> bool:
@@ -74,7 +70,8 @@ def by_edge(draft: Draft) -> EdgeRows:
     order = np.argsort(codes, kind="stable")
     same = np.asarray(codes[order][1:] == codes[order][:-1])
     first = np.flatnonzero(np.concatenate([[True], ~same])).astype(np.intp)
-    return EdgeRows(names, codes, order, same, first)
+    sizes = np.diff(first, append=len(order))
+    return EdgeRows(names, codes, order, same, first, sizes, int((sizes > 1).sum()))
 
 
 def median(values: Array) -> float:

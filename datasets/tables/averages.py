@@ -130,12 +130,18 @@ def _last_mean(columns: Sequence[Floats]) -> list[int]:
     n = len(columns[0])
     if n <= _LONGEST:
         return []
-    ends = np.column_stack([np.array([np.nanmean(values[:-1]), values[-1]]) for values in columns])
+    ends = np.column_stack([np.array([_mean(values[:-1]), values[-1]]) for values in columns])
     both = np.isfinite(ends).all(axis=0)
     if both.sum() < 2 or (np.abs(ends[0] - ends[1])[both] > _ROUNDED + 1e-9 * np.abs(ends[0][both])).any():
         return []
     above = np.column_stack([values[:-1] for values in columns])
     return [n - 1] if _sureness(ends[1], ends[0], above, both, columns) >= _DECADES else []
+
+
+def _mean(values: Floats) -> float:
+    """Mean of the known values; `np.nanmean` alone takes five times as long."""
+    mean = float(values.mean())
+    return mean if mean == mean else float(np.nanmean(values))
 
 
 def _varies(values: Floats) -> bool:
