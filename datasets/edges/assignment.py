@@ -48,6 +48,10 @@ class _Labels:
     def several(self) -> bool:
         return 1 < len(self.names) < int((self.codes >= 0).sum())
 
+    def covers(self, draft: Draft) -> bool:
+        """Whether every row of the draft has a name."""
+        return len(self.codes) == len(draft.lines) and bool((self.codes >= 0).all())
+
 
 def settle_edges(draft: Draft, options: ReadOptions) -> None:
     """Give the role of the edge to the column that has it by content, or infer edges from the order of the tests."""
@@ -60,10 +64,8 @@ def settle_edges(draft: Draft, options: ReadOptions) -> None:
         _decide(draft, tests, given)
     if "edge" in draft.data:
         tidy_names(draft, tests)
-    elif tests is not None and tests.time is not None:
-        _infer(draft, tests)
     elif tests is not None:
-        _infer_readings(draft, tests)
+        (_infer_readings if tests.time is None else _infer)(draft, tests)
 
 
 def _tests(draft: Draft) -> Tests | None:
@@ -277,17 +279,19 @@ def _types_of_tools(one: _Labels, tests: Tests) -> bool:
 
 def _numbered_anew(draft: Draft, one: _Labels) -> Codes | None:
     """Codes of edges by the order of the tests, where the names of a column start again in each block of tests."""
-    if "t" not in draft.data or not one.several or len(one.codes) != len(draft.lines) or (one.codes < 0).any():
+    if "t" not in draft.data or not one.several or not one.covers(draft):
         return None
     found = edges_by_design(draft)
-    if found is None or found.codes is None or not found.in_order or found.codes.max() < len(one.names):
-        return None
-    begins = np.append(True, found.codes[1:] != found.codes[:-1])
-    renamed = np.append(True, one.codes[1:] != one.codes[:-1])
-    again = _again(one.codes, found.codes)
-    if not (begins == renamed).all() or _copied(draft, one) > again / 2:
-        return None
-    return found.codes
+    codes = found.codes if found is not None and found.in_order else None
+    return codes if codes is not None and _begin_anew(draft, one, codes) else None
+
+
+def _begin_anew(draft: Draft, one: _Labels, edges: Codes) -> bool:
+    """Whether names change where edges do, with more edges than names, whose rows are no copies of earlier rows."""
+    begins, renamed = edges[1:] != edges[:-1], one.codes[1:] != one.codes[:-1]
+    if edges.max() < len(one.names) or not (begins == renamed).all():
+        return False
+    return _copied(draft, one) <= _again(one.codes, edges) / 2
 
 
 def _again(names: Codes, edges: Codes) -> int:

@@ -26,23 +26,26 @@ def tidy_names(draft: Draft, tests: Tests | None) -> None:
 def join_types(draft: Draft) -> None:
     """Join names of a tool or work material that differ in blanks and case only: they would be two pairs."""
     for role in ("tool", "work"):
-        if role not in draft.data:
-            continue
-        codes, names = draft.codes(role)
-        if not 1 < len(names) <= MOST_NAMES:
-            continue
-        first: dict[str, int] = {}
-        usual = np.argsort(-np.bincount(codes), kind="stable").tolist()
-        for code in usual:
-            first.setdefault("".join(names[code].split()).casefold(), code)
-        same = [first["".join(name.split()).casefold()] for name in names]
-        for code, other in enumerate(same):
-            if code != other:
-                draft.warnings.append(
-                    f"{role} {names[code]!r} is read as {names[other]!r}: the same name in another spelling"
-                )
-        if len(first) < len(names):
-            draft.data[role] = np.array(names, dtype=object)[np.array(same)[codes]]
+        if role in draft.data:
+            _join_types_of(draft, role)
+
+
+def _join_types_of(draft: Draft, role: str) -> None:
+    codes, names = draft.codes(role)
+    if not 1 < len(names) <= MOST_NAMES:
+        return
+    first: dict[str, int] = {}
+    usual = np.argsort(-np.bincount(codes), kind="stable").tolist()
+    for code in usual:
+        first.setdefault("".join(names[code].split()).casefold(), code)
+    same = [first["".join(name.split()).casefold()] for name in names]
+    for code, other in enumerate(same):
+        if code != other:
+            draft.warnings.append(
+                f"{role} {names[code]!r} is read as {names[other]!r}: the same name in another spelling"
+            )
+    if len(first) < len(names):
+        draft.data[role] = np.array(names, dtype=object)[np.array(same)[codes]]
 
 
 def spelling(name: str) -> str:
