@@ -123,7 +123,7 @@ def _known_roles(symbols: tuple[str, ...]) -> None:
 
 def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
     wanted = {symbol: name for symbol, name in mapping.items() if name.strip().lower() != NONE}
-    assigned = {find_column(columns, name).number: symbol for symbol, name in wanted.items()}
+    assigned = {_find(columns, name).number: symbol for symbol, name in wanted.items()}
     if len(assigned) < len(wanted):
         raise UsageError("--map gives one column to two roles; each role needs a column of its own.")
     claims = []
@@ -177,17 +177,14 @@ def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Ma
     return done
 
 
-def find_column(columns: tuple[Column, ...], name: str, option: str = "--map") -> Column:
-    """The column of this header, this name without unit, or ``col7``; the header counts first.
+def check_edge_option(columns: tuple[Column, ...], name: str | None) -> None:
+    """Refuse a column of edges that is not there, in the words of --edge."""
+    if name is not None and name.strip().lower() != NONE:
+        _find(columns, name, "--edge")
 
-    Raises
-    ------
-    UsageError
-        There is none, or several; the message begins with the option that names it.
 
-    >>> find_column((Column(1, "vc [m/min]", "", np.ones(2), True),), "vc").number
-    1
-    """
+def _find(columns: tuple[Column, ...], name: str, option: str = "--map") -> Column:
+    """The column of this header, this name without unit, or ``col7``; the header counts first."""
     wanted = name.strip()
     for test in (
         lambda c: c.name == wanted,

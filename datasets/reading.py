@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import did_you_mean
 from .clock import clock_columns
-from .columns import NONE, ColumnUse, Values, assign, find_column
+from .columns import ColumnUse, Values, assign, check_edge_option
 from .derived.derivation import derive
 from .design import decode_levels
 from .doubts import Doubt
@@ -214,8 +214,7 @@ def _assemble(
     judge: bool = True,
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
-    if options.edge is not None and options.edge.strip().lower() != NONE:
-        find_column(columns, options.edge, "--edge")
+    check_edge_option(columns, options.edge)
     columns, of_columns, clocks, of_times = clock_columns(columns, options)
     uses, data, assumed = assign(columns, options.columns, of_columns)
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}

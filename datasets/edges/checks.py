@@ -198,8 +198,7 @@ def _of_response(
             yield Doubt((role,), f"{role} jumps within an edge: {listed(cells)}; {what}")
     if grows and (step < np.log(FALL)).any():
         yield from _falls(draft, role, values, order, step, slipped)
-    section = section_of(draft, role)
-    yield from _levels(edges, role, code, y if section is None else y - np.log(section[order]), section is not None)
+    yield from _levels(edges, role, *_over_section(draft, role, order, code, y))
     yield from _shifted_response(edges, role, values)
 
 
@@ -246,13 +245,21 @@ def _slip_words(
     return f"line {draft.lines[order[i]]} has {value}, its neighbours in edge {edges.names[order[i]]} {around}"
 
 
-def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, per_section: bool) -> Iterator[Doubt]:
-    """Edges in which a measured quantity, a load over the section of the chip, is of another order: another unit."""
-    far = np.log(APART if per_section or ROLES[role].kind == "wear" else APART**2)
+def _over_section(
+    draft: Draft, role: str, order: NDArray[np.intp], code: NDArray[np.intp], y: Array
+) -> tuple[NDArray[np.intp], Array, float]:
+    """Edges, logarithms of a load over the section of its chip, and the distance of another order."""
+    section = section_of(draft, role)
+    if section is None:
+        return code, y, float(np.log(APART if ROLES[role].kind == "wear" else APART**2))
+    y = y - np.log(section[order])
     known = np.isfinite(y)
-    if not known.all():
-        code, y = code[known], y[known]
-    if not len(y) or np.ptp(y) < far:
+    return code[known], y[known], float(np.log(APART))
+
+
+def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, far: float) -> Iterator[Doubt]:
+    """Edges in which a measured quantity is of another order than in the others: another unit."""
+    if len(y) < 3 or np.ptp(y) < far:
         return
     at = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]]))
     level = np.add.reduceat(y, at) / np.diff(at, append=len(y))
@@ -268,10 +275,16 @@ def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, per_se
     )
 
 
+def _may_be_shifted(edges: EdgeRows, known: Flags) -> bool:
+    """Whether there are edges and values enough to tell a shifted column, which lacks its first or last value."""
+    enough = len(edges.first) >= 6 and len(known) >= 3 * len(edges.first)
+    return enough and edges.together and bool(known.mean() >= MOST_KNOWN)
+
+
 def _shifted_response(edges: EdgeRows, role: str, values: Array) -> Iterator[Doubt]:
     """A measured column that varies far less within the edges if it is moved by one row."""
-    known = values > 0  # a shifted column lacks its first or last value
-    if len(edges.first) < 6 or len(values) < 3 * len(edges.first) or not edges.together or known.mean() < MOST_KNOWN:
+    known = values > 0
+    if not _may_be_shifted(edges, known):
         return
     y = np.log(np.where(known, values, np.nan))
     same = edges.codes[1:] == edges.codes[:-1]
@@ -298,14 +311,15 @@ def _of_the_next(y: Array, begins: Flags, *, at_end: bool) -> bool:
     if not at_end:
         y, begins = y[::-1], begins[::-1]
     ends = np.append(np.flatnonzero(begins), len(y) - 1)
-    starts = np.append(0, ends[:-1] + 1)
-    inner = [y[a:b] for a, b in zip(starts, ends, strict=True)]
-    if min(map(len, inner)) < 2:
+    sizes = np.diff(ends, prepend=-1)
+    if sizes.min() < 3:
         return False
-    level = np.array([np.nanmean(x) if np.isfinite(x).any() else np.nan for x in inner])
-    scatter = median(np.sort(np.concatenate([np.abs(x - m) for x, m in zip(inner, level, strict=True)])))
-    gap = level[1:] - level[:-1]
-    asked = np.abs(gap) > LEVELS_APART * 1.4826 * scatter
-    beyond = (y[ends[:-1]] - level[:-1]) / np.where(gap == 0, np.nan, gap) > HALFWAY
-    votes = [beyond[asked & (sign * gap > 0)] for sign in (1, -1)]
+    inner = np.delete(y, ends)
+    code = np.repeat(np.arange(len(ends)), sizes - 1)
+    level = np.bincount(code, weights=inner) / (sizes - 1)  # NaN with a missing value, which no edge is asked for
+    scatter = 1.4826 * median(np.abs(inner - level[code])[np.isfinite(level[code])])
+    gap = np.diff(level)
+    asked = np.abs(gap) > LEVELS_APART * scatter
+    beyond = (y[ends[:-1]] - level[:-1]) * np.sign(gap) > HALFWAY * np.abs(gap)
+    votes = (beyond[asked & (gap > 0)], beyond[asked & (gap < 0)])
     return all(len(vote) >= 2 and vote.mean() > MOST_VOTES for vote in votes)
