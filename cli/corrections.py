@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 BY_ROLE = ("--map", "--unit", "--range", "--value")  # given once for each role
 SINGLE = ("--tool", "--work", "--edge", "--process", "--decimal", "--delimiter", "--sheet")
 OPTION = re.compile(
-    r"""--(?:map|unit|range|value|edge|process|decimal|sheet) (?:"[^"]*"|'[^']*'|[^\s"']+)|--hidden\b"""
+    r"""--(?:map|unit|range|value|edge|process|decimal|sheet) """
+    r"""(?!names |gives )(?:"[^"]*"|'[^']*'|[^\s"']+)|--hidden\b"""
 )
 BARE = ("--force", "--json")  # not part of how a file is read
 
@@ -94,6 +95,8 @@ def remedies_in(message: str) -> list[str]:
     ['--unit V=sfm --unit d=in', '--unit V=m/min --unit d=mm']
     >>> remedies_in("100 to 400 um/rev can: --unit f=um/rev or as feed rate, --map fm=col3 --unit fm=mm/min.")
     ['--unit f=um/rev', '--map fm=col3 --unit fm=mm/min']
+    >>> remedies_in("--edge names a column 'Insert' that the file does not have.")
+    []
     """
     if "for instance" in message or "..." in message:
         return []
