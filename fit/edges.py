@@ -19,6 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.display import Displayable, Plottable
+from ..core.errors import FitError
 from .available import NotAvailable
 from .group_sums import sums_by
 
@@ -265,14 +266,29 @@ def left_out_moves(Z: Array, residuals: Array, cov_unscaled: Array, edge: Index,
     """Change of theta when each edge is left out, shape (G, p); or the number of an edge that cannot be.
 
     With Q = Z L orthonormal, leaving edge g out moves L^-1 theta by ``-(I - Q_g'Q_g)^-1 Q_g' r_g``.
+
+    Raises
+    ------
+    FitError
+        The covariance has no root, as with values beyond the range of a double.
     """
-    L = np.linalg.cholesky(cov_unscaled)
+    try:
+        L = np.linalg.cholesky(cov_unscaled)
+    except np.linalg.LinAlgError:
+        L = np.full_like(cov_unscaled, np.nan)
+    with np.errstate(over="ignore", invalid="ignore"):
+        Q_all = Z @ L
+    if not np.isfinite(Q_all).all():
+        raise FitError(
+            "the covariance of the parameters cannot be computed by edge: values of the response or of a factor are "
+            "too extreme. Correct or leave out the largest and smallest of them."
+        )
     order = np.argsort(edge, kind="stable")
     bounds = np.searchsorted(edge[order], np.arange(G + 1))
     moved = np.empty((G, Z.shape[1]))
     for g in range(G):
         rows = order[bounds[g] : bounds[g + 1]]
-        Q = Z[rows] @ L
+        Q = Q_all[rows]
         left = np.eye(Z.shape[1]) - Q.T @ Q
         if np.linalg.eigvalsh(left)[0] < 1e-10:
             return g

@@ -96,6 +96,11 @@ def minimise(law: LawForm, Z: Array, y: Array, start: Array) -> tuple[Array, Arr
     back[0, 1:] = -centre[1:]
     condensed = Condensed(law, C, y, float(np.max(np.abs(y))))
     begin = np.linalg.solve(back, start)
+    if not np.isfinite(condensed.residuals(begin)).all():
+        raise FitError(
+            f"{law.response}: the log-linear start overflows on the original scale. Fit with error='multiplicative', "
+            "or correct values of extreme magnitude."
+        )
     found = least_squares(
         condensed.residuals, begin, jac=condensed.jacobian, method="trf", x_scale="jac",
         ftol=TIGHT, xtol=TIGHT, gtol=TIGHT,
@@ -109,5 +114,6 @@ def minimise(law: LawForm, Z: Array, y: Array, start: Array) -> tuple[Array, Arr
     theta = back @ (found.x + step.params)
     r = y - law.response_at(theta, Z)
     df = len(y) - len(theta)
-    variance = float(r @ r) / condensed.size**2 / max(df, 1)  # the step is fitted in units of size
+    scaled = r / condensed.size  # before squaring: 1e300 has no square
+    variance = float(scaled @ scaled) / max(df, 1)  # the step is fitted in units of size
     return theta, variance * back @ step.cov_unscaled @ back.T if df else None

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.edges import fit_random_level
+from fitmodels.core.errors import FitError
+from fitmodels.fit.edges import fit_random_level, left_out_moves
 from fitmodels.fit.regression import edge_inference
 from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM
@@ -129,3 +130,10 @@ def test_what_cannot_be_had_is_said(law, words):
     assert isinstance(edges, fit.NotAvailable)
     assert not edges
     assert words in str(edges)
+
+
+@pytest.mark.parametrize("covariance", [np.full((2, 2), np.inf), -np.eye(2), np.eye(2) * 1e308])
+def test_a_covariance_beyond_the_range_of_numbers_is_refused(covariance):
+    Z = np.column_stack([np.ones(6), np.arange(6) * 1e160])
+    with pytest.raises(FitError, match="too extreme"):
+        left_out_moves(Z, np.ones(6), covariance, np.arange(6) // 2, 3)
