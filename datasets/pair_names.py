@@ -1,6 +1,7 @@
 """Names of tool and work material of a file of tests."""
 
 import re
+from functools import cache
 
 import pandas as pd
 
@@ -16,10 +17,16 @@ def pair_name(role: str, frame: pd.DataFrame, notes: tuple[str, ...]) -> str:
     if role in frame:
         names = [name for name in dict.fromkeys(frame[role]) if name]
         return names[0] if len(names) == 1 else "several" if names else UNNAMED[role]
-    words = "|".join(re.escape(name) for name in (role, *ROLES[role].names))
     for note in notes:
-        if match := re.match(rf"\s*(?:{words})\s*[:;,|=\t]\s*(.*\S)", note, flags=re.IGNORECASE):
+        if match := _entry(role).match(note):
             name = match[1].strip(" ;,|\t:")
             if name:
                 return name
     return UNNAMED[role]
+
+
+@cache
+def _entry(role: str) -> re.Pattern[str]:
+    """A note that names a role and a value."""
+    words = "|".join(re.escape(name) for name in (role, *ROLES[role].names))
+    return re.compile(rf"\s*(?:{words})\s*[:;,|=\t]\s*(.*\S)", flags=re.IGNORECASE)
