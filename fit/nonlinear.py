@@ -95,7 +95,7 @@ def minimise(law: LawForm, Z: Array, y: Array, start: Array) -> tuple[Array, Arr
     back = np.eye(Z.shape[1])
     back[0, 1:] = -centre[1:]
     condensed = Condensed(law, C, y, float(np.max(np.abs(y))))
-    begin = np.linalg.solve(back, start)
+    begin: Array = np.asarray(np.linalg.solve(back, start), dtype=np.float64)
     if not np.isfinite(condensed.residuals(begin)).all():
         raise FitError(
             f"{law.response}: the log-linear start overflows on the original scale. Fit with error='multiplicative', "
