@@ -1,6 +1,7 @@
 """Parsing shared by the commands: help that begins with an example, suggestions for misspelled options."""
 
 import argparse
+import re
 import shlex
 import sys
 from argparse import ArgumentTypeError
@@ -11,17 +12,23 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from ..core.errors import UsageError
 from ..core.suggestions import closest
 
+ONE_TABLE = "several files that are one table go into a folder: fitmodels FOLDER"
+
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose help begins with an example and whose errors are one sentence."""
+    """A parser whose help begins with an example and whose errors are one sentence.
 
-    def __init__(self, prog: str, example: str, description: str) -> None:
+    ``more_files`` is the remedy for a second file where the command reads one.
+    """
+
+    def __init__(self, prog: str, example: str, description: str, more_files: str = "") -> None:
         layout = argparse.RawDescriptionHelpFormatter
         super().__init__(prog=prog, description=description, allow_abbrev=False, formatter_class=layout)
         self.example = example
+        self.more_files = more_files
 
     def format_help(self) -> str:
         """The example, then the help of argparse."""
@@ -34,6 +41,8 @@ class Parser(argparse.ArgumentParser):
             if word.startswith("-") and word not in options and (near := closest(word.split("=")[0], options, 0.6)):
                 message += f" (did you mean {near}?)"
                 break
+        if self.more_files and re.match(r"unrecognized arguments: [^-]", message):
+            message += f"; {self.more_files}"
         sys.stderr.write(f"{self.prog}: {message}; see '{self.prog} -h'.\n")
         raise SystemExit(2)
 

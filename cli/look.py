@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import Parser
+from .arguments import ONE_TABLE, Parser
 from .corrections import corrected, explicit, remedies_in
 from .options import read_keywords, reading_options
 from .output import Printer, print_json
@@ -28,6 +28,7 @@ def parser() -> Parser:
         "Print how a file of cutting tests is read (columns, units, edges, pairs, doubts), draw a first picture, and\n"
         "print the whole command that fits it as read, or corrected. Nothing is fitted. Where the reading is refused,\n"
         "the columns are printed as found.",
+        ONE_TABLE,
     )
     p.add_argument("file", metavar="FILE", help="table of tests, as of fitmodels FILE; - reads standard input")
     p.add_argument("--out", metavar="FILE", help="the picture (default: ./<file>-look.png)")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.files import STANDARD_INPUT
 from ..core.version import __version__
-from .arguments import Parser, typed
+from .arguments import ONE_TABLE, Parser, typed
 from .corrections import corrected
 from .look import facts
 from .options import fit_options, fitting_options, reading_options
@@ -35,6 +35,7 @@ def parser() -> Parser:
         "pair with params.json, a model card (README.md) and figures.\n"
         "Other commands, each with -h: look, reduce; predict, plan, next, confirm, simulate; ident, excite, tune;\n"
         "limits, settings, replay, check, export; card, publish; batch",
+        ONE_TABLE,
     )
     kinds = "CSV, TXT, TSV, .xlsx, .xls, .xlsb or .ods"
     p.add_argument(

@@ -129,7 +129,7 @@ class Analysis(Displayable):
 
 
 def analyse(
-    source: "str | os.PathLike[str] | pd.DataFrame | Runs",
+    source: "Readable",
     *,
     options: FitOptions | None = None,
     command: str | None = None,
@@ -139,8 +139,8 @@ def analyse(
 
     Parameters
     ----------
-    source : path, DataFrame or Runs
-        A file of tests, a DataFrame whose column names are read as headers of a file are, or `datasets.Runs`.
+    source : path, list of paths, DataFrame or Runs
+        A file of tests, a folder or list of files that are one table, a DataFrame whose column names are read as headers of a file are, or `datasets.Runs`.
     options : FitOptions, optional
     command : str, optional
         Recorded in the parameter files as the command that makes them.

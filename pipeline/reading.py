@@ -2,10 +2,11 @@
 
 import os
 import shlex
+from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -26,7 +27,10 @@ if TYPE_CHECKING:
 OF_FILES = ("decimal", "delimiter", "sheet", "ranges", "hidden")  # reading options that a DataFrame does not have
 
 
-def read_source(source: str | os.PathLike[str] | pd.DataFrame | Runs, options: ReadOptions) -> Runs:
+Readable: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | pd.DataFrame | Runs
+
+
+def read_source(source: Readable, options: ReadOptions) -> Runs:
     """The tests of a source.
 
     Raises
@@ -47,9 +51,13 @@ def read_source(source: str | os.PathLike[str] | pd.DataFrame | Runs, options: R
             raise UsageError(f"{', '.join(wrong)}: a DataFrame has no such option of reading; leave it out.")
         runs = runs_from_frame(source, **given)
         return replace(runs, source=replace(runs.source, sha256=digest(source)))
-    if not isinstance(source, str | os.PathLike):
-        raise UsageError(f"source of type {type(source).__name__}: give the path of a file, a DataFrame or Runs.")
-    return read_tests(Path(source), options)
+    if isinstance(source, str | os.PathLike):
+        return read_tests(Path(source), options)
+    if not isinstance(source, list | tuple) or not all(isinstance(file, str | os.PathLike) for file in source):
+        raise UsageError(
+            f"source of type {type(source).__name__}: give the path of a file, a DataFrame or Runs, or a list of paths."
+        )
+    return read_runs(tables_of_tests(source, options, None if options.map else _refuse_in_folder), options=options)
 
 
 def read_tests(path: Path, options: ReadOptions) -> Runs:
