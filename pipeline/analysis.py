@@ -12,12 +12,11 @@ from .options import FitOptions, fit_options
 from .pair import PairAnalysis, Step, fit_pair, no_step, parameter_file
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..datasets import Runs
     from ..fit import LawFit
     from ..fit.bayes.posterior import Posterior
     from ..parameters import ParameterFile
+    from .reading import Readable
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -140,7 +139,8 @@ def analyse(
     Parameters
     ----------
     source : path, list of paths, DataFrame or Runs
-        A file of tests, a folder or list of files that are one table, a DataFrame whose column names are read as headers of a file are, or `datasets.Runs`.
+        A file of tests, a folder or list of files that are one table, a DataFrame whose column names are read as
+        headers of a file are, or `datasets.Runs`.
     options : FitOptions, optional
     command : str, optional
         Recorded in the parameter files as the command that makes them.
