@@ -80,7 +80,7 @@ def test_the_poisons_of_the_paper():
     found = asked(law)
     assert found.power == pytest.approx(-0.75, abs=0.005)
     assert (found.power, found.low, found.high) == pytest.approx(by_scipy(law), abs=3e-6)
-    assert found.concern == 2
+    assert found.concern == 1
     assert "the log transform is rejected (lambda = -" in found.verdict
 
 

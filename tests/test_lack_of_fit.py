@@ -152,7 +152,7 @@ def test_a_bent_law_is_found():
     rng = np.random.default_rng(6)
     bend = 0.8 * (Z[:, 1] - Z[:, 1].mean()) ** 2
     found = form_of(with_response(law, Z @ THETA + bend + 0.05 * rng.normal(size=len(at))))
-    assert found.concern == 2
+    assert found.concern == 1
     assert "second-order or competing model" in found.verdict
 
 

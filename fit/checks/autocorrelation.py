@@ -71,6 +71,7 @@ def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorr
         pvalue=p,
         concern=concern_of(p),
         verdict=_verdict(found, mean, p),
+        kept=_kept(found, mean, p),
         correlation=found,
         expected=mean,
         sd=sd,
@@ -80,10 +81,18 @@ def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorr
     )
 
 
+def _kept(found: float, expected: float, p: float) -> str:
+    return f"No autocorrelation of residuals within edges ({_result(found, expected, p)})."
+
+
+def _result(found: float, expected: float, p: float) -> str:
+    return f"lag-1 correlation {found:.2f}, expected {expected:.2f} under independence, {format_p(p)}"
+
+
 def _verdict(found: float, expected: float, p: float) -> str:
-    result = f"lag-1 correlation {found:.2f}, expected {expected:.2f} under independence, {format_p(p)}"
     if not concern_of(p):
-        return f"No autocorrelation of residuals within edges ({result})."
+        return _kept(found, expected, p)
+    result = _result(found, expected, p)
     if found < expected:
         return f"Negative autocorrelation of residuals within edges ({result}): check the order and reading of wear."
     return (

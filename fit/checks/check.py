@@ -1,8 +1,9 @@
 """The result of one check of a law, and the list of several: null hypothesis, statistic, p, level and verdict."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 from pandas import DataFrame
 
@@ -13,6 +14,7 @@ from ..available import NotAvailable
 
 SIGNIFICANT, STRONG = 0.05, 0.001  # p-values below which a test gives a warning, or fails
 LEVELS = ("passed", "warning", "failed")  # by ``Check.concern``
+FAMILY_LEVEL = 0.05  # of all tests of the laws of a file together, by Holm's procedure
 
 # Title of each check by its key in `Judgement.checks` and in parameter files.
 TITLES: Mapping[str, str] = MappingProxyType({
@@ -37,6 +39,48 @@ TITLES: Mapping[str, str] = MappingProxyType({
 BY_EDGE = ("order within edges", "even scatter of edges", "normality of edges")  # not applicable to independent rows
 
 
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """Rows or whole edges whose values of one column are probably wrong, and what would correct them.
+
+    Attributes
+    ----------
+    column : str
+        Symbol of the column.
+    edges : tuple of str
+        Whole edges; empty where single rows are suspected.
+    lines : tuple of int
+        Lines of the file of the suspected rows.
+    factor, offset : float or None
+        What the values are multiplied by, or what is added to them, to agree with the others; None where no known
+        mistake explains them.
+    cause : str
+        The mistake in words, ``inch for mm``.
+    """
+
+    column: str
+    edges: tuple[str, ...] = ()
+    lines: tuple[int, ...] = ()
+    factor: float | None = None
+    offset: float | None = None
+    cause: str = ""
+
+    @property
+    def correction(self) -> str:
+        """The argument of ``--correct`` that corrects it, empty where none is known.
+
+        >>> Suspect("f", edges=("E07", "E11"), factor=25.4).correction
+        'E07,E11:f*25.4'
+        >>> Suspect("t", lines=(12, 13), offset=-5.0).correction
+        'lines 12,13:t-5'
+        """
+        target = ",".join(self.edges) if self.edges else f"lines {','.join(map(str, self.lines))}"
+        if self.factor is not None:
+            sign, size = ("*", self.factor) if self.factor >= 1 else ("/", 1 / self.factor)
+            return f"{target}:{self.column}{sign}{size:.6g}"
+        return "" if self.offset is None else f"{target}:{self.column}{self.offset:+.6g}"
+
+
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Check(Displayable):
     """One test or diagnostic of a law.
@@ -53,9 +97,13 @@ class Check(Displayable):
     pvalue : float or None
         None where a rule of thumb decides.
     concern : int
-        0 passed, 1 warning, 2 failed.
+        0 passed; 1 a reservation; 2 the law must not be used for control.
     verdict : str
         One sentence: the finding, and the remedy where there is one to take.
+    kept : str
+        The sentence of a test whose null hypothesis is retained once all tests of the file are counted together.
+    suspects : tuple of Suspect
+        Rows and edges that the check finds wrong.
     """
 
     null: str
@@ -65,6 +113,8 @@ class Check(Displayable):
     pvalue: float | None = None
     concern: int = 0
     verdict: str
+    kept: str = ""
+    suspects: tuple[Suspect, ...] = ()
 
     @property
     def level(self) -> str:
@@ -94,9 +144,37 @@ class Check(Displayable):
         return f"{self.symbol}{df} = {format_plain(self.statistic, 3)}"
 
 
+def family_wise(checks: Mapping[str, Check | NotAvailable], level: float = FAMILY_LEVEL) -> dict[str, Any]:
+    """The checks with the rejections that hold when all their tests are counted together (Holm 1979).
+
+    A test is a check with a p-value; of those not rejected ``concern`` is 0 and the verdict is ``kept``. A check
+    without a p-value stays as it is.
+
+    Examples
+    --------
+    >>> one = Check(null="", pvalue=0.03, concern=1, verdict="Rejected.", kept="Retained.")
+    >>> [check.verdict for check in family_wise({"a": one, "b": one}).values()]
+    ['Retained.', 'Retained.']
+    """
+    tests = [
+        (check.pvalue, name) for name, check in checks.items() if isinstance(check, Check) if check.pvalue is not None
+    ]
+    rejected: set[str] = set()
+    for rank, (p, name) in enumerate(sorted(tests)):
+        if p * (len(tests) - rank) >= level:
+            break
+        rejected.add(name)
+    return {
+        name: replace(check, concern=0, verdict=check.kept or check.verdict)
+        if isinstance(check, Check) and check.pvalue is not None and name not in rejected
+        else check
+        for name, check in checks.items()
+    }
+
+
 def concern_of(p: float) -> int:
-    """0 passed, 1 below .05, 2 below .001."""
-    return int(p < SIGNIFICANT) + int(p < STRONG)
+    """1, a reservation, below .05; 0 otherwise."""
+    return int(p < SIGNIFICANT)
 
 
 def format_p(p: float) -> str:

@@ -1,18 +1,24 @@
-"""All checks of a law: adequacy, error structure, competing models, influential edges, measurement error of wear.
+"""All checks of a law, and its verdict.
 
-Checks that leave out, resample or compare do it by edge where edges have several rows.
+Each check stands alone: one that raises is reported as not computed, with its reason, and costs only itself. Checks
+that leave out, resample or compare do it by edge where edges have several rows. The tests of all laws of a file are
+counted together (Holm's procedure), so that a sound file is rarely accused.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from pandas import DataFrame
 
 from ...core.display import Plottable
 from ...core.threads import one_thread
+from ...core.verdict import Verdict, verdict_from
+from ...datasets import Runs
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .autocorrelation import SerialCorrelation, serial_correlation
-from .check import Check, frame_of_checks, sentences
+from .autocorrelation import serial_correlation
+from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
 from .competing_models import compare_forms
 from .deletion_diagnostics import Deletion, deletion, influence, press
 from .gauge_error import gauge_corrected
@@ -23,12 +29,49 @@ from .robust_fit import dominant_edge, robust
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split
 from .time_exponent import common_exponent
 
-Checks = dict[str, Check | NotAvailable]
+Found = Check | NotAvailable
+
+
+@dataclass(frozen=True)
+class CheckInput:
+    """A law with what its checks share.
+
+    Attributes
+    ----------
+    whole, law : LawFit
+        The law, and the law of at most 5000 of its rows, evenly spaced.
+    runs : Runs or None
+        The runs that it was fitted to, with the columns that it does not use.
+    gauge_sd : float or None
+    alternative : LawFit or None
+        The law with the other error structure, where it is known.
+    """
+
+    whole: LawFit
+    law: LawFit
+    runs: Runs | None = None
+    gauge_sd: float | None = None
+    alternative: LawFit | None = None
+
+    @cached_property
+    def strata(self) -> Strata | NotAvailable:
+        """Levels of edges, and rows about them."""
+        return split(self.law)
+
+    @cached_property
+    def left_out(self) -> Deletion | NotAvailable:
+        """Effect of leaving out each edge, or each row where they are independent."""
+        return deletion(self.law, self.strata)
+
+    @cached_property
+    def residuals(self) -> tuple[Residuals | NotAvailable, Residuals | NotAvailable]:
+        """Residuals of rows, and of edges."""
+        return residual_sets(self.law, self.strata)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Judgement(Plottable):
-    """Checks of a law.
+    """Checks of a law, and its verdict.
 
     Attributes
     ----------
@@ -40,9 +83,26 @@ class Judgement(Plottable):
         Rows checked: of more than 5000 an even selection, 0 of a law of a stream, which keeps none.
     """
 
-    checks: Checks
+    checks: dict[str, Found]
     rows_are_independent: bool
     nobs: int
+
+    @property
+    def verdict(self) -> Verdict:
+        """How far the law can be used; the highest ``concern`` of its checks decides."""
+        there = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, Check)}
+        missing = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, NotAvailable)}
+        return verdict_from(
+            [(check.concern, check.verdict) for check in there.values()],
+            list(there),
+            [f"{title}: {check.reason}" for title, check in missing.items()],
+        )
+
+    @property
+    def suspects(self) -> tuple[Suspect, ...]:
+        """Rows and edges that the checks find wrong."""
+        found = (check for check in self.checks.values() if isinstance(check, Check) and check.concern)
+        return tuple(dict.fromkeys(suspect for check in found for suspect in check.suspects))
 
     def verdicts(self, most: int = 6) -> tuple[str, ...]:
         """Sentences, at most ``most``: failed checks, warnings, checks that are not testable, passed checks.
@@ -60,8 +120,15 @@ class Judgement(Plottable):
 
 
 @one_thread
-def judge(law: LawFit, gauge_sd: float | None = None, *, alternative: LawFit | None = None) -> Judgement:
-    """Check a law: adequacy, error structure, competing models, influential edges.
+def judge(
+    law: LawFit,
+    gauge_sd: float | None = None,
+    *,
+    runs: Runs | None = None,
+    alternative: LawFit | None = None,
+    laws: int = 1,
+) -> Judgement:
+    """Check a law: its exponents, form, error structure, competing models, and wrong rows and edges.
 
     Parameters
     ----------
@@ -69,78 +136,102 @@ def judge(law: LawFit, gauge_sd: float | None = None, *, alternative: LawFit | N
     gauge_sd : float, optional
         Standard deviation of the wear gauge, in the unit of the wear; its effect on the exponent of wear is then
         checked as well.
+    runs : Runs, optional
+        The runs that the law was fitted to: columns that it does not use are tested, and doubts of the reading count.
     alternative : LawFit, optional
         ``law.alternative`` where it is known: fitting it again takes a sixth of the time.
-
-    Examples
-    --------
-    >>> from fitmodels import datasets, fit
-    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "P", ["V", "f", "d", "t", "AW"])
-    >>> fit.judge(law).checks["collinearity"].level
-    'warning'
-    """
-    found = adequacy(law)
-    given, law = law, even_choice(law)
-    checks: Checks = {**found.checks}
-    if law.formula.logarithmic:  # a line has one error structure only
-        checks["error structure"] = error_structure(law, alternative if law is given else None)
-    if law.form == "power":
-        checks["rival forms"] = compare_forms(law)
-    exponent = common_exponent(law)
-    if isinstance(exponent, Check):  # of laws without time, or of edges with one row, it does not exist
-        checks["time exponent"] = exponent
-    edge = dominant_edge(law)
-    if isinstance(edge, Check) and edge.concern:
-        checks["dominant edge"] = edge
-        refit = robust(law)
-        if isinstance(refit, Check):
-            checks["robust refit"] = refit
-    if gauge_sd is not None and (wear := next((name for name in ("AW", "VB") if name in law.factors), None)):
-        checks["gauge error"] = gauge_corrected(law, gauge_sd, wear, unit=law.units[wear])
-    return Judgement(checks, found.rows_are_independent, found.nobs)
-
-
-@one_thread
-def adequacy(law: LawFit) -> Judgement:
-    """Check the adequacy of a law: form, prediction, influence, collinearity, scale and residuals.
-
-    Parameters
-    ----------
-    law : LawFit
-        With an edge column, everything is by edge; without one rows are assumed independent.
+    laws : int
+        Laws of the file that are judged together: the level of the tests is shared among them.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> adequacy(law).checks["form"].df
-    (11, 9)
+    >>> fit.judge(law).checks["collinearity"].level
+    'passed'
     """
-    rows_given, law = law.nobs, even_choice(law)
-    strata = split(law)
-    left = deletion(law, strata)
-    rows, edges = residual_sets(law, strata)
-    checks: Checks = {
-        "form": lack_of_fit(law, strata),
-        "single edges": influence(law, strata, left) if isinstance(left, Deletion) else left,
-        "prediction": press(law, left) if isinstance(left, Deletion) else left,
-        "collinearity": collinearity(law),
-        "signal to noise": precision(law, strata),
-        "scale of the response": box_cox(law, strata),
-        "order within edges": _order(law, strata, rows_given),
-        "even scatter": spread(law, rows) if isinstance(rows, Residuals) else rows,
-        "even scatter of edges": spread(law, edges) if isinstance(edges, Residuals) else edges,
-        "normality": normality(rows) if isinstance(rows, Residuals) else rows,
-        "normality of edges": normality(edges) if isinstance(edges, Residuals) else edges,
-    }
-    return Judgement(checks, not has_repeated_edges(law), 0 if law.rows is None else law.nobs)
+    chosen = even_choice(law)
+    given = CheckInput(law, chosen, runs, gauge_sd, alternative if chosen is law else None)
+    found = {name: computed(check, given) for name, check in CHECKS.items()}
+    checks = {name: check for name, check in found.items() if check is not None}
+    rows = 0 if chosen.rows is None else chosen.nobs
+    return Judgement(family_wise(checks, FAMILY_LEVEL / max(laws, 1)), not has_repeated_edges(chosen), rows)
 
 
-def _order(law: LawFit, strata: Strata | NotAvailable, rows_given: int) -> SerialCorrelation | NotAvailable:
+def computed(check: "OneCheck", given: CheckInput) -> Found | None:
+    """The result of a check; one that raises is not available, with the error as its reason."""
+    try:
+        return check(given)
+    except Exception as error:  # an optional check must not end the run, whatever is wrong with it
+        return NotAvailable(f"the computation failed ({type(error).__name__}: {error})")
+
+
+OneCheck = Callable[[CheckInput], Found | None]
+
+
+def _deleted(check: Callable[[CheckInput, Deletion], Found]) -> OneCheck:
+    return lambda given: check(given, given.left_out) if isinstance(given.left_out, Deletion) else given.left_out
+
+
+def _of_residuals(check: Callable[[CheckInput, Residuals], Found], which: int) -> OneCheck:
+    def found(given: CheckInput) -> Found:
+        residuals = given.residuals[which]
+        return check(given, residuals) if isinstance(residuals, Residuals) else residuals
+
+    return found
+
+
+def _order(given: CheckInput) -> Found:
     """The test of autocorrelation; not available for a selection of rows, which lacks their neighbours."""
-    if isinstance(strata, Strata) and law.nobs < rows_given:
+    if isinstance(given.strata, Strata) and given.law.nobs < given.whole.nobs:
         return NotAvailable(
-            f"{law.nobs} of {rows_given} rows were checked, evenly spaced: neighbours on an edge are missing; "
-            f"fit whole edges, {MOST_ROWS} rows at most, to test autocorrelation"
+            f"{given.law.nobs} of {given.whole.nobs} rows were checked, evenly spaced: neighbours on an edge are "
+            f"missing; fit whole edges, {MOST_ROWS} rows at most, to test autocorrelation"
         )
-    return serial_correlation(law, strata)
+    return serial_correlation(given.law, given.strata)
+
+
+def _time_exponent(given: CheckInput) -> Found | None:
+    found = common_exponent(given.law)
+    return found if isinstance(found, Check) else None  # of laws without time, or edges with one row, it does not exist
+
+
+def _dominant(given: CheckInput) -> Found | None:
+    found = dominant_edge(given.law)
+    return found if isinstance(found, Check) and found.concern else None
+
+
+def _robust(given: CheckInput) -> Found | None:
+    edge = dominant_edge(given.law)
+    found = robust(given.law) if isinstance(edge, Check) and edge.concern else None
+    return found if isinstance(found, Check) else None
+
+
+def _gauge(given: CheckInput) -> Found | None:
+    wear = next((name for name in ("AW", "VB") if name in given.law.factors), None)
+    if given.gauge_sd is None or wear is None:
+        return None
+    return gauge_corrected(given.law, given.gauge_sd, wear, unit=given.law.units[wear])
+
+
+CHECKS: Mapping[str, OneCheck] = {
+    "form": lambda given: lack_of_fit(given.law, given.strata),
+    "single edges": _deleted(lambda given, left: influence(given.law, given.strata, left)),
+    "prediction": _deleted(lambda given, left: press(given.law, left)),
+    "collinearity": lambda given: collinearity(given.law),
+    "signal to noise": lambda given: precision(given.law, given.strata),
+    "scale of the response": lambda given: box_cox(given.law, given.strata),
+    "order within edges": _order,
+    "even scatter": _of_residuals(lambda given, rows: spread(given.law, rows), 0),
+    "even scatter of edges": _of_residuals(lambda given, edges: spread(given.law, edges), 1),
+    "normality": _of_residuals(lambda _, rows: normality(rows), 0),
+    "normality of edges": _of_residuals(lambda _, edges: normality(edges), 1),
+    "error structure": lambda given: (
+        error_structure(given.law, given.alternative) if given.law.formula.logarithmic else None
+    ),
+    "rival forms": lambda given: compare_forms(given.law) if given.law.form == "power" else None,
+    "time exponent": _time_exponent,
+    "dominant edge": _dominant,
+    "robust refit": _robust,
+    "gauge error": _gauge,
+}

@@ -147,14 +147,16 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
         f"Lack of fit ({result}): the law deviates from the means of the settings by more than replicated {units} "
         "vary; try a second-order or competing model, or restrict the range."
     )
+    kept = f"No lack of fit against {replicated} replicated settings ({result})."
     return LackOfFit(
         null=f"the law has the right form: settings deviate from it no more than replicated {units} vary",
         statistic=F,
         symbol="F",
         df=df,
         pvalue=p,
-        concern=2 if p < SIGNIFICANT else 0,
-        verdict=rejected if p < SIGNIFICANT else f"No lack of fit against {replicated} replicated settings ({result}).",
+        concern=int(p < SIGNIFICANT),
+        verdict=rejected if p < SIGNIFICANT else kept,
+        kept=kept,
         units=units,
         ss_lack=lack,
         ss_pure=pure,

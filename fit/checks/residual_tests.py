@@ -142,6 +142,7 @@ def normality(residuals: Residuals) -> Normality | NotAvailable:
         pvalue=p,
         concern=concern_of(p),
         verdict=f"{not_normal}affected most." if concern_of(p) else normal,
+        kept=normal,
         of=residuals.of,
         nobs=n,
     )
@@ -225,6 +226,8 @@ def spread(law: LawFit, residuals: Residuals) -> Homoscedasticity | NotAvailable
     j = int(np.argmax(np.abs(pull)))
     df, rises = len(scores), bool(pull[j] > 0)
     p = float(chdtrc(df, statistic))
+    result = f"Breusch-Pagan chi2({df}) = {statistic:.1f}, {format_p(p)}"
+    kept = f"The variance of residuals of {residuals.of} is constant over the conditions ({result})."
     return Homoscedasticity(
         null=f"the variance of residuals of {residuals.of} is the same at all conditions",
         statistic=statistic,
@@ -232,21 +235,20 @@ def spread(law: LawFit, residuals: Residuals) -> Homoscedasticity | NotAvailable
         df=df,
         pvalue=p,
         concern=concern_of(p),
-        verdict=_variance_verdict(law, residuals.of, f"Breusch-Pagan chi2({df}) = {statistic:.1f}", p, names[j], rises),
+        verdict=_rejected(law, residuals.of, result, names[j], rises) if concern_of(p) else kept,
+        kept=kept,
         of=residuals.of,
         term=names[j],
         rises=rises,
     )
 
 
-def _variance_verdict(law: LawFit, of: str, result: str, p: float, term: str, rises: bool) -> str:
-    if not concern_of(p):
-        return f"The variance of residuals of {of} is constant over the conditions ({result}, {format_p(p)})."
+def _rejected(law: LawFit, of: str, result: str, term: str, rises: bool) -> str:
     rescaled = law.error == "additive" and rises  # in logs, a scatter that grows with the response is constant
     remedy = "fit with error='multiplicative'" if rescaled else "one interval width for all conditions is misleading"
     return (
-        f"Heteroscedasticity: the variance of residuals of {of} {'rises' if rises else 'falls'} with {term} ({result}, "
-        f"{format_p(p)}): {remedy}."
+        f"Heteroscedasticity: the variance of residuals of {of} {'rises' if rises else 'falls'} with {term} "
+        f"({result}): {remedy}."
     )
 
 

@@ -92,8 +92,9 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
     p = float(chdtrc(1, statistic))
     transform, other = ("log transform", "original scale") if of_law == 0 else ("original scale", "log transform")
     result = f"lambda = {_power(best)}, 95 % CI {_power(low)} to {_power(high)}, {format_p(p)}"
+    kept = f"Box-Cox: the {transform} is not rejected ({result})."
     if not concern_of(p):
-        verdict = f"Box-Cox: the {transform} is not rejected ({result})."
+        verdict = kept
     elif low <= 1 - of_law <= high:
         verdict = (
             f"Box-Cox: the {transform} is rejected in favour of the {other} ({result}): compare the error structures."
@@ -111,6 +112,7 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
         pvalue=p,
         concern=concern_of(p),
         verdict=verdict,
+        kept=kept,
         power=best,
         low=low,
         high=high,

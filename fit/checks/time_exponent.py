@@ -81,16 +81,16 @@ def common_exponent(law: LawFit) -> CommonExponent | NotAvailable:
         f"A common time exponent is rejected ({result}): exponents of edges range from {exponents.min():.2f} to "
         f"{exponents.max():.2f}."
     )
+    kept = f"A common time exponent of {len(exponents)} edges is kept ({result})."
     return CommonExponent(
         null="all edges have the same time exponent",
         statistic=float(F),
         symbol="F",
         df=(df, df_left),
         pvalue=p,
-        concern=2 if p < SIGNIFICANT else 0,
-        verdict=rejected
-        if p < SIGNIFICANT
-        else f"A common time exponent of {len(exponents)} edges is kept ({result}).",
+        concern=int(p < SIGNIFICANT),
+        verdict=rejected if p < SIGNIFICANT else kept,
+        kept=kept,
         response=law.response,
         exponents=pd.Series(exponents, index=[str(name) for name in names[informative]], name=TIME),
         common=float(together[0]),

@@ -1,0 +1,61 @@
+"""The verdict on a result: how far it can be used, the reasons, what was checked and what was not."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from .display import Display, Displayable
+
+USABLE, RESERVATIONS, DO_NOT_USE = 0, 1, 2
+LEVELS: Final = ("usable inside the tested region", "usable with reservations", "do not use for control")
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Verdict(Displayable):
+    """How far a result can be used.
+
+    Attributes
+    ----------
+    level : {0, 1, 2}
+        Usable inside the tested region; usable with reservations; do not use for control.
+    reasons : tuple of str
+        One sentence for each reservation, reasons not to use the result first.
+    checked : tuple of str
+        Names of the checks that were computed.
+    not_checked : tuple of str
+        Each check that was not computed, with its reason.
+
+    Examples
+    --------
+    >>> Verdict(1, ("The file names no edges.",), ("Lack of fit",)).words
+    'usable with reservations'
+    """
+
+    level: int = USABLE
+    reasons: tuple[str, ...] = ()
+    checked: tuple[str, ...] = ()
+    not_checked: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """The level in words."""
+        return LEVELS[self.level]
+
+    def _display(self) -> Display:
+        facts = (("checked", ", ".join(self.checked)), ("not checked", "; ".join(self.not_checked)))
+        return Display(self.words, tuple(fact for fact in facts if fact[1]), sentences=self.reasons)
+
+
+def verdict_from(
+    found: Sequence[tuple[int, str]], checked: Sequence[str] = (), not_checked: Sequence[str] = ()
+) -> Verdict:
+    """The verdict from levels with their sentences: the highest level decides, and its reasons stand first.
+
+    Examples
+    --------
+    >>> verdict_from([(1, "No edges."), (2, "R2 is .02."), (0, "Passed.")]).reasons
+    ('R2 is .02.', 'No edges.')
+    """
+    held = sorted((item for item in found if item[0] > USABLE), key=lambda item: -item[0])
+    level = held[0][0] if held else USABLE
+    return Verdict(level, tuple(dict.fromkeys(words for _, words in held)), tuple(checked), tuple(not_checked))
