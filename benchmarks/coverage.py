@@ -14,7 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.judgement import adequacy
+from fitmodels.fit.checks.model_checks import lack_of_fit
+from fitmodels.fit.checks.strata import split
 from fitmodels.fit.regression import edge_inference
 from scipy.special import stdtrit
 
@@ -64,7 +65,7 @@ def main(repetitions):
         for _ in range(repetitions):
             AW = median * np.exp(noise(rng, frame["edge"].nunique(), icc, serial))
             law = fit.power_law(replace(runs, data=runs.data.assign(AW=AW)), "AW", list(EXPONENTS))
-            rejected += adequacy(law).checks["form"].pvalue < 0.05
+            rejected += lack_of_fit(law, split(law)).pvalue < 0.05
             for name, theta, se, df in intervals(law):
                 reach = stdtrit(np.broadcast_to(df, len(theta))[1:], 0.975) * se[1:]
                 inside = np.abs(theta[1:] - truth) <= reach
