@@ -27,6 +27,7 @@ from .marked import keep_marks
 from .options import ReadOptions
 from .pair_names import pair_name as pair_name
 from .plausibility.judgement import check_values, settle_units
+from .plausibility.quantities import table_process
 from .runs import UNNAMED, Runs, Source
 from .several_files import files_of_folder, joined_sheets, joined_tables
 from .shapes import long_table
@@ -250,7 +251,7 @@ def _finished(draft: Draft, source: Source, options: ReadOptions, *, judged: boo
     return Runs(
         frame, draft.units, draft.uses, draft.lines, source, named["tool"], named["work"],
         tuple(draft.assumed), tuple(draft.warnings), draft.notes, tuple(draft.doubts), judged=judged,
-        derived=tuple(draft.derived),
+        derived=tuple(draft.derived), process=table_process(draft, options), constants=dict(options.constants),
     )  # fmt: skip
 
 

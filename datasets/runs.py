@@ -1,7 +1,7 @@
 """Measurements of cutting tests: columns with roles and units, one row per measurement."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..core.rounding import format_plain
 from .columns import ColumnUse
 from .derived.rules import Derived
 from .doubts import Doubt
+from .options import Process
 from .vocabulary import MARK
 from .vocabulary import UNNAMED as UNNAMED
 
@@ -67,6 +68,10 @@ class Runs(Plottable):
         Whether the reading looked for doubts; runs made of arrays, or of a stream, are not judged.
     derived : tuple of Derived
         Quantities that were computed from others, with the formula.
+    process : {"turning", "milling", "drilling", "grinding"} or None
+        As given, or as columns, headers and notes name it; None where they do not.
+    constants : mapping of str to float
+        Values that were given of quantities that the file does not hold, by role.
 
     Examples
     --------
@@ -89,6 +94,8 @@ class Runs(Plottable):
     doubts: tuple[Doubt, ...] = ()
     judged: bool = False
     derived: tuple[Derived, ...] = ()
+    process: Process | None = None
+    constants: Mapping[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.data)
