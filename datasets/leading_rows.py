@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from .headers import parse_header
+from .notes import response_in
 from .tables import Column, Table, is_number
 from .tables.numerals import parse_number
 from .vocabulary import ROLES, role_of
-from .wide_names import response_in
 
 _LONGEST = 10_000  # rows of a wide table with a column for each edge
 _NAMES_ABOVE = 12  # rows of names and conditions above it

@@ -17,15 +17,13 @@ from .columns import ColumnUse, Values, assign, check_edge_option
 from .derived.derivation import derive
 from .design import decode_levels
 from .doubts import Doubt
-from .draft import Draft
+from .draft import Draft, keep_marks
 from .edges.assignment import settle_edges
 from .edges.checks import check_edges
 from .edges.merged_cells import fill_down
-from .headers import is_known
-from .lookalikes import with_latin_headers
-from .marked import keep_marks
+from .headers import is_known, with_latin_headers
+from .notes import pair_name as pair_name
 from .options import ReadOptions
-from .pair_names import pair_name as pair_name
 from .plausibility.judgement import check_values, settle_units
 from .plausibility.quantities import table_process
 from .runs import UNNAMED, Runs, Source

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from ..core.errors import DataError
 from .doubts import Doubt
-from .file_conditions import FileCondition, conditions_of_file
 from .headers import parse_header
-from .pair_names import pair_name
+from .notes import FileCondition, conditions_of_file, pair_name
 from .tables import Column, Table
 from .units import canonical, convert, same_dimension
 from .vocabulary import ROLES, UNNAMED, role_of, understood_unit

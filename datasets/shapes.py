@@ -12,11 +12,11 @@ from ..core.errors import DataError
 from .doubts import Doubt
 from .headers import parse_header
 from .leading_rows import as_numbers, with_header
+from .notes import RESPONSES, named_in_notes, response_in, same_as_time, time_in_notes
 from .tables import Column, Table
-from .tables.marks import Mark
+from .tables.numerals import Mark
 from .units import canonical
 from .vocabulary import ROLES, role_of, roles_named
-from .wide_names import RESPONSES, named_in_notes, response_in, same_as_time, time_in_notes
 
 EXAMPLE = """
   edge, V [m/min], f [mm/rev], d [mm], t [min], VB [mm]

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
-from fitmodels.datasets.derived.constants import from_notes
 from fitmodels.datasets.derived.rules import RULES
+from fitmodels.datasets.notes import from_notes
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..columns import NONE, Values
+from ..notes import Given, given_values
 from ..options import Process, ReadOptions
 from ..plausibility.ranges import process_of
-from .constants import Given, given_values
 
 Array: TypeAlias = NDArray[np.float64]
 Number: TypeAlias = Array | float

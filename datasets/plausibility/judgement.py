@@ -6,12 +6,11 @@ from ..doubts import Doubt
 from ..draft import Draft
 from ..options import ReadOptions
 from ..vocabulary import ROLES, roles_named
-from .cross_checks import check_columns
+from .cross_checks import check_columns, check_systems
 from .mixed_units import check_mixed_units
 from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
 from .ranges import INCH, candidate_units, plausible, widest
 from .stray_values import check_cells, check_levels
-from .unit_systems import check_systems
 from .unused_columns import check_uses
 
 _RESULTS = ("load", "surface", "other")  # exchanged among each other, conditions with time and wear

@@ -14,7 +14,7 @@ from ..design import round_significant
 from ..records.columns import heads
 from ..tables import Column
 from ..vocabulary import ROLES
-from .checks import duration_remarks, load_doubts
+from .joining import duration_remarks, load_doubts
 from .options import DRIVEN, LOADS, ReduceOptions
 from .reduction import ReducedCut, ReducedRecord, Reduction
 

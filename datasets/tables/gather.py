@@ -11,8 +11,7 @@ from ...core.errors import DataError
 from ..doubts import Doubt
 from .body import Body, Findings
 from .invisible import visible
-from .marks import Mark, read_mark
-from .numerals import Cell, Decimal, is_missing, is_word, one_group, plain_floats, strict_floats
+from .numerals import Cell, Decimal, Mark, is_missing, is_word, one_group, plain_floats, read_mark, strict_floats
 from .plain import NumberBlock, stretches
 
 _LISTED = 5  # bad cells kept per column

@@ -1,4 +1,4 @@
-"""Cells -> numbers: the grammar of a number with a decimal point or comma, and which of them a file uses."""
+"""Cells -> numbers: decimal point or comma, and marked numbers such as bounds and footnotes (<0.05, 0.24*)."""
 
 import math
 import re
@@ -25,6 +25,20 @@ _MISSING = frozenset(["", *_MISSING_TEXTS.split()])
 # Spellings met in long files, looked up unchanged; any other goes through the strict path.
 _WORDS = frozenset(mark[:1] for mark in _MISSING if mark[:1].isalpha())  # first letters of those that are words
 MISSING_AS_WRITTEN = _MISSING | {mark.upper() for mark in _MISSING} | {"NaN", "Null", "None"}
+_ONE_GROUP: dict[Decimal, re.Pattern[str]] = {
+    "point": re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII),
+    "comma": re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII),
+}
+# The same cells are asked about for the delimiter and for the layout, and are alike from row to row.
+_SHORT = 24  # characters of a cell that is remembered
+_SIGNS = {"<": "<", "≤": "<", ">": ">", "≥": ">", "~": "~", "≈": "~", "≃": "~", "*": "*", "†": "*", "‡": "*"}
+_FIRST_LETTERS = ("ca", "ci", "ab", "ap", "en", "et")  # of ca., circa, about, approx., env., etwa
+_MARKED = re.compile(
+    r"(?P<before>[<>]=?|=?[<>]|[≤≥~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?)?\s*"
+    r"(?P<number>[+\-−]?[\d.,][\d.,'’ \u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?)\s*"
+    r"(?P<unit>[^\W\d_][\w/·^]*)?\s*(?P<after>\*{1,3}|\(\*\)|[†‡+])?",
+    re.IGNORECASE,
+)
 
 
 def _grammar(mark: str, other: str) -> re.Pattern[str]:
@@ -34,11 +48,6 @@ def _grammar(mark: str, other: str) -> re.Pattern[str]:
 
 
 _GRAMMAR: dict[Decimal, re.Pattern[str]] = {"point": _grammar(r"\.", ","), "comma": _grammar(",", r"\.")}
-
-_ONE_GROUP: dict[Decimal, re.Pattern[str]] = {
-    "point": re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII),
-    "comma": re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII),
-}
 
 
 def parse_number(text: str, decimal: Decimal) -> float | None:
@@ -94,8 +103,6 @@ def _reads(text: str) -> bool:
     return parse_number(text, "point") is not None or parse_number(text, "comma") is not None
 
 
-# The same cells are asked about for the delimiter and for the layout, and are alike from row to row.
-_SHORT = 24  # characters of a cell that is remembered
 _asked_before = lru_cache(maxsize=2**15)(_reads)
 
 
@@ -237,3 +244,58 @@ def _value(match: re.Match[str], decimal: Decimal) -> float:
     if match["mark"]:
         text = text.replace(match["mark"], "")
     return float(text.replace(",", ".") if decimal == "comma" else text)
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A number with a mark.
+
+    Attributes
+    ----------
+    sign : {"<", ">", "~", "*"}
+        At most, at least, approximate, or with a footnote.
+    value : float
+        In ``unit``, or in that of the column where it is "".
+    unit, text : str
+        Unit as written beside the number, and the whole cell.
+
+    >>> Mark("<", 0.05, "", "<0,05").describe()
+    '<0.05'
+    """
+
+    sign: str
+    value: float
+    unit: str
+    text: str
+
+    def describe(self, factor: float = 1.0) -> str:
+        """The mark with its number times ``factor``, written with a decimal point.
+
+        >>> Mark("*", 240.0, "", "240*").describe(1e-3)
+        '0.24*'
+        """
+        number = f"{self.value * factor:.12g}"
+        return f"{number}*" if self.sign == "*" else self.sign + number
+
+
+def read_mark(text: str, decimal: Decimal) -> Mark | None:
+    """A marked number, or None for any other text.
+
+    >>> [read_mark(text, "point").describe() for text in ("<0.05", "> 0.3 mm", "0.24*", "ca. 0.2", "60+")]
+    ['<0.05', '>0.3', '0.24*', '~0.2', '>60']
+    >>> read_mark("worn", "point"), read_mark("0.24", "point")
+    (None, None)
+
+    """
+    text = text.strip()
+    if not text or (text[0].isalpha() and not text[:2].lower().startswith(_FIRST_LETTERS)):
+        return None
+    match = _MARKED.fullmatch(text)
+    if match is None or not (match["before"] or match["after"]):
+        return None
+    value = parse_number(match["number"].strip(), decimal)
+    if value is None:
+        return None
+    sign = match["before"] or (">" if match["after"] == "+" else "*")
+    plain = sign.strip("=")[:1]
+    return Mark(_SIGNS.get(plain, "~"), value, match["unit"] or "", text)
