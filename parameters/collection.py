@@ -139,7 +139,7 @@ def collect(
         "data_sha256": data_sha256, "n_rows": source.n_rows if n_rows is None else n_rows, "fitmodels": __version__,
         "versions": _versions(), "command": command, "options": dict(options or {}), "seed": seed,
     }  # fmt: skip
-    found = laws_by_response(laws, source.tool, source.work, gauge_sd)
+    found = laws_by_response(laws, source.tool, source.work, gauge_sd, _runs(design))
     life, bounds = tool_life_section(tool_life), None if limits is None else limits_section(limits)
     sections = {
         "tool_life": life, "limits": bounds, "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
@@ -179,6 +179,13 @@ def _source(laws: "Sequence[LawFit]", tool: str | None, work: str | None, data_g
 def _named(source: "LawSource") -> str:
     checksum = f" (SHA-256 {source.sha256[:8]}...)" if source.sha256 else ""
     return f"{source.tool or 'no tool'} on {source.work or 'no work'}, {source.file or 'rows in memory'}{checksum}"
+
+
+def _runs(design: object) -> "Runs | None":
+    """The runs of a design, None where it is a section."""
+    from ..datasets import Runs
+
+    return design if isinstance(design, Runs) else None
 
 
 def _posterior(

@@ -156,15 +156,26 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/2"
+SCHEMA: Final = "fitmodels.parameters/3"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
+
+JUDGED = ("tool_life", "dynamics", "adaptive_force")  # sections with a verdict, as each law has one
+
+
+def _without_verdicts(data: dict[str, Any]) -> dict[str, Any]:
+    """Data of version 2 with a verdict of null, whatever a field of that name held before it was one."""
+    judged = {name: {**data[name], "verdict": None} for name in JUDGED if data.get(name) is not None}
+    laws = {name: {**law, "verdict": None} for name, law in data.get("laws", {}).items()}
+    return {**data, **judged, **({"laws": laws} if "laws" in data else {})}
+
 
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
 # Version 2 added ``reading``, the doubts about the data, and ``null`` of ``identity.simulated`` where it is not known.
-STEPS: Mapping[int, Step] = {1: lambda data: {"reading": None, **data}}
+# Version 3 added ``verdict`` of laws, tool life, dynamics and adaptive force, ``suspects`` and ``without`` of laws.
+STEPS: Mapping[int, Step] = {1: lambda data: {"reading": None, **data}, 2: _without_verdicts}
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 2) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 3) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 from fitmodels import fit, parameters
 from fitmodels.core.errors import ParameterError
+from fitmodels.fit.checks.judgement import Judgement
 from fitmodels.fit.fitted_rows import LawSource
 from fitmodels.fit.laws import LawForm
 from fitmodels.parameters import LawSection, ParameterFile, collect, read, write
@@ -459,7 +460,7 @@ def test_what_is_written_is_read(pf):
 def test_the_text_is_for_people(path):
     content = write(whole(), path).read_bytes()
     assert content.endswith(b"}\n")
-    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/2",\n  "identity": {\n')
+    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/3",\n  "identity": {\n')
     assert "µ and ü" in content.decode()
 
 
@@ -544,7 +545,7 @@ def deep(levels):
         (b'{"a": "\xff"}', r"is not UTF-8 text \(byte 7\)"),
         (b"[]", "is not a parameter file"),
         (b"{}", "is not a parameter file"),
-        (b'{"schema_version": "fitmodels.parameters/3"}', "newer schema.*Upgrade"),
+        (b'{"schema_version": "fitmodels.parameters/4"}', "newer schema.*Upgrade"),
         (b'{"schema_version": "fitmodels.card/1"}', "schema_version is 'fitmodels.card/1'"),
         (b'{"schema_version": [1]}', r"schema_version is a list"),
         (b'{"schema_version": "fitmodels.parameters/1"}', "identity is missing; provenance is missing"),
@@ -691,7 +692,8 @@ def test_a_damaged_file_is_refused_or_valid(path):
 def no_checks(monkeypatch):
     """A stand-in has no rows to check: what `judge` finds on real fits is tested beside it."""
     monkeypatch.setattr("fitmodels.parameters.gather.law._region", lambda law: None)
-    monkeypatch.setattr(fit, "judge", lambda law, gauge_sd, **more: SimpleNamespace(checks={}, verdicts=tuple, nobs=20))
+    nothing = Judgement({}, rows_are_independent=True, nobs=20)
+    monkeypatch.setattr(fit, "judge", lambda law, gauge_sd, **more: nothing)
 
 
 def stand_in(**changes):

@@ -20,7 +20,7 @@ from fitmodels.parameters.json_schema import DIALECT, build_schema, schema_text
 from hypothesis import given
 from hypothesis import strategies as st
 
-SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-2.json"
+SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-3.json"
 
 
 def published():
@@ -70,7 +70,7 @@ def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
     [
         lambda d: d.pop("identity"),
         lambda d: d.pop("schema_version"),
-        lambda d: d.update(schema_version="fitmodels.parameters/3"),
+        lambda d: d.update(schema_version="fitmodels.parameters/4"),
         lambda d: d["identity"].update(simulated="no"),
         lambda d: d["identity"].update(tool=""),
         lambda d: d["dynamics"].update(sample_time=0.0),
@@ -156,11 +156,42 @@ def test_a_file_of_version_1_is_read_with_unknown_doubts(data, tmp_path):
     old["content_sha256"] = content_sha256(old)
     (tmp_path / "params.json").write_text(json.dumps(old))
     pf = read(tmp_path / "params.json")
-    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/2", None)
+    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/3", None)
     assert pf.content_sha256 == content_sha256(pf.model_dump(exclude_unset=True))
     assert not {finding.name for finding in check(pf).findings} & {"doubt"}
     again = read(write(pf, tmp_path / "again.json"))
     assert again == pf
+
+
+def test_a_file_of_version_2_is_read_without_verdicts(data, tmp_path):
+    """Version 2 had no verdicts; a field of that name was unknown and is no verdict of version 3."""
+    usable = {"level": "usable inside the tested region"}
+    old = copy.deepcopy(data) | {"schema_version": "fitmodels.parameters/2"}
+    for part in (*old["laws"].values(), old["dynamics"]):
+        part["verdict"] = usable
+    old["content_sha256"] = content_sha256(old)
+    (tmp_path / "params.json").write_text(json.dumps(old))
+    pf = read(tmp_path / "params.json")
+    assert [law.verdict for law in pf.laws.values()] == [None] * len(pf.laws)
+    assert (pf.dynamics.verdict, pf.tool_life) == (None, None)
+    assert check(pf).findings[0].passed is True
+    assert read(write(pf, tmp_path / "again.json")) == pf
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"),
+    [
+        ({"level": "good"}, "level should be"),
+        ({"level": "do not use for control"}, "has 0 reasons"),
+        ({"level": "usable inside the tested region", "reasons": ["R2 is .02."]}, "has 1 reasons"),
+        ({"level": "usable with reservations", "reasons": [""]}, "should not be empty"),
+    ],
+)
+def test_a_verdict_has_a_known_level_and_its_reasons(data, verdict, words, tmp_path):
+    data["dynamics"]["verdict"] = verdict
+    (tmp_path / "params.json").write_text(json.dumps(data))
+    with pytest.raises(ParameterError, match=words):
+        read(tmp_path / "params.json")
 
 
 def test_doubts_of_the_reading_are_kept(data, tmp_path):

@@ -417,7 +417,8 @@ def test_the_parameter_file_takes_it(by):
         reference.edges.df_between,
         reference.edges.df_within,
     )
-    assert any("checks use the rows and a stream keeps none" in note for note in section.notes)
+    assert section.verdict.level == "usable with reservations"
+    assert "keeps no rows" in section.verdict.reasons[0]
     assert parameters.ParameterFile.model_validate(
         {
             "identity": {"tool": "A", "work": "B", "simulated": True},

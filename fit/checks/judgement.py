@@ -13,7 +13,7 @@ from pandas import DataFrame
 
 from ...core.display import Plottable
 from ...core.threads import one_thread
-from ...core.verdict import Verdict, verdict_from
+from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ...datasets import Runs
 from ..available import NotAvailable
 from ..lawfit import LawFit
@@ -30,6 +30,9 @@ from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split
 from .time_exponent import common_exponent
 
 Found = Check | NotAvailable
+WITHOUT_ROWS = (
+    "The law was fitted to a stream and keeps no rows, so its residuals were not checked: fit a sample in memory."
+)
 
 
 @dataclass(frozen=True)
@@ -92,8 +95,9 @@ class Judgement(Plottable):
         """How far the law can be used; the highest ``concern`` of its checks decides."""
         there = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, Check)}
         missing = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, NotAvailable)}
+        unchecked = [(RESERVATIONS, WITHOUT_ROWS)] if self.nobs == 0 else []
         return verdict_from(
-            [(check.concern, check.verdict) for check in there.values()],
+            [*((check.concern, check.verdict) for check in there.values()), *unchecked],
             list(there),
             [f"{title}: {check.reason}" for title, check in missing.items()],
         )

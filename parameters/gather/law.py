@@ -10,35 +10,50 @@ from pydantic import ValidationError
 
 from ...core.errors import FitError, ParameterError, UsageError
 from ..messages import schema_message
+from ..sections.base import VerdictSection
 from ..sections.law import LawSection
 from ..sections.law_parts import CompositeLaw
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ...datasets import Runs
     from ...fit import LawFit
+    from ...fit.checks.check import Check
+    from ...fit.checks.judgement import Judgement
     from ...fit.life import ToolLife
 
 WITHOUT_ROWS = (
-    "checks not available: checks use the rows and a stream keeps none; fit a sample of it in memory",
     "region not available: a stream keeps no rows to compute the region from; each factor has its range instead",
     "smearing not available: residuals need the law first and a stream is read once; the value of the law is a median",
     "additive errors not available: least squares on the original scale takes several passes and a stream is read once",
 )
 
 
-def laws_by_response(laws: "Sequence[LawFit]", tool: str, work: str, gauge_sd: float | None) -> dict[str, LawSection]:
-    """Sections of laws by response; a wear law is substituted into the others where both keep their rows."""
+def laws_by_response(
+    laws: "Sequence[LawFit]", tool: str, work: str, gauge_sd: float | None, runs: "Runs | None" = None
+) -> dict[str, LawSection]:
+    """Sections of laws by response, judged together; ``runs`` are those that the laws were fitted to.
+
+    A wear law is substituted into the others where both keep their rows.
+    """
     found: dict[str, LawSection] = {}
     for law in laws:
         if law.response in found:
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
-        section = law_section(law, tool, work, gauge_sd)
+        section = law_section(law, tool, work, gauge_sd, runs=_runs_of(law, runs), laws=len(laws))
         wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
         if wear is not None and law.rows is not None and wear.rows is not None:
             section = section.model_copy(update={"composite": _composite(law, wear)})
         found[law.response] = section
     return found
+
+
+def _runs_of(law: "LawFit", runs: "Runs | None") -> "Runs | None":
+    """The runs, if they are those that the law was fitted to."""
+    if runs is None or (law.source.sha256, law.source.n_rows) != (runs.source.sha256, len(runs)):
+        return None
+    return runs
 
 
 def _composite(law: "LawFit", wear: "LawFit") -> CompositeLaw | None:
@@ -57,8 +72,18 @@ def _composite(law: "LawFit", wear: "LawFit") -> CompositeLaw | None:
     )
 
 
-def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float | None = None) -> LawSection:
+def law_section(
+    law: "LawFit",
+    tool: str = "",
+    work: str = "",
+    gauge_sd: float | None = None,
+    *,
+    runs: "Runs | None" = None,
+    laws: int = 1,
+) -> LawSection:
     """The section of a fitted law of this tool and work; what needs the rows is left out for a law of a stream.
+
+    ``runs`` are those that it was fitted to, ``laws`` is the number of laws that are judged together.
 
     Raises
     ------
@@ -73,14 +98,16 @@ def law_section(law: "LawFit", tool: str = "", work: str = "", gauge_sd: float |
     >>> round(float(section.predict(V=100.0, f=0.2, d=2.0, t=10.0)), 3), section.n_edges, section.region is None
     (0.169, 24, True)
     """
+    from ...fit import judge
+
     if law.rows is None:
-        data = _section(law)
+        data = {**_section(law), **judged_fields(judge(law, runs=runs, laws=laws))}
         data["notes"] += WITHOUT_ROWS
     else:
         other = law.alternative
         data = {
             **_section(law),
-            **_checks(law, gauge_sd, other),
+            **judged_fields(judge(law, gauge_sd, runs=runs, alternative=other, laws=laws)),
             "region": _region(law),
             "published": _published(law, tool, work),
             "alternative": None if other is None else _section(other),
@@ -192,25 +219,50 @@ def _region(law: "LawFit") -> dict[str, Any] | None:
     return {name: value for name, value in found.facts().items() if name in names}
 
 
-def _checks(law: "LawFit", gauge_sd: float | None, other: "LawFit | None") -> dict[str, Any]:
-    """The checks of a law and their verdicts; ``other`` is the law with the other error structure."""
-    from ...fit import NotAvailable, judge
+def judged_fields(found: "Judgement") -> dict[str, Any]:
+    """Fields of the section of a law that its judgement gives."""
+    from ...fit import NotAvailable
 
-    found = judge(law, gauge_sd, alternative=other)
     checks = {
-        name: {"reason": check.reason}
-        if isinstance(check, NotAvailable)
-        else {
-            "null": check.null,
-            "statistic": known(check.statistic),
-            "df": check.df,
-            "p": known(check.pvalue),
-            "concern": check.concern,
-            "verdict": check.verdict,
-        }
+        name: {"reason": check.reason} if isinstance(check, NotAvailable) else _check(check)
         for name, check in found.checks.items()
     }
-    return {"checks": checks, "verdicts": found.verdicts(), "checked_rows": found.nobs}
+    return {
+        "verdict": VerdictSection.of(found.verdict).model_dump(),
+        "checks": checks,
+        "verdicts": found.verdicts(),
+        "checked_rows": found.nobs,
+        "without": _without(found),
+    }
+
+
+def _check(check: "Check") -> dict[str, Any]:
+    return {
+        "null": check.null,
+        "statistic": known(check.statistic),
+        "df": check.df,
+        "p": known(check.pvalue),
+        "concern": check.concern,
+        "verdict": check.verdict,
+        "suspects": [{**asdict(suspect), "correction": suspect.correction} for suspect in check.suspects],
+    }
+
+
+def _without(found: "Judgement") -> dict[str, Any] | None:
+    """The law fitted again without its suspects, None where there are none or it cannot be fitted."""
+    other: LawFit | None = getattr(found, "without", None)
+    if other is None:
+        return None
+    return {
+        "edges": list(dict.fromkeys(edge for suspect in found.suspects for edge in suspect.edges)),
+        "lines": sorted({line for suspect in found.suspects for line in suspect.lines}),
+        "coefficients": finite(other.params),
+        "standard_errors": finite(other.bse),
+        "residual_se": known(other.scale_se),
+        "r2": known(other.rsquared),
+        "n": int(other.nobs),
+        "n_edges": other.n_edges,
+    }
 
 
 def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ...core.display import Displayable
+from ...core.verdict import LEVELS, USABLE, Verdict
 
 # strict: a number in quotes, or true for 1, is an error in the file
 Number = Annotated[float, Field(strict=True)]
@@ -15,6 +16,7 @@ Share = Annotated[float, Field(strict=True, ge=0, le=1)]
 Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 Text = Annotated[str, Field(min_length=1)]
 Name = Annotated[str, Field(min_length=1, max_length=500)]
+Level = Literal["usable inside the tested region", "usable with reservations", "do not use for control"]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
@@ -30,6 +32,47 @@ class Section(Displayable, BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+
+class VerdictSection(Section):
+    """How far a result can be used: one of three levels, a sentence for each reservation, and what was checked.
+
+    ``not_checked`` names each check that was not computed, with its reason.
+
+    Examples
+    --------
+    >>> VerdictSection(level="usable with reservations", reasons=["The file names no edges."]).concern
+    1
+    """
+
+    level: Level
+    reasons: tuple[Text, ...] = ()
+    checked: tuple[Text, ...] = ()
+    not_checked: tuple[Text, ...] = ()
+
+    @model_validator(mode="after")
+    def _reasons_of_the_level(self) -> Self:
+        if (self.concern > USABLE) != bool(self.reasons):
+            number = len(self.reasons)
+            raise ValueError(f"the verdict '{self.level}' has {number} reasons; only the levels below it have reasons")
+        return self
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> Self:
+        """The section of a verdict."""
+        return cls.model_validate(
+            {
+                "level": verdict.words,
+                "reasons": verdict.reasons,
+                "checked": verdict.checked,
+                "not_checked": verdict.not_checked,
+            }
+        )
+
+    @property
+    def concern(self) -> int:
+        """0 usable inside the tested region; 1 usable with reservations; 2 do not use for control."""
+        return LEVELS.index(self.level)
 
 
 T = TypeVar("T", bound=Section)

@@ -13,7 +13,19 @@ from pydantic import Field, model_validator
 
 from ...core.display import Plottable
 from ...core.errors import ParameterError
-from .base import Count, ModelCovariance, NoCovariance, NotNegative, Number, Positive, Section, Sha256, Share, Text
+from .base import (
+    Count,
+    ModelCovariance,
+    NoCovariance,
+    NotNegative,
+    Number,
+    Positive,
+    Section,
+    Sha256,
+    Share,
+    Text,
+    VerdictSection,
+)
 
 Array = NDArray[np.float64]
 Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
@@ -46,6 +58,8 @@ class DynamicsSection(Plottable, Section):
     held_out_fit : float or None
         Per cent of the output of a record it was not fitted to that a free run explains, 100 (1 - rms error / rms);
         ``held_out_sha256`` is the checksum of that record.
+    verdict : VerdictSection or None
+        How far the model can be used, by its validation; None where it was not validated.
     notes : tuple of str
 
     Examples
@@ -74,6 +88,7 @@ class DynamicsSection(Plottable, Section):
     band: tuple[NotNegative, NotNegative] | None = None
     held_out_fit: Number | None = None
     held_out_sha256: Sha256 | None = None
+    verdict: VerdictSection | None = None
     notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from ..messages import short
-from .base import ModelCovariance, NoCovariance, NotNegative, Number, Positive, Section, Text
+from .base import ModelCovariance, NoCovariance, NotNegative, Number, Positive, Section, Text, VerdictSection
 
 ROUNDING = 0.01  # relative, of a reference force entered by hand with its regression
 
@@ -142,6 +142,8 @@ class AdaptiveForceSection(Section):
         Of the run that the estimates come from, unit_depth.
     force_low, force_high : float or None
         A reading at or beyond these is invalid, unit_force.
+    verdict : VerdictSection or None
+        How far the estimates can be used; None where they were not judged.
     notes : tuple of str
 
     Examples
@@ -174,4 +176,5 @@ class AdaptiveForceSection(Section):
     depth: Positive | None = None
     force_low: Number | None = None
     force_high: Number | None = None
+    verdict: VerdictSection | None = None
     notes: tuple[str, ...] = ()

@@ -67,8 +67,10 @@ class LawSection(Plottable, LawFields):
         The tested region: the operating window.
     edges : Edges or None
         Variance components between and within cutting edges, and F by edge.
+    verdict : VerdictSection or None
+        How far the law can be used; None where it was not judged, as in files of versions 1 and 2.
     checks : dict of LawCheck
-        Adequacy of the law, check by check.
+        By the keys of ``fit.checks.check.TITLES``.
     verdicts : tuple of str
         Verdicts of the checks, worst first, at most six sentences.
     checked_rows : int or None
@@ -79,6 +81,8 @@ class LawSection(Plottable, LawFields):
         Published values for the same response, tool and work.
     composite : Composite or None
         The law with its wear replaced by the wear law.
+    without : LawWithoutSuspects or None
+        The law without the rows and edges that its checks find wrong; None where they find none.
 
     Examples
     --------

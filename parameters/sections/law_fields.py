@@ -25,13 +25,14 @@ from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticKnownError
 
 from ..messages import short
-from .base import Count, Covariance, NoCovariance, NotNegative, Number, Positive, Section, Text
+from .base import Count, Covariance, NoCovariance, NotNegative, Number, Positive, Section, Text, VerdictSection
 from .law_parts import (
     CompositeLaw,
     DroppedRows,
     Edges,
     Factor,
     LawCheck,
+    LawWithoutSuspects,
     LeftOutFactor,
     LevelShifts,
     Published,
@@ -102,6 +103,7 @@ class LawFields(Section):
     statistics: Statistics = Statistics()
     region: Region | None = None
     edges: Edges | None = None
+    verdict: VerdictSection | None = None
     checks: dict[str, LawCheck] = Field(default_factory=dict)
     verdicts: tuple[str, ...] = ()
     checked_rows: Count | None = None
@@ -112,6 +114,7 @@ class LawFields(Section):
     alternative: "LawFields | None" = None
     published: Published | None = None
     composite: CompositeLaw | None = None
+    without: LawWithoutSuspects | None = None
     notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from ..messages import short
-from .base import Count, NotNegative, Number, Positive, Section, Text
+from .base import Count, NotNegative, Number, Positive, Section, Text, VerdictSection
 
 
 class Factor(Section):
@@ -123,7 +123,8 @@ class ToolLifeSection(Section):
     """Tool life ``T = c0 V^a f^b ...`` at a wear criterion, solved from the wear law.
 
     ``typical`` is T at ``typical_at``, the middle of each factor's range, and ``t_observed`` the longest
-    time in the data: beyond it T is extrapolated.
+    time in the data: beyond it T is extrapolated. ``verdict`` states how far T can be used; files of versions 1 and 2
+    have none.
 
     Examples
     --------
@@ -142,6 +143,7 @@ class ToolLifeSection(Section):
     t_observed: NotNegative
     typical: NotNegative
     typical_at: dict[str, Number]
+    verdict: VerdictSection | None = None
 
 
 class Edges(Section):
@@ -178,10 +180,33 @@ class Edges(Section):
     random_level: dict[str, NotNegative] = Field(default_factory=dict)
 
 
+class SuspectValues(Section):
+    """Rows or whole edges whose values of one column are probably wrong.
+
+    ``lines`` are those of the data file. Multiplied by ``factor``, or with ``offset`` added, the values agree with the
+    others; ``correction`` is the argument of ``--correct`` that does it, empty where no known mistake explains them,
+    and ``cause`` the mistake in words.
+
+    Examples
+    --------
+    >>> SuspectValues(column="f", edges=["E07"], factor=25.4, correction="E07:f*25.4", cause="inch for mm").lines
+    ()
+    """
+
+    column: Text
+    edges: tuple[str, ...] = ()
+    lines: tuple[Count, ...] = ()
+    factor: Positive | None = None
+    offset: Number | None = None
+    correction: str = ""
+    cause: str = ""
+
+
 class LawCheck(Section):
     """One check of a law: null hypothesis, statistic, p and verdict in words, or the reason why it was not computed.
 
-    ``concern`` is 0 for no concern, 1 for a reservation, 2 for a required action.
+    ``concern`` is 0 for no concern, 1 for a reservation, 2 where the law must not be used for control; ``suspects``
+    are the rows and edges that the check finds wrong.
 
     Examples
     --------
@@ -196,6 +221,26 @@ class LawCheck(Section):
     p: Number | None = None
     concern: Count = 0
     verdict: str | None = None
+    suspects: tuple[SuspectValues, ...] = ()
+
+
+class LawWithoutSuspects(Section):
+    """The law fitted again without the rows and edges that its checks find wrong, for comparison.
+
+    Examples
+    --------
+    >>> LawWithoutSuspects(edges=["E07"], coefficients={"c0": 0.01, "V": 0.5}, n=230).coefficients["V"]
+    0.5
+    """
+
+    edges: tuple[str, ...] = ()
+    lines: tuple[Count, ...] = ()
+    coefficients: dict[str, Number]
+    standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
+    residual_se: NotNegative | None = None
+    r2: Number | None = None
+    n: Count
+    n_edges: Count | None = None
 
 
 class LeverageSpace(Section):
