@@ -7,17 +7,23 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.bayes.competing_densities import additive_wear, edge_slopes
+from fitmodels.fit.bayes.competing_densities import edge_slopes, wear_contribution
 from fitmodels.fit.bayes.competing_posterior import posterior_of_form
 from fitmodels.fit.bayes.convergence import compare_draws
 from fitmodels.fit.bayes.ensemble_sampler import chains
 from fitmodels.fit.bayes.exact_draws import exact
-from fitmodels.fit.checks.competing_forms import form_makers
+from fitmodels.fit.checks.competing_forms import competing_forms, rows_of
 from scipy.stats import multivariate_normal
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 
-FORMS = ["exponential in wear", "additive in wear", "an exponent of t per edge", "second order in logs"]
+FORMS = [
+    "exponential in wear",
+    "additive in wear",
+    "an exponent of t per edge",
+    "second order in logs",
+    "straight line in wear",
+]
 
 
 def cut(form="power law", *, seed=0, edges=24, per_edge=6, level=0.03, noise=0.04, named=True):
@@ -32,6 +38,7 @@ def cut(form="power law", *, seed=0, edges=24, per_edge=6, level=0.03, noise=0.0
         "power law": P * AW**0.35,
         FORMS[0]: P * np.exp(3 * AW),
         FORMS[1]: P + 12 * AW,
+        FORMS[4]: P * (1 + 8 * AW),
         FORMS[2]: P * AW**0.2 * t**u,
         FORMS[3]: P * np.exp(0.3 * np.log(V / 100) ** 2 + 0.4 * np.log(V / 100) * np.log(f / 0.2)),
     }[form]
@@ -44,22 +51,25 @@ def law_of(*args, error="multiplicative", **kwargs):
     return fit.power_law(cut(*args, **kwargs), "P", ["V", "f", "t", "AW"], error=error)
 
 
-def added(law, edges=True):
-    return additive_wear(law, form_makers(law)[1][1](law), edges)
+def added(law, edges=True, kind=FORMS[1]):
+    form = next(form for form in competing_forms(law) if form.kind == kind)
+    return wear_contribution(law, form.fitted(rows_of(law)), edges)
 
 
 @pytest.mark.parametrize("error", ["multiplicative", "additive"])
 @pytest.mark.parametrize("named", [True, False], ids=["edges", "rows"])
-def test_added_wear_has_the_density_of_its_formula(error, named):
-    law = law_of(FORMS[1], edges=6, named=named, error=error)
-    density = added(law, edges=named)
+@pytest.mark.parametrize("kind", [FORMS[1], FORMS[4]])
+def test_a_contribution_of_wear_has_the_density_of_its_formula(error, named, kind):
+    law = law_of(kind, edges=6, named=named, error=error)
+    density = added(law, named, kind)
     phi = density.start + 0.1 * np.random.default_rng(1).normal(size=(2, len(density.start)))
     got = density.by_unit(phi)
     told = pd.DataFrame(density.parameters(phi), columns=density.parameter_names)
     names = law.edge if named else np.arange(law.nobs).astype(str)
     V, f, t, AW = law.X.T
     for m, of in told.iterrows():
-        mean = np.exp(of["ln c0"]) * V ** of["V"] * f ** of["f"] * t ** of["t"] + of["k"] * AW
+        mean = np.exp(of["ln c0"]) * V ** of["V"] * f ** of["f"] * t ** of["t"]
+        mean = mean + of["k"] * AW if kind == FORMS[1] else mean * (1 + of["k"] * AW)
         r = law.observed - mean if error == "additive" else np.log(law.observed / mean)
         between = of["sd"] ** 2 * of["icc"] / (1 - of["icc"]) if named else 0.0
         for g, name in enumerate(np.unique(names) if named else names):

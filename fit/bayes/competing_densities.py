@@ -1,9 +1,12 @@
-"""Posterior densities of two forms that compete with a power law: additive wear, and time exponents of edges.
+"""Posterior densities of forms that compete with a power law: a contribution of wear, and time exponents of edges.
 
 Additive wear: ``R = c0 prod X_j^b_j + k AW``, k > 0, with the errors of the law. ``k`` enters ``phi`` as the logarithm
 of the contribution of the mean wear over the middle response, so that
 
     eta = ln(exp(Z theta) + exp(ln share) R_mid AW / AW_mean).
+
+Straight line in wear: ``R = c0 prod X_j^b_j (1 + k AW)``, k > 0, with share the contribution of the mean wear over the
+response of a new edge, ``eta = Z theta + ln(1 + exp(ln share) AW / AW_mean)``.
 
 Time exponents of edges: in logarithms, rows i of edge g are ``y_i = Z_i theta + v_g + u_g x_i + e_i`` with x = ln t
 about its mean. Level v and exponent u of an edge are normal about 0, with standard deviations and a correlation, and
@@ -62,8 +65,19 @@ class AdditiveWear(LawDensity):
         return np.asarray(self.y - (np.exp(eta) if self.natural else eta))
 
 
-def additive_wear(law: LawFit, fitted: FittedForm, edges: bool, errors: Errors = "normal") -> AdditiveWear:
-    """Density of the form in which wear is additive.
+@dataclass(frozen=True, slots=True, repr=False)
+class StraightLine(AdditiveWear):
+    """A law with a factor linear in wear; its last column is ln of the contribution at share 1, over the response."""
+
+    def residuals(self, phi: Array) -> Array:
+        """Residuals of every row on the scale of the errors, (m, p) -> (m, n)."""
+        last = self.p - 1
+        eta = phi[:, :last] @ self.Z[:, :last].T + np.logaddexp(0.0, phi[:, last, None] + self.Z[:, last])
+        return np.asarray(self.y - (np.exp(eta) if self.natural else eta))
+
+
+def wear_contribution(law: LawFit, fitted: FittedForm, edges: bool, errors: Errors = "normal") -> AdditiveWear:
+    """Density of a form to which wear contributes linearly: additive wear, or a straight line in wear.
 
     Parameters
     ----------
@@ -78,11 +92,11 @@ def additive_wear(law: LawFit, fitted: FittedForm, edges: bool, errors: Errors =
     Examples
     --------
     >>> from fitmodels import datasets, fit
-    >>> from fitmodels.fit.checks.competing_forms import form_makers
+    >>> from fitmodels.fit.checks.competing_forms import competing_forms, rows_of
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     >>> law = fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"])
-    >>> name, make = form_makers(law)[1]
-    >>> additive_wear(law, make(law), edges=True).parameter_names
+    >>> form = competing_forms(law)[1]
+    >>> wear_contribution(law, form.fitted(rows_of(law)), edges=True).parameter_names
     ('ln c0', 'V', 'f', 'd', 't', 'k', 'sd', 'icc')
     """
     wear = next(name for name in law.factors if name not in fitted.coefficients)
@@ -90,7 +104,8 @@ def additive_wear(law: LawFit, fitted: FittedForm, edges: bool, errors: Errors =
     priors = weak(law, edges)
     base = law_density(law, priors, errors)
     AW = np.exp(base.Z[:, j] + base.centre[j])
-    middle = float(np.exp(np.log(law.observed).mean()))
+    line = fitted.name.startswith("straight line")
+    middle = 1.0 if line else float(np.exp(np.log(law.observed).mean()))
     per_share = middle / float(AW.mean())
     others = [i for i in range(base.p) if i != j]
     names = (*(base.theta_names[i] for i in others), "k")
@@ -104,7 +119,7 @@ def additive_wear(law: LawFit, fitted: FittedForm, edges: bool, errors: Errors =
     spread = np.zeros_like(base.spread)
     spread[base.p - 1, base.p - 1] = SPREAD
     spread[np.ix_(at, at)] = base.spread[np.ix_(keep, keep)]
-    return AdditiveWear(
+    return (StraightLine if line else AdditiveWear)(
         base.law, replace(priors, of=of), errors, base.natural,
         np.column_stack([base.Z[:, others], np.log(per_share * AW)]), base.y, centre,
         base.starts, base.sizes, base.labels, edges, names, np.r_[theta, base.start[base.p :]], spread, per_share,

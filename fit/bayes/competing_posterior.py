@@ -3,7 +3,7 @@
 The expected log predictive density of left-out edges is on the same rows and scale for all forms, that of the errors of
 the law. Edges with k-hat above 0.7 are left out exactly: the form is sampled again without them. Priors of parameters
 that the law lacks: ``k`` of exp(k AW), an exponent of 2 at the mean wear; squares and products of logarithms, sd 1;
-additive wear and time exponents of edges in ``competing_densities``.
+contributions of wear and time exponents of edges in ``competing_densities``.
 
 Source: Vehtari, Gelman & Gabry 2017, Stat. Comput. 27, 1413, sections 2.1 and 5.2 (refits, differences and their
 standard error); Sivula, Magnusson & Vehtari 2020, arXiv 2008.10296 (differences below 4 are small).
@@ -18,19 +18,23 @@ from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...core.threads import one_thread
 from ..available import NotAvailable
-from ..checks.competing_forms import FittedForm, form_makers
+from ..checks.competing_forms import FittedForm, competing_forms, rows_of
 from ..checks.competing_models import not_comparable
 from ..checks.time_exponent import TIME
 from ..lawfit import LawFit
-from .competing_densities import EdgeSlopes, additive_wear, edge_slopes
+from .competing_densities import EdgeSlopes, edge_slopes, wear_contribution
 from .density import LawDensity, Sample, law_density
 from .priors import EXPONENT_SD, Normal, Prior, Priors, weak
 from .psis_loo import LeaveOut, leave_one_out
 from .sampling import PosteriorDraws, Progress, draw_law
 
 FormName = Literal[
-    "exponential in wear", "additive in wear", "an exponent of t per edge", "second order in logs"
-]  # in the order of ``form_makers``
+    "exponential in wear",
+    "additive in wear",
+    "straight line in wear",
+    "an exponent of t per edge",
+    "second order in logs",
+]  # kinds of `competing_forms`
 
 SMALL = 4.0  # nats: differences below are small, and their standard error is then too small
 CURVATURE = Normal(0.0, 1.0)
@@ -91,7 +95,8 @@ def posterior_of_form(
     law : LawFit
         A power law; the form has the same errors, and edges have random levels as in ``posterior``.
     form : str
-        ``exponential in wear``, ``additive in wear``, ``an exponent of t per edge`` or ``second order in logs``.
+        ``exponential in wear``, ``additive in wear``, ``straight line in wear``, ``an exponent of t per edge`` or
+        ``second order in logs``.
     seed, draws : int
     progress : callable, optional
         Called by MCMC with the steps done and the effective draws so far.
@@ -150,12 +155,12 @@ def _density(law: LawFit, form: FormName, edges: bool) -> tuple[LawDensity, str]
             )
         product = " ".join(f"{x}^b_{x}" for x in law.factors)
         return edge_slopes(law), f"{law.response} = c0 {product} {TIME}^u, u of each edge"
-    _, make = form_makers(law)[get_args(FormName).index(form)]
-    fitted = make(law)
+    fitted = next(one for one in competing_forms(law) if one.kind == form).fitted(rows_of(law))
     if isinstance(fitted, NotAvailable):
         return fitted
-    density = additive_wear(law, fitted, edges) if form == "additive in wear" else _linear(law, fitted, edges)
-    return density, fitted.formula
+    if form in ("additive in wear", "straight line in wear"):
+        return wear_contribution(law, fitted, edges), fitted.formula
+    return _linear(law, fitted, edges), fitted.formula
 
 
 def _linear(law: LawFit, fitted: FittedForm, edges: bool) -> LawDensity:

@@ -9,21 +9,41 @@ rule); Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.2 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import FitError
+from ...datasets import Runs
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..least_squares import linear
 from .check import Check
-from .competing_forms import FittedForm, form_makers, power_form
+from .competing_forms import FittedForm, Form, FormRows, competing_forms, power_form, rows_of, wear_of, with_zero_wear
 from .deletion_diagnostics import ALONE
 from .strata import NO_ROWS, Codes, no_scatter, units_of
 from .time_exponent import CommonExponent, common_exponent
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ZeroWear(Displayable):
+    """A form fitted to rows at zero wear as well, which a power of wear cannot have.
+
+    Attributes
+    ----------
+    rows : int
+        Rows at zero wear.
+    error : float
+        Root mean squared prediction error of these rows, in ln R, their units left out.
+    coefficients : mapping of str to float
+        With these rows; those of the form itself are of the rows that all forms share.
+    """
+
+    rows: int
+    error: float
+    coefficients: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -39,6 +59,8 @@ class CompetingModel(Displayable):
         Root mean squared prediction error of left-out units, in ln R.
     difference, standard_error : float
         Its ``error`` less that of the power law, and the standard error of the difference over the units.
+    zero_wear : ZeroWear or None
+        Where the form allows rows at zero wear and the runs have some.
     """
 
     name: str
@@ -47,6 +69,7 @@ class CompetingModel(Displayable):
     error: float
     difference: float
     standard_error: float
+    zero_wear: ZeroWear | None = None
 
     @property
     def better(self) -> bool:
@@ -87,13 +110,16 @@ class CompetingModels(Check, Plottable):
         return _chosen(self.power, self.alternatives)
 
 
-def compare_forms(law: LawFit) -> CompetingModels | NotAvailable:
+def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | NotAvailable:
     """Fit competing models to the rows of a power law, and compare them by cross-validation over units.
 
     Parameters
     ----------
     law : LawFit
         A power law with either error structure; all forms are fitted in logarithms.
+    runs : Runs, optional
+        The runs that it was fitted to. Forms are compared on the rows of the power law; those that allow it are fitted
+        to rows at zero wear as well, and predict these.
 
     Examples
     --------
@@ -111,15 +137,17 @@ def compare_forms(law: LawFit) -> CompetingModels | NotAvailable:
     base = _prediction_errors(form, codes)
     if isinstance(base, NotAvailable):
         return NotAvailable(f"the power law without one {unit} cannot be fitted: {base}")
+    zero = None if runs is None else with_zero_wear(law, runs)
     fitted: list[CompetingModel] = []
     not_fitted: list[tuple[str, NotAvailable]] = []
-    for name, make in form_makers(law):
-        other = make(law)
+    for one in competing_forms(law):
+        other = one.fitted(rows_of(law))
         errors = _prediction_errors(other, codes) if isinstance(other, FittedForm) else other
         if isinstance(other, FittedForm) and not isinstance(errors, NotAvailable):
-            fitted.append(_compared(other, errors, base, codes))
+            model = _compared(other, errors, base, codes)
+            fitted.append(replace(model, zero_wear=_at_zero(one, zero)))
         elif isinstance(errors, NotAvailable):
-            not_fitted.append((name, errors))
+            not_fitted.append((one.name, errors))
     power = _compared(form, base, base, codes)
     alternatives = tuple(sorted(fitted, key=lambda model: model.error))
     chosen = _chosen(power, alternatives)
@@ -128,7 +156,7 @@ def compare_forms(law: LawFit) -> CompetingModels | NotAvailable:
         statistic=chosen.difference,
         symbol="difference of RMS error",
         concern=int(chosen is not power),
-        verdict=_verdict(law.response, unit, power, alternatives),
+        verdict=_verdict(law.response, unit, power, alternatives) + _zero_words(law, alternatives, zero),
         response=law.response,
         power=power,
         alternatives=alternatives,
@@ -152,6 +180,36 @@ def _verdict(response: str, unit: str, power: CompetingModel, alternatives: tupl
     difference = f"difference {best.difference:.2g} ± {best.standard_error:.2g} in ln {response}"
     kept = "the power law is kept" if chosen is power else f"{best.name} is preferred"
     return f"{left}, {best.name} {100 * np.expm1(best.error):.3g} % ({difference}): {kept}."
+
+
+def _at_zero(form: Form, rows: FormRows | NotAvailable | None) -> ZeroWear | None:
+    """A form fitted with the rows at zero wear, and its error there when edges (rows) are left out."""
+    if not form.zero_wear or not isinstance(rows, FormRows):
+        return None
+    fitted = form.fitted(rows)
+    if isinstance(fitted, NotAvailable):
+        return None
+    codes = np.arange(len(rows.y)) if rows.edge is None else np.unique(rows.edge, return_inverse=True)[1]
+    errors = _prediction_errors(fitted, codes if codes.max() else np.arange(len(rows.y)))
+    if isinstance(errors, NotAvailable):
+        return None
+    return ZeroWear(int(rows.zero.sum()), float(np.sqrt(np.mean(errors[rows.zero] ** 2))), fitted.coefficients)
+
+
+def _zero_words(law: LawFit, models: tuple[CompetingModel, ...], rows: FormRows | NotAvailable | None) -> str:
+    """A sentence on the rows at zero wear, where there are any."""
+    wear = wear_of(law)
+    if rows is None:
+        return ""
+    if isinstance(rows, NotAvailable):
+        return f" No form has the rows at {wear} = 0: {rows.reason}."
+    n = int(rows.zero.sum())
+    first = f" {n} row{'s' if n > 1 else ''} at {wear} = 0, where a power of {wear} is zero,"
+    held = [(model.zero_wear.error, model.name) for model in models if model.zero_wear is not None]
+    if not held:
+        return f"{first} {'are' if n > 1 else 'is'} in none of these forms."
+    error, name = min(held)
+    return f"{first} {'are' if n > 1 else 'is'} predicted within {100 * np.expm1(error):.3g} % by the form {name}."
 
 
 def not_comparable(law: LawFit) -> str | None:

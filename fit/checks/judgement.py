@@ -233,7 +233,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "error structure": lambda given: (
         error_structure(given.law, given.alternative) if given.law.formula.logarithmic else None
     ),
-    "rival forms": lambda given: compare_forms(given.law) if given.law.form == "power" else None,
+    "rival forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
     "time exponent": _time_exponent,
     "dominant edge": _dominant,
     "robust refit": _robust,
