@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import pandas as pd
 
+from ..core.errors import UsageError
 from ..core.progress import Meter
 from ..pipeline.options import FitOptions
 from .engine import Run, engine, largest_memory
@@ -124,6 +125,11 @@ def run(
     [['AW', 239, 0.533], ['Fxz', 239, -0.376], ['P', 239, 0.862]]
     """
     options, meter = options or FitOptions(), meter or Meter(0, "pairs")
+    if options.correct or options.leave_out:
+        given = "--correct" if options.correct else "--leave-out"
+        raise UsageError(
+            f"{given}: edges and lines are of one file; correct the file, or fit it alone: fitmodels FILE."
+        )
     each = BatchOptions.of(options, files=files, keep_draws=keep_draws, command=command)
     reading = Reading(**options.reading(), groups=tuple(dict.fromkeys(groups)))
     source = existing_path(source)

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from ..datasets import Runs
 
 BY_ROLE = ("--map", "--unit", "--range", "--value")  # given once for each role
+OF_ROWS = ("--correct", "--leave-out")  # given once for each target
 SINGLE = ("--tool", "--work", "--edge", "--process", "--decimal", "--delimiter", "--sheet")
 OPTION = re.compile(
-    r"""--(?:map|unit|range|value|edge|process|decimal|sheet) """
+    r"""--(?:map|unit|range|value|correct|leave-out|edge|process|decimal|sheet) """
     r"""(?!names |gives )(?:"[^"]*"|'[^']*'|[^\s"']+)|--hidden\b"""
 )
 BARE = ("--force", "--json")  # not part of how a file is read
@@ -35,6 +36,8 @@ def corrected(words: Sequence[str], remedy: str) -> str:
     'fitmodels data.csv --unit VB=um'
     >>> corrected(["look", "data.csv", "--out", "a.png", "--map", "V=vc x"], '--map "f=col 2"')
     "fitmodels data.csv --map 'V=vc x' --map 'f=col 2'"
+    >>> corrected(["data.csv", "--correct", "E07:f*10"], '--correct "E07:f*25.4" --leave-out E11')
+    "fitmodels data.csv --correct 'E07:f*25.4' --leave-out E11"
     >>> corrected(["data.csv"], "--map V=col2 --unit V=sfm --map V=col2")
     'fitmodels data.csv --map V=col2 --unit V=sfm'
     """
@@ -64,11 +67,13 @@ def _options(words: Sequence[str]) -> Iterator[tuple[tuple[str, str] | None, lis
         word = rest.pop(0)
         name, equals, value = word.partition("=")
         texts = [word]
-        if name in (*BY_ROLE, *SINGLE, "--out") and not equals and rest:
+        if name in (*BY_ROLE, *OF_ROWS, *SINGLE, "--out") and not equals and rest:
             value = rest.pop(0)
             texts.append(value)
         if name in BY_ROLE:
             yield (name, value.partition("=")[0].strip()), texts
+        elif name in OF_ROWS:
+            yield (name, re.sub(r":\s*(\w+)\s*[*/+-][^:]*$", r":\1", value).strip()), texts
         else:
             yield ((name, "") if name in SINGLE else None), texts
 

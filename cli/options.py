@@ -19,6 +19,11 @@ def reading_options(parser: Parser) -> None:
     group.add_argument("--unit", action="append", metavar="t=s", help="unit of a column that has none, or a wrong one")
     group.add_argument("--range", action="append", metavar="V=50:200", help="values of the coded levels -1 and 1")
     group.add_argument("--value", action="append", metavar="D=80", help="a constant that the file does not contain")
+    group.add_argument(
+        "--correct", action="append", metavar="E07:f*25.4",
+        help="correct a quantity of edges (E07,E11), of 'lines 12,14-16' or of all, by * / + or -",
+    )  # fmt: skip
+    group.add_argument("--leave-out", action="append", metavar="TARGET", help="edges or lines that are not used")
     group.add_argument("--edge", metavar="COLUMN", help="column of the cutting edges; none: do not infer edges")
     processes = ["turning", "milling", "drilling", "grinding"]
     group.add_argument("--process", choices=processes, help="process whose plausible ranges apply")
@@ -55,6 +60,8 @@ def read_keywords(args: argparse.Namespace) -> dict[str, Any]:
         "units": pairs(args.unit, "--unit", "t=s"),
         "ranges": ranges(args.range),
         "constants": values(args.value),
+        "correct": tuple(args.correct or ()),
+        "leave_out": tuple(args.leave_out or ()),
         "tool": args.tool,
         "work": args.work,
         "edge": args.edge,

@@ -1,6 +1,6 @@
 """A table of tests while it is being read, completed or judged by each step, and its marked numbers (<0.05, 0.24*)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,19 @@ class Draft:
         """Values of the roles that have a unit, as floats."""
         with_unit = [role for role in self.data if role in ROLES and ROLES[role].unit]
         return {role: np.asarray(self.data[role], dtype=float) for role in with_unit}
+
+    def keep(self, rows: NDArray[np.bool_]) -> None:
+        """Leave out the other rows; ``rows`` has shape (n,)."""
+        place = np.cumsum(rows) - 1
+        self.columns = tuple(
+            replace(
+                column, values=column.values[rows],
+                marks=tuple((int(place[row]), mark) for row, mark in column.marks if rows[row]),
+            )
+            for column in self.columns
+        )  # fmt: skip
+        self.data = {role: values[rows] for role, values in self.data.items()}
+        self.lines = self.lines[rows]
 
     def codes(self, role: str) -> tuple[Codes, list[str]]:
         """Codes of the rows of a label, and its names; computed once for each array."""

@@ -25,6 +25,11 @@ class ReadOptions(Displayable):
         Low and high, or low, centre and high, of conditions in coded levels.
     constants : mapping of str to float
         Values of quantities that are constant and not in the file (``{"D": 80, "z": 4}``), in the unit of the role.
+    correct : tuple of str
+        Corrections of values, ``TARGET:SYMBOL*NUMBER`` or with ``/ + -``; the target is names of edges (``E07,E11``),
+        ``lines 12,14-16`` or ``all``.
+    leave_out : tuple of str
+        Edges or lines that are left out.
     tool, work : str or None
         Names of the pair where the file does not contain them.
     edge : str or None
@@ -41,6 +46,8 @@ class ReadOptions(Displayable):
     units: Mapping[str, str] = field(default_factory=dict)
     ranges: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
+    correct: tuple[str, ...] = ()
+    leave_out: tuple[str, ...] = ()
     tool: str | None = None
     work: str | None = None
     edge: str | None = None
@@ -57,6 +64,11 @@ class ReadOptions(Displayable):
         for name in ("tool", "work", "edge", "delimiter", "sheet"):
             if not isinstance(getattr(self, name), str | None):
                 raise UsageError(f"{name} {getattr(self, name)!r}: give a text, or leave it out.")
+        for name in ("correct", "leave_out"):
+            given = getattr(self, name)
+            if not isinstance(given, list | tuple) or not all(isinstance(text, str) for text in given):
+                raise UsageError(f"{name} {given!r}: give a list of texts, for instance ['lines 12,14'].")
+            object.__setattr__(self, name, tuple(given))
         if self.edge is not None and self.map.get("edge", self.edge) != self.edge:
             raise UsageError(
                 f"edge {self.edge!r} and map edge={self.map['edge']!r} name different columns: give one of them."

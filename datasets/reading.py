@@ -14,6 +14,7 @@ from ..core.errors import DataError, UsageError
 from ..core.suggestions import did_you_mean
 from .clock import clock_columns
 from .columns import ColumnUse, Values, assign, check_edge_option
+from .corrections import Corrections
 from .derived.derivation import derive
 from .design import decode_levels
 from .doubts import Doubt
@@ -49,7 +50,8 @@ def read_runs(
     **given
         Options by name instead of ``options``: ``map`` (role symbol to column header or ``col7``), ``units`` (role
         symbol to unit), ``ranges`` (role symbol to the ends of coded levels), ``constants`` (role symbol to a value
-        that is not in the file), ``tool``, ``work``, ``edge``, ``process``, ``hidden``, and ``decimal``,
+        that is not in the file), ``correct``, ``leave_out``, ``tool``, ``work``, ``edge``, ``process``, ``hidden``,
+        and ``decimal``,
         ``delimiter``, ``sheet`` as in :func:`fitmodels.datasets.read_table`.
 
     Raises
@@ -222,17 +224,33 @@ def _assemble(
     if not sample:
         fill_down(draft)
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
-    if judge:
-        settle_units(draft, options)
-    derive(draft, options)
+    _settle(draft, options, judge=judge, sample=sample)
     if judge and not sample:
-        settle_edges(draft, options)
         check_edges(draft)
     if not sample:
         keep_marks(draft)
     if judge and not sample:
         check_values(draft, options)
     return _finished(draft, source, options, judged=judge)
+
+
+def _settle(draft: Draft, options: ReadOptions, *, judge: bool, sample: bool) -> None:
+    """Settle units, computed quantities and edges, with what the user corrects or leaves out."""
+    asked = None
+    if (options.correct or options.leave_out) and not sample:
+        asked = Corrections(draft, options, judge=judge)
+        asked.apply(draft, "as written")
+    if judge:
+        settle_units(draft, options)
+    if asked:
+        asked.apply(draft, "in its unit")
+    derive(draft, options)
+    if asked:
+        asked.apply(draft, "computed")
+    if judge and not sample:
+        settle_edges(draft, options)
+    if asked:
+        asked.name_edges(draft)
 
 
 def _finished(draft: Draft, source: Source, options: ReadOptions, *, judged: bool) -> Runs:

@@ -19,10 +19,12 @@ NAMED_PRIORS = ("weak", "reference")
 # Names in the parameter file are those of the command's options.
 OF_READING = (
     *("map", "unit", "range", "value", "tool", "work", "edge", "process", "decimal", "delimiter", "sheet", "hidden"),
+    *("correct", "leave_out"),
 )
 RECORDED = (
     *("map", "unit", "range", "value", "tool", "work", "by", "error", "criterion", "gauge_sd", "seed", "draws"),
     *("priors", "student", "verify", "posterior_figures", "decimal", "delimiter", "sheet", "edge", "process", "hidden"),
+    *("correct", "leave_out"),
 )
 
 
@@ -32,7 +34,7 @@ class FitOptions(ReadOptions):
 
     Attributes
     ----------
-    map, units, ranges, constants, tool, work, edge, process, decimal, delimiter, sheet, hidden
+    map, units, ranges, constants, correct, leave_out, tool, work, edge, process, decimal, delimiter, sheet, hidden
         How a file is read, as in `datasets.read_runs`.
     by : str or None
         A category whose levels shift the laws, fitted together.
@@ -123,7 +125,7 @@ checks) to 1000000.
         for name in RECORDED[len(listed) :]:
             value = getattr(self, name)
             if name == "error" or value != usual[name]:
-                given[name] = os.fspath(value) if isinstance(value, os.PathLike) else value
+                given[name] = _plain(value)
         if isinstance(given.get("priors"), str) and given["priors"] not in NAMED_PRIORS:
             given["priors_sha256"] = sha256(Path(given["priors"]).read_bytes()).hexdigest()
         return given
@@ -147,6 +149,13 @@ def fit_options(given: Mapping[str, Any]) -> FitOptions:
         if name not in known:
             raise UsageError(f"{name}: there is no such option. {did_you_mean(name, known)}")
     return FitOptions(**given)
+
+
+def _plain(value: object) -> object:
+    """A value as JSON has it."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return list(value) if isinstance(value, tuple) else value
 
 
 def _is_number(value: object) -> bool:

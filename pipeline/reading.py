@@ -40,7 +40,7 @@ def read_source(source: Readable, options: ReadOptions) -> Runs:
     DataError
         The file cannot be read; `RecordError` where it is a record of one run.
     """
-    given = {name: value for name, value in options.reading().items() if value not in (None, {}, False)}
+    given = {name: value for name, value in options.reading().items() if value not in (None, {}, (), False)}
     if isinstance(source, Runs):
         if given:
             raise UsageError(f"{', '.join(given)}: Runs have been read already; give this to datasets.read_runs.")

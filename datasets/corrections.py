@@ -1,0 +1,401 @@
+"""Corrections of a file of tests that the user asks for: values of some rows or edges, and rows that are left out."""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import DataError, UsageError
+from ..core.rounding import format_plain
+from ..core.suggestions import did_you_mean
+from .derived.derivation import SUMMED, derive
+from .derived.rules import apply, known_of
+from .draft import Draft
+from .edges.assignment import settle_edges
+from .edges.merged_cells import lines_text
+from .options import ReadOptions
+from .plausibility.judgement import settle_units
+from .vocabulary import ROLES, UNNAMED
+
+_CORRECTION = re.compile(
+    r"\s*(?P<target>.*\S)\s*:\s*(?P<symbol>[A-Za-z]\w*)\s*(?P<sign>[*/+-])\s*(?P<number>[\d.]+(?:[eE][+-]?\d+)?)\s*"
+)
+_LINES = re.compile(r"(?:lines?|rows?)\s+(?P<lines>[\d\s,-]+?)(?:\s+of\s+(?P<edges>.+))?", re.IGNORECASE)
+_EVERY = "all"
+MOST_NAMED = 40  # edges in a refusal
+_SHOWN = 4  # cells in a sentence
+
+Rows = NDArray[np.bool_]
+Step: TypeAlias = Literal["as written", "in its unit", "computed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """One operation on a quantity of some rows: ``E07,E11:f*25.4``, ``lines 12,14-16:t-5``, ``all:VB/1000``.
+
+    >>> parse_correction("E07: f * 25.4")
+    Correction(text='E07: f * 25.4', target='E07', symbol='f', sign='*', number=25.4)
+    """
+
+    text: str
+    target: str
+    symbol: str
+    sign: str
+    number: float
+
+    @property
+    def factor(self) -> float | None:
+        """What the values are multiplied by, None for a sum."""
+        return {"*": self.number, "/": 1 / self.number}.get(self.sign) if self.sign in "*/" else None
+
+    def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The corrected values."""
+        if self.factor is not None:
+            return values * self.factor
+        return values + (self.number if self.sign == "+" else -self.number)
+
+
+def parse_correction(text: str) -> Correction:
+    """The correction that a text of ``--correct`` states.
+
+    Raises
+    ------
+    UsageError
+        It is not of the form ``TARGET:SYMBOL*NUMBER``, or would change nothing, or set values to zero.
+    """
+    match = _CORRECTION.fullmatch(text)
+    number = _number(match["number"]) if match else None
+    if match is None or number is None:
+        raise UsageError(
+            f"--correct {text}: write TARGET:SYMBOL*NUMBER, or with / + -; the target is names of edges, lines or "
+            "all: 'E07,E11:f*25.4', 'lines 12,14-16:t-5', 'all:VB/1000'."
+        )
+    if not (math.isfinite(number) and number > 0) or (match["sign"] in "*/" and number == 1):
+        raise UsageError(f"--correct {text}: {match['sign']}{match['number']} is no correction; give another number.")
+    return Correction(text.strip(), match["target"], match["symbol"], match["sign"], number)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+class Corrections:
+    """Corrections and rows left out of one reading, with the rows that each of them concerns.
+
+    Rows are found by the edges of the file as it stands, so that an edge keeps its name whatever is corrected or left
+    out. A factor is applied before the units of the columns are settled, an offset in the unit of its quantity.
+    """
+
+    def __init__(self, draft: Draft, options: ReadOptions, *, judge: bool) -> None:
+        trial = _as_it_stands(draft, options, judge=judge)
+        self._options = options
+        self._edges = trial.data.get("edge")
+        self._rows_are_summed = any(one.equation.endswith(SUMMED) for one in trial.derived)
+        rows = _RowsOf(trial)
+        self._given = [(one, rows.of(one.target, f"--correct {one.text}"))
+                       for one in map(parse_correction, options.correct)]  # fmt: skip
+        self._check(trial)
+        self._out: Rows = np.zeros(len(draft.lines), dtype=bool)
+        self._words: list[str] = []
+        for target in options.leave_out:
+            found = rows.of(target, f"--leave-out {target}")
+            self._words.append(_left_out(trial, target, found))
+            self._out |= found
+        if len(self._out) and self._out.all():
+            raise UsageError(f"--leave-out {' '.join(options.leave_out)}: no row is left.")
+        for one, found in self._given:
+            if not (found & ~self._out).any():
+                raise UsageError(f"--correct {one.text}: these rows are left out; give one of the two options.")
+        self._steps = {one.text: self._step(one, draft) for one, _ in self._given}
+
+    def apply(self, draft: Draft, step: Step) -> None:
+        """Apply the corrections of a step; the last one also computes what follows anew, and states all of them."""
+        for one, rows in self._given:
+            if self._steps[one.text] == step:
+                _apply(draft, one, rows, as_written=step == "as written" and one.symbol not in self._options.ranges)
+        if step == "computed":
+            _compute_anew(draft, self._options, {one.symbol for one, _ in self._given if self._steps[one.text] == step})
+            draft.assumed[:0] = [*(_sentence(draft, one, rows) for one, rows in self._given), *self._words]
+        self._leave_out(draft, step)
+
+    def _leave_out(self, draft: Draft, step: Step) -> None:
+        """Remove the rows: before units are settled, or after sums along an edge are made."""
+        if self._out.any() and step == ("computed" if self._rows_are_summed else "as written"):
+            keep = ~self._out
+            draft.keep(keep)
+            self._given = [(one, rows[keep]) for one, rows in self._given]
+            if self._edges is not None:
+                self._edges = self._edges[keep]
+
+    def name_edges(self, draft: Draft) -> None:
+        """Give the edges the names that they have in the file as it stands."""
+        if self._edges is not None:
+            draft.data["edge"] = self._edges
+
+    def _check(self, trial: Draft) -> None:
+        """Refuse a quantity that is not there, and a value that is corrected twice."""
+        known = [role for role in trial.data if role in ROLES and ROLES[role].unit]
+        taken: dict[str, Rows] = {}
+        for one, rows in self._given:
+            if one.symbol not in known:
+                raise UsageError(f"--correct {one.text}: {_no_such(trial, one.symbol, known)}")
+            twice = rows & taken.get(one.symbol, False)
+            if twice.any():
+                raise UsageError(
+                    f"--correct {one.text}: {one.symbol} of {lines_text(trial.lines[twice])} is corrected twice; give "
+                    "one correction of a value."
+                )
+            taken[one.symbol] = rows | taken.get(one.symbol, False)
+
+    def _step(self, one: Correction, draft: Draft) -> Step:
+        if one.symbol not in draft.data:
+            return "computed"
+        return "in its unit" if one.factor is None else "as written"
+
+
+def _as_it_stands(draft: Draft, options: ReadOptions, *, judge: bool) -> Draft:
+    """The draft with units and edges settled, without any correction."""
+    trial = _copied(draft)
+    if judge:
+        try:
+            settle_units(trial, options)
+        except DataError:  # refused as it stands; the corrections may mend that
+            trial = _copied(draft)
+    derive(trial, options)
+    if judge:
+        settle_edges(trial, options)
+    return trial
+
+
+def _copied(draft: Draft) -> Draft:
+    return Draft(
+        draft.columns, draft.uses, {role: values.copy() for role, values in draft.data.items()}, dict(draft.units),
+        draft.lines, draft.notes, list(draft.assumed), list(draft.warnings), list(draft.doubts), list(draft.derived),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _RowsOf:
+    """The rows of a draft that a target names."""
+
+    draft: Draft
+
+    def of(self, target: str, option: str) -> Rows:
+        """Rows of edges, of lines, or all of them; ``option`` begins the refusal of a target that does not exist."""
+        target = target.strip()
+        if target.lower() == _EVERY:
+            return np.ones(len(self.draft.lines), dtype=bool)
+        match = _LINES.fullmatch(target)
+        if match is None:
+            return self._of_edges(target, option)
+        within = self._of_edges(match["edges"], option) if match["edges"] else None
+        return self._of_lines(match["lines"], within, option)
+
+    def _of_edges(self, target: str, option: str) -> Rows:
+        if "edge" not in self.draft.data:
+            raise UsageError(
+                f"{option}: the file has no edges; name lines, as in 'lines 12,14-16', or the column of the edges with "
+                "--edge."
+            )
+        labels = self.draft.data["edge"]
+        names = [str(name) for name in dict.fromkeys(labels.tolist()) if name]
+        rows = np.zeros(len(labels), dtype=bool)
+        for name in _names_in(target, set(names)):
+            if name not in names:
+                raise UsageError(f"{option}: there is no edge {name!r}. {_like(name, names)}")
+            found = labels == name
+            self._refuse_several_pairs(name, found, option)
+            rows |= found
+        return rows
+
+    def _refuse_several_pairs(self, name: str, rows: Rows, option: str) -> None:
+        """Edges of one name on two tools or materials are different edges."""
+        labels = [self.draft.data[role][rows] for role in UNNAMED if role in self.draft.data]
+        pairs = list(zip(*(label.tolist() for label in labels), strict=True))
+        kinds = list(dict.fromkeys(pairs))
+        if len(kinds) > 1:
+            lines = self.draft.lines[rows]
+            each = "; ".join(
+                f"{' on '.join(map(str, kind))}: lines "
+                + ",".join(_spans([int(n) for n, pair in zip(lines, pairs, strict=True) if pair == kind]))
+                for kind in kinds[:_SHOWN]
+            )
+            raise UsageError(f"{option}: edge {name!r} is in {len(kinds)} pairs of tool and work; name lines ({each}).")
+
+    def _of_lines(self, text: str, within: Rows | None, option: str) -> Rows:
+        lines = self.draft.lines
+        rows = np.zeros(len(lines), dtype=bool)
+        for first, last in _ranges(text, option):
+            found = (lines >= first) & (lines <= last) & (True if within is None else within)
+            if not found.any():
+                span = f"line {first}" if first == last else f"lines {first} to {last}"
+                of = "" if within is None else " of that edge"
+                raise UsageError(
+                    f"{option}: there is no row{of} in {span}; the rows are in lines {lines.min()} to {lines.max()}."
+                    if len(lines)
+                    else f"{option}: the file has no rows."
+                )
+            rows |= found
+        if within is None:
+            self._refuse_several_rows(rows, option)
+        return rows
+
+    def _refuse_several_rows(self, rows: Rows, option: str) -> None:
+        """A line may hold rows of several edges, in a wide table or in a folder of files."""
+        lines = self.draft.lines[rows]
+        if len(set(lines.tolist())) == len(lines) or "edge" not in self.draft.data:
+            return
+        line = next(n for n in lines.tolist() if np.count_nonzero(lines == n) > 1)
+        edges = list(dict.fromkeys(map(str, self.draft.data["edge"][self.draft.lines == line])))
+        if len(edges) > 1:
+            raise UsageError(
+                f"{option}: line {line} holds rows of the edges {', '.join(edges[:_SHOWN])}"
+                f"{', ...' if len(edges) > _SHOWN else ''}; name the edge too, as in 'lines {line} of {edges[0]}'."
+            )
+
+
+def _like(name: str, names: Sequence[str]) -> str:
+    """The edge that a name may mean: the one of the same number, else the most similar.
+
+    >>> _like("E7", ["E07", "E17"])
+    "Did you mean 'E07'?"
+    """
+    same = [one for one in names if re.findall(r"\d+", one) and _plain_numbers(one) == _plain_numbers(name)]
+    return f"Did you mean {same[0]!r}?" if same else did_you_mean(name, names[:MOST_NAMED], names="Edges: ")
+
+
+def _plain_numbers(name: str) -> str:
+    return re.sub(r"0*(\d+)", r"\1", name).casefold()
+
+
+def _names_in(text: str, known: set[str]) -> Iterator[str]:
+    """Names of a list with commas; a known name may hold commas itself.
+
+    >>> list(_names_in("E1, 2,5,E3", {"E1", "2,5", "E3"}))
+    ['E1', '2,5', 'E3']
+    """
+    parts = text.split(",")
+    while parts:
+        count = next((k for k in range(len(parts), 0, -1) if ",".join(parts[:k]).strip() in known), 1)
+        yield ",".join(parts[:count]).strip()
+        del parts[:count]
+
+
+def _ranges(text: str, option: str) -> Iterator[tuple[int, int]]:
+    """First and last line of each part of a list such as ``12,14-16``."""
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+))?\s*", part)
+        if match is None or int(match[2] or match[1]) < int(match[1]):
+            raise UsageError(f"{option}: {part.strip()!r} is no line; write lines as in 'lines 12,14-16'.")
+        yield int(match[1]), int(match[2] or match[1])
+
+
+def _spans(lines: Sequence[int]) -> list[str]:
+    """Lines in rising order as ``2-9``.
+
+    >>> _spans([2, 3, 4, 9])
+    ['2-4', '9']
+    """
+    out: list[list[int]] = []
+    for line in lines:
+        if out and line == out[-1][-1] + 1:
+            out[-1] = [out[-1][0], line]
+        else:
+            out.append([line])
+    return ["-".join(map(str, part)) for part in out]
+
+
+def _no_such(trial: Draft, symbol: str, known: Sequence[str]) -> str:
+    """Why a symbol cannot be corrected, and what may be meant."""
+    for use in trial.uses:
+        if symbol.casefold() in (use.name.casefold(), use.header.casefold()) and use.role in known:
+            return f"column {use.header!r} is {use.role}; write {use.role}."
+    label = f"{symbol} holds names, not numbers. " if symbol in trial.data else f"no column has the role {symbol}. "
+    return label + did_you_mean(symbol, known, names="Columns with numbers: ")
+
+
+def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> None:
+    """Correct the values of a role, and with ``as_written`` the column of the file and its marked numbers."""
+    old = np.asarray(draft.data[one.symbol], dtype=float)
+    new = np.where(rows, one.apply(old), old)
+    wrong = np.flatnonzero((new < 0) & (old >= 0))
+    if wrong.size:
+        i = int(wrong[0])
+        unit = ROLES[one.symbol].unit
+        raise UsageError(
+            f"--correct {one.text}: {one.symbol} of line {draft.lines[i]} would be {format_plain(new[i])} {unit}, from "
+            f"{format_plain(old[i])}; correct the number, or the rows."
+        )
+    if not np.isfinite(old[rows]).any() and not as_written:
+        raise UsageError(f"--correct {one.text}: {one.symbol} has no value in these rows.")
+    draft.data[one.symbol] = new
+    if not as_written or one.factor is None:
+        return
+    columns = list(draft.columns)
+    for i, use in enumerate(draft.uses):
+        if use.role == one.symbol and columns[i].is_numeric:
+            values = np.asarray(columns[i].values, dtype=float)
+            marks = tuple((row, replace(mark, value=mark.value * one.factor) if rows[row] else mark)
+                          for row, mark in columns[i].marks)  # fmt: skip
+            columns[i] = replace(columns[i], values=np.where(rows, values * one.factor, values), marks=marks)
+    draft.columns = tuple(columns)
+
+
+def _compute_anew(draft: Draft, options: ReadOptions, corrected: set[str]) -> None:
+    """Compute the quantities that follow from corrected ones, which were computed before them, once more."""
+    if not corrected:
+        return
+    affected = []
+    changed = set(corrected)
+    for one in draft.derived:
+        if changed & set(one.inputs) and one.role not in corrected and one.role in draft.data:
+            changed.add(one.role)
+            affected.append(one)
+    for one in affected:
+        if one.equation.endswith(SUMMED):
+            raise UsageError(
+                f"--correct: {one.role} is a sum along the edge; correct {' or '.join(one.inputs)} instead."
+            )
+        del draft.data[one.role]
+    known = known_of(draft.data, draft.notes, options)
+    apply(known, {}, [one.equation for one in affected])
+
+
+def _sentence(draft: Draft, one: Correction, rows: Rows) -> str:
+    """What a correction changed, with old and new values."""
+    new = np.asarray(draft.data[one.symbol], dtype=float)[rows]
+    old = new / one.factor if one.factor is not None else new - (one.apply(np.zeros(1))[0])
+    n, unit = int(rows.sum()), ROLES[one.symbol].unit
+    return (
+        f"corrected as asked, --correct {one.text}: {one.symbol} of {n} row{'s' * (n != 1)} "
+        f"({lines_text(draft.lines[rows])}) was {_span(old)}, is {_span(new)}{'' if unit == '1' else f' {unit}'}"
+    )
+
+
+def _span(values: NDArray[np.float64]) -> str:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return "no value"
+    low, high = (f"{v:.4g}" for v in (known.min(), known.max()))
+    return low if low == high else f"{low} to {high}"
+
+
+def _left_out(trial: Draft, target: str, rows: Rows) -> str:
+    """Which rows a target leaves out, with the values of a single one."""
+    n = int(rows.sum())
+    words = (
+        f"left out as asked, --leave-out {target.strip()}: {n} row{'s' * (n != 1)} ({lines_text(trial.lines[rows])})"
+    )
+    if n > 1:
+        return words
+    i = int(np.flatnonzero(rows)[0])
+    held = [f"{role} {format_plain(float(values[i]))}" for role, values in trial.numbers().items()
+            if np.isfinite(values[i])]  # fmt: skip
+    return f"{words}, which holds {', '.join(held)}" if held else words

@@ -1,0 +1,186 @@
+"""`--correct` and `--leave-out`: a file with planted mistakes is read as the sound one, and this is recorded."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets
+from fitmodels.cli import main
+from fitmodels.cli.corrections import corrected
+from fitmodels.core.errors import UsageError
+from fitmodels.fit.checks.check import Suspect
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+FILE = datasets.bundled("gc435_709m40")
+FEED, TIME = "f [mm/rev]", "t [min]"
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return pd.read_csv(FILE, comment="#").dropna().reset_index(drop=True)
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reads(frame, **options):
+        path = tmp_path / "tests.csv"
+        frame.to_csv(path, index=False)
+        return datasets.read_runs(path, tool="GC435", work="709M40", **options)
+
+    return reads
+
+
+def changed(frame, edges, column, factor=1.0, offset=0.0):
+    rows = frame["edge"].isin(edges)
+    return frame.assign(**{column: frame[column].where(~rows, frame[column] * factor + offset)})
+
+
+def test_a_corrected_unit_of_some_edges_is_read_as_the_sound_file(sound, read):
+    inch = changed(sound, ["E07", "E11"], FEED, 1 / 25.4)
+    runs = read(inch, correct=("E07,E11:f*25.4",))
+    truth = read(sound)
+    np.testing.assert_allclose(runs.values("f"), truth.values("f"), rtol=1e-9)
+    assert runs.doubts == truth.doubts
+    assert read(inch).doubts != truth.doubts
+    said = next(text for text in runs.assumed if "--correct" in text)
+    assert "E07,E11:f*25.4" in said
+    assert "was 0.007469 to 0.01328, is 0.1897 to 0.3374 mm/rev" in said
+
+
+def test_an_offset_is_in_the_unit_of_the_quantity(sound, read):
+    """A column of seconds, given by --unit and not by the header, is corrected in min."""
+    late = changed(sound, ["E03"], TIME, offset=5.0)
+    late[TIME] *= 60
+    runs = read(late.rename(columns={TIME: "t"}), units={"t": "s"}, correct=("E03:t-5",))
+    np.testing.assert_allclose(runs.values("t"), read(sound).values("t"), atol=1e-9)
+
+
+def test_values_that_are_left_out_as_impossible_can_be_corrected(sound, read):
+    wrong = sound.assign(**{FEED: sound[FEED].where(sound.index != 4, sound[FEED] * 1000)})
+    assert np.isnan(read(wrong).values("f")[4])
+    runs = read(wrong, correct=("lines 6:f/1000",))
+    np.testing.assert_allclose(runs.values("f"), read(sound).values("f"))
+    assert not any("cannot be" in doubt.sentence for doubt in runs.doubts)
+
+
+def test_a_file_that_is_refused_as_it_stands_can_be_corrected(sound, read):
+    """A third of the edges in m/s times 1000: no unit of the whole column is plausible."""
+    edges = sorted(set(sound["edge"]))[:9]
+    wrong = changed(sound, edges, "V [m/min]", 1000)
+    with pytest.raises(datasets.reading.DataError):
+        read(wrong)
+    runs = read(wrong, correct=(f"{','.join(edges)}:V/1000",))
+    np.testing.assert_allclose(runs.values("V"), read(sound).values("V"))
+
+
+def test_computed_quantities_follow_from_corrected_ones(read):
+    frame = pd.DataFrame(
+        [(edge, 500 + 100 * i, 0.2, 1.0, t, 0.05 + 0.02 * t) for i, edge in enumerate("ABCDEF") for t in (2, 4, 6)],
+        columns=["edge", "n [1/min]", FEED, "ap [mm]", TIME, "VB [mm]"],
+    )
+    truth = read(frame, constants={"D": 50})
+    wrong = changed(frame, ["B"], "n [1/min]", 1 / 60)
+    np.testing.assert_allclose(read(wrong, constants={"D": 50}, correct=("B:n*60",)).values("V"), truth.values("V"))
+    doubled = read(frame, constants={"D": 50}, correct=("B:V*2",))
+    np.testing.assert_allclose(doubled.values("V") / truth.values("V"), np.where(frame["edge"] == "B", 2, 1))
+
+
+def test_rows_and_edges_are_left_out(sound, read):
+    runs = read(sound, leave_out=("E07", "lines 2-4,6"))
+    kept = (sound["edge"] != "E07") & ~sound.index.isin([0, 1, 2, 4])
+    np.testing.assert_allclose(runs.values("AW"), sound.loc[kept, "AW [mm]"])
+    np.testing.assert_array_equal(runs.lines, sound.index[kept] + 2)
+    assert sum("--leave-out" in text for text in runs.assumed) == 2
+
+
+def test_inferred_edges_keep_their_names_when_others_are_left_out(sound, read):
+    """E03 is the same edge after E01 was left out, or a correction would concern another one."""
+    bare = sound.drop(columns=["edge", "point"])
+    before, after = read(bare), read(bare, leave_out=("E01",), correct=("E03:AW*1.5",))
+    kept = before.labels("edge") != "E01"
+    np.testing.assert_array_equal(after.labels("edge"), before.labels("edge")[kept])
+    ratio = after.values("AW") / before.values("AW")[kept]
+    np.testing.assert_allclose(ratio, np.where(after.labels("edge") == "E03", 1.5, 1.0))
+
+
+def test_lines_of_a_wide_table_need_their_edge(tmp_path):
+    path = tmp_path / "wide.csv"
+    path.write_text("t [min],E1,E2\n2,0.1,0.2\n4,0.15,0.26\n6,0.2,0.33\n# VB in mm\n")
+    with pytest.raises(UsageError, match=r"line 3 holds rows of the edges E1, E2; name the edge too.*'lines 3 of E1'"):
+        datasets.read_runs(path, leave_out=("lines 3",))
+    runs = datasets.read_runs(path, correct=("lines 3 of E2:VB/2",))
+    assert sorted(runs.values("VB")) == [0.1, 0.13, 0.15, 0.2, 0.2, 0.33]
+
+
+def test_edges_of_one_name_in_two_pairs_are_named_by_lines(sound, read):
+    two = pd.concat([sound.assign(tool="GC435"), sound.assign(tool="GC4025")])
+    with pytest.raises(UsageError, match=r"edge 'E02' is in 2 pairs of tool and work; name lines \(GC435: lines 0-"):
+        datasets.runs_from_frame(two, correct=("E02:f*25.4",))
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"correct": ("E7:f*25.4",)}, "no edge 'E7'. Did you mean 'E07'"),
+        ({"correct": ("E07:f*25,4",)}, "write TARGET:SYMBOL"),
+        ({"correct": ("E07:f*0",)}, "no correction"),
+        ({"correct": ("E07:f*1",)}, "no correction"),
+        ({"correct": ("E07:F*2",)}, "column 'f [mm/rev]' is f; write f."),
+        ({"correct": ("E07:edge*2",)}, "edge holds names, not numbers"),
+        ({"correct": ("lines 2:t-5",)}, "t of line 2 would be -3 min, from 2"),
+        ({"correct": ("lines 9000:t+5",)}, "no row in line 9000; the rows are in lines 2 to"),
+        ({"correct": ("E07:f*2", "all:f*2")}, "is corrected twice"),
+        ({"correct": ("E07:f*2",), "leave_out": ("E07",)}, "these rows are left out"),
+        ({"leave_out": ("all",)}, "no row is left"),
+        ({"leave_out": ("lines 5-2",)}, "is no line"),
+        ({"leave_out": "E07"}, "give a list of texts"),
+    ],
+)
+def test_what_cannot_be_corrected_is_refused(sound, read, option, words):
+    with pytest.raises(UsageError) as refusal:
+        read(sound, **option)
+    assert words in str(refusal.value)
+
+
+@given(
+    st.sampled_from(["V", "f", "d", "t", "AW", "P"]),
+    st.sampled_from([25.4, 60.0, 3.280839895, 9.80665]),
+    st.sets(st.sampled_from([f"E{i:02d}" for i in range(1, 25)]), min_size=1, max_size=4),
+)
+@settings(max_examples=15, deadline=None)
+def test_the_correction_of_a_suspect_undoes_the_mistake(symbol, factor, edges):
+    frame = datasets.read_runs(FILE).to_frame()[["edge", "V", "f", "d", "t", "AW", "P"]].dropna(subset="AW")
+    rows = frame["edge"].isin(edges)
+    wrong = frame.assign(**{symbol: frame[symbol].where(~rows, frame[symbol] / factor)})
+    suspect = Suspect(symbol, edges=tuple(sorted(edges)), factor=factor)
+    truth = datasets.runs_from_frame(frame)
+    runs = datasets.runs_from_frame(wrong, correct=(suspect.correction,))
+    np.testing.assert_allclose(runs.values(symbol), truth.values(symbol), rtol=1e-5)
+
+
+def test_corrections_are_recorded_in_the_parameter_file_and_repeat_the_reading(sound, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    changed(sound, ["E07"], FEED, 1 / 25.4).to_csv("tests.csv", index=False)
+    assert main(["tests.csv", "--correct", "E07:f*25.4", "--leave-out", "lines 2", "--out", "out"]) == 0
+    assert "--correct E07:f*25.4: f of" in capsys.readouterr().out
+    (file,) = (tmp_path / "out").rglob("params.json")
+    written = json.loads(file.read_text())
+    assert written["provenance"]["options"]["correct"] == ["E07:f*25.4"]
+    assert written["provenance"]["options"]["leave_out"] == ["lines 2"]
+
+
+def test_a_remedy_is_added_to_the_command_as_typed():
+    words = ["data.csv", "--correct", "E07:f*10", "--leave-out", "lines 3"]
+    assert corrected(words, '--correct "E07:f*25.4"') == (
+        "fitmodels data.csv --leave-out 'lines 3' --correct 'E07:f*25.4'"
+    )
+    assert corrected(words, "--correct E11:t-5") == (
+        "fitmodels data.csv --correct 'E07:f*10' --leave-out 'lines 3' --correct E11:t-5"
+    )
+
+
+def test_a_batch_refuses_corrections(tmp_path, capsys):
+    assert main(["batch", str(FILE), "--out", str(tmp_path / "out"), "--leave-out", "E07"]) == 2
+    assert "--leave-out: edges and lines are of one file" in capsys.readouterr().err
