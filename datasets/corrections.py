@@ -267,12 +267,9 @@ def _like(name: str, names: Sequence[str]) -> str:
     >>> _like("E7", ["E07", "E17"])
     "Did you mean 'E07'?"
     """
-    same = [one for one in names if re.findall(r"\d+", one) and _plain_numbers(one) == _plain_numbers(name)]
+    plain, *others = (re.sub(r"0*(\d+)", r"\1", one).casefold() for one in (name, *names))
+    same = [one for one, other in zip(names, others, strict=True) if other == plain]
     return f"Did you mean {same[0]!r}?" if same else did_you_mean(name, names[:MOST_NAMED], names="Edges: ")
-
-
-def _plain_numbers(name: str) -> str:
-    return re.sub(r"0*(\d+)", r"\1", name).casefold()
 
 
 def _names_in(text: str, known: set[str]) -> Iterator[str]:
