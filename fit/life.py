@@ -4,7 +4,8 @@ From ``AW = c0 V^a f^b d^g t^k`` and a criterion W follows ``T = (W/c0)^(1/k) V^
 Taylor's ``V T^n = C`` with ``n = k/a``. Source: ISO 3685:1993, annex on tool-life equations.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ import pandas as pd
 from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import FitError
+from ..core.verdict import Verdict, verdict_from
+from ..datasets import Runs
 from .lawfit import LawFit
 from .laws import LARGEST_LOG
 
@@ -137,3 +140,121 @@ def _standard_errors(law: LawFit, eta: Array, values: Array, others: list[int], 
     se = np.sqrt(np.einsum("ij,jk,ik->i", J, law.covariance(), J))
     se[0] *= values[0]
     return pd.Series(se, index=[law.names[j] for j in others])
+
+
+LIFE_USUAL, LIFE_POSSIBLE = (0.5, 600.0), (0.02, 6000.0)  # min
+FAR, VERY_FAR = 1.0, 10.0  # life over the longest test: extrapolated, and too far to be used
+WIDE, VERY_WIDE = 10.0, 100.0  # factor within which 95 % of lives lie
+Range = tuple[float, float]
+# Names, tool material, and Taylor's n: usual, and the range beyond which it is doubted (judgement)
+_COATED = r"\bgc ?\d{3,4}\b|coat|beschichtet|revêtu|recubiert|\btin\b|tialn|altin|ticn"
+_TAYLOR: tuple[tuple[str, str, Range, Range], ...] = (
+    (r"\bhss\b|high.speed steel|schnellarbeitsstahl|acier rapide", "high-speed steel", (0.08, 0.2), (0.05, 0.3)),
+    (r"ceramic|keramik|céramique|cerámica|\bsialon\b|\bwhisker", "ceramic", (0.4, 0.6), (0.25, 1.0)),
+    (_COATED, "coated carbide", (0.2, 0.5), (0.12, 0.7)),
+    (r"carbide|hartmetall|carbure|metal duro|\b[pmk]\d\d\b", "carbide", (0.2, 0.3), (0.12, 0.5)),
+)
+_ANY_TOOL = ("any tool material", (0.08, 0.6), (0.05, 1.0))
+
+
+def usual_taylor_n(tool: str) -> tuple[str, Range, Range]:
+    """Tool material that a name states, its usual range of Taylor's n, and the range beyond which n is doubted.
+
+    Examples
+    --------
+    >>> usual_taylor_n("GC435")
+    ('coated carbide', (0.2, 0.5), (0.12, 0.7))
+    >>> usual_taylor_n("T1")[0]
+    'any tool material'
+    """
+    found = (row[1:] for row in _TAYLOR if re.search(row[0], tool.casefold()))
+    return next(found, _ANY_TOOL)
+
+
+def life_verdict(life: ToolLife, law: LawFit, runs: Runs | None = None, of_law: Verdict | None = None) -> Verdict:
+    """The verdict on a tool life: Taylor's n, extrapolation, plausible lives, its scatter, and the verdict on its law.
+
+    Parameters
+    ----------
+    life : ToolLife
+    law : LawFit
+        The wear law that it was solved from.
+    runs : Runs, optional
+        Whose tool names the material; otherwise that of the law.
+    of_law : Verdict, optional
+        Of the wear law: a life is no better than its law.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> life_verdict(fit.tool_life(law, 0.3), law).words
+    'usable with reservations'
+    """
+    found = [
+        *_of_taylor(life, law, law.source.tool if runs is None else runs.tool),
+        *_of_size(life),
+        *_of_range(life, law),
+    ]
+    found += _of_scatter(life, law)
+    if of_law is not None and of_law.level:
+        found.append((of_law.level, f"The law of {life.wear} that it follows from: {of_law.words}."))
+    checked = ["Life against plausible lives", "Extrapolation", "Predictive error of the life"]
+    missing = ["Taylor's n: the law has no V"]
+    if life.taylor_n is not None:
+        checked, missing = ["Taylor's n", *checked], []
+    return verdict_from(found, checked, missing)
+
+
+def _of_taylor(life: ToolLife, law: LawFit, tool: str) -> Iterator[tuple[int, str]]:
+    """Taylor's n by the interval of its reciprocal, the exponent of V in the life."""
+    from scipy.special import stdtrit
+
+    if life.taylor_n is None:
+        return
+    material, usual, limits = usual_taylor_n(tool)
+    half = 0.0 if life.bse is None else float(stdtrit(max(law.df, 1), 0.975) * life.bse["V"])
+    b = float(life.coefficients["V"])
+    if b - half > 0:
+        yield 2, f"Life rises with cutting speed (Taylor's n {life.taylor_n:.2g}), where it must fall."
+    elif -b - half > 1 / limits[0] or -b + half < 1 / limits[1]:
+        range_of = f"{usual[0]:g} to {usual[1]:g} of {material}"
+        yield 1, f"Taylor's n {life.taylor_n:.2g} is unusual (usual {range_of}): check speed and time."
+
+
+def _of_size(life: ToolLife) -> Iterator[tuple[int, str]]:
+    """Life at the middle of the tests against lives in use."""
+    usual = f"usual {LIFE_USUAL[0]:g} to {LIFE_USUAL[1]:g} min"
+    at = f"{life.typical:.3g} {life.unit} at the middle of the tests"
+    if life.unit != "min":
+        return
+    if not LIFE_POSSIBLE[0] <= life.typical <= LIFE_POSSIBLE[1]:
+        yield 2, f"A life of {at} cannot be ({usual}): check the units of time and wear."
+    elif not LIFE_USUAL[0] <= life.typical <= LIFE_USUAL[1]:
+        yield 1, f"A life of {at} is unusual ({usual})."
+
+
+def _of_range(life: ToolLife, law: LawFit) -> Iterator[tuple[int, str]]:
+    """Extrapolation in time and in wear."""
+    ratio, first = life.typical / life.t_observed, law.domain["t"][0]
+    head = f"The life of {life.typical:.3g} {life.unit} at the middle of the tests is"
+    if ratio > FAR:
+        beyond = f"{ratio:.2g} times the longest test ({life.t_observed:.3g} {life.unit})"
+        yield 1 + int(ratio > VERY_FAR), f"{head} {beyond}: extrapolated."
+    elif life.typical < first:
+        before = f"shorter than the first reading ({first:.3g} {life.unit})"
+        yield 1 + int(life.typical < first / VERY_FAR), f"{head} {before}: extrapolated."
+    if law.rows is not None and life.criterion > (largest := float(law.observed.max())):
+        wear = f"{life.criterion:g} {life.unit_of_wear} (largest wear {largest:.3g})"
+        yield 1, f"No test reached the criterion {wear}: the life is extrapolated."
+
+
+def _of_scatter(life: ToolLife, law: LawFit) -> Iterator[tuple[int, str]]:
+    """Factor within which lives lie: the scatter of the wear over the exponent of time."""
+    if law.error != "multiplicative" or law.scale_se is None:
+        return
+    k = float(law.params["t"])
+    factor = float(np.exp(min(1.96 * law.scale_se / k, 50.0)))
+    if factor > WIDE:
+        why = f"wear hardly grows with time (exponent {k:.2g}): run tests to the criterion."
+        yield 1 + int(factor > VERY_WIDE), f"95 % of lives lie within a factor of {factor:.2g} of the law, since {why}"

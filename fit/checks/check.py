@@ -18,6 +18,11 @@ FAMILY_LEVEL = 0.05  # of all tests of the laws of a file together, by Holm's pr
 
 # Title of each check by its key in `Judgement.checks` and in parameter files.
 TITLES: Mapping[str, str] = MappingProxyType({
+    "exponents": "Signs and usual ranges of exponents",
+    "possible values": "Possible values in the tested region",
+    "predictive use": "Explained variance and predictive error",
+    "number of edges": "Inference by edge",
+    "reading": "Doubts of the reading",
     "form": "Lack of fit",
     "single edges": "Influence",
     "prediction": "Cross-validation (PRESS)",

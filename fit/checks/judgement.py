@@ -23,11 +23,13 @@ from .competing_models import compare_forms
 from .deletion_diagnostics import Deletion, deletion, influence, press
 from .gauge_error import gauge_corrected
 from .model_checks import collinearity, lack_of_fit, precision
+from .physics import exponents, possible_values
 from .residual_tests import Residuals, normality, residual_sets, spread
 from .response_scale import box_cox, error_structure
 from .robust_fit import dominant_edge, robust
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split
 from .time_exponent import common_exponent
+from .usefulness import doubts_of_reading, number_of_edges, predictive_use
 
 Found = Check | NotAvailable
 WITHOUT_ROWS = (
@@ -219,6 +221,11 @@ def _gauge(given: CheckInput) -> Found | None:
 
 
 CHECKS: Mapping[str, OneCheck] = {
+    "exponents": lambda given: exponents(given.whole, given.runs),
+    "possible values": lambda given: possible_values(given.whole, given.runs),
+    "predictive use": lambda given: predictive_use(given.law, given.left_out),
+    "number of edges": lambda given: number_of_edges(given.whole, given.runs),
+    "reading": lambda given: doubts_of_reading(given.whole, given.runs),
     "form": lambda given: lack_of_fit(given.law, given.strata),
     "single edges": _deleted(lambda given, left: influence(given.law, given.strata, left)),
     "prediction": _deleted(lambda given, left: press(given.law, left)),

@@ -1,0 +1,364 @@
+"""Checks of a law against the physics of cutting: signs and usual ranges of its exponents, and possible predictions.
+
+The 95 % interval of an exponent is compared with the range, never the estimate alone: an interval that reaches the
+range is no evidence against the law. Ranges are wide, since work, tool and wear criterion move the exponents.
+
+Sources. Wear: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006 (V .577, f .168, d .248, t .245), and the milling data
+of NASA Ames (f .32, d .63, t .79); life: Taylor 1907, with n of high-speed steel .08 to .20, carbide .20 to .30 (coated
+to .5) and ceramic .40 to .60. Main force and power: Kienzle 1952, exponent of f equal to 1 - mc with mc .20 to .27,
+Tabellenbuch Zerspantechnik 2022; feed force 1 - mf .2 to .5, passive force 1 - mp .4 to .6. Roughness: f^2 / (8 r) of
+the geometry is the exponent 2. Limits beyond the usual are judgement.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...core.errors import FitError
+from ...core.rounding import format_decimal
+from ...datasets import Runs
+from ...datasets.options import Process
+from ...datasets.plausibility.ranges import Plausible, plausible
+from ...datasets.vocabulary import ROLES
+from ..available import NotAvailable
+from ..lawfit import LawFit
+from .check import Check
+from .strata import NO_ROWS
+
+Range = tuple[float, float]
+Found = tuple[int, str]  # contribution to the verdict, and the sentence
+
+
+@dataclass(frozen=True, slots=True)
+class Exponent:
+    """Usual range of an exponent, limits beyond which it is doubted, and the sign that it must have (0: either)."""
+
+    usual: Range
+    limits: Range
+    sign: int = 0
+
+
+WEAR_ROLES = ("AW", "VB", "VBC", "VBN")
+_NO_TREND = Exponent((-0.1, 0.3), (-0.5, 0.8))  # of time in a law that may contain wear
+_WEAR = {
+    "V": Exponent((0.3, 3), (0.25, 5), 1),
+    "f": Exponent((0, 1), (0, 1.5)),
+    "d": Exponent((0, 1), (0, 1.5)),
+    "ae": Exponent((0, 1), (0, 1.5)),
+    "t": Exponent((0.2, 1.2), (0.05, 2), 1),
+}
+_LIFE = {
+    "V": Exponent((-8, -1.5), (-15, -0.8), -1),
+    "f": Exponent((-2, -0.5), (-4, 0)),
+    "d": Exponent((-1, -0.1), (-3, 0)),
+}
+_MAIN = {
+    "V": Exponent((-0.3, 0.1), (-0.6, 0.4)),
+    "f": Exponent((0.6, 1), (0.4, 1.2), 1),
+    "d": Exponent((0.85, 1.1), (0.5, 1.4), 1),
+    "ae": Exponent((0.3, 1.1), (0, 1.5), 1),
+    "t": _NO_TREND,
+    "wear": Exponent((0, 1), (0, 1.5)),
+}
+_POWER = _MAIN | {  # of the drive, which also runs idle, exponents are smaller than of the cut
+    "V": Exponent((0.7, 1.1), (0.2, 1.5), 1),
+    "f": Exponent((0.6, 1), (0.2, 1.2), 1),
+    "d": Exponent((0.8, 1.1), (0.2, 1.4), 1),
+    "wear": Exponent((0, 0.6), (0, 1.2)),
+}
+_COMPONENT = _MAIN | {  # of a direction that the symbol does not name: main, feed or passive force
+    "V": Exponent((-0.5, 0.1), (-1, 0.5)),
+    "f": Exponent((0.2, 1), (0, 1.3), 1),
+    "d": Exponent((0.3, 1.3), (0, 2), 1),
+    "wear": Exponent((0, 1), (0, 2)),
+}
+_FEED = _COMPONENT | {"f": Exponent((0.2, 0.5), (0, 0.9), 1), "d": Exponent((0.8, 1.3), (0.3, 2), 1)}
+_PASSIVE = _COMPONENT | {"f": Exponent((0.4, 0.6), (0.1, 1), 1), "d": Exponent((0.2, 1), (-0.3, 1.4))}
+_ROUGHNESS = {
+    "V": Exponent((-0.6, 0.2), (-1.5, 1)),
+    "f": Exponent((0.5, 2), (0, 3)),
+    "d": Exponent((-0.2, 0.5), (-1, 1)),
+}
+_TABLE: Mapping[str, Mapping[str, Exponent]] = {
+    **dict.fromkeys(WEAR_ROLES, _WEAR),
+    "T": _LIFE,
+    "Fc": _MAIN,
+    "M": _MAIN | {"V": Exponent((-0.3, 0.1), (-0.6, 0.6))},
+    "Ff": _FEED,
+    "Fp": _PASSIVE,
+    **dict.fromkeys(("F", "Fx", "Fy", "Fz", "Fxz"), _COMPONENT),
+    "P": _POWER,
+    **dict.fromkeys(("Ra", "Rz"), _ROUGHNESS),
+}
+_SAME = {"n": "V", "fz": "f", "fm": "f", **dict.fromkeys(WEAR_ROLES, "wear")}  # factors with the range of another
+
+
+def usual_exponents(response: str, factors: tuple[str, ...], process: Process | None) -> dict[str, Exponent]:
+    """Ranges of the exponents of a response by factor, for those factors that have one.
+
+    Beside a feed rate the exponent of the speed is that at a constant feed rate, which has no usual range; the depth
+    in drilling is that of the hole.
+
+    Examples
+    --------
+    >>> usual_exponents("Fc", ("f", "D"), None)["f"].usual, usual_exponents("P", ("V", "d"), "drilling").keys()
+    ((0.6, 1), dict_keys(['V']))
+    """
+    ranges = _TABLE.get(response, {})
+    if process == "grinding":
+        ranges = {name: one for name, one in ranges.items() if name == "t"}
+    without = {"d"} if process == "drilling" else set()
+    if "fm" in factors:
+        without |= {"V", "n"}
+    named = {name: _SAME.get(name, name) for name in factors if name not in without}
+    return {name: ranges[same] for name, same in named.items() if same in ranges}
+
+
+def exponents(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable | None:
+    """Signs and ranges of the exponents of a power law, and the sign of a feed line; None for other forms.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> exponents(law).concern
+    0
+    """
+    if law.form not in ("power", "feed_line"):
+        return None
+    if law.no_interval:
+        return NotAvailable(law.no_interval)
+    if law.form == "feed_line":
+        return _feed_line(law)
+    process = None if runs is None else runs.process
+    where = process or "cutting"
+    ranges = usual_exponents(law.response, law.factors, process)
+    if not ranges:
+        return NotAvailable(f"no usual exponents of {law.response} in {where} are listed")
+    ends = law.conf_int()
+    intervals = {name: (float(law.params[name]), float(ends.low[name]), float(ends.high[name])) for name in ranges}
+    said = [_judged(law.response, name, one, intervals[name]) for name, one in ranges.items()]
+    found = [one for one in (*said, _feed_above_speed(law, ranges)) if one is not None]
+    return _check(
+        f"the interval of each exponent reaches the range usual in {where}", found, _passed(ranges, intervals, where)
+    )
+
+
+def _passed(ranges: Mapping[str, Exponent], intervals: Mapping[str, tuple[float, float, float]], where: str) -> str:
+    """The sentence where no exponent is doubted: those whose estimate is outside the limits are uncertain."""
+    wide = [
+        f"{name} {intervals[name][0]:.2g}, {intervals[name][1]:.2g} to {intervals[name][2]:.2g} "
+        f"(usual {_range(one.usual)})"
+        for name, one in ranges.items()
+        if not one.limits[0] <= intervals[name][0] <= one.limits[1]
+    ]
+    if wide:
+        return f"Exponents that are unusual but too uncertain to be judged: {'; '.join(wide)}."
+    return f"The 95 % intervals of the exponents of {', '.join(ranges)} reach the ranges usual in {where}."
+
+
+def _check(null: str, found: list[Found], passed: str) -> Check:
+    """The check of several findings, the most serious first."""
+    found.sort(key=lambda one: -one[0])
+    return Check(
+        null=null,
+        concern=max((one[0] for one in found), default=0),
+        verdict=" ".join(one[1] for one in found) or passed,
+    )
+
+
+def _judged(response: str, name: str, one: Exponent, interval: tuple[float, float, float]) -> Found | None:
+    """What an exponent with its interval (estimate, low, high) says against the law."""
+    b, low, high = interval
+    numbers = f"{b:.2g}, 95 % interval {low:.2g} to {high:.2g}"
+    if one.sign and (high < 0 if one.sign > 0 else low > 0):
+        moves, should = ("falls", "rise") if one.sign > 0 else ("rises", "fall")
+        why = _WRONG_SIGN.get((response in WEAR_ROLES, _SAME.get(name, name)), "the columns, their units and signs")
+        return 2, f"{response} {moves} with {name} (exponent {numbers}) where it must {should}: check {why}."
+    if one.limits[0] <= high and low <= one.limits[1]:
+        return None
+    return 1, (
+        f"The exponent of {name} in {response} is unusual ({numbers}; usual {_range(one.usual)}): check the columns "
+        "and units, and whether other conditions varied together with it."
+    )
+
+
+_WRONG_SIGN = {
+    (True, "t"): "the time column, the order of the rows and the names of the edges",
+    (True, "V"): "whether columns are exchanged; only a built-up edge at low speed wears less at higher speed",
+}
+
+
+def _range(ends: Range) -> str:
+    return f"{ends[0]:g} to {ends[1]:g}"
+
+
+def _feed_above_speed(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None:
+    """Wear, or life, that depends more on the feed than on the speed."""
+    from scipy.special import stdtrit
+
+    sign = 1 if law.response in WEAR_ROLES else -1 if law.response == "T" else 0
+    speed = next((name for name in ("V", "n") if name in ranges), None)
+    feed = next((name for name in ("f", "fz") if name in ranges), None)
+    if not sign or speed is None or feed is None:
+        return None
+    at = [law.names.index(name) for name in (speed, feed)]
+    cov = law.covariance()[np.ix_(at, at)]
+    b_speed, b_feed = (float(law.params[name]) for name in (speed, feed))
+    se = float(np.sqrt(max(cov[0, 0] + cov[1, 1] - 2 * cov[0, 1], 0.0)))
+    if sign * (b_feed - b_speed) <= stdtrit(max(law.df, 1), 0.975) * se:
+        return None
+    return 1, (
+        f"{law.response} depends more on {feed} (exponent {b_feed:.2g}) than on {speed} ({b_speed:.2g}), in cutting it "
+        f"depends more on speed: check whether {speed} and {feed} are exchanged or varied together."
+    )
+
+
+def _feed_line(law: LawFit) -> Check:
+    """Feed at a held load falls with wear."""
+    low, high = (float(law.conf_int()[end]["slope"]) for end in ("low", "high"))
+    wrong = (
+        f"The feed at a held load rises with {law.factors[-1]} (slope {low:.3g} to {high:.3g}), where wear must reduce "
+        "it: check the columns and their order."
+    )
+    found = [(2, wrong)] if low > 0 else []
+    return _check("the feed at a held load falls with wear", found, "The feed at a held load does not rise with wear.")
+
+
+FAR = 2.0  # times the limit of the unusual that the largest prediction may reach
+KC_USUAL, KC_UNUSUAL, KC_HARD = (500, 6000), (250, 15000), (100, 30000)  # N/mm2
+
+
+def possible_values(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable:
+    """Predictions over the tested region, the specific cutting force that they imply, and unjudged conditions.
+
+    Conditions that the reading has judged are not judged again, nor values of the response that it has doubted.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "P", ["V", "f", "d", "t", "AW"])
+    >>> possible_values(law).verdict
+    'Predicted P 0.73 to 5 kW is possible; kc 1900 to 4400 N/mm2 (usual 500 to 6000).'
+    """
+    if law.rows is None:
+        return NotAvailable(NO_ROWS)
+    process = None if runs is None else runs.process
+    values = region_values(law)
+    span = f"{values.min():.2g} to {values.max():.2g} {law.units.get(law.response, '')}".rstrip()
+    kc = _specific_force(law, runs)
+    found = [*_not_positive(law, values, span), *_unusual(law, values, span, process), *_of_kc(law.response, kc)]
+    if runs is not None and any(law.response in doubt.columns for doubt in runs.doubts):
+        found = [one for one in found if one[0] > 1]
+    if runs is None or not runs.judged:
+        found += _of_factors(law, process)
+    passed = f"Predicted {law.response} {span} is possible"
+    if kc is not None:
+        passed += f"; kc {kc[0]:.2g} to {kc[1]:.2g} N/mm2 (usual {_range(KC_USUAL)})"
+    return _check("predictions over the tested region are possible", found, f"{_plain(passed)}.")
+
+
+def _plain(words: str) -> str:
+    """Numbers as ``2300``, never ``2.3e+03``."""
+    return " ".join(format_decimal(float(w)) if "e+0" in w and w[0].isdigit() else w for w in words.split(" "))
+
+
+def region_values(law: LawFit) -> Array:
+    """Predictions at the rows and at the corners of the box that lie in the tested region, shape (m,)."""
+    if law.by is not None or len(law.factors) > 6:
+        return law.fitted
+    try:
+        region = law.region
+    except FitError:  # too few settings to span one
+        return law.fitted
+    corners = np.array(list(product(*(law.domain[name] for name in law.factors))))
+    points = {name: corners[:, j] for j, name in enumerate(law.factors)}
+    inside = region.inside(points)
+    predicted = law.formula.response_at(law.theta, law.formula.design(corners[inside]))
+    return np.concatenate([law.fitted, predicted])
+
+
+def _not_positive(law: LawFit, values: Array, span: str) -> Iterator[Found]:
+    """Predictions of zero or less of a quantity that is above zero."""
+    role = ROLES.get(law.response)
+    if role is None or role.kind in ("label", "other") or values.min() > 0:
+        return
+    remedy = "fit with error='multiplicative', or restrict the range"
+    words = f"The law predicts {law.response} of {span} in the tested region, where it is above zero: {remedy}."
+    yield 1 + int((law.fitted <= 0).any()), words
+
+
+def _unusual(law: LawFit, values: Array, span: str, process: Process | None) -> Iterator[Found]:
+    """Predictions that are impossible, or far from the usual."""
+    ranges = plausible(law.response, process)
+    if ranges is None or law.units.get(law.response) != role_unit(law.response):
+        return
+    high, middle = float(values.max()), float(np.median(values))
+    usual = f"usual {_range(ranges.usual)} {role_unit(law.response)}"
+    if high > ranges.hard[1]:
+        yield 2, f"The law predicts {law.response} of {span}, which cannot be ({usual}): check the unit."
+    elif high > FAR * ranges.unusual[1] or middle > ranges.unusual[1] or 0 < high < ranges.unusual[0]:
+        yield 1, f"The law predicts {law.response} of {span}, which is unusual ({usual}): check the unit."
+
+
+def role_unit(role: str) -> str:
+    """Unit of a role, empty for a column without one."""
+    return ROLES[role].unit if role in ROLES else ""
+
+
+def _of_factors(law: LawFit, process: Process | None) -> Iterator[Found]:
+    """Conditions of tests that no reading has judged."""
+    for name in law.factors:
+        ranges, (low, high) = plausible(name, process), law.domain[name]
+        if ranges is None or law.units.get(name) != role_unit(name):
+            continue
+        level = _outside(ranges, low, high)
+        if level:
+            span = _plain(f"{low:.3g} to {high:.3g} {law.units[name]}")
+            word = "cannot be" if level > 1 else "is unusual"
+            yield level, f"{name} {span} {word} (usual {_range(ranges.usual)}): check its column and unit."
+
+
+def _outside(ranges: Plausible, low: float, high: float) -> int:
+    """0 where values reach the range that is not unusual, 2 where they are impossible, 1 otherwise."""
+    if high > ranges.hard[1] or low < ranges.hard[0]:
+        return 2
+    return int(low > ranges.unusual[1] or high < ranges.unusual[0])
+
+
+def _specific_force(law: LawFit, runs: Runs | None) -> Range | None:
+    """Specific cutting force at the fitted rows, N/mm2, in turning and of the power in milling; None elsewhere."""
+    if any(law.units.get(name) != role_unit(name) for name in (law.response, *law.factors)):
+        return None
+    milling = runs is not None and (runs.process == "milling" or any(map(runs.has, ("ae", "fz", "z"))))
+    turning = not milling and (runs is None or runs.process in (None, "turning"))
+    needed = _AREA.get((law.response, "milling" if milling else "turning" if turning else ""))
+    if needed is None or not set(needed[1]) <= set(law.factors):
+        return None
+    area = np.prod([law.X[:, law.factors.index(name)] for name in needed[1]], axis=0)
+    kc = needed[0] * law.fitted / area
+    return float(kc.min()), float(kc.max())
+
+
+# Response and process -> kc in N/mm2 = factor x response / product of factors
+_AREA = {
+    ("Fc", "turning"): (1.0, ("f", "d")),
+    ("P", "turning"): (6e4, ("V", "f", "d")),
+    ("P", "milling"): (6e7, ("d", "ae", "fm")),
+}
+
+
+def _of_kc(response: str, kc: Range | None) -> Iterator[Found]:
+    """A specific cutting force that is unusual or impossible."""
+    if kc is None:
+        return
+    middle = float(np.sqrt(max(kc[0], 0.0) * max(kc[1], 0.0)))
+    if KC_UNUSUAL[0] <= middle <= KC_UNUSUAL[1]:
+        return
+    span = _plain(f"{kc[0]:.2g} to {kc[1]:.2g} N/mm2")
+    words = f"{response} of the law is a specific cutting force kc of {span} (usual {_range(KC_USUAL)})"
+    possible = KC_HARD[0] <= middle <= KC_HARD[1]
+    yield 2 - int(possible), f"{words}: check the units of {response} and of the conditions."

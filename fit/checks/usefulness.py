@@ -1,0 +1,125 @@
+"""Whether a law serves its use: explained variance and predictive error, number of edges, doubts of the reading."""
+
+import numpy as np
+
+from ...datasets import Runs
+from ..available import NotAvailable
+from ..edges import EdgeInference
+from ..lawfit import LawFit
+from .check import Check
+from .deletion_diagnostics import Deletion
+from .strata import has_repeated_edges, no_scatter
+
+LEAST_R2, LOW_R2 = 0.1, 0.3  # below which a law is not used, or used with reservations
+WIDE, VERY_WIDE = 2.0, 4.0  # factor within which 95 % of new results lie
+NORMAL_95 = 1.96
+FEW_EDGES = 5
+MOST_DOUBTS = 3  # quoted
+
+
+def predictive_use(law: LawFit, left: Deletion | NotAvailable) -> Check | NotAvailable:
+    """R2 of a law, and the factor within which results of a new edge lie, against what control needs.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> predictive_use(law, fit.NotAvailable("not computed")).verdict
+    'R2 0.89: the law explains 89 % of the variance; 95 % of new results lie within a factor of 1.21 of it.'
+    """
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    r2 = law.rsquared
+    factor, within = _new_results(law, left)
+    concern = max(_level(r2, LOW_R2, LEAST_R2), _level(-factor, -WIDE, -VERY_WIDE))
+    ends = (".", ": allow for it.", ": too much for control.")
+    end = f". The mean {law.response} predicts about as well." if r2 < LOW_R2 else ends[concern]
+    explained = f"R2 {r2:.2g}: the law explains {100 * r2:.0f} % of the variance; 95 % of new results lie {within}"
+    return Check(
+        null=f"the law explains at least {100 * LOW_R2:g} % of the variance and predicts within a factor of {WIDE:g}",
+        statistic=r2,
+        symbol="R2",
+        concern=concern,
+        verdict=explained + end,
+    )
+
+
+def _level(value: float, doubted: float, refused: float) -> int:
+    """0 from ``doubted`` up, 1 below it, 2 below ``refused``."""
+    return int(value < doubted) + int(value < refused)
+
+
+def _new_results(law: LawFit, left: Deletion | NotAvailable) -> tuple[float, str]:
+    """Factor within which 95 % of new results lie, and the words for it."""
+    size = left.predicted if isinstance(left, Deletion) else law.residuals * np.sqrt(law.nobs / law.df_resid)
+    error = NORMAL_95 * float(np.sqrt(np.mean(size**2)))
+    if law.error == "multiplicative":
+        factor = float(np.exp(min(error, 50.0)))
+        return factor, f"within a factor of {factor:.3g} of it"
+    share = error / float(np.abs(law.observed).mean())
+    return 1 + share, f"within {error:.3g} {law.scale_unit} of it, {100 * share:.2g} % of the mean"
+
+
+def number_of_edges(law: LawFit, runs: Runs | None = None) -> Check:
+    """Whether the edges of a law are named, and enough of them for inference by edge.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> number_of_edges(fit.power_law(datasets.read_runs(datasets.bundled("surf_table1")), "F", ["f"])).verdict[:36]
+    'No edge is named: rows of an edge ar'
+    """
+    few = _few_edges(law, runs)
+    return Check(
+        null=f"rows are of at least {FEW_EDGES} named edges",
+        statistic=float(law.n_edges or 0),
+        symbol="edges",
+        concern=int(bool(few)),
+        verdict=few or f"The rows are of {law.n_edges} named edges.",
+    )
+
+
+def _few_edges(law: LawFit, runs: Runs | None) -> str:
+    """What limits inference by edge, empty where nothing does."""
+    n = law.n_edges
+    if n is None:
+        return (
+            "No edge is named: rows of an edge are not independent, so that intervals may be too narrow; name the "
+            "edges with --edge."
+        )
+    if n < FEW_EDGES:
+        edges = "1 edge" if n == 1 else f"{n} edges"
+        return f"Only {edges}: the variance between edges is hardly known; test at least {FEW_EDGES}."
+    if runs is not None and runs.columns and all(use.role != "edge" for use in runs.columns):
+        return (
+            f"The file names no edges; {n} were found from the order of its rows, and intervals depend on that: name "
+            "the edges in a column."
+        )
+    if has_repeated_edges(law) and not isinstance(law.edges, EdgeInference):
+        return f"No inference by edge ({law.edges.reason}): intervals may be too narrow."
+    return ""
+
+
+def doubts_of_reading(law: LawFit, runs: Runs | None) -> Check | NotAvailable | None:
+    """Doubts of the reading on columns of the law, or on columns that one of them was computed from.
+
+    None where the runs are not known. A doubt that states how to correct rows has found values that are wrong.
+    """
+    if runs is None:
+        return None
+    if not runs.judged:
+        return NotAvailable("the values were not judged when they were read")
+    columns = {law.response, *law.factors, "edge"}
+    for one in reversed(runs.derived):
+        if one.role in columns:
+            columns |= set(one.inputs)
+    doubts = [doubt for doubt in runs.doubts if columns.intersection(doubt.columns)]
+    words = "; ".join(str(doubt).rstrip(".") for doubt in doubts[:MOST_DOUBTS])
+    more = f"; and {len(doubts) - MOST_DOUBTS} more" if len(doubts) > MOST_DOUBTS else ""
+    return Check(
+        null="the reading has no doubt on a column of the law",
+        statistic=float(len(doubts)),
+        symbol="doubts",
+        concern=max((2 if "--correct" in doubt.remedy else 1 for doubt in doubts), default=0),
+        verdict=f"Doubts of the reading: {words}{more}." if doubts else "The reading has no doubt on these columns.",
+    )
