@@ -1,7 +1,9 @@
 """Figures in the folder of a card: laws as panels, posteriors, and an identification."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
@@ -9,7 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..fit import LawFit
+from ..fit import LawFit, NotAvailable
+from ..fit.available import computed
 from ..fit.bayes.posterior import Posterior
 from ..fit.law_figures import normal_quantiles, observed_against_predicted, residuals, response_surface
 
@@ -38,11 +41,15 @@ def draw_posteriors(posteriors: Sequence[Posterior], folder: Path, banner: str =
     for post in posteriors:
         name = "".join(letter if letter.isalnum() else "-" for letter in post.response)
         for what in ("marginals", "pairs", "predictive", "curves"):
-            drawn = post.plot(what, banner=banner)
+            path = folder / f"posterior_{name}_{what}.png"
+            drawn = computed(partial(post.plot, what, banner=banner))
+            if isinstance(drawn, NotAvailable):
+                _save_note(f"{what} of {post.response}: not drawn, as {drawn}", path)
+                continue
             first: Any = drawn if isinstance(drawn, Axes) else drawn.flat[0]
             figure = first.get_figure()
             if isinstance(figure, Figure):
-                _save(figure, folder / f"posterior_{name}_{what}.png")
+                _save(figure, path)
 
 
 def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Figure:
@@ -64,14 +71,37 @@ def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Fi
             ax.tick_params(labelsize=8)
             ax.xaxis.set_major_locator(MaxNLocator(5))
             ax.yaxis.set_major_locator(MaxNLocator(5))
-            panel(law, ax)
+            _drawn(panel, law, ax)
     if banner:
         figure.text(0.995, 0.995, banner, ha="right", va="top", fontsize=8, color="#a33", wrap=True)
     return figure
 
 
+def _drawn(panel: Panel, law: LawFit, ax: Axes) -> None:
+    """Draw a panel; on one that fails, the reason."""
+    found = computed(partial(panel, law, ax))
+    if isinstance(found, NotAvailable):
+        ax.clear()
+        _note(ax, f"{law.response}: not drawn, as {found}")
+
+
+def _note(ax: Axes, words: str) -> None:
+    ax.text(0.5, 0.5, "\n".join(wrap(words, 40)), ha="center", va="center", fontsize=8, transform=ax.transAxes)
+    ax.set_axis_off()
+
+
 def _save(figure: Figure, path: Path) -> None:
-    figure.savefig(path, dpi=110, metadata={"Software": None})
+    """Write a figure; where it cannot be rendered, a figure with the reason."""
+    found = computed(partial(figure.savefig, path, dpi=110, metadata={"Software": None}))
+    if isinstance(found, NotAvailable):
+        _save_note(f"{path.stem}: not drawn, as {found}", path)
+
+
+def _save_note(words: str, path: Path) -> None:
+    instead = Figure(figsize=(5.0, 2.0))
+    FigureCanvasAgg(instead)
+    _note(instead.add_subplot(), words)
+    instead.savefig(path, dpi=110, metadata={"Software": None})
 
 
 def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> None:
@@ -80,16 +110,20 @@ def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> N
     from ..ident.figures import bode, order_map, residual_correlations, simulated_fit
 
     folder.mkdir(parents=True, exist_ok=True)
-    axes = {
-        "simulated": simulated_fit(found.validation),
-        "bode": bode(found.model, frequency_response(found.record))[0],
-        "residuals": residual_correlations(found.validation)[0],
-        "orders": order_map(found.one_step),
+    panels: dict[str, Callable[[], Axes]] = {
+        "simulated": lambda: simulated_fit(found.validation),
+        "bode": lambda: bode(found.model, frequency_response(found.record))[0],
+        "residuals": lambda: residual_correlations(found.validation)[0],
+        "orders": lambda: order_map(found.one_step),
     }
-    for name, ax in axes.items():
+    for name, draw in panels.items():
+        ax, path = computed(draw), folder / f"{name}.png"
+        if isinstance(ax, NotAvailable):
+            _save_note(f"{name}: not drawn, as {ax}", path)
+            continue
         figure = ax.get_figure()
-        if figure is None:
+        if not isinstance(figure, Figure):
             continue
         if caption:
             figure.text(0.99, 0.005, caption, ha="right", va="bottom", fontsize=7, color="0.4")
-        figure.savefig(folder / f"{name}.png", dpi=110)  # type: ignore[union-attr]
+        _save(figure, path)

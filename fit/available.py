@@ -1,8 +1,14 @@
-"""A diagnostic that could not be computed, with the reason; never a NaN."""
+"""A result that could not be computed, with the reason; never a NaN."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from ..core.display import Displayable
+from ..core.errors import FitmodelsError
+
+T = TypeVar("T")
+FAILED = "the computation failed"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -17,8 +23,39 @@ class NotAvailable(Displayable):
 
     reason: str
 
+    @property
+    def failed(self) -> bool:
+        """Whether the computation raised an error that these data do not explain."""
+        return self.reason.startswith(FAILED)
+
     def __bool__(self) -> bool:
         return False
 
     def __str__(self) -> str:
         return self.reason
+
+
+def computed(make: Callable[[], T], raised: tuple[type[Exception], ...] = (OSError,)) -> T | NotAvailable:
+    """The result of an optional computation, or its error as the reason why there is none.
+
+    An optional result must not end the run, whatever is wrong with it.
+
+    Parameters
+    ----------
+    make : callable
+    raised : tuple of exception types
+        Errors that end the run all the same: a file that cannot be written, or also an option that does not exist.
+
+    Examples
+    --------
+    >>> computed(lambda: 1 / 0)
+    NotAvailable: the computation failed (ZeroDivisionError: division by zero)
+    """
+    try:
+        return make()
+    except raised:
+        raise
+    except FitmodelsError as error:
+        return NotAvailable(str(error).rstrip("."))
+    except Exception as error:
+        return NotAvailable(f"{FAILED} ({type(error).__name__}: {error})")

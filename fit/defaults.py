@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 from ..core.display import Displayable
-from ..core.errors import FitError
+from ..core.errors import UsageError
 from ..datasets import Runs
+from .available import computed
 from .lawfit import LawFit
 from .laws import Error
 from .regression import exponential_law, load_law, power_law
@@ -107,8 +109,9 @@ def default_laws(
     laws: list[LawFit] = []
     refused: list[Refused] = []
     for asked in asked_laws(runs.has):
-        try:
-            laws.append(fit_asked(runs, asked, error=error, by=by))
-        except FitError as exc:
-            refused.append(Refused(asked.response, str(exc)))
+        law = computed(partial(fit_asked, runs, asked, error=error, by=by), (OSError, UsageError))
+        if isinstance(law, LawFit):
+            laws.append(law)
+        else:
+            refused.append(Refused(asked.response, f"{law.reason}."))
     return tuple(laws), tuple(refused)

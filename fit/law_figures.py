@@ -21,6 +21,7 @@ STEPS = (
 )
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
 ROUNDING = 1e-24  # of the sum of squares: residuals of 1e-12, what is left of an exact law in double precision
+CONSTANT = 1e-9  # relative spread of a surface below which there are no contours
 MOST = 4000  # points in one panel: more are slow to draw and overlap
 
 
@@ -149,10 +150,15 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
     at_middle = {name: middle(law.domain[name], logs) for name in others}
     at = {x: gx.ravel(), y: gy.ravel(), **{name: np.full(gx.size, v) for name, v in at_middle.items()}}
     z = np.asarray(law.predict({**at, **_category(law, gx.size)})).reshape(gx.shape)
-    levels = _levels(z)
-    ax.contourf(gx, gy, z, levels, cmap="Blues", alpha=0.6, extend="both")
-    lines = ax.contour(gx, gy, z, levels, colors="black", linewidths=0.7)
-    ax.clabel(lines, fontsize=7, fmt=lambda v: f"{v:.4g}")
+    if len(levels := _levels(z)):
+        ax.contourf(gx, gy, z, levels, cmap="Blues", alpha=0.6, extend="both")
+        lines = ax.contour(gx, gy, z, levels, colors="black", linewidths=0.7)
+        ax.clabel(lines, fontsize=7, fmt=lambda v: f"{v:.4g}")
+    else:
+        ends = f"{z.min():.5g}" if np.isfinite(z).all() else "not finite"
+        why = f"no contours: {law.response} is {ends} over the whole surface"
+        ax.text(0.5, 0.93, why, ha="center", fontsize=8, color=GREY, transform=ax.transAxes)
+        ax.set(xlim=(x0, x1), ylim=(y0, y1))
     settings = _settings(law.X[:, :2])
     settings = settings[:: -(-len(settings) // 400)]
     ax.plot(settings[:, 0], settings[:, 1], "o", ms=4, color=ORANGE, mec="white", mew=0.5, clip_on=False)
@@ -182,10 +188,10 @@ def middle(ends: tuple[float, float], logs: bool) -> float:
 
 
 def _levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """About seven contour levels at round numbers."""
+    """About seven contour levels at round numbers; none of a surface that is constant or not finite."""
     low, high = float(z.min()), float(z.max())
-    if not high > low:
-        return np.array([low, low + 1e-9])
+    if not (np.isfinite(z).all() and high - low > CONSTANT * max(abs(low), abs(high))):
+        return np.empty(0)
     if low > 0 and high / low > 8:
         inside = [v for v in round_numbers(low, high, fewest=5) if low < v < high]
         return np.array(inside) if len(inside) > 2 else np.geomspace(low, high, 8)[1:-1]

@@ -3,14 +3,16 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import fit
 from ..core.display import Display, Displayable, TextTable
-from ..core.errors import FitError
+from ..core.errors import DataError, FitError, UsageError
 from ..core.rounding import format_plain
 from ..datasets import Runs
+from ..fit.available import computed
 from .options import FitOptions
 
 if TYPE_CHECKING:
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 200_000  # of a law whose posterior is drawn by default
 USUAL_CRITERION = 0.3  # mm, average flank wear of ISO 3685
+
+USER_ERRORS = (OSError, UsageError, DataError)  # end the run; other errors cost one result only
 
 Step = Callable[[str], None]
 
@@ -202,10 +206,10 @@ def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife 
     if wear is None:
         why = f"criterion {criterion}: there is no wear law on time, so no tool life; leave the criterion out."
         return None, "" if criterion is None else why
-    try:
-        return fit.tool_life(wear, USUAL_CRITERION if criterion is None else criterion), ""
-    except FitError as error:
-        return None, "" if criterion is None else str(error)
+    life = computed(partial(fit.tool_life, wear, USUAL_CRITERION if criterion is None else criterion), USER_ERRORS)
+    if isinstance(life, fit.NotAvailable):
+        return None, "" if criterion is None else f"{life.reason}."
+    return life, ""
 
 
 def _posteriors(
@@ -224,18 +228,25 @@ def _posteriors(
         def report(steps: int, effective: float, response: str = law.response) -> None:
             step(f"chains for {response}: {steps} steps, {effective:.0f} effective draws so far (Ctrl-C keeps them)")
 
-        try:
-            post = fit.posterior(
-                law, seed=options.seed, draws=options.draws, priors=priors, verify=options.verify,
-                errors="student" if options.student else "normal", progress=report,
-            )  # fmt: skip
-        except FitError as error:
-            none[law.response] = fit.NotAvailable(str(error).removeprefix(f"{law.response}: ").rstrip("."))
+        post = _drawn(law, priors, options, report)
+        if isinstance(post, fit.NotAvailable):
+            none[law.response] = fit.NotAvailable(post.reason.removeprefix(f"{law.response}: "))
             continue
         posteriors.append(post)
         if not post.convergence.passed:
             break  # nothing is written: further draws would be of no use
     return tuple(posteriors), none
+
+
+def _drawn(
+    law: "LawFit", priors: "str | Path", options: FitOptions, report: "Callable[[int, float], None]"
+) -> "Posterior | NotAvailable":
+    """The posterior of a law, or the reason why there is none; a wrong file of priors ends the run."""
+    draw = partial(
+        fit.posterior, law, seed=options.seed, draws=options.draws, priors=priors, verify=options.verify,
+        errors="student" if options.student else "normal", progress=report,
+    )  # fmt: skip
+    return computed(draw, USER_ERRORS)
 
 
 def _comparisons(laws: "Sequence[LawFit]", step: Step) -> "tuple[StatsmodelsComparison, ...]":

@@ -10,9 +10,10 @@ import fitmodels
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import datasets, parameters
+from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core.errors import DataError, FitError, UsageError
+from fitmodels.fit.law_figures import response_surface
 from fitmodels.pipeline import FitOptions, analyse
 from fitmodels.pipeline.options import RECORDED
 
@@ -219,3 +220,72 @@ def test_the_views_name_pairs_laws_and_simulation(small):
 def test_a_source_of_another_type_is_refused(source):
     with pytest.raises(UsageError, match=r"source of type \w+: give the path of a file, a DataFrame or Runs"):
         fitmodels.analyse(source)
+
+
+def raises(*_, **__):
+    raise ZeroDivisionError("deliberate")
+
+
+OPTIONAL = {
+    "fit.published.compare_published": "published not available",
+    "fit.lawfit.design_region": "region not available",
+    "fit.regression.other_structure": "additive errors not available",
+    "fit.bayes.posterior.Posterior.sensitivity": "prior sensitivity not available",
+    "fit.bayes.posterior.Posterior.leave_out": "leaving out edges not available",
+    "fit.checks.judgement.compare_forms": '"rival forms"',
+    "cards.content.card.profiler_part": '"profiler": "Not composed',
+    "cards.content.card.window_parts": '"windows": "Not composed',
+    "cards.content.card.figures": '"figures": "Not composed',
+}
+
+
+def test_optional_parts_that_fail_cost_only_themselves_and_give_their_reason(monkeypatch, tmp_path):
+    for place in OPTIONAL:
+        monkeypatch.setattr(f"fitmodels.{place}", raises)
+    (folder,) = analyse(SMALL, draws=1000).write(tmp_path)
+    text = (folder / "params.json").read_text("utf-8") + (folder / "card.json").read_text("utf-8")
+    for words in OPTIONAL.values():
+        at = text.index(words)
+        assert "the computation failed (ZeroDivisionError: deliberate)" in text[at : at + 200], words
+    assert list(parameters.read(folder / "params.json").laws) == ["AW", "Fxz", "P"]
+    assert (folder / "card.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("what", "words"), [("posterior", '"posterior"'), ("judge", "checks not available"), ("composite", "composite")]
+)
+def test_a_larger_part_that_fails_costs_only_itself(monkeypatch, what, words):
+    monkeypatch.setattr(f"fitmodels.fit.{what}", raises)
+    table = frame().assign(**{"P [kW]": lambda x: x["V [m/min]"] ** 0.8 * x["VB [mm]"] ** 0.3 / 20})
+    table["P [kW]"] *= np.exp(np.random.default_rng(3).normal(0, 0.05, len(table)))
+    text = analyse(table, draws=1000).parameters.model_dump_json()
+    at = text.index(words)
+    assert "deliberate" in text[at:]
+
+
+def test_a_law_or_a_tool_life_that_fails_costs_only_itself(monkeypatch):
+    monkeypatch.setattr("fitmodels.fit.tool_life", raises)
+    assert [law.response for law in analyse(SMALL, draws=1000).laws] == ["AW", "Fxz", "P"]
+    monkeypatch.setattr("fitmodels.fit.defaults.exponential_law", raises)
+    found = analyse(datasets.bundled("surf_table1"), draws=1000).pair
+    assert "deliberate" in found.refused[0].reason
+
+
+def test_a_figure_that_fails_is_a_figure_of_the_reason(monkeypatch, tmp_path):
+    monkeypatch.setattr("fitmodels.cards.figures.response_surface", raises)
+    monkeypatch.setattr("fitmodels.fit.bayes.figures.SHEETS", {})
+    (folder,) = analyse(SMALL, draws=1000, posterior_figures=True).write(tmp_path)
+    for name in ("response_surfaces", "residuals", "posterior_AW_pairs"):
+        assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("level", [1e-9, 1.0, 123456789.0])
+def test_a_surface_without_slope_is_drawn_without_contours(level, tmp_path):
+    """The power of one level of V and f, to rounding: there is nothing to contour."""
+    table = frame().assign(**{"f [mm/rev]": np.repeat([0.1, 0.2, 0.1, 0.2, 0.1, 0.2], 3)}).drop(columns="VB [mm]")
+    rng = np.random.default_rng(2)
+    table["P [kW]"] = level * np.exp(1e-12 * rng.normal(size=len(table)))
+    law = fit.power_law(datasets.runs_from_frame(table, judge=False), "P", ["V", "f"])
+    drawn = response_surface(law)
+    assert "no contours: P is" in drawn.texts[0].get_text()
+    drawn.figure.savefig(tmp_path / "surface.png")

@@ -1,8 +1,10 @@
 """The card of a parameter file: every section composed, and the reason for each that is empty."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ...fit.available import NotAvailable, computed
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance
 from .design import design_part, doubts
@@ -53,23 +55,28 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
         "identity": identity,
         "publication": publication,
         "doubts": doubts(pf),
-        "design": design_part(pf.design),
         "about_intervals": about_intervals(pf) if pf.laws else "",
         "laws": tuple(law_part(pf, law) for law in pf.laws.values()),
-        "tool_life": tool_life_part(pf),
-        "uncertainty": statements(pf),
-        "dynamics": dynamics_part(pf.dynamics),
-        "gains": gains_part(pf.pi, pf.dynamics),
-        "windows": window_parts(pf),
-        "figures": figures(pf, folder),
-        "profiler": profiler_part(pf),
         "intended": intended(pf),
         "out_of_scope": out_of_scope(pf),
         "safety": safety(pf),
         "provenance": provenance_part(pf),
     }
+    optional: dict[str, Callable[[], Any]] = {
+        "design": lambda: design_part(pf.design),
+        "tool_life": lambda: tool_life_part(pf),
+        "uncertainty": lambda: statements(pf),
+        "dynamics": lambda: dynamics_part(pf.dynamics),
+        "gains": lambda: gains_part(pf.pi, pf.dynamics),
+        "windows": lambda: window_parts(pf),
+        "figures": lambda: figures(pf, folder),
+        "profiler": lambda: profiler_part(pf),
+    }
+    made = {name: computed(make) for name, make in optional.items()}
+    failed = {name: f"Not composed: {why}." for name, why in made.items() if isinstance(why, NotAvailable)}
+    parts |= {name: part for name, part in made.items() if name not in failed}
     end = f"End of card {parts['slug']}, {identity.content_sha256[:12]}"
-    return Card(schema="fitmodels.card/3", **parts, empty=_empty(pf, parts), end=end)
+    return Card(schema="fitmodels.card/3", **parts, empty=_empty(pf, parts) | failed, end=end)
 
 
 def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
@@ -91,7 +98,7 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
         "profiler": f"The profiler supports power and exponential laws; this file holds a {forms}." if pf.laws
         else NO_LAWS,
     }  # fmt: skip
-    found = {name: words for name, words in reasons.items() if not parts[name]}
+    found = {name: words for name, words in reasons.items() if not parts.get(name)}
     if pf.laws and pf.reading is None:
         found["doubts"] = "It is not known whether the data were read without doubts: they were not judged."
     if pf.laws and pf.posterior is None:

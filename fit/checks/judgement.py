@@ -7,7 +7,7 @@ counted together (Holm's procedure), so that a sound file is rarely accused.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 from pandas import DataFrame
 
@@ -15,7 +15,7 @@ from ...core.display import Plottable
 from ...core.threads import one_thread
 from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ...datasets import Runs
-from ..available import NotAvailable
+from ..available import NotAvailable, computed
 from ..lawfit import LawFit
 from .autocorrelation import serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
@@ -158,18 +158,10 @@ def judge(
     """
     chosen = even_choice(law)
     given = CheckInput(law, chosen, runs, gauge_sd, alternative if chosen is law else None)
-    found = {name: computed(check, given) for name, check in CHECKS.items()}
+    found = {name: computed(partial(check, given)) for name, check in CHECKS.items()}
     checks = {name: check for name, check in found.items() if check is not None}
     rows = 0 if chosen.rows is None else chosen.nobs
     return Judgement(family_wise(checks, FAMILY_LEVEL / max(laws, 1)), not has_repeated_edges(chosen), rows)
-
-
-def computed(check: "OneCheck", given: CheckInput) -> Found | None:
-    """The result of a check; one that raises is not available, with the error as its reason."""
-    try:
-        return check(given)
-    except Exception as error:  # an optional check must not end the run, whatever is wrong with it
-        return NotAvailable(f"the computation failed ({type(error).__name__}: {error})")
 
 
 OneCheck = Callable[[CheckInput], Found | None]

@@ -1,8 +1,9 @@
 """Fitted laws and tool lives as sections of the parameter file, number for number, with the checks of the laws."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,7 +45,8 @@ def laws_by_response(
         section = law_section(law, tool, work, gauge_sd, runs=_runs_of(law, runs), laws=len(laws))
         wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
         if wear is not None and law.rows is not None and wear.rows is not None:
-            section = section.model_copy(update={"composite": _composite(law, wear)})
+            made, notes = _optional({"composite": partial(_composite, law, wear)})
+            section = section.model_copy(update={**made, "notes": (*section.notes, *notes)})
         found[law.response] = section
     return found
 
@@ -99,23 +101,41 @@ def law_section(
     (0.169, 24, True)
     """
     from ...fit import judge
+    from ...fit.available import NotAvailable, computed
 
+    data = _section(law)
     if law.rows is None:
-        data = {**_section(law), **judged_fields(judge(law, runs=runs, laws=laws))}
+        data |= judged_fields(judge(law, runs=runs, laws=laws))
         data["notes"] += WITHOUT_ROWS
     else:
-        other = law.alternative
-        data = {
-            **_section(law),
-            **judged_fields(judge(law, gauge_sd, runs=runs, alternative=other, laws=laws)),
-            "region": _region(law),
-            "published": _published(law, tool, work),
-            "alternative": None if other is None else _section(other),
-        }
+        other = computed(lambda: law.alternative)
+        known_other = None if isinstance(other, NotAvailable) else other
+        made, notes = _optional(
+            {
+                "checks": lambda: judged_fields(judge(law, gauge_sd, runs=runs, alternative=known_other, laws=laws)),
+                "region": lambda: _region(law),
+                "published": lambda: _published(law, tool, work),
+                "alternative": lambda: None if known_other is None else _section(known_other),
+            }
+        )
+        data |= (made.pop("checks") or {}) | made
+        data["notes"] += notes
+        if isinstance(other, NotAvailable):
+            data["notes"].append(f"additive errors not available: {other}")
     try:
         return LawSection.model_validate(data)
     except ValidationError as error:
         raise ParameterError(f"the law of {law.response} cannot be written: {schema_message(error, data)}.") from None
+
+
+def _optional(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], list[str]]:
+    """Parts of a section by name, None for one whose computation fails; and a note with the reason of each of these."""
+    from ...fit.available import NotAvailable, computed
+
+    found = {name: computed(make) for name, make in parts.items()}
+    failed = {name: value for name, value in found.items() if isinstance(value, NotAvailable)}
+    notes = [f"{name} not available: {reason}" for name, reason in failed.items()]
+    return {name: None if name in failed else value for name, value in found.items()}, notes
 
 
 def _section(law: "LawFit") -> dict[str, Any]:

@@ -57,10 +57,14 @@ def draws_of(posteriors: Sequence["Posterior"]) -> bytes:
 
 
 def _one(post: "Posterior") -> dict[str, Any]:
-    from ...fit import NotAvailable
+    from ...fit.available import NotAvailable, computed
 
-    table, moves, left = post.table(), post.sensitivity(), post.leave_out()
-    centre, by_edge = post.density.centre[1:], post.jackknife()
+    table, centre = post.table(), post.density.centre[1:]
+    moves, left, by_edge = computed(post.sensitivity), computed(post.leave_out), computed(post.jackknife)
+    missing: dict[str, object] = {"prior sensitivity": moves, "jackknife by edge": by_edge}
+    if isinstance(left, NotAvailable) and left.failed:
+        missing["leaving out edges"] = left
+    notes = tuple(f"{name} not available: {why}" for name, why in missing.items() if isinstance(why, NotAvailable))
     return {
         "method": post.method,
         "words": post.sample.words,
@@ -78,13 +82,17 @@ def _one(post: "Posterior") -> dict[str, Any]:
         "ess": float(table[["ess_bulk", "ess_tail"]].to_numpy().min()),
         "k_hat": None if post.sample.k_hat is None or not np.isfinite(post.sample.k_hat) else post.sample.k_hat,
         "verified": None if post.agreement is None else post.agreement.words,
-        "sensitivity": {
+        "sensitivity": {}
+        if isinstance(moves, NotAvailable)
+        else {
             name: {"halved": float(row["halved"]), "doubled": float(row["doubled"])} for name, row in moves.iterrows()
         },
-        "jackknife": {} if by_edge is None else {str(name): float(se) for name, se in by_edge.items()},
+        "jackknife": {}
+        if by_edge is None or isinstance(by_edge, NotAvailable)
+        else {str(name): float(se) for name, se in by_edge.items()},
         "elpd": None if isinstance(left, NotAvailable) else left.elpd,
         "elpd_se": None if isinstance(left, NotAvailable) or isinstance(left.se, NotAvailable) else left.se,
-        "notes": post.notes,
+        "notes": (*post.notes, *notes),
     }
 
 
