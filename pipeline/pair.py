@@ -239,7 +239,10 @@ def _posteriors(
 
 
 def _drawn(
-    law: "LawFit", priors: "str | Path", options: FitOptions, report: "Callable[[int, float], None]"
+    law: "LawFit",
+    priors: "str | Path | Mapping[str, object]",
+    options: FitOptions,
+    report: "Callable[[int, float], None]",
 ) -> "Posterior | NotAvailable":
     """The posterior of a law, or the reason why there is none; a wrong file of priors ends the run."""
     draw = partial(
