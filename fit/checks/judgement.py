@@ -22,13 +22,14 @@ from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_c
 from .competing_models import compare_forms
 from .deletion_diagnostics import Deletion, deletion, influence, press
 from .gauge_error import gauge_corrected
+from .missing_factors import missing_conditions, unused_columns
 from .model_checks import collinearity, lack_of_fit, precision
 from .physics import exponents, possible_values
 from .residual_tests import Residuals, normality, residual_sets, spread
 from .response_scale import box_cox, error_structure
 from .robust_fit import dominant_edge, robust
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split
-from .time_exponent import common_exponent
+from .time_offsets import time_restarts, time_tests
 from .usefulness import doubts_of_reading, number_of_edges, predictive_use
 
 Found = Check | NotAvailable
@@ -62,6 +63,16 @@ class CheckInput:
     def strata(self) -> Strata | NotAvailable:
         """Levels of edges, and rows about them."""
         return split(self.law)
+
+    @property
+    def icc(self) -> float:
+        """Share of the residual variance that lies between edges, 0 where it is not estimated."""
+        return self.strata.icc if isinstance(self.strata, Strata) else 0.0
+
+    @cached_property
+    def times(self) -> dict[str, Found | None]:
+        """Tests of times within and between edges."""
+        return time_tests(self.law, self.icc)
 
     @cached_property
     def left_out(self) -> Deletion | NotAvailable:
@@ -189,11 +200,6 @@ def _order(given: CheckInput) -> Found:
     return serial_correlation(given.law, given.strata)
 
 
-def _time_exponent(given: CheckInput) -> Found | None:
-    found = common_exponent(given.law)
-    return found if isinstance(found, Check) else None  # of laws without time, or edges with one row, it does not exist
-
-
 def _dominant(given: CheckInput) -> Found | None:
     found = dominant_edge(given.law)
     return found if isinstance(found, Check) and found.concern else None
@@ -233,7 +239,12 @@ CHECKS: Mapping[str, OneCheck] = {
         error_structure(given.law, given.alternative) if given.law.formula.logarithmic else None
     ),
     "rival forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
-    "time exponent": _time_exponent,
+    "time exponent": lambda given: given.times["time exponent"],
+    "time between edges": lambda given: given.times["time between edges"],
+    "time within edges": lambda given: given.times["time within edges"],
+    "time restarts": lambda given: time_restarts(given.law),
+    "missing conditions": lambda given: missing_conditions(given.law, given.runs),
+    "unused columns": lambda given: unused_columns(given.law, given.runs, given.icc),
     "dominant edge": _dominant,
     "robust refit": _robust,
     "gauge error": _gauge,

@@ -46,8 +46,16 @@ class CommonExponent(Check, Plottable):
     common: float
 
 
-def common_exponent(law: LawFit) -> CommonExponent | NotAvailable:
+def common_exponent(law: LawFit, clip: float = np.inf) -> CommonExponent | NotAvailable:
     """Test one exponent of time for all edges of a power law, in logarithms.
+
+    Parameters
+    ----------
+    law : LawFit
+    clip : float
+        Robust standard deviations of the rows about the common law, beyond which a row is drawn in. Heavy tails raise
+        the level of the F test: with errors of Student's t with 4 degrees of freedom and edges of unequal length a test
+        at 1 % rejects 4 to 8 % of sound files; with rows drawn in to 2.5, 1 %.
 
     Examples
     --------
@@ -62,6 +70,7 @@ def common_exponent(law: LawFit) -> CommonExponent | NotAvailable:
         return NotAvailable(reason)
     names, edge = np.unique(np.asarray(law.edge), return_inverse=True)
     y, time, others = _inside(law, edge)
+    y = _clipped(y, np.column_stack([time, others]), edge, clip)
     informative = np.bincount(edge, weights=time**2) > FLAT
     df = int(informative.sum()) - 1
     slopes = _slopes(edge, time, np.column_stack([y, others]))
@@ -132,6 +141,19 @@ def _inside(law: LawFit, edge: Codes) -> tuple[Array, Array, Array]:
     j = law.factors.index(TIME)
     others = np.delete(rows[:, 1:], j, axis=1)
     return rows[:, 0], rows[:, 1 + j], others[:, np.abs(others).max(axis=0, initial=0.0) > FLAT]
+
+
+def _clipped(y: Array, columns: Array, edge: Codes, clip: float) -> Array:
+    """Logarithms of the response within edges, with residuals of the common law drawn in to ``clip`` robust sd."""
+    fitted = columns @ np.linalg.lstsq(columns, y, rcond=1e-9)[0]
+    r = y - fitted
+    n, used = len(y), int(edge.max()) + 1 + columns.shape[1]
+    most = clip * 1.4826 * float(np.median(np.abs(r))) * np.sqrt(n / max(n - used, 1))
+    if np.isnan(most) or most == 0 or (np.abs(r) <= most).all():
+        return y
+    y = fitted + np.clip(r, -most, most)
+    size = np.bincount(edge)
+    return np.asarray(y - (sums_by(edge, y[:, None], len(size)) / size[:, None])[edge, 0])
 
 
 def _slopes(edge: Codes, time: Array, columns: Array) -> Array:

@@ -1,0 +1,281 @@
+"""Factors that a law lacks: columns of the file that it does not use, and conditions that the file does not hold.
+
+A column is tested as an added variable, by edge: one that changes between edges against the levels of edges about the
+law, weighted by the variance between and within edges; one that changes within edges against the rows about the levels
+of their edges, with a jackknife by edge. The smallest p counts, times the number of columns (Bonferroni).
+
+Sources: Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.3.2 (added variables); ISO 3685:1993
+(turning), ISO 8688-1:1989 (milling): conditions that a tool-life test records.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...core.rounding import format_plain
+from ...datasets import Runs
+from ...datasets.vocabulary import ROLES
+from ..available import NotAvailable
+from ..edges import changes_within, left_out_moves
+from ..group_sums import sums_by
+from ..lawfit import LawFit
+from .check import Check, concern_of, format_p
+from .strata import Codes, no_scatter, units_of
+
+# Conditions that determine the response in each process; V and f in any.
+NEEDED: Mapping[str | None, tuple[str, ...]] = {
+    None: ("V", "f"),
+    "turning": ("V", "f", "d"),
+    "milling": ("V", "f", "d", "ae"),
+    "drilling": ("V", "f"),
+    "grinding": ("V", "d"),
+}
+STAND_INS: Mapping[str, tuple[str, ...]] = {"V": ("n",), "f": ("fz", "fm"), "t": ("lf", "lc"), "d": ("D", "Dc")}
+WEAR = ("AW", "VB", "VBC", "VBN")
+TESTED = ("V", "f", "fz", "fm", "d", "ae", "n", "t", "D", "Dc", "z")  # quantities that are set; others are measured
+LEAST = np.log(1.05)  # spread of a column, given the factors, below which it is a rounding or a copy of them
+MOST_LEVELS = 7  # of a column without a role: a setting of the plan, not a measurement
+KNOWN = 0.9  # share of the rows in which a column has a value
+FEWEST = 3  # degrees of freedom
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """The test of one column as an added variable."""
+
+    name: str
+    coefficient: float
+    t: float
+    df: int
+    p: float
+    span: str
+
+
+def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
+    """Conditions that the process needs and that the file does not hold; None without the runs of the law.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    >>> missing_conditions(law, runs).verdict
+    'The conditions V, f and t are known.'
+    """
+    if law.form != "power" or runs is None:
+        return None
+    needed = (*NEEDED[runs.process], *(("t",) if law.response in WEAR else ()))
+    missing = [
+        name
+        for name in needed
+        if not any(runs.has(one) or one in runs.constants for one in (name, *STAND_INS.get(name, ())))
+    ]
+    what = f"of {runs.process} " if runs.process else ""
+    if not missing:
+        verdict = f"The conditions {', '.join(needed[:-1])} and {needed[-1]} {what}are known."
+    else:
+        verdict = " ".join(_absent(name) for name in missing)
+    return Check(null="the file holds the conditions of the process", concern=int(bool(missing)), verdict=verdict)
+
+
+def _absent(name: str) -> str:
+    quantity = ROLES[name].quantity
+    if name == "t":
+        return "Cutting time t is not in this file: the law is of wear after unknown times in cut. Add a column t."
+    return (
+        f"{quantity[0].upper()}{quantity[1:]} {name} is not in this file: exponents of the other factors absorb its "
+        f"effect where they varied together. Add a column {name}, or --value {name}=... where it was constant."
+    )
+
+
+def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | None:
+    """Test columns of the file that vary and are not in the law; None where there are none.
+
+    Parameters
+    ----------
+    law : LawFit
+    runs : Runs or None
+    icc : float
+        Share of the residual variance that lies between edges.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> unused_columns(fit.power_law(runs, "AW", ["V", "f", "t"]), runs, 0.5).concern
+    1
+    """
+    names = [] if runs is None else list(_candidates(law, runs))
+    if runs is None or not names:
+        return None
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    place = {line: i for i, line in enumerate(runs.lines.tolist())}
+    if len(place) < len(runs):
+        return NotAvailable("rows of several files share their line numbers: columns cannot be assigned to rows")
+    rows = np.array([place[line] for line in law.lines.tolist()])
+    tests = [one for name in names if (one := _tested(law, name, runs.values(name)[rows], icc)) is not None]
+    if not tests:
+        listed = ", ".join(names)
+        return NotAvailable(f"{listed}: constant, or not separable from the factors of the law")
+    return _check(law, runs, min(tests, key=lambda one: one.p), tests)
+
+
+def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
+    p = min(1.0, first.p * len(tests))
+    unit = runs.units.get(first.name, "")
+    values = f"{first.span} {unit}".rstrip()
+    size = f"exponent {first.coefficient:.2f}" if law.form == "power" else f"coefficient {first.coefficient:.3g}"
+    others = ", ".join(f"{one.name} {format_p(one.p)}" for one in sorted(tests, key=lambda one: one.p))
+    many = f"; {len(tests)} columns tested" if len(tests) > 1 else ""
+    return Check(
+        null="columns of the file that are not in the law have no effect",
+        statistic=first.t,
+        symbol="t",
+        df=first.df,
+        pvalue=p,
+        concern=concern_of(p),
+        verdict=(
+            f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
+            f"({format_p(p)}{many}). Add it to the factors, or fit the law to the tests at one {first.name}."
+        ),
+        kept=f"Columns that are not in the law have no effect that these tests show ({others}).",
+    )
+
+
+def _candidates(law: LawFit, runs: Runs) -> Iterator[str]:
+    """Numeric columns that are set by the plan of tests and that the law does not use."""
+    computed = {one.role for one in runs.derived}
+    used = {*law.factors, law.response, *(() if law.by is None else (law.by.column,))}
+    for name in map(str, runs.data.columns):
+        if name in used or name in computed or runs.data[name].dtype.kind not in "if":
+            continue
+        values = runs.values(name)
+        known = values[np.isfinite(values)]
+        if len(known) < KNOWN * len(values) or not len(known) or np.ptp(known) == 0:
+            continue
+        if name in TESTED:
+            yield name
+        elif name not in ROLES and not _number_of_test(values):
+            levels, counts = np.unique(known, return_counts=True)
+            if len(levels) <= MOST_LEVELS and counts.min() >= 2:
+                yield name
+
+
+def _number_of_test(values: Array) -> bool:
+    """Whether values only count: whole numbers that never fall by more than a new start and rise by one.
+
+    >>> _number_of_test(np.array([1.0, 1, 2, 2, 3, 3])), _number_of_test(np.array([1.0, 2, 1, 2, 1, 2]))
+    (True, True)
+    >>> _number_of_test(np.array([0.0, 1, 1, 0, 0, 1]))
+    False
+    """
+    step = np.diff(values)
+    if not np.all((values == np.round(values)) & (values >= 0)) or np.any(step > 1):
+        return False
+    falls = np.flatnonzero(step < 0)
+    lows = values[falls + 1]
+    return bool(np.all(lows == values[0]) and (not falls.size or np.ptp(np.diff(np.append(-1, falls))) == 0))
+
+
+def _tested(law: LawFit, name: str, values: Array, icc: float) -> Added | None:
+    """A column as an added variable; None where it does not vary beside the factors."""
+    known = np.isfinite(values)
+    x = np.log(values, where=known, out=np.full(len(values), np.nan)) if (values[known] > 0).all() else values.copy()
+    if (values[known] <= 0).any():
+        x = x / max(float(np.ptp(x[known])), 1e-300)
+    Z, r = law.gradient[known], law.residuals[known]
+    x = x[known] * Z[:, 0]
+    unit = np.unique(units_of(law)[1][known], return_inverse=True)[1]
+    moving = changes_within(np.column_stack([x, Z]), unit)
+    found = _within(Z, r, x, unit, moving[1:]) if moving[0] else _between(Z, r, x, unit, moving[1:], icc)
+    if found is None:
+        return None
+    low, high = (format_plain(float(edge)) for edge in (values[known].min(), values[known].max()))
+    return Added(name, *found, f"{low} to {high}")
+
+
+def _between(
+    Z: Array, r: Array, x: Array, unit: Codes, moving: Array, icc: float
+) -> tuple[float, float, int, float] | None:
+    """Coefficient, t, degrees of freedom and p of a column that is constant within edges."""
+    size = np.bincount(unit).astype(float)
+    means = sums_by(unit, np.column_stack([Z, r, x]), len(size)) / size[:, None]
+    levels = means[:, -2]
+    if moving.any():
+        inside = np.column_stack([Z[:, moving], r]) - (means[:, :-1][:, np.append(moving, True)])[unit]
+        slope = np.linalg.lstsq(inside[:, :-1], inside[:, -1], rcond=1e-9)[0]
+        levels = levels - means[:, :-2][:, moving] @ slope
+    return added_between(levels, means[:, :-2][:, ~moving], means[:, -1], 1 / (icc + (1 - icc) / size))
+
+
+def added_between(levels: Array, others: Array, x: Array, weight: Array) -> tuple[float, float, int, float] | None:
+    """Weighted regression of levels of edges on other columns and x: coefficient of x, its t, df and p.
+
+    Returns None where x hardly varies beside the other columns, or too few degrees of freedom are left.
+
+    Examples
+    --------
+    >>> x = np.log([1.0, 2, 4, 8, 16, 32])
+    >>> found = added_between(0.5 * x + [0.01, -0.01, 0, 0.01, -0.01, 0], np.ones((6, 1)), x, np.ones(6))
+    >>> round(found[0], 2), found[2]
+    (0.5, 4)
+    """
+    from scipy.special import stdtr
+
+    alone = x - others @ np.linalg.lstsq(others, x, rcond=1e-9)[0]
+    root = np.sqrt(weight)
+    U, s, _ = np.linalg.svd(others * root[:, None], full_matrices=False)
+    Q = U[:, s > 1e-9 * s[0]]
+    df = len(x) - Q.shape[1] - 1
+    if np.ptp(alone) < LEAST or df < FEWEST:
+        return None
+    x, y = (root * v - Q @ (Q.T @ (root * v)) for v in (x, levels))
+    b = float(x @ y / (x @ x))
+    left = y - b * x
+    se = float(np.sqrt(left @ left / df / (x @ x)))
+    t = b / se if se > 0 else 0.0
+    return b, t, df, float(2 * stdtr(df, -abs(t)))
+
+
+def _within(Z: Array, r: Array, x: Array, unit: Codes, moving: Array) -> tuple[float, float, int, float] | None:
+    """Coefficient, t, degrees of freedom and p of a column that changes within edges."""
+    columns = np.column_stack([x, Z[:, moving], r])
+    size = np.bincount(unit).astype(float)
+    inside = columns - (sums_by(unit, columns, len(size)) / size[:, None])[unit]
+    return added_within(inside[:, :-1], inside[:, -1], unit)
+
+
+def added_within(
+    columns: Array, y: Array, edge: Codes, least: float = LEAST / 2
+) -> tuple[float, float, int, float] | None:
+    """Regression within edges, with a jackknife by edge: coefficient of the first column, its t, df and p.
+
+    Parameters
+    ----------
+    columns, y : ndarray, shape (n, k) and (n,)
+        Less the mean of their edge; the column that is added first.
+    edge : ndarray of int, shape (n,)
+    least : float
+        Spread of the first column beside the others below which it is not tested.
+    """
+    from scipy.special import stdtr
+
+    G = int(edge.max()) + 1
+    x, others = columns[:, 0], columns[:, 1:]
+    alone = x - others @ np.linalg.lstsq(others, x, rcond=1e-9)[0] if others.shape[1] else x
+    if np.ptp(alone) < least or G < FEWEST + 1 or len(y) <= G + columns.shape[1]:
+        return None
+    size = np.linalg.norm(columns, axis=0)
+    if np.linalg.matrix_rank(columns / np.where(size > 0, size, 1.0), tol=1e-7) < columns.shape[1]:
+        return None
+    cov = np.linalg.inv(columns.T @ columns)
+    theta = cov @ (columns.T @ y)
+    moves = left_out_moves(columns, y - columns @ theta, cov, edge, G)
+    if isinstance(moves, int):
+        return None
+    se = float(np.sqrt((G - 1) / G * moves[:, 0] @ moves[:, 0]))
+    t = float(theta[0]) / se if se > 0 else 0.0
+    return float(theta[0]), t, G - 1, float(2 * stdtr(G - 1, -abs(t)))

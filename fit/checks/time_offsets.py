@@ -1,0 +1,277 @@
+"""Tests of times that are offset, in another unit, or begin anew within an edge.
+
+With ``b`` the time exponent within edges and ``m_g`` the mean of ln t over the first rows of edge g, as many in each
+edge, the level of an edge may not depend on ``m_g`` (Mundlak); rows that an edge has beyond those of the shortest
+depend on its wear, where it was stopped at a criterion. Within edges a term in 1/t may not matter:
+``ln(t - t0) = ln t - t0/t + ...``, so that its coefficient is ``-b t0``. The clearest rejection, of these and of equal
+exponents of edges, is followed by a search for the edges concerned (`time_search`).
+
+Sources: Mundlak 1978, Econometrica 46, 69; Hausman 1978, Econometrica 46, 1251.
+"""
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...core.rounding import format_plain
+from ...datasets.edges.merged_cells import lines_text
+from ..available import NotAvailable
+from ..edges import changes_within
+from ..group_sums import sums_by
+from ..lawfit import LawFit
+from .check import Check, Suspect, concern_of, format_p
+from .missing_factors import WEAR, added_between, added_within
+from .strata import NO_ROWS, Codes
+from .time_exponent import FLAT, TIME, common_exponent
+from .time_search import UNITS, Shift, TimeRows, first_times, refined, search
+
+ONE_SCHEDULE = (
+    "all edges follow one schedule of times: the exponent between edges, and a unit common to all, are not identified"
+)
+CLIP = 2.5  # robust standard deviations, of rows in the test of equal exponents
+SEARCHED = 0.01  # p of a test below which edges are searched for
+RESTARTED = 10.0  # n ln(RSS0/RSS1) for times that are counted on from the time before
+ANEW = "counted from a restart of the time"
+# Usual causes of a rejection where the search names no edges.
+CAUSES = {
+    "time exponent": "",
+    "time between edges": (
+        "Times of some edges are offset or in another unit, or {response} depends on a condition that varied with the "
+        "times."
+    ),
+    "time within edges": (
+        "The times or {response} have an offset, or {response} accelerates at the end of the life of an edge."
+    ),
+}
+
+
+def rows_of(law: LawFit) -> TimeRows | NotAvailable | None:
+    """Rows of a law sorted by edge and time; None where time, or wear beside it, makes the question meaningless."""
+    if law.form != "power" or TIME not in law.factors or set(WEAR) & set(law.factors):
+        return None
+    if law.rows is None:
+        return NotAvailable(NO_ROWS)
+    if law.edge is None:
+        return NotAvailable("no edge column: times within and between edges cannot be separated")
+    if law.n_edges == law.nobs:
+        return NotAvailable("each edge has one row: there are no times within edges")
+    if (law.observed <= 0).any():
+        return NotAvailable(f"{law.response} is zero or negative in some rows: the test is in logarithms")
+    names, edge = np.unique(law.edge.astype(str), return_inverse=True)
+    j = law.factors.index(TIME)
+    order = np.lexsort((law.X[:, j], edge))
+    others = np.column_stack([np.ones(law.nobs), np.delete(np.log(law.X), j, axis=1), law.shifts])[order]
+    edge = edge[order]
+    within = changes_within(others, edge)
+    return TimeRows(
+        tuple(map(str, names)),
+        edge,
+        np.log(law.observed)[order],
+        law.X[order, j],
+        others[:, ~within],
+        others[:, within],
+    )
+
+
+def time_between(law: LawFit, icc: float) -> Check | NotAvailable | None:
+    """Test the time exponent between edges against that within them.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> print(time_between(law, 0.3).reason)
+    all edges follow one schedule of times: the exponent between edges, and a unit common to all, are not identified
+    """
+    rows = rows_of(law)
+    if not isinstance(rows, TimeRows):
+        return rows
+    columns = np.column_stack([np.log(rows.t), rows.moving])
+    inside = rows.inside(columns)
+    if np.linalg.norm(inside[:, 0]) <= FLAT:
+        return NotAvailable("no edge was measured at two times")
+    slopes = np.linalg.lstsq(inside, rows.inside(rows.y[:, None])[:, 0], rcond=1e-9)[0]
+    level = rows.means((rows.y - columns @ slopes)[:, None])[:, 0]
+    found = added_between(level, rows.means(rows.steady), first_times(rows), 1 / (icc + (1 - icc) / rows.size))
+    if found is None:
+        return NotAvailable(ONE_SCHEDULE)
+    extra, t, df, p = found
+    verdict = f"The time exponent is {slopes[0]:.2f} within edges and {slopes[0] + extra:.2f} between ({format_p(p)})."
+    return Check(
+        null="the time exponent between edges is that within edges",
+        statistic=t,
+        symbol="t",
+        df=df,
+        pvalue=p,
+        concern=concern_of(p),
+        verdict=verdict,
+        kept=verdict,
+    )
+
+
+def time_within(law: LawFit) -> Check | NotAvailable | None:
+    """Test a term in 1/t within edges.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> time_within(law).concern
+    0
+    """
+    rows = rows_of(law)
+    if not isinstance(rows, TimeRows):
+        return rows
+    columns = np.column_stack([np.median(rows.t) / rows.t, np.log(rows.t), rows.moving])
+    found = added_within(rows.inside(columns), rows.inside(rows.y[:, None])[:, 0], rows.edge, 1e-6)
+    if found is None:
+        return NotAvailable("too few edges were measured at three times for a test of the form of their growth")
+    _, t, df, p = found
+    return Check(
+        null="a term in 1/t within edges is zero",
+        statistic=t,
+        symbol="t",
+        df=df,
+        pvalue=p,
+        concern=concern_of(p),
+        verdict=f"Within edges {law.response} departs from a power of t (term in 1/t, {format_p(p)}).",
+        kept=f"Within edges {law.response} follows a power of t (term in 1/t, {format_p(p)}).",
+    )
+
+
+def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None]:
+    """The tests of times by name; the clearest rejection names the edges whose times explain it, or usual causes.
+
+    Parameters
+    ----------
+    law : LawFit
+    icc : float
+        Share of the residual variance that lies between edges.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> list(time_tests(law, 0.3))
+    ['time exponent', 'time between edges', 'time within edges']
+    """
+    slopes = common_exponent(law, CLIP)
+    tests: dict[str, Check | NotAvailable | None] = {
+        # of laws without time, or edges with one row, it does not exist
+        "time exponent": slopes if isinstance(slopes, Check) else None,
+        "time between edges": time_between(law, icc),
+        "time within edges": time_within(law),
+    }
+    rejected = [
+        (one.pvalue, name, one)
+        for name, one in tests.items()
+        if isinstance(one, Check) and one.pvalue is not None and one.pvalue < SEARCHED
+    ]
+    rows = rows_of(law) if rejected else None
+    if not isinstance(rows, TimeRows):
+        return tests
+    _, name, check = min(rejected, key=lambda one: one[0])
+    found = search(rows)
+    if found is None:
+        causes = CAUSES[name].format(response=law.response)
+        tests[name] = replace(check, verdict=f"{check.verdict} {causes}".rstrip())
+        return tests
+    one = _suspect(rows, found)
+    tests[name] = replace(check, verdict=f"{check.verdict} {_sentence(law, one)}", suspects=(one,))
+    return tests
+
+
+def _suspect(rows: TimeRows, found: Shift) -> Suspect:
+    edges = ("all",) if found.edges.all() else tuple(np.array(rows.names)[found.edges].tolist())
+    if found.factor != 1:
+        cause = UNITS[next(unit for unit in UNITS if np.isclose(max(found.factor, 1 / found.factor), unit))]
+        return Suspect(TIME, edges=edges, factor=1 / found.factor, cause=cause)
+    return Suspect(TIME, edges=edges, offset=-refined(rows, found), cause="times counted from another start")
+
+
+def _sentence(law: LawFit, one: Suspect) -> str:
+    """What the search found, in words."""
+    if one.offset is None:
+        size = f"in another unit ({one.cause})"
+    else:
+        size = f"{format_plain(abs(one.offset))} min too {'large' if one.offset < 0 else 'small'}"
+    if one.edges == ("all",):
+        return (
+            f"t of all edges may be {size}; an offset of {law.response}, or {law.response} that does not follow a "
+            "power of t, has the same effect."
+        )
+    s, verb = ("", "is") if len(one.edges) == 1 else ("s", "are")
+    return (
+        f"t of edge{s} {', '.join(one.edges)} {verb} probably {size}, against the other edges: compare with the "
+        "records."
+    )
+
+
+# --- times that begin anew --------------------------------------------------------------------------------------------
+
+
+def time_restarts(law: LawFit) -> Check | None:
+    """Rows at which the time of an edge begins anew while the response rises on; None where there are none.
+
+    Times that do not rise are counted on from the time before. Edges whose time began anew then follow a power of t
+    much better; rows in another order than that of the tests, or repeated readings at one time, do not.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> time_restarts(law) is None
+    True
+    """
+    if law.form != "power" or TIME not in law.factors or law.rows is None or law.edge is None:
+        return None
+    t, y = law.X[:, law.factors.index(TIME)], law.observed
+    edge = np.unique(law.edge.astype(str), return_inverse=True)[1]
+    order = np.argsort(edge, kind="stable")
+    edge, t, y, lines = edge[order], t[order], y[order], law.lines[order]
+    same = edge[1:] == edge[:-1]
+    anew = np.append(False, same & (t[1:] <= t[:-1]))
+    if not anew.any() or (y <= 0).any():
+        return None
+    counted = np.where(anew, np.append(0.0, t[:-1]), 0.0)
+    ahead = np.cumsum(counted)
+    ahead -= ahead[np.searchsorted(edge, edge)]
+    some = np.isin(edge, edge[anew])
+    gain = _gain(edge[some], np.log(y[some]), np.log(t[some]), np.log(t[some] + ahead[some]))
+    if gain <= RESTARTED:
+        return None
+    wrong = some & (ahead > 0)
+    suspects = tuple(
+        Suspect(TIME, lines=tuple(int(i) for i in lines[wrong & (ahead == value)]), offset=float(value), cause=ANEW)
+        for value in np.unique(ahead[wrong])
+    )
+    return Check(
+        null="times within an edge rise from its first cut",
+        statistic=gain,
+        symbol="n ln(RSS0/RSS1)",
+        concern=1,
+        verdict=(
+            f"t begins anew within {_edges(len(set(edge[anew].tolist())))} ({lines_text(lines[anew])}) while "
+            f"{law.response} rises on: a law needs the time in cut since the edge was new."
+        ),
+        suspects=suspects,
+    )
+
+
+def _edges(count: int) -> str:
+    return "one edge" if count == 1 else f"{count} edges"
+
+
+def _gain(edge: Codes, y: Array, as_is: Array, counted: Array) -> float:
+    """Evidence n ln(RSS0/RSS1) of rows about the level of their edge with times that are counted on."""
+    edge = np.unique(edge, return_inverse=True)[1]
+    size = np.bincount(edge).astype(float)
+    columns = np.column_stack([y, as_is, counted])
+    r = columns - (sums_by(edge, columns, len(size)) / size[:, None])[edge]
+    slope = float(r[:, 0] @ r[:, 2]) / max(float(r[:, 2] @ r[:, 2]), 1e-300)
+    own = float(r[:, 0] @ r[:, 1]) / max(float(r[:, 1] @ r[:, 1]), 1e-300)
+    before, after = r[:, 0] - own * r[:, 1], r[:, 0] - slope * r[:, 2]
+    ratio = max(float(before @ before), 1e-300) / max(float(after @ after), 1e-300)
+    return len(y) * log(ratio) if slope > 0 else 0.0

@@ -1,0 +1,162 @@
+"""Columns that a law does not use, tested as added variables, and conditions that a file lacks.
+
+Reference of the added-variable test: statsmodels' weighted least squares of the levels of edges.
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.fit.available import NotAvailable
+from fitmodels.fit.checks.missing_factors import added_between, added_within, missing_conditions, unused_columns
+
+TIMES = np.arange(2.0, 13.0, 2.0)
+CORNERS = np.array(np.meshgrid((80, 120, 180), (0.1, 0.2, 0.4), (1, 1.5, 2.5))).reshape(3, -1).T
+
+
+def wear(seed, edges=24, power=0.0):
+    """A wear test whose wear depends on the diameter D by a power."""
+    rng = np.random.default_rng([seed, 5])
+    grid = CORNERS[rng.permutation(len(CORNERS))[:edges]]
+    V, f, d = np.repeat(grid, len(TIMES), axis=0).T
+    D = np.repeat(rng.permutation(np.resize([80.0, 113.0, 160.0], edges)), len(TIMES))
+    t = np.tile(TIMES, edges)
+    scatter = np.exp(np.repeat(rng.normal(0, 0.05, edges), len(TIMES)) + rng.normal(0, 0.08, len(t)))
+    AW = 7.62e-3 * V**0.577 * f**0.168 * d**0.248 * t**0.245 * (D / 113) ** power * scatter
+    names = np.repeat([f"E{k + 1:02d}" for k in range(edges)], len(TIMES))
+    return pd.DataFrame({"edge": names, "V": V, "f": f, "d": d, "D": D, "t": t, "AW": AW})
+
+
+def of_columns(frame, factors=("V", "f", "d", "t"), response="AW", icc=0.3, **given):
+    runs = datasets.runs_from_frame(frame, judge=False, **given)
+    return unused_columns(fit.power_law(runs, response, list(factors)), runs, icc)
+
+
+def test_a_missing_factor_is_found_with_its_exponent():
+    found = [of_columns(wear(seed, power=0.5)) for seed in range(6)]
+    assert all(one.concern == 1 and one.verdict.startswith("D (80 to 160 mm) is not in the law of AW") for one in found)
+    sizes = [float(one.verdict.split("exponent ")[1].split()[0]) for one in found]
+    assert abs(np.mean(sizes) - 0.5) < 0.06
+
+
+def test_a_column_without_effect_is_seldom_reported():
+    p = np.array([of_columns(wear(seed)).pvalue for seed in range(40)])
+    assert (p < 0.05).sum() <= 6
+    assert 0.3 < np.median(p) < 0.7
+
+
+def test_a_column_without_a_role_counts_where_it_has_few_levels():
+    w = wear(1, power=0.5).rename(columns={"D": "hardness"})
+    assert of_columns(w).verdict.startswith("hardness (80 to 160)")
+    measured = w.assign(hardness=w["hardness"] + np.arange(len(w)) * 1e-3)
+    assert of_columns(measured) is None
+
+
+def test_several_columns_are_tested_together():
+    w = wear(2).assign(
+        batch=np.repeat(np.resize([1.0, 2.0, 2.0, 1.0], 24), 6), rake=np.repeat(np.resize([5, 7, 6], 24), 6)
+    )
+    one, many = of_columns(w[[*"VfdtD", "edge", "AW"]]), of_columns(w)
+    assert many.pvalue >= min(1, one.pvalue) or "3 columns" in many.verdict
+    for name in ("D", "batch", "rake"):
+        assert name in many.kept
+
+
+def test_numbers_of_tests_and_rows_are_no_factors():
+    w = wear(3).drop(columns="D")
+    number = np.repeat(np.arange(1, 25), 6)
+    assert of_columns(w.assign(no=number, row=np.arange(len(w)), sub=np.tile(np.arange(1, 7), 24))) is None
+
+
+def test_copies_of_factors_are_not_tested():
+    w = wear(4).drop(columns="D")
+    found = of_columns(w.assign(n=(w["V"] * 1000 / np.pi / 100).round()))
+    assert isinstance(found, NotAvailable)
+    assert "not separable" in found.reason
+
+
+def test_a_condition_left_out_by_the_user_is_tested():
+    assert "d (1 to 2.5 mm) is not in the law" in of_columns(wear(5).drop(columns="D"), ("V", "f", "t")).verdict
+
+
+def test_a_column_that_changes_within_edges():
+    """Work that gets smaller from pass to pass."""
+    p = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        w = wear(seed)
+        w["D"] = np.tile([160.0, 150, 141, 128, 118, 104], 24) * np.repeat(rng.uniform(0.8, 1.25, 24), 6)
+        p.append(of_columns(w).pvalue)
+    assert np.median(p) > 0.2
+    assert min(p) > 0.002
+    w["D"] = w["D"] * rng.uniform(0.8, 1.2, len(w))
+    w["AW"] *= (w["D"] / 113) ** 0.5
+    assert of_columns(w).pvalue < 1e-4
+
+
+def test_without_edges_rows_are_the_units():
+    assert of_columns(wear(7, power=0.5).drop(columns="edge"), edge="none", icc=0.0).concern == 1
+
+
+def test_without_runs_the_columns_are_unknown():
+    law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    assert unused_columns(law, None, 0.0) is None
+    assert missing_conditions(law, None) is None
+
+
+def test_levels_of_edges_as_weighted_least_squares_of_statsmodels():
+    from statsmodels.regression.linear_model import WLS
+
+    rng = np.random.default_rng(8)
+    X = np.column_stack([np.ones(20), rng.normal(size=(20, 2))])
+    x, y, weight = rng.normal(size=20), rng.normal(size=20), rng.uniform(1, 5, 20)
+    theirs = WLS(y, np.column_stack([X, x]), weights=weight).fit()
+    assert added_between(y, X, x, weight) == pytest.approx(
+        (theirs.params[3], theirs.tvalues[3], theirs.df_resid, theirs.pvalues[3]), rel=1e-9
+    )
+
+
+def test_rows_within_edges_by_leaving_out_each_edge():
+    rng = np.random.default_rng(9)
+    edge = np.repeat(np.arange(8), 5)
+    columns, y = rng.normal(size=(40, 2)), rng.normal(size=40)
+    b = np.linalg.lstsq(columns, y, rcond=None)[0]
+    left = [np.linalg.lstsq(columns[edge != g], y[edge != g], rcond=None)[0][0] for g in range(8)]
+    se = np.sqrt(7 / 8 * np.sum((np.array(left) - b[0]) ** 2))
+    assert added_within(columns, y, edge)[:3] == pytest.approx((b[0], b[0] / se, 7), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("dropped", "given", "named"),
+    [
+        ((), {}, ()),
+        (("V",), {}, ("Cutting speed V",)),
+        (("V",), {"process": "drilling"}, ("Cutting speed V",)),
+        (("V",), {"constants": {"V": 200.0}}, ()),
+        (("d", "D"), {}, ()),
+        (("d", "D"), {"process": "turning"}, ("Depth of cut d",)),
+        ((), {"process": "milling"}, ("Width of cut ae",)),
+        (("t",), {}, ("Cutting time t",)),
+        (("V", "f"), {}, ("Cutting speed V", "Feed f")),
+    ],
+)
+def test_conditions_that_the_file_lacks(dropped, given, named):
+    runs = datasets.runs_from_frame(wear(0).drop(columns=list(dropped)), judge=False, **given)
+    law = fit.power_law(runs, "AW", [name for name in ("V", "f", "d", "t") if runs.has(name)])
+    found = missing_conditions(law, runs)
+    assert found.concern == bool(named)
+    assert all(f"{name} is not in this file" in found.verdict for name in named)
+    assert found.verdict.count("not in this file") == len(named)
+
+
+def test_speed_in_revolutions_and_feed_per_tooth_stand_for_speed_and_feed():
+    w = wear(0).rename(columns={"V": "n", "f": "fz"}).assign(ae=10.0)
+    runs = datasets.runs_from_frame(w.drop(columns="D"), judge=False, process="milling")
+    assert missing_conditions(fit.power_law(runs, "AW", ["n", "fz", "d", "t"]), runs).concern == 0
+
+
+def test_the_missing_speed_of_the_nasa_set_is_a_reservation(measurements):
+    runs = datasets.read_runs(measurements / "nasa_milling" / "nasa_mill_runs.csv")
+    for pair in runs.pairs():
+        law = fit.default_laws(pair)[0][0]
+        assert any("Cutting speed V" in reason for reason in fit.judge(law, runs=pair).verdict.reasons)
