@@ -1,0 +1,267 @@
+"""Laws against the physics of cutting: signs and ranges of exponents, possible values, use, and the verdict on a life.
+
+Ranges: Alaskari & Oraby 2016 (doi 10.15242/IIE.E1216006) for wear and power, Kienzle 1952 for the main force, Taylor
+1907 for n of tool materials.
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit
+from fitmodels.fit.checks.deletion_diagnostics import deletion
+from fitmodels.fit.checks.physics import exponents, possible_values, region_values, usual_exponents
+from fitmodels.fit.checks.strata import split
+from fitmodels.fit.checks.usefulness import doubts_of_reading, number_of_edges, predictive_use
+from fitmodels.fit.life import life_verdict, usual_taylor_n
+from hypothesis import given
+from hypothesis import strategies as st
+
+WEAR = {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}
+SETTINGS = {"V": (50.0, 200.0), "f": (0.06, 0.6), "d": (1.5, 3.0)}
+UNITS = {
+    "V": "m/min",
+    "f": "mm/rev",
+    "d": "mm",
+    "t": "min",
+    "AW": "mm",
+    "Fc": "N",
+    "P": "kW",
+    "ae": "mm",
+    "fm": "mm/min",
+}
+
+
+def table(edges=16, sd=0.05, seed=5, **settings):
+    """Conditions of random tests with six readings of each edge, and errors of rows as ``e``."""
+    rng = np.random.default_rng(seed)
+    ranges = {name: ends for name, ends in {**SETTINGS, **settings}.items() if ends}
+    columns = {name: np.repeat(np.exp(rng.uniform(*np.log(ends), edges)), 6) for name, ends in ranges.items()}
+    columns["t"] = np.tile(np.arange(2.0, 13.0, 2.0), edges)
+    e = sd * np.repeat(rng.standard_normal(edges), 6) + sd * rng.standard_normal(6 * edges)
+    return pd.DataFrame({"edge": np.repeat([f"E{g:02d}" for g in range(edges)], 6), **columns, "e": e})
+
+
+def law_of(response="AW", c0=7.62e-3, powers=WEAR, factors=None, read=False, tool="T", settings=None, **options):
+    """A law of simulated rows, and its runs."""
+    frame = table(**{**options, **(settings or {})})
+    error = frame.pop("e")
+    frame[response] = c0 * np.exp(sum(b * np.log(frame[name]) for name, b in powers.items()) + error)
+    named = frame.rename(columns={name: f"{name} [{unit}]" for name, unit in UNITS.items()})
+    runs = datasets.runs_from_frame(named, tool=tool, work="W", judge=read)
+    return fit.power_law(runs, response, list(factors or powers)), runs
+
+
+FORCE = {"V": -0.06, "f": 0.76, "d": 0.97}
+POWER = {"V": 0.94, "f": 0.76, "d": 0.97}
+
+
+@pytest.mark.parametrize(
+    ("response", "c0", "powers"), [("AW", 7.62e-3, WEAR), ("Fc", 1900, FORCE), ("P", 1900 / 60000, POWER)]
+)
+def test_sound_laws_pass(response, c0, powers):
+    law, runs = law_of(response, c0, powers)
+    for check in (
+        exponents(law, runs),
+        possible_values(law, runs),
+        predictive_use(law, deletion(law, split(law))),
+        number_of_edges(law, runs),
+    ):
+        assert check.concern == 0, check.verdict
+
+
+@pytest.mark.parametrize(
+    ("powers", "named", "level"),
+    [
+        (WEAR | {"t": -0.3}, "falls with t", 2),
+        (WEAR | {"V": -0.5}, "falls with V", 2),
+        (WEAR | {"V": 9.0}, "exponent of V", 1),
+        (WEAR | {"f": -0.5}, "exponent of f", 1),
+        (WEAR | {"t": 4.0}, "exponent of t", 1),
+        (WEAR | {"V": 0.3, "f": 0.8}, "more on f", 1),
+    ],
+)
+def test_exponents_that_wear_does_not_have_are_named(powers, named, level):
+    law, runs = law_of(c0=0.02 / 100 ** powers["V"], powers=powers)
+    found = exponents(law, runs)
+    assert found.concern == level
+    assert named in found.verdict
+
+
+@pytest.mark.parametrize(
+    ("response", "powers", "named", "level"),
+    [
+        ("Fc", FORCE | {"f": -0.4}, "falls with f", 2),
+        ("Fc", FORCE | {"d": 2.2}, "exponent of d", 1),
+        ("Ff", FORCE | {"f": 1.4}, "exponent of f", 1),
+        ("P", POWER | {"V": -0.5}, "falls with V", 2),
+        ("Fc", FORCE | {"V": -1.2}, "exponent of V", 1),
+    ],
+)
+def test_exponents_that_forces_do_not_have_are_named(response, powers, named, level):
+    law, runs = law_of(response, 100.0, powers)
+    found = exponents(law, runs)
+    assert found.concern == level
+    assert named in found.verdict
+
+
+def test_an_uncertain_exponent_is_no_evidence():
+    """d varies by 1 %: its estimate is far off, its interval is not."""
+    law, runs = law_of(edges=12, settings={"d": (2.0, 2.02)}, seed=8)
+    assert abs(law.params["d"]) > 1.5
+    found = exponents(law, runs)
+    assert found.concern == 0
+    assert "too uncertain" in found.verdict
+
+
+@given(st.sampled_from(["AW", "T", "Fc", "Ff", "Fp", "Fx", "F", "P", "M", "Ra"]))
+def test_usual_ranges_lie_within_their_limits_and_have_their_sign(response):
+    for process in (None, "turning", "milling", "drilling", "grinding"):
+        for one in usual_exponents(response, ("V", "f", "d", "ae", "t", "VB"), process).values():
+            assert one.limits[0] <= one.usual[0] < one.usual[1] <= one.limits[1]
+            assert one.sign == 0 or one.sign * one.usual[0] >= 0
+
+
+def test_ranges_by_process():
+    assert list(usual_exponents("AW", ("V", "f", "t"), "grinding")) == ["t"]
+    assert "d" not in usual_exponents("P", ("V", "f", "d"), "drilling")
+    assert "V" not in usual_exponents("P", ("V", "fm", "d"), "milling")  # at a constant feed rate it differs
+    assert usual_exponents("Fc", ("fz",), "milling")["fz"] == usual_exponents("Fc", ("f",), "turning")["f"]
+    law, _ = law_of("Fc", 1900, FORCE)
+    assert "no usual exponents" in str(exponents(law.with_rows(formula=type(law.formula)("power", "Q", law.factors))))
+
+
+@pytest.mark.parametrize(("factor", "level"), [(1.0, 0), (1000.0, 2), (25.4, 2), (0.1, 1)])
+def test_a_force_in_another_unit_shows_in_the_specific_cutting_force(factor, level):
+    law, runs = law_of("Fc", 1900 * factor, FORCE)
+    found = possible_values(law, runs)
+    assert found.concern == level
+    assert "kc" in found.verdict
+
+
+def test_the_power_of_milling_has_the_kc_of_its_removal_rate():
+    """P = kc d ae fm/6e7, with kc 2000 N/mm2."""
+    powers = {"d": 1.0, "ae": 1.0, "fm": 1.0}
+    law, runs = law_of("P", 2000 / 6e7, powers, sd=0.001, settings={"ae": (5.0, 40.0), "fm": (100.0, 900.0), "f": None})
+    assert "kc 2000 to 2000 N/mm2" in possible_values(law, runs).verdict
+
+
+def test_predictions_below_zero_are_impossible():
+    rng = np.random.default_rng(1)
+    frame = pd.DataFrame({"fm": np.tile([100.0, 200, 300, 400], 6), "VB": np.repeat(np.linspace(0.05, 0.3, 6), 4)})
+    frame["I"] = -1.4 + 0.01 * frame["fm"] + 2 * frame["VB"] + 0.05 * rng.standard_normal(24)
+    law = fit.load_law(datasets.runs_from_frame(frame, judge=False))
+    found = possible_values(law)
+    assert found.concern == 2
+    assert "above zero" in found.verdict
+
+
+def test_predictions_are_taken_inside_the_tested_region():
+    """The corners of the box about a composite design were never cut: the law there is not asked."""
+    law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    highest = law.predict({name: high for name, (_, high) in law.domain.items()})[0]
+    assert region_values(law).max() < highest
+
+
+@pytest.mark.parametrize(("sd", "level"), [(0.05, 0), (0.3, 1), (0.8, 2)])
+def test_scatter_is_set_against_use(sd, level):
+    law, _ = law_of(sd=sd, edges=40)
+    found = predictive_use(law, deletion(law, split(law)))
+    assert found.concern == level
+    assert "R2" in found.verdict
+
+
+def test_a_law_that_explains_nothing_must_not_be_used():
+    law, _ = law_of(powers=dict.fromkeys(WEAR, 0.0), c0=0.2)
+    found = predictive_use(law, deletion(law, split(law)))
+    assert law.rsquared < 0.1
+    assert found.concern == 2
+    assert "the mean AW predicts about as well" in found.verdict.lower().replace("aw", "AW")
+
+
+@pytest.mark.parametrize(("edges", "named"), [(24, ""), (5, ""), (4, "4 edges"), (1, "1 edge")])
+def test_few_edges_are_a_reservation(edges, named):
+    law, runs = law_of(factors=["t"], edges=edges)
+    found = number_of_edges(law, runs)
+    assert found.concern == int(bool(named))
+    assert named in found.verdict
+
+
+def test_doubts_count_for_the_laws_that_use_the_column():
+    law, runs = law_of(c0=7.62e-3 * 10, read=True)
+    assert [doubt.columns for doubt in runs.doubts] == [("AW",)]
+    assert doubts_of_reading(law, runs).concern == 1
+    assert doubts_of_reading(fit.power_law(runs, "d", ["t", "V"]), runs).concern == 0
+    assert doubts_of_reading(law, None) is None
+    assert "not judged" in str(doubts_of_reading(law, law_of()[1]))
+
+
+def test_laws_of_a_stream_are_judged_by_their_exponents():
+    frame = datasets.read_runs(datasets.bundled("gc435_709m40")).data
+    law = fit.streamed_power_law([frame[:60], frame[60:]], "AW", ["V", "f", "d", "t"])
+    assert exponents(law).concern == 0
+    assert number_of_edges(law).concern == 0
+    assert "keeps no rows" in str(possible_values(law))
+
+
+@pytest.mark.parametrize(
+    ("tool", "material"),
+    [
+        ("HSS drill", "high-speed steel"),
+        ("Schnellarbeitsstahl", "high-speed steel"),
+        ("GC435", "coated carbide"),
+        ("TiAlN coated", "coated carbide"),
+        ("Hartmetall P20", "carbide"),
+        ("Al2O3 ceramic", "ceramic"),
+        ("T1", "any tool material"),
+    ],
+)
+def test_tool_material_from_its_name(tool, material):
+    assert usual_taylor_n(tool)[0] == material
+
+
+def life_of(criterion=0.15, **options):
+    law, runs = law_of(**options)
+    return life_verdict(fit.tool_life(law, criterion), law, runs)
+
+
+def test_a_life_within_the_tests_is_usable():
+    verdict = life_of()
+    assert verdict.level == 0, verdict.reasons
+    assert "Taylor's n" in verdict.checked
+
+
+@pytest.mark.parametrize(
+    ("options", "named", "level"),
+    [
+        ({"criterion": 0.5}, "times the longest test", 2),
+        ({"criterion": 0.2}, "times the longest test", 1),
+        ({"criterion": 5e-5}, "cannot be", 2),
+        ({"powers": WEAR | {"V": -0.8}, "c0": 5.0}, "rises with cutting speed", 2),
+        ({"tool": "HSS"}, "high-speed steel", 1),
+        ({"sd": 0.45, "edges": 60}, "factor of", 1),
+    ],
+)
+def test_what_is_wrong_with_a_life_is_named(options, named, level):
+    verdict = life_of(**options)
+    assert verdict.level >= level
+    assert any(named in reason for reason in verdict.reasons), verdict.reasons
+
+
+def test_extrapolation_qualifies_the_life_alone():
+    law, runs = law_of()
+    assert life_verdict(fit.tool_life(law, 0.25), law, runs).level > 0
+    assert fit.judge(law, runs=runs).verdict.level == 0
+
+
+def test_a_life_is_no_better_than_its_law():
+    law, runs = law_of(edges=4, factors=["V", "t"], powers={"V": 0.577, "t": 0.245}, c0=7.62e-3)
+    of_law = fit.judge(law, runs=runs).verdict
+    assert of_law.level
+    found = life_verdict(fit.tool_life(law, 0.15), law, runs, of_law)
+    assert found.level >= of_law.level
+    assert any("that it follows from" in reason for reason in found.reasons)
+
+
+def test_a_life_without_speed_has_no_taylor_exponent():
+    law, runs = law_of(factors=["f", "d", "t"])
+    assert any("no V" in one for one in life_verdict(fit.tool_life(law, 0.15), law, runs).not_checked)
