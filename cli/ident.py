@@ -115,20 +115,18 @@ def _collected(found: "Identification", records: "list[Record]", args: argparse.
     from ..parameters.file import sealed
     from ..parameters.gather.control import dynamics_section
 
-    fit = found.validation.fit if found.validation.held_out else None
     if args.params is not None:
         pf = parameters.read(args.params)
         if pf.dynamics is not None and not args.force:
             raise UsageError(f"{args.params} has dynamics; replace them with --force.")
-        section = dynamics_section(found.model, fit)
+        section = dynamics_section(found)
         # gains were tuned on other dynamics
         return sealed(pf, dynamics=section, pi=None, provenance=traced(pf, args.words))
     source = records[0].source
     return parameters.collect(
         tool=args.tool,
         work=args.work,
-        dynamics=found.model,
-        held_out_fit=fit,
+        dynamics=found,
         data_file=args.file[0] if source is None else Path(source).name,
         data_sha256=records[0].sha256,
         n_rows=len(found.record),

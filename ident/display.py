@@ -185,7 +185,11 @@ def of_map(found: FeasibleMap) -> Display:
 
 @display_of.register
 def of_fit(fit: StepFit | DriveFit | ForceProcess) -> Display:
-    """The verdict; the parameters."""
+    """Estimates in words, with the verdict of a force process; the parameters."""
     params, bse = fit.params, fit.bse
     names = [str(name) for name in params.index]
-    return Display(fit.verdict, by_fields(fit).facts, estimates(names, params, [bse.get(n) for n in names]), fit.notes)
+    force = isinstance(fit, ForceProcess)
+    head = f"{fit.verdict.words}: {fit.words}" if force else fit.verdict
+    reasons = fit.verdict.reasons if force else ()
+    table = estimates(names, params, [bse.get(n) for n in names])
+    return Display(head, by_fields(fit).facts, table, (*reasons, *fit.notes))

@@ -23,8 +23,9 @@ from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import IdentError
 from ..core.threads import one_thread
+from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.record import Record, join_records
-from .estimators.bias_checks import causality, feedback_detected, warn_of_bias
+from .estimators.bias_checks import causality, feedback_detected, response_error, warn_of_bias
 from .estimators.input_checks import check_varies
 from .estimators.instrumental import sriv
 from .estimators.least_squares import arx
@@ -42,6 +43,19 @@ FIRST_ORDERS = (2, 4)  # orders for the search of delays; a low order alone mist
 PENALTY = 20.0  # of BIC, for nk = 0 and for each lightly damped pole beyond the band
 RINGING, BEYOND = 0.9, 1.5  # radius of a lightly damped pole; frequency relative to the upper end of the band
 EXACT = 1e-18  # of the variance: a loss below it is rounding
+SURE = 2.0  # standard errors between the static gain and zero
+CHECKED = (
+    "Simulation of samples not fitted",
+    "Residuals against the input",
+    "Poles and settling time",
+    "Static gain",
+    "Closed loop",
+    "Exchanged signals",
+)
+OWN_RECORD = (
+    "the record is too short to hold out samples, so the model was validated on those that it was fitted to: record a "
+    "second run"
+)
 MOST_SAMPLES = 10_000  # in the search: of longer records the middle part of this length
 
 
@@ -106,15 +120,57 @@ class Identification(Plottable):
         found = [s for s in (self.causality, self.feedback, self.bias) if s]
         return (
             f"The model {self.validation.verdict} (validation on {self.validated_on}).",
-            *(f"{s[0].upper()}{s[1:].rstrip('.')}." for s in found),
+            *map(sentence, found),
             f"Valid in the excited band, {low:.3g} to {high:.3g} Hz.",
-            *(f"{s[0].upper()}{s[1:].rstrip('.')}." for s in (*self.validation.remarks, *self.model.notes)),
+            *map(sentence, (*self.validation.remarks, *self.model.notes)),
         )
 
     @property
     def concern(self) -> int:
         """0 none, 1 read the verdicts, 2 do not tune on this model."""
-        return max(self.validation.concern, int(bool(self.feedback)), 2 * int(bool(self.causality)))
+        return self.verdict.level
+
+    @property
+    def verdict(self) -> Verdict:
+        """How far the model can be used in the excited band, from its validation and from the checks of the record."""
+        held = [item for item in self.validation.reservations if item[1] != self.validation.feedback]
+        feedback = self.feedback or self.validation.feedback
+        found = [
+            *([(DO_NOT_USE, self.causality)] if self.causality else []),
+            *_of_gain(self.model),
+            *held,
+            *([(RESERVATIONS, feedback)] if feedback else []),
+            *([] if self.validation.held_out else [(RESERVATIONS, OWN_RECORD)]),
+        ]
+        simulation, *checked = CHECKED
+        done = CHECKED if self.validation.held_out else tuple(checked)
+        left = () if self.validation.held_out else (f"{simulation}: the record is too short to hold out samples",)
+        return verdict_from([(level, sentence(words)) for level, words in found], done, left)
+
+
+def sentence(clause: str) -> str:
+    """The clause with a capital and a full stop.
+
+    >>> sentence("recorded in closed loop")
+    'Recorded in closed loop.'
+    """
+    return f"{clause[0].upper()}{clause[1:].rstrip('.')}."
+
+
+def _of_gain(model: Model) -> list[tuple[int, str]]:
+    """Reservations about the stability and the static gain of a model."""
+    if not model.stable:
+        radius = float(np.abs(model.poles).max())
+        return [(DO_NOT_USE, f"the model is not stable, a pole at radius {radius:.6g}: record it in closed loop")]
+    gain, error = model.dc_gain, float(response_error(model, np.zeros(1))[0])
+    if abs(gain) >= SURE * error:
+        return []
+    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
+    return [(
+        DO_NOT_USE,
+        f"the static gain, {gain:.3g}{unit}, has a standard error of {error:.2g}, so its sign is not known: record "
+        "longer or with more amplitude",
+    )]
 
 
 @one_thread

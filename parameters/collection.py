@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ..fit.bayes.posterior import Posterior
     from ..fit.fitted_rows import LawSource
     from ..fit.life import ToolLife
+    from ..ident.identification import Identification
     from ..ident.model import Model
     from .sections.dynamics import DynamicsSection
     from .sections.force_control import AdaptiveForceSection, RoughnessSection
@@ -44,7 +45,7 @@ def collect(
     no_posterior: "Mapping[str, NotAvailable] | None" = None,
     draws_kept: bool = True,
     gauge_sd: float | None = None,
-    dynamics: "Model | DynamicsSection | Mapping[str, Any] | None" = None,
+    dynamics: "Identification | Model | DynamicsSection | Mapping[str, Any] | None" = None,
     held_out_fit: float | None = None,
     pi: "Gains | None" = None,
     scaling_u: float = 1.0,
@@ -91,13 +92,14 @@ def collect(
         Without it the section is complete but for the draws, which its seed makes again.
     gauge_sd : float, optional
         Standard deviation of the wear gauge, in the unit of the wear.
-    dynamics : Model, optional
-        Identified; ``held_out_fit`` is the per cent of another record that it explains.
+    dynamics : Identification or Model, optional
+        An identification brings its verdict; a model alone has none, and `export` refuses its file.
+        ``held_out_fit`` is the per cent of another record that it explains.
     pi : PiGains or TunedPi, optional
         ``scaling_u`` is the number of its command's units in one of the model's input; ``pi_forced`` says why gains
         that miss their specification are kept.
     load_line, limits, roughness, adaptive_force : section or mapping, optional
-        In ``limits`` a bare number or pair is in kW, N, mm, mm/rev, mm/min, m/min or 1/min.
+        ``adaptive_force`` may hold the ``verdict`` of its `ForceProcess`. In ``limits`` a bare number or pair is in kW, N, mm, mm/rev, mm/min, m/min or 1/min.
     simulated : bool
         True when the data came from a simulation; by default as the source of the laws states, unknown where laws of
         a stream have no source.

@@ -86,7 +86,7 @@ def test_without_a_known_value_products_alone_are_told():
     assert fit.identifiable["m/k"] == "from the record alone"
     assert "only as the products m/k, (mc+d)/k and dc/k" in fit.identifiable["k"]
     assert "in an order that is not identifiable" in fit.identifiable["c, d/m"]
-    assert "only as the products" in fit.verdict
+    assert "only as the products" in fit.words
     assert "give drive='faster' or 'slower'" in force_process_fit(run(), k=K).identifiable["c"]
 
 
@@ -118,6 +118,8 @@ def test_simulation_and_picture():
     np.testing.assert_allclose(fine, fit.simulate(clean.u), atol=1e-9)
     assert fit.plot().get_ylabel() == "F [N]"
     assert 97 < fit.fit < 99
+    assert fit.verdict.level == 0
+    assert force_process_fit(run(noise=0.7)).verdict.level >= 1
     centred = force_process_fit(run(noise=0.02).centred())
     np.testing.assert_allclose(centred.ratios, TRUTH, rtol=0.03)
 
@@ -125,11 +127,13 @@ def test_simulation_and_picture():
 def test_another_form_is_told():
     late = force_process_fit(run(noise=0.005, delay=0.008))
     assert abs(late.zero_test) > 3
-    assert "another structure than (2.1) and (2.2), or there is a delay" in late.verdict
+    assert late.verdict.level == 1
+    assert "another structure than (2.1) and (2.2), or there is a delay" in late.verdict.reasons[0]
     rec = run()
     swinging = sampled([K], [2.0, 10.0, 480.0], 0.01).simulate(rec.u)
     fit = force_process_fit(Record(u=rec.u, y=swinging, sample_time=0.01), m=M, drive="faster")
-    assert "poles are complex" in fit.verdict
+    assert fit.verdict.level == 2
+    assert "poles are complex" in fit.verdict.reasons[0]
     assert fit.parameters == {}
     assert "no positive m, d, c gives" in fit.identifiable["d"]
 

@@ -10,7 +10,7 @@ a common factor. Given one of m, k, d and the assignment of the poles (``drive``
 r = (m/k, (mc+d)/k, dc/k) the poles -c and -d/m are the roots of r0 s^2 + r1 s + r2, and k = m / r0.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core.display import Plottable
 from ...core.errors import IdentError
+from ...core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ...datasets import Record
 from ...datasets.records.record import join_records
 from ..continuous import ContinuousModel, to_continuous
@@ -32,6 +33,10 @@ Array = NDArray[np.float64]
 Faster = Literal["faster", "slower"]
 RATIOS = ("m/k", "(mc+d)/k", "dc/k")
 PARAMETERS = ("m", "d", "c", "k")
+GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
+STRUCTURE, SURE = 3.0, 2.0  # standard errors from zero: of a term that must be zero, and of a ratio whose sign is known
+CHECKED = ("Structure of the model", "Signs of the ratios", "Simulation of the record")
+NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -107,25 +112,45 @@ class ForceProcess(Plottable):
         return self.continuous.sampled(sample_time or self.discrete.sample_time).simulate(command)
 
     @property
-    def verdict(self) -> str:
-        """Estimates, their basis, and reservations."""
+    def verdict(self) -> Verdict:
+        """How far the estimates can be used: structure, fit, and ratios that are known."""
+        found = [
+            *self._of_structure(),
+            *(
+                (RESERVATIONS, f"{name} is {value:.3g} with a standard error of {error:.2g}: its sign is not known.")
+                for name, value, error in zip(RATIOS, self.ratios, self.bse, strict=True)
+                if abs(value) < SURE * error
+            ),
+        ]
+        if self.fit < GOOD:
+            level, limit = (RESERVATIONS, GOOD) if self.fit >= POOR else (DO_NOT_USE, POOR)
+            found.append((level, f"The model explains {self.fit:.0f} % of the force, less than {limit:.0f} %."))
+        return verdict_from(found, CHECKED, (NOT_HELD_OUT,))
+
+    def _of_structure(self) -> Iterator[tuple[int, str]]:
+        if np.abs(self.poles.imag).max() > 0 or not (self.ratios > 0).all():
+            yield (
+                DO_NOT_USE,
+                "The poles are complex or unstable, which no positive m, d, c gives: the model structure is rejected.",
+            )
+        if abs(self.zero_test) > STRUCTURE:
+            yield (
+                RESERVATIONS,
+                f"The numerator has a term in s, {abs(self.zero_test):.1f} standard errors from zero: drive or process "
+                "have another structure than (2.1) and (2.2), or there is a delay.",
+            )
+
+    @property
+    def words(self) -> str:
+        """Estimates and their basis, one or two sentences."""
         values = ", ".join(
             f"{name} {v:.4g} +- {s:.2g}" for name, v, s in zip(RATIOS, self.ratios, self.bse, strict=True)
         )
         text = f"{values}; fit {self.fit:.1f} %."
-        if self.parameters:
-            errors = self.parameter_errors
-            text += " " + ", ".join(f"{n} {v:.4g} +- {errors[n]:.2g}" for n, v in self.parameters.items()) + "."
-        else:
-            text += f" m, d, c, k are {self.identifiable['m']}."
-        if abs(self.zero_test) > 3:
-            text += (
-                f" The numerator has a term in s, {self.zero_test:.1f} standard errors from zero: drive or process "
-                "have another structure than (2.1) and (2.2), or there is a delay."
-            )
-        if np.abs(self.poles.imag).max() > 0:
-            text += " The poles are complex, which no positive m, d, c gives: the model structure is rejected."
-        return text
+        if not self.parameters:
+            return f"{text} m, d, c, k are {self.identifiable['m']}."
+        errors = self.parameter_errors
+        return f"{text} " + ", ".join(f"{n} {v:.4g} +- {errors[n]:.2g}" for n, v in self.parameters.items()) + "."
 
 
 def force_process_fit(

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import IdentError
+from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE
 from ...datasets.records.record import Record
 from ..estimators.bias_checks import feedback_detected
 from ..model import Model
@@ -54,6 +55,8 @@ class Validation(Plottable):
         One sentence.
     concern : int
         0 none, 1 read the remarks, 2 do not tune on this model.
+    reservations : tuple of (int, str)
+        The clauses behind ``concern``, each with its level.
     """
 
     fit: float
@@ -74,6 +77,7 @@ class Validation(Plottable):
     labels: tuple[str, str] = ("y", "")
     verdict: str = ""
     concern: int = 0
+    reservations: tuple[tuple[int, str], ...] = ()
 
 
 def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lags: int = LAGS) -> Validation:
@@ -147,26 +151,36 @@ def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lag
 
 
 def with_verdict(found: Validation, name: str) -> Validation:
-    """The validation with its verdict in one sentence and its level of concern."""
+    """The validation with its verdict in one sentence, its reservations and its level of concern."""
     where = "the record" if found.held_out else "its own estimation record"
     text = f"simulates {where} with {found.fit:.0f} % fit (R2 {found.rsquared:.4g})"
-    concern = 0 if found.fit >= GOOD else 1 if found.fit >= POOR else 2
     nearest = min(found.k_step_fit)
+    reservations = _fit_reservations(found)
     if found.k_step_fit[nearest] - found.fit > OPTIMISM:
-        text += f"; the {nearest}-step-ahead fit of {found.k_step_fit[nearest]:.0f} % is optimistic"
-        concern = max(concern, 1)
+        optimistic = f"the {nearest}-step-ahead fit of {found.k_step_fit[nearest]:.0f} % is optimistic"
+        text += f"; {optimistic}"
+        reservations.append((RESERVATIONS, f"{optimistic}, the simulation fit is {found.fit:.0f} %"))
     if found.independence.pvalue < SIGNIFICANT:
-        text += (
-            f"; residuals depend on {name} (p {found.independence.pvalue:.1g}): check orders, delay and nonlinearity"
-        )
-        concern = max(concern, 1)
+        depend = f"residuals depend on {name} (p {found.independence.pvalue:.1g}): check orders, delay and nonlinearity"
+        text += f"; {depend}"
+        reservations.append((RESERVATIONS, depend))
     else:
         text += f"; residuals are independent of {name}"
     if found.feedback:
-        text, concern = f"{text}; recorded in closed loop", max(concern, 1)
+        text = f"{text}; recorded in closed loop"
+        reservations.append((RESERVATIONS, found.feedback))
     if found.fit < POOR:
         text += ". Do not tune a controller on it"
-    return replace(found, verdict=text, concern=max(concern, int(bool(found.remarks))))
+    reservations += [(RESERVATIONS, remark) for remark in found.remarks]
+    concern = max((level for level, _ in reservations), default=USABLE)
+    return replace(found, verdict=text, reservations=tuple(reservations), concern=concern)
+
+
+def _fit_reservations(found: Validation) -> list[tuple[int, str]]:
+    if found.fit >= GOOD:
+        return []
+    level, limit = (RESERVATIONS, GOOD) if found.fit >= POOR else (DO_NOT_USE, POOR)
+    return [(level, f"the simulation fit is {found.fit:.0f} %, below {limit:.0f} %")]
 
 
 def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Record, tuple[str, ...]]:

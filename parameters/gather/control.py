@@ -6,12 +6,14 @@ from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ...core.errors import GateError, ParameterError
+from ...core.verdict import Verdict
 from ..messages import short
-from ..sections.base import Section
+from ..sections.base import Section, VerdictSection
 from ..sections.dynamics import PiFigures, PiSection, PiSpecification
 from ..sections.load_line import LimitsSection
 
 if TYPE_CHECKING:
+    from ...ident.identification import Identification
     from ...ident.model import Model
     from ...ident.pi.gains import PiGains
     from ...ident.pi.tuning import TunedPi
@@ -22,17 +24,23 @@ BOUNDS = {"power": "kW", "force": "N", "wear": "mm"}
 RANGES = {"feed": "mm/rev", "feed_rate": "mm/min", "speed": "m/min", "spindle_speed": "1/min"}
 
 
-def dynamics_section(model: "Model | Section | Mapping[str, Any]", held_out_fit: float | None = None) -> dict[str, Any]:
-    """The section of a model.
+def dynamics_section(
+    dynamics: "Identification | Model | Section | Mapping[str, Any]", held_out_fit: float | None = None
+) -> dict[str, Any]:
+    """The section of a model; of an identification with its verdict and its fit to other samples.
 
     Parameters
     ----------
-    model : Model, or a section as it is
+    dynamics : Identification, Model, or a section as it is
     held_out_fit : float, optional
         Per cent of another record's output that a free run explains.
     """
-    if isinstance(model, Section | Mapping):
-        return as_data(model)
+    if isinstance(dynamics, Section | Mapping):
+        return as_data(dynamics)
+    model, verdict = getattr(dynamics, "model", dynamics), getattr(dynamics, "verdict", None)
+    validation = getattr(dynamics, "validation", None)
+    if held_out_fit is None and validation is not None and validation.held_out:
+        held_out_fit = validation.fit
     return {
         "structure": model.structure,
         **{name: [float(x) for x in getattr(model, name)] for name in ("b", "a", "c")},
@@ -46,6 +54,7 @@ def dynamics_section(model: "Model | Section | Mapping[str, Any]", held_out_fit:
         "operating_point": _pair(model.operating_point),
         "band": _pair(model.band),
         "held_out_fit": None if held_out_fit is None else float(held_out_fit),
+        "verdict": None if verdict is None else VerdictSection.of(verdict).model_dump(),
         "notes": list(model.notes),
     }
 
@@ -125,12 +134,20 @@ def _pair(pair: "tuple[float, float] | None") -> list[float] | None:
 
 
 def as_data(section: Any) -> dict[str, Any]:  # noqa: ANN401
-    """A section, a mapping or a dataclass as plain data."""
+    """A section, a mapping or a dataclass as plain data; a verdict among its values becomes a section.
+
+    >>> from fitmodels.core.verdict import Verdict
+    >>> as_data({"Kd": 0.5, "verdict": Verdict()})["verdict"]["level"]
+    'usable inside the tested region'
+    """
     if isinstance(section, Section):
         return section.model_dump()
     if is_dataclass(section) and not isinstance(section, type):
         return asdict(section)
-    return dict(section)
+    return {
+        name: VerdictSection.of(value).model_dump() if isinstance(value, Verdict) else value
+        for name, value in section.items()
+    }
 
 
 def limits_section(limits: LimitsSection | Mapping[str, Any]) -> dict[str, Any]:
