@@ -15,9 +15,9 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels check",
         "fitmodels check data-fit/GC435_709M40/params.json",
-        "Check a parameter file before a controller uses it: checksum, doubts about the data, units, covariances,\n"
-        "draws, stability, gains against their specification, feed limits, windows. Exit code 0, or 5 where a check\n"
-        "fails; a doubt is shown and does not fail the file.",
+        "Check a parameter file before a controller uses it: checksum, verdicts of laws and dynamics, doubts about\n"
+        "the data, units, covariances, draws, stability, gains against their specification, feed limits, windows.\n"
+        "Exit code 0, or 5 where a check fails; a doubt or a reservation is shown and does not fail the file.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json; the draws are expected in the same folder")
     p.add_argument("--json", action="store_true", help="print the findings as JSON (fitmodels.check/1)")

@@ -15,12 +15,15 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels export",
         "fitmodels export params.json --to hal",
-        "Write a file that a controller loads. Gains that fail `fitmodels check` are refused.\n\n"
+        "Write a file that a controller loads. Gains that fail `fitmodels check` are refused, and so are laws,\n"
+        "dynamics and force processes whose verdict is 'do not use for control', or that have none.\n\n"
         + "\n".join(f"  {kind:<4} {of.words}" for kind, of in FORMATS.items()),
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument("--to", metavar="KIND", required=True, help=f"{', '.join(FORMATS)}")
     p.add_argument("--out", metavar="FILE", help="where to write (default: ./<PARAMS> with the suffix of the kind)")
+    accept = "export parts that must not be used for control all the same; the exported file names them and the reasons"
+    p.add_argument("--accept-verdict", action="store_true", help=accept)
     p.add_argument("--force", action="store_true", help="replace an existing file")
     return p
 
@@ -28,6 +31,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write the file, print what was assumed and what it cannot contain, and return the exit code."""
     from .. import parameters
+    from ..parameters.checks.verdicts import require_verdicts
     from ..parameters.exports import export, export_format
     from ..parameters.exports.loop import loop_settings
 
@@ -36,9 +40,10 @@ def run(args: argparse.Namespace) -> int:
     if out.is_dir():
         raise UsageError(f"--out {out}: is a folder; give the name of the file.")
     pf = parameters.read(args.file)
-    written = export(pf, args.to, out, force=args.force)
+    written = export(pf, args.to, out, force=args.force, accept_verdict=args.accept_verdict)
     print_lines([
         f"wrote {written}",
+        *(f"  {words}" for words in require_verdicts(pf, args.accept_verdict, loop_only=kind.loop_only)),
         *(f"  assumed: {words}" for words in loop_settings(pf).assumed),
         *(f"  not included: {words}" for words in kind.not_carried),
     ])  # fmt: skip

@@ -148,7 +148,10 @@ def _written(found: "Identification", pf: "ParameterFile", folder: Path | None, 
 
 
 def _facts(found: "Identification") -> dict[str, Any]:
+    from ..parameters.sections.base import VerdictSection
+
     return {
+        "verdict": VerdictSection.of(found.verdict).model_dump(),
         "verdicts": list(found.verdicts),
         "concern": found.concern,
         "judged_on": found.validated_on,

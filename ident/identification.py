@@ -166,11 +166,13 @@ def _of_gain(model: Model) -> list[tuple[int, str]]:
     if abs(gain) >= SURE * error:
         return []
     unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
-    return [(
-        DO_NOT_USE,
-        f"the static gain, {gain:.3g}{unit}, has a standard error of {error:.2g}, so its sign is not known: record "
-        "longer or with more amplitude",
-    )]
+    return [
+        (
+            DO_NOT_USE,
+            f"the static gain, {gain:.3g}{unit}, has a standard error of {error:.2g}, so its sign is not known: record "
+            "longer or with more amplitude",
+        )
+    ]
 
 
 @one_thread

@@ -99,7 +99,8 @@ def collect(
         ``scaling_u`` is the number of its command's units in one of the model's input; ``pi_forced`` says why gains
         that miss their specification are kept.
     load_line, limits, roughness, adaptive_force : section or mapping, optional
-        ``adaptive_force`` may hold the ``verdict`` of its `ForceProcess`. In ``limits`` a bare number or pair is in kW, N, mm, mm/rev, mm/min, m/min or 1/min.
+        ``adaptive_force`` may hold the ``verdict`` of its `ForceProcess`. In ``limits`` a bare number or pair is in kW,
+        N, mm, mm/rev, mm/min, m/min or 1/min.
     simulated : bool
         True when the data came from a simulation; by default as the source of the laws states, unknown where laws of
         a stream have no source.

@@ -82,6 +82,7 @@ def constant_load_file():
             "dynamics": {
                 "b": [0.0, 0.0611, -0.1338, 0.0752], "a": [1.0, -2.0311, 1.2104, -0.1655], "nk": 1, "sample_time": T,
                 "unit_u": "V", "unit_y": "A", "uncertainty": exact,
+                "verdict": {"level": "usable inside the tested region"},
             },
             "pi": {
                 "kp": 300.0, "ki": 160.0 / T, "sample_time": T, "filter_time": 4 * T, "unit_u": "mm/min", "unit_y": "A",

@@ -43,7 +43,16 @@ def built():
         pi={**GAINS, "specification": SPECIFICATION}, limits={"wear": 0.3, "feed_rate": (100, 2000), "power": 7},
         adaptive_force=FORCE, reading={"doubts": []},
     )  # fmt: skip
-    return sealed(pf, load_line=parameters.settings(pf, 0.28, wear_limit=0.2, engagement=ENGAGEMENT))
+    line = parameters.settings(pf, 0.28, wear_limit=0.2, engagement=ENGAGEMENT)
+    return with_verdict(sealed(pf, load_line=line), "laws.fm", "dynamics", "adaptive_force")
+
+
+def with_verdict(pf, *parts, level="usable inside the tested region", reasons=()):
+    """The file with another verdict of some parts: seven rows without edges have reservations of their own."""
+    verdict = {"level": level, "reasons": list(reasons)}
+    for part in parts:
+        pf = changed(pf, put(part, verdict=verdict))
+    return pf
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +80,8 @@ def test_a_good_file_passes_every_question(pf):
     report = check(pf)
     assert report.ok, report.failed
     assert {f.name for f in report.findings} == {
-        "checksum", "reading", "units", "covariance", "dynamics", "gains", "specification", "feed limits", "window",
-        "reference", "engagement", "set points",
+        "checksum", "verdict", "reading", "units", "covariance", "dynamics", "gains", "specification", "feed limits",
+        "window", "reference", "engagement", "set points",
     }  # fmt: skip
     assert all(f.passed for f in report.findings)
 
@@ -134,6 +143,38 @@ def test_each_thing_that_is_wrong_is_found(pf, change, name, words):
     found = [f.words for f in report.failed if f.name == name]
     assert found, report.failed
     assert any(__import__("re").search(words, told) for told in found), found
+
+
+@pytest.mark.parametrize("part", ["laws.fm", "dynamics", "adaptive_force"])
+def test_a_part_that_must_not_be_used_fails_the_file(pf, part):
+    reasons = [f"Reason {number}." for number in range(1, 6)]
+    (finding,) = check(with_verdict(pf, part, level="do not use for control", reasons=reasons)).failed
+    assert finding.name == "verdict"
+    assert finding.words == (
+        f"{part}: do not use for control. Reason 1. Reason 2. Reason 3. And 2 more reasons: see the card."
+    )
+
+
+@pytest.mark.parametrize("part", ["laws.fm", "dynamics", "adaptive_force"])
+def test_reservations_and_an_unknown_verdict_are_notes(pf, part):
+    held = with_verdict(pf, part, level="usable with reservations", reasons=["The file names no edges."])
+    unknown = changed(pf, put(part, verdict=None))
+    for file, words in ((held, "usable with reservations. The file names no edges."), (unknown, "there is no verdict")):
+        report = check(file)
+        assert report.ok
+        (finding,) = [one for one in report.findings if one.name == "verdict" and one.passed is None]
+        assert finding.words.startswith(f"{part}: {words}")
+
+
+def test_a_tool_life_that_is_extrapolated_qualifies_itself_alone(pf):
+    life = {
+        "wear": "AW", "criterion": 0.3, "unit_of_wear": "mm", "unit": "min", "coefficients": {"c0": 1.0},
+        "t_observed": 20.0, "typical": 200.0, "typical_at": {},
+        "verdict": {"level": "do not use for control", "reasons": ["200 min is 10 times the longest test."]},
+    }  # fmt: skip
+    report = check(sealed(pf, tool_life=life))
+    assert report.ok
+    assert any(one.words.startswith("tool_life: do not use for control. 200 min") for one in report.findings)
 
 
 def test_a_changed_number_is_found_by_its_checksum(pf, tmp_path):

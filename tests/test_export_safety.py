@@ -109,6 +109,79 @@ def test_gains_that_fail_the_check_reach_no_file(constant_load_file, kind, tmp_p
     assert not list(tmp_path.iterdir())
 
 
+NOT = {
+    "level": "do not use for control",
+    "reasons": ["R2 is .02 and the predictions are worse than the mean of the rows that the law was fitted to."],
+}
+
+
+def with_law(constant_load_file, **verdicts):
+    """The file with a load law ``I``, on which the loop rests, and a wear law ``AW`` that the loop does not use."""
+    usable = {"level": "usable inside the tested region"}
+    law = {
+        "quantity": "", "error": "additive", "residual_scale": "A", "n": 20, "df": 17,
+        "uncertainty": {"kind": "none", "reason": "given"},
+    }  # fmt: skip
+    line = {
+        **law, "form": "load_line", "response": "I", "unit": "A", "equation": "", "verdict": verdicts.get("I", usable),
+        "coefficients": {"A": 0.1, "B": 1e-4, "k1": 0.2},
+        "factors": [
+            {"symbol": "fm", "quantity": "", "unit": "mm/min", "low": 600.0, "high": 1000.0},
+            {"symbol": "VB", "quantity": "", "unit": "mm", "low": 0.0, "high": 0.2},
+        ],
+    }  # fmt: skip
+    wear = {
+        **law, "form": "power", "response": "AW", "unit": "mm", "equation": "", "verdict": verdicts.get("AW", usable),
+        "coefficients": {"c0": 0.01, "t": 0.5},
+        "factors": [{"symbol": "t", "quantity": "", "unit": "min", "low": 1.0, "high": 20.0}],
+    }  # fmt: skip
+    dynamics = {"verdict": verdicts["dynamics"]} if "dynamics" in verdicts else {}
+    return constant_load_file(laws={"I": line, "AW": wear}, dynamics=dynamics)
+
+
+@pytest.mark.parametrize("kind", list(FORMATS))
+@pytest.mark.parametrize("part", ["I", "AW", "dynamics"])
+@pytest.mark.parametrize("verdict", [NOT, None], ids=["do not use", "no verdict"])
+def test_what_must_not_be_used_is_refused_unless_accepted(constant_load_file, kind, part, verdict, tmp_path):
+    """A loop does not use the wear law; everything else is carried or used by every format."""
+    pf, path = with_law(constant_load_file, **{part: verdict}), tmp_path / "out"
+    if part == "AW" and export_format(kind).loop_only:
+        assert export(pf, kind, path) == path
+        return
+    where = part if part == "dynamics" else f"laws.{part}"
+    words = "do not use for control. R2 is .02" if verdict else "has no verdict"
+    with pytest.raises(GateError, match=rf"not exported: {where}.*{words}.*--accept-verdict"):
+        export(pf, kind, path, force=True)
+    assert not path.exists()
+    content = export(pf, kind, path, accept_verdict=True).read_bytes().decode("latin-1")
+    assert f"VERDICT ACCEPTED - {where} - {'do not use for control' if verdict else 'no verdict'}" in content
+    assert verdict is None or all(word in content for word in ("predictions", "worse", "fitted to."))  # in full
+
+
+@pytest.mark.parametrize("kind", list(FORMATS))
+def test_reservations_are_exported_with_their_reasons(constant_load_file, kind, tmp_path):
+    verdict = {"level": "usable with reservations", "reasons": ["Four edges."]}
+    pf = with_law(constant_load_file, I=verdict)
+    content = export(pf, kind, tmp_path / "out").read_bytes().decode("latin-1")
+    assert "laws.I - usable with reservations" in content
+    assert "Four edges." in content
+    assert "ACCEPTED" not in content
+
+
+def test_the_check_still_refuses_gains_where_the_verdict_is_accepted(constant_load_file, tmp_path):
+    with pytest.raises(GateError, match="not stable"):
+        export(constant_load_file(pi={"ki": 8.0e6}), "hal", tmp_path / "out", accept_verdict=True)
+
+
+def test_the_command_accepts_a_verdict_by_name(constant_load_file, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    parameters.write(with_law(constant_load_file, dynamics=NOT), "params.json")
+    assert main(["export", "params.json", "--to", "hal"]) == 5
+    assert "dynamics: do not use for control. R2 is .02" in capsys.readouterr().err
+    assert main(["export", "params.json", "--to", "hal", "--accept-verdict"]) == 0
+    assert "VERDICT ACCEPTED - dynamics - do not use for control" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("kind", list(FORMATS))
 def test_each_says_what_it_cannot_carry(kind):
     assert export_format(kind).not_carried

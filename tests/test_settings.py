@@ -231,7 +231,8 @@ def test_the_command_adds_the_section_and_renews_the_checksum(params, capsys):
     after = read(params)
     assert after.load_line.lower.value == pytest.approx(605.5, abs=0.1)
     assert after.content_sha256 != before.content_sha256
-    assert parameters.check(after).ok
+    failed = parameters.check(after).failed
+    assert {finding.name for finding in failed} == {"verdict"}  # three observations fix the law: nothing is checked
     assert after.model_copy(update={"load_line": None, "provenance": before.provenance}) == before
     assert [path.name for path in params.parent.iterdir()] == ["params.json"]
 

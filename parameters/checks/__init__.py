@@ -1,4 +1,9 @@
-"""Checks of a parameter file before a controller loads it: one finding, one sentence, for each test."""
+"""Checks of a parameter file before a controller loads it: one finding, one sentence, for each test.
+
+verdicts     verdicts of laws, dynamics and force process, and the refusal to export what must not be used
+values       units, covariances, posterior, dynamics and settings; gains, loop_figures: the gains on the dynamics
+report       findings
+"""
 
 import os
 from collections.abc import Iterator
@@ -10,6 +15,7 @@ from ..file_format import content_sha256
 from .gains import check_gains
 from .report import CheckReport, FileFinding
 from .values import check_estimates, check_settings, check_units
+from .verdicts import check_verdicts
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
@@ -18,9 +24,10 @@ if TYPE_CHECKING:
 def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> CheckReport:
     """Check a parameter file before a controller loads it.
 
-    Checksum; doubts about the data; units known and of the right dimension; covariances; convergence of the
-    posterior; dynamics stable, with a gain of known sign; gains stable on them and within their specification,
-    recomputed from the file; feed limits in order and above zero; windows and settings in order; the file of draws.
+    Checksum; verdicts of laws, dynamics and force process; doubts about the data; units known and of the right
+    dimension; covariances; convergence of the posterior; dynamics stable, with a gain of known sign; gains stable on
+    them and within their specification, recomputed from the file; feed limits in order and above zero; windows and
+    settings in order; the file of draws.
 
     Parameters
     ----------
@@ -41,6 +48,7 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     """
     found = [
         _checksum(pf),
+        *check_verdicts(pf),
         *_reading(pf),
         *check_units(pf),
         *check_estimates(pf),

@@ -32,19 +32,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ExportFormat:
-    """A format: suffix of its files, description, function that writes it, and what it cannot carry."""
+    """A format: suffix of its files, description, function that writes it, what it cannot carry.
+
+    ``loop_only`` marks a format that carries the loop and none of the other numbers of the file.
+    """
 
     suffix: str
     words: str
     render: Callable[[ExportView], str | bytes]
     not_carried: tuple[str, ...]
+    loop_only: bool = False
 
 
 FORMATS: Final = {
-    "hal": ExportFormat(".hal", "LinuxCNC HAL file: load pin to motion.adaptive-feed", hal_file, NOT_IN_HAL),
+    "hal": ExportFormat(
+        ".hal", "LinuxCNC HAL file: load pin to motion.adaptive-feed", hal_file, NOT_IN_HAL, loop_only=True
+    ),
     "ngc": ExportFormat(".ngc", "G-code parameters and M52", gcode, NOT_IN_GCODE),
     "mat": ExportFormat(".mat", "MATLAB v5 struct", mat_file, NOT_IN_MAT),
-    "st": ExportFormat(".st", "IEC 61131-3 structured text function block", structured_text, NOT_IN_ST),
+    "st": ExportFormat(".st", "IEC 61131-3 structured text function block", structured_text, NOT_IN_ST, loop_only=True),
     "ssv": ExportFormat(".ssv", "FMI system structure parameter values", ssv_file, NOT_IN_SSV),
     "c": ExportFormat(".h", "C header", c_header, NOT_IN_C),
     "ini": ExportFormat(".ini", "key and value", ini_file, NOT_IN_INI),
@@ -69,19 +75,29 @@ def export_format(kind: str) -> ExportFormat:
     return FORMATS[kind]
 
 
-def export(pf: "ParameterFile", kind: str, path: str | os.PathLike[str], *, force: bool = False) -> Path:
+def export(
+    pf: "ParameterFile",
+    kind: str,
+    path: str | os.PathLike[str],
+    *,
+    force: bool = False,
+    accept_verdict: bool = False,
+) -> Path:
     """Write a file that a controller loads; an incomplete file is never left behind.
 
     Parameters
     ----------
     pf : ParameterFile
-        Gains that fail the check are not exported.
+        Gains that fail the check are not exported; nor are laws, dynamics or a force process that must not be used for
+        control, or that have no verdict.
     kind : str
         ``hal``, ``ngc``, ``mat``, ``st``, ``ssv``, ``c`` or ``ini``.
     path : path-like
         In a folder that exists.
     force : bool
         Replace an existing file. It does not bypass the check.
+    accept_verdict : bool
+        Export such laws, dynamics and force processes all the same; the exported file names them with the reasons.
 
     Returns
     -------
@@ -93,7 +109,7 @@ def export(pf: "ParameterFile", kind: str, path: str | os.PathLike[str], *, forc
     UsageError
         There is no such kind.
     GateError
-        The file fails the check, or lacks what the export needs.
+        The file fails the check, lacks what the export needs, or a part of it must not be used for control.
     ParameterError
         The file exists, or the folder cannot be written.
 
@@ -106,7 +122,8 @@ def export(pf: "ParameterFile", kind: str, path: str | os.PathLike[str], *, forc
     ...     print(export(pf, "ngc", f"{folder}/params.ngc").read_text().splitlines()[1])
     (fm - fitmodels 0.1.0, tool GC435, work 709M40)
     """
-    content = export_format(kind).render(export_view(pf))
+    of = export_format(kind)
+    content = of.render(export_view(pf, accept_verdict=accept_verdict, loop_only=of.loop_only))
     path = Path(path)
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: the file exists; choose another path, or replace it with --force.")

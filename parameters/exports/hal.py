@@ -133,6 +133,7 @@ def _head(view: ExportView, loop: LoadLoop, thread: str) -> str:
     lines = [
         f"{view.made_by}: LinuxCNC HAL, constant load through motion.adaptive-feed",
         f"tool {view.tool}, work {view.work}, machine {view.machine}{'; SIMULATED data' if view.simulated else ''}",
+        *view.verdicts,
         f"parameter file {view.checksum}",
         "",
         "Before use:",

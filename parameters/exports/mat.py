@@ -56,6 +56,7 @@ def _about(view: ExportView) -> dict[str, Any]:
         "made_by": view.made_by, "parameter_file": view.checksum,
         "tool": view.tool, "work": view.work, "machine": view.machine,
         "simulated": np.nan if view.simulated is None else view.simulated,
+        "verdicts": " ".join(view.verdicts) or "usable inside the tested region",
         "assumed": "; ".join(view.assumed) or "nothing", "not_carried": "; ".join(NOT_IN_MAT),
     }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from textwrap import wrap
 
 LONGEST_NAME = 40  # characters; LinuxCNC's HAL ends at 47 with its prefix
 LONGEST_TEXT = 80
@@ -31,9 +32,20 @@ def plain(text: str) -> str:
     >>> plain("GC435 / TiN"), plain("<script>"), plain("=cmd|' /C calc'!A0"), plain('x*)"; M30 (')
     ('GC435 _ TiN', '_script_', '_cmd__ _C calc__A0', 'x___ M30 _')
     """
-    shown = re.sub(r"[^A-Za-z0-9 ._+-]", "_", _ascii(text))
-    shown = re.sub(r"_{4,}", "___", shown).lstrip("+-")[:LONGEST_TEXT].strip()
-    return shown or "unnamed"
+    return _shown(text)[:LONGEST_TEXT].strip() or "unnamed"
+
+
+def plain_lines(text: str) -> tuple[str, ...]:
+    """Text as `plain`, on as many lines as it needs.
+
+    >>> len(plain_lines("a sentence of more than eighty characters, which a comment of one line would shorten"))
+    2
+    """
+    return tuple(map(plain, wrap(_shown(text), LONGEST_TEXT))) or ("unnamed",)
+
+
+def _shown(text: str) -> str:
+    return re.sub(r"_{4,}", "___", re.sub(r"[^A-Za-z0-9 ._+-]", "_", _ascii(text))).lstrip("+-")
 
 
 def plain_unit(unit: str) -> str:

@@ -48,6 +48,7 @@ def ini_file(view: ExportView) -> str:
     about = {
         "made_by": view.made_by, "parameter_file": view.checksum, "tool": view.tool, "work": view.work,
         "machine": view.machine, "simulated": {True: "yes", False: "no", None: "unknown"}[view.simulated],
+        **{f"verdict_{place}": words for place, words in enumerate(view.verdicts, 1)},
         **{f"assumed_{place}": words for place, words in enumerate(view.assumed, 1)},
         **{f"not_carried_{place}": words for place, words in enumerate(NOT_IN_INI, 1)},
     }  # fmt: skip

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 from ...core.errors import GateError
 from ..checks import check
+from ..checks.verdicts import NAME as VERDICT
+from ..checks.verdicts import require_verdicts
 from ..file import ParameterFile
 from ..file_format import content_sha256
 from .loop import LoadLoop, loop_settings
-from .names import plain, plain_unit, safe_name
+from .names import plain, plain_lines, plain_unit, safe_name
 from .quantities import Quantity, file_quantities
 
 
@@ -53,7 +55,8 @@ class ExportView:
 
     ``tool``, ``work`` and ``machine`` are plain text already (see `names.plain`), ``name`` an identifier.
     ``file_quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
-    ``assumed`` lists the settings that the file lacks, with the value assumed for each.
+    ``assumed`` lists the settings that the file lacks, with the value assumed for each; ``verdicts`` are lines on the
+    laws, dynamics and force process that are not usable without reservations, with the reasons.
     """
 
     name: str
@@ -68,15 +71,16 @@ class ExportView:
     plant: PlantModel | None
     quantities: tuple[Quantity, ...]
     assumed: tuple[str, ...]
+    verdicts: tuple[str, ...] = ()
     lacking: str = "has no PI gains; find them with `fitmodels tune params.json`."
 
     @property
     def origin(self) -> tuple[str, ...]:
-        """Lines that state the pair, whether the data are simulated, and the parameter file."""
+        """Lines that state the pair, whether the data are simulated, the verdicts, and the parameter file."""
         unknown = ("not known whether the data were measured or SIMULATED",) if self.simulated is None else ()
         simulated = ("SIMULATED data, not measured",) if self.simulated else unknown
         pair = f"tool {self.tool}, work {self.work}, machine {self.machine}"
-        return (pair, *simulated, f"parameter file {self.checksum}")
+        return (pair, *simulated, *self.verdicts, f"parameter file {self.checksum}")
 
     def remarks(self, not_carried: tuple[str, ...]) -> tuple[str, ...]:
         """Lines on what was assumed and what the format cannot carry."""
@@ -95,13 +99,21 @@ class ExportView:
         return self.loop
 
 
-def export_view(pf: ParameterFile) -> ExportView:
+def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: bool = False) -> ExportView:
     """The view of a parameter file.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    accept_verdict : bool
+        Export parts that must not be used for control, or have no verdict; the view names them.
+    loop_only : bool
+        The format carries the loop, and of the laws uses the one that its limits come from.
 
     Raises
     ------
     GateError
-        The file fails the check.
+        The file fails the check; a part that is exported must not be used for control or has no verdict.
 
     Examples
     --------
@@ -111,6 +123,8 @@ def export_view(pf: ParameterFile) -> ExportView:
     ('x_n709m40', '.._.._x', None)
     """
     untried = require_check(pf)
+    held = require_verdicts(pf, accept_verdict, loop_only=loop_only)
+    verdicts = tuple(line for words in held for line in plain_lines(words))
     doubts = () if pf.reading is None else pf.reading.doubts
     doubted = (plain(f"the data are right although the reading doubts them: {doubt.sentence}") for doubt in doubts)
     found, who = loop_settings(pf), pf.identity
@@ -119,7 +133,7 @@ def export_view(pf: ParameterFile) -> ExportView:
         tool=plain(who.tool), work=plain(who.work), machine=plain(who.machine or "not named"), simulated=who.simulated,
         made_by=plain(f"fitmodels {pf.provenance.fitmodels}"),
         checksum=pf.content_sha256 or content_sha256(pf.model_dump()),
-        loop=found.loop, lacking=found.lacking, gains=_gains(pf), plant=_plant(pf),
+        loop=found.loop, lacking=found.lacking, verdicts=verdicts, gains=_gains(pf), plant=_plant(pf),
         quantities=file_quantities(pf, found.loop), assumed=(*doubted, *untried, *found.assumed),
     )  # fmt: skip
 
@@ -145,7 +159,7 @@ def _plant(pf: ParameterFile) -> PlantModel | None:
 
 
 def require_check(pf: ParameterFile) -> tuple[str, ...]:
-    """Raise unless the file passes the check; returns assumptions about gains that could not be checked.
+    """Raise unless the file passes the check, verdicts apart; returns assumptions about gains that were not checked.
 
     Raises
     ------
@@ -158,9 +172,9 @@ def require_check(pf: ParameterFile) -> tuple[str, ...]:
     >>> require_check(parameters.collect(tool="GC435", work="709M40", laws=[]))
     ()
     """
-    report = check(pf)
-    if not report.ok:
-        first, *others = report.failed
+    failed = [finding for finding in check(pf).failed if finding.name != VERDICT]
+    if failed:
+        first, *others = failed
         more = f" {len(others)} more: see `fitmodels check`." if others else ""
         raise GateError(f"not exported, the file fails the check: {first.words}{more}")
     if pf.pi is None:

@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from ...core.errors import UsageError
+from ...core.verdict import LEVELS, RESERVATIONS
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
@@ -24,6 +25,12 @@ PAPERS = {
     "SURF": ("roughness", "surf"),
     "LYAP": ("force", "lyap"),
 }
+
+
+def unchecked(lacking: str, *reasons: str, level: int = RESERVATIONS) -> dict[str, object]:
+    """Verdict of what a paper prints or what was worked out from it; ``lacking`` is why nothing could be checked."""
+    found = (*reasons, f"It was not checked: {lacking}.")
+    return {"level": LEVELS[level], "reasons": found, "not_checked": (f"All checks: {lacking}",)}
 
 
 def published(name: str) -> "ParameterFile":

@@ -9,8 +9,10 @@ mm/min for each mm of depth.
 
 from collections.abc import Mapping
 
+from ...core.verdict import DO_NOT_USE
 from ...core.version import __version__
 from ..file import ParameterFile, sealed
+from . import unchecked
 
 SET_POINTS: Mapping[float, float] = {1.0: 150.0, 2.0: 200.0, 4.0: 320.0}  # mm -> N, section 4
 SPINDLE_SPEED = 3000.0  # 1/min, section 4
@@ -39,6 +41,11 @@ NOISE_VARIANCE = 1896.1361  # N^2: the ripple of the teeth, most of it
 KP, KI = 2.284242541968487, 20.837452457768013  # mm/min per N, and that per second
 
 LOW, HIGH = 30.0, 600.0  # mm/min: 0.005 and 0.1 mm a tooth with two flutes
+OF_SIMULATION = unchecked(
+    "the paper prints no values",
+    "Estimates are from a simulated run of an assumed plant: they are those of no machine.",
+    level=DO_NOT_USE,
+)
 SIMULATED = "From a simulated run (chirp of the feed, 20 s, 2 mm deep, 30 % ripple at 100 Hz, 2 N of noise, seed 1)."
 
 
@@ -76,6 +83,7 @@ def _adaptive_force() -> dict[str, object]:
         "set_points": [{"depth": depth, "force": force} for depth, force in SET_POINTS.items()], "unit_u": "mm/min",
         "unit_force": "N", "unit_depth": "mm", "reference_time": time, "reference_damping": 1.0, "sample_time": 0.001,
         "average_time": REVOLUTION, "low": LOW, "high": HIGH, "depth": DEPTH, "force_low": -20.0, "force_high": 1500.0,
+        "verdict": OF_SIMULATION,
         "notes": [
             "Set points, depths and the spindle speed behind average_time: as printed; the paper gives the forces in "
             "Nm, a misprint for N.",
@@ -94,7 +102,8 @@ def _dynamics() -> dict[str, object]:
         "structure": "output_error", "b": B, "a": A, "nk": 1, "sample_time": SAMPLE_TIME, "input": "feed command",
         "output": "F", "unit_u": "mm/min", "unit_y": "N",
         "uncertainty": {"kind": "covariance", "of": names, "matrix": MODEL_COVARIANCE, "df": SAMPLES - 4},
-        "noise_variance": NOISE_VARIANCE, "n": SAMPLES, "operating_point": (0.0, 0.0), "band": (0.1, 5.0),
+        "verdict": OF_SIMULATION, "noise_variance": NOISE_VARIANCE, "n": SAMPLES, "operating_point": (0.0, 0.0),
+        "band": (0.1, 5.0),
         "notes": [SIMULATED, "The noise is coloured by the teeth; the standard errors allow for it."],
     }  # fmt: skip
 

@@ -13,8 +13,10 @@ line, nor a wear law, nor units of its gains: what stands here was worked out fr
 from dataclasses import dataclass
 from typing import Any, Final
 
+from ...core.verdict import DO_NOT_USE
 from ...core.version import __version__
 from ..file import ParameterFile, sealed
+from . import unchecked
 
 SOURCE: Final = "Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587"
 REFERENCE, WORN, SAFETY = 0.24, 0.28, 0.85  # A, A
@@ -126,6 +128,11 @@ def _load(cut: MillingCase, A: float, B: float, k1: float) -> dict[str, Any]:
                                                                              max(VB for _, VB in cut.held)),
         ],
         "uncertainty": NONE, "residual_scale": "A", "n": 1 + len(cut.held), "df": 0,
+        "verdict": unchecked(
+            "the paper prints points, no coefficients and no scatter",
+            f"Three coefficients are worked out from {1 + len(cut.held)} printed points, so their error is not known.",
+            level=DO_NOT_USE,
+        ),
         "notes": [
             f"Form: {SOURCE}, eq. 14; no coefficient is printed.",
             "A by the three end-milling points of section III.A.1" + ("." if own else
@@ -147,6 +154,11 @@ def _wear(cut: MillingCase) -> dict[str, Any]:
             _factor("d", "depth of cut", "mm", DEPTH, DEPTH), _factor("ae", "width of cut", "mm", cut.width, cut.width),
         ],
         "uncertainty": NONE, "residual_scale": "ln", "n": 1, "df": 0,
+        "verdict": unchecked(
+            "the paper prints no wear law",
+            "The law is one printed life with an assumed criterion; its exponents are assumed.",
+            level=DO_NOT_USE,
+        ),
         "notes": [
             "Assumption: wear grows with the time in the cut, whatever the feed; the paper prints no wear law.",
             f"Its rate is from the run at {cut.feed:g} mm/min, whose life is printed as {cut.length:g} mm; assumption: "
@@ -165,6 +177,11 @@ def _life(cut: MillingCase) -> dict[str, Any]:
     return {
         "wear": "VB", "criterion": cut.criterion, "unit_of_wear": "um", "unit": "min", "coefficients": {"c0": minutes},
         "t_observed": minutes, "typical": minutes, "typical_at": {"fm": cut.feed},
+        "verdict": unchecked(
+            "the paper prints no wear law",
+            "The life is that of one printed run, at an assumed criterion and one feed.",
+            level=DO_NOT_USE,
+        ),
     }  # fmt: skip
 
 
@@ -173,6 +190,11 @@ def _dynamics() -> dict[str, Any]:
         "structure": "arx", "b": B18, "a": A18, "nk": 1, "sample_time": PERIOD,
         "input": "feed voltage", "output": "spindle current", "unit_u": "V", "unit_y": "A", "band": (0.1, 2.0),
         "uncertainty": {"kind": "none", "reason": "eq. 18 is printed to four decimals, without errors"},
+        "verdict": unchecked(
+            "the paper prints neither the record nor errors of the coefficients",
+            "Four decimals leave the static gain anywhere in 0.1685 to 0.1941 A/V.",
+            "The gain does not agree with the load line: 2.5 V would be 0.45 A.",
+        ),
         "notes": [
             f"{SOURCE}, eq. 18. Four decimals leave its gain at rest anywhere in 0.1685 to 0.1941 A/V.",
             "It does not agree in gain with the load line: 2.5 V would be 0.45 A. A replay takes its shape alone.",

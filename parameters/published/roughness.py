@@ -14,9 +14,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ...core.errors import UsageError
+from ...core.verdict import DO_NOT_USE
 from ...core.version import __version__
 from ...datasets.sets import bundled
 from ..file import ParameterFile, sealed
+from . import unchecked
 
 Reading = Literal["inverse", "regression"]
 
@@ -142,6 +144,10 @@ def _equation_5(rows: dict[int, TableRow]) -> dict[str, Any]:
     forces = [row.F_without for row in rows.values()]
     return _law(
         A, B, forces, n=EXPERIMENTS, uncertainty="the paper prints none",
+        verdict=unchecked(
+            "the paper prints neither its experiments nor an error of the law",
+            "The range of F is that of simulations; feed, which roughness depends on most, is not in the law.",
+        ),
         notes=[
             f"Eq. 5 as printed, by the paper from {EXPERIMENTS} experiments that it does not print. Least squares of "
             "ln Ra_ref on F_without over the eight rows of Table 1 gives the same digits.",
@@ -154,15 +160,20 @@ def _controlled(a: float, b: float, rows: dict[int, TableRow]) -> dict[str, Any]
     forces = [row.F for row in rows.values()]
     why = "the eight points are results of a simulation: their scatter is no error of measurement"
     how = "least squares of ln Ra on F over the controlled columns of Table 1, where eq. 5 is up to 16 % high"
-    return _law(a, b, forces, n=len(rows), uncertainty=why, notes=[f"Reconstruction: {how}."])
+    reason = "The law was fitted to eight results of a simulation, on which the printed law is up to 16 % high."
+    verdict = unchecked("the eight points are no measurements", reason, level=DO_NOT_USE)
+    return _law(a, b, forces, n=len(rows), uncertainty=why, verdict=verdict, notes=[f"Reconstruction: {how}."])
 
 
-def _law(a: float, b: float, forces: list[float], *, n: int, uncertainty: str, notes: list[str]) -> dict[str, Any]:
+def _law(
+    a: float, b: float, forces: list[float], *, n: int, uncertainty: str, verdict: dict[str, object], notes: list[str]
+) -> dict[str, Any]:
     low, high = min(forces), max(forces)
     return {
         "form": "exponential", "response": "Ra", "quantity": "arithmetic mean roughness", "unit": "um",
         "equation": f"Ra = {a:.6g} exp({b:.6g} F)", "error": "multiplicative", "coefficients": {"a": a, "b": b},
         "factors": [{"symbol": "F", "quantity": "resultant cutting force", "unit": "N", "low": low, "high": high}],
         "uncertainty": {"kind": "none", "reason": uncertainty}, "residual_scale": "ln", "n": n, "df": n - 2,
+        "verdict": verdict,
         "notes": notes,
     }  # fmt: skip

@@ -17,6 +17,7 @@ from ...datasets.gc435 import DOMAIN, LAWS, STANDARD_ERROR
 from ...datasets.simulation import SimulatedLaw
 from ...datasets.vocabulary import ROLES
 from ..file import ParameterFile, sealed
+from . import unchecked
 
 R2: Mapping[str, float] = {"AW": 0.84, "P": 0.97, "Fxz": 0.83}
 F: Mapping[str, float] = {"AW": 831.0, "P": 4156.0, "Fxz": 670.0}
@@ -87,6 +88,7 @@ def _law(law: SimulatedLaw, source: str) -> dict[str, Any]:
         "uncertainty": {"kind": "none", "reason": NO_ROWS}, "residual_se": STANDARD_ERROR[law.response],
         "residual_scale": "ln", "n": 0, "df": 0, "n_edges": TESTS,
         "statistics": {"r2": R2[law.response], "F": F[law.response]},
+        "verdict": unchecked(NO_ROWS, f"Assumed, not printed: the range of {' and '.join(_assumed(law))}."),
         "notes": [
             f"{source}.",
             f"SE {STANDARD_ERROR[law.response]:g} is printed without its scale; taken as of the natural logarithm.",
@@ -102,6 +104,10 @@ def _assumptions(law: SimulatedLaw) -> list[str]:
         for name, (low, high) in ASSUMED.items()
         if name in law.exponents
     ]
+
+
+def _assumed(law: SimulatedLaw) -> list[str]:
+    return [name for name in law.exponents if name in ASSUMED]
 
 
 def _factor(name: str) -> dict[str, object]:

@@ -1,0 +1,103 @@
+"""Verdicts of the parts of a file, as findings, and the refusal to export what must not be used for control."""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from ...core.errors import GateError
+from ...core.verdict import DO_NOT_USE, LEVELS, USABLE
+from ..file import ParameterFile
+from ..messages import short_name
+from ..sections.base import VerdictSection
+from .report import FileFinding
+
+NAME: Final = "verdict"  # of the findings
+SHOWN = 3  # reasons in a finding; the others are counted
+
+
+class Judged(NamedTuple):
+    """A part of the file that has a verdict, or None where it was not judged; ``remedy`` leads to one."""
+
+    where: str
+    verdict: VerdictSection | None
+    remedy: str
+
+
+def judged_parts(pf: ParameterFile, *, loop_only: bool = False) -> list[Judged]:
+    """Laws, dynamics and force process of a file; of a loop, the law that its limits come from, and the dynamics."""
+    loop = () if pf.load_line is None else (pf.load_line.law,)
+    parts = [
+        Judged(f"laws.{short_name(name)}", law.verdict, "fit the data again")
+        for name, law in pf.laws.items()
+        if not loop_only or name in loop
+    ]
+    if pf.dynamics is not None:
+        parts.append(Judged("dynamics", pf.dynamics.verdict, "identify the record again"))
+    if pf.adaptive_force is not None and not loop_only:
+        remedy = "give collect the verdict of its ForceProcess"
+        parts.append(Judged("adaptive_force", pf.adaptive_force.verdict, remedy))
+    return parts
+
+
+def check_verdicts(pf: ParameterFile) -> Iterator[FileFinding]:
+    """A finding for each verdict; what must not be used fails the file, a tool life does not."""
+    for part in judged_parts(pf):
+        if part.verdict is None:
+            words = f"{part.where}: there is no verdict on how far it can be used; {part.remedy}."
+            yield FileFinding(NAME, None, words)
+        else:
+            passed = {USABLE: True, DO_NOT_USE: False}.get(part.verdict.concern)
+            yield FileFinding(NAME, passed, verdict_words(part.where, part.verdict))
+    if pf.tool_life is not None and pf.tool_life.verdict is not None and pf.tool_life.verdict.concern > USABLE:
+        yield FileFinding(NAME, None, verdict_words("tool_life", pf.tool_life.verdict))
+
+
+def verdict_words(where: str, verdict: VerdictSection) -> str:
+    """The verdict of a part with its first reasons, one line.
+
+    >>> verdict_words("laws.AW", VerdictSection(level="usable with reservations", reasons=["No edges."]))
+    'laws.AW: usable with reservations. No edges.'
+    """
+    more = len(verdict.reasons) - SHOWN
+    further = [f"And {more} more reason{'s' if more > 1 else ''}: see the card."] if more > 0 else []
+    return " ".join([f"{where}: {verdict.level}.", *verdict.reasons[:SHOWN], *further])
+
+
+def require_verdicts(pf: ParameterFile, accepted: bool, *, loop_only: bool = False) -> tuple[str, ...]:
+    """Raise where a part that is exported must not be used or has no verdict, unless that is accepted.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    accepted : bool
+        Whether such parts are exported all the same.
+    loop_only : bool
+        As of `judged_parts`.
+
+    Returns
+    -------
+    tuple of str
+        One line on each part that is not usable without reservations, for the exported file.
+
+    Raises
+    ------
+    GateError
+        A part must not be used for control, or its verdict is not known.
+    """
+    lines = []
+    for part in judged_parts(pf, loop_only=loop_only):
+        level = "no verdict" if part.verdict is None else part.verdict.level
+        refused = part.verdict is None or part.verdict.concern == DO_NOT_USE
+        if refused and not accepted:
+            raise GateError(_refusal(part))
+        if refused or level != LEVELS[USABLE]:
+            lines.append(f"{'VERDICT ACCEPTED - ' if refused else ''}{part.where} - {level}")
+            lines += () if part.verdict is None else part.verdict.reasons
+    return tuple(lines)
+
+
+def _refusal(part: Judged) -> str:
+    if part.verdict is None:
+        found = f"{part.where} has no verdict, so it is not known whether it can be used for control; {part.remedy}"
+    else:
+        found = f"{verdict_words(part.where, part.verdict).rstrip('.')}"
+    return f"not exported: {found}. --accept-verdict exports it all the same and records that in the exported file."
