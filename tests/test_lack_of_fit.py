@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.fit.checks.check import format_p
-from fitmodels.fit.checks.model_checks import lack_of_fit
+from fitmodels.fit.checks.model_checks import curvature, lack_of_fit
 from fitmodels.fit.checks.strata import split
 from statsmodels.regression.linear_model import OLS
 
@@ -42,7 +42,7 @@ def by_statsmodels(law):
 def assert_as_statsmodels(law):
     found, (pure, F, p, df) = form_of(law), by_statsmodels(law)
     assert (found.ss_pure, found.statistic) == pytest.approx((pure, F), rel=1e-8)
-    assert found.pvalue == pytest.approx(p, rel=1e-8)
+    assert found.pvalue == pytest.approx(2 * min(p, 1 - p), rel=1e-8)
     assert found.df[0] == df
 
 
@@ -80,12 +80,12 @@ def test_chemical_reaction_of_the_rsm_vignette():
     yields = [80.5, 81.5, 82.0, 83.5, 83.9, 84.3, 84.0]
     first = form_of(straight(np.column_stack([x1, x2]), yields))
     assert (first.units, first.df) == ("rows", (2, 2))
-    assert first.pvalue == pytest.approx(0.01034, abs=5e-6)
+    assert first.pvalue / 2 == pytest.approx(0.01034, abs=5e-6)  # printed of one tail
     crossed = straight(np.column_stack([x1, x2, x1 * x2]), yields)
     interaction = form_of(crossed)
     assert_as_statsmodels(crossed)
     assert interaction.df == (1, 2)
-    assert interaction.pvalue == pytest.approx(0.005221, abs=5e-7)
+    assert interaction.pvalue / 2 == pytest.approx(0.005221, abs=5e-7)
 
 
 def test_the_data_of_pure_error_anova():
@@ -99,7 +99,7 @@ def test_the_data_of_pure_error_anova():
     assert (found.settings, found.replicated, found.concern) == (4, 3, 0)
 
 
-@pytest.mark.parametrize(("response", "F", "p"), [("Fx", 2.41, 0.015), ("Ra", 1.40, 0.20)])
+@pytest.mark.parametrize(("response", "F", "p"), [("Fx", 2.41, 0.030), ("Ra", 1.40, 0.40)])
 def test_turning_forces_and_roughness(measurements, response, F, p):
     path = measurements / "turning_forces" / "exp1_runs.csv"
     law = fit.power_law(datasets.read_runs(path, map={"Ra": "Ra_mean"}), response, ["d", "V", "f"])
@@ -107,7 +107,7 @@ def test_turning_forces_and_roughness(measurements, response, F, p):
     found = form_of(law)
     assert found.df == (23, 27)
     assert found.statistic == pytest.approx(F, abs=0.005)
-    assert found.pvalue == pytest.approx(p, abs=0.0005 if p < 0.1 else 0.005)
+    assert found.pvalue == pytest.approx(p, abs=0.001 if p < 0.1 else 0.01)
 
 
 def test_the_milling_plan_has_its_edges_twice(measurements):
@@ -154,6 +154,47 @@ def test_a_bent_law_is_found():
     found = form_of(with_response(law, Z @ THETA + bend + 0.05 * rng.normal(size=len(at))))
     assert found.concern == 1
     assert "second-order or competing model" in found.verdict
+
+
+def test_repeats_that_are_none_are_found():
+    """A factor that is not in the file doubles the wear of one of each pair of repeats: F far below one."""
+    law, at = composite([6] * 24)
+    rng = np.random.default_rng(8)
+    another = np.r_[np.zeros(8), np.tile([0.35, -0.35], 8)]
+    found = form_of(with_response(law, law.design @ THETA + (another + 0.05 * rng.normal(size=24))[at]))
+    assert (found.concern, found.statistic < 0.1) == (1, True)
+    assert "a factor that is not in the file" in found.verdict
+
+
+@pytest.mark.parametrize("icc", [0.0, 0.5])
+def test_curvature_is_the_partial_f_of_squares_on_edge_means(icc):
+    law, at = composite([6] * 24)
+    rng = np.random.default_rng(11)
+    noise = rng.normal(size=len(at)) + np.sqrt(icc / (1 - icc)) * rng.normal(size=24)[at]
+    law = with_response(law, law.design @ THETA + 0.1 * noise)
+    x, y = np.log(law.X[::6, :3]), np.log(law.observed).reshape(24, 6).mean(axis=1)
+    line = np.column_stack([np.ones(24), x])
+    full = OLS(y, np.column_stack([line, (x - x.mean(axis=0)) ** 2])).fit()
+    F, p, k = full.compare_f_test(OLS(y, line).fit())
+    found = curvature(law, split(law))
+    assert found.df == (k, 17)
+    assert (found.statistic, found.pvalue) == pytest.approx((F, p), rel=1e-7)
+
+
+def test_curvature_of_rows_is_the_partial_f_of_squares():
+    rng = np.random.default_rng(12)
+    x = rng.normal(size=(30, 2))
+    y = x @ [0.5, 0.2] + 0.3 * x[:, 1] ** 2 + 0.1 * rng.normal(size=30)
+    law, line = straight(x, y), np.column_stack([np.ones(30), x])
+    F, p, _ = OLS(y, np.column_stack([line, (x - x.mean(axis=0)) ** 2])).fit().compare_f_test(OLS(y, line).fit())
+    found = curvature(law, split(law))
+    assert (found.statistic, found.pvalue) == pytest.approx((F, p), rel=1e-7)
+    assert (found.concern, found.term) == (1, "f")
+
+
+def test_two_levels_have_no_curvature():
+    law = straight(np.array(list(product([-1, 1], repeat=3)) * 2), np.random.default_rng(1).normal(size=16))
+    assert "no factor has three levels" in str(curvature(law, split(law)))
 
 
 def test_a_unit_scales_nothing():

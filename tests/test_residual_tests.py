@@ -106,7 +106,7 @@ def test_rows_are_put_in_order_of_time():
     found, again = (serial_correlation(one, split(one)) for one in (law, shuffled))
     assert again.correlation == pytest.approx(found.correlation, rel=1e-9)
     assert again.pvalue == pytest.approx(found.pvalue, rel=1e-6)
-    assert found.concern == 1
+    assert (found.concern, found.noted) == (0, True)
     assert "Positive autocorrelation" in found.verdict
 
 
@@ -138,12 +138,14 @@ def test_what_is_wrong_is_found():
     found = spread(uneven, residual_sets(uneven, split(uneven))[0])
     assert (found.term, found.rises, found.concern) == ("V", True, 1)
     outliers = with_noise(law, 0.05 * rng.standard_t(2, size=len(at)))
-    assert normality(residual_sets(outliers, split(outliers))[0]).concern == 2
+    tails = normality(residual_sets(outliers, split(outliers))[0])
+    assert (tails.concern, tails.noted) == (0, True)
+    assert "prediction intervals are approximate" in tails.verdict
     odd = np.where(np.arange(24) == 5, 1.0, 0.02 * rng.normal(size=24))[at]
     one_edge = with_noise(law, odd + 0.02 * rng.normal(size=len(at)))
     rows, edges = residual_sets(one_edge, split(one_edge))
-    assert normality(edges).concern == 2
-    assert normality(rows).concern == 0
+    assert normality(edges).noted
+    assert not normality(rows).noted
 
 
 def test_a_uniform_scatter_cannot_be_compared():

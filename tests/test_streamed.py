@@ -16,8 +16,8 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.core import errors
 from fitmodels.fit.checks import strata
 from fitmodels.fit.checks.autocorrelation import serial_correlation
-from fitmodels.fit.checks.deletion_diagnostics import deletion
-from fitmodels.fit.checks.model_checks import collinearity, lack_of_fit, precision
+from fitmodels.fit.checks.deletion_diagnostics import deletion, precision
+from fitmodels.fit.checks.model_checks import collinearity, lack_of_fit
 from fitmodels.fit.checks.response_scale import box_cox, error_structure
 from fitmodels.fit.checks.robust_fit import dominant_edge
 from fitmodels.fit.checks.time_exponent import common_exponent

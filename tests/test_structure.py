@@ -45,7 +45,7 @@ def test_likelihoods_are_those_of_the_densities():
 @pytest.mark.parametrize("fitted", ["multiplicative", "additive"])
 def test_the_truth_is_preferred_whichever_was_fitted(truth, fitted):
     found = error_structure(law(truth, fitted))
-    assert (found.preferred, found.sure, found.concern) == (truth, True, 0 if truth == fitted else 2)
+    assert (found.preferred, found.sure, found.concern) == (truth, True, int(truth != fitted))
     assert found.verdict.startswith(f"{truth.capitalize()} errors are preferred (log-likelihood higher by")
     assert (f"fit with error='{truth}'" in found.verdict) == (truth != fitted)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import Check, concern_of, format_p
+from .check import SIGNIFICANT, STRONG, Check, concern_of, format_p
 from .residual_tests import HELD
 from .strata import Strata, no_scatter
 
@@ -69,9 +69,10 @@ def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorr
         statistic=(found - mean) / sd,
         symbol="z of lag-1 correlation",
         pvalue=p,
-        concern=concern_of(p),
+        concern=concern_of(p) if found < mean else 0,
         verdict=_verdict(found, mean, p),
         kept=_kept(found, mean, p),
+        note=found >= mean,
         correlation=found,
         expected=mean,
         sd=sd,
@@ -90,14 +91,17 @@ def _result(found: float, expected: float, p: float) -> str:
 
 
 def _verdict(found: float, expected: float, p: float) -> str:
-    if not concern_of(p):
+    if p >= (SIGNIFICANT if found < expected else STRONG):
         return _kept(found, expected, p)
     result = _result(found, expected, p)
     if found < expected:
-        return f"Negative autocorrelation of residuals within edges ({result}): check the order and reading of wear."
+        return (
+            f"Negative autocorrelation of residuals within edges ({result}): rows lie above and below the law in turn, "
+            "as where rows of two edges or of two measurements have one name; check the edge column."
+        )
     return (
         f"Positive autocorrelation of residuals within edges ({result}), as with cumulative wear or edges "
-        "with different wear curves: use cluster-robust intervals for factors that vary within edges."
+        "with different wear curves: intervals by edge allow for it, those of independent rows do not."
     )
 
 

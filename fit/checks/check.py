@@ -24,6 +24,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "number of edges": "Inference by edge",
     "reading": "Doubts of the reading",
     "form": "Lack of fit",
+    "curvature": "Curvature (squares of factors)",
     "single edges": "Influence",
     "prediction": "Cross-validation (PRESS)",
     "collinearity": "Multicollinearity",
@@ -112,6 +113,8 @@ class Check(Displayable):
         One sentence: the finding, and the remedy where there is one to take.
     kept : str
         The sentence of a test whose null hypothesis is retained once all tests of the file are counted together.
+    note : bool
+        Whether a rejection describes the errors and is no reservation: it is not counted with the other tests.
     suspects : tuple of Suspect
         Rows and edges that the check finds wrong.
     """
@@ -124,7 +127,18 @@ class Check(Displayable):
     concern: int = 0
     verdict: str
     kept: str = ""
+    note: bool = False
     suspects: tuple[Suspect, ...] = ()
+
+    @property
+    def noted(self) -> bool:
+        """Whether it is a note whose null hypothesis is rejected."""
+        return self.note and self.verdict != self.kept
+
+    @property
+    def counted(self) -> bool:
+        """Whether it is a test that shares the level of its file."""
+        return self.pvalue is not None and not self.note
 
     @property
     def level(self) -> str:
@@ -158,7 +172,7 @@ def family_wise(checks: Mapping[str, Check | NotAvailable], level: float = FAMIL
     """The checks with the rejections that hold when all their tests are counted together (Holm 1979).
 
     A test is a check with a p-value; of those not rejected ``concern`` is 0 and the verdict is ``kept``. A check
-    without a p-value stays as it is.
+    without a p-value, and a note, stay as they are.
 
     Examples
     --------
@@ -166,9 +180,7 @@ def family_wise(checks: Mapping[str, Check | NotAvailable], level: float = FAMIL
     >>> [check.verdict for check in family_wise({"a": one, "b": one}).values()]
     ['Retained.', 'Retained.']
     """
-    tests = [
-        (check.pvalue, name) for name, check in checks.items() if isinstance(check, Check) if check.pvalue is not None
-    ]
+    tests = [(check.pvalue or 0.0, name) for name, check in checks.items() if isinstance(check, Check) if check.counted]
     rejected: set[str] = set()
     for rank, (p, name) in enumerate(sorted(tests)):
         if p * (len(tests) - rank) >= level:
@@ -176,7 +188,7 @@ def family_wise(checks: Mapping[str, Check | NotAvailable], level: float = FAMIL
         rejected.add(name)
     return {
         name: replace(check, concern=0, verdict=check.kept or check.verdict)
-        if isinstance(check, Check) and check.pvalue is not None and name not in rejected
+        if isinstance(check, Check) and check.counted and name not in rejected
         else check
         for name, check in checks.items()
     }
@@ -199,14 +211,19 @@ def format_p(p: float) -> str:
 
 
 def sentences(checks: Mapping[str, Check | NotAvailable], rows_are_independent: bool, most: int) -> tuple[str, ...]:
-    """At most ``most`` sentences: verdicts of failed checks and warnings, what is not testable, what passed."""
+    """At most ``most`` sentences: failed checks and warnings, what is not testable, notes, what passed."""
     if most < 1:
         raise UsageError(f"most={most}: at least one sentence is needed.")
     there = {name: check for name, check in checks.items() if isinstance(check, Check)}
     wrong = sorted((check for check in there.values() if check.concern), key=lambda check: -check.concern)
-    fine = [", ".join(filter(None, (TITLES[name], check.result))) for name, check in there.items() if not check.concern]
+    fine = [
+        ", ".join(filter(None, (TITLES[name], check.result)))
+        for name, check in there.items()
+        if not check.concern and not check.noted
+    ]
     passed = [f"Passed: {'; '.join(fine)}."] if fine else []
-    first = [*(check.verdict for check in wrong), *_not_testable(checks, rows_are_independent)]
+    notes = [check.verdict for check in there.values() if check.noted and not check.concern]
+    first = [*(check.verdict for check in wrong), *_not_testable(checks, rows_are_independent), *notes]
     if most == 1:
         return tuple((first or passed)[:1])
     return (*first[: most - len(passed)], *passed)

@@ -1,11 +1,12 @@
 """Competing models of a power law, compared by cross-validation over edges.
 
 Each form is fitted to ln R and leaves out one edge at a time (one row, where there are no edges); its prediction error
-of that edge, in ln R, is compared. An alternative replaces the power law only where its error is smaller by more than
-one standard error of the difference, over the edges.
+of that edge, in ln R, is compared. An alternative is better where its error is smaller by more than chance: by a t test
+of the difference over the edges, at a level shared among the alternatives.
 
-Sources: Hastie, Tibshirani & Friedman 2009, The Elements of Statistical Learning, section 7.10 (one standard error
-rule); Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.2 (deletion without refitting).
+Sources: Hastie, Tibshirani & Friedman 2009, The Elements of Statistical Learning, section 7.10 (cross-validation and
+its standard error); Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.2 (deletion without
+refitting).
 """
 
 from collections.abc import Mapping
@@ -20,7 +21,7 @@ from ...datasets import Runs
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..least_squares import linear
-from .check import Check
+from .check import SIGNIFICANT, Check
 from .competing_forms import FittedForm, Form, FormRows, competing_forms, power_form, rows_of, wear_of, with_zero_wear
 from .deletion_diagnostics import ALONE
 from .strata import NO_ROWS, Codes, no_scatter, units_of
@@ -59,6 +60,8 @@ class CompetingModel(Displayable):
         Root mean squared prediction error of left-out units, in ln R.
     difference, standard_error : float
         Its ``error`` less that of the power law, and the standard error of the difference over the units.
+    pvalue : float
+        P of so low a difference where the power law predicts as well, one-sided.
     zero_wear : ZeroWear or None
         Where the form allows rows at zero wear and the runs have some.
     """
@@ -69,12 +72,8 @@ class CompetingModel(Displayable):
     error: float
     difference: float
     standard_error: float
+    pvalue: float = 1.0
     zero_wear: ZeroWear | None = None
-
-    @property
-    def better(self) -> bool:
-        """Whether its error is smaller than that of the power law by more than one standard error."""
-        return self.difference < -self.standard_error
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -106,7 +105,7 @@ class CompetingModels(Check, Plottable):
 
     @property
     def chosen(self) -> CompetingModel:
-        """The power law, or the best alternative where it is better by more than one standard error."""
+        """The power law, or the best alternative where the test rejects the power law at its own level."""
         return _chosen(self.power, self.alternatives)
 
 
@@ -148,15 +147,17 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
             fitted.append(replace(model, zero_wear=_at_zero(one, zero)))
         elif isinstance(errors, NotAvailable):
             not_fitted.append((one.name, errors))
-    power = _compared(form, base, base, codes)
+    power = replace(_compared(form, base, base, codes), pvalue=1.0)
     alternatives = tuple(sorted(fitted, key=lambda model: model.error))
-    chosen = _chosen(power, alternatives)
+    chosen, zero_words = _chosen(power, alternatives), _zero_words(law, alternatives, zero)
     return CompetingModels(
         null="no competing model predicts left-out units better than the power law",
         statistic=chosen.difference,
         symbol="difference of RMS error",
+        pvalue=min(1.0, len(alternatives) * min((model.pvalue for model in alternatives), default=1.0)),
         concern=int(chosen is not power),
-        verdict=_verdict(law.response, unit, power, alternatives) + _zero_words(law, alternatives, zero),
+        verdict=_verdict(law.response, unit, power, alternatives, chosen) + zero_words,
+        kept=_verdict(law.response, unit, power, alternatives, power) + zero_words,
         response=law.response,
         power=power,
         alternatives=alternatives,
@@ -168,14 +169,20 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
 
 
 def _chosen(power: CompetingModel, alternatives: tuple[CompetingModel, ...]) -> CompetingModel:
-    return next((model for model in alternatives if model.better), power)
+    better = [model for model in alternatives if model.pvalue * len(alternatives) < SIGNIFICANT]
+    return better[0] if better else power
 
 
-def _verdict(response: str, unit: str, power: CompetingModel, alternatives: tuple[CompetingModel, ...]) -> str:
+def _verdict(
+    response: str,
+    unit: str,
+    power: CompetingModel,
+    alternatives: tuple[CompetingModel, ...],
+    chosen: CompetingModel,
+) -> str:
     left = f"Leave-one-{unit}-out error of {response}: power law {100 * np.expm1(power.error):.3g} %"
     if not alternatives:
         return f"{left}; no competing model can be fitted to these rows."
-    chosen = _chosen(power, alternatives)
     best = alternatives[0] if chosen is power else chosen
     difference = f"difference {best.difference:.2g} ± {best.standard_error:.2g} in ln {response}"
     kept = "the power law is kept" if chosen is power else f"{best.name} is preferred"
@@ -254,9 +261,13 @@ def _prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
 
 def _compared(fit: FittedForm, missed: Array, base: Array, codes: Codes) -> CompetingModel:
     """Errors as root mean squares; the standard error of their difference from its scatter over the units."""
+    from scipy.special import stdtr
+
     n, G = len(codes), int(codes.max()) + 1
     error, power = float(np.sqrt(np.mean(missed**2))), float(np.sqrt(np.mean(base**2)))
     by_unit = np.bincount(codes, weights=missed**2 - base**2)
     about = by_unit - np.bincount(codes) * by_unit.sum() / n
     scatter = float(np.sqrt(G / (G - 1) * np.sum(about**2))) / n
-    return CompetingModel(fit.name, fit.formula, fit.coefficients, error, error - power, scatter / (error + power))
+    t = float(by_unit.sum()) / (n * scatter) if scatter > 0 else 0.0
+    p = float(stdtr(G - 1, t))
+    return CompetingModel(fit.name, fit.formula, fit.coefficients, error, error - power, scatter / (error + power), p)

@@ -1,4 +1,4 @@
-"""Deletion diagnostics: leverage, Cook's distance, DFBETAS, PRESS and predicted R2, in closed form.
+"""Deletion diagnostics: leverage, Cook's distance, DFBETAS, PRESS and predicted R2, in closed form; adequate precision.
 
 A row left out while its neighbours on the same edge remain is predicted by them: that flatters a law and hides an
 influential edge. So the unit left out is the edge; where rows are independent it is the row, and the figures are the
@@ -6,7 +6,7 @@ textbook's. A law with additive errors is linearised along its gradient (one ste
 
 Sources: Cook & Weisberg 1982, Residuals and Influence in Regression; Belsley, Kuh & Welsch 1980, Regression
 Diagnostics; Allen 1974, Technometrics 16, 125 (PRESS); Myers, Montgomery & Anderson-Cook, Response Surface
-Methodology (predicted R2 and its gap to R2).
+Methodology (predicted R2 and its gap to R2, adequate precision).
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Array
+from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..group_sums import products_by, sums_by
 from ..lawfit import LawFit
@@ -21,6 +22,12 @@ from .check import Check
 from .strata import Strata, covariance, has_repeated_edges, linear_columns, no_scatter
 
 ALONE = 1e-10  # smallest share of the information on a parameter that the other units must have
+
+
+class DeterminesAlone(NotAvailable):
+    """The reason that one edge or row alone determines a parameter, so that nothing predicts it without that one."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +45,9 @@ class Deletion:
         Change of ``theta`` when the unit is left out.
     predicted : ndarray, shape (n,)
         Residual of each row from the law fitted without its unit, on the scale of the fit.
+    information : ndarray, shape (u, p)
+        Share of the information on each of ``theta`` that the unit alone carries: one less the ratio of its variance
+        with the unit to that without it.
     """
 
     units: str
@@ -45,6 +55,7 @@ class Deletion:
     leverage: Array
     moved: Array
     predicted: Array
+    information: Array
 
 
 def deletion(law: LawFit, strata: Strata | NotAvailable) -> Deletion | NotAvailable:
@@ -76,39 +87,51 @@ def _edges_out(law: LawFit, strata: Strata, Q: Array, to_theta: Array) -> Deleti
     others = np.eye(p) - blocks
     alone = np.flatnonzero(np.linalg.eigvalsh(others)[:, 0] < ALONE)
     if alone.size:
-        return NotAvailable(
-            _determines_alone(f"edge {strata.names[alone[0]]}", "test another edge near its conditions")
-        )
+        return _determines_alone(f"edge {strata.names[alone[0]]}", "test another edge near its conditions")
     pull = sums_by(strata.edge, Q * law.residuals[:, None], G)
     moved = -np.linalg.solve(others, pull[:, :, None])[:, :, 0]
     predicted = law.residuals - np.einsum("ij,ij->i", Q, moved[strata.edge])
     leverage = np.trace(blocks, axis1=1, axis2=2)
-    return Deletion("edges", strata.names, leverage, moved @ to_theta.T, predicted)
+    without = np.einsum("jk,gkj->gj", to_theta, np.linalg.solve(others, to_theta.T[None]))
+    information = 1 - (to_theta**2).sum(axis=1) / without
+    return Deletion("edges", strata.names, leverage, moved @ to_theta.T, predicted, information)
 
 
 def _rows_out(law: LawFit, Q: Array, to_theta: Array) -> Deletion | NotAvailable:
     leverage = np.einsum("ij,ij->i", Q, Q)
     alone = np.flatnonzero(1 - leverage < ALONE)
     if alone.size:
-        return NotAvailable(_determines_alone(f"line {law.lines[alone[0]]}", "measure another row near its conditions"))
+        return _determines_alone(f"line {law.lines[alone[0]]}", "measure another row near its conditions")
     predicted = law.residuals / (1 - leverage)
     moved = -(Q * predicted[:, None]) @ to_theta.T
-    return Deletion("rows", tuple(f"line {i}" for i in law.lines), leverage, moved, predicted)
+    gain = (Q @ to_theta.T) ** 2 / (1 - leverage)[:, None]
+    information = gain / ((to_theta**2).sum(axis=1) + gain)
+    return Deletion("rows", tuple(f"line {i}" for i in law.lines), leverage, moved, predicted, information)
 
 
-def _determines_alone(unit: str, remedy: str) -> str:
-    return f"{unit} alone determines a parameter of the law: {remedy}"
+def _determines_alone(unit: str, remedy: str) -> DeterminesAlone:
+    return DeterminesAlone(f"{unit} alone determines a parameter of the law: {remedy}")
 
 
-LOOK, ACT = 0.2, 0.5  # quantiles of F that limit Cook's distance (Kutner et al. 2005, section 10.4)
-MOST_SHOWN = 99  # larger distances are not printed
+def sole_unit(reason: DeterminesAlone) -> Check:
+    """The reservation of a law of which one edge or row alone determines a parameter."""
+    return Check(
+        null="no edge or row alone determines a parameter",
+        concern=1,
+        verdict=f"{reason.reason[0].upper()}{reason.reason[1:]}.",
+    )
+
+
+MOST_INFORMATION = 0.8  # share of the information on a parameter that one edge or row may carry
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Influence(Check):
     """Influence of single edges or rows: leverage, Cook's distance (its largest is the statistic) and DFBETAS.
 
-    ``df`` are those of the F distribution that Cook's distance is compared with: p, and units less p.
+    With few edges the largest distance is large in most sound files, so that it is no reservation; one is an edge that
+    carries more than 80 % of the information on a parameter. An edge that deviates from the others is found by the
+    test of wrong edges.
 
     Attributes
     ----------
@@ -119,6 +142,8 @@ class Influence(Check):
         Cook's distance; by edge against the covariance with a random level of each edge.
     dfbetas : ndarray, shape (u, p)
         Standard errors by which the unit moves each parameter; rows have the error without the row.
+    information : ndarray, shape (u, p)
+        As in :class:`Deletion`.
     """
 
     units: str
@@ -127,6 +152,7 @@ class Influence(Check):
     leverage: Array
     cook: Array
     dfbetas: Array
+    information: Array
 
 
 def influence(law: LawFit, strata: Strata | NotAvailable, left: Deletion) -> Influence:
@@ -160,43 +186,50 @@ def influence(law: LawFit, strata: Strata | NotAvailable, left: Deletion) -> Inf
     return _influence(law, left, cook, dfbetas)
 
 
-def _cook_df(parameters: tuple[str, ...], units: tuple[str, ...]) -> tuple[int, int]:
-    """Degrees of freedom of the F distribution that Cook's distance is compared with."""
-    return len(parameters), max(len(units) - len(parameters), 1)
-
-
 def _influence(law: LawFit, left: Deletion, cook: Array, dfbetas: Array) -> Influence:
-    """Limits of Cook's distance: the .2 quantile of F, and its median."""
-    from scipy.special import fdtr
-
-    unit, largest, df = left.units[:-1], float(cook.max()), _cook_df(law.theta_names, left.names)
-    share = float(fdtr(*df, largest))
-    concern = int(share > LOOK) + int(share > ACT)
+    unit, largest = left.units[:-1], float(cook.max())
     g = int(np.argmax(cook))
     j = 1 + int(np.argmax(np.abs(dfbetas[g, 1:])))  # the constant, far outside the conditions, follows them
-    name = f"Edge {left.names[g]}" if left.units == "edges" else left.names[g].capitalize()
-    size = f"Cook's distance {f'{largest:.2g}' if largest < MOST_SHOWN else f'above {MOST_SHOWN}'}"
-    strong = (
-        f"{name} has a {'dominating' if concern == 2 else 'large'} influence ({size}): without it {law.theta_names[j]} "
-        f"moves by {abs(dfbetas[g, j]):.2g} standard errors; check its record, or repeat it."
-    )
+    own, k, share = _most_information(law, left)
+    moves = f"without it {law.theta_names[j]} moves by {abs(dfbetas[g, j]):.2g} standard errors"
+    verdict = f"The largest influence is that of {_unit(left, g)} (Cook's distance {largest:.2g}): {moves}."
+    if share > MOST_INFORMATION:
+        alone = _unit(left, own)
+        verdict = (
+            f"{alone[0].upper()}{alone[1:]} alone carries {min(100 * share, 99):.0f} % of the information on "
+            f"{law.theta_names[k]}: repeat its conditions, or test others near them."
+        )
     return Influence(
-        null=f"no single one of the {left.units} determines the law",
+        null=f"none of the {left.units} carries more than 80 % of the information on a parameter",
         statistic=largest,
         symbol=f"max. D by {unit}",
-        df=df,
-        concern=concern,
-        verdict=strong if concern else f"No {unit} has a large influence (Cook's distance at most {largest:.2f}).",
+        concern=int(share > MOST_INFORMATION),
+        verdict=verdict,
         units=left.units,
         names=left.names,
         parameters=law.theta_names,
         leverage=left.leverage,
         cook=cook,
         dfbetas=dfbetas,
+        information=left.information,
     )
 
 
+def _most_information(law: LawFit, left: Deletion) -> tuple[int, int, float]:
+    """Unit and parameter with the largest share of information; that on wear, which nobody sets, is left to chance."""
+    kinds = [ROLES[name].kind if name in ROLES else "" for name in law.theta_names]
+    share = np.where([kind == "wear" for kind in kinds], 0.0, left.information)
+    share[:, 0] = 0.0
+    g, k = divmod(int(np.argmax(share)), share.shape[1])
+    return g, k, float(share[g, k])
+
+
+def _unit(left: Deletion, g: int) -> str:
+    return f"edge {left.names[g]}" if left.units == "edges" else left.names[g]
+
+
 GAP = 0.2  # between R2 and predicted R2
+POOR = 0.5  # predicted R2 below which such a gap matters: with few edges a useful law has one as well
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -226,13 +259,13 @@ class Press(Check):
 
 
 def press(law: LawFit, left: Deletion) -> Press:
-    """PRESS and predicted R2 from the deletion diagnostics: a warning where the gap to R2 exceeds 0.2."""
+    """PRESS and predicted R2 from the deletion diagnostics: a warning where it is low and far below R2."""
     total = float(left.predicted @ left.predicted)
     share = 1 - total / law.tss if law.tss > 0 else 0.0
     typical = (total / law.nobs) ** 0.5
     error = f"{100 * np.expm1(typical):.3g} %" if law.scale_unit == "ln" else f"{typical:.3g} {law.scale_unit}"
     result = f"predicted R2 {share:.2f}, R2 of the fit {law.rsquared:.2f}"
-    concern = 2 if share <= 0 else int(law.rsquared - share > GAP)
+    concern = 2 if share <= 0 else int(law.rsquared - share > GAP and share < POOR)
     verdict = (
         f"{left.units.capitalize()} left out are predicted with an error of {error} ({result}).",
         f"The law fits better than it predicts ({result}, rms error {error}): add {left.units}, or drop the factor "
@@ -251,4 +284,51 @@ def press(law: LawFit, left: Deletion) -> Press:
         predicted_rsquared=share,
         typical=typical,
         unit=law.scale_unit,
+    )
+
+
+LEAST_PRECISION = 4.0  # range over standard error below which a law is useless for control
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Precision(Check):
+    """Adequate precision: range of the predictions over their mean standard error.
+
+    Attributes
+    ----------
+    by_edge : bool
+        Whether the standard error is by edge (a random level of each) or of independent rows.
+    """
+
+    by_edge: bool
+
+
+def precision(law: LawFit, strata: Strata | NotAvailable) -> Precision | NotAvailable:
+    """Adequate precision on the scale of the fit.
+
+    With independent rows the mean variance of prediction is ``p s^2 / n``, as in the books; with edges it is
+    that of the law with a random level of each.
+    """
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    eta = np.log(law.fitted) if law.error == "multiplicative" else law.fitted
+    if not isinstance(strata, Strata):
+        if has_repeated_edges(law):
+            return strata
+        variance = law.rss / law.df_resid * len(law.theta) / law.nobs
+    else:
+        columns, _ = linear_columns(law)
+        variance = float(np.einsum("ij,ij->", columns @ covariance(columns, law, strata), columns)) / law.nobs
+    ratio = float(np.ptp(eta)) / variance**0.5
+    low = (
+        f"Adequate precision {ratio:.2g} is below {LEAST_PRECISION:g}: the effect of the conditions is too small "
+        "against its standard error for control; widen their ranges or repeat."
+    )
+    return Precision(
+        null=f"the range of the predictions is at least {LEAST_PRECISION:g} of their standard errors",
+        statistic=ratio,
+        symbol="signal to noise",
+        concern=2 * int(ratio < LEAST_PRECISION),
+        verdict=low if ratio < LEAST_PRECISION else f"Adequate precision {ratio:.3g}, above {LEAST_PRECISION:g}.",
+        by_edge=isinstance(strata, Strata),
     )

@@ -20,10 +20,10 @@ from ..lawfit import LawFit
 from .autocorrelation import serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
 from .competing_models import compare_forms
-from .deletion_diagnostics import Deletion, deletion, influence, press
+from .deletion_diagnostics import Deletion, DeterminesAlone, deletion, influence, precision, press, sole_unit
 from .gauge_error import gauge_corrected
 from .missing_factors import missing_conditions, unused_columns
-from .model_checks import collinearity, lack_of_fit, precision
+from .model_checks import collinearity, curvature, lack_of_fit
 from .physics import exponents, possible_values
 from .residual_tests import Residuals, normality, residual_sets, spread
 from .response_scale import box_cox, error_structure
@@ -182,6 +182,13 @@ def _deleted(check: Callable[[CheckInput, Deletion], Found]) -> OneCheck:
     return lambda given: check(given, given.left_out) if isinstance(given.left_out, Deletion) else given.left_out
 
 
+def _influence(given: CheckInput) -> Found:
+    left = given.left_out
+    if isinstance(left, DeterminesAlone):
+        return sole_unit(left)
+    return influence(given.law, given.strata, left) if isinstance(left, Deletion) else left
+
+
 def _of_residuals(check: Callable[[CheckInput, Residuals], Found], which: int) -> OneCheck:
     def found(given: CheckInput) -> Found:
         residuals = given.residuals[which]
@@ -225,7 +232,8 @@ CHECKS: Mapping[str, OneCheck] = {
     "number of edges": lambda given: number_of_edges(given.whole, given.runs),
     "reading": lambda given: doubts_of_reading(given.whole, given.runs),
     "form": lambda given: lack_of_fit(given.law, given.strata),
-    "single edges": _deleted(lambda given, left: influence(given.law, given.strata, left)),
+    "curvature": lambda given: curvature(given.law, given.strata),
+    "single edges": _influence,
     "prediction": _deleted(lambda given, left: press(given.law, left)),
     "collinearity": lambda given: collinearity(given.law),
     "signal to noise": lambda given: precision(given.law, given.strata),

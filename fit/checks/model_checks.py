@@ -1,11 +1,13 @@
-"""Lack of fit against pure error, adequate precision, and multicollinearity.
+"""Lack of fit against pure error, curvature, and multicollinearity.
 
 Where a law has several rows per edge, pure error is the variation between *edges* at one setting, and lack of fit the
-deviation of the settings from the law. Everything that varies within edges (time, wear) stays in both models.
+deviation of the settings from the law. Everything that varies within edges (time, wear) stays in both models. The test
+has two tails: an F far below one means that repeats of a setting differ by more than the settings differ from the law,
+so that they are no repeats, or a factor is missing from the file.
 
-Sources: Draper & Smith 1998, Applied Regression Analysis, section 2.1 (pure error); Myers, Montgomery & Anderson-Cook,
-Response Surface Methodology (adequate precision); Belsley, Kuh & Welsch 1980, Regression Diagnostics, chapter 3
-(condition number, variance proportions).
+Sources: Draper & Smith 1998, Applied Regression Analysis, section 2.1 (pure error); Christensen 2003, American
+Statistician 57, 74 (F below one); Belsley, Kuh & Welsch 1980, Regression Diagnostics, chapter 3 (condition number,
+variance proportions).
 """
 
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Array
+from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, format_p
@@ -20,7 +23,6 @@ from .strata import (
     NO_ROWS,
     Codes,
     Strata,
-    covariance,
     has_repeated_edges,
     linear_columns,
     no_scatter,
@@ -34,7 +36,7 @@ COPIES = 1e-11
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class LackOfFit(Check):
-    """F test of the form of the law against pure error; ``df`` are those of lack of fit and of pure error.
+    """F test of the form of the law against pure error, in both tails; ``df``: of lack of fit, of pure error.
 
     Attributes
     ----------
@@ -128,7 +130,7 @@ def settings_of(Z: Array) -> Codes:
 
 
 def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: Codes) -> LackOfFit | NotAvailable:
-    from scipy.special import fdtrc
+    from scipy.special import fdtr, fdtrc
 
     counts = np.bincount(setting)
     if df[0] <= 0:
@@ -141,15 +143,19 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
         )
     lack = max(ss_law - pure, 0.0)
     F = lack / df[0] / (pure / df[1])
-    p, replicated = float(fdtrc(df[0], df[1], F)), int((counts > 1).sum())
-    result = f"F({df[0]}, {df[1]}) = {F:.2f}, {format_p(p)}"
+    above = float(fdtrc(df[0], df[1], F))
+    p, replicated = min(1.0, 2 * min(above, float(fdtr(df[0], df[1], F)))), int((counts > 1).sum())
+    result = f"F({df[0]}, {df[1]}) = {F:.2{'f' if F >= 0.1 else 'g'}}, {format_p(p)}"
     rejected = (
         f"Lack of fit ({result}): the law deviates from the means of the settings by more than replicated {units} "
         "vary; try a second-order or competing model, or restrict the range."
+        if above < 0.5
+        else f"Replicated {units} of one setting differ by more than the settings deviate from the law ({result}): a "
+        f"factor that is not in the file changed between them, or {units} of different conditions are given as repeats."
     )
     kept = f"No lack of fit against {replicated} replicated settings ({result})."
     return LackOfFit(
-        null=f"the law has the right form: settings deviate from it no more than replicated {units} vary",
+        null=f"the law has the right form: settings deviate from it as much as replicated {units} vary",
         statistic=F,
         symbol="F",
         df=df,
@@ -165,55 +171,109 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
     )
 
 
-LEAST_PRECISION = 4.0  # range over standard error below which a law is useless for control
-
-
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
-class Precision(Check):
-    """Adequate precision: range of the predictions over their mean standard error.
+class Curvature(Check):
+    """F test of squares of the factors that change between edges (rows, where they are independent).
 
     Attributes
     ----------
-    by_edge : bool
-        Whether the standard error is by edge (a random level of each) or of independent rows.
+    term : str
+        Factor whose square improves the law most.
     """
 
-    by_edge: bool
+    term: str
 
 
-def precision(law: LawFit, strata: Strata | NotAvailable) -> Precision | NotAvailable:
-    """Adequate precision on the scale of the fit.
+FEWEST_LEFT = 3  # degrees of freedom that the test of curvature must leave
 
-    With independent rows the mean variance of prediction is ``p s^2 / n``, as in the books; with edges it is
-    that of the law with a random level of each.
+
+def curvature(law: LawFit, strata: Strata | NotAvailable) -> Curvature | NotAvailable:
+    """Test of the squares of the factors, of their logarithms in a power law, on the levels of edges.
+
+    Factors that change within edges, time and wear, are not squared: their rows follow each other.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> from fitmodels.fit.checks.strata import split
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> curvature(law, split(law)).df
+    (3, 17)
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
-    eta = np.log(law.fitted) if law.error == "multiplicative" else law.fitted
+    if has_repeated_edges(law) and not isinstance(strata, Strata):
+        return strata
+    A, b, squares, df = _squares(law, strata)
+    names = [law.factors[j] for j in squares]
+    Q = orthonormal(A[:, : A.shape[1] - len(names)])
+    rest, extra = b - Q @ (Q.T @ b), A[:, A.shape[1] - len(names) :]
+    extra = extra - Q @ (Q.T @ extra)
+    new = [j for j, size in enumerate(np.linalg.norm(extra, axis=0)) if size > INDEPENDENT]
+    if not new:
+        return NotAvailable("no factor has three levels apart from the others, so that curvature cannot be separated")
+    basis = orthonormal(extra[:, new])
+    k = basis.shape[1]
+    if df - k < FEWEST_LEFT:
+        return NotAvailable(f"{df} degrees of freedom are too few to test the curvature of {', '.join(names)}")
+    return _curvature_test(rest, extra[:, new], [names[j] for j in new], basis, df - k)
+
+
+INDEPENDENT = 0.05  # of the length of a square: what must be left of it outside the law
+
+
+def _squares(law: LawFit, strata: Strata | NotAvailable) -> tuple[Array, Array, list[int], int]:
+    """Columns of the law and then the squares, the residual, numbers of the squared factors, degrees of freedom."""
+    x = np.log(law.X) if law.form == "power" else law.X
+    square = (x - x.mean(axis=0)) ** 2
+    square = square - square.mean(axis=0)
     if not isinstance(strata, Strata):
-        if has_repeated_edges(law):
-            return strata
-        variance = law.rss / law.df_resid * len(law.theta) / law.nobs
-    else:
-        columns, _ = linear_columns(law)
-        variance = float(np.einsum("ij,ij->", columns @ covariance(columns, law, strata), columns)) / law.nobs
-    ratio = float(np.ptp(eta)) / variance**0.5
-    low = (
-        f"Adequate precision {ratio:.2g} is below {LEAST_PRECISION:g}: the effect of the conditions is too small "
-        "against its standard error for control; widen their ranges or repeat."
+        columns = linear_columns(law)[0]
+        square = _unit_length(square * columns[:, :1])
+        return np.hstack([columns, square]), law.residuals, list(range(x.shape[1])), law.df_resid
+    stacked, level = strata.stacked(), strata.level
+    changed = [j for j in range(x.shape[1]) if not strata.within[1 + j]]
+    levels, _ = without_levels(square[:, changed] * level[:, None], level, strata.edge, len(strata.names))
+    of_edges = _unit_length(np.sqrt(strata.weights)[:, None] * levels)
+    of_rows = np.zeros((len(stacked) - len(levels), len(changed)))
+    return np.hstack([stacked[:, :-1], np.vstack([of_rows, of_edges])]), stacked[:, -1], changed, strata.df_between
+
+
+def _unit_length(A: Array) -> Array:
+    return np.asarray(A / np.maximum(np.linalg.norm(A, axis=0), 1e-300))
+
+
+def _curvature_test(rest: Array, squares: Array, names: list[str], basis: Array, df: int) -> Curvature:
+    """The F test: ``rest`` is what the law leaves of the levels of edges (of rows, where they are independent)."""
+    from scipy.special import fdtrc
+
+    gain, k = float(((basis.T @ rest) ** 2).sum()), basis.shape[1]
+    F = gain / k / max((float(rest @ rest) - gain) / df, 1e-300)
+    p = float(fdtrc(k, df, F))
+    pull = np.abs(squares.T @ rest) / np.linalg.norm(squares, axis=0)
+    term = names[int(np.argmax(pull))]
+    result = f"F({k}, {df}) = {F:.2f}, {format_p(p)}"
+    kept = f"No curvature in {', '.join(names)} ({result})."
+    rejected = (
+        f"Curvature: squares of {', '.join(names)} improve the law ({result}), most of all that of {term}: its "
+        "effect changes over its range; try a second-order law, or restrict the range."
     )
-    return Precision(
-        null=f"the range of the predictions is at least {LEAST_PRECISION:g} of their standard errors",
-        statistic=ratio,
-        symbol="signal to noise",
-        concern=2 * int(ratio < LEAST_PRECISION),
-        verdict=low if ratio < LEAST_PRECISION else f"Adequate precision {ratio:.3g}, above {LEAST_PRECISION:g}.",
-        by_edge=isinstance(strata, Strata),
+    return Curvature(
+        null=f"the effects of {', '.join(names)} do not change over their ranges",
+        statistic=F,
+        symbol="F",
+        df=(k, df),
+        pvalue=p,
+        concern=int(p < SIGNIFICANT),
+        verdict=rejected if p < SIGNIFICANT else kept,
+        kept=kept,
+        term=term,
     )
 
 
-VIF_LOOK, VIF_ACT = 5.0, 10.0
-CONDITION_ACT = 30.0
+HIGH_VIF = 10.0  # variance inflation above which factors that were set are confounded
+WIDE = 1.0  # half-width of the interval of an exponent above which its effect is unknown: a factor 2 either side
+USELESS = 2.0  # half-width of an exponent with which no condition can be chosen
 INVOLVED = 0.5  # share of a coefficient's variance in the direction of smallest variance
 
 
@@ -254,33 +314,67 @@ def collinearity(law: LawFit) -> Collinearity | NotAvailable:
         return NotAvailable(NO_ROWS)
     terms = law.design[:, 1:]
     names = law.names[1:]
-    terms = terms - terms.mean(axis=0)
-    terms = terms / np.sqrt(np.einsum("ij,ij->j", terms, terms))
-    _, s, Vt = np.linalg.svd(terms, full_matrices=False)
-    parts = (Vt.T / s) ** 2
+    s, parts = _inflation(terms)
     vif = parts.sum(axis=1)
     weakest = parts[:, -1] / vif
     entangled = tuple(name for name, share in zip(names, weakest, strict=True) if share > INVOLVED)
     if len(entangled) < 2:
         entangled = tuple(names[j] for j in sorted(np.argsort(-weakest)[:2]))
     largest, condition = float(vif.max()), float(s[0] / s[-1])
-    concern = 2 if largest > VIF_ACT or condition > CONDITION_ACT else int(largest > VIF_LOOK)
-    worst = names[int(np.argmax(vif))]
-    correlated = (
-        f"Multicollinearity: {', '.join(entangled)} vary together (VIF {largest:.2g} of {worst}, condition number "
-        f"{condition:.2g}), so their exponents are correlated; interpret them jointly, leave {worst} out, or vary it "
-        "independently."
-    )
+    worst, width = names[int(np.argmax(vif))], _widest(law, names, vif)
+    were_set = [j for j, name in enumerate(names) if name not in ROLES or ROLES[name].kind not in ("time", "wear")]
+    of_set = float(_inflation(terms[:, were_set])[1].sum(axis=1).max()) if were_set else 1.0
+    concern = _collinear_concern(largest, of_set, width)
+    width_text = "" if width is None else f", half-width of the interval up to {width:.2g}"
+    size = f"VIF {largest:.2g} of {worst}, condition number {condition:.2g}{width_text}"
+    together = f"{', '.join(entangled)} vary together ({size})"
+    verdict = f"No multicollinearity (VIF at most {largest:.2g}, condition {condition:.2g})."
+    if concern:
+        verdict = (
+            f"Multicollinearity: {together}, so their exponents cannot be separated: change one factor only where the "
+            f"others follow it as in the tests, leave {worst} out, or vary it independently."
+        )
+    elif largest > HIGH_VIF:
+        verdict = f"{together[0].upper()}{together[1:]}: their intervals include it; interpret them jointly."
     return Collinearity(
         null="each factor varies independently of the others",
         statistic=largest,
         symbol="max. VIF",
         concern=concern,
-        verdict=correlated
-        if concern
-        else f"No multicollinearity (VIF at most {largest:.2g}, condition {condition:.2g}).",
+        verdict=verdict,
         names=names,
         vif=vif,
         condition=condition,
         entangled=entangled,
     )
+
+
+def _widest(law: LawFit, names: tuple[str, ...], vif: Array) -> float | None:
+    """Half-width of the 95 % interval of the widest exponent of high variance inflation; None without exponents."""
+    if not law.formula.logarithmic or law.cov_theta is None:
+        return None
+    from scipy.special import stdtrit
+
+    half = float(stdtrit(max(law.df, 1), 0.975)) * law.bse.to_numpy()[1:]
+    of_factors = [half[j] for j, name in enumerate(names) if name in law.factors and vif[j] > HIGH_VIF]
+    return float(max(of_factors)) if of_factors else None
+
+
+def _inflation(terms: Array) -> tuple[Array, Array]:
+    """Singular values (k,) of terms centred and of length one, and the share of each in each inflation (k, k)."""
+    terms = terms - terms.mean(axis=0)
+    terms = terms / np.sqrt(np.einsum("ij,ij->j", terms, terms))
+    _, s, Vt = np.linalg.svd(terms, full_matrices=False)
+    return s, (Vt.T / s) ** 2
+
+
+def _collinear_concern(largest: float, of_set: float, width: float | None) -> int:
+    """2 where no condition can be chosen; 1 where factors that were set vary together, or an interval is too wide.
+
+    Wear and time follow from the conditions, and their exponents stay useful as long as their intervals are narrow.
+    """
+    if largest <= HIGH_VIF:
+        return 0
+    if width is not None and width > USELESS:
+        return 2
+    return int(of_set > HIGH_VIF or width is None or width > WIDE)

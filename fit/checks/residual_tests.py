@@ -18,7 +18,7 @@ from ...core.arrays import Array
 from ..available import NotAvailable
 from ..group_sums import sums_by
 from ..lawfit import LawFit
-from .check import Check, concern_of, format_p
+from .check import STRONG, Check, concern_of, format_p
 from .strata import Strata, has_repeated_edges, no_scatter, orthonormal
 
 HELD = 1e-9  # share of its own variance below which a residual is fixed by the fit
@@ -134,15 +134,18 @@ def normality(residuals: Residuals) -> Normality | NotAvailable:
     statistic, p = anderson_darling(residuals.values)
     result = f"Anderson-Darling A2 = {statistic:.2f}, {format_p(p)}, n = {n}"
     normal = f"Residuals of {residuals.of} are consistent with normality ({result})."
-    not_normal = f"Residuals of {residuals.of} are not normal ({result}): check for outliers; prediction intervals are "
+    not_normal = (
+        f"Residuals of {residuals.of} are not normal ({result}): prediction intervals are approximate, coefficients "
+        "and their intervals are affected little."
+    )
     return Normality(
         null=f"residuals of {residuals.of} are normal on the scale of the fit",
         statistic=statistic,
         symbol="A2",
         pvalue=p,
-        concern=concern_of(p),
-        verdict=f"{not_normal}affected most." if concern_of(p) else normal,
+        verdict=not_normal if p < STRONG else normal,
         kept=normal,
+        note=True,
         of=residuals.of,
         nobs=n,
     )

@@ -2,13 +2,16 @@
 
 Box-Cox: ``z(lambda) = (y^lambda - 1) / (lambda g^(lambda - 1))`` with g the geometric mean of y; the residual sum of
 squares of z on the law's terms is a likelihood. 0 is the logarithm, on which a power law is linear; 1 is the response
-itself. Where edges have several rows, each has a random level, with the variance split of the law.
+itself. Where edges have several rows, each has a random level, with the variance split of the law. Heavy
+tails of the errors raise this likelihood as a wrong power does; so the power of the law is rejected only where its
+score over the units, edges or independent rows, rejects it as well, in units of its scatter between them.
 
 Error structure: R2 of the two fits is on different scales and cannot be compared. Densities can: the log fit gives
 ``y`` the density of ``ln y`` divided by ``y``, so its log-likelihood carries the Jacobian ``- sum ln y``. Both fits
 have the same number of parameters, so the difference of AIC is minus twice that of the log-likelihoods.
 
-Sources: Box & Cox 1964, J. Royal Statistical Society B 26, 211; Xiao et al. 2011, Ecology 92, 1887 (power laws);
+Sources: Box & Cox 1964, J. Royal Statistical Society B 26, 211; White 1982, Econometrica 50, 1 (score in units of its
+own scatter); Xiao et al. 2011, Ecology 92, 1887 (power laws);
 Vuong 1989, Econometrica 57, 307 (standard error of the difference, here summed by edge).
 """
 
@@ -30,6 +33,7 @@ Profile = Callable[[Array], Array]
 
 DROP = 1.920729410347062  # half the .95 quantile of chi-squared on one degree of freedom
 WIDEST = 10.0  # powers beyond it are no useful transformation
+NEAR = 1e-4  # distance of powers for a derivative
 STEPS = 12  # parts of one zoom: the top lies in two of them, an end in one
 ZOOMS = 6
 
@@ -37,6 +41,8 @@ ZOOMS = 6
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class BoxCox(Check):
     """Likelihood-ratio test of the power of the response that the law has, chi-squared on one degree of freedom.
+
+    The p-value is the larger of that test's and of the score's.
 
     Attributes
     ----------
@@ -89,7 +95,7 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
     best, low, high = found
     top, own = profile(np.array([best, of_law]))
     statistic = max(0.0, 2 * float(top - own))
-    p = float(chdtrc(1, statistic))
+    p = max(float(chdtrc(1, statistic)), _score_pvalue(law, of_law))
     transform, other = ("log transform", "original scale") if of_law == 0 else ("original scale", "log transform")
     result = f"lambda = {_power(best)}, 95 % CI {_power(low)} to {_power(high)}, {format_p(p)}"
     kept = f"Box-Cox: the {transform} is not rejected ({result})."
@@ -118,6 +124,20 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
         high=high,
         of_law=of_law,
     )
+
+
+def _score_pvalue(law: LawFit, power: float) -> float:
+    """P of the slope of the likelihood at a power, by the scatter of its parts over the units."""
+    from scipy.special import stdtr
+
+    columns, log_y = linear_columns(law)[0], np.log(law.observed)
+    z = transformed(log_y, power + np.array([-NEAR, 0.0, NEAR]))
+    z = z - columns @ np.linalg.lstsq(columns, z, rcond=None)[0]
+    by_unit = np.bincount(units_of(law)[1], weights=(z[:, 2] - z[:, 0]) / (2 * NEAR) * z[:, 1])
+    G, scatter = len(by_unit), float(by_unit.std(ddof=1)) if len(by_unit) > 1 else 0.0
+    if scatter <= 0:
+        return 1.0
+    return float(2 * stdtr(G - 1, -abs(float(by_unit.sum())) / (scatter * G**0.5)))
 
 
 def profile_of(law: LawFit, strata: Strata | NotAvailable) -> Profile:
@@ -287,15 +307,17 @@ def error_structure(law: LawFit, other: LawFit | None = None) -> ErrorStructure 
     if abs(difference) < EQUAL:
         preferred = None
     sure = error is not None and abs(difference) > SURE * error
-    concern = 0 if preferred in (None, law.error) else 1 + sure
+    p = _p_of_other(difference if law.error == "additive" else -difference, error, units)
+    concern = int(preferred not in (None, law.error) and p is not None and concern_of(p))
+    facts = (preferred, abs(difference), None if sure else error, f"{units} {unit}s")
     return ErrorStructure(
-        null="multiplicative and additive errors have the same likelihood",
+        null=f"{law.error} errors have a likelihood at least as high as the other structure",
         statistic=difference,
         symbol="log-likelihood difference",
+        pvalue=p,
         concern=concern,
-        verdict=_structure_verdict(
-            preferred, abs(difference), None if sure else error, f"{units} {unit}s", bool(concern)
-        ),
+        verdict=_structure_verdict(*facts, refit=bool(concern)),
+        kept=_structure_verdict(*facts, refit=False),
         response=law.response,
         fitted=law.error,
         multiplicative=multiplicative,
@@ -307,7 +329,14 @@ def error_structure(law: LawFit, other: LawFit | None = None) -> ErrorStructure 
     )
 
 
-def _structure_verdict(preferred: Error | None, size: float, error: float | None, over: str, refit: bool) -> str:
+def _p_of_other(gain: float, error: float | None, units: int) -> float | None:
+    """P of a log-likelihood that the other structure gains over units, one-sided; None without a standard error."""
+    from scipy.special import stdtr
+
+    return None if not error else float(stdtr(units - 1, -gain / error))
+
+
+def _structure_verdict(preferred: Error | None, size: float, error: float | None, over: str, *, refit: bool) -> str:
     """The preferred structure; with the standard error where the difference is not significant."""
     if preferred is None:
         return f"Multiplicative and additive errors fit equally well (log-likelihoods differ by {size:.1f})."
