@@ -171,8 +171,9 @@ def test_the_worst_comes_first_and_the_good_in_one_sentence(measurements):
 def test_the_forces_are_curved(measurements):
     """Depth adds to the force: in logarithms its effect falls. Beside 8 other tests, the lack of fit does not count."""
     law = fit.power_law(datasets.read_runs(measurements / "turning_forces" / "exp1_runs.csv"), "Fx", ["d", "V", "f"])
-    said = fit.judge(law).verdicts()
-    assert said[0].startswith(
+    curved = fit.judge(law).checks["curvature"]
+    assert curved.concern == 1
+    assert curved.verdict.startswith(
         "Curvature: squares of d, V, f improve the law (F(3, 47) = 7.49, p < .001), most of all that of d"
     )
 
