@@ -9,7 +9,7 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from ..cards.names import folder_names as _folder_names
+from ..cards.folder import folder_names as _folder_names
 from ..core.errors import UsageError
 from ..core.files import locked, make_folder, write_whole
 from ..core.version import __version__

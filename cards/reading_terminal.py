@@ -58,7 +58,7 @@ def doubt_lines(doubts: Sequence[Doubt], command: Command) -> RenderableType:
     for number, doubt in enumerate(doubts[:LONGEST], start=1):
         lines.add_row(f"{number}.", Text(f"{doubt.sentence.rstrip('.')}."))
         if doubt.remedy:
-            lines.add_row("", Text(_lines_of(command(doubt.remedy)), style="bold"))
+            lines.add_row("", Text(lines_of(command(doubt.remedy)), style="bold"))
     if len(doubts) > LONGEST:
         lines.add_row("", f"... and {len(doubts) - LONGEST} more")
     return lines
@@ -110,7 +110,7 @@ def commands_block(commands: Sequence[tuple[str, str]]) -> RenderableType:
     """Whole commands to copy, each below what it is for."""
     lines: list[RenderableType] = []
     for purpose, command in commands:
-        lines += [Text(purpose), Padding(Text(_lines_of(command), style="bold"), (0, 0, 0, 2))]
+        lines += [Text(purpose), Padding(Text(lines_of(command), style="bold"), (0, 0, 0, 2))]
     return Group(Text("Next", style="bold"), Padding(Group(*lines), (0, 0, 1, 2)))
 
 
@@ -129,10 +129,10 @@ def raw_columns(table: "FileTable") -> RenderableType:
     return Group(head, Padding(grid, (0, 0, 1, 2)))
 
 
-def _lines_of(command: str) -> str:
+def lines_of(command: str) -> str:
     r"""A command on lines that a terminal does not wrap, each but the last ended by a backslash.
 
-    >>> print(_lines_of("fitmodels data.csv" + " --unit VB=um" * 7))
+    >>> print(lines_of("fitmodels data.csv" + " --unit VB=um" * 7))
     fitmodels data.csv --unit VB=um --unit VB=um --unit VB=um --unit VB=um \
       --unit VB=um --unit VB=um --unit VB=um
     """

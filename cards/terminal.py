@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import TextTable
+from ..core.verdict import USABLE
 from ..datasets import Runs
 from ..fit.defaults import Refused
 from ..fit.statsmodels_ols import TOLERANCE
@@ -18,10 +19,11 @@ from ..parameters.gather.description import unused_conditions
 from .content.dynamics import dynamics_part
 from .content.laws import about_intervals, law_part, tool_life_part
 from .content.numbers import fact_line
-from .content.parts import LawPart
+from .content.parts import LawPart, SuspectPart, VerdictPart
 from .content.posterior import EXPLANATIONS
 from .content.tables import check_table, coefficient_table
-from .reading_terminal import count_rows
+from .content.verdicts import sorted_by_level, verdicts_of
+from .reading_terminal import Command, count_rows, lines_of
 
 if TYPE_CHECKING:
     from ..fit.statsmodels_ols import StatsmodelsComparison
@@ -32,7 +34,13 @@ NOTHING = (
     "power law also a force or P; a load line I, fm and VB; a roughness law Ra and F. Assign columns with --map, for "
     'instance --map "VB=col7".'
 )
-WRAPPED = {"SE, rows independent": "SE, rows\nindependent", "published value": "published\nvalue"}
+WRAPPED = {
+    "SE, rows independent": "SE, rows\nindependent",
+    "published value": "published\nvalue",
+    "without the suspects": "without the\nsuspects",
+}
+WIDEST_TABLE = 100  # characters of a table of coefficients at the narrowest output, of which the last two are blank
+STYLES = {0: "green", 1: "yellow", 2: "bold red", None: "yellow"}  # of a verdict, by its level
 
 
 def pair_head(runs: Runs) -> RenderableType:
@@ -43,15 +51,40 @@ def pair_head(runs: Runs) -> RenderableType:
     return Padding(title, (0, 0, 1, 0))
 
 
-def pair_blocks(runs: Runs, pf: ParameterFile, refused: Sequence[Refused]) -> list[RenderableType]:
-    """Every law of a pair, the tool life, the inference, laws that were not fitted, and conditions in no law."""
-    blocks = [_law_block(law_part(pf, law)) for law in pf.laws.values()]
+def pair_blocks(runs: Runs, pf: ParameterFile, refused: Sequence[Refused], command: Command) -> list[RenderableType]:
+    """The verdicts, every law of a pair, tool life, inference, laws that were not fitted, and conditions in no law.
+
+    ``command`` makes the whole command of an option that corrects values.
+    """
+    laws = [law_part(pf, law) for law in pf.laws.values()]
     life = tool_life_part(pf)
+    verdicts = [part.verdict for part in (*laws, *([life] if life else []))]
+    blocks = [verdicts_block(verdicts), *(_law_block(law, command) for law in laws)]
     if life is not None:
-        blocks.append(_block(Text("T  tool life", style="bold"), *_texts([life.equation, *life.words])))
+        head = Text.assemble(("T  tool life", "bold"), "   ", _verdict_text(life.verdict))
+        blocks.append(_block(head, *_reasons(life.verdict), *_texts([life.equation, *life.words])))
     blocks.append(Padding(Text(about_intervals(pf)), (0, 0, 1, 0)))
     others = [*map(_refusal, refused), *unused_conditions(runs, pf.laws)]
     return [*blocks, Text("\n".join(others) + "\n")] if others else blocks
+
+
+def verdicts_block(verdicts: Sequence[VerdictPart]) -> RenderableType:
+    """The verdict on each result, with its first reason."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for verdict in verdicts:
+        words = _verdict_text(verdict)
+        words.append(f": {verdict.first}" if verdict.first else "", "not bold default")
+        table.add_row(verdict.of, words)
+    return Group(Text("Verdicts", style="bold"), Padding(table, (0, 0, 1, 2)))
+
+
+def verdicts_reminder(pf: ParameterFile) -> str:
+    """One line on the verdicts, for the end of the output; empty where every result is usable."""
+    verdicts = [verdict for verdict in verdicts_of(pf) if verdict.level != USABLE]
+    named = [f"{', '.join(of)} {words}" for words, of in sorted_by_level(verdicts)]
+    return f"Verdicts: {'; '.join(named)}: see the reasons above." if named else ""
 
 
 def comparison_block(comparisons: "Sequence[StatsmodelsComparison]") -> RenderableType:
@@ -96,19 +129,46 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
     return _block(head, Text(model.equation), _table(coefficient_table(model.coefficients)), *words)
 
 
-def _law_block(law: LawPart) -> RenderableType:
+def _law_block(law: LawPart, command: Command) -> RenderableType:
     unit = f", {law.unit}" if law.unit else ""
-    head = Text.assemble((f"{law.response}  {law.quantity}{unit}", "bold"), f"   {law.form}; {law.structure}")
+    head = Text.assemble((f"{law.response}  {law.quantity}{unit}", "bold"), "   ", _verdict_text(law.verdict))
     edges = f"By edge: {fact_line(law.by_edge)}." if len(law.by_edge) > 1 else fact_line(law.by_edge)
     posterior = [] if law.posterior is None else [s for s in law.posterior.sentences if s not in EXPLANATIONS]
     return _block(
         head,
+        *_reasons(law.verdict),
+        *(line for suspect in law.suspects for line in _suspect_lines(suspect, command)),
         Text(law.equation),
-        _table(coefficient_table(law.coefficients, law)),
-        *_texts([f"{fact_line(law.statistics)}.", edges, law.edge_words, law.composite_words, law.printed_words]),
+        Text(f"{law.form}; {law.structure}", style="dim"),
+        _table(_narrow(coefficient_table(law.coefficients, law), ("published value", law.other_heading))),
+        *_texts([law.without_words, f"{fact_line(law.statistics)}.", edges, law.edge_words]),
+        *_texts([law.composite_words, law.printed_words]),
         *([_table(check_table(law.checks))] if law.checks else []),
-        *_texts([*law.verdicts, *posterior, *law.cautions]),
+        *_texts([*law.check_words, *posterior, *law.cautions]),
     )
+
+
+def _verdict_text(verdict: VerdictPart) -> Text:
+    return Text(verdict.words, style=STYLES[verdict.level])
+
+
+def _reasons(verdict: VerdictPart) -> list[RenderableType]:
+    """The reasons of a verdict, each as an item of a list."""
+    return [_item(reason) for reason in verdict.reasons]
+
+
+def _item(sentence: str) -> RenderableType:
+    line = Table.grid(padding=(0, 1))
+    line.add_column(no_wrap=True)
+    line.add_column()
+    line.add_row("-", Text(sentence))
+    return line
+
+
+def _suspect_lines(suspect: SuspectPart, command: Command) -> list[RenderableType]:
+    """What is suspected, and on a line of its own the command that corrects it or leaves it out."""
+    shown = Text(lines_of(command(suspect.remedy)), style="bold")
+    return [_item(f"{suspect.words}:"), Padding(shown, (0, 0, 0, 4))]
 
 
 def _table(table: TextTable) -> Table:
@@ -116,11 +176,28 @@ def _table(table: TextTable) -> Table:
     shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for j, heading in enumerate(table.header):
         left = j == 0 or any(row[j][:1].isalpha() for row in table.rows)
-        words = "" if heading == "coefficient" else WRAPPED.get(heading, heading.replace(" (", "\n("))
+        words = "" if heading == "coefficient" else _wrapped(heading)
         shown.add_column(words, justify="left" if left else "right", no_wrap=True)
     for row in table.rows:
         shown.add_row(*map(Text, row))
     return shown
+
+
+def _wrapped(heading: str) -> str:
+    return WRAPPED.get(heading, heading.replace(" (", "\n("))
+
+
+def _narrow(table: TextTable, dispensable: Sequence[str]) -> TextTable:
+    """The table without those dispensable columns, first ones first, that the narrowest output has no space for."""
+    for name in dispensable:
+        columns = zip(*table.rows, strict=True)
+        heads = (max(map(len, _wrapped(heading).split("\n"))) for heading in table.header)
+        wide = sum(2 + max(head, *map(len, cells)) for head, cells in zip(heads, columns, strict=True))
+        if wide > WIDEST_TABLE and name in table.header:
+            j = table.header.index(name)
+            header, *rows = (row[:j] + row[j + 1 :] for row in (table.header, *table.rows))
+            table = TextTable(header, tuple(rows))
+    return table
 
 
 def _block(head: Text, *lines: RenderableType) -> RenderableType:

@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         found = identify(records, held_out=held_out, orders=orders, trend=bool(args.trend))
         pf = _collected(found, records, args)
     if args.json:
-        print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=3)
+        print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=4)
     else:
         Printer().show(terminal.identification_block(found, pf))
     written = _written(found, pf, target, args)

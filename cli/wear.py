@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> int:
     """Analyse the runs, print and write the results, and return the exit code."""
-    from ..cards.reading_terminal import doubts_reminder, reading_notes
+    from ..cards.reading_terminal import reading_notes
     from ..core.progress import progress_bar
     from ..pipeline.analysis import analyse_runs
     from ..pipeline.folders import left_folders
@@ -102,14 +102,24 @@ def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> 
     left = left_folders(_root(args), runs, written) if written else ()
     if left and not args.json:
         out.show(_left(left, runs))
-    reminder = doubts_reminder(runs)
-    if reminder and not args.json:
-        out.show(reminder)
+    if not args.json:
+        for line in _reminders(runs, analysis.pairs):
+            out.show(line)
     if args.json:
-        print_json("report", {"understood": facts(runs), "pairs": reports, "left": list(map(str, left))}, version=3)
+        print_json("report", {"understood": facts(runs), "pairs": reports, "left": list(map(str, left))}, version=4)
     if any(pair.failed for pair in analysis.pairs):
         return 5
     return 4 if any(pair.parameters is None for pair in analysis.pairs) else 0
+
+
+def _reminders(runs: "Runs", pairs: "Sequence[PairAnalysis]") -> list[str]:
+    """Lines at the end of the output: results that are not simply usable, and doubts about the data."""
+    from ..cards.reading_terminal import doubts_reminder
+    from ..cards.terminal import verdicts_reminder
+
+    judged = {pair.name: "" if pair.parameters is None else verdicts_reminder(pair.parameters) for pair in pairs}
+    lines = [f"{name}: {line}" if len(pairs) > 1 else line for name, line in judged.items() if line]
+    return [*lines, *filter(None, [doubts_reminder(runs)])]
 
 
 def _identify(args: argparse.Namespace, path: Path) -> int:
@@ -166,7 +176,7 @@ def _show(pair: "PairAnalysis", folder: "Folder | None", args: argparse.Namespac
     elif pair.parameters is None:
         complain(terminal.nothing_fitted(pair.runs, pair.refused))
     elif not args.json:
-        for block in terminal.pair_blocks(pair.runs, pair.parameters, pair.refused):
+        for block in terminal.pair_blocks(pair.runs, pair.parameters, pair.refused, partial(corrected, args.words)):
             out.show(block)
     if pair.comparisons and not args.json:
         out.show(terminal.comparison_block(pair.comparisons))
@@ -196,10 +206,13 @@ def _written(pair: "PairAnalysis", folder: "Folder") -> str:
 def _report(pair: "PairAnalysis", folder: "Folder | None") -> dict[str, Any]:
     from dataclasses import asdict
 
+    from ..cards.content.verdicts import verdicts_of
+
     pf = pair.parameters
     return {
         "tool": pair.runs.tool,
         "work": pair.runs.work,
+        "verdicts": {} if pf is None else {verdict.of: verdict.words for verdict in verdicts_of(pf)},
         "folder": None if folder is None or pf is None else str(folder.path),
         "parameters": None if pf is None else pf.model_dump(mode="json"),
         "gate": pair.failed or None,

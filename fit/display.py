@@ -124,7 +124,7 @@ def of_life(life: ToolLife) -> Display:
 
 @display_of.register
 def of_checks(found: Judgement) -> Display:
-    """Each check with its statistic, p and level; the verdicts of those that did not pass."""
+    """The verdict with its reasons; each check with its statistic, p and level; corrections; what was not tested."""
     rows = tuple(
         (TITLES[name], check.statistic_text, "" if check.pvalue is None else format_p(check.pvalue), check.level)
         if isinstance(check, Check)
@@ -133,9 +133,12 @@ def of_checks(found: Judgement) -> Display:
     )
     levels = [level for *_, level in rows]
     counts = ", ".join(f"{n} {level}" for level in (*LEVELS, "not testable") if (n := levels.count(level)))
-    sentences = tuple(text for text in found.verdicts() if not text.startswith("Passed"))
+    verdict = found.verdict
+    corrections = tuple(f"Corrected with --correct {one.correction!r}." for one in found.suspects if one.correction)
+    missing = tuple(text for text in found.verdicts() if text.startswith("Not testable"))
     table = TextTable(("check", "statistic", "p", "result"), rows)
-    return Display(f"{len(rows)} checks on {found.nobs} rows: {counts}", (), table, sentences)
+    head = f"{verdict.words}: {len(rows)} checks on {found.nobs} rows, {counts}"
+    return Display(head, (), table, (*verdict.reasons, *corrections, *missing))
 
 
 @display_of.register(RobustFit)

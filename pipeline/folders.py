@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import cards, parameters
-from ..cards.names import folder_names
+from ..cards.folder import folder_names
 from ..core.errors import ParameterError, UsageError
 from ..core.version import __version__
 from ..datasets import Runs

@@ -3,6 +3,7 @@
 What reads here was written elsewhere: huggingface_hub, PyYAML, markdown-it-py, lxml, jsonschema.
 """
 
+import io
 import json
 import re
 from dataclasses import replace
@@ -20,6 +21,7 @@ from fitmodels.cards.forms.front_matter import hub_metadata, yaml_text
 from fitmodels.cards.forms.linked_data import json_ld
 from fitmodels.cards.forms.markdown import card_markdown, text
 from fitmodels.cards.forms.page import page_html
+from fitmodels.cards.terminal import pair_blocks, verdicts_reminder
 from fitmodels.core.errors import UsageError
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect
@@ -29,6 +31,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from lxml import html
 from markdown_it import MarkdownIt
+from rich.console import Console
 
 HOSTILE = (
     "<img src=x onerror=alert(1)>",
@@ -52,7 +55,7 @@ HOSTILE = (
     "=",
     "\u202eabc",
 )
-PUBLISHED_SCHEMA = json.loads((files("fitmodels.cards") / "schema" / "card-3.json").read_text("utf-8"))
+PUBLISHED_SCHEMA = json.loads((files("fitmodels.cards") / "schema" / "card-4.json").read_text("utf-8"))
 PUBLISHED = PublicationPart(
     license="CC-BY-4.0", authors=("Doe, Jane (0000-0002-1825-0097)", "Institute of Machining"), contact="j@example.org",
     doi="10.5281/zenodo.1", keywords=("turning",),
@@ -105,9 +108,37 @@ def doubted_file():
     return sealed(load_file(), reading={"doubts": doubts})
 
 
+def suspected_file():
+    """The law of wear must not be used: the feed of two edges is in inches, a line is wrong for no known reason."""
+    pf = bundled_file()
+    law = pf.laws["AW"].model_dump()
+    suspects = [
+        {
+            "column": "f",
+            "edges": ["E02", "E11"],
+            "factor": 25.4,
+            "correction": "E02,E11:f*25.4",
+            "cause": "inch for mm",
+        },
+        {"column": "AW", "lines": [12]},
+    ]
+    law["checks"]["wrong edges"] = {
+        "null": "No edge differs.", "statistic": 9.1, "concern": 2, "verdict": "Edges E02, E11 differ.",
+        "suspects": suspects,
+    }  # fmt: skip
+    law["verdict"] = {"level": "do not use for control", "reasons": ["Edges E02, E11 differ."]}
+    law["without"] = {
+        "edges": ["E02", "E11"], "lines": [12], "coefficients": {**law["coefficients"], "f": 0.31459},
+        "standard_errors": law["standard_errors"], "residual_se": 0.05, "r2": 0.98, "n": 219, "n_edges": 22,
+    }  # fmt: skip
+    life = {**pf.tool_life.model_dump(), "verdict": {"level": "usable with reservations", "reasons": ["Extrapolated."]}}
+    return sealed(pf, laws={**{k: v.model_dump() for k, v in pf.laws.items()}, "AW": law}, tool_life=life)
+
+
 FILES = {
+    "suspected": suspected_file,
     "doubted": doubted_file,
-    "bundled": lambda: bundled_file(limits={"power": {"value": 7.0, "unit": "kW", "of": "P"}}),
+    "bundled": lambda: sealed(suspected_file(), limits={"power": {"value": 7.0, "unit": "kW", "of": "P"}}),
     "drive": drive_file,
     "load line": load_file,
     "levels": two_materials,
@@ -186,6 +217,54 @@ def body(readme):
 def shown(tree):
     """Text that a reader sees, in one line."""
     return " ".join(tree.text_content().split())
+
+
+# --- verdicts -----------------------------------------------------------------------------------------
+
+
+def test_the_verdict_stands_first_with_its_reason_and_the_correction(files):
+    pf = files["suspected"]
+    card = compose(pf)
+    assert card.verdict == "do not use for control"
+    assert [(v.of, v.level) for v in card.verdicts][:1] == [("AW", 2)]
+    assert card.verdicts[-1].words == "usable with reservations"
+    assert [s.command for s in card.laws[0].suspects] == [
+        "fitmodels data.csv --correct 'E02,E11:f*25.4'",
+        "fitmodels data.csv --leave-out 'lines 12'",
+    ]
+    assert {c.name: c.without.text for c in card.laws[0].coefficients}["f"] == "0.315"
+    assert not any("AW" in sentence for sentence in card.intended)
+    assert "Edges E02, E11 differ." in card.out_of_scope[0]
+    readme, page = shown(rendered(body(card_markdown(card)))), page_html(card, pf)
+    assert readme.index("Verdict: do not use for control.") < readme.index("AW, average wear")
+    for sentence in (card.laws[0].suspects[0].command, card.laws[0].without_words, "Edges E02, E11 differ."):
+        assert sentence in readme
+        assert " ".join(sentence.split()) in " ".join(html.document_fromstring(page).text_content().split())
+    assert page.index("Verdict: do not use for control.") < page.index('class="summary"')
+
+
+def test_a_file_without_verdicts_is_not_judged(pf):
+    laws = {name: {**law.model_dump(), "verdict": None} for name, law in pf.laws.items()}
+    card = compose(sealed(pf, laws=laws, tool_life=None))
+    assert card.verdict == "not judged"
+    assert "earlier version" in card.verdicts[0].reasons[0]
+
+
+def test_the_terminal_gives_verdict_reason_and_command_before_the_equation(files):
+    out = io.StringIO()
+    console = Console(file=out, width=100)
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    for block in pair_blocks(runs, files["suspected"], (), "fitmodels x {}".format):
+        console.print(block)
+    text = out.getvalue()
+    order = [
+        "Verdicts", "do not use for control: Edges E02, E11 differ.", "AW  average wear, mm   do not use for control",
+        "f of edges E02, E11 (inch for mm), corrected with:", "fitmodels x --correct 'E02,E11:f*25.4'",
+        "AW = 0.0086", "without the", "219 of 239 rows",
+    ]  # fmt: skip
+    places = [text.index(words) for words in order]
+    assert places == sorted(places)
+    assert verdicts_reminder(files["suspected"]).startswith("Verdicts: AW do not use for control; ")
 
 
 # --- Markdown -----------------------------------------------------------------------------------------
@@ -320,7 +399,7 @@ def test_card_json_obeys_its_schema_and_reads_back(files, name, tmp_path):
 def test_the_published_schema_is_that_of_the_code():
     Draft202012Validator.check_schema(PUBLISHED_SCHEMA)
     assert json.loads(card_json.schema_text()) == PUBLISHED_SCHEMA
-    assert PUBLISHED_SCHEMA["$id"] == "fitmodels.card/3"
+    assert PUBLISHED_SCHEMA["$id"] == "fitmodels.card/4"
 
 
 @pytest.mark.parametrize("name", HOSTILE)

@@ -157,7 +157,14 @@ def test_every_sentence_of_the_card_stands_in_the_page(either):
     laws = [
         words
         for law in card.laws
-        for words in (*law.verdicts, *law.cautions, law.edge_words, law.composite_words, law.equation)
+        for words in (
+            *law.verdict.reasons,
+            *law.check_words,
+            *law.cautions,
+            law.edge_words,
+            law.composite_words,
+            law.equation,
+        )
     ]
     settings = [words for window in card.windows for words in (window.title, *window.sentences)]
     parts = [part for part in (card.dynamics, card.gains) if part is not None]

@@ -17,6 +17,7 @@ from .laws import about_intervals, law_part, tool_life_part
 from .parts import Card, IdentityPart, PublicationPart
 from .profiler import profiler_part
 from .uncertainty import statements
+from .verdicts import verdicts_of, worst
 from .windows import window_parts
 
 NO_LAWS = "The file holds no law; fit a file of cutting tests: fitmodels data.csv."
@@ -51,6 +52,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
     parts: dict[str, Any] = {
         "slug": slug(pf),
         "title": publication.title or title(pf),
+        "verdict": worst(verdicts_of(pf)),
         "summary": summary(pf),
         "identity": identity,
         "publication": publication,
@@ -76,7 +78,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
     failed = {name: f"Not composed: {why}." for name, why in made.items() if isinstance(why, NotAvailable)}
     parts |= {name: part for name, part in made.items() if name not in failed}
     end = f"End of card {parts['slug']}, {identity.content_sha256[:12]}"
-    return Card(schema="fitmodels.card/3", **parts, empty=_empty(pf, parts) | failed, end=end)
+    return Card(schema="fitmodels.card/4", **parts, empty=_empty(pf, parts) | failed, end=end)
 
 
 def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:

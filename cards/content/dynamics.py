@@ -9,6 +9,7 @@ from ...parameters.sections.base import ModelCovariance
 from ...parameters.sections.dynamics import DynamicsSection
 from .numbers import INFINITE, NONE, count, fact, figure, number, places, sentence, spread
 from .parts import CoefficientPart, DynamicsPart, FactPart
+from .verdicts import DYNAMICS, verdict_part
 
 SIMULATED = "of samples not used in the fit, by simulation"
 NORMAL = 1.96  # quantile of the intervals of a model
@@ -20,6 +21,7 @@ def dynamics_part(d: DynamicsSection | None) -> DynamicsPart | None:
         return None
     return DynamicsPart(
         title=f"{d.output} from {d.input}",
+        verdict=verdict_part(DYNAMICS, d.verdict),
         equation=f"G(z) = ({_polynomial(d.b)}) / ({_polynomial(d.a)})",
         coefficients=_coefficients(d),
         facts=_facts(d),

@@ -3,9 +3,11 @@
 from typing import Any
 
 from ...core.errors import ParameterError
+from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
 from .design import at_words, middle, reference
 from .numbers import figure, number, percent, quantity
+from .verdicts import ADAPTIVE_FORCE, DYNAMICS, TOOL_LIFE, verdicts_of
 
 
 def title(pf: ParameterFile) -> str:
@@ -49,7 +51,7 @@ def _said(pf: ParameterFile) -> list[str]:
     """The first law at the middle of its tests, or the gains."""
     law = next(iter(pf.laws.values()), None)
     if law is not None:
-        return [_of_law(law)]
+        return [] if law.response in _refused(pf) else [_of_law(law)]
     pi = pf.pi
     if pi is not None:
         return [
@@ -90,34 +92,41 @@ def join_words(names: list[str]) -> str:
 
 def intended(pf: ParameterFile) -> tuple[str, ...]:
     """Uses supported by the sections of the file."""
-    pair, said = f"{pf.identity.tool} on {pf.identity.work}", []
-    if pf.laws:
+    pair, said, refused = f"{pf.identity.tool} on {pf.identity.work}", [], _refused(pf)
+    usable = [response for response in pf.laws if response not in refused]
+    if usable:
         said.append(
-            f"To choose conditions and to predict {', '.join(pf.laws)} for {pair}, inside the ranges of the tests, "
+            f"To choose conditions and to predict {', '.join(usable)} for {pair}, inside the ranges of the tests, "
             "each prediction with its interval."
         )
-    if pf.tool_life:
+    if pf.tool_life and not refused.keys() & {TOOL_LIFE, pf.tool_life.wear}:
         said.append(
             f"To plan tool changes at {pf.tool_life.wear} {pf.tool_life.criterion:g} {pf.tool_life.unit_of_wear}."
         )
-    if pf.dynamics:
+    if pf.dynamics and DYNAMICS not in refused:
         said.append(f"To simulate {pf.dynamics.output} from {pf.dynamics.input} and to tune a controller for it.")
     if pf.pi:
         said.append(
             "To set up a PI controller with the form, sample time and limits given here, after the checks below."
         )
-    if pf.load_line:
+    if pf.load_line and pf.load_line.law not in refused:
         said.append("To mill at constant load with the reference and the feed limits given here.")
-    if pf.roughness:
+    if pf.roughness and pf.roughness.law not in refused:
         said.append("To turn at constant roughness through the reference force given here.")
-    if pf.adaptive_force:
+    if pf.adaptive_force and ADAPTIVE_FORCE not in refused:
         said.append("To start an adaptive force controller from the estimates and rates given here.")
     return tuple(said) or (f"As a record of {pair}: the file holds nothing to compute with yet.",)
 
 
+def _refused(pf: ParameterFile) -> dict[str, str]:
+    """Results that must not be used for control, each with the first reason."""
+    return {verdict.of: verdict.reasons[0] for verdict in verdicts_of(pf) if verdict.level == DO_NOT_USE}
+
+
 def out_of_scope(pf: ParameterFile) -> tuple[str, ...]:
     """Uses that the numbers do not support."""
-    said = ["Other tools, other work, another machine or set-up: these were not tested."]
+    said = [f"Control and choice of conditions by {name}: {reason}" for name, reason in _refused(pf).items()]
+    said += ["Other tools, other work, another machine or set-up: these were not tested."]
     if pf.laws:
         said.append("Conditions outside the ranges or outside the tested region: there the laws are extrapolations.")
         said.append(

@@ -13,6 +13,7 @@ from .design import factor_ranges
 from .numbers import LEVEL, NONE, count, fact, figure, number, percent, places, probability, spread, t_quantile
 from .parts import CheckPart, CoefficientPart, FactPart, LawPart, NumberPart, ToolLifePart
 from .posterior import posterior_of, posterior_part
+from .verdicts import TOOL_LIFE, suspect_parts, verdict_part, without_words
 
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one is not informative
 CONDITIONS = ("V", "n", "f", "fz", "d", "ae")  # usually constant for an edge
@@ -49,6 +50,9 @@ def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
         equation=law.equation,
         form=law.form.replace("_", " "),
         structure=_structure(law),
+        verdict=verdict_part(law.response, law.verdict),
+        suspects=suspect_parts(law, pf),
+        without_words=without_words(law),
         level=percent(LEVEL),
         statistics=_statistics(law),
         by_edge=_by_edge(law),
@@ -57,9 +61,10 @@ def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
         other_heading="" if law.alternative is None else STRUCTURES[law.alternative.error],
         has_row_se=bool(law.row_standard_errors),
         has_printed=law.published is not None and not _lacking(law),
+        has_without=law.without is not None,
         domain=factor_ranges(law.factors, pf.design),
         checks=checks,
-        verdicts=_verdicts(checks) if checks else law.verdicts,
+        check_words=_check_words(checks) if checks else law.verdicts,
         cautions=tuple(_cautions(law)),
         printed_words=_published_words(law),
         composite_words=_composite_words(law),
@@ -75,6 +80,7 @@ def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient
     """
     printed = law.published.coefficients if law.published is not None and not _lacking(law) else {}
     other = {} if law.alternative is None else _values(law.alternative)
+    without = ({}, {}) if law.without is None else (law.without.coefficients, law.without.standard_errors)
     half = _half_widths(law, level)
     lines = []
     for name, value in _values(law).items():
@@ -94,6 +100,7 @@ def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient
                 row_se=spread(value, law.row_standard_errors.get(name)),
                 other=number(other.get(name), se),
                 printed=figure(printed.get(name), 6),
+                without=number(without[0].get(name), without[1].get(name)),
             )
         )
     return tuple(lines)
@@ -148,6 +155,7 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
     end = f"; {longest}." if life.typical <= life.t_observed else f", but {longest}: this T is an extrapolation."
     taylor = [f"Taylor's n = {life.taylor_n:.3g} in V T^n = C."] if life.taylor_n is not None else []
     return ToolLifePart(
+        verdict=verdict_part(TOOL_LIFE, life.verdict),
         equation=" ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)]),
         words=(definition, *taylor, f"{place}, T = {format_plain(life.typical, 3)} {life.unit}{end}"),
     )
@@ -224,8 +232,8 @@ def _check(name: str, check: LawCheck) -> CheckPart:
     )
 
 
-def _verdicts(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
-    """The count of each verdict, sentences of failed checks and warnings, reasons of those not testable."""
+def _check_words(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
+    """The count of each result, and the reasons of checks that are not testable."""
     found = {verdict: [check for check in checks if check.verdict == verdict] for verdict in (*LEVELS, UNTESTABLE)}
     reasons: dict[str, list[str]] = {}
     for check in found[UNTESTABLE]:
@@ -234,7 +242,6 @@ def _verdicts(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
               for name, of in list(found.items())[1:] if of]  # fmt: skip
     return (
         ", ".join([f"{len(found['passed'])} of {len(checks)} checks passed", *counts]) + ".",
-        *(check.words for check in (*found["failed"], *found["warning"])),
         *(f"{', '.join(names)} not testable: {reason}." for reason, names in reasons.items()),
     )
 

@@ -87,6 +87,40 @@ class DoubtPart(Part):
     command: str = ""
 
 
+class VerdictPart(Part):
+    """How far one result of the card can be used.
+
+    ``level`` is 0 usable inside the tested region, 1 usable with reservations, 2 do not use for control, and null where
+    the result was not judged; ``words`` state it. Reasons are sentences, those against any use first.
+    """
+
+    of: str  # the response of a law, "tool life", "dynamics", "adaptive force"
+    level: int | None
+    words: str
+    reasons: tuple[str, ...] = ()
+    checked: tuple[str, ...] = ()
+    not_checked: tuple[str, ...] = ()  # each with its reason
+
+    @property
+    def first(self) -> str:
+        """The first reason and the number of the others; empty where there is none."""
+        more = len(self.reasons) - 1
+        return " ".join(
+            [*self.reasons[:1], *([f"{more} more reason{'s' if more > 1 else ''} below."] if more > 0 else [])]
+        )
+
+
+class SuspectPart(Part):
+    """Rows or edges that the checks find wrong, and the command that corrects them or fits without them."""
+
+    column: str
+    edges: tuple[str, ...] = ()
+    lines: tuple[int, ...] = ()
+    words: str
+    remedy: str  # the option
+    command: str  # the whole command
+
+
 class DesignPart(Part):
     """The tests behind the laws."""
 
@@ -108,6 +142,7 @@ class CoefficientPart(Part):
     row_se: NumberPart  # assuming independent rows, as published laws do
     other: NumberPart  # the fit with the other error structure
     printed: NumberPart  # as published
+    without: NumberPart = NumberPart()  # the fit without the suspected rows and edges
 
 
 class CheckPart(Part):
@@ -154,6 +189,9 @@ class LawPart(Part):
     equation: str  # to the digits one computes with
     form: str
     structure: str  # error structure and method
+    verdict: VerdictPart
+    suspects: tuple[SuspectPart, ...] = ()
+    without_words: str = ""  # the fit without the suspects
     level: NumberPart  # of the intervals
     statistics: tuple[FactPart, ...]  # R2, F, SE, n: assuming independent rows
     by_edge: tuple[FactPart, ...] = ()  # F by edge, ICC ...
@@ -162,9 +200,10 @@ class LawPart(Part):
     other_heading: str = ""
     has_row_se: bool = False
     has_printed: bool = False
+    has_without: bool = False
     domain: tuple[FactorRangePart, ...]
     checks: tuple[CheckPart, ...] = ()
-    verdicts: tuple[str, ...] = ()
+    check_words: tuple[str, ...] = ()  # their number by result, and the reasons of those that are not testable
     cautions: tuple[str, ...] = ()
     printed_words: str = ""
     composite_words: str = ""
@@ -174,6 +213,7 @@ class LawPart(Part):
 class ToolLifePart(Part):
     """Tool life at a criterion."""
 
+    verdict: VerdictPart
     equation: str
     words: tuple[str, ...]
 
@@ -203,6 +243,7 @@ class DynamicsPart(Part):
     """The identified dynamics."""
 
     title: str
+    verdict: VerdictPart
     equation: str
     coefficients: tuple[CoefficientPart, ...]
     facts: tuple[FactPart, ...] = ()  # band, sample time, held-out fit, gain at rest, delay ...
@@ -222,6 +263,7 @@ class WindowPart(Part):
     """The operation window and its best point, or the settings of a controller."""
 
     title: str
+    verdict: VerdictPart | None = None  # of estimates that a controller starts from
     facts: tuple[FactPart, ...] = ()
     sentences: tuple[str, ...] = ()
 
@@ -308,14 +350,15 @@ class ProfilerPart(Part):
 
 
 class Card(Part):
-    """A model card of a tool/work pair, schema ``fitmodels.card/3``.
+    """A model card of a tool/work pair, schema ``fitmodels.card/4``.
 
     ``empty``: name of each empty field -> the reason in a sentence.
     """
 
-    schema_: str = Field(default="fitmodels.card/3", alias="schema")
+    schema_: str = Field(default="fitmodels.card/4", alias="schema")
     slug: str
     title: str
+    verdict: str  # the worst of all results, in words; empty where the card has none that is judged
     summary: str  # one or two sentences
     identity: IdentityPart
     publication: PublicationPart = PublicationPart()
@@ -338,6 +381,12 @@ class Card(Part):
     end: str  # the end mark
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+    @property
+    def verdicts(self) -> tuple[VerdictPart, ...]:
+        """The verdict of each law, of the tool life, the dynamics and the settings, in this order."""
+        judged = (*self.laws, *filter(None, (self.tool_life, self.dynamics)), *self.windows)
+        return tuple(part.verdict for part in judged if part.verdict is not None)
 
     def _display(self) -> Display:
         return Display(self.summary, tuple(facts_of(self)))

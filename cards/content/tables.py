@@ -13,6 +13,7 @@ def coefficient_table(lines: Sequence[CoefficientPart], law: LawPart | None = No
     return _table({
         "coefficient": [c.name for c in lines],
         "estimate": texts["estimate"],
+        "without the suspects": [c.without.text for c in lines],
         "SE": texts["se"],
         "t": texts["t"],
         "p": texts["p"],

@@ -10,6 +10,7 @@ from ...parameters.sections.load_line import Bound, FeedLimit, LimitInterval, Li
 from .design import middle_of, reference
 from .numbers import fact, figure, percent, quantity, sentence
 from .parts import FactPart, NumberPart, WindowPart
+from .verdicts import ADAPTIVE_FORCE, verdict_part
 
 if TYPE_CHECKING:
     from ...controllers.region.operating_point import OperatingPoint
@@ -120,7 +121,12 @@ def adaptive_force_window(a: AdaptiveForceSection) -> WindowPart:
         *fact("lowest command", figure(a.low, 6, a.unit_u)),
         *fact("highest command", figure(a.high, 6, a.unit_u)),
     )
-    return WindowPart(title="Adaptive force", facts=facts, sentences=tuple(sentence(note) for note in a.notes))
+    return WindowPart(
+        title="Adaptive force",
+        verdict=verdict_part(ADAPTIVE_FORCE, a.verdict),
+        facts=facts,
+        sentences=tuple(sentence(note) for note in a.notes),
+    )
 
 
 def _feed(name: str, limit: FeedLimit, unit: str, unit_wear: str) -> tuple[FactPart, ...]:

@@ -102,6 +102,7 @@ def _own(card: Card) -> dict[str, Any]:
         "tool": i.tool,
         "work": i.work,
         "simulated": i.simulated,
+        **({"verdict": card.verdict} if card.verdict else {}),
         "sha256": i.content_sha256,
         "data_file": p.data_file,
         "data_sha256": p.data_sha256,

@@ -71,7 +71,7 @@ def _model(card: Card) -> dict[str, Any]:
         "dateCreated": card.provenance.created,
         "keywords": list(p.keywords),
         "inLanguage": "en",
-        "usageInfo": " ".join(card.out_of_scope),
+        "usageInfo": " ".join([*([f"Verdict: {card.verdict}."] if card.verdict else []), *card.out_of_scope]),
         "conditionsOfAccess": " ".join(card.safety),
     })  # fmt: skip
 

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from ...core.display import TextTable
 from ..content.numbers import fact_line, fact_text, quantity
-from ..content.parts import Card, DoubtPart, FactorRangePart, LawPart
+from ..content.parts import Card, DoubtPart, FactorRangePart, LawPart, SuspectPart, VerdictPart
 from ..content.tables import (
     check_table,
     coefficient_table,
@@ -101,6 +101,23 @@ def _doubts(doubts: Sequence[DoubtPart]) -> str:
     return "".join(lines) + "\n"
 
 
+def _verdicts(verdicts: Sequence[VerdictPart]) -> str:
+    """The verdict on each result with its first reason, as bullets."""
+    lines = (f"- **{text(v.of)}**: {text(v.words)}{f': {text(v.first)}' if v.first else ''}\n" for v in verdicts)
+    return "".join(lines) + "\n"
+
+
+def _verdict(verdict: VerdictPart) -> str:
+    """The verdict on one result with its reasons, a paragraph: the indented line after a list would belong to it."""
+    return " ".join([f"**Verdict: {text(verdict.words)}.**", *map(text, verdict.reasons)])
+
+
+def _suspects(suspects: Sequence[SuspectPart]) -> str:
+    """Each group of suspected values as a bullet, with the command that corrects them."""
+    lines = "".join(f"- {text(suspect.words)} {code(suspect.command)}\n" for suspect in suspects)
+    return f"Suspected values:\n\n{lines}\n" if lines else ""
+
+
 def _table(table: TextTable) -> str:
     """A table with its blank line, columns of words aligned left; nothing where there are no rows."""
     if not table.rows:
@@ -182,6 +199,9 @@ def _template() -> "Template":
         reasons=_reasons,
         bullets=_bullets,
         doubts=_doubts,
+        verdicts=_verdicts,
+        verdict=_verdict,
+        suspects=_suspects,
         line=lambda facts: text(fact_line(facts)),
         fact=lambda item: text(fact_text(item)),
         domain=_domain,
