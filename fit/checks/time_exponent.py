@@ -86,9 +86,10 @@ def common_exponent(law: LawFit, clip: float = np.inf) -> CommonExponent | NotAv
     exponents = (slopes[:, 0] - slopes[:, 1:] @ b)[informative]
     p = float(fdtrc(df, df_left, F))
     result = f"F({df}, {df_left}) = {F:.3g}, {format_p(p)}"
+    low, high = (str(names[informative][i]) for i in (exponents.argmin(), exponents.argmax()))
     rejected = (
-        f"A common time exponent is rejected ({result}): exponents of edges range from {exponents.min():.2f} to "
-        f"{exponents.max():.2f}."
+        f"A common time exponent is rejected ({result}): exponents of edges range from {exponents.min():.2f} "
+        f"(edge {low}) to {exponents.max():.2f} (edge {high})."
     )
     kept = f"A common time exponent of {len(exponents)} edges is kept ({result})."
     return CommonExponent(

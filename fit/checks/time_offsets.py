@@ -33,6 +33,7 @@ ONE_SCHEDULE = (
 CLIP = 2.5  # robust standard deviations, of rows in the test of equal exponents
 SEARCHED = 0.01  # p of a test below which edges are searched for
 RESTARTED = 10.0  # n ln(RSS0/RSS1) for times that are counted on from the time before
+ALL = ("all",)
 ANEW = "counted from a restart of the time"
 # Usual causes of a rejection where the search names no edges.
 CAUSES = {
@@ -157,13 +158,7 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     >>> list(time_tests(law, 0.3))
     ['time exponent', 'time between edges', 'time within edges']
     """
-    slopes = common_exponent(law, CLIP)
-    tests: dict[str, Check | NotAvailable | None] = {
-        # of laws without time, or edges with one row, it does not exist
-        "time exponent": slopes if isinstance(slopes, Check) else None,
-        "time between edges": time_between(law, icc),
-        "time within edges": time_within(law),
-    }
+    tests = _tests(law, icc)
     rejected = [
         (one.pvalue, name, one)
         for name, one in tests.items()
@@ -174,17 +169,37 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
         return tests
     _, name, check = min(rejected, key=lambda one: one[0])
     found = search(rows)
-    if found is None:
+    named = None if found is None else _suspect(rows, found)
+    if named is None or not _explains(law, icc, named):
         causes = CAUSES[name].format(response=law.response)
         tests[name] = replace(check, verdict=f"{check.verdict} {causes}".rstrip())
         return tests
-    one = _suspect(rows, found)
-    tests[name] = replace(check, verdict=f"{check.verdict} {_sentence(law, one)}", suspects=(one,))
+    suspects = () if named.edges == ALL else (named,)
+    tests[name] = replace(check, verdict=f"{check.verdict} {_sentence(law, named)}", suspects=suspects)
     return tests
 
 
+def _tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None]:
+    slopes = common_exponent(law, CLIP)
+    return {
+        # of laws without time, or edges with one row, it does not exist
+        "time exponent": slopes if isinstance(slopes, Check) else None,
+        "time between edges": time_between(law, icc),
+        "time within edges": time_within(law),
+    }
+
+
+def _explains(law: LawFit, icc: float, one: Suspect) -> bool:
+    """Whether no test rejects once the times are corrected, as one would if edges had wear curves of their own."""
+    at = np.ones(law.nobs, dtype=bool) if one.edges == ALL else np.isin(np.asarray(law.edge).astype(str), one.edges)
+    X, j = law.X.copy(), law.factors.index(TIME)
+    X[at, j] = X[at, j] * (one.factor or 1.0) + (one.offset or 0.0)
+    after = [check for check in _tests(law.with_rows(X=X), icc).values() if isinstance(check, Check)]
+    return all(check.pvalue is None or check.pvalue > SEARCHED / len(after) for check in after)
+
+
 def _suspect(rows: TimeRows, found: Shift) -> Suspect:
-    edges = ("all",) if found.edges.all() else tuple(np.array(rows.names)[found.edges].tolist())
+    edges = ALL if found.edges.all() else tuple(np.array(rows.names)[found.edges].tolist())
     if found.factor != 1:
         cause = UNITS[next(unit for unit in UNITS if np.isclose(max(found.factor, 1 / found.factor), unit))]
         return Suspect(TIME, edges=edges, factor=1 / found.factor, cause=cause)
@@ -197,10 +212,10 @@ def _sentence(law: LawFit, one: Suspect) -> str:
         size = f"in another unit ({one.cause})"
     else:
         size = f"{format_plain(abs(one.offset))} min too {'large' if one.offset < 0 else 'small'}"
-    if one.edges == ("all",):
+    if one.edges == ALL:
         return (
-            f"t of all edges may be {size}; an offset of {law.response}, or {law.response} that does not follow a "
-            "power of t, has the same effect."
+            f"t of all edges may be {size} (--correct {one.correction}); an offset of {law.response}, or "
+            f"{law.response} that does not follow a power of t, has the same effect."
         )
     s, verb = ("", "is") if len(one.edges) == 1 else ("s", "are")
     return (
