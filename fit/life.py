@@ -191,14 +191,12 @@ def life_verdict(life: ToolLife, law: LawFit, runs: Runs | None = None, of_law: 
     >>> life_verdict(fit.tool_life(law, 0.3), law).words
     'usable with reservations'
     """
-    found = [
-        *_of_taylor(life, law, law.source.tool if runs is None else runs.tool),
-        *_of_size(life),
-        *_of_range(life, law),
-    ]
+    found = [*_of_taylor(life, law, law.source.tool if runs is None else runs.tool), *_of_size(life)]
+    if not any(level > 1 for level, _ in found):
+        found += _of_range(life, law)
     found += _of_scatter(life, law)
     if of_law is not None and of_law.level:
-        found.append((of_law.level, f"The law of {life.wear} that it follows from: {of_law.words}."))
+        found.append((of_law.level, f"Verdict on the law of {life.wear}: {of_law.words}."))
     checked = ["Life against plausible lives", "Extrapolation", "Predictive error of the life"]
     missing = ["Taylor's n: the law has no V"]
     if life.taylor_n is not None:

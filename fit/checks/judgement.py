@@ -228,7 +228,7 @@ def _gauge(given: CheckInput) -> Found | None:
 CHECKS: Mapping[str, OneCheck] = {
     "exponents": lambda given: exponents(given.whole, given.runs),
     "possible values": lambda given: possible_values(given.whole, given.runs),
-    "predictive use": lambda given: predictive_use(given.law, given.left_out),
+    "predictive use": lambda given: predictive_use(given.law),
     "number of edges": lambda given: number_of_edges(given.whole, given.runs),
     "reading": lambda given: doubts_of_reading(given.whole, given.runs),
     "form": lambda given: lack_of_fit(given.law, given.strata),

@@ -7,34 +7,33 @@ from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from .check import Check
-from .deletion_diagnostics import Deletion
 from .strata import has_repeated_edges, no_scatter
 
 LEAST_R2, LOW_R2 = 0.1, 0.3  # below which a law is not used, or used with reservations
-WIDE, VERY_WIDE = 2.0, 4.0  # factor within which 95 % of new results lie
+WIDE, VERY_WIDE = 2.0, 4.0  # factor within which 95 % of results lie
 NORMAL_95 = 1.96
 FEW_EDGES = 5
 MOST_DOUBTS = 3  # quoted
 
 
-def predictive_use(law: LawFit, left: Deletion | NotAvailable) -> Check | NotAvailable:
-    """R2 of a law, and the factor within which results of a new edge lie, against what control needs.
+def predictive_use(law: LawFit) -> Check | NotAvailable:
+    """R2 of a law, and the factor within which its results lie, against what control needs.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> predictive_use(law, fit.NotAvailable("not computed")).verdict
-    'R2 0.89: the law explains 89 % of the variance; 95 % of new results lie within a factor of 1.21 of it.'
+    >>> predictive_use(law).verdict
+    'R2 0.89: the law explains 89 % of the variance; 95 % of results lie within a factor of 1.21 of it.'
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
     r2 = law.rsquared
-    factor, within = _new_results(law, left)
+    factor, within = _scatter(law)
     concern = max(_level(r2, LOW_R2, LEAST_R2), _level(-factor, -WIDE, -VERY_WIDE))
     ends = (".", ": allow for it.", ": too much for control.")
     end = f". The mean {law.response} predicts about as well." if r2 < LOW_R2 else ends[concern]
-    explained = f"R2 {r2:.2g}: the law explains {100 * r2:.0f} % of the variance; 95 % of new results lie {within}"
+    explained = f"R2 {r2:.2g}: the law explains {100 * r2:.0f} % of the variance; 95 % of results lie {within}"
     return Check(
         null=f"the law explains at least {100 * LOW_R2:g} % of the variance and predicts within a factor of {WIDE:g}",
         statistic=r2,
@@ -49,10 +48,9 @@ def _level(value: float, doubted: float, refused: float) -> int:
     return int(value < doubted) + int(value < refused)
 
 
-def _new_results(law: LawFit, left: Deletion | NotAvailable) -> tuple[float, str]:
-    """Factor within which 95 % of new results lie, and the words for it."""
-    size = left.predicted if isinstance(left, Deletion) else law.residuals * np.sqrt(law.nobs / law.df_resid)
-    error = NORMAL_95 * float(np.sqrt(np.mean(size**2)))
+def _scatter(law: LawFit) -> tuple[float, str]:
+    """Factor within which 95 % of results lie, and the words for it."""
+    error = NORMAL_95 * float(np.sqrt(law.rss / law.df_resid))
     if law.error == "multiplicative":
         factor = float(np.exp(min(error, 50.0)))
         return factor, f"within a factor of {factor:.3g} of it"
