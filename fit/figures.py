@@ -14,7 +14,7 @@ from .checks.competing_models import CompetingModels
 from .checks.gauge_error import GaugeFit
 from .checks.judgement import Judgement
 from .checks.response_scale import ErrorStructure
-from .checks.robust_fit import DominantEdge, RobustFit
+from .checks.robust_fit import RobustFit
 from .checks.time_exponent import CommonExponent
 from .composite_law import Composite
 from .confirmation import Confirmation
@@ -93,13 +93,6 @@ def influence_of_edges_figure(edges: EdgeInference, ax: Axes | None = None) -> A
     ax.set_xticks(range(len(edges.names)), list(edges.names))
     ax.set(ylabel="change without one edge [standard errors]", title=f"{edges.n_edges} edges")
     return ax
-
-
-@plot.register
-def dominant_edge_figure(found: DominantEdge, ax: Axes | None = None) -> Axes:
-    """Change of each parameter without the most influential edge."""
-    rows = {str(name): (float(v), 0.0, float(v)) for name, v in found.in_bse.items()}
-    return whiskers(rows, ax, label=f"change without edge {found.edge} [standard errors]")
 
 
 @plot.register

@@ -194,8 +194,8 @@ def fit_rows(runs: Runs, law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]
     )  # fmt: skip
 
 
-def refitted(law: LawFit, error: Error, keep: slice = slice(None)) -> LawFit:
-    """The same law fitted to ``keep`` of its rows with either error structure.
+def refitted(law: LawFit, error: Error, keep: slice | NDArray[np.bool_] = slice(None)) -> LawFit:
+    """The same law fitted to ``keep`` of its rows, a slice or a mask, with either error structure.
 
     Raises
     ------

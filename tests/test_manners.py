@@ -32,7 +32,6 @@ from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.fit.bayes.competing_posterior import posterior_of_form
 from fitmodels.fit.bayes.sampling import watch
 from fitmodels.fit.checks.response_scale import error_structure
-from fitmodels.fit.checks.robust_fit import dominant_edge
 from fitmodels.fit.checks.time_exponent import common_exponent
 from fitmodels.fit.defaults import Refused
 from fitmodels.fit.many.many_laws import ManyLaws
@@ -236,7 +235,6 @@ RESULTS: dict[str, Callable[[], object]] = {
     "RobustFit": lambda: fit.robust(law()),
     "ToolLife": lambda: fit.tool_life(law(), 0.3),
     "CommonExponent": lambda: common_exponent(law()),
-    "DominantEdge": lambda: dominant_edge(law()),
     "ErrorStructure": lambda: error_structure(law()),
     "Model": plant,
     "ContinuousModel": lambda: to_continuous(plant()),

@@ -33,8 +33,10 @@ STATISTICS = {  # symbol of the statistic of each check
     "error structure": "difference in log L",
     "rival forms": "difference in error",
     "time exponent": "F",
-    "dominant edge": "",
-    "robust refit": "",
+    "wrong rows": "largest |r| / s",
+    "mixed units": "n ln(RSS₀/RSS₁)",
+    "wrong edges": "largest |t|",
+    "copies": "number",
     "gauge error": "",
 }
 UNTESTABLE = "not testable"

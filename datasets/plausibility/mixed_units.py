@@ -9,15 +9,11 @@ from ...core.rounding import format_decimal
 from ..doubts import Doubt
 from ..draft import Draft
 from ..vocabulary import ROLES
+from .unit_shifts import CLOSE, EVIDENCE, MINORITY, RATIOS, minorities, split_evidence
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.intp]
 
-RATIOS = {
-    "V": {3.280839895: "sfm and m/min", 60.0: "m/s and m/min", 10.0: "a decimal mark"},
-    "f": {25.4: "inch and mm", 10.0: "a decimal mark"},
-    "d": {25.4: "inch and mm", 10.0: "cm and mm, or a decimal mark"},
-}
 RESPONSES = {
     ("AW", "VB"): ("V", "f", "d"),
     ("Fc", "P", "Fxz", "F", "Fz", "Fx", "Fy", "Ff", "Fp"): ("f", "d"),  # forces hardly depend on V
@@ -25,14 +21,9 @@ RESPONSES = {
 CHIP = {"f": 0.75, "d": 1.0}  # usual exponents of a force: Kienzle's 1 - mc and 1
 DIAMETER = {"d": {2.0: "on the diameter and on the radius"}}  # no gap shows it: found by the force alone
 NEAR_RATIO = 0.3  # of the logarithm of a force
-GAP = 1.3  # ratio between the shifted edges and the others
-INSIDE = 1.5  # shifted edges land among the others, or this ratio beside them
-MINORITY = 1 / 3  # of the edges
-EVIDENCE = 6.6  # n ln(RSS0/RSS1): 0 of 300 sound tests reach it, with 24 edges of 6 rows
-CLOSE = 4.6  # less than this, 2 ln(10), and two ratios cannot be told apart
 FEWEST = 8  # edges
 SPARE = 3  # edges beyond the coefficients
-EXACT = 1e-10  # of the total sum of squares: a test without scatter tells nothing by its residuals
+EXACT = 1e-10  # of the total sum of squares: residuals without scatter decide nothing
 MOST_ROWS = 20_000
 LISTED = 6
 
@@ -75,7 +66,12 @@ def check_mixed_units(draft: Draft) -> None:
     if tests is None:
         return
     best: tuple[float, str, list[_Shift]] = (EVIDENCE, "", [])
-    shifts = [one for role in tests.settings if role not in doubted for one in _shifts(role, tests.settings[role])]
+    shifts = [
+        _Shift(role, *one)
+        for role, x in tests.settings.items()
+        if role not in doubted
+        for one in minorities(x, RATIOS[role])
+    ]
     for response, roles in asked:
         if not response:
             continue
@@ -140,25 +136,6 @@ def _at_one_time(tests: _Tests, response: Array, time: Array | None) -> Array:
     return np.asarray(y_mean - slope * t_mean)
 
 
-def _shifts(role: str, x: Array) -> list[_Shift]:
-    """Minorities beyond a gap of a condition that the ratio of two units brings among the others."""
-    levels = np.sort(x)
-    found = []
-    for cut in np.flatnonzero(levels[1:] - levels[:-1] > np.log(GAP)):
-        share = (cut + 1) / len(x)
-        if min(share, 1 - share) > MINORITY:
-            continue
-        lower = share < 0.5
-        side, rest = (levels[: cut + 1], levels[cut + 1 :]) if lower else (levels[cut + 1 :], levels[: cut + 1])
-        for factor in RATIOS[role]:
-            move = np.log(factor) if lower else -np.log(factor)
-            near = np.log(INSIDE)
-            if side[0] + move >= rest[0] - near and side[-1] + move <= rest[-1] + near:
-                edges = x <= levels[cut] if lower else x > levels[cut]
-                found.append(_Shift(role, edges, factor if lower else 1 / factor))
-    return found
-
-
 def _by_force(tests: _Tests, level: Array) -> list[_Shift]:
     """Minorities whose force is off, for their feed and depth, by what a ratio of units makes of it."""
     if set(CHIP) - set(tests.settings) or not np.isfinite(level).any():
@@ -185,16 +162,12 @@ def _evidence(tests: _Tests, shifts: list[_Shift], y: Array) -> Array:
     for role in dict.fromkeys(one.role for one in shifts):
         these = [k for k, one in enumerate(shifts) if one.role == role]
         others = [tests.others, *(x[:, None] for name, x in tests.settings.items() if name != role)]
-        q = np.linalg.qr(np.column_stack(others)[known])[0]
-        x = tests.settings[role][known]
-        moved = np.column_stack([x, *(x + shifts[k].edges[known] * np.log(shifts[k].factor) for k in these)])
-        moved -= q @ (q.T @ moved)
-        left = y - q @ (q.T @ y)
-        size = np.einsum("ij,ij->j", moved, moved)
-        explained = np.where(size > 1e-12, (left @ moved) ** 2 / np.maximum(size, 1e-300), 0.0)
-        rss = np.maximum(float(left @ left) - explained, 0.0)
-        if rss[0] > EXACT * float(np.sum((y - y.mean()) ** 2)):
-            out[these] = n * np.log(rss[0] / np.maximum(rss[1:], 1e-300))
+        moves = np.column_stack([shifts[k].edges[known] * np.log(shifts[k].factor) for k in these])
+        x, rest = tests.settings[role][known], np.column_stack(others)[known]
+        everything = np.column_stack([x, rest])
+        left = y - everything @ np.linalg.lstsq(everything, y, rcond=None)[0]
+        if float(left @ left) > EXACT * float(np.sum((y - y.mean()) ** 2)):
+            out[these] = split_evidence(y, rest, x, moves, n)
     return out
 
 
@@ -210,7 +183,7 @@ def _doubt(draft: Draft, tests: _Tests, response: str, shifts: list[_Shift]) -> 
         values = low if low == high else f"{low} to {high}"
         ratio = max(one.factor, 1 / one.factor)
         way = "multiplied" if one.factor > 1 else "divided"
-        causes = RATIOS[one.role] | DIAMETER.get(one.role, {})
+        causes = {**RATIOS[one.role], **DIAMETER.get(one.role, {})}
         units = next(cause for known, cause in causes.items() if np.isclose(known, ratio))
         ways.append(f"{one.role} {values} {ROLES[one.role].unit} {way} by {ratio:.4g} ({units})")
     what, s = "edge" if with_edges else "line", "" if len(names) == 1 else "s"

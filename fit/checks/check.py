@@ -43,8 +43,10 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "time restarts": "Restarts of the time",
     "missing conditions": "Missing conditions",
     "unused columns": "Columns that are not in the law (added variables)",
-    "dominant edge": "Dominant edge",
-    "robust refit": "Robust fit",
+    "wrong rows": "Outlying rows (robust fit)",
+    "mixed units": "Mixed units of a condition (split test)",
+    "wrong edges": "Outlying edges (studentized residuals)",
+    "copies": "Duplicated rows and readings",
     "gauge error": "Error of the wear gauge",
 })  # fmt: skip
 BY_EDGE = ("order within edges", "even scatter of edges", "normality of edges")  # not applicable to independent rows

@@ -6,7 +6,7 @@ counted together (Holm's procedure), so that a sound file is rarely accused.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 from pandas import DataFrame
@@ -27,10 +27,11 @@ from .model_checks import collinearity, curvature, lack_of_fit
 from .physics import exponents, possible_values
 from .residual_tests import Residuals, normality, residual_sets, spread
 from .response_scale import box_cox, error_structure
-from .robust_fit import dominant_edge, robust
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split
 from .time_offsets import time_restarts, time_tests
 from .usefulness import doubts_of_reading, number_of_edges, predictive_use
+from .wrong_edges import mixed_units, without_edges, without_suspects, wrong_edges
+from .wrong_rows import copies, wrong_rows
 
 Found = Check | NotAvailable
 WITHOUT_ROWS = (
@@ -84,6 +85,26 @@ class CheckInput:
         """Residuals of rows, and of edges."""
         return residual_sets(self.law, self.strata)
 
+    @cached_property
+    def wrong_rows(self) -> Found | None:
+        """Outlying rows."""
+        return computed(partial(wrong_rows, self.law))
+
+    @cached_property
+    def right_rows(self) -> tuple[LawFit, Strata | NotAvailable]:
+        """The law without outlying rows, and its strata."""
+        return without_edges(self.law, self.wrong_rows, self.strata)
+
+    @cached_property
+    def mixed_units(self) -> Found | None:
+        """Edges with a condition in another unit."""
+        return computed(partial(mixed_units, *self.right_rows))
+
+    @cached_property
+    def one_unit(self) -> tuple[LawFit, Strata | NotAvailable]:
+        """The law without outlying rows and without edges in another unit, and its strata."""
+        return without_edges(self.right_rows[0], self.mixed_units, self.right_rows[1])
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Judgement(Plottable):
@@ -97,11 +118,14 @@ class Judgement(Plottable):
         Whether no edge has more than one row, or the file names no edges.
     nobs : int
         Rows checked: of more than 5000 an even selection, 0 of a law of a stream, which keeps none.
+    without : LawFit or None
+        The law fitted without the suspects; None without suspects, or where the other rows do not determine it.
     """
 
     checks: dict[str, Found]
     rows_are_independent: bool
     nobs: int
+    without: LawFit | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -169,10 +193,11 @@ def judge(
     """
     chosen = even_choice(law)
     given = CheckInput(law, chosen, runs, gauge_sd, alternative if chosen is law else None)
-    found = {name: computed(partial(check, given)) for name, check in CHECKS.items()}
-    checks = {name: check for name, check in found.items() if check is not None}
+    done = {name: computed(partial(check, given)) for name, check in CHECKS.items()}
+    checks = {name: check for name, check in done.items() if check is not None}
     rows = 0 if chosen.rows is None else chosen.nobs
-    return Judgement(family_wise(checks, FAMILY_LEVEL / max(laws, 1)), not has_repeated_edges(chosen), rows)
+    found = Judgement(family_wise(checks, FAMILY_LEVEL / max(laws, 1)), not has_repeated_edges(chosen), rows)
+    return replace(found, without=without_suspects(law, found.suspects)) if found.suspects else found
 
 
 OneCheck = Callable[[CheckInput], Found | None]
@@ -205,17 +230,6 @@ def _order(given: CheckInput) -> Found:
             f"missing; fit whole edges, {MOST_ROWS} rows at most, to test autocorrelation"
         )
     return serial_correlation(given.law, given.strata)
-
-
-def _dominant(given: CheckInput) -> Found | None:
-    found = dominant_edge(given.law)
-    return found if isinstance(found, Check) and found.concern else None
-
-
-def _robust(given: CheckInput) -> Found | None:
-    edge = dominant_edge(given.law)
-    found = robust(given.law) if isinstance(edge, Check) and edge.concern else None
-    return found if isinstance(found, Check) else None
 
 
 def _gauge(given: CheckInput) -> Found | None:
@@ -253,7 +267,9 @@ CHECKS: Mapping[str, OneCheck] = {
     "time restarts": lambda given: time_restarts(given.law),
     "missing conditions": lambda given: missing_conditions(given.law, given.runs),
     "unused columns": lambda given: unused_columns(given.law, given.runs, given.icc),
-    "dominant edge": _dominant,
-    "robust refit": _robust,
+    "wrong rows": lambda given: given.wrong_rows,
+    "mixed units": lambda given: given.mixed_units,
+    "wrong edges": lambda given: wrong_edges(*given.one_unit),
+    "copies": lambda given: copies(given.law),
     "gauge error": _gauge,
 }

@@ -1,11 +1,12 @@
-"""Robust refit of a law (Huber), and the edge with the largest influence on it.
+"""Robust refits of a law: Huber's, which users can ask for, and the bisquare, which the checks use.
 
 Huber's weights bound the influence of one row: a row within 1.345 robust standard deviations has weight 1, one
 further out 1.345 over its distance (95 % efficient where errors are normal). They do not bound leverage: an edge far
-from all others attracts the law and leaves small residuals; ``dominant_edge`` finds it.
+from all others attracts the law and leaves small residuals; ``wrong_edges`` finds it. The bisquare, started from
+Huber's fit, gives no weight to rows beyond 4.685 standard deviations.
 
 Sources: Huber 1964, Ann. Math. Stat. 35, 73; Huber & Ronchetti 2009, Robust Statistics, section 7.6 (covariance of
-regression M-estimates); Belsley, Kuh & Welsch 1980, Regression Diagnostics, chapter 2 (deletion of an edge).
+regression M-estimates); Yohai 1987, Ann. Stat. 15, 642 (redescending weights from a robust start).
 """
 
 from dataclasses import dataclass
@@ -19,9 +20,8 @@ from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..least_squares import linear
-from ..regression import edge_inference
 from .check import Check
-from .strata import NO_ROWS, no_scatter, units_of
+from .strata import no_scatter, units_of
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -58,95 +58,6 @@ def tangent(law: LawFit, Z: Array, theta: Array) -> tuple[Array, Array]:
     return law.formula.gradient(theta, Z), law.observed - law.formula.response_at(theta, Z)
 
 
-# Standard errors of the law without it that an edge must move some parameter by: the largest over edges and parameters
-# stays below it in 97 of 100 sound composite designs of 12 edges, in 99 of 100 of 24.
-DOMINANT = 2.5
-FEW = 10  # edges below which that happens by chance too often
-
-
-@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
-class DominantEdge(Check, Plottable):
-    """The edge with the largest influence on a law.
-
-    Attributes
-    ----------
-    edge : str
-    n_edges : int
-    moved : Series, indexed as ``LawFit.theta_names``
-        Change of each parameter when it is left out.
-    in_bse : Series
-        The same in standard errors, by edge, of the law fitted without it: an outlying edge would otherwise inflate
-        the standard error that its influence is compared with.
-    """
-
-    edge: str
-    n_edges: int
-    moved: "pd.Series[float]"
-    in_bse: "pd.Series[float]"
-
-    @property
-    def parameter(self) -> str:
-        """The parameter it moves most, in standard errors."""
-        return str(self.in_bse.abs().idxmax())
-
-    @property
-    def dominates(self) -> bool:
-        """Whether it moves some parameter by more than 2.5 standard errors, among ten edges or more."""
-        return bool(self.concern)
-
-
-def dominant_edge(law: LawFit) -> DominantEdge | NotAvailable:
-    """The edge whose deletion moves some parameter furthest, in standard errors by edge.
-
-    Selected among all edges by the standard errors of the law, then compared with those of the law without it.
-
-    Examples
-    --------
-    >>> from fitmodels import datasets, fit
-    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> dominant_edge(law).dominates
-    False
-    """
-    if law.rows is None:
-        return NotAvailable(NO_ROWS)
-    if isinstance(law.edges, NotAvailable):
-        return law.edges
-    moved, bse = law.edges.moved, np.sqrt(np.diag(law.edges.cov_theta))
-    g = int(np.argmax(np.abs(moved / bse).max(axis=1)))
-    rest = _without(law, law.edges.edges[g], moved[g])
-    if isinstance(rest, EdgeInference):
-        bse = np.sqrt(np.diag(rest.cov_theta))
-    n, edge, shift = law.edges.n_edges, law.edges.edges[g], np.abs(moved[g] / bse)
-    j = int(np.argmax(shift))
-    found = f"without edge {edge}, {law.theta_names[j]} moves by {moved[g][j]:+.2g} ({shift[j]:.1f} standard errors)"
-    dominates = n >= FEW and float(shift[j]) > DOMINANT
-    if dominates:
-        verdict = f"Edge {edge} dominates the law: {found}; check that edge, or repeat its conditions on another."
-    else:
-        verdict = f"No edge dominates: at most, {found}."
-        if n < FEW:
-            verdict = f"With {n} edges each of them has a large influence: {found}."
-    index = list(law.theta_names)
-    return DominantEdge(
-        null=f"no edge moves a parameter by more than {DOMINANT:g} of its standard errors",
-        concern=int(dominates),
-        verdict=verdict,
-        edge=edge,
-        n_edges=n,
-        moved=pd.Series(moved[g], index=index),
-        in_bse=pd.Series(moved[g] / bse, index=index),
-    )
-
-
-def _without(law: LawFit, edge: str, moved: Array) -> EdgeInference | NotAvailable:
-    """Inference by edge of the law fitted without one of its edges."""
-    kept = np.array([str(name) != edge for name in np.asarray(law.edge)])
-    J, r = tangent(law, law.design, law.theta)
-    left = (r - J @ moved)[kept]
-    cov = linear(J[kept], left).cov_params
-    return edge_inference(law.with_rows(kept, cov_theta=cov, residuals=left, rss=float(left @ left)))
-
-
 K = 1.345  # 95 % efficiency with normal errors
 NORMAL = 0.6744897501960817  # of a normal distribution's standard deviation: its median absolute deviation
 CLOSE = 1e-11  # largest last step, in standard deviations of the residuals
@@ -169,17 +80,18 @@ class RobustFit(Refit):
         Weight of each row, 0 to 1.
     scale : float
         Robust standard deviation of the residuals (median absolute deviation), in ``law.scale_unit``.
-    dominant : DominantEdge or NotAvailable
     """
 
     weights: Array
     scale: float
-    dominant: DominantEdge | NotAvailable
 
     @property
     def in_bse(self) -> "pd.Series[float]":
-        """Difference of each parameter from least squares, in standard errors of least squares."""
-        return _in_bse(self.law, self.theta)
+        """Difference of each parameter from least squares, in standard errors of the robust fit.
+
+        Those of least squares contain the outliers.
+        """
+        return _in_bse(self.law, self.theta, self.cov_theta)
 
     @property
     def lines(self) -> tuple[int, ...]:
@@ -218,7 +130,7 @@ def robust(law: LawFit) -> RobustFit | NotAvailable:
     cov = _by_edge(law, J, r) if isinstance(law.edges, EdgeInference) else _by_row(J, r, scale)
     if isinstance(cov, NotAvailable):
         return cov
-    shift, lines = _in_bse(law, theta), _downweighted(law, weights)
+    shift, lines = _in_bse(law, theta, cov), _downweighted(law, weights)
     concern = int(shift.abs().max() > MOVED)
     name = str(shift.abs().idxmax())
     j = law.theta_names.index(name)
@@ -237,12 +149,11 @@ def robust(law: LawFit) -> RobustFit | NotAvailable:
         cov_theta=cov,
         weights=weights,
         scale=scale,
-        dominant=dominant_edge(law),
     )
 
 
-def _in_bse(law: LawFit, theta: Array) -> "pd.Series[float]":
-    shift = (theta - law.theta) / np.sqrt(np.diag(law.covariance()))
+def _in_bse(law: LawFit, theta: Array, cov: Array) -> "pd.Series[float]":
+    shift = (theta - law.theta) / np.sqrt(np.diag(cov))
     return pd.Series(shift, index=list(law.theta_names))
 
 
@@ -293,3 +204,41 @@ def _by_row(J: Array, r: Array, scale: float) -> Array:
     psi = np.clip(r, -K * scale, K * scale)
     variance = correction**2 * float(psi @ psi) / (n - p) / m**2
     return np.asarray(variance * linear(J, r).cov_unscaled)
+
+
+BISQUARE = 4.685  # 95 % efficiency with normal errors
+ENOUGH, STEPS = 1e-6, 60
+
+
+def bisquare_residuals(Z: Array, y: Array) -> Array:
+    """Residuals of y from its bisquare fit on Z, started from Huber's fit, whose robust scale is kept.
+
+    Examples
+    --------
+    >>> Z = np.column_stack([np.ones(9), np.arange(9.0)])
+    >>> y = 2 + np.arange(9.0) + np.array([0.1, -0.1, 0.1, -0.1, 50, -0.1, 0.1, -0.1, 0.1])
+    >>> bool(np.abs(np.delete(bisquare_residuals(Z, y), 4)).max() < 0.2)
+    True
+    """
+    Q = np.linalg.qr(Z / np.linalg.norm(Z, axis=0))[0]
+    left, scale = _reweighted(Q, y, y - Q @ (Q.T @ y), None)
+    return _reweighted(Q, y, left, scale)[0]
+
+
+def _reweighted(Q: Array, y: Array, left: Array, fixed: float | None) -> tuple[Array, float]:
+    """Residuals by reweighting, Huber's where the scale is not fixed, else the bisquare; and the scale."""
+    scale = 0.0
+    for _ in range(STEPS):
+        scale = float(np.median(np.abs(left))) / NORMAL if fixed is None else fixed
+        if scale <= 1e-9 * float(np.abs(left).max()):
+            break
+        if fixed is None:
+            weights = np.minimum(1.0, K * scale / np.maximum(np.abs(left), 1e-300))
+        else:
+            weights = np.clip(1 - (left / (BISQUARE * scale)) ** 2, 0.0, None) ** 2
+        root = np.sqrt(weights)
+        new = y - Q @ np.linalg.lstsq(root[:, None] * Q, root * y, rcond=None)[0]
+        change, left = float(np.abs(new - left).max()), new
+        if change <= ENOUGH * scale:
+            break
+    return left, scale

@@ -1,0 +1,285 @@
+"""Rows whose response is probably wrong, found by a bisquare fit, and rows or blocks of rows that are copies.
+
+Wrong rows are tested by a gap: with tails like those of Student's t the ratio of the m-th to the next largest residual
+is below r with probability 1 - r^(-a m), where a is the index of the tail. So one row far out in a sample with heavy
+tails is no finding, and three rows wrong by the same ratio are.
+
+Sources: Yohai 1987, Ann. Stat. 15, 642 (MM estimation); Renyi 1953, Acta Math. Acad. Sci. Hung. 4, 191 (spacings of
+the largest values); Weissman 1978, J. Am. Stat. Assoc. 73, 812 (tails).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...core.arrays import Array
+from ...core.rounding import format_plain
+from ...datasets.plausibility.unit_shifts import ratios_of
+from ..available import NotAvailable
+from ..lawfit import LawFit
+from .check import SIGNIFICANT, Check, Suspect, format_p
+from .robust_fit import NORMAL, bisquare_residuals
+from .strata import NO_ROWS, has_repeated_edges, no_scatter, units_of
+
+TAIL = 3.5  # index of the tail between 4 and 10 standard deviations of Student's t with 4 degrees of freedom
+FEWEST, SPARE = 12, 6  # rows, and rows beyond the parameters
+MOST = 1 / 6  # of the rows
+FLOOR = 2.5  # robust standard deviations below which no residual is large
+FAR = 4.8  # robust standard deviations beyond which a row is wrong where several are
+NEAR = 3.0  # standard deviations between a deviation and the ratio of two units that explains it
+LISTED = 6
+
+
+def robust_deviations(law: LawFit) -> tuple[Array, Array, bool]:
+    """Residuals of a bisquare fit less the level of each edge, those with it, and whether they are logarithms.
+
+    The level of an edge is the median of its residuals and zero, which a wrong row does not move.
+    """
+    logs = law.formula.logarithmic and bool((law.observed > 0).all())
+    Z = law.design
+    r = bisquare_residuals(Z, np.log(law.observed) if logs else law.observed)
+    if not has_repeated_edges(law):
+        return r, r, logs
+    edge = units_of(law)[1]
+    G = int(edge.max()) + 1
+    level = pd.Series(np.append(r, np.zeros(G))).groupby(np.append(edge, np.arange(G))).median().to_numpy()
+    return r - level[edge], r, logs
+
+
+def standing_apart(size: Array, most: int, floor: float) -> tuple[int, float]:
+    """How many of the largest values stand apart from the others, at most ``most``, and the p of the gap.
+
+    >>> standing_apart(np.array([1.0, 1.2, 0.3, 30.0, 28.0, 0.8]), 3, 1.0)[0]
+    2
+    """
+    x, m = np.sort(size)[::-1], np.arange(1, most + 1)
+    ratio = np.maximum(x[1 : most + 1], floor) / np.maximum(x[:most], 1e-300)
+    p = m * (m + 1) * np.minimum(ratio, 1.0) ** (TAIL * m)
+    best = int(np.argmin(p))
+    return best + 1, float(min(p[best], 1.0))
+
+
+def wrong_rows(law: LawFit) -> Check | NotAvailable:
+    """Rows whose response disagrees with the law of the others, with the ratio of units that explains them.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> wrong_rows(law).concern
+    0
+    """
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    n, p = law.nobs, len(law.theta)
+    if n < max(FEWEST, p + SPARE):
+        return NotAvailable(f"{n} rows for {p} parameters are too few to find a wrong one")
+    r, _, logs = robust_deviations(law)
+    size = np.abs(r)
+    scale = float(np.median(size)) / NORMAL
+    if scale <= 1e-9 * float(size.max()):
+        return NotAvailable("at least half of the rows lie on the law exactly: the robust scale is zero")
+    count, pvalue = standing_apart(size, max(1, int(MOST * n)), FLOOR * scale)
+    rows = np.argsort(-size, kind="stable")[:count]
+    kept = f"No row stands apart from the others: the largest deviation is {size.max() / scale:.1f} standard deviations"
+    kept += f" ({format_p(pvalue)})."
+    found = pvalue < SIGNIFICANT and float(size[rows].min()) > FAR * scale
+    suspects = _suspects(law, np.sort(rows), r, scale, logs) if found else ()
+    return Check(
+        null="no row deviates further than heavy tails of the error explain",
+        statistic=float(size.max()) / scale,
+        symbol="largest |r| / s",
+        pvalue=pvalue if found else max(pvalue, SIGNIFICANT),
+        concern=int(found),
+        verdict=" ".join(_sentence(law, one, r, logs) for one in suspects) if found else kept,
+        kept=kept,
+        suspects=suspects,
+    )
+
+
+def _suspects(law: LawFit, rows: NDArray[np.intp], r: Array, scale: float, logs: bool) -> tuple[Suspect, ...]:
+    """The rows, those that the same ratio of units explains together."""
+    ratios = ratios_of(law.response) if logs else {}
+    groups: dict[tuple[float, str], list[int]] = {}
+    for i in rows:
+        factor, cause = explained(float(r[i]), ratios, NEAR * scale)
+        groups.setdefault((factor, cause), []).append(int(law.lines[i]))
+    return tuple(
+        Suspect(law.response, lines=tuple(lines), factor=factor or None, cause=cause)
+        for (factor, cause), lines in groups.items()
+    )
+
+
+def explained(deviation: float, ratios: Mapping[float, str], within: float) -> tuple[float, str]:
+    """Factor that corrects a deviation of a logarithm, with its cause; 0 where no ratio of units is within reach.
+
+    >>> explained(-3.2, {25.4: "inch and mm"}, 0.2)
+    (25.4, 'inch and mm')
+    """
+    known: list[tuple[float, float, str]] = [
+        (abs(deviation + sign * math.log(ratio)), ratio**sign, cause)
+        for ratio, cause in ratios.items()
+        for sign in (1, -1)
+    ]
+    best = min(known, default=(math.inf, 0.0, ""))
+    return (best[1], best[2]) if best[0] <= within else (0.0, "")
+
+
+def _sentence(law: LawFit, suspect: Suspect, r: Array, logs: bool) -> str:
+    at = np.flatnonzero(np.isin(law.lines, suspect.lines))
+    unit = law.units.get(law.response, "")
+    values = listed([format_plain(float(v), 3) for v in law.observed[at]])
+    one = len(at) == 1
+    head = f"{law.response} in {lines_of(suspect.lines)} ({values} {unit}".rstrip() + ")"
+    if not logs:
+        size = format_plain(float(np.median(r[at])), 3)
+        return f"{head} deviates by {size} {unit} from the law of the other rows: check the record, or leave it out."
+    if suspect.factor is None:
+        times = listed([f"{v:.2g}" for v in np.exp(r[at])])
+        return (
+            f"{head} {'is' if one else 'are'} {times} times what the law of the other rows gives, and no ratio of "
+            f"units explains {'it' if one else 'them'}: check the {'record' if one else 'records'}, or leave "
+            f"{'the row' if one else 'the rows'} out."
+        )
+    ratio = max(suspect.factor, 1 / suspect.factor)
+    way = "low" if suspect.factor > 1 else "high"
+    return (
+        f"{head} {'is' if one else 'are'} too {way} by a factor of {ratio:.4g} against the law of the other rows "
+        f"({suspect.cause}): correct {'it' if one else 'them'}."
+    )
+
+
+def lines_of(lines: Sequence[int]) -> str:
+    """``line 5``, or ``lines 5, 7 and 9``.
+
+    >>> lines_of((5,)), lines_of((5, 7))
+    ('line 5', 'lines 5, 7')
+    """
+    return f"line{'' if len(lines) == 1 else 's'} {listed(list(map(str, lines)))}"
+
+
+def listed(names: Sequence[str], most: int = LISTED) -> str:
+    """The names with commas, of many the first and the number of the others.
+
+    >>> listed(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+FEWEST_COPIED = 3  # equal readings in succession
+
+
+def copies(law: LawFit) -> Check | NotAvailable | None:
+    """Rows that stand twice, and edges that have readings of other edges.
+
+    Two edges have equal readings by chance with a probability that follows from the resolution of the readings and the
+    scatter of the rows; the p of a sequence is its product times the number of places where it could stand.
+    """
+    if law.rows is None:
+        return NotAvailable(NO_ROWS)
+    if law.edge is None or not has_repeated_edges(law) or law.scale_se is None or law.exact:
+        return None
+    twice = _rows_twice(law, law.edge)
+    blocks, pvalue = _equal_sequences(law, law.edge)
+    kept = "No rows stand twice, and no two edges have the same readings."
+    found = [words for words in (_twice_words(law, twice), _block_words(law, blocks)) if words]
+    suspects = (
+        *((Suspect(law.response, lines=tuple(int(law.lines[i]) for i in twice), cause="copies"),) if twice else ()),
+        *(Suspect(law.response, edges=pair, cause="copies") for pair in dict.fromkeys(b[:2] for b in blocks)),
+    )
+    return Check(
+        null="no readings are copies of others",
+        statistic=float(len(twice) + len(blocks)),
+        symbol="copies",
+        pvalue=0.0 if twice else pvalue,
+        concern=int(bool(found)),
+        verdict=" ".join(found) or kept,
+        kept=kept,
+        suspects=suspects,
+    )
+
+
+def _rows_twice(law: LawFit, edge: NDArray[np.object_]) -> list[int]:
+    """Rows that repeat an earlier row of the same edge, unless readings at one setting and time are repeated there."""
+    frame = pd.DataFrame(law.X).assign(edge=edge)
+    again = frame.duplicated(keep="first").to_numpy()
+    frame["y"] = law.observed
+    same = frame.duplicated(keep="first").to_numpy()
+    return [int(i) for i in np.flatnonzero(same)] if same.any() and same.sum() > again.sum() / 2 else []
+
+
+def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tuple[str, str, int, float]], float]:
+    """Sequences of equal readings in two edges: the edges, length and p; and the smallest p, for all of them."""
+    code = units_of(law)[1]
+    order = np.argsort(code, kind="stable")
+    y, edge, label = law.observed[order], code[order], names[order]
+    chance = np.log(np.minimum(_resolution(y) / (2 * math.sqrt(math.pi) * _row_sd(law) * _size(law, y)), 1.0))
+    k = FEWEST_COPIED
+    n = len(y) - k + 1
+    if n < 2:
+        return [], 1.0
+    whole = edge[:n] == edge[k - 1 :]
+    grams = pd.DataFrame({j: y[j : j + n] for j in range(k)})[whole]
+    pairs = len(np.unique(edge)) ** 2 / 2
+    best: dict[tuple[str, str], tuple[str, str, int, float]] = {}
+    smallest = 1.0
+    for where in grams.groupby(list(grams.columns), sort=False).indices.values():
+        starts = grams.index.to_numpy()[where]
+        for a, b in pairwise(starts):
+            if edge[a] == edge[b]:
+                continue
+            length = k
+            while b + length < len(y) and edge[a + length] == edge[a] and edge[b + length] == edge[b]:
+                if y[a + length] != y[b + length]:
+                    break
+                length += 1
+            p = float(min(1.0, pairs * np.exp(chance[a : a + length].sum())))
+            smallest = min(smallest, p)
+            pair = (str(label[a]), str(label[b]))
+            if p < SIGNIFICANT and (pair not in best or best[pair][3] > p):
+                best[pair] = (*pair, length, p)
+    return list(best.values()), smallest
+
+
+def _resolution(y: Array) -> float:
+    """Smallest step between distinct readings."""
+    steps = np.diff(np.unique(y))
+    return float(steps.min()) if steps.size else math.inf
+
+
+def _row_sd(law: LawFit) -> float:
+    """Standard deviation of the rows of an edge about its level, on the scale of the fit."""
+    r = pd.Series(law.residuals)
+    code = units_of(law)[1]
+    about = (r - r.groupby(code).transform("mean")).to_numpy()
+    return float(np.sqrt(about @ about / max(law.nobs - int(code.max()) - 1, 1)))
+
+
+def _size(law: LawFit, y: Array) -> Array:
+    """What a unit of the scale of the fit is in the unit of the response."""
+    return np.abs(y) if law.error == "multiplicative" else np.ones(len(y))
+
+
+def _twice_words(law: LawFit, rows: list[int]) -> str:
+    if not rows:
+        return ""
+    repeat = "repeats an earlier row" if len(rows) == 1 else "repeat earlier rows"
+    return (
+        f"{lines_of([int(law.lines[i]) for i in rows]).capitalize()} {repeat} of the same edge in "
+        f"{law.response} and all factors: copies count twice and make intervals too narrow; remove them."
+    )
+
+
+def _block_words(law: LawFit, blocks: list[tuple[str, str, int, float]]) -> str:
+    if not blocks:
+        return ""
+    parts = [f"edges {a} and {b} ({length} readings)" for a, b, length, _ in blocks]
+    return (
+        f"Identical {law.response} in succession: {listed(parts)}. Readings were probably copied from one edge to the "
+        "other, and are no independent tests: check the records, and leave the copy out."
+    )
