@@ -107,9 +107,6 @@ FILES = {
 
 
 PENDING = {
-    "gc435_709m40 P": "multicollinearity is not yet judged by its intervals",
-    "clm2023_end_milling fm": "influence is not yet judged by the number of rows",
-    "surf_table1 F": "influence is not yet judged by the number of rows",
     "nasa_milling, material 1 VB": "influence is not yet judged by the number of edges",
     "feed of four edges in inches AW": "edges in another unit are not yet refused",
 }

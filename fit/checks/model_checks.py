@@ -173,7 +173,9 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Curvature(Check):
-    """F test of squares of the factors that change between edges (rows, where they are independent).
+    """F tests of the square of each factor that changes between edges (rows, where they are independent).
+
+    The statistic is the largest F, the p-value its own times the number of squares (Bonferroni).
 
     Attributes
     ----------
@@ -197,26 +199,28 @@ def curvature(law: LawFit, strata: Strata | NotAvailable) -> Curvature | NotAvai
     >>> from fitmodels import datasets, fit
     >>> from fitmodels.fit.checks.strata import split
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> curvature(law, split(law)).df
-    (3, 17)
+    >>> found = curvature(law, split(law))
+    >>> found.df, found.concern
+    ((1, 19), 0)
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
     if has_repeated_edges(law) and not isinstance(strata, Strata):
         return strata
-    A, b, squares, df = _squares(law, strata)
-    names = [law.factors[j] for j in squares]
-    Q = orthonormal(A[:, : A.shape[1] - len(names)])
-    rest, extra = b - Q @ (Q.T @ b), A[:, A.shape[1] - len(names) :]
+    A, b, squared, df = _squares(law, strata)
+    if df - 1 < FEWEST_LEFT:
+        return NotAvailable(f"{df} degrees of freedom of the law are too few to test its curvature")
+    Q = orthonormal(A[:, : A.shape[1] - len(squared)])
+    rest, extra = b - Q @ (Q.T @ b), A[:, A.shape[1] - len(squared) :]
     extra = extra - Q @ (Q.T @ extra)
-    new = [j for j, size in enumerate(np.linalg.norm(extra, axis=0)) if size > INDEPENDENT]
-    if not new:
-        return NotAvailable("no factor has three levels apart from the others, so that curvature cannot be separated")
-    basis = orthonormal(extra[:, new])
-    k = basis.shape[1]
-    if df - k < FEWEST_LEFT:
-        return NotAvailable(f"{df} degrees of freedom are too few to test the curvature of {', '.join(names)}")
-    return _curvature_test(rest, extra[:, new], [names[j] for j in new], basis, df - k)
+    length = np.linalg.norm(extra, axis=0)
+    new = np.flatnonzero(length > INDEPENDENT)
+    if not new.size:
+        return NotAvailable("no factor has three levels, or its square follows another column of the law")
+    gain = (extra[:, new].T @ rest / length[new]) ** 2
+    j = int(np.argmax(gain))
+    F = float(gain[j]) / max((float(rest @ rest) - float(gain[j])) / (df - 1), 1e-300)
+    return _curvature_test(F, df - 1, [law.factors[squared[i]] for i in new], j)
 
 
 INDEPENDENT = 0.05  # of the length of a square: what must be left of it outside the law
@@ -243,31 +247,26 @@ def _unit_length(A: Array) -> Array:
     return np.asarray(A / np.maximum(np.linalg.norm(A, axis=0), 1e-300))
 
 
-def _curvature_test(rest: Array, squares: Array, names: list[str], basis: Array, df: int) -> Curvature:
-    """The F test: ``rest`` is what the law leaves of the levels of edges (of rows, where they are independent)."""
+def _curvature_test(F: float, df: int, names: list[str], j: int) -> Curvature:
     from scipy.special import fdtrc
 
-    gain, k = float(((basis.T @ rest) ** 2).sum()), basis.shape[1]
-    F = gain / k / max((float(rest @ rest) - gain) / df, 1e-300)
-    p = float(fdtrc(k, df, F))
-    pull = np.abs(squares.T @ rest) / np.linalg.norm(squares, axis=0)
-    term = names[int(np.argmax(pull))]
-    result = f"F({k}, {df}) = {F:.2f}, {format_p(p)}"
-    kept = f"No curvature in {', '.join(names)} ({result})."
+    p = min(1.0, len(names) * float(fdtrc(1, df, F)))
+    result = f"F(1, {df}) = {F:.2f}, {format_p(p)}"
+    kept = f"No curvature in {', '.join(names)}: at most, the square of {names[j]} ({result})."
     rejected = (
-        f"Curvature: squares of {', '.join(names)} improve the law ({result}), most of all that of {term}: its "
-        "effect changes over its range; try a second-order law, or restrict the range."
+        f"Curvature: the square of {names[j]} improves the law ({result}), so that its effect changes over its range; "
+        "try a second-order law, or restrict the range."
     )
     return Curvature(
         null=f"the effects of {', '.join(names)} do not change over their ranges",
         statistic=F,
         symbol="F",
-        df=(k, df),
+        df=(1, df),
         pvalue=p,
         concern=int(p < SIGNIFICANT),
         verdict=rejected if p < SIGNIFICANT else kept,
         kept=kept,
-        term=term,
+        term=names[j],
     )
 
 
