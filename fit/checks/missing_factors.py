@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.rounding import format_plain
@@ -193,12 +194,12 @@ def _tested(law: LawFit, name: str, values: Array, icc: float) -> Added | None:
     found = _within(Z, r, x, unit, moving[1:]) if moving[0] else _between(Z, r, x, unit, moving[1:], icc)
     if found is None:
         return None
-    low, high = (format_plain(float(edge)) for edge in (values[known].min(), values[known].max()))
+    low, high = (format_plain(float(end)) for end in (values[known].min(), values[known].max()))
     return Added(name, *found, f"{low} to {high}")
 
 
 def _between(
-    Z: Array, r: Array, x: Array, unit: Codes, moving: Array, icc: float
+    Z: Array, r: Array, x: Array, unit: Codes, moving: NDArray[np.bool_], icc: float
 ) -> tuple[float, float, int, float] | None:
     """Coefficient, t, degrees of freedom and p of a column that is constant within edges."""
     size = np.bincount(unit).astype(float)
@@ -240,7 +241,9 @@ def added_between(levels: Array, others: Array, x: Array, weight: Array) -> tupl
     return b, t, df, float(2 * stdtr(df, -abs(t)))
 
 
-def _within(Z: Array, r: Array, x: Array, unit: Codes, moving: Array) -> tuple[float, float, int, float] | None:
+def _within(
+    Z: Array, r: Array, x: Array, unit: Codes, moving: NDArray[np.bool_]
+) -> tuple[float, float, int, float] | None:
     """Coefficient, t, degrees of freedom and p of a column that changes within edges."""
     columns = np.column_stack([x, Z[:, moving], r])
     size = np.bincount(unit).astype(float)
@@ -273,7 +276,7 @@ def added_within(
         return None
     cov = np.linalg.inv(columns.T @ columns)
     theta = cov @ (columns.T @ y)
-    moves = left_out_moves(columns, y - columns @ theta, cov, edge, G)
+    moves = left_out_moves(columns, y - columns @ theta, np.asarray(cov, dtype=float), edge, G)
     if isinstance(moves, int):
         return None
     se = float(np.sqrt((G - 1) / G * moves[:, 0] @ moves[:, 0]))

@@ -211,7 +211,7 @@ def _sentence(law: LawFit, one: Suspect) -> str:
     if one.offset is None:
         size = f"in another unit ({one.cause})"
     else:
-        size = f"{format_plain(abs(one.offset))} min too {'large' if one.offset < 0 else 'small'}"
+        size = f"offset, {format_plain(abs(one.offset))} min too {'large' if one.offset < 0 else 'small'}"
     if one.edges == ALL:
         return (
             f"t of all edges may be {size} (--correct {one.correction}); an offset of {law.response}, or "

@@ -22,6 +22,7 @@ SPREAD = 0.05  # of the first times of edges, in ln t, below which they follow o
 UNITS = {60.0: "seconds for minutes", 3600.0: "seconds for hours"}
 OFFSETS = np.geomspace(0.05, 4.0, 15)  # in units of the median time
 SHARES = (0.0, 0.2, 0.5, 0.8)  # intraclass correlations that the search tries
+LATEST = 0.98  # of the first time of an edge: the largest offset
 ROUNDS = 6
 NAMED = 10.0  # evidence, 2 ln(likelihood ratio) less the price of the choice, above which edges are named
 EARLY = 6.0  # evidence that times too small need over times too large of the other edges
@@ -148,7 +149,7 @@ def _shifts(one: Search, rows: TimeRows, log_t: Array, null: float) -> Iterator[
     changes = [(sign * size * middle, 1.0) for size in OFFSETS for sign in (1, -1)]
     changes += [(0.0, k) for unit in UNITS for k in (unit, 1 / unit)]
     for offset, factor in changes:
-        able = lowest > offset * 1.001
+        able = lowest * LATEST > offset
         moved = np.log(np.where(able[rows.edge], rows.t - offset, rows.t) / factor)
         most = G if factor == 1 else G // 2
         for chosen in (*groups, *([np.ones(G, dtype=bool)] if factor == 1 else [])):
@@ -189,13 +190,14 @@ def refined(rows: TimeRows, found: Shift) -> float:
     moved, log_t = found.edges[rows.edge], np.log(rows.t)
     one = Search(rows, SHARES[1])
     low, high = sorted((found.offset * 0.6, found.offset * 1.6))
-    high = min(high, float(rows.t[moved].min()) * 0.999)
+    high = min(high, float(rows.t[moved].min()) * LATEST)
 
     def value(offset: float) -> float:
         return one.fit(np.where(moved, np.log(np.where(moved, rows.t - offset, rows.t)), log_t))[0]
 
     best = float(minimize_scalar(value, bounds=(low, high), method="bounded").x)
-    return float(f"{best:.2g}")
+    rounded = float(f"{best:.2g}")
+    return rounded if rounded < float(rows.t[moved].min()) else float(f"{best:.3g}")
 
 
 def _basis(columns: Array) -> Array:
