@@ -14,7 +14,7 @@ from ..core.rounding import format_plain
 from ..core.suggestions import did_you_mean
 from .derived.derivation import SUMMED, derive
 from .derived.rules import apply, known_of
-from .draft import Draft
+from .draft import Draft, line_spans
 from .edges.assignment import settle_edges
 from .edges.merged_cells import lines_text
 from .options import ReadOptions
@@ -224,7 +224,7 @@ class _RowsOf:
             lines = self.draft.lines[rows]
             each = "; ".join(
                 f"{' on '.join(map(str, kind))}: lines "
-                + ",".join(_spans([int(n) for n, pair in zip(lines, pairs, strict=True) if pair == kind]))
+                + ",".join(line_spans([int(n) for n, pair in zip(lines, pairs, strict=True) if pair == kind]))
                 for kind in kinds[:_SHOWN]
             )
             raise UsageError(f"{option}: edge {name!r} is in {len(kinds)} pairs of tool and work; name lines ({each}).")
@@ -292,21 +292,6 @@ def _ranges(text: str, option: str) -> Iterator[tuple[int, int]]:
         if match is None or int(match[2] or match[1]) < int(match[1]):
             raise UsageError(f"{option}: {part.strip()!r} is no line; write lines as in 'lines 12,14-16'.")
         yield int(match[1]), int(match[2] or match[1])
-
-
-def _spans(lines: Sequence[int]) -> list[str]:
-    """Lines in rising order as ``2-9``.
-
-    >>> _spans([2, 3, 4, 9])
-    ['2-4', '9']
-    """
-    out: list[list[int]] = []
-    for line in lines:
-        if out and line == out[-1][-1] + 1:
-            out[-1] = [out[-1][0], line]
-        else:
-            out.append([line])
-    return ["-".join(map(str, part)) for part in out]
 
 
 def _no_such(trial: Draft, symbol: str, known: Sequence[str]) -> str:

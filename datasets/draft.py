@@ -1,5 +1,6 @@
 """A table of tests while it is being read, completed or judged by each step, and its marked numbers (<0.05, 0.24*)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,8 +13,9 @@ from .edges.columns import Codes, numbered
 from .tables import Column
 from .tables.numerals import Mark
 from .units import canonical, convert, same_dimension
-from .vocabulary import MARK, ROLES
+from .vocabulary import MARK, ROLES, UNNAMED
 
+LONGEST_TARGET = 300  # letters of an option that names rows
 _WORDS = {"<": "at most", ">": "at least", "~": "approximate", "*": "footnote"}
 
 
@@ -80,6 +82,60 @@ class Draft:
             known = (labels, *numbered(np.asarray(labels, dtype=object)))
             self.coded[role] = known
         return known[1], known[2]
+
+
+def target_of(draft: Draft, rows: NDArray[np.intp]) -> str:
+    """Rows as ``--correct`` names them: ``E05,E11`` where they are whole edges, else ``lines 2-4,9``.
+
+    Empty where lines hold rows of several edges, where two pairs of tool and work have edges of one name, or where the
+    text would be too long to type.
+    """
+    named = whole_edges(draft, rows)
+    pairs = [draft.codes(role)[0][rows] for role in UNNAMED if role in draft.data]
+    if named and not any(len(np.unique(codes)) > 1 for codes in pairs):
+        text = ",".join(named)
+        return text if len(text) <= LONGEST_TARGET and '"' not in text else ""
+    lines = draft.lines[rows]
+    if len(np.unique(draft.lines)) < len(draft.lines):
+        return ""
+    text = f"lines {','.join(line_spans(np.sort(lines).tolist()))}"
+    return text if len(text) <= LONGEST_TARGET else ""
+
+
+def whole_edges(draft: Draft, rows: NDArray[np.intp]) -> list[str]:
+    """Names of the edges whose rows these are; empty where an edge is among them with some of its rows only."""
+    if "edge" not in draft.data:
+        return []
+    codes, names = draft.codes("edge")
+    inside = np.zeros(len(codes), dtype=bool)
+    inside[rows] = True
+    found = np.unique(codes[rows])
+    if (found < 0).any() or not inside[np.isin(codes, found)].all():
+        return []
+    edges = [str(names[code]) for code in found]
+    return sorted(edges, key=lambda name: (len(name), name)) if all(edges) else []
+
+
+def line_spans(lines: Sequence[int]) -> list[str]:
+    """Lines in rising order, neighbours as ``2-9``.
+
+    >>> line_spans([2, 3, 4, 9])
+    ['2-4', '9']
+    """
+    out: list[list[int]] = []
+    for line in lines:
+        if out and line == out[-1][-1] + 1:
+            out[-1] = [out[-1][0], line]
+        else:
+            out.append([line])
+    return ["-".join(map(str, part)) for part in out]
+
+
+def correction(draft: Draft, rows: NDArray[np.intp], symbol: str, factor: float) -> str:
+    """The option that multiplies a quantity of some rows, empty where they have no short name."""
+    target = target_of(draft, rows)
+    sign, size = ("*", factor) if factor >= 1 else ("/", 1 / factor)
+    return f'--correct "{target}:{symbol}{sign}{size:.10g}"' if target else ""
 
 
 def mark_column(role: str) -> str:

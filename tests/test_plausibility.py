@@ -337,3 +337,17 @@ def test_a_name_that_is_missing_above_a_row_of_units_is_said(tmp_path):
     found = [doubt for doubt in runs.doubts if "it may be the resultant force F" in doubt.sentence]
     assert [doubt.remedy for doubt in found] == ['--map "F=col7"']
     assert runs.columns[-1].name == "N"
+
+
+@pytest.mark.parametrize(
+    ("edges", "factor", "symbol"),
+    [(("E03", "E07", "E11", "E12"), 1 / 25.4, "f"), (("E05",), 3.280839895, "V"), (("E02", "E09", "E10"), 60, "t")],
+)
+def test_whole_edges_in_another_unit_are_named_with_the_option_that_corrects_them(edges, factor, symbol):
+    frame = datasets.read_runs(datasets.bundled("gc435_709m40")).to_frame()[["edge", "V", "f", "d", "t", "AW"]].dropna()
+    off = frame.assign(**{symbol: (frame[symbol] * np.where(frame["edge"].isin(edges), factor, 1)).round(5)})
+    remedies = [doubt.remedy for doubt in datasets.runs_from_frame(off).doubts if symbol in doubt.columns]
+    sign = f"*{1 / factor:.10g}" if factor < 1 else f"/{factor:.10g}"
+    assert f'--correct "{",".join(edges)}:{symbol}{sign}"' in remedies
+    corrected = datasets.runs_from_frame(off, correct=(f"{','.join(edges)}:{symbol}{sign}",))
+    np.testing.assert_allclose(corrected.values(symbol), frame[symbol], rtol=1e-3)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...core.rounding import format_decimal
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import Draft, correction
 from ..vocabulary import ROLES
 from .unit_shifts import CLOSE, EVIDENCE, MINORITY, RATIOS, minorities, split_evidence
 
@@ -25,7 +25,7 @@ FEWEST = 8  # edges
 SPARE = 3  # edges beyond the coefficients
 EXACT = 1e-10  # of the total sum of squares: residuals without scatter decide nothing
 MOST_ROWS = 20_000
-LISTED = 6
+LISTED = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,4 +191,6 @@ def _doubt(draft: Draft, tests: _Tests, response: str, shifts: list[_Shift]) -> 
         f"{what}{s} {named}: with {', or '.join(ways)} the {response} agrees with that of the other {what}s; "
         f"check the unit of {'these' if s else 'this'} {what}{s}"
     )
-    return Doubt(tuple(dict.fromkeys(one.role for one in shifts)), sentence)
+    rows = np.flatnonzero(tests.good)[shifts[0].edges[tests.code]]
+    remedy = correction(draft, rows, shifts[0].role, shifts[0].factor) if with_edges and len(shifts) == 1 else ""
+    return Doubt(tuple(dict.fromkeys(one.role for one in shifts)), sentence, remedy)

@@ -1,13 +1,14 @@
 """Single cells of a file of tests that are impossible or far from all others, and levels shifted by a known factor."""
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.rounding import format_decimal
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import Draft, correction, whole_edges
 from ..options import Process, ReadOptions
 from ..vocabulary import ROLES
 from .quantities import table_process
@@ -27,6 +28,7 @@ LATTICE = {
 }  # ratios of units and decimal marks; of the other conditions as follows
 LENGTHS = (25.4, 10.0, 1000.0)
 NEAR = 0.012  # of a level, for values rounded in another unit
+EXACT = 0.002  # of a level, for values that are converted without rounding
 GAP = 1.3  # ratio between the shifted rows and the others
 CLEAR_GAP = 2.2  # needed for one shifted level, and for a factor of 10, which a plan may span
 CHANCE = 0.01  # that levels of a sound plan lie at a unit ratio
@@ -39,6 +41,7 @@ FEWEST = 8  # rows below which no cell is judged by the others
 MOST_LEVELS = 7
 SAMPLE = 20000
 LISTED = 4
+MOST_EDGES = 8  # in a sentence
 
 Array = NDArray[np.float64]
 
@@ -143,8 +146,40 @@ def check_levels(draft: Draft, options: ReadOptions) -> None:
 
 def _doubt_shifted(draft: Draft, role: str, values: Array, levels: Array, counts: NDArray[np.intp]) -> bool:
     """Whether a minority of rows lies apart from the others and holds their levels in another unit."""
-    if not 2 <= len(levels) <= 2 * MOST_LEVELS:
+    if not _shifted_levels(role, levels, counts):
         return False
+    # the least correction after which no level is left that another one would bring among the others
+    found = _shifted_levels(role, levels, counts, exact=True)
+    best = min(
+        found, key=lambda one: (len(_shifted_levels(role, *one.corrected(levels, counts), exact=True)), one.rows)
+    )
+    _add_shifted(draft, role, np.flatnonzero(np.isin(values, best.moved)), best.moved, best.kept, best.factor)
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class _Shifted:
+    """Levels apart from the others that a factor brings among them, and the number of their rows."""
+
+    moved: Array
+    kept: Array
+    factor: float
+    rows: int
+
+    def corrected(self, levels: Array, counts: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+        """Levels and their counts with the shifted ones joined to those of the others."""
+        among = np.isin(levels, self.kept)
+        joined = counts[among].copy()
+        near = np.abs(np.log(self.moved[:, None] * self.factor / self.kept[None, :])).argmin(axis=1)
+        np.add.at(joined, near, counts[~among])
+        return self.kept, joined
+
+
+def _shifted_levels(role: str, levels: Array, counts: NDArray[np.intp], *, exact: bool = False) -> list[_Shifted]:
+    """Minorities of levels beyond a gap that may be in another unit; with ``exact`` also those of an exact ratio."""
+    if not 2 <= len(levels) <= 2 * MOST_LEVELS:
+        return []
+    found = []
     ratios = [ratio for ratio in LATTICE.get(role, LENGTHS) if ratio < levels[-1] / levels[0] * (1 + NEAR)]
     shares = np.cumsum(counts) / counts.sum()
     for cut in np.flatnonzero(levels[1:] > levels[:-1] * GAP) + 1:
@@ -152,17 +187,17 @@ def _doubt_shifted(draft: Draft, role: str, values: Array, levels: Array, counts
         if min(lower, 1 - lower) > MOST_ROWS:
             continue
         moved, kept = (levels[:cut], levels[cut:]) if lower < 0.5 else (levels[cut:], levels[:cut])
-        for factor in ratios if lower < 0.5 else (1 / k for k in ratios):
+        for factor in ratios if lower < 0.5 else [1 / k for k in ratios]:
             ratio = moved[:, None] * factor / kept[None, :]
             chance = min(1.0, 2 * NEAR * len(kept) / np.log(max(2.0, kept[-1] / kept[0]))) ** len(moved)
             if factor in (10, 0.1):
                 apart = gap > CLEAR_GAP and len(moved) > 1
             else:
                 apart = chance < CHANCE or (gap > CLEAR_GAP and chance < 10 * CHANCE)
-            if apart and np.all(np.any(np.abs(np.log(ratio)) < NEAR, axis=1)):
-                _add_shifted(draft, role, np.flatnonzero(np.isin(values, moved)), moved, kept, factor)
-                return True
-    return False
+            off = np.abs(np.log(ratio)).min(axis=1).max()
+            if (apart and off < NEAR) or (exact and off < EXACT and factor not in (10, 0.1)):
+                found.append(_Shifted(moved, kept, float(factor), int(counts[np.isin(levels, moved)].sum())))
+    return found
 
 
 def _add_shifted(draft: Draft, role: str, rows: NDArray[np.intp], moved: Array, kept: Array, factor: float) -> None:
@@ -171,7 +206,7 @@ def _add_shifted(draft: Draft, role: str, rows: NDArray[np.intp], moved: Array, 
         f"{places(draft, rows)}: {role} {listed(moved)} {ROLES[role].unit} {way} are levels of the other rows "
         f"({listed(kept)}): another unit or decimal mark in these rows"
     )
-    _add(draft, role, rows, sentence)
+    _add(draft, role, rows, sentence, factor)
 
 
 def _doubt_group(draft: Draft, role: str, values: Array) -> None:
@@ -199,7 +234,7 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
                     f"{places(draft, rows)}: {role} {listed(values[rows])} {ROLES[role].unit} {way} {factor:g} would "
                     f"lie among the other rows: these rows may be in {units}"
                 )
-                _add(draft, role, rows, sentence)
+                _add(draft, role, rows, sentence, factor**power)
                 return
 
 
@@ -224,15 +259,21 @@ def _doubt_single(draft: Draft, role: str, values: Array, levels: Array, counts:
     _add(draft, role, rows, sentence)
 
 
-def _add(draft: Draft, role: str, rows: NDArray[np.intp], sentence: str) -> None:
-    """Add a doubt about rows of a role, unless each line is named by an earlier one."""
+def _add(draft: Draft, role: str, rows: NDArray[np.intp], sentence: str, factor: float | None = None) -> None:
+    """Add a doubt about rows of a role, unless each line is named by an earlier one; a factor would correct them."""
     earlier = " ".join(doubt.sentence for doubt in draft.doubts if role in doubt.columns)
-    if not earlier or not all(re.search(rf"\b{line}\b", earlier) for line in draft.lines[rows[:LISTED]].tolist()):
-        draft.doubts.append(Doubt((role,), sentence))
+    named = [*map(str, draft.lines[rows[:LISTED]].tolist()), *whole_edges(draft, rows)]
+    if not earlier or not all(re.search(rf"\b{re.escape(name)}\b", earlier) for name in named[:LISTED]):
+        remedy = "" if factor is None else correction(draft, rows, role, factor)
+        draft.doubts.append(Doubt((role,), sentence, remedy))
 
 
 def places(draft: Draft, rows: NDArray[np.intp]) -> str:
-    """Lines of the file of some rows, in words."""
+    """Edges of some rows, where they are all rows of these, or else their lines, in words."""
+    edges = whole_edges(draft, rows) if len(rows) > 1 else []
+    if edges:
+        more = f" and {len(edges) - MOST_EDGES} more" if len(edges) > MOST_EDGES else ""
+        return f"edge{'s' * (len(edges) > 1)} {', '.join(edges[:MOST_EDGES])}{more}"
     lines = draft.lines[rows].tolist()
     named = ", ".join(map(str, lines[:LISTED])) + (f" and {len(lines) - LISTED} more" if len(lines) > LISTED else "")
     return f"line {named}" if len(lines) == 1 else f"lines {named}"
