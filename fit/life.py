@@ -146,29 +146,38 @@ LIFE_USUAL, LIFE_POSSIBLE = (0.5, 600.0), (0.02, 6000.0)  # min
 FAR, VERY_FAR = 1.0, 10.0  # life over the longest test: extrapolated, and too far to be used
 WIDE, VERY_WIDE = 10.0, 100.0  # factor within which 95 % of lives lie
 Range = tuple[float, float]
-# Names, tool material, and Taylor's n: usual, and the range beyond which it is doubted (judgement)
+# Names in four languages and grades; limits of n are judgement
 _COATED = r"\bgc ?\d{3,4}\b|coat|beschichtet|revêtu|recubiert|\btin\b|tialn|altin|ticn"
-_TAYLOR: tuple[tuple[str, str, Range, Range], ...] = (
-    (r"\bhss\b|high.speed steel|schnellarbeitsstahl|acier rapide", "high-speed steel", (0.08, 0.2), (0.05, 0.3)),
-    (r"ceramic|keramik|céramique|cerámica|\bsialon\b|\bwhisker", "ceramic", (0.4, 0.6), (0.25, 1.0)),
-    (_COATED, "coated carbide", (0.2, 0.5), (0.12, 0.7)),
-    (r"carbide|hartmetall|carbure|metal duro|\b[pmk]\d\d\b", "carbide", (0.2, 0.3), (0.12, 0.5)),
-)
-_ANY_TOOL = ("any tool material", (0.08, 0.6), (0.05, 1.0))
+ANY_TOOL = "any tool material"
 
 
-def usual_taylor_n(tool: str) -> tuple[str, Range, Range]:
-    """Tool material that a name states, its usual range of Taylor's n, and the range beyond which n is doubted.
+@dataclass(frozen=True, slots=True)
+class TaylorN:
+    """Taylor's n of a tool material: usual range, and limits beyond which it is doubted."""
+
+    material: str
+    usual: Range
+    limits: Range
+
+
+_TAYLOR = {
+    r"\bhss\b|high.speed steel|schnellarbeitsstahl|acier rapide": TaylorN("high-speed steel", (0.08, 0.2), (0.05, 0.3)),
+    r"ceramic|keramik|céramique|cerámica|\bsialon\b|\bwhisker": TaylorN("ceramic", (0.4, 0.6), (0.25, 1.0)),
+    _COATED: TaylorN("coated carbide", (0.2, 0.5), (0.12, 0.7)),
+    r"carbide|hartmetall|carbure|metal duro|\b[pmk]\d\d\b": TaylorN("carbide", (0.2, 0.3), (0.12, 0.5)),
+}
+
+
+def usual_taylor_n(tool: str) -> TaylorN:
+    """Range of Taylor's n by the tool material that a name states.
 
     Examples
     --------
-    >>> usual_taylor_n("GC435")
-    ('coated carbide', (0.2, 0.5), (0.12, 0.7))
-    >>> usual_taylor_n("T1")[0]
-    'any tool material'
+    >>> usual_taylor_n("GC435").usual, usual_taylor_n("T1").material
+    ((0.2, 0.5), 'any tool material')
     """
-    found = (row[1:] for row in _TAYLOR if re.search(row[0], tool.casefold()))
-    return next(found, _ANY_TOOL)
+    found = (row for names, row in _TAYLOR.items() if re.search(names, tool.casefold()))
+    return next(found, TaylorN(ANY_TOOL, (0.08, 0.6), (0.05, 1.0)))
 
 
 def life_verdict(life: ToolLife, law: LawFit, runs: Runs | None = None, of_law: Verdict | None = None) -> Verdict:
@@ -210,13 +219,13 @@ def _of_taylor(life: ToolLife, law: LawFit, tool: str) -> Iterator[tuple[int, st
 
     if life.taylor_n is None:
         return
-    material, usual, limits = usual_taylor_n(tool)
+    n = usual_taylor_n(tool)
     half = 0.0 if life.bse is None else float(stdtrit(max(law.df, 1), 0.975) * life.bse["V"])
     b = float(life.coefficients["V"])
     if b - half > 0:
         yield 2, f"Life rises with cutting speed (Taylor's n {life.taylor_n:.2g}), where it must fall."
-    elif -b - half > 1 / limits[0] or -b + half < 1 / limits[1]:
-        range_of = f"{usual[0]:g} to {usual[1]:g} of {material}"
+    elif -b - half > 1 / n.limits[0] or -b + half < 1 / n.limits[1]:
+        range_of = f"{n.usual[0]:g} to {n.usual[1]:g} of {n.material}"
         yield 1, f"Taylor's n {life.taylor_n:.2g} is unusual (usual {range_of}): check speed and time."
 
 

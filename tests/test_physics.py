@@ -214,7 +214,19 @@ def test_laws_of_a_stream_are_judged_by_their_exponents():
     ],
 )
 def test_tool_material_from_its_name(tool, material):
-    assert usual_taylor_n(tool)[0] == material
+    assert usual_taylor_n(tool).material == material
+
+
+@pytest.mark.parametrize("tool", ["HSS", "carbide", "coated", "ceramic"])
+def test_exponents_of_speed_follow_the_tool_material(tool):
+    """V T^n = C and VB = c V^a t^k give n = k/a: the ranges of life and wear are one statement."""
+    n = usual_taylor_n(tool)
+    (life,) = usual_exponents("T", ("V",), tool=tool).values()
+    assert life.usual == pytest.approx((-1 / n.usual[0], -1 / n.usual[1]))
+    (wear,) = usual_exponents("VB", ("V",), tool=tool).values()
+    assert wear.usual == pytest.approx((0.2 / n.usual[1], 1.2 / n.usual[0]), abs=0.05)
+    steep, runs = law_of(powers=WEAR | {"V": 7.0}, c0=0.02 / 100**7, tool=tool)
+    assert exponents(steep, runs).concern == int(tool == "ceramic")
 
 
 def life_of(criterion=0.15, **options):

@@ -106,17 +106,8 @@ FILES = {
 }
 
 
-PENDING = {
-    "nasa_milling, material 1 VB": "influence is not yet judged by the number of edges",
-    "feed of four edges in inches AW": "edges in another unit are not yet refused",
-}
-
-
-def cases(table):
-    """The expected verdicts as parameters, those that wait for a check marked."""
-    names = [f"{one.set} {one.response}" for one in table]
-    marks = [(pytest.mark.xfail(reason=PENDING[name]),) if name in PENDING else () for name in names]
-    return [pytest.param(one, id=name, marks=mark) for one, name, mark in zip(table, names, marks, strict=True)]
+def name_of(expected):
+    return f"{expected.set} {expected.response}"
 
 
 def verdicts(runs, response):
@@ -134,13 +125,13 @@ def assert_expected(verdict, expected: Expected):
         assert re.search(rf"\b({names})", text), (names, verdict.reasons)
 
 
-@pytest.mark.parametrize("expected", cases(BUNDLED))
+@pytest.mark.parametrize("expected", BUNDLED, ids=name_of)
 def test_bundled_sets(expected):
     (verdict,) = verdicts(datasets.read_runs(datasets.bundled(expected.set)), expected.response)
     assert_expected(verdict, expected)
 
 
-@pytest.mark.parametrize("expected", cases(REAL))
+@pytest.mark.parametrize("expected", REAL, ids=name_of)
 def test_real_sets(measurements, expected):
     name, _, work = expected.set.partition(", material ")
     path = measurements / ("nasa_milling/nasa_mill_runs.csv" if work else name)
@@ -161,7 +152,7 @@ def outcome(expected, **options):
     return verdict
 
 
-@pytest.mark.parametrize("expected", cases(FAULTY))
+@pytest.mark.parametrize("expected", FAULTY, ids=name_of)
 def test_faulty_files(expected):
     """A file that the reading refuses with the column named is as good as one that must not be used."""
     assert_expected(outcome(expected), expected)

@@ -25,6 +25,7 @@ from ...datasets.plausibility.ranges import Plausible, plausible
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
+from ..life import ANY_TOOL, usual_taylor_n
 from .check import Check
 from .strata import NO_ROWS
 
@@ -96,18 +97,23 @@ _TABLE: Mapping[str, Mapping[str, Exponent]] = {
 _SAME = {"n": "V", "fz": "f", "fm": "f", **dict.fromkeys(WEAR_ROLES, "wear")}  # factors with the range of another
 
 
-def usual_exponents(response: str, factors: tuple[str, ...], process: Process | None) -> dict[str, Exponent]:
+def usual_exponents(
+    response: str, factors: tuple[str, ...], process: Process | None = None, tool: str = ""
+) -> dict[str, Exponent]:
     """Ranges of the exponents of a response by factor, for those factors that have one.
 
-    Beside a feed rate the exponent of the speed is that at a constant feed rate, which has no usual range; the depth
-    in drilling is that of the hole.
+    That of the speed in wear and life follows Taylor's n, where the name of the tool states its material. Beside a
+    feed rate the exponent of the speed is that at a constant feed rate, which has no usual range; the depth in
+    drilling is that of the hole.
 
     Examples
     --------
-    >>> usual_exponents("Fc", ("f", "D"), None)["f"].usual, usual_exponents("P", ("V", "d"), "drilling").keys()
+    >>> usual_exponents("Fc", ("f", "D"))["f"].usual, usual_exponents("P", ("V", "d"), "drilling").keys()
     ((0.6, 1), dict_keys(['V']))
+    >>> usual_exponents("T", ("V",), tool="HSS")["V"].usual
+    (-12.5, -5.0)
     """
-    ranges = _TABLE.get(response, {})
+    ranges = {**_TABLE.get(response, {}), **_of_tool(response, tool)}
     if process == "grinding":
         ranges = {name: one for name, one in ranges.items() if name == "t"}
     without = {"d"} if process == "drilling" else set()
@@ -115,6 +121,21 @@ def usual_exponents(response: str, factors: tuple[str, ...], process: Process | 
         without |= {"V", "n"}
     named = {name: _SAME.get(name, name) for name in factors if name not in without}
     return {name: ranges[same] for name, same in named.items() if same in ranges}
+
+
+def _of_tool(response: str, tool: str) -> dict[str, Exponent]:
+    """Exponent of the speed by the material of the tool: -1/n in life, k/n in wear on t^k."""
+    n = usual_taylor_n(tool)
+    if n.material == ANY_TOOL or response not in (*WEAR_ROLES, "T"):
+        return {}
+    if response == "T":
+        return {"V": Exponent(_negative_inverse(n.usual), _negative_inverse(n.limits), -1)}
+    low, high = (_WEAR["t"].usual[0] / n.usual[1], _WEAR["t"].usual[1] / n.usual[0])
+    return {"V": Exponent((round(low, 2), round(high, 1)), (low / 2, 1.5 * high), 1)}
+
+
+def _negative_inverse(ends: Range) -> Range:
+    return -1 / ends[0], -1 / ends[1]
 
 
 def exponents(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable | None:
@@ -135,7 +156,7 @@ def exponents(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable | N
         return _feed_line(law)
     process = None if runs is None else runs.process
     where = process or "cutting"
-    ranges = usual_exponents(law.response, law.factors, process)
+    ranges = usual_exponents(law.response, law.factors, process, law.source.tool if runs is None else runs.tool)
     if not ranges:
         return NotAvailable(f"no usual exponents of {law.response} in {where} are listed")
     ends = law.conf_int()
@@ -193,7 +214,7 @@ _WRONG_SIGN = {
 
 
 def _range(ends: Range) -> str:
-    return f"{ends[0]:g} to {ends[1]:g}"
+    return f"{ends[0]:.3g} to {ends[1]:.3g}"
 
 
 def _feed_above_speed(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None:
@@ -257,7 +278,7 @@ def possible_values(law: LawFit, runs: Runs | None = None) -> Check | NotAvailab
         found += _of_factors(law, process)
     passed = f"Predicted {law.response} {span} is possible"
     if kc is not None:
-        passed += f"; kc {kc[0]:.2g} to {kc[1]:.2g} N/mm2 (usual {_range(KC_USUAL)})"
+        passed += f"; kc {kc[0]:.2g} to {kc[1]:.2g} N/mm2 (usual {KC_USUAL[0]} to {KC_USUAL[1]})"
     return _check("predictions over the tested region are possible", found, f"{_plain(passed)}.")
 
 
@@ -359,6 +380,6 @@ def _of_kc(response: str, kc: Range | None) -> Iterator[Found]:
     if KC_UNUSUAL[0] <= middle <= KC_UNUSUAL[1]:
         return
     span = _plain(f"{kc[0]:.2g} to {kc[1]:.2g} N/mm2")
-    words = f"{response} of the law is a specific cutting force kc of {span} (usual {_range(KC_USUAL)})"
+    words = f"{response} of the law is a specific cutting force kc of {span} (usual {KC_USUAL[0]} to {KC_USUAL[1]})"
     possible = KC_HARD[0] <= middle <= KC_HARD[1]
     yield 2 - int(possible), f"{words}: check the units of {response} and of the conditions."
