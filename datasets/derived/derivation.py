@@ -35,11 +35,12 @@ def derive(draft: Draft, options: ReadOptions) -> None:
     draft.assumed[:0] = [one.sentence for one in found]
     _substitutes(draft, known)
     used = {role for one in found for role in one.inputs}
-    draft.warnings += [
-        f"{given} is not used: no quantity that is not measured follows from it"
-        for role, given in known.given.items()
-        if given.source == "--value" and role not in used
-    ]
+    for role, given in known.given.items():
+        if given.source == "--value" and role not in used:
+            if ROLES[role].kind == "condition":
+                draft.assumed.append(f"{given}: the same in all tests, so that laws hold at this {role} only")
+            else:
+                draft.warnings.append(f"{given} is not used: no quantity that is not measured follows from it")
 
 
 def _no_constant_twice(draft: Draft, options: ReadOptions, known: Known) -> None:

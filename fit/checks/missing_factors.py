@@ -140,7 +140,7 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
         concern=concern_of(p),
         verdict=(
             f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
-            f"({format_p(p)}{many}). Add it to the factors, or fit the law to the tests at one {first.name}."
+            f"({format_p(p)}{many}). Add it to the factors (`fit.power_law`), or fit the tests at one {first.name}."
         ),
         kept=f"Columns that are not in the law have no effect that these tests show ({others}).",
     )

@@ -174,9 +174,17 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
         causes = CAUSES[name].format(response=law.response)
         tests[name] = replace(check, verdict=f"{check.verdict} {causes}".rstrip())
         return tests
+    for _, other, rejection in rejected:
+        if other != name:
+            tests[other] = replace(rejection, concern=0, verdict=f"{rejection.verdict} {_explained(named)}")
     suspects = () if named.edges == ALL else (named,)
     tests[name] = replace(check, verdict=f"{check.verdict} {_sentence(law, named)}", suspects=suspects)
     return tests
+
+
+def _explained(named: Suspect) -> str:
+    which = "of all edges" if named.edges == ALL else f"of {_edges(len(named.edges))} named by another check"
+    return f"The times {which} explain it."
 
 
 def _tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None]:
@@ -211,15 +219,15 @@ def _sentence(law: LawFit, one: Suspect) -> str:
     if one.offset is None:
         size = f"in another unit ({one.cause})"
     else:
-        size = f"offset, {format_plain(abs(one.offset))} min too {'large' if one.offset < 0 else 'small'}"
+        size = f"offset: {format_plain(abs(one.offset))} min too {'large' if one.offset < 0 else 'small'}"
     if one.edges == ALL:
         return (
-            f"t of all edges may be {size} (--correct {one.correction}); an offset of {law.response}, or "
+            f"The times of all edges may be {size} (--correct {one.correction}); an offset of {law.response}, or "
             f"{law.response} that does not follow a power of t, has the same effect."
         )
-    s, verb = ("", "is") if len(one.edges) == 1 else ("s", "are")
+    s = "" if len(one.edges) == 1 else "s"
     return (
-        f"t of edge{s} {', '.join(one.edges)} {verb} probably {size}, against the other edges: compare with the "
+        f"The times t of edge{s} {', '.join(one.edges)} are probably {size} against the other edges; compare with the "
         "records."
     )
 
