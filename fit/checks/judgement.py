@@ -87,8 +87,8 @@ class CheckInput:
 
     @cached_property
     def wrong_rows(self) -> Found | None:
-        """Outlying rows."""
-        return computed(partial(wrong_rows, self.law))
+        """Outlying rows, among all rows."""
+        return computed(partial(wrong_rows, self.whole))
 
     @cached_property
     def right_rows(self) -> tuple[LawFit, Strata | NotAvailable]:
@@ -141,9 +141,14 @@ class Judgement(Plottable):
 
     @property
     def suspects(self) -> tuple[Suspect, ...]:
-        """Rows and edges that the checks find wrong."""
+        """Rows and edges that the checks find wrong, each once, with its correction where a check knows one."""
         found = (check for check in self.checks.values() if isinstance(check, Check) and check.concern)
-        return tuple(dict.fromkeys(suspect for check in found for suspect in check.suspects))
+        once: dict[tuple[str, tuple[str, ...], tuple[int, ...]], Suspect] = {}
+        for suspect in (suspect for check in found for suspect in check.suspects):
+            key = (suspect.column, suspect.edges, suspect.lines)
+            if key not in once or (suspect.correction and not once[key].correction):
+                once[key] = suspect
+        return tuple(once.values())
 
     def verdicts(self, most: int = 6) -> tuple[str, ...]:
         """Sentences, at most ``most``: failed checks, warnings, checks that are not testable, passed checks.
@@ -270,6 +275,6 @@ CHECKS: Mapping[str, OneCheck] = {
     "wrong rows": lambda given: given.wrong_rows,
     "mixed units": lambda given: given.mixed_units,
     "wrong edges": lambda given: wrong_edges(*given.one_unit),
-    "copies": lambda given: copies(given.law),
+    "copies": lambda given: copies(given.whole),
     "gauge error": _gauge,
 }

@@ -236,8 +236,8 @@ def _reweighted(Q: Array, y: Array, left: Array, fixed: float | None) -> tuple[A
             weights = np.minimum(1.0, K * scale / np.maximum(np.abs(left), 1e-300))
         else:
             weights = np.clip(1 - (left / (BISQUARE * scale)) ** 2, 0.0, None) ** 2
-        root = np.sqrt(weights)
-        new = y - Q @ np.linalg.lstsq(root[:, None] * Q, root * y, rcond=None)[0]
+        weighted = weights[:, None] * Q
+        new = y - Q @ np.linalg.lstsq(Q.T @ weighted, weighted.T @ y, rcond=None)[0]
         change, left = float(np.abs(new - left).max()), new
         if change <= ENOUGH * scale:
             break
