@@ -37,6 +37,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write and print the limits, and return the exit code."""
     from .. import parameters
+    from ..parameters.checks.verdicts import cautions
     from ..parameters.file import sealed
 
     pf = parameters.read(args.file)
@@ -52,10 +53,13 @@ def run(args: argparse.Namespace) -> int:
     parameters.write(changed, args.file, force=True)
     section = changed.limits
     assert section is not None  # noqa: S101  just written
+    bounded = [limit["of"] for limit in asked.values() if limit.get("of")]
+    verdicts = cautions(pf, *bounded) if bounded else []
     if args.json:
-        print_json("limits", {"file": Path(args.file).name, "limits": section.model_dump()})
+        facts = {"file": Path(args.file).name, "limits": section.model_dump(), "verdicts": verdicts}
+        print_json("limits", facts, version=2)
     else:
-        print_lines([*_sentences(section.model_dump()), f"Written: limits in {args.file}"])
+        print_lines([*_sentences(section.model_dump()), *verdicts, f"Written: limits in {args.file}"])
     return 0
 
 

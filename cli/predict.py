@@ -65,6 +65,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Print a sentence for each law, and return the exit code."""
     from .. import parameters
+    from ..parameters.checks.verdicts import cautions
     from ..parameters.evaluation import IntervalOptions
 
     for option in ("level", "coverage"):
@@ -84,14 +85,16 @@ def run(args: argparse.Namespace) -> int:
     if not predictions:
         raise next(iter(failed.values()))
     reasons = {name: str(reason) for name, reason in failed.items()}
+    wears = [given.symbol for one in predictions for given in one.given if given.source is not None]
+    verdicts = cautions(pf, *(one.response for one in predictions), *wears)
     if args.json:
-        print_json("prediction", _report(pf, args.file, predictions, reasons))
+        print_json("prediction", {**_report(pf, args.file, predictions, reasons), "verdicts": verdicts}, version=2)
         return 0
     lines = [prediction.words for prediction in predictions]
     lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items()]
     simulated = ["Not measured: the laws were fitted to a simulation."] if pf.identity.simulated else []
     doubts = [] if pf.reading is None else [f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts]
-    print_lines(lines + simulated + doubts)
+    print_lines(lines + verdicts + simulated + doubts)
     return 0
 
 

@@ -40,8 +40,11 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Replay, print and draw, and return the exit code."""
+    from rich.text import Text
+
     from ..cards import replays
     from ..core.progress import progress_bar
+    from ..parameters.checks.verdicts import cautions
 
     pf, draws, home = _given(args.file)
     systems = _chosen(pf, args.system, args.file)
@@ -51,11 +54,15 @@ def run(args: argparse.Namespace) -> int:
             step.say(f"replaying {system}")
             results.append(replays.replayed(system, pf, draws, args.seed))
     written = [] if args.json and not args.out else _drawn(results, Path(args.out) if args.out else home)
+    verdicts = cautions(pf)
     if args.json:
         facts = {one.system: {"lines": one.lines, "assumed": one.assumed, **one.facts} for one in results}
-        print_json("replay", {"file": Path(args.file).name, "simulated": True, "seed": args.seed, "systems": facts})
+        report = {"file": Path(args.file).name, "simulated": True, "seed": args.seed, "systems": facts}
+        print_json("replay", {**report, "verdicts": verdicts}, version=2)
         return 0
     out = Printer()
+    for line in verdicts:
+        out.show(Text(line))
     for one in results:
         out.show(_block(one))
     for line in written:

@@ -47,6 +47,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Compute and write the settings, and return the exit code."""
     from .. import parameters
+    from ..parameters.checks.verdicts import cautions
     from ..parameters.file import sealed
 
     pf = parameters.read(args.file)
@@ -54,10 +55,12 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.file} has settings of constant load; replace them with --force.")
     line = _computed(pf, args)
     parameters.write(sealed(pf, load_line=line, provenance=traced(pf, args.words)), args.file, force=True)
+    verdicts = cautions(pf, line.law)
     if args.json:
-        print_json("settings", {"file": Path(args.file).name, "load_line": line.model_dump()})
+        facts = {"file": Path(args.file).name, "load_line": line.model_dump(), "verdicts": verdicts}
+        print_json("settings", facts, version=2)
     else:
-        print_lines([*_sentences(line), f"Written: load_line in {args.file}"])
+        print_lines([*verdicts, *_sentences(line), f"Written: load_line in {args.file}"])
     return 0
 
 

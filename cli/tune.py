@@ -68,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
     from .. import parameters
     from ..core.progress import progress_bar
+    from ..parameters.checks.verdicts import cautions
     from ..parameters.file import sealed
     from ..parameters.gather.control import pi_section
 
@@ -89,10 +90,12 @@ def run(args: argparse.Namespace) -> int:
     section = pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
     parameters.write(changed, args.file, force=True)
+    verdicts = cautions(pf, "dynamics")
     if args.json:
-        print_json("tune", {"file": Path(args.file).name, "pi": section, "verdict": tuned.verdict})
+        facts = {"file": Path(args.file).name, "pi": section, "verdict": tuned.verdict, "verdicts": verdicts}
+        print_json("tune", facts, version=2)
         return 0
-    lines = [*_sentences(tuned, changed), *_scaling_by_load_law(changed, args)]
+    lines = [*verdicts, *_sentences(tuned, changed), *_scaling_by_load_law(changed, args)]
     print_lines([*lines, _drawn(tuned, Path(args.file)), f"Written: pi in {args.file}"])
     return 0
 

@@ -184,12 +184,19 @@ def of_map(found: FeasibleMap) -> Display:
 
 
 @display_of.register
-def of_fit(fit: StepFit | DriveFit | ForceProcess) -> Display:
-    """Estimates in words, with the verdict of a force process; the parameters."""
+def of_fit(fit: StepFit | DriveFit) -> Display:
+    """The verdict; the parameters."""
+    return Display(fit.verdict, by_fields(fit).facts, _estimated(fit), fit.notes)
+
+
+@display_of.register
+def of_force_process(fit: ForceProcess) -> Display:
+    """The verdict and the estimates in words; the parameters; the reasons of the verdict."""
+    head = f"{fit.verdict.words}: {fit.words}"
+    return Display(head, by_fields(fit).facts, _estimated(fit), (*fit.verdict.reasons, *fit.notes))
+
+
+def _estimated(fit: StepFit | DriveFit | ForceProcess) -> TextTable:
     params, bse = fit.params, fit.bse
     names = [str(name) for name in params.index]
-    force = isinstance(fit, ForceProcess)
-    head = f"{fit.verdict.words}: {fit.words}" if force else fit.verdict
-    reasons = fit.verdict.reasons if force else ()
-    table = estimates(names, params, [bse.get(n) for n in names])
-    return Display(head, by_fields(fit).facts, table, (*reasons, *fit.notes))
+    return estimates(names, params, [bse.get(n) for n in names])

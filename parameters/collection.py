@@ -142,8 +142,10 @@ def collect(
         "data_sha256": data_sha256, "n_rows": source.n_rows if n_rows is None else n_rows, "fitmodels": __version__,
         "versions": _versions(), "command": command, "options": dict(options or {}), "seed": seed,
     }  # fmt: skip
-    found = laws_by_response(laws, source.tool, source.work, gauge_sd, _runs(design))
-    life, bounds = tool_life_section(tool_life), None if limits is None else limits_section(limits)
+    runs = _runs(design)
+    found = laws_by_response(laws, source.tool, source.work, gauge_sd, runs)
+    life = tool_life_section(tool_life, laws, found, runs)
+    bounds = None if limits is None else limits_section(limits)
     sections = {
         "tool_life": life, "limits": bounds, "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
         "design": None if design is None else design_section(design, found, criterion_of(life, bounds, options or {})),

@@ -38,8 +38,17 @@ def test_what_is_not_named_stays_and_what_stands_needs_force(file, capsys):
 def test_the_json_is_what_was_written(file, capsys):
     assert main(["limits", file, "P=7kW", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["schema"] == "fitmodels.limits/1"
+    assert facts["schema"] == "fitmodels.limits/2"
     assert facts["limits"]["power"] == {"value": 7.0, "unit": "kW", "of": "P"}
+
+
+def test_the_verdict_of_the_laws_that_a_limit_is_of_is_printed(file, capsys):
+    assert main(["limits", file, "P=7kW", "V=50:200m/min"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert out.count("Verdict on the law of") == 1
+    assert "Verdict on the law of P: usable with reservations. Assumed, not printed: the range of t and AW." in out
+    assert main(["limits", file, "f=0.06:0.6"]) == 0
+    assert "Verdict" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
+from fitmodels.parameters.file import sealed
 from statsmodels.regression.linear_model import OLS
 
 AT = ("V=120", "f=0.2", "d=2", "t=8")
@@ -82,10 +83,29 @@ def test_each_law_in_one_sentence(params):
     assert max(map(len, result.raw.splitlines())) <= 120
 
 
+def test_the_verdict_of_a_law_and_of_the_wear_law_it_takes_is_printed(params, tmp_path):
+    """A law that is usable has no sentence; one without a verdict is named."""
+    pf = parameters.read(params)
+    reasons = ["R2 is .02.", "The wear falls with time."]
+    usable = {"level": "usable inside the tested region"}
+    verdicts = {"AW": {"level": "do not use for control", "reasons": reasons}, "P": usable}
+    laws = {name: {**pf.laws[name].model_dump(), "verdict": verdict} for name, verdict in verdicts.items()}
+    file = parameters.write(sealed(pf, laws=laws), tmp_path / "params.json")
+    said = f"Verdict on the law of AW: do not use for control. {' '.join(reasons)}"
+    result = run(file, *AT, "--law", "P")
+    assert said in result.out
+    assert "law of P:" not in result.out
+    assert report(file, *AT)["verdicts"] == [said]
+    assert said not in run(file, *AT, "AW=0.2", "--law", "P").out
+    laws["P"]["verdict"] = None
+    parameters.write(sealed(pf, laws=laws), file, force=True)
+    assert "No verdict on the law of P: it is not known how far it can be used" in run(file, *AT).out
+
+
 def test_json_holds_the_same_facts(params):
     told = report(params, *AT, "--interval", "tolerance", "--level", ".9", "--coverage", "0.8")
     assert (told["schema"], told["file"], told["simulated"], told["not_told"]) == (
-        "fitmodels.prediction/1", "params.json", True, [],
+        "fitmodels.prediction/2", "params.json", True, [],
     )  # fmt: skip
     laws = parameters.read(params).laws
     wear, power = told["predictions"]

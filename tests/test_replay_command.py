@@ -34,10 +34,17 @@ def test_the_name_of_a_paper_stands_for_its_file(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["replay", "AC-2017", "--system", "recursion", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["schema"] == "fitmodels.replay/1"
+    assert facts["schema"] == "fitmodels.replay/2"
     assert facts["simulated"] is True
     assert list(facts["systems"]) == ["recursion"]
     assert not list(tmp_path.iterdir())  # nothing is drawn without --out
+
+
+def test_verdicts_stand_before_the_replay(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["replay", "AC-2017", "--system", "region"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("Verdict on the law of AW: usable with reservations. Assumed, not printed")
 
 
 @pytest.mark.slow

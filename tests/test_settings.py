@@ -226,6 +226,7 @@ def test_the_command_adds_the_section_and_renews_the_checksum(params, capsys):
     before = read(params)
     assert main(["settings", str(params), "--worn", "0.28"]) == 0
     out = capsys.readouterr().out
+    assert out.startswith("Verdict on the law of I: ")
     assert "Reference 0.24 A: 0.85 x 0.28 A = 0.238 A, rounded to 0.01." in out
     assert "Lower feed limit 605.5 mm/min at wear 0.22 mm (no interval: 3 observations fix 3 parameters" in out
     after = read(params)
@@ -251,7 +252,7 @@ def test_settings_that_are_there_stand_without_force(params, capsys):
 def test_a_window_may_be_said_in_any_unit_of_length(params, window, capsys):
     assert main(["settings", str(params), "--worn", "0.28", "--window", window, "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["schema"] == "fitmodels.settings/1"
+    assert facts["schema"] == "fitmodels.settings/2"
     assert facts["load_line"]["window"] == [0.18, 0.22]
 
 

@@ -31,6 +31,21 @@ def tune(capsys, *options):
     return code, " ".join(out.split()), err
 
 
+def test_the_verdict_of_the_dynamics_is_printed_first(file, capsys):
+    """A model that was given has none; one that must not be used keeps its reason."""
+    code, out, _ = tune(capsys, "--settle", "8")
+    assert code == 0
+    assert out.startswith(
+        "No verdict on the dynamics: it is not known how far it can be used; identify the record again."
+    )
+    pf = parameters.read(file)
+    verdict = {"level": "do not use for control", "reasons": ["The simulation fit is 30 %, below 50 %."]}
+    parameters.write(sealed(pf, dynamics={**pf.dynamics.model_dump(), "verdict": verdict}), file, force=True)
+    code, out, _ = tune(capsys, "--settle", "8", "--force")
+    assert code == 0
+    assert out.startswith("Verdict on the dynamics: do not use for control. The simulation fit is 30 %, below 50 %.")
+
+
 def test_gains_that_meet_the_specification_are_added(file, capsys, tmp_path):
     code, out, err = tune(capsys, "--rise", "2", "--settle", "4", "--overshoot", "0.05")
     assert (code, err) == (0, "")
@@ -77,7 +92,7 @@ def test_the_section_as_json(file, capsys):
     code = main(["tune", "p.json", "--rise", "2", "--settle", "4", "--json"])
     report = json.loads(capsys.readouterr().out)
     assert code == 0
-    assert report["schema"] == "fitmodels.tune/1"
+    assert report["schema"] == "fitmodels.tune/2"
     direct = ident.tune_pi(G, 2.0, 4.0)
     assert report["pi"]["kp"] == pytest.approx(direct.kp, rel=1e-6)
 

@@ -65,15 +65,15 @@ def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
     Raises
     ------
     GateError
-        The file fails the check, lacks a setting, or has no set point for this depth.
+        The file fails the check, verdicts apart, lacks a setting, or has no set point for this depth.
     """
     from ...parameters.checks import check
 
     if why := lacking(pf):
         raise GateError(why)
-    report = check(pf)
-    if not report.ok:
-        raise GateError(f"the file fails the check: {report.failed[0].words}")
+    failed = check(pf).inconsistent
+    if failed:
+        raise GateError(f"the file fails the check: {failed[0].words}")
     section = _section(pf)
     held = {name: getattr(section, name) for name in ForceSettings.__dataclass_fields__ if hasattr(section, name)}
     samples = round((section.average_time or 0.0) / held["sample_time"])

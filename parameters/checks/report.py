@@ -1,12 +1,15 @@
 """Findings of the check of a parameter file."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from ...core.display import Displayable
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+VERDICT: Final = "verdict"  # name of the findings on verdicts
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -44,6 +47,11 @@ class CheckReport(Displayable):
     def failed(self) -> tuple[FileFinding, ...]:
         """Findings that fail the file."""
         return tuple(f for f in self.findings if f.passed is False)
+
+    @property
+    def inconsistent(self) -> tuple[FileFinding, ...]:
+        """Findings that fail the file apart from verdicts: a simulation may use what must not control a machine."""
+        return tuple(f for f in self.failed if f.name != VERDICT)
 
     @property
     def ok(self) -> bool:

@@ -1,16 +1,15 @@
 """Verdicts of the parts of a file, as findings, and the refusal to export what must not be used for control."""
 
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from ...core.errors import GateError
 from ...core.verdict import DO_NOT_USE, LEVELS, USABLE
 from ..file import ParameterFile
 from ..messages import short_name
 from ..sections.base import VerdictSection
-from .report import FileFinding
+from .report import VERDICT, FileFinding
 
-NAME: Final = "verdict"  # of the findings
 SHOWN = 3  # reasons in a finding; the others are counted
 
 
@@ -43,12 +42,12 @@ def check_verdicts(pf: ParameterFile) -> Iterator[FileFinding]:
     for part in judged_parts(pf):
         if part.verdict is None:
             words = f"{part.where}: there is no verdict on how far it can be used; {part.remedy}."
-            yield FileFinding(NAME, None, words)
+            yield FileFinding(VERDICT, None, words)
         else:
             passed = {USABLE: True, DO_NOT_USE: False}.get(part.verdict.concern)
-            yield FileFinding(NAME, passed, verdict_words(part.where, part.verdict))
+            yield FileFinding(VERDICT, passed, verdict_words(part.where, part.verdict))
     if pf.tool_life is not None and pf.tool_life.verdict is not None and pf.tool_life.verdict.concern > USABLE:
-        yield FileFinding(NAME, None, verdict_words("tool_life", pf.tool_life.verdict))
+        yield FileFinding(VERDICT, None, verdict_words("tool_life", pf.tool_life.verdict))
 
 
 def verdict_words(where: str, verdict: VerdictSection) -> str:
@@ -60,6 +59,24 @@ def verdict_words(where: str, verdict: VerdictSection) -> str:
     more = len(verdict.reasons) - SHOWN
     further = [f"And {more} more reason{'s' if more > 1 else ''}: see the card."] if more > 0 else []
     return " ".join([f"{where}: {verdict.level}.", *verdict.reasons[:SHOWN], *further])
+
+
+def cautions(pf: ParameterFile, *names: str) -> list[str]:
+    """A sentence on each part of the file that is not usable without reservations, with all its reasons.
+
+    ``names`` are responses of laws, ``dynamics`` and ``adaptive_force``; all parts without them.
+    """
+    said = []
+    for part in judged_parts(pf):
+        kind, _, law = part.where.partition(".")
+        if names and (law or kind) not in names:
+            continue
+        what = f"law of {law}" if law else {"dynamics": "dynamics"}.get(kind, "force process")
+        if part.verdict is None:
+            said.append(f"No verdict on the {what}: it is not known how far it can be used; {part.remedy}.")
+        elif part.verdict.concern > USABLE:
+            said.append(" ".join([f"Verdict on the {what}: {part.verdict.level}.", *part.verdict.reasons]))
+    return said
 
 
 def require_verdicts(pf: ParameterFile, accepted: bool, *, loop_only: bool = False) -> tuple[str, ...]:
@@ -83,21 +100,25 @@ def require_verdicts(pf: ParameterFile, accepted: bool, *, loop_only: bool = Fal
     GateError
         A part must not be used for control, or its verdict is not known.
     """
+    parts = judged_parts(pf, loop_only=loop_only)
+    refused = [part for part in parts if part.verdict is None or part.verdict.concern == DO_NOT_USE]
+    if refused and not accepted:
+        raise GateError(_refusal(*refused))
     lines = []
-    for part in judged_parts(pf, loop_only=loop_only):
+    for part in parts:
         level = "no verdict" if part.verdict is None else part.verdict.level
-        refused = part.verdict is None or part.verdict.concern == DO_NOT_USE
-        if refused and not accepted:
-            raise GateError(_refusal(part))
-        if refused or level != LEVELS[USABLE]:
-            lines.append(f"{'VERDICT ACCEPTED - ' if refused else ''}{part.where} - {level}")
+        if level != LEVELS[USABLE]:
+            lines.append(f"{'VERDICT ACCEPTED - ' if part in refused else ''}{part.where} - {level}")
             lines += () if part.verdict is None else part.verdict.reasons
     return tuple(lines)
 
 
-def _refusal(part: Judged) -> str:
+def _refusal(part: Judged, *others: Judged) -> str:
     if part.verdict is None:
         found = f"{part.where} has no verdict, so it is not known whether it can be used for control; {part.remedy}"
     else:
-        found = f"{verdict_words(part.where, part.verdict).rstrip('.')}"
-    return f"not exported: {found}. --accept-verdict exports it all the same and records that in the exported file."
+        found = verdict_words(part.where, part.verdict).rstrip(".")
+    more = f" The same holds for {', '.join(other.where for other in others)}: see `fitmodels check`." if others else ""
+    return (
+        f"not exported: {found}.{more} --accept-verdict exports it all the same and records that in the exported file."
+    )

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from ...core.errors import GateError
 from ..checks import check
-from ..checks.verdicts import NAME as VERDICT
 from ..checks.verdicts import require_verdicts
 from ..file import ParameterFile
 from ..file_format import content_sha256
@@ -172,7 +171,7 @@ def require_check(pf: ParameterFile) -> tuple[str, ...]:
     >>> require_check(parameters.collect(tool="GC435", work="709M40", laws=[]))
     ()
     """
-    failed = [finding for finding in check(pf).failed if finding.name != VERDICT]
+    failed = check(pf).inconsistent
     if failed:
         first, *others = failed
         more = f" {len(others)} more: see `fitmodels check`." if others else ""

@@ -37,10 +37,16 @@ def dynamics_section(
     """
     if isinstance(dynamics, Section | Mapping):
         return as_data(dynamics)
-    model, verdict = getattr(dynamics, "model", dynamics), getattr(dynamics, "verdict", None)
-    validation = getattr(dynamics, "validation", None)
-    if held_out_fit is None and validation is not None and validation.held_out:
-        held_out_fit = validation.fit
+    from ...ident.identification import Identification
+
+    if isinstance(dynamics, Identification):
+        fit = dynamics.validation.fit if dynamics.validation.held_out else None
+        section = _model(dynamics.model, fit if held_out_fit is None else held_out_fit)
+        return {**section, "verdict": VerdictSection.of(dynamics.verdict).model_dump()}
+    return _model(dynamics, held_out_fit)
+
+
+def _model(model: "Model", held_out_fit: float | None) -> dict[str, Any]:
     return {
         "structure": model.structure,
         **{name: [float(x) for x in getattr(model, name)] for name in ("b", "a", "c")},
@@ -54,7 +60,6 @@ def dynamics_section(
         "operating_point": _pair(model.operating_point),
         "band": _pair(model.band),
         "held_out_fit": None if held_out_fit is None else float(held_out_fit),
-        "verdict": None if verdict is None else VerdictSection.of(verdict).model_dump(),
         "notes": list(model.notes),
     }
 

@@ -18,6 +18,7 @@ from ..sections.law_parts import CompositeLaw
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ...core.verdict import Verdict
     from ...datasets import Runs
     from ...fit import LawFit
     from ...fit.checks.check import Check
@@ -292,10 +293,17 @@ def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:
     return None if found is None else asdict(found)
 
 
-def tool_life_section(life: "ToolLife | None") -> dict[str, Any] | None:
-    """Section of a tool life, None where there is none."""
+def tool_life_section(
+    life: "ToolLife | None",
+    laws: "Sequence[LawFit]" = (),
+    sections: Mapping[str, LawSection] | None = None,
+    runs: "Runs | None" = None,
+) -> dict[str, Any] | None:
+    """Section of a tool life, None where there is none; its verdict is known where its wear law is among the laws."""
     if life is None:
         return None
+    law = next((law for law in laws if law.response == life.wear), None)
+    verdict = None if law is None else _life_verdict(life, law, (sections or {}).get(life.wear), runs)
     return {
         "wear": life.wear,
         "criterion": float(life.criterion),
@@ -307,7 +315,15 @@ def tool_life_section(life: "ToolLife | None") -> dict[str, Any] | None:
         "t_observed": life.t_observed,
         "typical": life.typical,
         "typical_at": dict(life.typical_at),
+        "verdict": None if verdict is None else VerdictSection.of(verdict).model_dump(),
     }
+
+
+def _life_verdict(life: "ToolLife", law: "LawFit", section: LawSection | None, runs: "Runs | None") -> "Verdict":
+    from ...fit.life import life_verdict
+
+    of_law = None if section is None or section.verdict is None else section.verdict.verdict
+    return life_verdict(life, law, _runs_of(law, runs), of_law)
 
 
 def _equation(law: "LawFit") -> str:

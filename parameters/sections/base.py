@@ -70,6 +70,11 @@ class VerdictSection(Section):
         )
 
     @property
+    def verdict(self) -> Verdict:
+        """The verdict that the section holds."""
+        return Verdict(self.concern, self.reasons, self.checked, self.not_checked)
+
+    @property
     def concern(self) -> int:
         """0 usable inside the tested region; 1 usable with reservations; 2 do not use for control."""
         return LEVELS.index(self.level)
