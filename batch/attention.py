@@ -8,16 +8,17 @@ import numpy as np
 import pandas as pd
 
 from ..core.arrays import Array
+from ..core.verdict import DO_NOT_USE, LEVELS, RESERVATIONS
 from .outcomes import NO_LAW, NOT_CONVERGED, REFUSED, Concern, PairOutcome
 from .plan import Pair
 
 SCATTERS = "large scatter"
 UNLIKE = "unlike its family"
-SEVERITY = (  # unusable; a law that is missing or may mislead; what it lacks; notes on the pair
+SEVERITY = (  # unusable; a law that may mislead; what it lacks; notes on the pair
     NO_LAW, NOT_CONVERGED, "no parameter file", REFUSED,
-    "wear falls with time", "fits badly", "verdict", SCATTERS, UNLIKE, "draws too certain",
-    "few degrees of freedom", "no errors by edge", "factor left out", "rows left out", "doubt in reading",
-    "no tool life",
+    LEVELS[DO_NOT_USE], "wear falls with time", "fits badly", SCATTERS, UNLIKE, "draws too certain",
+    LEVELS[RESERVATIONS], "few degrees of freedom", "no errors by edge", "factor left out", "rows left out",
+    "doubt in reading", "no tool life",
     "group differs within the pair", "no group of ISO 513",
 )  # fmt: skip
 TIMES = 3.0  # the median scatter of a response

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..core.errors import UsageError
+from ..core.verdict import DO_NOT_USE, LEVELS
 from ..fit import pooled_exponents
 from ..fit.many.pooling import WHOLE, PooledExponents
 from .law_rows import group_column
@@ -89,7 +90,8 @@ def compare(results: pd.DataFrame, groups: Sequence[str] = (), *, level: float =
     ----------
     results : DataFrame
         A row a pair and law: ``tool, work``, the columns of ``groups``, ``response, form, reason``, and those of
-        ``ManyLaws.table``. Laws of another form than power, and c0, whose unit depends on the exponents, are left out.
+        ``ManyLaws.table``. Laws of another form than power, laws whose verdict is not to use them, and c0, whose unit
+        depends on the exponents, are left out.
     groups : sequence of str
         Headers of the columns that name families, each in the column that `group_column` gives it; under a header
         such as ``iso513`` a value ``P20`` belongs to the family ``P steel``.
@@ -151,6 +153,8 @@ def _pooled(
     laws = results["reason"].isna() | (results["reason"] == "")
     if "form" in results:
         laws &= results["form"] == "power"
+    if "verdict" in results:
+        laws &= results["verdict"] != LEVELS[DO_NOT_USE]
     for response, rows in results[laws].groupby("response", sort=False):
         for factor in _factors(rows):
             table = _table(rows, factor, groups)

@@ -23,10 +23,13 @@ NOTES = ("by_edge", "dropped", "left_out", "edge_reason")
 
 COUNTS = frozenset({"nobs", "n_edges", "df", "df_resid", "dropped"})
 FLAGS = frozenset({"by_edge", "simulated"})
-TEXTS = frozenset({*LAW, "left_out", "edge_reason", "no_posterior"})
+TEXTS = frozenset({*LAW, "verdict", "left_out", "edge_reason", "no_posterior"})
 
 Ints = NDArray[np.intp]
-BEFORE, AFTER = ("simulated", *WHOLE), (*NOTES, "no_posterior")  # of a law: columns before and after its parameters
+BEFORE, AFTER = (
+    ("verdict", "simulated", *WHOLE),
+    (*NOTES, "no_posterior"),
+)  # of a law: columns before and after its parameters
 PARAMETER = re.compile(f"({'|'.join(PARTS)})_(.+)", re.DOTALL)
 
 Column: TypeAlias = Any  # an array or series of floats or texts, or of integers or flags that may be missing

@@ -18,7 +18,7 @@ from .law_rows import COUNTS, FLAGS, LAW, PAIR, TEXTS, Column, column
 from .outcomes import BlockOutcome, Cell, Concern, PairOutcome
 from .plan import BatchOptions, Block, Pair, Plan
 
-SCHEMA = "fitmodels.batch-block/1"
+SCHEMA = "fitmodels.batch-block/2"
 RECORDS = Path(".batch", "blocks")
 PAIRS = "pairs"
 WRITERS = 4  # a file waits for the disk longer than for the processor: four together take a sixth of the time

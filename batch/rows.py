@@ -11,6 +11,8 @@ from ..datasets import Runs
 from ..datasets.columns import ColumnUse
 from ..datasets.derived.rules import Derived
 from ..datasets.doubts import Doubt
+from ..datasets.options import Process
+from ..datasets.plausibility.ranges import process_of
 from ..datasets.runs import Source, disclaimers
 from ..pipeline.reading import digest
 from .plan import Pair
@@ -30,12 +32,15 @@ class PairSource:
     doubts: tuple[Doubt, ...] = ()
     judged: bool = False
     derived: tuple[Derived, ...] = ()
+    process: Process | None = None
+    constants: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, runs: Runs) -> "PairSource":
         """Those of the runs of a pair."""
         return cls(
-            runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes, runs.doubts, runs.judged, runs.derived
+            runs.source, runs.columns, runs.assumed, runs.warnings, runs.notes, runs.doubts, runs.judged, runs.derived,
+            runs.process, runs.constants,
         )  # fmt: skip
 
 
@@ -57,6 +62,10 @@ class PairRows:
     assumed, warnings, notes : tuple of str
     derived : tuple of Derived
         Quantities that were computed from others.
+    process : str or None
+        As given; where it is not, what columns and notes name.
+    constants : mapping of str to float
+        Values given of quantities that the source does not hold.
     of_pair : mapping of Pair to PairSource
         Source, columns, assumed, warnings and notes of pairs that have their own; the others have those above.
     """
@@ -70,6 +79,8 @@ class PairRows:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     derived: tuple[Derived, ...] = ()
+    process: Process | None = None
+    constants: Mapping[str, float] = field(default_factory=dict)
     of_pair: Mapping[Pair, PairSource] = field(default_factory=dict)
 
     def simulated(self, pair: Pair) -> bool:
@@ -95,9 +106,13 @@ class PairRows:
         about = self.of_pair.get(pair)
         if about is None:
             source = Source(self.source.name, self.source.sha256 or digest(data), len(data), self.source.dialect)
-            about = PairSource(source, self.columns, self.assumed, self.warnings, self.notes, derived=self.derived)
+            about = PairSource(
+                source, self.columns, self.assumed, self.warnings, self.notes, derived=self.derived,
+                process=self.process or process_of(map(str, data), self.notes), constants=self.constants,
+            )  # fmt: skip
         lines = np.arange(1, 1 + len(where)) if self.lines is None else self.lines[where]
         return pair, Runs(
             data, self.units, about.columns, lines, about.source, pair.tool, pair.work,
             about.assumed, about.warnings, about.notes, about.doubts, about.judged, about.derived,
+            about.process, about.constants,
         )  # fmt: skip

@@ -21,6 +21,8 @@ from .law_rows import (
     PAIR,
     PARAMETER,
     PARTS,
+    Column,
+    fitted,
     flags,
     group_column,
     joined_tables,
@@ -28,7 +30,7 @@ from .law_rows import (
     renumbered,
     texts,
 )
-from .outcomes import BlockOutcome, PairOutcome, cell
+from .outcomes import NOT_JUDGED, BlockOutcome, PairOutcome, cell
 from .output_folder import claim, claimed, holds, put, retire
 from .pair_table import unknown_pairs, with_groups
 from .plan import Plan
@@ -51,8 +53,8 @@ def results_frame(outcomes: Sequence[PairOutcome], laws: pd.DataFrame, groups: S
     Returns
     -------
     DataFrame
-        ``tool, work``, the groups, ``response, form, unit, reason``; the law as a whole; each parameter with its
-        errors and interval, in the order c0, V, f, d, t; the posterior; what was left out and why. Whole numbers
+        ``tool, work``, the groups, ``response, form, unit, reason, verdict``; the law as a whole; each parameter with
+        its errors and interval, in the order c0, V, f, d, t; the posterior; what was left out and why. Whole numbers
         are Int64, flags boolean, missing numbers NA or NaN, missing texts empty.
 
     Examples
@@ -73,9 +75,15 @@ def results_frame(outcomes: Sequence[PairOutcome], laws: pd.DataFrame, groups: S
     of_pairs |= {group_column(header): [one.groups.get(header, "") for one in outcomes] for header in groups}
     columns = {name: texts(np.array(values, dtype=object)[pair]) for name, values in of_pairs.items()}
     simulated = flags(np.array([one.simulated for one in outcomes], dtype=bool)[pair])
-    table = table.assign(simulated=simulated)
+    table = table.assign(simulated=simulated, verdict=_verdicts(table))
     names = (*LAW, *_in_order(set(map(str, table)) - {PAIR}))
     return pd.DataFrame(columns | {name: table[name] for name in names})
+
+
+def _verdicts(table: pd.DataFrame) -> Column:
+    """The verdict on each law; of one without checks, that it was not judged, and nothing where there is no law."""
+    known = table["verdict"] if "verdict" in table else pd.Series("", index=table.index, dtype=object)
+    return known.where((known != "") | ~fitted(table), NOT_JUDGED)
 
 
 def csv_bytes(frame: pd.DataFrame) -> bytes:

@@ -13,10 +13,12 @@ from rich.text import Text
 
 from ..core.progress import grouped
 from ..core.rounding import decimals, format_plain, format_rounded
+from ..core.verdict import DO_NOT_USE, LEVELS, RESERVATIONS, USABLE
 from ..datasets.columns import ColumnUse
 from ..datasets.vocabulary import ROLES
 from ..fit.many.pooling import WHOLE
 from .comparison import LAW, Comparison, largest_families
+from .outcomes import NOT_JUDGED
 from .plan import Plan
 from .result import Batch, Effort
 
@@ -77,8 +79,20 @@ def laws_block(made: Batch) -> RenderableType:
         role = ROLES.get(response)
         quantity = "" if role is None else f"  {role.quantity}, {role.unit}" if role.unit else f"  {role.quantity}"
         head = f"{response}{quantity}: {form.replace('_', ' ')}, {_pairs(len(rows))}"
-        blocks += [Text(head), Padding((_values if len(rows) == 1 else _quarters)(rows, form), (0, 0, 1, 2))]
+        blocks += [
+            Text(head),
+            Padding(Text(_verdict_words(rows)), (0, 0, 0, 2)),
+            Padding((_values if len(rows) == 1 else _quarters)(rows, form), (0, 0, 1, 2)),
+        ]
     return Group(*blocks) if len(laws) else Padding(Group(*blocks), (0, 0, 1, 0))
+
+
+def _verdict_words(rows: pd.DataFrame) -> str:
+    """The number of laws of each verdict, the worst first."""
+    counts = rows["verdict"].value_counts()
+    order = (LEVELS[DO_NOT_USE], NOT_JUDGED, LEVELS[RESERVATIONS], LEVELS[USABLE])
+    named = "; ".join(f"{grouped(int(counts[words]))} {words}" for words in order if words in counts)
+    return f"verdicts: {named}"
 
 
 def _quarters(rows: pd.DataFrame, form: str) -> Table:

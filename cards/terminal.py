@@ -35,6 +35,7 @@ NOTHING = (
     'instance --map "VB=col7".'
 )
 WRAPPED = {
+    "coefficient": "",
     "SE, rows independent": "SE, rows\nindependent",
     "published value": "published\nvalue",
     "without the suspects": "without the\nsuspects",
@@ -58,8 +59,7 @@ def pair_blocks(runs: Runs, pf: ParameterFile, refused: Sequence[Refused], comma
     """
     laws = [law_part(pf, law) for law in pf.laws.values()]
     life = tool_life_part(pf)
-    verdicts = [part.verdict for part in (*laws, *([life] if life else []))]
-    blocks = [verdicts_block(verdicts), *(_law_block(law, command) for law in laws)]
+    blocks = [verdicts_block(verdicts_of(pf)), *(_law_block(law, command) for law in laws)]
     if life is not None:
         head = Text.assemble(("T  tool life", "bold"), "   ", _verdict_text(life.verdict))
         blocks.append(_block(head, *_reasons(life.verdict), *_texts([life.equation, *life.words])))
@@ -176,7 +176,7 @@ def _table(table: TextTable) -> Table:
     shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for j, heading in enumerate(table.header):
         left = j == 0 or any(row[j][:1].isalpha() for row in table.rows)
-        words = "" if heading == "coefficient" else _wrapped(heading)
+        words = _wrapped(heading)
         shown.add_column(words, justify="left" if left else "right", no_wrap=True)
     for row in table.rows:
         shown.add_row(*map(Text, row))
@@ -184,6 +184,7 @@ def _table(table: TextTable) -> Table:
 
 
 def _wrapped(heading: str) -> str:
+    """A heading on its lines; none above the names of coefficients."""
     return WRAPPED.get(heading, heading.replace(" (", "\n("))
 
 

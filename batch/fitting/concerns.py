@@ -138,7 +138,6 @@ NOTED = ("edge_reason", "left_out")
 MUCH = 0.1  # share of rows left out
 FEW = 3  # degrees of freedom: below it an interval is wider than most answers
 POOR = 0.5  # R2
-ACT = 2  # concern of a check at which one should act
 EACH_ITS_EDGE = "is a separate edge"  # rows are independent: nothing is lacking
 
 
@@ -212,7 +211,7 @@ def _numbers(laws: pd.DataFrame, name: str, otherwise: float) -> NDArray[np.floa
 
 
 def concerns_of_file(pf: "ParameterFile") -> tuple[Concern, ...]:
-    """Verdicts of checks that require action, those of a law together.
+    """Verdicts other than usable, with all their reasons; laws with the same reasons together.
 
     Examples
     --------
@@ -222,11 +221,12 @@ def concerns_of_file(pf: "ParameterFile") -> tuple[Concern, ...]:
     """
     from ...cards.content.posterior import wider
 
-    found = []
+    judged: dict[tuple[str, str], list[str]] = {}
     for response, law in pf.laws.items():
-        words = [check.verdict for check in law.checks.values() if check.concern >= ACT and check.verdict]
-        if words:
-            found.append(Concern("verdict", f"{response}: {' '.join(words)}"))
+        if law.verdict is not None and law.verdict.reasons:
+            judged.setdefault((law.verdict.level, " ".join(law.verdict.reasons)), []).append(response)
+    found = [Concern(level, f"{', '.join(responses)}: {words}") for (level, words), responses in judged.items()]
+    for response, law in pf.laws.items():
         drawn = None if pf.posterior is None else pf.posterior.laws.get(response)
         if drawn is not None:
             found += [Concern("draws too certain", f"{response}: {words}") for words in wider(law, drawn)]

@@ -60,7 +60,7 @@ def _made(runs: "Runs", options: BatchOptions, groups: Mapping[str, str]) -> Pai
         return PairFiles({}, (*no_life, Concern(NOT_CONVERGED, pair.not_converged)), _not_converged_cells(pair))
     identity, odd = identity_of(groups)
     pf = parameter_file(pair, options, command=options.command, keep_draws=options.keep_draws, **identity)
-    return PairFiles(_bytes(pf, pair, options), (*no_life, *odd, *concerns_of_file(pf)), posterior_cells(pf))
+    return PairFiles(_bytes(pf, pair, options), (*no_life, *odd, *concerns_of_file(pf)), law_cells(pf))
 
 
 def _bytes(pf: "ParameterFile", pair: PairAnalysis, options: BatchOptions) -> dict[str, bytes]:
@@ -73,20 +73,22 @@ def _bytes(pf: "ParameterFile", pair: PairAnalysis, options: BatchOptions) -> di
     return files
 
 
-def posterior_cells(pf: "ParameterFile") -> dict[str, dict[str, Cell]]:
-    """Mean and standard deviation of the draws of each slope and shift, or why there are none, by response.
+def law_cells(pf: "ParameterFile") -> dict[str, dict[str, Cell]]:
+    """The verdict on each law, and mean and standard deviation of the draws of its slopes, or why there are none.
 
     Examples
     --------
     >>> from fitmodels import parameters
-    >>> posterior_cells(parameters.collect(tool="GC435", work="709M40"))
+    >>> law_cells(parameters.collect(tool="GC435", work="709M40"))
     {}
     """
-    cells: dict[str, dict[str, Cell]] = {}
+    cells: dict[str, dict[str, Cell]] = {
+        response: {"verdict": law.verdict.level} for response, law in pf.laws.items() if law.verdict is not None
+    }
     for response, of in (pf.posterior.laws if pf.posterior is not None else {}).items():
         law = pf.laws[response]
         names = [name for name in law.coefficients if name in of.parameters]
-        cells[response] = {"no_posterior": of.reason or ""}
+        cells.setdefault(response, {})["no_posterior"] = of.reason or ""
         for name in names:
             cells[response] |= {
                 f"posterior_{name}": of.parameters[name].mean,
@@ -104,7 +106,7 @@ def _not_converged_cells(pair: PairAnalysis) -> dict[str, dict[str, Cell]]:
 
 
 def with_cells(table: pd.DataFrame, cells: Mapping[int, Mapping[str, Mapping[str, Cell]]]) -> pd.DataFrame:
-    """The table with what the posterior adds to the laws of a pair, by its number and by response.
+    """The table with what the parameter file of a pair adds to its laws, by its number and by response.
 
     >>> from fitmodels.batch.law_rows import law_table
     >>> table = law_table([(0, {"response": "AW", "reason": ""})])

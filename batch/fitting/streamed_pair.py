@@ -14,7 +14,7 @@ from ..law_rows import law_table, reasons, row_of, row_without
 from ..outcomes import GONE, Cell, Concern, Failure, PairOutcome, attempt
 from ..plan import BatchOptions, Block, Plan
 from .concerns import concerns_of_laws, differs, identity_of
-from .pair_file import PARAMETERS, posterior_cells, with_cells
+from .pair_file import PARAMETERS, law_cells, with_cells
 from .pair_laws import texts, unit_of
 
 if TYPE_CHECKING:
@@ -157,4 +157,4 @@ def _file(
         laws=laws, no_posterior=none, command=options.command, options=options.recorded(), seed=options.seed,
         **identity,  # type: ignore[arg-type]
     )  # fmt: skip
-    return {PARAMETERS: as_bytes(pf)}, posterior_cells(pf), odd
+    return {PARAMETERS: as_bytes(pf)}, law_cells(pf), odd

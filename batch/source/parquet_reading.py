@@ -73,7 +73,9 @@ def parquet_rows(block: Block, plan: Plan) -> tuple[list[PairRows], dict[str, st
     derived = tuple(one for one in plan.derived if one.role in units)
     assumed = tuple(sentence for sentence in plan.assumed if sentence != SORTED)
     source = Source(plan.name, "", len(frame), NO_LINES)
-    return [PairRows(frame, None, units, plan.columns, source, assumed, notes=plan.notes, derived=derived)], unreadable
+    given = {"process": plan.reading.process, "constants": plan.reading.constants}
+    rows = PairRows(frame, None, units, plan.columns, source, assumed, notes=plan.notes, derived=derived, **given)
+    return [rows], unreadable
 
 
 def parquet_chunks(block: Block, plan: Plan) -> Iterator[pd.DataFrame]:

@@ -18,7 +18,11 @@ from .verdicts import TOOL_LIFE, suspect_parts, verdict_part, without_words
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one is not informative
 CONDITIONS = ("V", "n", "f", "fz", "d", "ae")  # usually constant for an edge
 STRUCTURES = {"multiplicative": "multiplicative error (log scale)", "additive": "additive error (original scale)"}
-STATISTICS = {  # symbol of the statistic of each check
+STATISTICS = {  # symbol of the statistic of each check; of others none is shown
+    "predictive use": "R²",
+    "number of edges": "edges",
+    "reading": "doubts",
+    "curvature": "F",
     "form": "F",
     "single edges": "largest Cook's D",
     "prediction": "predicted R²",
@@ -37,7 +41,10 @@ STATISTICS = {  # symbol of the statistic of each check
     "mixed units": "n ln(RSS₀/RSS₁)",
     "wrong edges": "largest |t|",
     "copies": "number",
-    "gauge error": "",
+    "time between edges": "t",
+    "time within edges": "t",
+    "time restarts": "n ln(RSS₀/RSS₁)",
+    "unused columns": "t",
 }
 UNTESTABLE = "not testable"
 
@@ -219,10 +226,10 @@ def _f_name(df: tuple[int, int] | None) -> str:
 
 
 def _check(name: str, check: LawCheck) -> CheckPart:
-    title, statistic = TITLES.get(name, name.capitalize()), STATISTICS.get(name, "statistic")
+    title, statistic = TITLES.get(name, name.capitalize()), STATISTICS.get(name, "")
     if check.reason is not None:
         return CheckPart(name=title, verdict=UNTESTABLE, words=check.reason)
-    df = check.df if statistic in ("F", "χ²") else None
+    df = check.df if statistic in ("F", "χ²", "t") else None
     freedom = "" if df is None else f"({', '.join(map(str, df if isinstance(df, tuple) else [df]))})"
     return CheckPart(
         name=title,

@@ -385,8 +385,10 @@ class Card(Part):
     @property
     def verdicts(self) -> tuple[VerdictPart, ...]:
         """The verdict of each law, of the tool life, the dynamics and the settings, in this order."""
-        judged = (*self.laws, *filter(None, (self.tool_life, self.dynamics)), *self.windows)
-        return tuple(part.verdict for part in judged if part.verdict is not None)
+        found = [law.verdict for law in self.laws]
+        found += [self.tool_life.verdict] if self.tool_life else []
+        found += [self.dynamics.verdict] if self.dynamics else []
+        return (*found, *(window.verdict for window in self.windows if window.verdict is not None))
 
     def _display(self) -> Display:
         return Display(self.summary, tuple(facts_of(self)))
