@@ -15,6 +15,16 @@ from ..available import NotAvailable
 SIGNIFICANT, STRONG = 0.05, 0.001  # p-values below which a test gives a warning, or fails
 LEVELS = ("passed", "warning", "failed")  # by ``Check.concern``
 FAMILY_LEVEL = 0.1  # of all tests of the laws of a file together, by Holm's procedure
+# Weights of tests in the family, 1 of those not named: that of curvature is of three squares or so, and tests of the
+# errors have half a weight, because what they find changes intervals, not the law.
+WEIGHTS: Mapping[str, float] = MappingProxyType({
+    "curvature": 3.0,
+    "scale of the response": 0.5,
+    "order within edges": 0.5,
+    "even scatter": 0.5,
+    "even scatter of edges": 0.5,
+    "error structure": 0.5,
+})  # fmt: skip
 
 # Title of each check by its key in `Judgement.checks` and in parameter files.
 TITLES: Mapping[str, str] = MappingProxyType({
@@ -48,6 +58,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "wrong edges": "Outlying edges (studentized residuals)",
     "copies": "Duplicated rows and readings",
     "gauge error": "Error of the wear gauge",
+    "agreement": "Agreement of estimates",
 })  # fmt: skip
 BY_EDGE = ("order within edges", "even scatter of edges", "normality of edges")  # not applicable to independent rows
 
@@ -171,7 +182,7 @@ class Check(Displayable):
 
 
 def family_wise(checks: Mapping[str, Check | NotAvailable], level: float = FAMILY_LEVEL) -> dict[str, Any]:
-    """The checks with the rejections that hold when all their tests are counted together (Holm 1979).
+    """The checks with the rejections that hold when all their tests are counted together, weighted (Holm 1979).
 
     A test is a check with a p-value; of those not rejected ``concern`` is 0 and the verdict is ``kept``. A check
     without a p-value, and a note, stay as they are.
@@ -182,12 +193,18 @@ def family_wise(checks: Mapping[str, Check | NotAvailable], level: float = FAMIL
     >>> [check.verdict for check in family_wise({"a": one, "b": one, "c": one}).values()]
     ['Retained.', 'Retained.', 'Retained.']
     """
-    tests = [(check.pvalue or 0.0, name) for name, check in checks.items() if isinstance(check, Check) if check.counted]
+    tests = [
+        ((check.pvalue or 0.0) / WEIGHTS.get(name, 1.0), name)
+        for name, check in checks.items()
+        if isinstance(check, Check) and check.counted
+    ]
     rejected: set[str] = set()
-    for rank, (p, name) in enumerate(sorted(tests)):
-        if p * (len(tests) - rank) >= level:
+    left = sum(WEIGHTS.get(name, 1.0) for _, name in tests)
+    for p, name in sorted(tests):
+        if p * left >= level:
             break
         rejected.add(name)
+        left -= WEIGHTS.get(name, 1.0)
     return {
         name: replace(check, concern=0, verdict=check.kept or check.verdict)
         if isinstance(check, Check) and check.counted and name not in rejected

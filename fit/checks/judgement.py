@@ -17,6 +17,7 @@ from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ...datasets import Runs
 from ..available import NotAvailable, computed
 from ..lawfit import LawFit
+from .agreement import agreement
 from .autocorrelation import serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
 from .competing_models import compare_forms
@@ -237,6 +238,11 @@ def _order(given: CheckInput) -> Found:
     return serial_correlation(given.law, given.strata)
 
 
+def _agreement(given: CheckInput) -> Found | None:
+    found = agreement(given.law)
+    return found if isinstance(found, Check) else None  # one estimate of each exponent has nothing to agree with
+
+
 def _gauge(given: CheckInput) -> Found | None:
     wear = next((name for name in ("AW", "VB") if name in given.law.factors), None)
     if given.gauge_sd is None or wear is None:
@@ -277,4 +283,5 @@ CHECKS: Mapping[str, OneCheck] = {
     "wrong edges": lambda given: wrong_edges(*given.one_unit),
     "copies": lambda given: copies(given.whole),
     "gauge error": _gauge,
+    "agreement": _agreement,
 }

@@ -1,0 +1,183 @@
+"""Agreement of several estimates of one exponent: by edge, with a random level of edges, within edges, posterior.
+
+Where a law is right they estimate the same number and differ by less than their errors. They answer different
+questions where it is not: the pooled estimate uses differences between edges as well, the estimate within edges none of
+them, and a random level and a posterior lie between the two. Estimates of the same rows are positively correlated, so
+that the error of a difference is at most that of independent estimates, which is used here.
+
+Sources: Hausman 1978, Econometrica 46, 1251; Mundlak 1978, Econometrica 46, 69.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..available import NotAvailable
+from ..bootstrap import EdgeBootstrap
+from ..edges import EdgeInference, left_out_moves
+from ..group_sums import sums_by
+from ..lawfit import LawFit
+from .check import Check
+from .strata import no_scatter
+
+if TYPE_CHECKING:
+    from ..bayes.posterior import Posterior
+
+APART = 0.005  # of each tail: probability of so large a difference of two estimates of one exponent
+CAUSES = (
+    "usual causes: times of some edges that start later or have another unit, edges that were stopped by their wear, "
+    "a factor that is missing, or rows of an edge that follow each other"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One estimate of an exponent.
+
+    Attributes
+    ----------
+    method : str
+        ``within edges``, ``posterior`` and so on, as it stands in a sentence.
+    value, se : float
+        Estimate and its standard error.
+    """
+
+    method: str
+    value: float
+    se: float
+
+    def __str__(self) -> str:
+        """Estimate with its standard error and method."""
+        return f"{self.value:.3f} ± {self.se:.3f} ({self.method})"
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Agreement(Check):
+    """The two estimates of one exponent that differ most, in standard errors of their difference (the statistic).
+
+    Attributes
+    ----------
+    exponent : str
+    estimates : tuple of Estimate
+    """
+
+    exponent: str
+    estimates: tuple[Estimate, Estimate]
+
+
+def agreement(law: LawFit, others: Mapping[str, Sequence[Estimate]] | None = None) -> Agreement | NotAvailable:
+    """Compare the estimates of each exponent of a law, and further estimates of ``others`` by exponent.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> agreement(law).concern
+    0
+    >>> agreement(law, {"t": [Estimate("another program", 0.6, 0.01)]}).exponent
+    't'
+    """
+    from scipy.special import stdtrit
+
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    if not isinstance(law.edges, EdgeInference):
+        return law.edges
+    found = estimates_of(law)
+    for name, more in (others or {}).items():
+        found.setdefault(name, []).extend(more)
+    pairs = [
+        (abs(a.value - b.value) / np.hypot(a.se, b.se), name, (a, b))
+        for name, estimates in found.items()
+        for a, b in combinations(estimates, 2)
+        if np.hypot(a.se, b.se) > 0
+    ]
+    if not pairs:
+        return NotAvailable("each exponent has one estimate only")
+    apart, name, pair = max(pairs, key=lambda item: item[0])
+    limit = float(stdtrit(law.edges.df, 1 - APART))
+    kept = f"Estimates of each exponent agree within their errors: at most, {name} is {pair[0]} and {pair[1]}."
+    disagree = f"Two estimates of the exponent of {name} disagree: {pair[0]} and {pair[1]}; {CAUSES}."
+    return Agreement(
+        null="all estimates of an exponent are of the same number",
+        statistic=float(apart),
+        symbol="largest difference in SE",
+        concern=int(apart > limit),
+        verdict=disagree if apart > limit else kept,
+        exponent=name,
+        estimates=pair,
+    )
+
+
+def posterior_agreement(law: LawFit, posterior: "Posterior") -> Agreement | NotAvailable:
+    """Compare the posterior of each exponent of a law with its other estimates.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> posterior_agreement(law, fit.posterior(law, seed=1)).concern
+    0
+    """
+    return agreement(law, of_draws(law, "posterior", posterior.names, posterior.draws))
+
+
+def bootstrap_agreement(law: LawFit, bootstrap: EdgeBootstrap) -> Agreement | NotAvailable:
+    """Compare the mean of a bootstrap by edge of each exponent with its other estimates."""
+    return agreement(law, of_draws(law, "bootstrap by edge", bootstrap.names, bootstrap.draws))
+
+
+def of_draws(law: LawFit, method: str, names: Sequence[str], draws: np.ndarray) -> dict[str, list[Estimate]]:
+    """Mean and standard deviation of draws, shape (S, q), of the exponents of a law."""
+    return {
+        name: [Estimate(method, float(draws[:, j].mean()), float(draws[:, j].std(ddof=1)))]
+        for j, name in enumerate(names)
+        if name in law.factors
+    }
+
+
+def estimates_of(law: LawFit) -> dict[str, list[Estimate]]:
+    """Estimates by edge, with a random level and within edges, of each factor of a law with inference by edge."""
+    if not isinstance(law.edges, EdgeInference):
+        return {}
+    mixed, pooled = law.edges.mixed, np.sqrt(np.diag(law.edges.cov_theta))
+    found = {
+        name: [
+            Estimate("rows, errors by edge", float(law.theta[j]), float(pooled[j])),
+            Estimate("random level of edges", float(mixed.theta[j]), float(mixed.bse[j])),
+        ]
+        for j, name in enumerate(law.theta_names)
+        if name in law.factors
+    }
+    for name, estimate in _within(law).items():
+        found[name].append(estimate)
+    return found
+
+
+def _within(law: LawFit) -> dict[str, Estimate]:
+    """Estimates from differences within edges alone, with errors by edge; none where an edge alone determines one."""
+    if not isinstance(law.edges, EdgeInference) or law.error != "multiplicative" or law.edge is None:
+        return {}
+    inside = [j for j, within in enumerate(law.edges.within) if within and law.theta_names[j] in law.factors]
+    if not inside:
+        return {}
+    edge = np.unique(law.edge, return_inverse=True)[1]
+    rows = np.column_stack([law.design[:, inside], law.residuals])
+    rows = rows - (sums_by(edge, rows, law.edges.n_edges) / np.bincount(edge)[:, None])[edge]
+    W, r = rows[:, :-1], rows[:, -1]
+    if np.linalg.matrix_rank(W) < len(inside):
+        return {}
+    unscaled = np.linalg.inv(W.T @ W)
+    step = unscaled @ (W.T @ r)
+    moved = left_out_moves(W, r - W @ step, unscaled, edge, law.edges.n_edges)
+    if isinstance(moved, int):
+        return {}
+    G = law.edges.n_edges
+    se = np.sqrt((G - 1) / G * (moved**2).sum(axis=0))
+    return {
+        law.theta_names[j]: Estimate("within edges", float(law.theta[j] + step[i]), float(se[i]))
+        for i, j in enumerate(inside)
+    }
