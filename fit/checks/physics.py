@@ -178,7 +178,7 @@ def _passed(ranges: Mapping[str, Exponent], intervals: Mapping[str, tuple[float,
     ]
     if wide:
         return f"Exponents that are unusual but too uncertain to be judged: {'; '.join(wide)}."
-    return f"The 95 % intervals of the exponents of {', '.join(ranges)} reach the ranges usual in {where}."
+    return f"The 95 % interval of each exponent ({', '.join(ranges)}) reaches the range usual in {where}."
 
 
 def _check(null: str, found: list[Found], passed: str) -> Check:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ...core.rounding import format_decimal
 from ...datasets import Runs
 from ..available import NotAvailable
 from ..edges import EdgeInference
@@ -24,7 +25,7 @@ def predictive_use(law: LawFit) -> Check | NotAvailable:
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
     >>> predictive_use(law).verdict
-    'R2 0.89: the law explains 89 % of the variance; 95 % of results lie within a factor of 1.21 of it.'
+    'R2 0.893: the law explains 89.3 % of the variance; 95 % of results lie within a factor of 1.21 of it.'
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
@@ -32,8 +33,10 @@ def predictive_use(law: LawFit) -> Check | NotAvailable:
     factor, within = _scatter(law)
     concern = max(_level(r2, LOW_R2, LEAST_R2), _level(-factor, -WIDE, -VERY_WIDE))
     ends = (".", ": allow for it.", ": too much for control.")
-    end = f". The mean {law.response} predicts about as well." if r2 < LOW_R2 else ends[concern]
-    explained = f"R2 {r2:.2g}: the law explains {100 * r2:.0f} % of the variance; 95 % of results lie {within}"
+    end = ends[concern]
+    if r2 < LOW_R2:
+        end = f". The mean {law.response} predicts {'about' if r2 < LEAST_R2 else 'nearly'} as well."
+    explained = f"R2 {r2:.3g}: the law explains {100 * r2:.3g} % of the variance; 95 % of results lie {within}"
     return Check(
         null=f"the law explains at least {100 * LOW_R2:g} % of the variance and predicts within a factor of {WIDE:g}",
         statistic=r2,
@@ -55,7 +58,10 @@ def _scatter(law: LawFit) -> tuple[float, str]:
         factor = float(np.exp(min(error, 50.0)))
         return factor, f"within a factor of {factor:.3g} of it"
     share = error / float(np.abs(law.observed).mean())
-    return 1 + share, f"within {error:.3g} {law.scale_unit} of it, {100 * share:.2g} % of the mean"
+    return (
+        1 + share,
+        f"within {error:.3g} {law.scale_unit} of it, {format_decimal(float(f'{100 * share:.2g}'))} % of the mean",
+    )
 
 
 def number_of_edges(law: LawFit, runs: Runs | None = None) -> Check:
