@@ -130,12 +130,16 @@ class Judgement(Plottable):
 
     @property
     def verdict(self) -> Verdict:
-        """How far the law can be used; the highest ``concern`` of its checks decides."""
+        """How far the law can be used; the highest ``concern`` of its checks decides.
+
+        Of equal concern, wrong rows and edges stand first: other findings may follow from them.
+        """
         there = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, Check)}
         missing = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, NotAvailable)}
         unchecked = [(RESERVATIONS, WITHOUT_ROWS)] if self.nobs == 0 else []
+        ordered = sorted(there.values(), key=lambda check: not check.suspects)
         return verdict_from(
-            [*((check.concern, check.verdict) for check in there.values()), *unchecked],
+            [*((check.concern, check.verdict) for check in ordered), *unchecked],
             list(there),
             [f"{title}: {check.reason}" for title, check in missing.items()],
         )
