@@ -11,6 +11,7 @@ refitting).
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import FitError
 from ...datasets import Runs
-from ..available import NotAvailable
+from ..available import NotAvailable, computed
 from ..lawfit import LawFit
 from ..least_squares import linear
 from .check import SIGNIFICANT, Check
@@ -140,7 +141,7 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
     fitted: list[CompetingModel] = []
     not_fitted: list[tuple[str, NotAvailable]] = []
     for one in competing_forms(law):
-        other = one.fitted(rows_of(law))
+        other = computed(partial(one.fitted, rows_of(law)))
         errors = _prediction_errors(other, codes) if isinstance(other, FittedForm) else other
         if isinstance(other, FittedForm) and not isinstance(errors, NotAvailable):
             model = _compared(other, errors, base, codes)
@@ -193,7 +194,7 @@ def _at_zero(form: Form, rows: FormRows | NotAvailable | None) -> ZeroWear | Non
     """A form fitted with the rows at zero wear, and its error there when edges (rows) are left out."""
     if not form.zero_wear or not isinstance(rows, FormRows):
         return None
-    fitted = form.fitted(rows)
+    fitted = computed(partial(form.fitted, rows))
     if isinstance(fitted, NotAvailable):
         return None
     codes = np.arange(len(rows.y)) if rows.edge is None else np.unique(rows.edge, return_inverse=True)[1]
