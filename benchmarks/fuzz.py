@@ -36,7 +36,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from laboratory_files import CASES
 
 DONE = (0, 2, 3, 4, 5)  # exit codes that the command documents
-FAILED = re.compile(r"the computation failed \([^\"]*")
+FAILED = re.compile(r"the computation failed \([^\"\n)]*\)")
 UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min", "AW": "mm", "VB": "mm", "Fc": "N", "P": "kW", "Ra": "um",
          "Fx": "N", "F": "N", "I": "A", "fm": "mm/min", "n": "1/min", "fz": "mm"}  # fmt: skip
 

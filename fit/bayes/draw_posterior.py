@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
 from ...core.errors import FitError, UsageError
 from ...core.threads import one_thread
+from ..available import NotAvailable, computed
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from .convergence import Agreement, compare_draws
@@ -92,7 +94,12 @@ def posterior(
         seed=seed,
         notes=(*notes, *found.notes),
     )
-    return replace(post, agreement=_verified(post, draws, progress)) if verify else post
+    if not verify:
+        return post
+    agreement = computed(partial(_verified, post, draws, progress))
+    if isinstance(agreement, NotAvailable):
+        return replace(post, notes=(*post.notes, f"not verified by MCMC: {agreement}"))
+    return replace(post, agreement=agreement)
 
 
 def _verified(post: Posterior, draws: int, progress: Progress | None) -> Agreement:

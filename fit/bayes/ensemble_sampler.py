@@ -59,7 +59,9 @@ class HalfByHalf:
             at = state.coords[moving]
             proposed, log_factor = self.propose_from(at, state.coords[~moving], random)
             height = model.log_prob_fn(proposed)
-            won = log_factor + height - state.log_prob[moving] > np.log(random.random_sample(len(at)))
+            with np.errstate(over="ignore"):  # a proposal so far off that its density is zero
+                gain = log_factor + height - state.log_prob[moving]
+            won = gain > np.log(random.random_sample(len(at)))
             who = np.flatnonzero(moving)[won]
             state.coords[who], state.log_prob[who], accepted[who] = proposed[won], height[won], True
         return state, accepted
@@ -223,7 +225,12 @@ class _Walk:
     def run(self, due: int) -> None:
         """Run the ensembles in parallel until ``due`` steps are made."""
         n = due - self.steps
-        runs = [s.sample(z, iterations=n) for s, z in zip(self.samplers, self.states, strict=True)]
+        # emcee refuses walkers much wider in one direction than in another, as in a long narrow posterior; the
+        # convergence checks judge the draws instead
+        runs = [
+            s.sample(z, iterations=n, skip_initial_state_check=True)
+            for s, z in zip(self.samplers, self.states, strict=True)
+        ]
         for self.states in map(list, zip(*runs, strict=True)):
             if self.progress and self.steps % REPORT_EVERY == 0:
                 burn, rate = self.pace
