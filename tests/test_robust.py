@@ -277,6 +277,20 @@ def test_rows_that_the_form_does_not_fit_are_not_wrong_rows(measurements):
     assert wrong_rows(law).concern == 0
 
 
+def test_a_block_of_edges_with_the_response_in_another_unit_is_found():
+    edges = ("E01", "E04", "E09", "E11", "E12", "E17", "E20", "E23")
+    check = judged(scaled(wear_test(12, digits=6), "AW", 1 / 25.4, edges=edges)).checks["mixed units"]
+    assert [one.correction for one in check.suspects] == [f"{','.join(edges)}:AW*25.4"]
+    assert (check.concern, "(inch and mm) the AW agrees with that of the others" in check.verdict) == (2, True)
+
+
+def test_rows_whose_time_is_in_seconds_are_named():
+    frame = scaled(wear_test(13, row_sd=0.05), "t", 60.0, rows=(10, 51, 93))
+    (suspect,) = judged(frame).checks["wrong rows"].suspects
+    assert (suspect.column, suspect.lines) == ("t", lines(frame, (10, 51, 93)))
+    assert suspect.factor == pytest.approx(1 / 60)
+
+
 def test_a_suspect_is_listed_once():
     found = judged(scaled(wear_test(4), "t", 60.0, edges=("E05", "E11", "E20")))
     assert [one.correction for one in found.suspects] == ["E05,E11,E20:t/60"]

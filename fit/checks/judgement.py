@@ -31,8 +31,8 @@ from .response_scale import box_cox, error_structure
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split
 from .time_offsets import time_restarts, time_tests
 from .usefulness import doubts_of_reading, number_of_edges, predictive_use
-from .wrong_edges import mixed_units, without_edges, without_suspects, wrong_edges
-from .wrong_rows import copies, wrong_rows
+from .wrong_edges import mixed_units, wrong_edges
+from .wrong_rows import copies, without_found, without_suspects, wrong_rows
 
 Found = Check | NotAvailable
 WITHOUT_ROWS = (
@@ -94,7 +94,7 @@ class CheckInput:
     @cached_property
     def right_rows(self) -> tuple[LawFit, Strata | NotAvailable]:
         """The law without outlying rows, and its strata."""
-        return without_edges(self.law, self.wrong_rows, self.strata)
+        return without_found(self.law, self.wrong_rows, self.strata)
 
     @cached_property
     def mixed_units(self) -> Found | None:
@@ -104,7 +104,7 @@ class CheckInput:
     @cached_property
     def one_unit(self) -> tuple[LawFit, Strata | NotAvailable]:
         """The law without outlying rows and without edges in another unit, and its strata."""
-        return without_edges(self.right_rows[0], self.mixed_units, self.right_rows[1])
+        return without_found(self.right_rows[0], self.mixed_units, self.right_rows[1])
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ...core.errors import FitError
 from ...core.rounding import format_plain
 from ...datasets.plausibility.unit_shifts import (
     CLOSE,
@@ -31,9 +30,8 @@ from ...datasets.plausibility.unit_shifts import (
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from ..regression import refitted
 from .check import SIGNIFICANT, Check, Suspect, format_p
-from .strata import Strata, linear_columns, no_scatter, orthonormal, split
+from .strata import Strata, linear_columns, no_scatter, orthonormal
 from .wrong_rows import NEAR, explained, lines_of, listed
 
 FEWEST, SPARE = 8, 4  # edges, and edges beyond the parameters that they determine
@@ -41,6 +39,9 @@ TAILS = 10  # largest degrees of freedom of the tails of an edge's residual, whi
 MOST = 1 / 6  # of the edges
 SMALL = 0.3  # of the logarithm of the response: a smaller deviation of an edge hardly moves a law
 ALSO = 0.0025  # p below which a further edge is wrong: the strictest step of Holm's procedure over 20 tests
+BLOCK = 4 * EVIDENCE  # of edges whose response is in another unit, which are chosen by their residuals
+ALIKE = 0.35  # of the logarithm of the ratio: edges in two groups that far apart deviate less from either
+STEPS = 10
 OWN = 0.02  # share of its own level that an edge must not determine alone
 TIME_INSIDE = 3.0  # as INSIDE, of times, whose range differs between edges that are stopped at a criterion
 
@@ -103,7 +104,9 @@ def edge_levels(law: LawFit, strata: Strata | NotAvailable) -> EdgeLevels | NotA
 
 
 def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvailable | None:
-    """Edges whose speed, feed, depth or time is in another unit than that of the others, by the split test.
+    """Edges whose speed, feed, depth, time or response is in another unit than that of the others.
+
+    Conditions by the split test, the response by edges that all deviate by the ratio of two units.
 
     Examples
     --------
@@ -120,18 +123,17 @@ def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
         return levels
     load = law.response in ROLES and ROLES[law.response].kind == "load" and law.response != "P"
     asked = [name for name in law.factors if name in CONDITIONS and not (load and name in ("V", "t"))]
-    if not asked or len(levels.names) < max(FEWEST, len(law.theta) + SPARE):
-        return NotAvailable(f"fewer than {max(FEWEST, len(law.theta) + SPARE)} edges or no condition of known unit")
-    tried: list[Split] = []
+    if len(levels.names) < max(FEWEST, len(law.theta) + SPARE):
+        return NotAvailable(f"fewer than {max(FEWEST, len(law.theta) + SPARE)} edges or settings")
+    tried = _response_blocks(law, levels)
     for name in asked:
         j = law.factors.index(name)
-        inside = TIME_INSIDE if name == "t" else INSIDE
-        moves = minorities(levels.x[:, j], CONDITIONS[name], inside)
+        moves = minorities(levels.x[:, j], CONDITIONS[name], TIME_INSIDE if name == "t" else INSIDE)
         if moves:
             evidence = _evidence(law, levels, j, moves)
             tried += [(float(e), name, *move) for e, move in zip(evidence, moves, strict=True)]
     most = max(tried, key=lambda one: one[0], default=None)
-    kept = f"No edges agree better with {' or '.join(asked)} in another unit."
+    kept = f"No edges agree better with {' or '.join((*asked, law.response))} in another unit."
     if most is None or most[0] < EVIDENCE:
         statistic = most[0] if most else 0.0
         return Check(null=_NULL, statistic=statistic, symbol=_SYMBOL, verdict=kept, kept=kept)
@@ -149,7 +151,7 @@ def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
     )
 
 
-_NULL = "no edges have a condition in another unit than the others"
+_NULL = "no edges have a value in another unit than the others"
 _SYMBOL = "n ln(RSS0/RSS1)"
 
 
@@ -163,10 +165,44 @@ def _evidence(law: LawFit, levels: EdgeLevels, j: int, moves: list[tuple[Flags, 
     return split_evidence(levels.b, others, levels.A[:, column], shift, len(levels.names))
 
 
+def _response_blocks(law: LawFit, levels: EdgeLevels) -> list[Split]:
+    """Edges that deviate from the law of the others by the ratio of two units of the response, all alike."""
+    w, G, p = levels.within, len(levels.names), levels.A.shape[1]
+    Q = orthonormal(levels.A)
+
+    def left(b: Array) -> Array:
+        return np.asarray(b - Q @ (Q.T @ b))
+
+    first = left(levels.b)
+    start = first[w:] / levels.root
+    rss = float(first @ first)
+    middle = (start.max() + start.min()) / 2
+    found: list[Split] = []
+    for ratio in ratios_of(law.response):
+        for move in (np.log(ratio), -np.log(ratio)):
+            edges = start < middle if move > 0 else start > middle
+            shift = np.zeros(len(levels.b))
+            for _ in range(STEPS):
+                shift[w:] = edges * move * levels.root
+                own = left(levels.b + shift)[w:] / levels.root - edges * move
+                own -= np.median(own[~edges]) if not edges.all() else 0.0
+                again = own * np.sign(move) < -abs(move) / 2
+                if np.array_equal(again, edges):
+                    break
+                edges = again
+            deviation = own + edges * move
+            alike = np.abs(deviation).max() < ALIKE * abs(move)
+            rest = left(levels.b + shift)
+            evidence = (G - p) * float(np.log(rss / max(float(rest @ rest), 1e-300)))
+            if 2 <= np.count_nonzero(edges) <= G / 2 and alike and evidence > BLOCK:
+                found.append((evidence, law.response, edges, float(np.exp(move))))
+    return found
+
+
 def _suspect(levels: EdgeLevels, one: Split) -> Suspect:
     _, name, edges, factor = one
     named = tuple(levels.names[g] for g in np.flatnonzero(edges))
-    cause = cause_of(CONDITIONS[name], factor)
+    cause = cause_of(CONDITIONS.get(name) or ratios_of(name), factor)
     if levels.by_edge:
         return Suspect(name, edges=named, factor=factor, cause=cause)
     return Suspect(name, lines=tuple(map(int, named)), factor=factor, cause=cause)
@@ -181,12 +217,14 @@ def _split_words(law: LawFit, levels: EdgeLevels, same: list[Split]) -> str:
     named = [levels.names[g] for g in np.flatnonzero(same[0][2])]
     parts = []
     for _, name, edges, factor in same:
-        x = np.exp(levels.x[edges, law.factors.index(name)])
+        of_response = name == law.response
+        x = levels.b[levels.within :] / levels.root if of_response else levels.x[:, law.factors.index(name)]
+        x = np.exp(x[edges])
         ends = list(dict.fromkeys(format_plain(float(v), 3) for v in (x.min(), x.max())))
-        mean = "a mean " if name == "t" else ""
+        mean = "a mean " if name == "t" or of_response else ""
         parts.append(
             f"{mean}{name} of {' to '.join(ends)} {law.units.get(name, '')} {_moved(factor)} "
-            f"({cause_of(CONDITIONS[name], factor)})"
+            f"({cause_of(CONDITIONS.get(name) or ratios_of(name), factor)})"
         )
     one = len(named) == 1
     unit = (
@@ -330,29 +368,3 @@ def _by_conditions(law: LawFit, levels: EdgeLevels, found: _Outlying, members: l
                 if inside.all() and near.all() and abs(effect) > 2 * NEAR * found.error[members].max():
                     known.append(f"{name} {_moved(factor)} ({cause})")
     return f" (it would agree with {', or with '.join(known)})" if known else ""
-
-
-def without_edges(law: LawFit, check: object, strata: Strata | NotAvailable) -> tuple[LawFit, Strata | NotAvailable]:
-    """The law refitted without the suspects of a check, and its strata; both as they are where there are none."""
-    if not isinstance(check, Check) or not check.concern or not check.suspects:
-        return law, strata
-    rest = without_suspects(law, check.suspects)
-    return (law, strata) if rest is None else (rest, split(rest))
-
-
-LARGEST = 0.4  # share of the rows that the suspects may have in a comparison without them
-
-
-def without_suspects(law: LawFit, suspects: tuple[Suspect, ...]) -> LawFit | None:
-    """The law refitted without the rows and edges that are suspected; None where too few are left for it."""
-    edges = {edge for one in suspects for edge in one.edges}
-    lines = [line for one in suspects if not one.edges for line in one.lines]
-    out = np.isin(law.lines, lines)
-    if law.edge is not None:
-        out |= np.isin(np.asarray(law.edge, dtype=str), sorted(edges))
-    if not 0 < out.mean() <= LARGEST or np.count_nonzero(~out) <= len(law.theta):
-        return None
-    try:
-        return refitted(law, law.error, ~out)
-    except FitError:  # a level or a factor that no longer varies
-        return None

@@ -17,13 +17,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
+from ...core.errors import FitError
 from ...core.rounding import format_plain
-from ...datasets.plausibility.unit_shifts import ratios_of
+from ...datasets.plausibility.unit_shifts import TIME_RATIOS, ratios_of
 from ..available import NotAvailable
 from ..lawfit import LawFit
+from ..regression import refitted
 from .check import SIGNIFICANT, Check, Suspect, format_p
 from .robust_fit import NORMAL, bisquare_residuals
-from .strata import NO_ROWS, has_repeated_edges, no_scatter, units_of
+from .strata import NO_ROWS, Strata, has_repeated_edges, no_scatter, split, units_of
 
 TAIL = 3.5  # index of the tail between 4 and 10 standard deviations of Student's t with 4 degrees of freedom
 FEWEST, SPARE = 12, 6  # rows, and rows beyond the parameters
@@ -91,7 +93,8 @@ def wrong_rows(law: LawFit) -> Check | NotAvailable:
     kept += f" ({format_p(pvalue)})."
     suspects: tuple[Suspect, ...] = ()
     if pvalue < SIGNIFICANT and float(size[rows].min()) > FAR * scale:
-        suspects = _suspects(law, np.sort(rows), r, scale, logs)
+        power = _power_of_time(law, np.log(law.observed) - whole) if logs else 0.0
+        suspects = _suspects(law, np.sort(rows), r, scale, logs, power)
         if any(one.factor is None for one in suspects) and logs and float(size[rows].min()) < SMALL:
             suspects = ()  # a group of rows that the form does not fit
     moved = np.log(law.observed / law.fitted) - whole if logs else np.zeros(n)
@@ -107,16 +110,39 @@ def wrong_rows(law: LawFit) -> Check | NotAvailable:
     )
 
 
-def _suspects(law: LawFit, rows: NDArray[np.intp], r: Array, scale: float, logs: bool) -> tuple[Suspect, ...]:
-    """The rows, those that the same ratio of units explains together."""
-    ratios = ratios_of(law.response) if logs else {}
-    groups: dict[tuple[float, str], list[int]] = {}
+def _power_of_time(law: LawFit, fitted: Array) -> float:
+    """Exponent of the time in the bisquare fit, 0 where the law has none."""
+    if "t" not in law.factors or not law.formula.log_factors:
+        return 0.0
+    Z = law.design
+    return float(np.linalg.lstsq(Z, fitted, rcond=None)[0][1 + law.factors.index("t")])
+
+
+def _by_time(deviation: float, power: float, within: float) -> tuple[float, str]:
+    """Factor of the time that corrects a deviation of the response, with its cause; 0 where there is none."""
+    for ratio, cause in TIME_RATIOS.items():
+        effect = power * math.log(ratio)
+        if abs(effect) > 2 * within and abs(abs(deviation) - abs(effect)) <= within:
+            return (ratio if deviation * effect > 0 else 1 / ratio), cause
+    return 0.0, ""
+
+
+def _suspects(
+    law: LawFit, rows: NDArray[np.intp], r: Array, scale: float, logs: bool, power: float
+) -> tuple[Suspect, ...]:
+    """The rows, those that the same ratio of units explains together: of the response, else of the time."""
+    groups: dict[tuple[str, float, str], list[int]] = {}
     for i in rows:
-        factor, cause = explained(float(r[i]), ratios, NEAR * scale)
-        groups.setdefault((factor, cause), []).append(int(law.lines[i]))
+        column, (factor, cause) = law.response, (0.0, "")
+        if logs:
+            factor, cause = explained(float(r[i]), ratios_of(law.response), NEAR * scale)
+            if not factor and power:
+                factor, cause = _by_time(float(r[i]), power, NEAR * scale)
+                column = "t" if factor else column
+        groups.setdefault((column, factor, cause), []).append(int(law.lines[i]))
     return tuple(
-        Suspect(law.response, lines=tuple(lines), factor=factor or None, cause=cause)
-        for (factor, cause), lines in groups.items()
+        Suspect(column, lines=tuple(lines), factor=factor or None, cause=cause)
+        for (column, factor, cause), lines in groups.items()
     )
 
 
@@ -150,6 +176,12 @@ def _sentence(law: LawFit, suspect: Suspect, r: Array, logs: bool) -> str:
             f"{head} {'is' if one else 'are'} {times} times what the law of the other rows gives, and no ratio of "
             f"units explains {'it' if one else 'them'}: check the {'record' if one else 'records'}, or leave "
             f"{'the row' if one else 'the rows'} out."
+        )
+    if suspect.column == "t":
+        t = listed([format_plain(float(v), 3) for v in law.X[at, law.factors.index("t")]])
+        return (
+            f"{head} {'agrees' if one else 'agree'} with the law of the other rows with the t of "
+            f"{'this line' if one else 'these lines'} ({t} {law.units.get('t', '')}) in another unit ({suspect.cause})."
         )
     ratio = max(suspect.factor, 1 / suspect.factor)
     way = "low" if suspect.factor > 1 else "high"
@@ -292,3 +324,29 @@ def _block_words(law: LawFit, blocks: list[tuple[str, str, int, float]]) -> str:
         f"Identical {law.response} in succession: {listed(parts)}. Readings were probably copied from one edge to the "
         "other, and are no independent tests: check the records, and leave the copy out."
     )
+
+
+def without_found(law: LawFit, check: object, strata: Strata | NotAvailable) -> tuple[LawFit, Strata | NotAvailable]:
+    """The law refitted without the suspects of a check, and its strata; both as they are where there are none."""
+    if not isinstance(check, Check) or not check.concern or not check.suspects:
+        return law, strata
+    rest = without_suspects(law, check.suspects)
+    return (law, strata) if rest is None else (rest, split(rest))
+
+
+LARGEST = 0.4  # share of the rows that the suspects may have in a comparison without them
+
+
+def without_suspects(law: LawFit, suspects: tuple[Suspect, ...]) -> LawFit | None:
+    """The law refitted without the rows and edges that are suspected; None where too few are left for it."""
+    edges = {edge for one in suspects for edge in one.edges}
+    lines = [line for one in suspects if not one.edges for line in one.lines]
+    out = np.isin(law.lines, lines)
+    if law.edge is not None:
+        out |= np.isin(np.asarray(law.edge, dtype=str), sorted(edges))
+    if not 0 < out.mean() <= LARGEST or np.count_nonzero(~out) <= len(law.theta):
+        return None
+    try:
+        return refitted(law, law.error, ~out)
+    except FitError:  # a level or a factor that no longer varies
+        return None
