@@ -23,6 +23,7 @@ from .edges.assignment import settle_edges
 from .edges.checks import check_edges
 from .edges.merged_cells import fill_down
 from .headers import is_known, with_latin_headers
+from .notes import given_values
 from .notes import pair_name as pair_name
 from .options import ReadOptions
 from .plausibility.judgement import check_values, settle_units
@@ -264,10 +265,11 @@ def _finished(draft: Draft, source: Source, options: ReadOptions, *, judged: boo
         for role, name in named.items()
         if name == UNNAMED[role]
     )
+    constants = {role: one.value for role, one in given_values(options.constants, draft.notes).items()}
     return Runs(
         frame, draft.units, draft.uses, draft.lines, source, named["tool"], named["work"],
         tuple(draft.assumed), tuple(draft.warnings), draft.notes, tuple(draft.doubts), judged=judged,
-        derived=tuple(draft.derived), process=table_process(draft, options), constants=dict(options.constants),
+        derived=tuple(draft.derived), process=table_process(draft, options), constants=constants,
     )  # fmt: skip
 
 

@@ -71,7 +71,7 @@ class Runs(Plottable):
     process : {"turning", "milling", "drilling", "grinding"} or None
         As given, or as columns, headers and notes name it; None where they do not.
     constants : mapping of str to float
-        Values that were given of quantities that the file does not hold, by role.
+        Values of quantities without a column, by role: given, or stated in the notes.
 
     Examples
     --------

@@ -8,7 +8,8 @@ Sources: Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.
 (turning), ISO 8688-1:1989 (milling): conditions that a tool-life test records.
 """
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.rounding import format_plain
 from ...datasets import Runs
-from ...datasets.vocabulary import ROLES
+from ...datasets.units import is_unit
+from ...datasets.vocabulary import ROLES, fits
 from ..available import NotAvailable
 from ..edges import changes_within, left_out_moves
 from ..group_sums import sums_by
@@ -68,27 +70,45 @@ def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
     if law.form != "power" or runs is None:
         return None
     needed = (*NEEDED[runs.process], *(("t",) if law.response in WEAR else ()))
-    missing = [
-        name
-        for name in needed
-        if not any(runs.has(one) or one in runs.constants for one in (name, *STAND_INS.get(name, ())))
-    ]
-    what = f"of {runs.process} " if runs.process else ""
-    if not missing:
-        verdict = f"The conditions {', '.join(needed[:-1])} and {needed[-1]} {what}are known."
-    else:
-        verdict = " ".join(_absent(name) for name in missing)
-    return Check(null="the file holds the conditions of the process", concern=int(bool(missing)), verdict=verdict)
-
-
-def _absent(name: str) -> str:
-    quantity = ROLES[name].quantity
-    if name == "t":
-        return "Cutting time t is not in this file: the law is of wear after unknown times in cut. Add a column t."
-    return (
-        f"{quantity[0].upper()}{quantity[1:]} {name} is not in this file: exponents of the other factors absorb its "
-        f"effect where they varied together. Add a column {name}, or --value {name}=... where it was constant."
+    missing = [name for name in needed if not any(_known(runs, one) for one in (name, *STAND_INS.get(name, ())))]
+    what = f" of {runs.process}" if runs.process else ""
+    return Check(
+        null="the file holds the conditions of the process",
+        concern=int(bool(missing)),
+        verdict=_absent(missing) if missing else f"The conditions {_listed(needed)}{what} are known.",
     )
+
+
+def _known(runs: Runs, name: str) -> bool:
+    """Whether a quantity has a column, was given, or stands in the notes with its unit (``d 2.5 mm``)."""
+    if runs.has(name) or name in runs.constants:
+        return True
+    stated = re.compile(rf"(?<![\w./]){name}[ \t=:]+\d[\d.,]*[ \t]*([^\s,;]+)")
+    units = (match[1].rstrip(".") for note in runs.notes for match in stated.finditer(note))
+    return any(is_unit(unit) and fits(name, unit) for unit in units)
+
+
+def _absent(missing: list[str]) -> str:
+    sentences = []
+    conditions = [name for name in missing if name != "t"]
+    if conditions:
+        words = _listed([f"{ROLES[name].quantity} {name}" for name in conditions])
+        given = " ".join(f"--value {name}=..." for name in conditions)
+        be, its, they, s = ("is", "its", "it was", "") if len(conditions) == 1 else ("are", "their", "they were", "s")
+        sentences.append(
+            f"{words[0].upper()}{words[1:]} {be} not in this file: exponents of the other factors absorb {its} "
+            f"effect{s} where they varied together. Add a column, or {given} where {they} constant."
+        )
+    if "t" in missing:
+        sentences.append(
+            "Cutting time t is not in this file: the law is of wear after unknown times in cut. Add a column t."
+        )
+    return " ".join(sentences)
+
+
+def _listed(names: Sequence[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | None:
