@@ -27,15 +27,16 @@ from ..lawfit import LawFit
 from .check import Check, concern_of, format_p
 from .strata import Codes, no_scatter, units_of
 
-# Conditions that determine the response in each process; V and f in any.
+# Conditions that determine the response in each process, and quantities that stand for them.
 NEEDED: Mapping[str | None, tuple[str, ...]] = {
-    None: ("V", "f"),
+    None: ("V", "f", "d"),
     "turning": ("V", "f", "d"),
     "milling": ("V", "f", "d", "ae"),
     "drilling": ("V", "f"),
     "grinding": ("V", "d"),
 }
-STAND_INS: Mapping[str, tuple[str, ...]] = {"V": ("n",), "f": ("fz", "fm"), "t": ("lf", "lc"), "d": ("D", "Dc")}
+STAND_INS: Mapping[str, tuple[str, ...]] = {"V": ("n",), "f": ("fz", "fm"), "t": ("lf", "lc")}
+DRILLS = ("D", "Dc")  # a diameter in place of a depth: the process may be drilling
 WEAR = ("AW", "VB", "VBC", "VBN")
 TESTED = ("V", "f", "fz", "fm", "d", "ae", "n", "t", "D", "Dc", "z")  # quantities that are set; others are measured
 LEAST = np.log(1.05)  # spread of a column, given the factors, below which it is a rounding or a copy of them
@@ -65,12 +66,13 @@ def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     >>> law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
     >>> missing_conditions(law, runs).verdict
-    'The conditions V, f and t are known.'
+    'The conditions V, f, d and t of turning are known.'
     """
     if law.form != "power" or runs is None:
         return None
     needed = (*NEEDED[runs.process], *(("t",) if law.response in WEAR else ()))
-    missing = [name for name in needed if not any(_known(runs, one) for one in (name, *STAND_INS.get(name, ())))]
+    stand_ins = STAND_INS if runs.process else {**STAND_INS, "d": DRILLS}
+    missing = [name for name in needed if not any(_known(runs, one) for one in (name, *stand_ins.get(name, ())))]
     what = f" of {runs.process}" if runs.process else ""
     return Check(
         null="the file holds the conditions of the process",
@@ -137,10 +139,13 @@ def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAva
     if len(place) < len(runs):
         return NotAvailable("rows of several files share their line numbers: columns cannot be assigned to rows")
     rows = np.array([place[line] for line in law.lines.tolist()])
-    tests = [one for name in names if (one := _tested(law, name, runs.values(name)[rows], icc)) is not None]
+    columns = {name: runs.values(name)[rows] for name in names}
+    columns = {name: x for name, x in columns.items() if name in TESTED or _is_set(law, x)}
+    if not columns:
+        return None
+    tests = [one for name, x in columns.items() if (one := _tested(law, name, x, icc)) is not None]
     if not tests:
-        listed = ", ".join(names)
-        return NotAvailable(f"{listed}: constant, or not separable from the factors of the law")
+        return NotAvailable(f"{', '.join(columns)}: constant, or not separable from the factors of the law")
     return _check(law, runs, min(tests, key=lambda one: one.p), tests)
 
 
@@ -175,30 +180,30 @@ def _candidates(law: LawFit, runs: Runs) -> Iterator[str]:
             continue
         values = runs.values(name)
         known = values[np.isfinite(values)]
-        if len(known) < KNOWN * len(values) or not len(known) or np.ptp(known) == 0:
+        if len(known) < max(KNOWN * len(values), 1) or np.ptp(known) == 0:
             continue
-        if name in TESTED:
+        if name in TESTED or name not in ROLES:
             yield name
-        elif name not in ROLES and not _number_of_test(values):
-            levels, counts = np.unique(known, return_counts=True)
-            if len(levels) <= MOST_LEVELS and counts.min() >= 2:
-                yield name
 
 
 def _number_of_test(values: Array) -> bool:
-    """Whether values only count: whole numbers that never fall by more than a new start and rise by one.
+    """Whether values only count: three and more whole numbers that rise by one.
 
-    >>> _number_of_test(np.array([1.0, 1, 2, 2, 3, 3])), _number_of_test(np.array([1.0, 2, 1, 2, 1, 2]))
-    (True, True)
-    >>> _number_of_test(np.array([0.0, 1, 1, 0, 0, 1]))
-    False
+    >>> _number_of_test(np.array([1.0, 1, 2, 2, 3, 3])), _number_of_test(np.array([0.0, 0, 0, 1, 1, 1]))
+    (True, False)
     """
     step = np.diff(values)
-    if not np.all((values == np.round(values)) & (values >= 0)) or np.any(step > 1):
+    return bool(np.all(values == np.round(values)) and np.isin(step, (0.0, 1.0)).all() and step.sum() > 1)
+
+
+def _is_set(law: LawFit, values: Array) -> bool:
+    """Whether a column without a role is a setting of the plan: few levels, each repeated, constant in each edge."""
+    known = np.isfinite(values)
+    levels, counts = np.unique(values[known], return_counts=True)
+    if len(levels) > MOST_LEVELS or counts.min() < 2 or _number_of_test(values):
         return False
-    falls = np.flatnonzero(step < 0)
-    lows = values[falls + 1]
-    return bool(np.all(lows == values[0]) and (not falls.size or np.ptp(np.diff(np.append(-1, falls))) == 0))
+    unit = np.unique(units_of(law)[1][known], return_inverse=True)[1]
+    return not changes_within(values[known][:, None], unit)[0]
 
 
 def _tested(law: LawFit, name: str, values: Array, icc: float) -> Added | None:
