@@ -22,7 +22,7 @@ from .plausibility.judgement import settle_units
 from .vocabulary import ROLES, UNNAMED
 
 _CORRECTION = re.compile(
-    r"\s*(?P<target>.*\S)\s*:\s*(?P<symbol>[A-Za-z]\w*)\s*(?P<sign>[*/+-])\s*(?P<number>[\d.]+(?:[eE][+-]?\d+)?)\s*"
+    r"\s*(?P<target>.*\S)\s*:\s*(?P<symbol>[A-Za-z]\w*)\s*(?P<sign>[*/+-])\s*(?P<number>-?[\d.]+(?:[eE][+-]?\d+)?)\s*"
 )
 _LINES = re.compile(r"(?:lines?|rows?)\s+(?P<lines>[\d\s,-]+?)(?:\s+of\s+(?P<edges>.+))?", re.IGNORECASE)
 _EVERY = "all"
@@ -74,7 +74,8 @@ def parse_correction(text: str) -> Correction:
             f"--correct {text}: write TARGET:SYMBOL*NUMBER, or with / + -; the target is names of edges, lines or "
             "all: 'E07,E11:f*25.4', 'lines 12,14-16:t-5', 'all:VB/1000'."
         )
-    if not (math.isfinite(number) and number > 0) or (match["sign"] in "*/" and number == 1):
+    reverses = number == -1 and match["sign"] == "*"
+    if not (math.isfinite(number) and (number > 0 or reverses)) or (match["sign"] in "*/" and number == 1):
         raise UsageError(f"--correct {text}: {match['sign']}{match['number']} is no correction; give another number.")
     return Correction(text.strip(), match["target"], match["symbol"], match["sign"], number)
 
@@ -307,7 +308,7 @@ def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> No
     """Correct the values of a role, and with ``as_written`` the column of the file and its marked numbers."""
     old = np.asarray(draft.data[one.symbol], dtype=float)
     new = np.where(rows, one.apply(old), old)
-    wrong = np.flatnonzero((new < 0) & (old >= 0))
+    wrong = np.flatnonzero((new < 0) & (old >= 0)) if one.number > 0 else np.array([], dtype=np.intp)
     if wrong.size:
         i = int(wrong[0])
         unit = ROLES[one.symbol].unit

@@ -26,7 +26,7 @@ from .headers import is_known, with_latin_headers
 from .notes import given_values
 from .notes import pair_name as pair_name
 from .options import ReadOptions
-from .plausibility.judgement import check_values, settle_units
+from .plausibility.judgement import check_signs, check_values, settle_units
 from .plausibility.quantities import table_process
 from .runs import UNNAMED, Runs, Source
 from .several_files import files_of_folder, joined_sheets, joined_tables
@@ -241,6 +241,8 @@ def _settle(draft: Draft, options: ReadOptions, *, judge: bool, sample: bool) ->
     if (options.correct or options.leave_out) and not sample:
         asked = Corrections(draft, options, judge=judge)
         asked.apply(draft, "as written")
+    if judge and not sample:
+        check_signs(draft, options)
     if judge:
         settle_units(draft, options)
     if asked:

@@ -351,3 +351,30 @@ def test_whole_edges_in_another_unit_are_named_with_the_option_that_corrects_the
     assert f'--correct "{",".join(edges)}:{symbol}{sign}"' in remedies
     corrected = datasets.runs_from_frame(off, correct=(f"{','.join(edges)}:{symbol}{sign}",))
     np.testing.assert_allclose(corrected.values(symbol), frame[symbol], rtol=1e-3)
+
+
+@pytest.mark.parametrize("column", ["Fxz [N]", "AW [mm]", "P [kW]", "d [mm]"])
+def test_a_column_of_reversed_sign_is_refused_by_its_name(read, column):
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna()
+    negative = frame.assign(**{column: -frame[column]}).to_csv(index=False)
+    symbol = column.split()[0]
+    with pytest.raises(
+        errors.DataError, match=rf"column '{re.escape(column)}': {symbol} is negative in all rows .*reversed sign"
+    ):
+        read(negative)
+    runs = read(negative, correct=(f"all:{symbol}*-1",))
+    np.testing.assert_allclose(runs.values(symbol), frame[column])
+
+
+def test_a_force_of_reversed_sign_is_named_itself_and_not_the_power_that_follows(read):
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna().drop(columns=["P [kW]", "Fxz [N]"])
+    with pytest.raises(errors.DataError, match=r"Fc is negative in all rows \(-2545 to -254.5 N\): reversed sign"):
+        read(frame.assign(**{"Fc [N]": -2000 * frame["f [mm/rev]"] * frame["d [mm]"]}).to_csv(index=False))
+
+
+def test_a_component_of_reversed_sign_is_doubted_and_its_resultant_is_read(read):
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna().drop(columns="Fxz [N]")
+    force = 600 * frame["f [mm/rev]"] * frame["d [mm]"]
+    runs = read(frame.assign(**{"Fx [N]": -force, "Fz [N]": force}).to_csv(index=False))
+    assert [doubt.remedy for doubt in runs.doubts if doubt.columns == ("Fx",)] == ["--correct all:Fx*-1"]
+    np.testing.assert_allclose(runs.values("Fxz"), np.sqrt(2) * force)

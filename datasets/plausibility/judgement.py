@@ -1,6 +1,9 @@
 """Plausibility of a file of tests: what cannot be is refused, what is unusual or contradictory is doubted."""
 
+import numpy as np
+
 from ...core.errors import DataError
+from ...core.rounding import format_decimal
 from ..columns import NONE
 from ..doubts import Doubt
 from ..draft import Draft
@@ -13,8 +16,11 @@ from .ranges import INCH, candidate_units, plausible, widest
 from .stray_values import check_cells, check_levels
 from .unused_columns import check_uses
 
+_POSITIVE = ("wear", "load", "surface", "condition", "time")
 _RESULTS = ("load", "surface", "other")  # exchanged among each other, conditions with time and wear
-CLOSE = 10  # units of a smaller ratio cannot be told apart by values that are merely uncommon
+CLOSE = 10  # values that are merely uncommon do not decide between units of a smaller ratio
+NEGATIVE = 0.95  # share of the values of a column whose sign is reversed
+_AXES = ("Fx", "Fy", "Fz")  # their sign depends on the axes of the dynamometer, and resultants do not
 
 
 def settle_units(draft: Draft, options: ReadOptions) -> None:
@@ -36,6 +42,31 @@ def settle_units(draft: Draft, options: ReadOptions) -> None:
     check_systems(draft, found if draft.uses is named else numeric_columns(draft, options, process), named)
     _state_unnamed(draft)
     check_cells(draft, options)
+
+
+def check_signs(draft: Draft, options: ReadOptions) -> None:
+    """Refuse a measured quantity or a condition that is negative throughout, and doubt such a component of the force.
+
+    Raises
+    ------
+    DataError
+    """
+    for place, use in enumerate(draft.uses):
+        kind = ROLES[use.role].kind if use.role else ""
+        if use.role is None or kind not in _POSITIVE or use.role in options.ranges:
+            continue
+        values = np.asarray(draft.columns[place].values, dtype=float)  # as written
+        known = values[np.isfinite(values) & (values != 0)]
+        if not known.size or np.mean(known < 0) < NEGATIVE:
+            continue
+        share = "all" if (known < 0).all() else f"{np.count_nonzero(known < 0)} of {known.size}"
+        low, high = format_decimal(float(known.min())), format_decimal(float(known[known < 0].max()))
+        values_shown = f"{low if low == high else f'{low} to {high}'} {use.unit}".rstrip()
+        sentence = f"{use.role} is negative in {share} rows ({values_shown}): reversed sign"
+        remedy = f"--correct all:{use.role}*-1"
+        if use.role not in _AXES:
+            raise DataError(f"column {draft.columns[place].name!r}: {sentence}; read it with {remedy}.")
+        draft.doubts.append(Doubt((use.role,), f"{sentence}, so that no law of {use.role} is fitted", remedy))
 
 
 def check_values(draft: Draft, options: ReadOptions) -> None:
