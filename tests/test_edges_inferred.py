@@ -369,3 +369,10 @@ def test_nasa_milling_has_its_16_edges_without_the_column(measurements, drop, me
     laws = [fit.power_law(runs, "VB", ["d", "f", "t"]) for runs in (named, found)]
     np.testing.assert_allclose(laws[1].bse, laws[0].bse, rtol=1e-9)
     np.testing.assert_allclose(laws[1].theta, laws[0].theta, rtol=1e-12)
+
+
+def test_a_long_table_says_what_is_not_checked():
+    n = 100_001
+    frame = pd.DataFrame({"edge": np.arange(n) // 5, "V": 100.0, "t": np.arange(n) % 5 + 1.0, "VB": 0.1})
+    said = [text for text in datasets.runs_from_frame(frame).assumed if "not checked" in text]
+    assert any("more than 100000 rows: cells, times and settings within edges" in text for text in said)

@@ -378,3 +378,34 @@ def test_a_component_of_reversed_sign_is_doubted_and_its_resultant_is_read(read)
     runs = read(frame.assign(**{"Fx [N]": -force, "Fz [N]": force}).to_csv(index=False))
     assert [doubt.remedy for doubt in runs.doubts if doubt.columns == ("Fx",)] == ["--correct all:Fx*-1"]
     np.testing.assert_allclose(runs.values("Fxz"), np.sqrt(2) * force)
+
+
+def drilled(depth, **columns):
+    n = 12
+    made = {
+        "V": np.resize([60.0, 80, 100], n),
+        "f": np.resize([0.1, 0.2], n),
+        "d": np.full(n, depth),
+        "t": np.arange(n) + 2.0,
+    }
+    return text(made | {"VB": 0.05 + 0.01 * np.arange(n)} | columns)
+
+
+def test_a_depth_of_cut_beyond_the_radius_of_the_drill_is_refused(read):
+    with pytest.raises(
+        errors.DataError, match=r"d 20 mm exceeds the radius of the tool, 5 mm, in 12 of 12 rows.*hole.*--map d=none"
+    ):
+        read(drilled(20.0), process="drilling", constants={"D": 10})
+    assert not [
+        doubt for doubt in read(drilled(5.0), process="drilling", constants={"D": 10}).doubts if "radius" in str(doubt)
+    ]
+    depths = np.where(np.arange(12) == 4, 50.0, 5.0)
+    said_of = [str(doubt) for doubt in read(drilled(depths), process="drilling", constants={"D": 10}).doubts]
+    assert any(one.startswith("line 6: d 50 mm exceeds the radius of the tool, 5 mm") for one in said_of)
+
+
+def test_a_width_of_cut_beyond_the_mill_is_refused(read):
+    columns = {"Dc": np.full(12, 8.0), "ae": np.full(12, 40.0)}
+    with pytest.raises(errors.DataError, match="ae 40 mm exceeds the diameter of the tool, 8 mm"):
+        read(drilled(2.0, **columns), process="milling")
+    read(drilled(2.0, **columns | {"ae": np.full(12, 8.0)}), process="milling")

@@ -236,7 +236,13 @@ def test_a_fault_is_remarked(lab, name):
     path = lab.folder / "E1.csv"
     path.write_text(path.read_text().replace("nan", ""))
     lab.rows(1)
-    assert words in lab.run("--value", "n=600").data["remarks"].iloc[0]
+    runs = lab.run("--value", "n=600")
+    assert words in runs.data["remarks"].iloc[0]
+    (doubt,) = [
+        doubt for doubt in runs.doubts if "the reduction of the records has remarks on 1 of 1 rows" in str(doubt)
+    ]
+    assert words in doubt.sentence
+    assert doubt.columns == ("Fc",)
 
 
 def test_a_sound_record_gets_no_remark(lab):

@@ -36,7 +36,13 @@ MEASURED = ("wear", "load", "surface")
 
 def check_edges(draft: Draft) -> None:
     """Add a doubt for each contradiction within the edges of a draft, and for rows that occur twice."""
-    if len(draft.lines) > MOST_ROWS or len(draft.lines) < 3:
+    if len(draft.lines) < 3:
+        return
+    if len(draft.lines) > MOST_ROWS:
+        draft.assumed.append(
+            f"not checked, since the table has more than {MOST_ROWS} rows: cells, times and settings within edges, and "
+            "rows that occur twice"
+        )
         return
     numbers = draft.numbers()
     kinds = {role: ROLES[role].kind for role in numbers}

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from ...core.errors import DataError
 from ...core.rounding import format_decimal
 from ..columns import ColumnUse
+from ..derived.rules import known_of
 from ..doubts import Doubt
 from ..draft import Draft
 from ..options import ReadOptions
@@ -19,6 +20,7 @@ KC_LIMITS = (250, 15000)
 ROUGHNESS_LIMITS = (2.0, 15)  # Rz/Ra; usual 3 to 10
 DEVIATION = 8.0  # of a row from the median of the ratio
 FEWEST = 5
+NEAR = 0.02  # by which an engagement may exceed the tool
 
 Array = NDArray[np.float64]
 _BASIC = ("V", "f", "fz", "fm", "d", "ae", "D")  # conditions that show the system of a laboratory
@@ -26,7 +28,13 @@ _SHARED = ("min", "1/min")  # in both systems
 
 
 def check_columns(draft: Draft, options: ReadOptions) -> None:
-    """Doubt columns that contradict each other."""
+    """Doubt columns that contradict each other, and refuse an engagement that exceeds the tool.
+
+    Raises
+    ------
+    DataError
+        The width of cut exceeds the diameter of the mill, or the depth of cut the radius of the drill, in most rows.
+    """
     measured = {use.role for use in draft.uses if use.role}
     values = {role: np.asarray(draft.data[role], dtype=float) for role in measured if ROLES[role].unit}
     turning = table_process(draft, options) in (None, "turning") and measured.isdisjoint(("ae", "fz", "fm", "z"))
@@ -40,6 +48,37 @@ def check_columns(draft: Draft, options: ReadOptions) -> None:
     if {"Rz", "Ra"} <= measured:
         _compare(draft, ("Rz", "Ra"), "Rz/Ra", _over(values["Rz"], values["Ra"]), ROUGHNESS_LIMITS, (3, 10), "")
     _compare_force(draft, values)
+    _compare_engagement(draft, options)
+
+
+def _compare_engagement(draft: Draft, options: ReadOptions) -> None:
+    """Width of cut against the diameter of a mill, depth of cut against the radius of a drill."""
+    process = table_process(draft, options)
+    role, share, of = {"milling": ("ae", 1.0, "diameter"), "drilling": ("d", 0.5, "radius")}.get(
+        process or "", ("", 0, "")
+    )
+    if not role or role not in draft.data:
+        return
+    known = known_of(draft.data, draft.notes, options)
+    tool = next((one for one in ("Dc", "D") if known.has(one)), None)
+    if tool is None:
+        return
+    most = share * np.broadcast_to(np.asarray(known.value(tool), dtype=float), len(draft.lines))
+    size = np.asarray(draft.data[role], dtype=float)
+    wrong = np.flatnonzero(size > most * (1 + NEAR))
+    if not wrong.size:
+        return
+    i = int(wrong[0])
+    head = (
+        f"{role} {format_decimal(float(size[i]))} mm exceeds the {of} of the tool, {format_decimal(float(most[i]))} mm"
+    )
+    if wrong.size > 0.5 * np.count_nonzero(np.isfinite(size)):
+        hole = "; the depth of a hole is no depth of cut" if process == "drilling" else ""
+        raise DataError(
+            f"{head}, in {wrong.size} of {len(size)} rows, which cannot be{hole}: correct the unit (--unit {role}=..., "
+            f"--unit {tool}=...), or leave the column out with --map {role}=none."
+        )
+    draft.doubts.append(Doubt((role, tool), f"{places(draft, wrong)}: {head}: {role} or {tool} is wrong there"))
 
 
 def _over(above: Array, below: Array) -> Array:

@@ -59,7 +59,13 @@ def check_mixed_units(draft: Draft) -> None:
     measured = {use.role for use in draft.uses}
     doubted = {role for doubt in draft.doubts for role in doubt.columns}
     asked = [(next((role for role in group if role in measured), ""), roles) for group, roles in RESPONSES.items()]
-    if len(draft.lines) > MOST_ROWS or not any(response for response, _ in asked):
+    if not any(response for response, _ in asked):
+        return
+    if len(draft.lines) > MOST_ROWS:
+        draft.assumed.append(
+            f"not checked, since the table has more than {MOST_ROWS} rows: edges in another unit than the others, by "
+            "their wear or force"
+        )
         return
     numbers = draft.numbers()
     tests = _tests(draft, numbers)

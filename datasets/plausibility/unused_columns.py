@@ -20,6 +20,8 @@ from .stray_values import listed
 
 SAMPLE = 20000  # rows looked at
 FEWEST = 6
+REMARKS, REDUCED = "remarks", "reduced by fitmodels"  # column and first note of a table that fitmodels reduce writes
+SHOWN_REMARKS = 3
 MOST_LEVELS = 7
 ALIKE = 0.9999  # correlation of a column with the same one in another unit
 MOST_STEPS = 0.6  # share of the steps within edges in which measured wear rises, with scatter
@@ -77,13 +79,30 @@ def _edges_of(draft: Draft) -> _Edges | None:
 
 
 def check_uses(draft: Draft, options: ReadOptions) -> None:
-    """Doubt columns that are not used, or whose names are exchanged."""
+    """Doubt columns that are not used, or whose names are exchanged, and rows that the reduction of records remarks."""
+    _doubt_remarks(draft)
     if len(draft.lines) >= FEWEST:
         edges = _edges_of(draft)
         if edges is not None:
             _doubt_exchanged(draft, options, edges)
         if any(use.role is None for use in draft.uses):
             _doubt_unused(draft, options, edges)
+
+
+def _doubt_remarks(draft: Draft) -> None:
+    """The remarks that ``fitmodels reduce`` writes beside the rows whose records are at fault."""
+    column = next((one for one in draft.columns if one.name == REMARKS and not one.is_numeric), None)
+    if column is None or not any(note.lstrip("#% ").startswith(REDUCED) for note in draft.notes):
+        return
+    texts = [text.strip() for text in column.labels().tolist()]
+    rows = [i for i, text in enumerate(texts) if text]
+    if not rows:
+        return
+    loads = tuple(use.role for use in draft.uses if use.role and ROLES[use.role].kind == "load")
+    shown = "; ".join(f"line {draft.lines[i]}: {texts[i]}" for i in rows[:SHOWN_REMARKS])
+    more = f"; and {len(rows) - SHOWN_REMARKS} more" if len(rows) > SHOWN_REMARKS else ""
+    sentence = f"the reduction of the records has remarks on {len(rows)} of {len(texts)} rows: {shown}{more}"
+    draft.doubts.append(Doubt(loads, sentence))
 
 
 def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> None:
