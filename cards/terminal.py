@@ -18,7 +18,7 @@ from ..parameters import ParameterFile
 from ..parameters.gather.description import unused_conditions
 from .content.dynamics import dynamics_part
 from .content.laws import about_intervals, law_part, tool_life_part
-from .content.numbers import fact_line
+from .content.numbers import fact_line, sentence
 from .content.parts import LawPart, SuspectPart, VerdictPart
 from .content.posterior import EXPLANATIONS
 from .content.tables import check_table, coefficient_table
@@ -122,11 +122,14 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
     assert model is not None  # noqa: S101  collected from a model
     runs = f", {len(rec.starts)} segments" if len(rec.starts) > 1 else ""
     head = Text(model.title, style="bold")
-    head.append(f"   {len(rec)} samples at {rec.rate:g} Hz{runs}", style="not bold")
+    head.append(f"   {len(rec)} samples at {rec.rate:g} Hz{runs}   ", style="not bold")
+    head.append_text(_verdict_text(model.verdict))
     facts = [item for item in model.facts if not item.name.startswith("SHA-256")]
-    lines = [fact_line(facts), *model.sentences, found.argument, *found.verdicts]
+    said = [line for line in found.verdicts if sentence(line) not in model.verdict.reasons]
+    lines = [fact_line(facts), *model.sentences, found.argument, *said]
     words = _texts(line if line.endswith(".") else f"{line}." for line in dict.fromkeys(lines))
-    return _block(head, Text(model.equation), _table(coefficient_table(model.coefficients)), *words)
+    table = _table(coefficient_table(model.coefficients))
+    return _block(head, *_reasons(model.verdict), Text(model.equation), table, *words)
 
 
 def _law_block(law: LawPart, command: Command) -> RenderableType:

@@ -47,6 +47,7 @@ STATISTICS = {  # symbol of the statistic of each check; of others none is shown
     "unused columns": "t",
 }
 UNTESTABLE = "not testable"
+AT_LEVEL = "; of the tests, those are rejected that Holm's procedure rejects at 5 % for all laws of the file together."
 
 
 def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
@@ -250,7 +251,7 @@ def _check_words(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
     counts = [f"{len(of)} {name}" + ("s" if name == "warning" and len(of) > 1 else "")
               for name, of in list(found.items())[1:] if of]  # fmt: skip
     return (
-        ", ".join([f"{len(found['passed'])} of {len(checks)} checks passed", *counts]) + ".",
+        ", ".join([f"{len(found['passed'])} of {len(checks)} checks passed", *counts]) + AT_LEVEL,
         *(f"{', '.join(names)} not testable: {reason}." for reason, names in reasons.items()),
     )
 

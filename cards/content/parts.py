@@ -1,8 +1,12 @@
 """Content of a card, the same for print, browser and programs: every number with its text."""
 
+from textwrap import shorten
+
 from pydantic import BaseModel, ConfigDict, Field
 
 from ...core.display import Display, HasRepr, facts_of
+
+BRIEF = 200  # characters of a reason in a list of verdicts
 
 
 class Part(HasRepr, BaseModel):
@@ -103,11 +107,12 @@ class VerdictPart(Part):
 
     @property
     def first(self) -> str:
-        """The first reason and the number of the others; empty where there is none."""
+        """The beginning of the first reason and the number of the others; empty where there is none."""
+        if not self.reasons:
+            return ""
         more = len(self.reasons) - 1
-        return " ".join(
-            [*self.reasons[:1], *([f"{more} more reason{'s' if more > 1 else ''} below."] if more > 0 else [])]
-        )
+        rest = [f"{more} more reason{'s' if more > 1 else ''} below."] if more else []
+        return " ".join([shorten(self.reasons[0], BRIEF, placeholder=" ..."), *rest])
 
 
 class SuspectPart(Part):
