@@ -173,7 +173,9 @@ def test_the_forces_are_curved(measurements):
     law = fit.power_law(datasets.read_runs(measurements / "turning_forces" / "exp1_runs.csv"), "Fx", ["d", "V", "f"])
     curved = fit.judge(law).checks["curvature"]
     assert curved.concern == 1
-    assert curved.verdict.startswith("Curvature: the square of d improves the law (F(1, 49) = 16.01, p < .001)")
+    assert curved.verdict.startswith(
+        "Curvature: the square of d improves the law (F(1, 49) = 16.01, the largest of 3, p < .001)"
+    )
 
 
 def test_one_sentence_at_least():

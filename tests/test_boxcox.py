@@ -81,7 +81,8 @@ def test_the_poisons_of_the_paper():
     assert found.power == pytest.approx(-0.75, abs=0.005)
     assert (found.power, found.low, found.high) == pytest.approx(by_scipy(law), abs=3e-6)
     assert found.concern == 1
-    assert "the log transform is rejected (lambda = -" in found.verdict
+    assert "the log transform is rejected (score over rows t(47) = -" in found.verdict
+    assert "lambda = -0.75" in found.verdict
 
 
 def test_the_wool_as_car_has_it():
@@ -120,7 +121,8 @@ def test_top_and_ends_are_what_they_say(wool):
     assert top > beyond
     assert (top - low, top - high) == pytest.approx((DROP, DROP), abs=1e-4)
     assert pytest.approx(chi2.ppf(0.95, 1) / 2, rel=1e-12) == DROP
-    assert found.statistic == pytest.approx(2 * (top - profile(0.0)[0]), abs=1e-9)
+    assert found.likelihood_ratio == pytest.approx(2 * (top - profile(0.0)[0]), abs=1e-9)
+    assert (found.df, found.statistic < 0) == (26, found.power < 0)
 
 
 def test_a_unit_moves_nothing(wool):

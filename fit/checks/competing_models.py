@@ -79,7 +79,9 @@ class CompetingModel(Displayable):
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class CompetingModels(Check, Plottable):
-    """Competing models of one law; the statistic is the ``difference`` of the chosen one.
+    """Competing models of one law; the statistic is the ``difference`` of the one of smallest p, or of the chosen one.
+
+    The p-value is its own times the number of alternatives (Bonferroni).
 
     Attributes
     ----------
@@ -151,11 +153,12 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
     power = replace(_compared(form, base, base, codes), pvalue=1.0)
     alternatives = tuple(sorted(fitted, key=lambda model: model.error))
     chosen, zero_words = _chosen(power, alternatives), _zero_words(law, alternatives, zero)
+    tested = min(alternatives, key=lambda model: model.pvalue, default=power) if chosen is power else chosen
     return CompetingModels(
         null="no competing model predicts left-out units better than the power law",
-        statistic=chosen.difference,
+        statistic=tested.difference,
         symbol="difference of RMS error",
-        pvalue=min(1.0, len(alternatives) * min((model.pvalue for model in alternatives), default=1.0)),
+        pvalue=min(1.0, len(alternatives) * tested.pvalue) if alternatives else None,
         concern=int(chosen is not power),
         verdict=_verdict(law.response, unit, power, alternatives, chosen) + zero_words,
         kept=_verdict(law.response, unit, power, alternatives, power) + zero_words,

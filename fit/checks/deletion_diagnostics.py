@@ -229,7 +229,7 @@ def _unit(left: Deletion, g: int) -> str:
 
 
 GAP = 0.2  # between R2 and predicted R2
-POOR = 0.5  # predicted R2 below which such a gap matters: with few edges a useful law has one as well
+POOR = 0.3  # predicted R2 below which such a gap matters: with few edges a useful law has one as well
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

@@ -145,7 +145,7 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
     F = lack / df[0] / (pure / df[1])
     above = float(fdtrc(df[0], df[1], F))
     p, replicated = min(1.0, 2 * min(above, float(fdtr(df[0], df[1], F)))), int((counts > 1).sum())
-    result = f"F({df[0]}, {df[1]}) = {F:.2{'f' if F >= 0.1 else 'g'}}, {format_p(p)}"
+    result = f"F({df[0]}, {df[1]}) = {F:.2{'f' if F >= 0.1 else 'g'}}, two-sided {format_p(p)}"
     rejected = (
         f"Lack of fit ({result}): the law deviates from the means of the settings by more than replicated {units} "
         "vary; try a second-order or competing model, or restrict the range."
@@ -251,7 +251,8 @@ def _curvature_test(F: float, df: int, names: list[str], j: int) -> Curvature:
     from scipy.special import fdtrc
 
     p = min(1.0, len(names) * float(fdtrc(1, df, F)))
-    result = f"F(1, {df}) = {F:.2f}, {format_p(p)}"
+    largest = f", the largest of {len(names)}" if len(names) > 1 else ""
+    result = f"F(1, {df}) = {F:.2f}{largest}, {format_p(p)}"
     kept = f"No curvature in {', '.join(names)}: at most, the square of {names[j]} ({result})."
     rejected = (
         f"Curvature: the square of {names[j]} improves the law ({result}), so that its effect changes over its range; "
@@ -260,7 +261,7 @@ def _curvature_test(F: float, df: int, names: list[str], j: int) -> Curvature:
     return Curvature(
         null=f"the effects of {', '.join(names)} do not change over their ranges",
         statistic=F,
-        symbol="F",
+        symbol="max. F",
         df=(1, df),
         pvalue=p,
         concern=int(p < SIGNIFICANT),

@@ -40,9 +40,9 @@ ZOOMS = 6
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class BoxCox(Check):
-    """Likelihood-ratio test of the power of the response that the law has, chi-squared on one degree of freedom.
+    """Score test of the power of the response that the law has; ``df``: units, edges or independent rows, less one.
 
-    The p-value is the larger of that test's and of the score's.
+    It is a concern only where the interval of the likelihood excludes that power as well.
 
     Attributes
     ----------
@@ -52,12 +52,15 @@ class BoxCox(Check):
         Its 95 % profile-likelihood interval.
     of_law : float
         The power that the law has: 0 for logarithms, 1 for a line.
+    likelihood_ratio : float
+        Chi-squared of that power on one degree of freedom, for normal errors.
     """
 
     power: float
     low: float
     high: float
     of_law: float
+    likelihood_ratio: float
 
 
 def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable:
@@ -72,8 +75,6 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
     >>> found.low < 0 < found.high
     True
     """
-    from scipy.special import chdtrc
-
     if reason := no_scatter(law):
         return NotAvailable(reason)
     if law.formula.logarithmic and law.error == "additive":
@@ -94,12 +95,17 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
         )
     best, low, high = found
     top, own = profile(np.array([best, of_law]))
-    statistic = max(0.0, 2 * float(top - own))
-    p = max(float(chdtrc(1, statistic)), _score_pvalue(law, of_law))
+    ratio = max(0.0, 2 * float(top - own))
+    score, df, p = _score(law, of_law)
+    rejected = bool(concern_of(p)) and ratio > 2 * DROP
     transform, other = ("log transform", "original scale") if of_law == 0 else ("original scale", "log transform")
-    result = f"lambda = {_power(best)}, 95 % CI {_power(low)} to {_power(high)}, {format_p(p)}"
+    unit = units_of(law)[0]
+    result = (
+        f"score over {unit}s t({df}) = {score:.2f}, {format_p(p)}; lambda = {_power(best)}, 95 % CI {_power(low)} to "
+        f"{_power(high)} with normal errors"
+    )
     kept = f"Box-Cox: the {transform} is not rejected ({result})."
-    if not concern_of(p):
+    if not rejected:
         verdict = kept
     elif low <= 1 - of_law <= high:
         verdict = (
@@ -112,22 +118,23 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
         )
     return BoxCox(
         null=f"the {transform} of the response (lambda = {of_law:g}) is adequate",
-        statistic=statistic,
-        symbol="LR chi2",
-        df=1,
+        statistic=score,
+        symbol="score t",
+        df=df,
         pvalue=p,
-        concern=concern_of(p),
+        concern=int(rejected),
         verdict=verdict,
         kept=kept,
         power=best,
         low=low,
         high=high,
         of_law=of_law,
+        likelihood_ratio=ratio,
     )
 
 
-def _score_pvalue(law: LawFit, power: float) -> float:
-    """P of the slope of the likelihood at a power, by the scatter of its parts over the units."""
+def _score(law: LawFit, power: float) -> tuple[float, int, float]:
+    """Slope of the likelihood at a power over the scatter of its parts over the units: t, its df and p."""
     from scipy.special import stdtr
 
     columns, log_y = linear_columns(law)[0], np.log(law.observed)
@@ -136,8 +143,9 @@ def _score_pvalue(law: LawFit, power: float) -> float:
     by_unit = np.bincount(units_of(law)[1], weights=(z[:, 2] - z[:, 0]) / (2 * NEAR) * z[:, 1])
     G, scatter = len(by_unit), float(by_unit.std(ddof=1)) if len(by_unit) > 1 else 0.0
     if scatter <= 0:
-        return 1.0
-    return float(2 * stdtr(G - 1, -abs(float(by_unit.sum())) / (scatter * G**0.5)))
+        return 0.0, max(G - 1, 1), 1.0
+    t = -float(by_unit.sum()) / (scatter * G**0.5)  # the sum of squares falls where the likelihood rises
+    return t, G - 1, float(2 * stdtr(G - 1, -abs(t)))
 
 
 def profile_of(law: LawFit, strata: Strata | NotAvailable) -> Profile:
