@@ -7,6 +7,7 @@ from ..core.rounding import format_plain
 from .checks.report import CheckReport
 from .draws import Draws
 from .file import ParameterFile
+from .sections.base import VerdictSection
 from .sections.dynamics import DynamicsSection
 from .sections.law import LawSection
 
@@ -16,15 +17,15 @@ MARKS = {True: "passed", False: "FAILED", None: "not tested"}
 
 @display_of.register
 def of_file(pf: ParameterFile) -> Display:
-    """Tool and work, the laws, the sections present."""
+    """Tool and work, the laws with their verdicts, the sections present."""
     there = [name.replace("_", " ") for name in SECTIONS if getattr(pf, name) is not None]
     simulated = ", simulated" if pf.identity.simulated else ""
     laws = f"laws {', '.join(pf.laws)}" if pf.laws else "no laws"
     head = f"{pf.identity.tool} on {pf.identity.work}{simulated}: {'; '.join([laws, *there])}"
-    rows = tuple((law.response, short_equation(law), f"n {law.n}") for law in pf.laws.values())
+    rows = tuple((law.response, short_equation(law), f"n {law.n}", level_of(law.verdict)) for law in pf.laws.values())
     made = (("written with", f"fitmodels {pf.provenance.fitmodels}"),)
     doubts = () if pf.reading is None else tuple(f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts)
-    return Display(head, made, TextTable(("", "law", ""), rows) if rows else None, doubts)
+    return Display(head, made, TextTable(("", "law", "", "verdict"), rows) if rows else None, doubts)
 
 
 def short_equation(law: LawSection) -> str:
@@ -36,15 +37,32 @@ def short_equation(law: LawSection) -> str:
     return law.equation
 
 
+def level_of(verdict: VerdictSection | None) -> str:
+    """The level of a verdict in words; that it is not known where there is none."""
+    return "not judged" if verdict is None else verdict.level
+
+
+def verdict_sentences(verdict: VerdictSection | None) -> tuple[str, ...]:
+    """The verdict and its reasons; nothing of what was not judged."""
+    return () if verdict is None else (f"Verdict: {verdict.level}.", *verdict.reasons)
+
+
+@display_of.register
+def of_verdict(verdict: VerdictSection) -> Display:
+    """The level; what was checked; the reasons."""
+    return display_of(verdict.verdict)
+
+
 @display_of.register
 def of_law(law: LawSection) -> Display:
-    """Equation, scatter and rows; coefficients with their standard errors."""
+    """Equation, scatter and rows; coefficients with their standard errors; the verdict."""
     rows = f"{law.n} rows" + ("" if law.n_edges is None else f" of {law.n_edges} edges")
     se = "" if law.residual_se is None else f", residual SE {format_plain(law.residual_se, 3)} {law.residual_scale}"
     names = list(law.coefficients)
     grid = estimates(names, law.coefficients.values(), [law.standard_errors.get(name) for name in names])
     tested = tuple((f"tested {f.symbol}", f"{f.low:g} to {f.high:g} {f.unit}") for f in law.factors)
-    return Display(f"{short_equation(law)}{se}, {rows}", tested, grid, (*law.verdicts, *law.notes))
+    sentences = dict.fromkeys((*verdict_sentences(law.verdict), *law.verdicts, *law.notes))
+    return Display(f"{short_equation(law)}{se}, {rows}", tested, grid, tuple(sentences))
 
 
 @display_of.register
@@ -67,8 +85,9 @@ def of_draws(draws: Draws) -> Display:
 
 @display_of.register
 def of_dynamics(model: DynamicsSection) -> Display:
-    """Orders, gain and sample time; the other fields."""
+    """Orders, gain and sample time; the other fields; the verdict."""
     below = sum(model.a)
     gain = f"gain {format_plain(sum(model.b) / below)}" if below else "an integrator"
     head = f"{model.input} to {model.output}, na {len(model.a) - 1}, nb {len(model.b) - model.nk}, nk {model.nk}"
-    return Display(f"{head} at {model.sample_time:g} s, {gain}", tuple(facts_of(model)))
+    facts = tuple(fact for fact in facts_of(model) if fact[0] != "verdict")
+    return Display(f"{head} at {model.sample_time:g} s, {gain}", facts, sentences=verdict_sentences(model.verdict))

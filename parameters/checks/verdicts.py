@@ -50,15 +50,15 @@ def check_verdicts(pf: ParameterFile) -> Iterator[FileFinding]:
         yield FileFinding(VERDICT, None, verdict_words("tool_life", pf.tool_life.verdict))
 
 
-def verdict_words(where: str, verdict: VerdictSection) -> str:
+def verdict_words(where: str, verdict: VerdictSection, shown: int = SHOWN) -> str:
     """The verdict of a part with its first reasons, one line.
 
     >>> verdict_words("laws.AW", VerdictSection(level="usable with reservations", reasons=["No edges."]))
     'laws.AW: usable with reservations. No edges.'
     """
-    more = len(verdict.reasons) - SHOWN
+    more = len(verdict.reasons) - shown
     further = [f"And {more} more reason{'s' if more > 1 else ''}: see the card."] if more > 0 else []
-    return " ".join([f"{where}: {verdict.level}.", *verdict.reasons[:SHOWN], *further])
+    return " ".join([f"{where}: {verdict.level}.", *verdict.reasons[:shown], *further])
 
 
 def cautions(pf: ParameterFile, *names: str) -> list[str]:
@@ -117,7 +117,7 @@ def _refusal(part: Judged, *others: Judged) -> str:
     if part.verdict is None:
         found = f"{part.where} has no verdict, so it is not known whether it can be used for control; {part.remedy}"
     else:
-        found = verdict_words(part.where, part.verdict).rstrip(".")
+        found = verdict_words(part.where, part.verdict, 1).rstrip(".")
     more = f" The same holds for {', '.join(other.where for other in others)}: see `fitmodels check`." if others else ""
     return (
         f"not exported: {found}.{more} --accept-verdict exports it all the same and records that in the exported file."
