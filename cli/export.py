@@ -31,7 +31,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write the file, print what was assumed and what it cannot contain, and return the exit code."""
     from .. import parameters
-    from ..parameters.checks.verdicts import require_verdicts
+    from ..parameters.checks.report import require_verdicts
     from ..parameters.exports import export, export_format
     from ..parameters.exports.loop import loop_settings
 

@@ -65,7 +65,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Print a sentence for each law, and return the exit code."""
     from .. import parameters
-    from ..parameters.checks.verdicts import cautions
+    from ..parameters.checks.report import cautions
     from ..parameters.evaluation import IntervalOptions
 
     for option in ("level", "coverage"):

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ..cards import replays
     from ..core.progress import progress_bar
-    from ..parameters.checks.verdicts import cautions
+    from ..parameters.checks.report import cautions
 
     pf, draws, home = _given(args.file)
     systems = _chosen(pf, args.system, args.file)

@@ -47,7 +47,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Compute and write the settings, and return the exit code."""
     from .. import parameters
-    from ..parameters.checks.verdicts import cautions
+    from ..parameters.checks.report import cautions
     from ..parameters.file import sealed
 
     pf = parameters.read(args.file)

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
     from .. import parameters
     from ..core.progress import progress_bar
-    from ..parameters.checks.verdicts import cautions
+    from ..parameters.checks.report import cautions
     from ..parameters.file import sealed
     from ..parameters.gather.control import pi_section
 

@@ -143,7 +143,7 @@ def collect(
         "versions": _versions(), "command": command, "options": dict(options or {}), "seed": seed,
     }  # fmt: skip
     runs = _runs(design)
-    found = laws_by_response(laws, source.tool, source.work, gauge_sd, runs)
+    found = laws_by_response(laws, source.tool, source.work, gauge_sd, runs, posteriors)
     life = tool_life_section(tool_life, laws, found, runs)
     bounds = None if limits is None else limits_section(limits)
     sections = {

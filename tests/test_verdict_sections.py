@@ -74,6 +74,30 @@ def test_runs_of_other_data_do_not_judge_a_law(runs, monkeypatch):
     assert given_runs[1] is None
 
 
+def test_a_posterior_that_disagrees_with_the_law_is_a_reservation(runs, monkeypatch):
+    """The posterior of t is moved by ten standard errors: a sentence names both estimates and the usual causes."""
+    law = fit.power_law(runs, "AW", FACTORS)
+    post = fit.posterior(law, seed=1, draws=1000)
+    sound = parameters.collect(design=runs, laws=[law], posteriors=[post]).laws["AW"]
+    assert sound.verdict == parameters.collect(design=runs, laws=[law]).laws["AW"].verdict
+    draws = post.draws.copy()
+    draws[:, post.names.index("t")] += 0.1
+    shifted = parameters.collect(design=runs, laws=[law], posteriors=[replace(post, draws=draws)]).laws["AW"]
+    assert shifted.verdict.concern == 1
+    assert any("posterior" in reason and "exponent of t" in reason for reason in shifted.verdict.reasons)
+    monkeypatch.setattr("fitmodels.fit.checks.agreement.posterior_agreement", lambda *a: 1 / 0)
+    broken = parameters.collect(design=runs, laws=[law], posteriors=[post]).laws["AW"]
+    assert broken.verdict == sound.verdict  # an optional comparison that fails costs only itself
+
+
+def test_a_life_that_cannot_be_judged_has_a_reservation(runs, monkeypatch):
+    law = fit.power_law(runs, "AW", FACTORS)
+    monkeypatch.setattr("fitmodels.fit.life.life_verdict", lambda *a: 1 / 0)
+    verdict = parameters.collect(laws=[law], tool_life=fit.tool_life(law, 0.3)).tool_life.verdict
+    assert verdict.concern == 1
+    assert "was not checked" in verdict.reasons[0]
+
+
 def test_suspects_and_the_law_without_them_are_kept(runs, monkeypatch, tmp_path):
     """The correction is the argument of --correct; the law without the suspects stands beside the law."""
     law, other = (fit.power_law(runs, "AW", factors) for factors in (FACTORS, FACTORS[:3]))
@@ -83,10 +107,8 @@ def test_suspects_and_the_law_without_them_are_kept(runs, monkeypatch, tmp_path)
     )
     check = Check(null="", concern=2, verdict="f of edges E07, E11 is in inches.", suspects=(edges, rows))
 
-    class Found(Judgement):
-        without = other
-
-    monkeypatch.setattr(fit, "judge", lambda *a, **k: Found({"form": check}, False, law.nobs))
+    found = Judgement({"form": check}, rows_are_independent=False, nobs=law.nobs, without=other)
+    monkeypatch.setattr(fit, "judge", lambda *a, **k: found)
     pf = parameters.read(parameters.write(parameters.collect(laws=[law]), tmp_path / "params.json"))
     section = pf.laws["AW"]
     assert [suspect.correction for suspect in section.checks["form"].suspects] == ["E07,E11:f*25.4", "lines 12,13:t-5"]

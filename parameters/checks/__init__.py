@@ -1,8 +1,7 @@
 """Checks of a parameter file before a controller loads it: one finding, one sentence, for each test.
 
-verdicts     verdicts of laws, dynamics and force process, and the refusal to export what must not be used
-values       units, covariances, posterior, dynamics and settings; gains, loop_figures: the gains on the dynamics
-report       findings
+report   findings; verdicts of laws, dynamics and force process, and the refusal to export what must not be used
+values   units, covariances, posterior, dynamics and settings; gains, loop_figures: the gains on the dynamics
 """
 
 import os
@@ -13,9 +12,8 @@ from ...core.errors import ParameterError
 from ..draws import read_draws
 from ..file_format import content_sha256
 from .gains import check_gains
-from .report import CheckReport, FileFinding
+from .report import CheckReport, FileFinding, check_verdicts
 from .values import check_estimates, check_settings, check_units
-from .verdicts import check_verdicts
 
 if TYPE_CHECKING:
     from ..file import ParameterFile

@@ -1,15 +1,23 @@
-"""Findings of the check of a parameter file."""
+"""Findings of the check of a parameter file, and verdicts of its parts: findings, sentences, refusal of an export."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ...core.display import Displayable
+from ...core.errors import GateError
+from ...core.verdict import DO_NOT_USE, LEVELS, USABLE
+from ..messages import short_name
+from ..sections.base import VerdictSection
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from ..file import ParameterFile
+
 
 VERDICT: Final = "verdict"  # name of the findings on verdicts
+SHOWN = 3  # reasons in a finding; the others are counted
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -70,3 +78,114 @@ class CheckReport(Displayable):
         from pandas import DataFrame
 
         return DataFrame([(f.name, f.passed, f.words) for f in self.findings], columns=["name", "passed", "words"])
+
+
+class Judged(NamedTuple):
+    """A part of the file that has a verdict, or None where it was not judged; ``remedy`` leads to one."""
+
+    where: str
+    verdict: VerdictSection | None
+    remedy: str
+
+
+def judged_parts(pf: "ParameterFile", *, loop_only: bool = False) -> list[Judged]:
+    """Laws, dynamics and force process of a file; of a loop, the law that its limits come from, and the dynamics."""
+    loop = () if pf.load_line is None else (pf.load_line.law,)
+    parts = [
+        Judged(f"laws.{short_name(name)}", law.verdict, "fit the data again")
+        for name, law in pf.laws.items()
+        if not loop_only or name in loop
+    ]
+    if pf.dynamics is not None:
+        parts.append(Judged("dynamics", pf.dynamics.verdict, "identify the record again"))
+    if pf.adaptive_force is not None and not loop_only:
+        remedy = "give collect the verdict of its ForceProcess"
+        parts.append(Judged("adaptive_force", pf.adaptive_force.verdict, remedy))
+    return parts
+
+
+def check_verdicts(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """A finding for each verdict; what must not be used fails the file, a tool life does not."""
+    for part in judged_parts(pf):
+        if part.verdict is None:
+            words = f"{part.where}: there is no verdict on how far it can be used; {part.remedy}."
+            yield FileFinding(VERDICT, None, words)
+        else:
+            passed = {USABLE: True, DO_NOT_USE: False}.get(part.verdict.concern)
+            yield FileFinding(VERDICT, passed, verdict_words(part.where, part.verdict))
+    if pf.tool_life is not None and pf.tool_life.verdict is not None and pf.tool_life.verdict.concern > USABLE:
+        yield FileFinding(VERDICT, None, verdict_words("tool_life", pf.tool_life.verdict))
+
+
+def verdict_words(where: str, verdict: VerdictSection, shown: int = SHOWN) -> str:
+    """The verdict of a part with its first reasons, one line.
+
+    >>> verdict_words("laws.AW", VerdictSection(level="usable with reservations", reasons=["No edges."]))
+    'laws.AW: usable with reservations. No edges.'
+    """
+    more = len(verdict.reasons) - shown
+    further = [f"And {more} more reason{'s' if more > 1 else ''}: see the card."] if more > 0 else []
+    return " ".join([f"{where}: {verdict.level}.", *verdict.reasons[:shown], *further])
+
+
+def cautions(pf: "ParameterFile", *names: str) -> list[str]:
+    """A sentence on each part of the file that is not usable without reservations, with all its reasons.
+
+    ``names`` are responses of laws, ``dynamics`` and ``adaptive_force``; all parts without them.
+    """
+    said = []
+    for part in judged_parts(pf):
+        kind, _, law = part.where.partition(".")
+        if names and (law or kind) not in names:
+            continue
+        what = f"law of {law}" if law else {"dynamics": "dynamics"}.get(kind, "force process")
+        if part.verdict is None:
+            said.append(f"No verdict on the {what}: it is not known how far it can be used; {part.remedy}.")
+        elif part.verdict.concern > USABLE:
+            said.append(" ".join([f"Verdict on the {what}: {part.verdict.level}.", *part.verdict.reasons]))
+    return said
+
+
+def require_verdicts(pf: "ParameterFile", accepted: bool, *, loop_only: bool = False) -> tuple[str, ...]:
+    """Raise where a part that is exported must not be used or has no verdict, unless that is accepted.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    accepted : bool
+        Whether such parts are exported all the same.
+    loop_only : bool
+        As of `judged_parts`.
+
+    Returns
+    -------
+    tuple of str
+        One line on each part that is not usable without reservations, for the exported file.
+
+    Raises
+    ------
+    GateError
+        A part must not be used for control, or its verdict is not known.
+    """
+    parts = judged_parts(pf, loop_only=loop_only)
+    refused = [part for part in parts if part.verdict is None or part.verdict.concern == DO_NOT_USE]
+    if refused and not accepted:
+        raise GateError(_refusal(*refused))
+    lines = []
+    for part in parts:
+        level = "no verdict" if part.verdict is None else part.verdict.level
+        if level != LEVELS[USABLE]:
+            lines.append(f"{'VERDICT ACCEPTED - ' if part in refused else ''}{part.where} - {level}")
+            lines += () if part.verdict is None else part.verdict.reasons
+    return tuple(lines)
+
+
+def _refusal(part: Judged, *others: Judged) -> str:
+    if part.verdict is None:
+        found = f"{part.where} has no verdict, so it is not known whether it can be used for control; {part.remedy}"
+    else:
+        found = verdict_words(part.where, part.verdict, 1).rstrip(".")
+    more = f" The same holds for {', '.join(other.where for other in others)}: see `fitmodels check`." if others else ""
+    return (
+        f"not exported: {found}.{more} --accept-verdict exports it all the same and records that in the exported file."
+    )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ...core.errors import GateError
 from ..checks import check
-from ..checks.verdicts import require_verdicts
+from ..checks.report import require_verdicts
 from ..file import ParameterFile
 from ..file_format import content_sha256
 from .loop import LoadLoop, loop_settings

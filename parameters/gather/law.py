@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ...core.errors import FitError, ParameterError, UsageError
+from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ..messages import schema_message
 from ..sections.base import VerdictSection
 from ..sections.law import LawSection
@@ -18,9 +19,9 @@ from ..sections.law_parts import CompositeLaw
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ...core.verdict import Verdict
     from ...datasets import Runs
     from ...fit import LawFit
+    from ...fit.bayes.posterior import Posterior
     from ...fit.checks.check import Check
     from ...fit.checks.judgement import Judgement
     from ...fit.life import ToolLife
@@ -33,7 +34,12 @@ WITHOUT_ROWS = (
 
 
 def laws_by_response(
-    laws: "Sequence[LawFit]", tool: str, work: str, gauge_sd: float | None, runs: "Runs | None" = None
+    laws: "Sequence[LawFit]",
+    tool: str,
+    work: str,
+    gauge_sd: float | None,
+    runs: "Runs | None" = None,
+    posteriors: Sequence["Posterior"] = (),
 ) -> dict[str, LawSection]:
     """Sections of laws by response, judged together; ``runs`` are those that the laws were fitted to.
 
@@ -43,7 +49,8 @@ def laws_by_response(
     for law in laws:
         if law.response in found:
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
-        section = law_section(law, tool, work, gauge_sd, runs=_runs_of(law, runs), laws=len(laws))
+        posterior = next((one for one in posteriors if one.response == law.response), None)
+        section = law_section(law, tool, work, gauge_sd, runs=_runs_of(law, runs), posterior=posterior, laws=len(laws))
         wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
         if wear is not None and law.rows is not None and wear.rows is not None:
             made, notes = _optional({"composite": partial(_composite, law, wear)})
@@ -82,11 +89,13 @@ def law_section(
     gauge_sd: float | None = None,
     *,
     runs: "Runs | None" = None,
+    posterior: "Posterior | None" = None,
     laws: int = 1,
 ) -> LawSection:
     """The section of a fitted law of this tool and work; what needs the rows is left out for a law of a stream.
 
-    ``runs`` are those that it was fitted to, ``laws`` is the number of laws that are judged together.
+    ``runs`` are those that it was fitted to, and ``posterior`` is compared with it; ``laws`` is the number of laws that
+    are judged together.
 
     Raises
     ------
@@ -111,9 +120,10 @@ def law_section(
     else:
         other = computed(lambda: law.alternative)
         known_other = None if isinstance(other, NotAvailable) else other
+        judged = partial(judge, law, gauge_sd, runs=runs, alternative=known_other, laws=laws)
         made, notes = _optional(
             {
-                "checks": lambda: judged_fields(judge(law, gauge_sd, runs=runs, alternative=known_other, laws=laws)),
+                "checks": lambda: judged_fields(_compared(judged(), law, posterior)),
                 "region": lambda: _region(law),
                 "published": lambda: _published(law, tool, work),
                 "alternative": lambda: None if known_other is None else _section(known_other),
@@ -137,6 +147,19 @@ def _optional(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], l
     failed = {name: value for name, value in found.items() if isinstance(value, NotAvailable)}
     notes = [f"{name} not available: {reason}" for name, reason in failed.items()]
     return {name: None if name in failed else value for name, value in found.items()}, notes
+
+
+def _compared(found: "Judgement", law: "LawFit", posterior: "Posterior | None") -> "Judgement":
+    """The judgement with the agreement of the posterior, where its exponents disagree with other estimates."""
+    from ...fit.available import NotAvailable, computed
+    from ...fit.checks.agreement import posterior_agreement
+
+    if posterior is None:
+        return found
+    check = computed(partial(posterior_agreement, law, posterior))
+    if isinstance(check, NotAvailable) or not check.concern:
+        return found
+    return replace(found, checks={**found.checks, "agreement": check})
 
 
 def _section(law: "LawFit") -> dict[str, Any]:
@@ -265,18 +288,21 @@ def _check(check: "Check") -> dict[str, Any]:
         "p": known(check.pvalue),
         "concern": check.concern,
         "verdict": check.verdict,
-        "suspects": [{**asdict(suspect), "correction": suspect.correction} for suspect in check.suspects],
+        "suspects": [
+            {**asdict(one), "lines": [int(line) for line in one.lines], "correction": one.correction}
+            for one in check.suspects
+        ],
     }
 
 
 def _without(found: "Judgement") -> dict[str, Any] | None:
     """The law fitted again without its suspects, None where there are none or it cannot be fitted."""
-    other: LawFit | None = getattr(found, "without", None)
+    other = found.without
     if other is None:
         return None
     return {
-        "edges": list(dict.fromkeys(edge for suspect in found.suspects for edge in suspect.edges)),
-        "lines": sorted({line for suspect in found.suspects for line in suspect.lines}),
+        "edges": list(dict.fromkeys(str(edge) for suspect in found.suspects for edge in suspect.edges)),
+        "lines": sorted({int(line) for suspect in found.suspects if not suspect.edges for line in suspect.lines}),
         "coefficients": finite(other.params),
         "standard_errors": finite(other.bse),
         "residual_se": known(other.scale_se),
@@ -319,16 +345,20 @@ def tool_life_section(
     }
 
 
-def _life_verdict(life: "ToolLife", law: "LawFit", section: LawSection | None, runs: "Runs | None") -> "Verdict":
+def _life_verdict(life: "ToolLife", law: "LawFit", section: LawSection | None, runs: "Runs | None") -> Verdict:
+    from ...fit.available import NotAvailable, computed
     from ...fit.life import life_verdict
 
     of_law = None if section is None or section.verdict is None else section.verdict.verdict
-    return life_verdict(life, law, _runs_of(law, runs), of_law)
+    found = computed(partial(life_verdict, life, law, _runs_of(law, runs), of_law))
+    if isinstance(found, NotAvailable):
+        return verdict_from([(RESERVATIONS, f"The tool life was not checked: {found.reason}.")])
+    return found
 
 
 def _equation(law: "LawFit") -> str:
     """The equation with its numbers at six digits: at the reference level, then the factor or shift of each level."""
-    right = law.formula.equation([_six(float(law.params[name])) for name in law.formula.names])
+    right = law.formula.equation([f"{float(law.params[name]):.6g}" for name in law.formula.names])
     text = f"{law.response} = {right}"
     if law.by is None:
         return text
@@ -338,12 +368,8 @@ def _equation(law: "LawFit") -> str:
 
 def _level(law: "LawFit", level: str, shift: float) -> str:
     if law.formula.logarithmic:
-        return f"times {_six(math.exp(shift))} for {level}"
-    return f"{'minus' if shift < 0 else 'plus'} {_six(abs(shift))} for {level}"
-
-
-def _six(value: float) -> str:
-    return f"{value:.6g}"
+        return f"times {math.exp(shift):.6g} for {level}"
+    return f"{'minus' if shift < 0 else 'plus'} {abs(shift):.6g} for {level}"
 
 
 def _factor(law: "LawFit", symbol: str) -> dict[str, Any]:
