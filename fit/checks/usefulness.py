@@ -118,7 +118,7 @@ def doubts_of_reading(law: LawFit, runs: Runs | None) -> Check | NotAvailable | 
         if one.role in columns:
             columns |= set(one.inputs)
     doubts = [doubt for doubt in runs.doubts if columns.intersection(doubt.columns)]
-    words = "; ".join(str(doubt).rstrip(".") for doubt in doubts[:MOST_DOUBTS])
+    words = "; ".join(doubt.sentence.rstrip(".") for doubt in doubts[:MOST_DOUBTS])
     more = f"; and {len(doubts) - MOST_DOUBTS} more" if len(doubts) > MOST_DOUBTS else ""
     return Check(
         null="the reading has no doubt on a column of the law",
