@@ -186,8 +186,7 @@ def test_a_check_that_cannot_be_made_gives_its_reason():
     file = collect(design=runs, laws=laws, tool="tool", work="Ck 45")
     for part, law in zip(compose(file).laws, file.laws.values(), strict=True):
         untestable = [c for c in part.checks if c.verdict == "not testable"]
-        assert untestable[0].name == "Lack of fit"
-        assert untestable[0].words == law.checks["form"].reason
+        assert law.checks["form"].reason in [c.words for c in untestable if c.name == "Lack of fit"]
         assert any(untestable[0].words in sentence for sentence in part.check_words)
         assert not [c.name for c in part.checks if "edges" in c.name]  # the file names none
 

@@ -254,12 +254,21 @@ def _gauge(given: CheckInput) -> Found | None:
     return gauge_corrected(given.law, given.gauge_sd, wear, unit=given.law.units[wear])
 
 
+# In the order of the reasons of a verdict: what is wrong in the data, physics, statistics, reading.
 CHECKS: Mapping[str, OneCheck] = {
+    "wrong rows": lambda given: given.wrong_rows,
+    "mixed units": lambda given: given.mixed_units,
+    "wrong edges": lambda given: wrong_edges(*given.one_unit),
+    "copies": lambda given: copies(given.whole),
+    "time exponent": lambda given: given.times["time exponent"],
+    "time between edges": lambda given: given.times["time between edges"],
+    "time within edges": lambda given: given.times["time within edges"],
+    "time restarts": lambda given: time_restarts(given.law),
     "exponents": lambda given: exponents(given.whole, given.runs),
     "possible values": lambda given: possible_values(given.whole, given.runs),
     "predictive use": lambda given: predictive_use(given.law),
-    "number of edges": lambda given: number_of_edges(given.whole, given.runs),
-    "reading": lambda given: doubts_of_reading(given.whole, given.runs),
+    "missing conditions": lambda given: missing_conditions(given.law, given.runs),
+    "unused columns": lambda given: unused_columns(given.law, given.runs, given.icc),
     "form": lambda given: lack_of_fit(given.law, given.strata),
     "curvature": lambda given: curvature(given.law, given.strata),
     "single edges": _influence,
@@ -276,16 +285,8 @@ CHECKS: Mapping[str, OneCheck] = {
         error_structure(given.law, given.alternative) if given.law.formula.logarithmic else None
     ),
     "rival forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
-    "time exponent": lambda given: given.times["time exponent"],
-    "time between edges": lambda given: given.times["time between edges"],
-    "time within edges": lambda given: given.times["time within edges"],
-    "time restarts": lambda given: time_restarts(given.law),
-    "missing conditions": lambda given: missing_conditions(given.law, given.runs),
-    "unused columns": lambda given: unused_columns(given.law, given.runs, given.icc),
-    "wrong rows": lambda given: given.wrong_rows,
-    "mixed units": lambda given: given.mixed_units,
-    "wrong edges": lambda given: wrong_edges(*given.one_unit),
-    "copies": lambda given: copies(given.whole),
+    "number of edges": lambda given: number_of_edges(given.whole, given.runs),
     "gauge error": _gauge,
     "agreement": _agreement,
+    "reading": lambda given: doubts_of_reading(given.whole, given.runs),
 }
