@@ -33,6 +33,7 @@ ONE_SCHEDULE = (
 CLIP = 2.5  # robust standard deviations, of rows in the test of equal exponents
 SEARCHED = 0.01  # p of a test below which edges are searched for
 RESTARTED = 10.0  # n ln(RSS0/RSS1) for times that are counted on from the time before
+LISTED = 20
 ALL = ("all",)
 ANEW = "counted from a restart of the time"
 # Usual causes of a rejection where the search names no edges.
@@ -226,10 +227,9 @@ def _sentence(law: LawFit, one: Suspect) -> str:
             f"{law.response} that does not follow a power of t, has the same effect."
         )
     s = "" if len(one.edges) == 1 else "s"
-    return (
-        f"The times t of edge{s} {', '.join(one.edges)} are probably {size} against the other edges; compare with the "
-        "records."
-    )
+    more = f" and {len(one.edges) - LISTED} more" if len(one.edges) > LISTED else ""
+    which = f"edge{s} {', '.join(one.edges[:LISTED])}{more}"
+    return f"The times t of {which} are probably {size} against the other edges; compare with the records."
 
 
 # --- times that begin anew --------------------------------------------------------------------------------------------
