@@ -96,7 +96,7 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
     best, low, high = found
     top, own = profile(np.array([best, of_law]))
     ratio = max(0.0, 2 * float(top - own))
-    score, df, p = _score(law, of_law)
+    score, df, p = _score(law, strata, of_law)
     rejected = bool(concern_of(p)) and ratio > 2 * DROP
     transform, other = ("log transform", "original scale") if of_law == 0 else ("original scale", "log transform")
     unit = units_of(law)[0]
@@ -133,12 +133,14 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
     )
 
 
-def _score(law: LawFit, power: float) -> tuple[float, int, float]:
+def _score(law: LawFit, strata: Strata | NotAvailable, power: float) -> tuple[float, int, float]:
     """Slope of the likelihood at a power over the scatter of its parts over the units: t, its df and p."""
     from scipy.special import stdtr
 
     columns, log_y = linear_columns(law)[0], np.log(law.observed)
     z = transformed(log_y, power + np.array([-NEAR, 0.0, NEAR]))
+    if isinstance(strata, Strata):
+        columns, z = _whitened(strata, columns), _whitened(strata, z)
     z = z - columns @ np.linalg.lstsq(columns, z, rcond=None)[0]
     by_unit = np.bincount(units_of(law)[1], weights=(z[:, 2] - z[:, 0]) / (2 * NEAR) * z[:, 1])
     G, scatter = len(by_unit), float(by_unit.std(ddof=1)) if len(by_unit) > 1 else 0.0
@@ -146,6 +148,13 @@ def _score(law: LawFit, power: float) -> tuple[float, int, float]:
         return 0.0, max(G - 1, 1), 1.0
     t = -float(by_unit.sum()) / (scatter * G**0.5)  # the sum of squares falls where the likelihood rises
     return t, G - 1, float(2 * stdtr(G - 1, -abs(t)))
+
+
+def _whitened(strata: Strata, A: Array) -> Array:
+    """Rows of A with the levels of edges shrunk to their weight."""
+    levels, _ = without_levels(A, strata.level, strata.edge, len(strata.names))
+    shrunk = 1 - np.sqrt(strata.weights / strata.weight)
+    return np.asarray(A - strata.level[:, None] * (shrunk[:, None] * levels)[strata.edge])
 
 
 def profile_of(law: LawFit, strata: Strata | NotAvailable) -> Profile:
