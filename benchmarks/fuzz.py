@@ -6,7 +6,8 @@
 Three sources: the laboratory files of ``tests``, mutations of good files (``mutations.py``), and odd tables drawn at
 random: few rows, constant or exactly dependent columns, exact laws, copies, zeros, signs, magnitudes from 1e-300 to
 1e300, one edge, edges of one row, levels of a category, with random options of the command. Each file runs through
-``fitmodels FILE --json --out FOLDER``, which reads, fits, checks, draws, and writes all files of a card.
+``fitmodels FILE --json --out FOLDER``, which reads, fits, checks, draws, and writes all files of a card; then the
+commands look, next, check, card, predict and export read the file or the first parameter file.
 
 Printed are runs that end with exit 70, with the place of the error; optional parts that failed and cost only themselves
 ("the computation failed"), which are defects as well; and warnings of the numerical libraries.
@@ -234,21 +235,41 @@ SOURCES = {"laboratory": laboratory, "mutated": mutated, "odd": odd}
 
 
 def run(path, options, folder):
-    """Exit code of the command, the traceback of an internal error, parts that failed, and warnings."""
-    out, said, trace = io.StringIO(), io.StringIO(), ""
-    out_folder = folder / "result"
-    words = [str(path), "--json", "--out", str(out_folder), "--draws", "1000", *options]
+    """Exit code of the command, or 70 of a later one, its traceback, parts that failed, and warnings."""
+    out, said, out_folder = io.StringIO(), io.StringIO(), folder / "result"
     with warnings.catch_warnings(record=True) as warned, contextlib.redirect_stdout(out):
         warnings.simplefilter("always")
         with contextlib.redirect_stderr(said), mock.patch.dict("os.environ", FITMODELS_TRACEBACK="1"):
-            try:
-                code = cli.main(words)
-            except Exception:
-                code, trace = cli.DEFECT, traceback.format_exc()
+            code, trace = command(str(path), "--json", "--out", str(out_folder), "--draws", "1000", *options)
+            for words in () if trace else later(path, out_folder):
+                if not trace:
+                    after, trace = command(*words)
+                    code = after if trace else code
     texts = [out.getvalue(), *(file.read_text("utf-8") for file in sorted(out_folder.rglob("*.md")))]
     failed = sorted({found for text in texts for found in FAILED.findall(text)})
+    trace = trace or (said.getvalue() if failed else "")
     places = sorted({f"{Path(one.filename).name}:{one.lineno} {one.message}" for one in warned})
     return code, trace, failed, places
+
+
+def command(*words):
+    """Exit code of a command, and the traceback of an internal error."""
+    try:
+        return cli.main(words), ""
+    except Exception:
+        return cli.DEFECT, f"{' '.join(words)}\n{traceback.format_exc()}"
+
+
+def later(path, folder):
+    """Commands that read the file, and the first parameter file that it gave."""
+    yield "look", str(path), "--out", str(folder / "look.png")
+    yield "next", str(path), "--runs", "3"
+    params = next(iter(sorted(folder.rglob("params.json"))), None)
+    if params is not None:
+        yield "check", str(params)
+        yield "card", str(params), "--force"
+        yield "predict", str(params), "V=100", "f=0.2", "d=2", "t=5", "n=1000", "fz=0.1", "ae=1", "AW=0.1", "VB=0.1"
+        yield "export", str(params), "--to", "mat", "--out", str(folder / "law.mat")
 
 
 def tried(source, number):

@@ -1,5 +1,7 @@
 """A result that could not be computed, with the reason; never a NaN."""
 
+import os
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
@@ -38,7 +40,8 @@ class NotAvailable(Displayable):
 def computed(make: Callable[[], T], raised: tuple[type[Exception], ...] = (OSError,)) -> T | NotAvailable:
     """The result of an optional computation, or its error as the reason why there is none.
 
-    An optional result must not end the run, whatever is wrong with it.
+    An optional result must not end the run, whatever is wrong with it. With FITMODELS_TRACEBACK=1 in the environment
+    the traceback of an unexpected error is printed.
 
     Parameters
     ----------
@@ -58,4 +61,6 @@ def computed(make: Callable[[], T], raised: tuple[type[Exception], ...] = (OSErr
     except FitmodelsError as error:
         return NotAvailable(str(error).rstrip("."))
     except Exception as error:
+        if os.environ.get("FITMODELS_TRACEBACK"):
+            traceback.print_exc()
         return NotAvailable(f"{FAILED} ({type(error).__name__}: {error})")

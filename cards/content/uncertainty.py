@@ -21,6 +21,7 @@ from .numbers import LEVEL, count, percent, t_quantile
 from .parts import NumberPart, UncertaintyPart
 from .profiler import ON_NEW_EDGE, ROW
 
+UNBOUNDED = 20.0  # half width of ln T above which the interval of a tool life says nothing: a factor of 5e8
 OF = {
     "mean": "the fitted law",
     "new": ON_NEW_EDGE,
@@ -92,8 +93,9 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
     name = f"tool life to {life.wear} {life.criterion:g} {life.unit_of_wear}"
     out = []
     for of, more in ((OF["life"], 0.0), (edge, scatter)):
-        if more is not None:
-            found = _from_ln(life.typical, math.sqrt(max(variance, 0.0) + more**2) / h, law.uncertainty.df)
+        u_ln = math.inf if more is None else math.sqrt(max(variance, 0.0) + more**2) / h
+        if t_quantile(law.uncertainty.df) * u_ln < UNBOUNDED:
+            found = _from_ln(life.typical, u_ln, law.uncertainty.df)
             out.append(_statement(name, "T", life.unit, where, of, found, beyond))
     return tuple(out)
 
