@@ -61,7 +61,7 @@ HALF = [f"E{k:02d}" for k in range(2, 25, 2)]
     ],
 )
 def test_edges_with_wrong_times_are_named_with_their_correction(edges, change, correction):
-    for seed in range(3):
+    for seed in range(2):
         sentences, corrections = found(law_of(moved(wear(seed), edges, **change)))
         assert len(corrections) == 1
         assert corrections[0].startswith(",".join(edges) + correction) or correction == ":t+", corrections
@@ -69,8 +69,33 @@ def test_edges_with_wrong_times_are_named_with_their_correction(edges, change, c
 
 
 def test_the_size_of_an_offset_is_estimated():
-    sizes = [float(found(law_of(moved(wear(seed), HALF, offset=5.0)))[1][0].rpartition("-")[2]) for seed in range(6)]
-    assert abs(np.mean(sizes) - 5) < 0.5
+    sizes = [float(found(law_of(moved(wear(seed), HALF, offset=5.0)))[1][0].rpartition("-")[2]) for seed in range(4)]
+    assert abs(np.mean(sizes) - 5) < 0.6
+
+
+@pytest.mark.parametrize(("edges", "change"), [(HALF, {"offset": 5.0}), (["E04", "E11", "E17"], {"factor": 60.0})])
+def test_the_correction_as_an_option_mends_the_law(edges, change):
+    sound, faulty = wear(3), moved(wear(3), edges, **change)
+    (correction,) = found(law_of(faulty))[1]
+    mended = fit.power_law(datasets.runs_from_frame(faulty, correct=(correction,)), "AW", ["V", "f", "d", "t"])
+    assert not found(mended)[0]
+    assert mended.params["t"] == pytest.approx(law_of(sound).params["t"], abs=0.02)
+
+
+def test_few_sound_edges_are_called_offset_where_schedules_differ():
+    """Edges at times of their own, half of them 5 min late: those named are late, if not all of them are named."""
+    named = late = 0
+    for seed in range(4):
+        w = wear(seed)
+        stretch = np.exp(np.random.default_rng(seed).uniform(-np.log(2), np.log(2), 24))[
+            w["edge"].str[1:].astype(int) - 1
+        ]
+        w = w.assign(t=w["t"] * stretch, AW=w["AW"] * stretch**0.245)
+        for correction in found(law_of(moved(w, HALF, offset=5.0)))[1]:
+            edges = set(correction.partition(":")[0].split(","))
+            named, late = named + len(edges), late + len(edges & set(HALF))
+    assert named > 25
+    assert late > 0.95 * named
 
 
 def test_half_of_the_edges_are_taken_as_late_rather_than_the_others_as_early():
@@ -82,7 +107,6 @@ def test_half_of_the_edges_are_taken_as_late_rather_than_the_others_as_early():
 def test_an_offset_of_all_edges_is_seen_within_them():
     law = law_of(wear(2, times=TIMES).assign(t=lambda w: w["t"] + 20))
     assert time_within(law).pvalue < 0.01
-    assert "another cause" not in time_within(law).verdict
     assert any("all edges" in text or "have an offset" in text for text in found(law)[0])
 
 
@@ -132,7 +156,7 @@ def test_a_law_with_wear_among_its_factors_is_not_tested():
 def test_exact_rows_and_two_times_are_handled():
     two = law_of(wear(0, times=np.array([2.0, 8.0])))
     assert "three times" in time_within(two).reason
-    assert search(_rows(two)) is None
+    assert search(_rows(two)) == ()
 
 
 def _rows(law):

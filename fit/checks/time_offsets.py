@@ -169,9 +169,9 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     if not isinstance(rows, TimeRows):
         return tests
     _, name, check = min(rejected, key=lambda one: one[0])
-    found = search(rows)
-    named = None if found is None else _suspect(rows, found)
-    if named is None or not _explains(law, icc, named):
+    suspected = (_suspect(rows, shift) for shift in search(rows))
+    named = next((one for one in suspected if _explains(law, icc, one)), None)
+    if named is None:
         causes = CAUSES[name].format(response=law.response)
         tests[name] = replace(check, verdict=f"{check.verdict} {causes}".rstrip())
         return tests

@@ -130,14 +130,15 @@ class Search:
         return best, kept
 
 
-def search(rows: TimeRows) -> Shift | None:
-    """The change of times of some edges, or of all, that makes the rows most likely; None where none is likely."""
+def search(rows: TimeRows) -> tuple[Shift, ...]:
+    """Changes of times that make the rows likely: the best one, and the best one of all edges; empty if none does."""
     log_t = np.log(rows.t)
     searches = [Search(rows, icc) for icc in SHARES]
     null = min(one.fit(log_t)[0] for one in searches)
-    found = [shift for one in searches for shift in _shifts(one, rows, log_t, null)]
-    best = max(found, key=lambda shift: shift.evidence, default=None)
-    return best if best is not None and best.evidence > NAMED else None
+    found = [shift for one in searches for shift in _shifts(one, rows, log_t, null) if shift.evidence > NAMED]
+    found.sort(key=lambda shift: -shift.evidence)
+    common = [shift for shift in found if shift.edges.all()]
+    return (*found[:1], *common[:1])
 
 
 def _shifts(one: Search, rows: TimeRows, log_t: Array, null: float) -> Iterator[Shift]:
