@@ -133,8 +133,21 @@ def test_small_wear_in_a_metric_file_stays_in_mm_with_a_doubt(read):
     columns = {name: rows()[name] for name in ("V", "t", "VB")} | {"VB": rows()["VB"] / 25.4}
     runs = read(text(columns, {"V": "V [m/min]"}))
     assert runs.values("VB").max() < 0.02
-    assert [doubt.remedy for doubt in runs.doubts if "VB" in doubt.columns] == ["--unit VB=in"]
+    assert [doubt.remedy for doubt in runs.doubts if "VB" in doubt.columns] == ["--unit VB=mm"]
     assert read(text(columns)).values("VB").max() > 0.2
+
+
+@pytest.mark.parametrize(
+    ("factor", "header"), [(1 / 25.4, "VB [mm]"), (40.0, "VB [mm]"), (1 / 25.4, "VB"), (40.0, "VB")]
+)
+def test_no_inch_unit_is_proposed_for_the_wear_of_a_metric_file(read, factor, header):
+    columns = rows() | {"VB": rows()["VB"] * factor}
+    try:
+        words = " ".join(map(str, read(text(columns, {"V": "V [m/min]", "VB": header})).doubts))
+    except errors.DataError as refusal:
+        words = str(refusal)
+    assert "VB" in words
+    assert not re.search(r"\bmil\b|\bin\b(?! mm)|=in\b", words)
 
 
 def test_wear_in_um_under_a_header_in_mm_is_refused_with_the_unit(read):

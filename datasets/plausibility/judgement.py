@@ -132,7 +132,7 @@ def _judge_named(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) ->
         return
     units = [
         u
-        for u in candidate_units(one.role)
+        for u in _units_in_use(draft, one)
         if u != one.unit and one.lies_in(one.ranges.usual, unit_factor(u, one.role))
     ]
     other = exchanged.get(one.role)
@@ -152,7 +152,7 @@ def _judge_named(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) ->
 
 
 def _correct(one: Quantity) -> str:
-    units = " or ".join(f"--unit {one.role}={unit}" for unit in candidate_units(one.role)[:3] if unit != one.unit)
+    units = " or ".join(f"--unit {one.role}={unit}" for unit in candidate_units(one.role)[:2] if unit != one.unit)
     return (
         f"correct the unit ({units or 'in the header'}), give the role to another column with "
         f"--map {one.role}=..., or to none with --map {one.role}={NONE}"
@@ -163,6 +163,12 @@ def _is_metric(draft: Draft) -> bool:
     """Whether the file names metric units of conditions, and no inch units."""
     named = {use.unit for use in draft.uses if use.role and use.unit and ROLES[use.role].kind == "condition"}
     return bool(named - {"1/min", "rev/s"}) and named.isdisjoint(INCH)
+
+
+def _units_in_use(draft: Draft, one: Quantity) -> list[str]:
+    """Units that a column may be in, that of the role first; a result of a metric file is not in inch units."""
+    inch_out = ROLES[one.role].kind in ("wear", "surface", "load") and _is_metric(draft)
+    return [unit for unit in candidate_units(one.role) if not (inch_out and unit in INCH)]
 
 
 def _doubt_unnamed(draft: Draft, one: Quantity, unit: str) -> None:
@@ -176,7 +182,7 @@ def _doubt_unnamed(draft: Draft, one: Quantity, unit: str) -> None:
 
 def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:
     """Take the default unit while it is plausible, otherwise the only plausible one, otherwise ask."""
-    home, *others = candidate_units(one.role)
+    home, *others = _units_in_use(draft, one)
     usual = [unit for unit in others if one.lies_in(one.ranges.usual, unit_factor(unit, one.role))]
     head = f"{one.role} {one.shown('')}"
     if one.lies_in(one.ranges.unusual):
@@ -201,7 +207,9 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
         )
         draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={options[0]}"))
         return
-    if other is None and not options and not role and ROLES[one.role].kind not in ("condition", "time", "wear"):
+    kind = ROLES[one.role].kind
+    small = kind == "wear" and _is_metric(draft) and one.lies_in(one.ranges.hard, 1.0)
+    if other is None and not options and not role and (small or kind not in ("condition", "time", "wear")):
         sentence = f"{head} {home} is unusual ({one.usual}), its unit is not named"
         draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={home}"))
         return
