@@ -490,14 +490,14 @@ def mutate(seed, folder):
     change = "; ".join(f"{response}: {text}" for response, text in changed.items())
     if not changed and not apart:
         return Result(seed, name, kind, done, "unchanged")
-    if told := sentences(bad) - sentences(good):
-        return Result(seed, name, kind, done, "message", change, min(told))
+    if added := sentences(bad) - sentences(good):
+        return Result(seed, name, kind, done, "message", change, min(added))
     before, after = left_out(good), left_out(bad)
-    new = {response: after.get(response, set()) - before[response] for response in changed}
-    if changed and all(new.values()) and how is not column_shifted:  # there, the row left out is not the fault
-        return Result(seed, name, kind, done, "message", change, str(new))
-    if changed and kind in OF_VALUES and (told := failed_checks(bad) - failed_checks(good)):
-        return Result(seed, name, kind, done, "check", change, ", ".join(sorted(told)))
+    added = {response: after.get(response, set()) - before[response] for response in changed}
+    if changed and all(added.values()) and how is not column_shifted:  # there, the row left out is not the fault
+        return Result(seed, name, kind, done, "message", change, str(added))
+    if changed and kind in OF_VALUES and (added := failed_checks(bad) - failed_checks(good)):
+        return Result(seed, name, kind, done, "check", change, ", ".join(sorted(added)))
     return Result(seed, name, kind, done, "SILENT" if changed else "unchanged", change, apart=apart)
 
 

@@ -1,4 +1,4 @@
-"""Error structure by likelihood: statsmodels' log-likelihoods, known truths, and what cannot be told."""
+"""Error structure by likelihood: statsmodels' log-likelihoods, known truths, and what is not testable."""
 
 import numpy as np
 import pandas as pd

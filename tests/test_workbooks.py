@@ -295,7 +295,7 @@ def ods_value(cell):
 def test_hidden_cells_that_cannot_be_told_are_mentioned(tmp_path, make):
     make(str(tmp_path / "a.xls"))
     assert (
-        "Hidden rows and columns of this format cannot be told from others and are read."
+        "Hidden rows and columns of this format cannot be recognized and are read."
         in read_runs(tmp_path / "a.xls").notes
     )
 

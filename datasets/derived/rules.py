@@ -126,7 +126,7 @@ class Known:
         return self.process == "turning" or (self.process is None and set(ROTATING).isdisjoint(self.data))
 
     def allows(self, rule: Rule) -> bool:
-        """Whether a rule holds for the process, and for the values where its formula does not tell."""
+        """Whether a rule holds for the process, and for the values where its formula does not decide."""
         if rule.formula.startswith("Fy"):
             return fy_is_cutting(self)
         if rule.formula.startswith("lf/(1000"):

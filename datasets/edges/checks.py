@@ -27,7 +27,7 @@ CLOSER = 0.6  # of the variation within edges, which a column moved by one row m
 APART = 15.0  # factor between the level of an edge and that of the others
 FACTORS = ((25.4, "in and mm"), (60.0, "min and s"), (3.2808, "m and ft"), (10.0, ""), (100.0, ""), (1000.0, ""))
 SHIFTED = "shifted by one row against the other columns"
-LEVELS_APART = 4.0  # robust standard deviations between the levels of two edges that tell their values apart
+LEVELS_APART = 4.0  # robust standard deviations between the levels of two edges that distinguish their values
 HALFWAY = 0.5  # of the way between two levels
 MOST_VOTES = 0.75  # share of the edges that decides
 MOST_KNOWN = 0.9  # share of known values from which a column is looked at for a shift
@@ -297,7 +297,7 @@ def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, far: f
 
 
 def _may_be_shifted(edges: EdgeRows, known: Flags) -> bool:
-    """Whether there are edges and values enough to tell a shifted column, which lacks its first or last value."""
+    """Whether there are edges and values enough to recognize a shifted column, which lacks its first or last value."""
     enough = len(edges.first) >= 6 and len(known) >= 3 * len(edges.first)
     return enough and edges.together and bool(known.mean() >= MOST_KNOWN)
 

@@ -30,7 +30,7 @@ LEFT = 0.25  # share of the load of a cut below which it has ended
 PLATEAU = 0.9  # share of the load from which entry and exit have ended
 SCATTER = 4.0  # standard deviations of the load that count as steady
 OFF = 0.1  # share of the next level below which a spindle is off
-RESTLESS = 3.0  # ratio of the scatter of two seconds that tells cut from air
+RESTLESS = 3.0  # ratio of the scatter of two seconds that distinguishes cut from air
 ALIKE = 0.2  # difference of the idle levels before and after, as a share of the load
 DETECTABLE = 5.0  # contrast, in standard deviations
 

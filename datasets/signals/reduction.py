@@ -283,8 +283,8 @@ def _key(path: Path, how: ReduceOptions, turn: float, key_part: str) -> str:
     """Hash of all that the figures of a file depend on."""
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    told = json.dumps([__version__, digest, asdict(how), turn, key_part], default=dict, sort_keys=True)
-    return hashlib.sha256(told.encode()).hexdigest()
+    key = json.dumps([__version__, digest, asdict(how), turn, key_part], default=dict, sort_keys=True)
+    return hashlib.sha256(key.encode()).hexdigest()
 
 
 def _held(store: Path, key: str) -> list[ReducedRecord] | None:

@@ -14,7 +14,7 @@ _DASHES = ("-", "--", "–", "—")
 _FEW = 2  # cells that make a row of the head
 _MOST_ABOVE = 2  # rows of group names above the names
 
-Tells = Callable[[str], bool]
+Test = Callable[[str], bool]
 
 
 def no_units(text: str) -> bool:
@@ -64,8 +64,8 @@ class Words:
     False
     """
 
-    is_unit: Tells
-    is_name: Tells
+    is_unit: Test
+    is_name: Test
 
 
 def read_head(
@@ -129,7 +129,7 @@ def _combine(
     return _worth(names, unit_cells, filled, words), names, unit_cells
 
 
-def is_units_row(row: SampleRow, header: SampleRow, is_unit: Tells) -> bool:
+def is_units_row(row: SampleRow, header: SampleRow, is_unit: Test) -> bool:
     """Whether most filled cells are units, standing below names, and one of them is not a number."""
     other_width = row.written != header.written and len(row.cells) != len(header.cells)
     if other_width and (len(row.cells) > len(header.cells) or row.filled < _FEW or row.numbers):
@@ -152,7 +152,7 @@ def _holds_units(sample: Sequence[SampleRow], place: int, first: int, rows: Sequ
     return place + 1 >= first or not row.is_text or not is_units_row(sample[place + 1], row, words.is_unit)
 
 
-def _is_unit_cell(text: str, is_unit: Tells) -> bool:
+def _is_unit_cell(text: str, is_unit: Test) -> bool:
     bracketed = len(text) > 2 and _BRACKETS.get(text[0]) == text[-1]
     return bracketed or is_unit(text)
 

@@ -20,7 +20,7 @@ _LONGEST = 1_048_576  # rows of a sheet
 class CalamineBook:
     """An open .xls, .xlsb or .ods workbook.
 
-    Its reader does not tell hidden rows and columns; they are found for .ods only.
+    Its reader does not report hidden rows and columns; they are found for .ods only.
 
     Raises
     ------
@@ -33,7 +33,7 @@ class CalamineBook:
         import python_calamine
 
         self._name, self._kind, self._data = name, kind, data
-        self.tells_hidden = kind == "ods"
+        self.reports_hidden = kind == "ods"
         try:
             if kind != "xls":
                 _check_archive(data)

@@ -141,8 +141,8 @@ def left_out(table: SheetTable, book: Book) -> tuple[list[str], list[str]]:
     sheet, layout = table.sheet, table.layout
     others = [one for one in book.titles if one != sheet.title]
     notes = [f"Sheet {sheet.title!r} is read; not read: {', '.join(map(repr, others))}."] if others else []
-    if not book.tells_hidden:
-        notes.append("Hidden rows and columns of this format cannot be told from others and are read.")
+    if not book.reports_hidden:
+        notes.append("Hidden rows and columns of this format cannot be recognized and are read.")
     warnings = list(table.removed)
     if sheet.hidden_columns:
         named = ", ".join(_column_text(i, cells, layout) for i, cells in sheet.hidden_columns.items())

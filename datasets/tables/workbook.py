@@ -19,7 +19,7 @@ class Book(Protocol):
 
     titles: tuple[str, ...]
     hidden_titles: frozenset[str]
-    tells_hidden: bool  # whether hidden rows and columns can be told from others
+    reports_hidden: bool  # whether hidden rows and columns can be recognized
 
     def sheet(self, title: str, hidden: bool = False, most: int | None = None) -> WorkbookSheet:
         """Read one sheet, or its first rows until ``most`` of them are filled."""

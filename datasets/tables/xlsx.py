@@ -84,7 +84,7 @@ class XlsxBook:
 
     """
 
-    tells_hidden = True
+    reports_hidden = True
 
     def __init__(self, data: bytes, name: str) -> None:
         self._name = name
