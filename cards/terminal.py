@@ -180,7 +180,7 @@ def _table(table: TextTable) -> Table:
     for j, heading in enumerate(table.header):
         left = j == 0 or any(row[j][:1].isalpha() for row in table.rows)
         words = _wrapped(heading)
-        shown.add_column(words, justify="left" if left else "right", no_wrap=True)
+        shown.add_column(words, justify="left" if left else "right", no_wrap=heading != "check")
     for row in table.rows:
         shown.add_row(*map(Text, row))
     return shown

@@ -136,9 +136,10 @@ def of_checks(found: Judgement) -> Display:
     verdict = found.verdict
     corrections = tuple(f"Corrected with --correct {one.correction!r}." for one in found.suspects if one.correction)
     missing = tuple(text for text in found.verdicts() if text.startswith("Not testable"))
+    without = () if found.without is None else (f"Without the suspects: {display_of(found.without).head}.",)
     table = TextTable(("check", "statistic", "p", "result"), rows)
     head = f"{verdict.words}: {len(rows)} checks on {found.nobs} rows, {counts}"
-    return Display(head, (), table, (*verdict.reasons, *corrections, *missing))
+    return Display(head, (), table, (*verdict.reasons, *corrections, *without, *missing))
 
 
 @display_of.register(RobustFit)

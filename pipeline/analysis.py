@@ -119,7 +119,7 @@ class Analysis(Displayable):
         laws = f"{len(rows)} law{'' if len(rows) == 1 else 's'}"
         head = f"{self.runs.source.name}: {laws} of {n} pair{'' if n == 1 else 's'}, {len(self.runs)} rows"
         head += "; simulated, not measured" if self.runs.simulated else ""
-        table = TextTable(("pair", "law", "form", "rows", "R2", "equation"), rows) if rows else None
+        table = TextTable(("pair", "law", "verdict", "form", "rows", "R2", "equation"), rows) if rows else None
         doubts = (f"Doubt: {doubt}" for doubt in self.runs.doubts)
         missing = (
             f"{pair.name} has no parameter file: {pair.reason}" for pair in self.pairs if pair.parameters is None

@@ -96,18 +96,21 @@ class PairAnalysis(Displayable):
         return self.failed or " ".join(item.reason for item in self.refused) or "no law fits these columns."
 
     def law_rows(self) -> list[tuple[str, ...]]:
-        """Response, form, rows, edges, R2 and equation of each law, for a table."""
-        texts = {} if self.parameters is None else {name: law.equation for name, law in self.parameters.laws.items()}
-        return [
-            (law.response, law.form.replace("_", " "), str(law.nobs), format_plain(law.rsquared, 3),
-             texts.get(law.response, ""))
-            for law in self.laws
-        ]  # fmt: skip
+        """Response, verdict, form, rows, R2 and equation of each law, for a table."""
+        sections = {} if self.parameters is None else self.parameters.laws
+        words = {name: (law.verdict.level if law.verdict else "not judged", law.equation)
+                 for name, law in sections.items()}  # fmt: skip
+        rows = []
+        for law in self.laws:
+            verdict, equation = words.get(law.response, ("", ""))
+            form = law.form.replace("_", " ")
+            rows.append((law.response, verdict, form, str(law.nobs), format_plain(law.rsquared, 3), equation))
+        return rows
 
     def _display(self) -> Display:
         laws = self.law_rows()
         head = f"{self.name}: {len(laws)} law{'' if len(laws) == 1 else 's'} of {len(self.runs)} rows"
-        table = TextTable(("law", "form", "rows", "R2", "equation"), tuple(laws)) if laws else None
+        table = TextTable(("law", "verdict", "form", "rows", "R2", "equation"), tuple(laws)) if laws else None
         refused = (f"{item.response} is not fitted: {item.reason}" for item in self.refused)
         return Display(head, table=table, sentences=(*refused, *filter(None, (self.failed, self.no_life))))
 

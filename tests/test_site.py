@@ -192,7 +192,7 @@ def test_a_page_allows_its_own_style_and_script_and_nothing_else(made, name):
 
 def test_the_list_holds_the_numbers_of_the_cards_and_the_hashes_of_their_files(made):
     listed = json.loads((made / "cards.json").read_text("utf-8"))
-    assert listed["schema"] == "fitmodels.site/1"
+    assert listed["schema"] == "fitmodels.site/2"
     for one in listed["cards"]:
         home = made / "cards" / one["slug"]
         assert set(one["files"]) == OF_A_CARD

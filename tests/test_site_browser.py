@@ -171,7 +171,7 @@ def test_a_heading_sorts_the_rows_and_again_the_other_way(opened):
     assert heading.get_attribute("aria-sort") == "descending"
     assert titles(tab)[0].startswith("insert 10 on")
     tab.get_by_role("button", name="Rows").click()
-    assert tab.locator("#cards tbody tr td:nth-child(6)").first.inner_text() == "15 rows"
+    assert tab.locator("#cards tbody tr td:nth-child(7)").first.inner_text() == "15 rows"
 
 
 def test_a_link_of_the_index_opens_the_card_and_the_card_leads_back(opened):

@@ -18,33 +18,22 @@ from .verdicts import TOOL_LIFE, suspect_parts, verdict_part, without_words
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one is not informative
 CONDITIONS = ("V", "n", "f", "fz", "d", "ae")  # usually constant for an edge
 STRUCTURES = {"multiplicative": "multiplicative error (log scale)", "additive": "additive error (original scale)"}
-STATISTICS = {  # symbol of the statistic of each check; of others none is shown
-    "predictive use": "R²",
-    "number of edges": "edges",
-    "reading": "doubts",
-    "curvature": "F",
-    "form": "F",
-    "single edges": "largest Cook's D",
-    "prediction": "predicted R²",
-    "collinearity": "largest VIF",
-    "signal to noise": "ratio",
-    "scale of the response": "χ²",
-    "order within edges": "z",
-    "even scatter": "χ²",
-    "even scatter of edges": "χ²",
-    "normality": "A²",
-    "normality of edges": "A²",
-    "error structure": "difference in log L",
-    "rival forms": "difference in error",
-    "time exponent": "F",
-    "wrong rows": "largest |r| / s",
-    "mixed units": "n ln(RSS₀/RSS₁)",
-    "wrong edges": "largest |t|",
-    "copies": "number",
-    "time between edges": "t",
-    "time within edges": "t",
-    "time restarts": "n ln(RSS₀/RSS₁)",
-    "unused columns": "t",
+SYMBOLS = {  # of statistics, as a card shows them; others are shown as they are
+    "A2": "A²",
+    "Breusch-Pagan chi2": "χ²",
+    "LR chi2": "χ²",
+    "R2": "R²",
+    "difference of RMS error": "difference",
+    "log-likelihood difference": "difference in log L",
+    "largest difference in SE": "difference / SE",
+    "max. D by edge": "largest Cook's D",
+    "max. D by row": "largest Cook's D",
+    "max. F": "largest F",
+    "max. VIF": "largest VIF",
+    "n ln(RSS0/RSS1)": "n ln(RSS₀/RSS₁)",
+    "predicted R2": "predicted R²",
+    "score t": "t",
+    "z of lag-1 correlation": "z",
 }
 UNTESTABLE = "not testable"
 AT_LEVEL = "; of the tests, those are rejected that Holm's procedure rejects at 5 % for all laws of the file together."
@@ -227,15 +216,15 @@ def _f_name(df: tuple[int, int] | None) -> str:
 
 
 def _check(name: str, check: LawCheck) -> CheckPart:
-    title, statistic = TITLES.get(name, name.capitalize()), STATISTICS.get(name, "")
+    title, symbol = TITLES.get(name, name.capitalize()), "statistic" if check.symbol is None else check.symbol
     if check.reason is not None:
         return CheckPart(name=title, verdict=UNTESTABLE, words=check.reason)
-    df = check.df if statistic in ("F", "χ²", "t") else None
+    df = None if check.p is None else check.df
     freedom = "" if df is None else f"({', '.join(map(str, df if isinstance(df, tuple) else [df]))})"
     return CheckPart(
         name=title,
-        statistic_name=f"{statistic}{freedom}",
-        statistic=figure(check.statistic, 3) if statistic else NONE,
+        statistic_name=f"{SYMBOLS.get(symbol, symbol)}{freedom}",
+        statistic=figure(check.statistic, 3) if symbol else NONE,
         p=probability(check.p),
         verdict=LEVELS[min(check.concern, 2)],
         words=check.verdict or "",

@@ -69,12 +69,11 @@ def verdicts_of(pf: ParameterFile) -> tuple[VerdictPart, ...]:
 
 def suspect_parts(law: LawSection, pf: ParameterFile) -> tuple[SuspectPart, ...]:
     """The rows and edges that the checks of a law find wrong, each once, with the command that corrects them."""
-    found = {
-        (suspect.column, suspect.edges, suspect.lines, suspect.correction): suspect
-        for check in law.checks.values()
-        if check.concern
-        for suspect in check.suspects
-    }
+    found: dict[tuple[str, tuple[str, ...], tuple[int, ...]], SuspectValues] = {}
+    for suspect in (suspect for check in law.checks.values() if check.concern for suspect in check.suspects):
+        key = (suspect.column, suspect.edges, suspect.lines)
+        if key not in found or (suspect.correction and not found[key].correction):
+            found[key] = suspect
     return tuple(_suspect(suspect, _command(pf)) for suspect in found.values())
 
 
@@ -101,10 +100,10 @@ def _remedy(suspect: SuspectValues) -> str:
 
 
 def _command(pf: ParameterFile) -> str:
-    """The command that made the file, or the shortest that reads its data."""
+    """The command that made the file without ``--force``, or the shortest that reads its data."""
     made, file = pf.provenance.command, pf.provenance.data_file
     if made is not None and made.startswith("fitmodels ") and "\n" not in made:
-        return made
+        return made.replace(" --force", "")
     return f"fitmodels {'-' if file == STANDARD_INPUT else shlex.quote(file or 'FILE')}"
 
 

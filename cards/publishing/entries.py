@@ -26,9 +26,10 @@ class ExponentEntry(Part):
 
 
 class LawEntry(Part):
-    """A law of a card."""
+    """A law of a card; ``verdict`` states how far it can be used."""
 
     response: str
+    verdict: str = ""
     quantity: str
     unit: str
     form: str
@@ -37,13 +38,14 @@ class LawEntry(Part):
 
 
 class CardEntry(Part):
-    """A card in the list of a site, as ``cards.json`` (schema ``fitmodels.site/1``) has it.
+    """A card in the list of a site, as ``cards.json`` (schema ``fitmodels.site/2``) has it.
 
     ``slug`` names the folder of the card; ``files`` are paths in it -> SHA-256.
     """
 
     slug: str
     title: str
+    verdict: str = ""  # the worst of its results
     summary: str
     tool: str
     work: str
@@ -85,6 +87,7 @@ def card_entry(card: Card, pf: ParameterFile, files: dict[str, str]) -> CardEntr
     return CardEntry(
         slug=card.slug,
         title=card.title,
+        verdict=card.verdict,
         summary=card.summary,
         tool=i.tool,
         work=i.work,
@@ -125,6 +128,7 @@ def with_slugs(entries: Sequence[CardEntry]) -> list[CardEntry]:
 def _law(law: LawPart, pf: ParameterFile) -> LawEntry:
     return LawEntry(
         response=law.response,
+        verdict=law.verdict.words,
         quantity=law.quantity,
         unit=law.unit,
         form=law.form,

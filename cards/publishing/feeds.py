@@ -90,7 +90,7 @@ def _clean(text: str) -> str:
 
 
 def card_list(entries: Sequence[CardEntry], title: str) -> bytes:
-    """The list, schema ``fitmodels.site/1``.
+    """The list, schema ``fitmodels.site/2``.
 
     Examples
     --------

@@ -75,6 +75,7 @@ def _choices(entries: Sequence[CardEntry]) -> dict[str, list[tuple[str, str]]]:
         "tool": [(name, name) for name in {e.tool for e in entries}],
         "work": [(name, name) for name in {e.work for e in entries}],
         "group": [(letter, GROUPS[letter]) for letter in {e.group for e in entries} if letter],
+        "verdict": [(words, words) for words in {e.verdict for e in entries} if words],
         "law": list({(law.response, f"{law.response}, {law.quantity}") for e in entries for law in e.laws}),
     }
     return {name: sorted(options, key=lambda o: (o[1].casefold(), o)) for name, options in found.items()}

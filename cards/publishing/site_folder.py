@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...core.errors import UsageError
 
-SCHEMA = "fitmodels.site/1"
+SCHEMA = "fitmodels.site/2"
 LIST = "cards.json"
 NAMES = ("index.html", "compare.html", "atom.xml", LIST, "cards")
 
@@ -35,7 +35,7 @@ def is_site(site: Path) -> bool:
         listed = json.loads((site / LIST).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return False
-    return isinstance(listed, dict) and listed.get("schema") == SCHEMA
+    return isinstance(listed, dict) and str(listed.get("schema")).startswith(SCHEMA[:-1])
 
 
 def same(made: Path, site: Path) -> bool:

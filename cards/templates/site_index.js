@@ -9,7 +9,7 @@
     laws: JSON.parse(row.dataset.laws),
     keys: [...row.cells].map((cell) => (cell.dataset.value ? Number(cell.dataset.value) : plain(cell.textContent.trim()))),
   }));
-  const filters = ["tool", "work", "group", "law", "kind"].map((name) => ({ name, input: $(name) }));
+  const filters = ["tool", "work", "group", "law", "verdict", "kind"].map((name) => ({ name, input: $(name) }));
 
   const show = () => {
     const words = plain($("search").value).split(/\s+/).filter(Boolean);

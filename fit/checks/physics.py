@@ -152,21 +152,20 @@ def exponents(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable | N
         return None
     if law.no_interval:
         return NotAvailable(law.no_interval)
-    return _feed_line(law) if law.form == "feed_line" else _exponents(law, runs)
-
-
-def _exponents(law: LawFit, runs: Runs | None) -> Check | NotAvailable:
-    process, tool = (None, law.source.tool) if runs is None else (runs.process, runs.tool)
+    if law.form == "feed_line":
+        return _feed_line(law)
+    process = None if runs is None else runs.process
     where = process or "cutting"
-    ranges = usual_exponents(law.response, law.factors, process, tool)
+    ranges = usual_exponents(law.response, law.factors, process, law.source.tool if runs is None else runs.tool)
     if not ranges:
         return NotAvailable(f"no usual exponents of {law.response} in {where} are listed")
     ends = law.conf_int()
     intervals = {name: (float(law.params[name]), float(ends.low[name]), float(ends.high[name])) for name in ranges}
     said = [_judged(law.response, name, one, intervals[name]) for name, one in ranges.items()]
-    null = f"the interval of each exponent reaches the range usual in {where}"
-    found = list(filter(None, [*said, _feed_above_speed(law, ranges)]))
-    return _check(null, found, _passed(ranges, intervals, where))
+    found = [one for one in (*said, _feed_above_speed(law, ranges)) if one is not None]
+    return _check(
+        f"the interval of each exponent reaches the range usual in {where}", found, _passed(ranges, intervals, where)
+    )
 
 
 def _passed(ranges: Mapping[str, Exponent], intervals: Mapping[str, tuple[float, float, float]], where: str) -> str:
@@ -222,11 +221,11 @@ def _feed_above_speed(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | No
     """Wear, or life, that depends more on the feed than on the speed."""
     from scipy.special import stdtrit
 
-    speed = next(filter(ranges.__contains__, ("V", "n")), None)
-    feed = next(filter(ranges.__contains__, ("f", "fz")), None)
-    if law.response not in (*WEAR_ROLES, "T") or speed is None or feed is None:
+    sign = 1 if law.response in WEAR_ROLES else -1 if law.response == "T" else 0
+    speed = next((name for name in ("V", "n") if name in ranges), None)
+    feed = next((name for name in ("f", "fz") if name in ranges), None)
+    if not sign or speed is None or feed is None:
         return None
-    sign = -1 if law.response == "T" else 1
     at = [law.names.index(name) for name in (speed, feed)]
     cov = law.covariance()[np.ix_(at, at)]
     b_speed, b_feed = (float(law.params[name]) for name in (speed, feed))
@@ -268,14 +267,14 @@ def possible_values(law: LawFit, runs: Runs | None = None) -> Check | NotAvailab
     """
     if law.rows is None:
         return NotAvailable(NO_ROWS)
+    process = None if runs is None else runs.process
     values = region_values(law)
     span = f"{values.min():.2g} to {values.max():.2g} {law.units.get(law.response, '')}".rstrip()
     kc = _specific_force(law, runs)
-    process, doubts, judged = (None, (), False) if runs is None else (runs.process, runs.doubts, runs.judged)
     found = [*_not_positive(law, values, span), *_unusual(law, values, span, process), *_of_kc(law.response, kc)]
-    if any(law.response in doubt.columns for doubt in doubts):
+    if runs is not None and any(law.response in doubt.columns for doubt in runs.doubts):
         found = [one for one in found if one[0] > 1]
-    if not judged:
+    if runs is None or not runs.judged:
         found += _of_factors(law, process)
     passed = f"Predicted {law.response} {span} is possible"
     if kc is not None:
@@ -355,20 +354,14 @@ def _specific_force(law: LawFit, runs: Runs | None) -> Range | None:
     """Specific cutting force at the fitted rows, N/mm2, in turning and of the power in milling; None elsewhere."""
     if any(law.units.get(name) != role_unit(name) for name in (law.response, *law.factors)):
         return None
-    needed = _AREA.get((law.response, _chip_of(runs)))
+    milling = runs is not None and (runs.process == "milling" or any(map(runs.has, ("ae", "fz", "z"))))
+    turning = not milling and (runs is None or runs.process in (None, "turning"))
+    needed = _AREA.get((law.response, "milling" if milling else "turning" if turning else ""))
     if needed is None or not set(needed[1]) <= set(law.factors):
         return None
     area = np.prod([law.X[:, law.factors.index(name)] for name in needed[1]], axis=0)
     kc = needed[0] * law.fitted / area
     return float(kc.min()), float(kc.max())
-
-
-def _chip_of(runs: Runs | None) -> str:
-    """Process by which the area of the chip is computed: turning where none is known, unless columns are of milling."""
-    if runs is None:
-        return "turning"
-    milling = any(map(runs.has, ("ae", "fz", "z")))
-    return runs.process or ("milling" if milling else "turning")
 
 
 # Response and process -> kc in N/mm2 = factor x response / product of factors

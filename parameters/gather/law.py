@@ -283,6 +283,7 @@ def judged_fields(found: "Judgement") -> dict[str, Any]:
 def _check(check: "Check") -> dict[str, Any]:
     return {
         "null": check.null,
+        "symbol": check.symbol,
         "statistic": known(check.statistic),
         "df": check.df,
         "p": known(check.pvalue),

@@ -205,8 +205,9 @@ class SuspectValues(Section):
 class LawCheck(Section):
     """One check of a law: null hypothesis, statistic, p and verdict in words, or the reason why it was not computed.
 
-    ``concern`` is 0 for no concern, 1 for a reservation, 2 where the law must not be used for control; ``suspects``
-    are the rows and edges that the check finds wrong.
+    ``symbol`` names the statistic, and is empty where the check has none; earlier files lack it. ``concern`` is 0 for
+    no concern, 1 for a reservation, 2 where the law must not be used for control; ``suspects`` are the rows and edges
+    that the check finds wrong.
 
     Examples
     --------
@@ -216,6 +217,7 @@ class LawCheck(Section):
 
     reason: str | None = None
     null: str | None = None
+    symbol: str | None = None
     statistic: Number | None = None
     df: Count | tuple[Count, Count] | None = None
     p: Number | None = None
