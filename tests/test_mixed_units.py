@@ -46,10 +46,13 @@ def mixed(seed, role, factor, shifted, **how):
 
 @pytest.mark.parametrize(
     ("role", "factor", "edges", "least"),
-    [("f", 1 / 25.4, (2, 9, 15, 20), 18), ("d", 1 / 25.4, (1, 12, 13), 18), ("V", 1 / 0.3048, (3, 4, 17), 12)],
+    [("f", 1 / 25.4, (2, 9, 15, 20), 18), ("d", 1 / 25.4, (1, 12, 13), 18), ("V", 1 / 0.3048, (3, 4, 17), 10)],
 )
 def test_edges_in_another_unit_are_found(role, factor, edges, least):
-    """Of 20 tests; simulated rates for 24 edges are above .9, and .77 for speeds that land inside the design."""
+    """Of 20 tests; simulated rates for 24 edges are above .9, and .77 for speeds that land inside the design.
+
+    Of these a square of ln V explains some as well: then the checks of the law name both causes.
+    """
     found = [doubts(mixed(seed, role, factor, edges)) for seed in range(20)]
     assert sum(any(role in doubt.columns for doubt in one) for one in found) >= least
     named = f"edges {', '.join(f'E{number:02d}' for number in edges)}: with {role}"

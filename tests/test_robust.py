@@ -10,7 +10,7 @@ from fitmodels import datasets, fit
 from fitmodels.fit.checks.robust_fit import robust
 from fitmodels.fit.checks.strata import split
 from fitmodels.fit.checks.wrong_edges import mixed_units, wrong_edges
-from fitmodels.fit.checks.wrong_rows import wrong_rows
+from fitmodels.fit.checks.wrong_rows import tail_of_rows, wrong_rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.robust.norms import HuberT
@@ -222,6 +222,34 @@ def test_an_outlying_edge_is_named_with_what_would_explain_it():
     assert (check.concern, [one.edges for one in check.suspects]) == (1, [("E07",)])
     assert "Edge E07: the AW is 1.7 times that of the law of the other edges" in check.verdict
     assert found.without.n_edges == 23
+
+
+def test_an_outlying_edge_is_found_in_a_file_of_three_laws():
+    """The level of the tests is shared among the laws; the tails of edges are those of the rows, here normal."""
+    frame = datasets.read_runs(datasets.bundled("gc435_709m40")).to_frame()
+    edge = frame["edge"].unique()[5]
+    law = fit.power_law(datasets.runs_from_frame(scaled(frame, "AW", 1.8, edges=[edge])), "AW", ["V", "f", "d", "t"])
+    check = fit.judge(law, laws=3).checks["wrong edges"]
+    assert (check.concern, [one.edges for one in check.suspects]) == (1, [(edge,)])
+
+
+def test_the_tails_of_rows_are_estimated():
+    rng = np.random.default_rng(1)
+    assert np.median([tail_of_rows(rng.standard_t(4, 144)) for _ in range(20)]) <= 5
+    assert np.median([tail_of_rows(rng.standard_normal(144)) for _ in range(20)]) >= 12
+
+
+def test_a_curved_law_is_not_taken_for_another_unit():
+    """f from .06 to .6 with .3 ln(f)^2: a tenth of the six largest feeds would make the law a straight one."""
+    found = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        frame = wear_test(seed)
+        f = np.exp(rng.permutation(np.linspace(np.log(0.06), np.log(0.6), 24)))[np.arange(144) // 6]
+        frame["AW"] *= (f / frame["f"]) ** WEAR["f"] * np.exp(0.3 * np.log(f / 0.19) ** 2)
+        found.append(judged(frame.assign(f=f)).checks["mixed units"])
+    assert sum(one.concern == 2 for one in found) <= 1
+    assert all("square of ln f" in one.verdict for one in found if one.concern == 1)
 
 
 def test_two_outlying_edges_do_not_mask_each_other():

@@ -9,7 +9,7 @@ from ...core.rounding import format_decimal
 from ..doubts import Doubt
 from ..draft import Draft, correction
 from ..vocabulary import ROLES
-from .unit_shifts import CLOSE, EVIDENCE, MINORITY, RATIOS, minorities, split_evidence
+from .unit_shifts import CLOSE, EVIDENCE, MINORITY, RATIOS, isolated, minorities, split_evidence
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.intp]
@@ -173,7 +173,10 @@ def _evidence(tests: _Tests, shifts: list[_Shift], y: Array) -> Array:
         everything = np.column_stack([x, rest])
         left = y - everything @ np.linalg.lstsq(everything, y, rcond=None)[0]
         if float(left @ left) > EXACT * float(np.sum((y - y.mean()) ** 2)):
-            out[these] = split_evidence(y, rest, x, moves, n)
+            out[these], by_square = split_evidence(y, rest, x, moves, n, (x - x.mean()) ** 2)
+            for k in these:  # a curved law, which the checks of the law find
+                if by_square > out[k] + CLOSE and not isolated(x, shifts[k].edges[known]):
+                    out[k] = 0.0
     return out
 
 

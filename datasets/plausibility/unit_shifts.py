@@ -36,6 +36,7 @@ GAP = 1.3  # ratio between the shifted edges and the others
 INSIDE = 1.5  # shifted edges land among the others, or this ratio beside them
 MINORITY = 1 / 3  # of the edges
 EVIDENCE = 6.6  # n ln(RSS0/RSS1): 0 of 300 sound tests reach it, with 24 edges of 6 rows
+ISOLATED = 1.0
 CLOSE = 4.6  # with less than this, 2 ln(10), between two ratios the data do not decide
 
 
@@ -72,16 +73,32 @@ def minorities(x: Array, ratios: Mapping[float, str], inside: float = INSIDE) ->
     return found
 
 
-def split_evidence(y: Array, others: Array, x: Array, moves: Array, count: int) -> Array:
+def isolated(x: Array, edges: Flags) -> bool:
+    """Whether edges lie further from the others than the range of these: designs have no such gap.
+
+    >>> isolated(np.log([0.004, 0.1, 0.2, 0.4]), np.array([True, False, False, False]))
+    True
+    """
+    side, rest = x[edges], x[~edges]
+    return bool(max(rest.min() - side.max(), side.min() - rest.max()) > ISOLATED * (rest.max() - rest.min()))
+
+
+def split_evidence(y: Array, others: Array, x: Array, moves: Array, count: int, square: Array) -> tuple[Array, float]:
     """The statistic n ln(RSS0/RSS1) of moving column x, shape (n,), by each column of ``moves``, shape (n, k).
 
-    ``others`` are the further columns of the regression of y; ``count`` is the n of the statistic.
+    ``others`` are the further columns of the regression of y; ``count`` is the n of the statistic. The second figure is
+    the statistic of a further column, ``square``, that of the squares of x: a curved law resembles edges in another
+    unit.
     """
     q = np.linalg.qr(others)[0]
+    curved = np.linalg.qr(np.column_stack([x, others, square]))[0]
+    bent = y - curved @ (curved.T @ y)
     moved = np.column_stack([x, x[:, None] + moves])
     moved -= q @ (q.T @ moved)
     left = y - q @ (q.T @ y)
     size = np.einsum("ij,ij->j", moved, moved)
     explained = np.where(size > 1e-12, (left @ moved) ** 2 / np.maximum(size, 1e-300), 0.0)
     rss = np.maximum(float(left @ left) - explained, 0.0)
-    return np.asarray(count * np.log(np.maximum(rss[0], 1e-300) / np.maximum(rss[1:], 1e-300)))
+    first = np.log(max(rss[0], 1e-300))
+    by_square = float(count * (first - np.log(max(float(bent @ bent), 1e-300))))
+    return np.asarray(count * (first - np.log(np.maximum(rss[1:], 1e-300)))), by_square

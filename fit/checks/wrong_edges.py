@@ -23,6 +23,7 @@ from ...datasets.plausibility.unit_shifts import (
     INSIDE,
     RATIOS,
     TIME_RATIOS,
+    isolated,
     minorities,
     ratios_of,
     split_evidence,
@@ -32,10 +33,9 @@ from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p
 from .strata import Strata, linear_columns, no_scatter, orthonormal
-from .wrong_rows import NEAR, explained, lines_of, listed
+from .wrong_rows import NEAR, explained, lines_of, listed, tail_of_rows
 
 FEWEST, SPARE = 8, 4  # edges, and edges beyond the parameters that they determine
-TAILS = 10  # largest degrees of freedom of the tails of an edge's residual, which are heavier than normal in practice
 MOST = 1 / 6  # of the edges
 SMALL = 0.3  # of the logarithm of the response: a smaller deviation of an edge hardly moves a law
 ALSO = 0.0025  # p below which a further edge is wrong: the strictest step of Holm's procedure over 20 tests
@@ -125,12 +125,12 @@ def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
     asked = [name for name in law.factors if name in CONDITIONS and not (load and name in ("V", "t"))]
     if len(levels.names) < max(FEWEST, len(law.theta) + SPARE):
         return NotAvailable(f"fewer than {max(FEWEST, len(law.theta) + SPARE)} edges or settings")
-    tried = _response_blocks(law, levels)
+    tried, by_square = _response_blocks(law, levels), dict[str, float]()
     for name in asked:
         j = law.factors.index(name)
         moves = minorities(levels.x[:, j], CONDITIONS[name], TIME_INSIDE if name == "t" else INSIDE)
         if moves:
-            evidence = _evidence(law, levels, j, moves)
+            evidence, by_square[name] = _evidence(law, levels, j, moves)
             tried += [(float(e), name, *move) for e, move in zip(evidence, moves, strict=True)]
     most = max(tried, key=lambda one: one[0], default=None)
     kept = f"No edges agree better with {' or '.join((*asked, law.response))} in another unit."
@@ -139,30 +139,43 @@ def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
         return Check(null=_NULL, statistic=statistic, symbol=_SYMBOL, verdict=kept, kept=kept)
     same = [one for one in tried if one[0] > most[0] - CLOSE and np.array_equal(one[2], most[2])]
     same.sort(key=lambda one: -one[0])
-    suspects = tuple(_suspect(levels, one) for one in same[:1])
+    curved = _resemblance(law, levels, most, by_square.get(most[1], 0.0))
+    words = _split_words(law, levels, same)
+    if curved == 1:
+        words += f" The square of ln {most[1]} explains them as well: a second-order law, if the units are right."
     return Check(
         null=_NULL,
         statistic=most[0],
         symbol=_SYMBOL,
-        concern=2,
-        verdict=_split_words(law, levels, same),
+        concern=2 - curved,
+        verdict=words if curved < 2 else f"{kept[:-1]} than with the square of ln {most[1]}.",
         kept=kept,
-        suspects=suspects,
+        suspects=(_suspect(levels, same[0]),) if curved == 0 else (),
     )
+
+
+def _resemblance(law: LawFit, levels: EdgeLevels, one: Split, by_square: float) -> int:
+    """0 where a curved law explains edges clearly worse than another unit, 1 where it does as well, 2 better."""
+    evidence, name, edges, _ = one
+    if name == law.response or isolated(levels.x[:, law.factors.index(name)], edges):
+        return 0
+    return 0 if by_square < evidence - CLOSE else 1 + int(by_square >= evidence)
 
 
 _NULL = "no edges have a value in another unit than the others"
 _SYMBOL = "n ln(RSS0/RSS1)"
 
 
-def _evidence(law: LawFit, levels: EdgeLevels, j: int, moves: list[tuple[Flags, float]]) -> Array:
-    """Of each move of factor j; a move of a term is one of the levels, in units of the column."""
+def _evidence(law: LawFit, levels: EdgeLevels, j: int, moves: list[tuple[Flags, float]]) -> tuple[Array, float]:
+    """Of each move of factor j, and of its square; a move of a term is one of the levels, in units of the column."""
     column = 1 + j
     shift = np.zeros((len(levels.b), len(moves)))
     for k, (edges, factor) in enumerate(moves):
         shift[levels.within :, k] = edges * np.log(factor) * levels.root * levels.back[column, column]
     others = np.delete(levels.A, column, axis=1)
-    return split_evidence(levels.b, others, levels.A[:, column], shift, len(levels.names))
+    square = np.zeros(len(levels.b))
+    square[levels.within :] = levels.root * (levels.x[:, j] - levels.x[:, j].mean()) ** 2
+    return split_evidence(levels.b, others, levels.A[:, column], shift, len(levels.names), square)
 
 
 def _response_blocks(law: LawFit, levels: EdgeLevels) -> list[Split]:
@@ -271,27 +284,28 @@ def wrong_edges(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
     if len(levels.names) < FEWEST or strata.df_between < SPARE:
         between = len(levels.names) - strata.df_between
         return NotAvailable(f"{len(levels.names)} edges for {between} parameters are too few to find a wrong one")
-    found = _one_after_the_other(levels, law.theta)
+    found = _one_after_the_other(levels, tail_of_rows(strata.rest))
+    largest = f"the largest studentized residual of a level is {found.largest:.1f} ({format_p(found.pvalue)})"
+    kept = f"No edge deviates further than chance explains: {largest}."
+    rejected = found.pvalue < SIGNIFICANT
     small = law.error == "multiplicative" and float(np.abs(found.deviation).max()) < SMALL
-    rejected = found.pvalue < SIGNIFICANT and not small
-    kept = (
-        f"No edge deviates further than chance explains: the largest studentized residual is {found.largest:.1f} "
-        f"({format_p(found.pvalue)})."
-    )
-    suspects, words = _explained(law, levels, found) if rejected else ((), kept)
+    suspects, words = _explained(law, levels, found) if rejected and not small else ((), kept)
+    if rejected and small:
+        names = listed([levels.names[g] for g in found.edges])
+        words = f"Edge {names} deviates from the law of the others by less than {np.expm1(SMALL):.0%}: {largest}."
     return Check(
         null="no edge deviates from the law of the others further than edges do",
         statistic=found.largest,
         symbol="largest |t|",
-        pvalue=found.pvalue if rejected else max(found.pvalue, SIGNIFICANT),
-        concern=int(rejected),
+        pvalue=found.pvalue,
+        concern=int(rejected and not small),
         verdict=words,
         kept=kept,
         suspects=suspects,
     )
 
 
-def _one_after_the_other(levels: EdgeLevels, theta: Array) -> _Outlying:
+def _one_after_the_other(levels: EdgeLevels, tail: float) -> _Outlying:
     """Remove the edge with the largest externally studentized residual, then that of the others, and so on."""
     from scipy.special import stdtr
 
@@ -309,7 +323,7 @@ def _one_after_the_other(levels: EdgeLevels, theta: Array) -> _Outlying:
         t = np.where(1 - h > OWN, np.abs(e) / np.sqrt(variance * own), 0.0)[w:]
         g = int(np.argmax(t))
         sizes.append(float(t[g]))
-        pvalues.append(float(min(1.0, 2 * (G - step) * stdtr(min(df, TAILS), -sizes[-1]))))
+        pvalues.append(float(min(1.0, 2 * (G - step) * stdtr(min(df, tail), -sizes[-1]))))
         removed.append(int(np.flatnonzero(left)[w + g]) - w)
         left[w + removed[-1]] = False
         if df - 1 < SPARE - 1:
