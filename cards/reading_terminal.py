@@ -56,7 +56,9 @@ def doubt_lines(doubts: Sequence[Doubt], command: Command) -> RenderableType:
     lines.add_column(no_wrap=True)
     lines.add_column()
     for number, doubt in enumerate(doubts[:LONGEST], start=1):
-        lines.add_row(f"{number}.", Text(f"{doubt.sentence.rstrip('.')}."))
+        lines.add_row(
+            f"{number}.", Text(doubt.sentence if doubt.sentence.endswith("?") else f"{doubt.sentence.rstrip('.')}.")
+        )
         if doubt.remedy:
             lines.add_row("", Text(lines_of(command(doubt.remedy)), style="bold"))
     if len(doubts) > LONGEST:

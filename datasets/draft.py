@@ -15,6 +15,7 @@ from .tables.numerals import Mark
 from .units import canonical, convert, same_dimension
 from .vocabulary import MARK, ROLES, UNNAMED
 
+CORRECTS = "--correct"
 LONGEST_TARGET = 300  # letters of an option that names rows
 _WORDS = {"<": "at most", ">": "at least", "~": "approximate", "*": "footnote"}
 
@@ -135,7 +136,7 @@ def correction(draft: Draft, rows: NDArray[np.intp], symbol: str, factor: float)
     """The option that multiplies a quantity of some rows, empty where they have no short name."""
     target = target_of(draft, rows)
     sign, size = ("*", factor) if factor >= 1 else ("/", 1 / factor)
-    return f'--correct "{target}:{symbol}{sign}{size:.10g}"' if target else ""
+    return f'{CORRECTS} "{target}:{symbol}{sign}{size:.10g}"' if target else ""
 
 
 def mark_column(role: str) -> str:

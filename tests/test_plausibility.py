@@ -422,3 +422,11 @@ def test_a_width_of_cut_beyond_the_mill_is_refused(read):
     with pytest.raises(errors.DataError, match="ae 40 mm exceeds the diameter of the tool, 8 mm"):
         read(drilled(2.0, **columns), process="milling")
     read(drilled(2.0, **columns | {"ae": np.full(12, 8.0)}), process="milling")
+
+
+def test_the_cause_is_doubted_first_and_not_what_follows_from_it():
+    frame = datasets.read_runs(datasets.bundled("gc435_709m40")).to_frame()
+    frame = frame[["edge", "V", "f", "d", "t", "AW", "P", "Fxz"]].dropna()
+    off = frame["edge"].isin(["E07", "E11", "E15"])
+    (doubt,) = datasets.runs_from_frame(frame.assign(f=frame["f"].where(~off, frame["f"] / 25.4))).doubts
+    assert doubt.remedy == '--correct "E07,E11,E15:f*25.4"'

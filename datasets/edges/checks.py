@@ -1,5 +1,6 @@
 """Contradictions within cutting edges: settings that change, wear that falls, single cells that stand out."""
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -31,6 +32,7 @@ LEVELS_APART = 4.0  # robust standard deviations between the levels of two edges
 HALFWAY = 0.5  # of the way between two levels
 MOST_VOTES = 0.75  # share of the edges that decides
 MOST_KNOWN = 0.9  # share of known values from which a column is looked at for a shift
+ANOTHER_ORDER = "is of another order than in the other edges"
 MEASURED = ("wear", "load", "surface")
 
 
@@ -292,8 +294,20 @@ def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, far: f
     which = listed(f"edge {name[code[i]]} by a factor of {np.exp(apart[k]):.3g}" for k, i in enumerate(at) if odd[k])
     yield Doubt(
         (role,),
-        f"{role} is of another order than in the other edges: {which}; in another unit, or of another column?",
+        f"{role} {ANOTHER_ORDER}: {which}; in another unit, or of another column?",
     )
+
+
+def of_another_order(doubt: Doubt) -> set[str]:
+    """Names of the edges in which a doubt finds a measured quantity of another order; empty for any other doubt.
+
+    >>> doubt = Doubt(("P",), f"P {ANOTHER_ORDER}: edge E1 by a factor of 20; edge E2 by a factor of 30; in another")
+    >>> sorted(of_another_order(doubt))
+    ['E1', 'E2']
+    """
+    if ANOTHER_ORDER not in doubt.sentence:
+        return set()
+    return set(re.findall(r"edge (.+?) by a factor of", doubt.sentence))
 
 
 def _may_be_shifted(edges: EdgeRows, known: Flags) -> bool:

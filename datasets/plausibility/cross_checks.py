@@ -8,7 +8,7 @@ from ...core.rounding import format_decimal
 from ..columns import ColumnUse
 from ..derived.rules import known_of
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import CORRECTS, Draft
 from ..options import ReadOptions
 from ..vocabulary import ROLES
 from .quantities import Quantity, table_process, take_unit, unit_factor
@@ -106,12 +106,21 @@ def _compare(
         return
     with np.errstate(invalid="ignore"):
         odd = np.flatnonzero((ratio > middle * DEVIATION) | (ratio < middle / DEVIATION))
-    if 0 < len(odd) <= len(known) // 3:
+    where = places(draft, odd)
+    if 0 < len(odd) <= len(known) // 3 and not _explained(draft, roles, where):
         sentence = (
-            f"{places(draft, odd)}: {name} is {format_decimal(float(ratio[odd[0]]))} {unit}".rstrip()
+            f"{where}: {name} is {format_decimal(float(ratio[odd[0]]))} {unit}".rstrip()
             + f", {format_decimal(middle)} in the middle of all rows: {_one_of(roles)} is wrong there"
         )
         draft.doubts.append(Doubt(roles, sentence))
+
+
+def _explained(draft: Draft, roles: tuple[str, ...], where: str) -> bool:
+    """Whether a correction of one of these columns in the same rows is proposed already."""
+    return any(
+        CORRECTS in doubt.remedy and not set(roles).isdisjoint(doubt.columns) and doubt.sentence.startswith(where)
+        for doubt in draft.doubts
+    )
 
 
 def _one_of(roles: tuple[str, ...]) -> str:

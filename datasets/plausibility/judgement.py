@@ -6,7 +6,8 @@ from ...core.errors import DataError
 from ...core.rounding import format_decimal
 from ..columns import NONE
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import CORRECTS, Draft
+from ..edges.checks import of_another_order
 from ..options import ReadOptions
 from ..vocabulary import ROLES, roles_named
 from .cross_checks import check_columns, check_systems
@@ -76,6 +77,20 @@ def check_values(draft: Draft, options: ReadOptions) -> None:
         check_mixed_units(draft)
         check_columns(draft, options)
         check_uses(draft, options)
+        draft.doubts[:] = _causes_first(draft.doubts)
+
+
+def _causes_first(doubts: list[Doubt]) -> list[Doubt]:
+    """Doubts with a correction first, without loads that are of another order where a condition is to be corrected."""
+    causes = [one for one in doubts if CORRECTS in one.remedy]
+    edges = {
+        name
+        for one in causes
+        if any(role in ROLES and ROLES[role].kind == "condition" for role in one.columns)
+        for name in one.remedy.partition('"')[2].rpartition(":")[0].split(",")
+    }
+    others = [one for one in doubts if one not in causes]
+    return [*causes, *(one for one in others if not of_another_order(one) or of_another_order(one) - edges)]
 
 
 def _state_unnamed(draft: Draft) -> None:
