@@ -9,7 +9,7 @@ Sources: Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,17 +71,19 @@ def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
     if law.form != "power" or runs is None:
         return None
     needed = (*NEEDED[runs.process], *(("t",) if law.response in WEAR else ()))
-    stand_ins = STAND_INS if runs.process else {**STAND_INS, "d": DRILLS}
-    missing = [name for name in needed if not any(_known(runs, one) for one in (name, *stand_ins.get(name, ())))]
-    what = f" of {runs.process}" if runs.process else ""
-    return Check(
-        null="the file holds the conditions of the process",
-        concern=int(bool(missing)),
-        verdict=_absent(missing) if missing else f"The conditions {_listed(needed)}{what} are known.",
-    )
+    missing = [name for name in needed if not _known(runs, name)]
+    known = f"The conditions {_listed(needed)} of {runs.process or 'cutting'} are known."
+    verdict = _absent(missing) if missing else known
+    return Check(null="the file holds the conditions of the process", concern=int(bool(missing)), verdict=verdict)
 
 
 def _known(runs: Runs, name: str) -> bool:
+    """Whether a condition, or a quantity that stands for it, has a column, was given or stands in the notes."""
+    stand_ins = STAND_INS if runs.process else {**STAND_INS, "d": DRILLS}
+    return any(_stated(runs, one) for one in (name, *stand_ins.get(name, ())))
+
+
+def _stated(runs: Runs, name: str) -> bool:
     """Whether a quantity has a column, was given, or stands in the notes with its unit (``d 2.5 mm``)."""
     if runs.has(name) or name in runs.constants:
         return True
@@ -130,23 +132,35 @@ def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAva
     >>> unused_columns(fit.power_law(runs, "AW", ["V", "f", "t"]), runs, 0.5).concern
     1
     """
-    names = [] if runs is None else list(_candidates(law, runs))
-    if runs is None or not names:
+    if runs is None:
         return None
+    columns = _columns(law, runs)
+    if isinstance(columns, NotAvailable) or not columns:
+        return columns or None
+    tests = [one for name, x in columns.items() if (one := _tested(law, name, x, icc)) is not None]
+    if not tests:
+        return NotAvailable(f"{', '.join(columns)}: constant, or not separable from the factors of the law")
+    return _check(law, runs, min(tests, key=lambda one: one.p), tests)
+
+
+def _columns(law: LawFit, runs: Runs) -> dict[str, Array] | NotAvailable:
+    """Columns that are set by the plan of tests and that the law does not use, at the rows of the law."""
+    names = _unused(law, runs)
+    if not names:
+        return {}
     if reason := no_scatter(law):
         return NotAvailable(reason)
     place = {line: i for i, line in enumerate(runs.lines.tolist())}
     if len(place) < len(runs):
         return NotAvailable("rows of several files share their line numbers: columns cannot be assigned to rows")
     rows = np.array([place[line] for line in law.lines.tolist()])
-    columns = {name: runs.values(name)[rows] for name in names}
-    columns = {name: x for name, x in columns.items() if name in TESTED or _is_set(law, x)}
-    if not columns:
-        return None
-    tests = [one for name, x in columns.items() if (one := _tested(law, name, x, icc)) is not None]
-    if not tests:
-        return NotAvailable(f"{', '.join(columns)}: constant, or not separable from the factors of the law")
-    return _check(law, runs, min(tests, key=lambda one: one.p), tests)
+    columns = ((name, runs.values(name)[rows]) for name in names)
+    return {name: x for name, x in columns if name in TESTED or _is_set(law, x)}
+
+
+def _unused(law: LawFit, runs: Runs) -> list[str]:
+    used = {*law.factors, law.response, *(one.role for one in runs.derived), "" if law.by is None else law.by.column}
+    return [name for name in map(str, runs.data.columns) if name not in used and _varies(runs, name)]
 
 
 def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
@@ -171,19 +185,13 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
     )
 
 
-def _candidates(law: LawFit, runs: Runs) -> Iterator[str]:
-    """Numeric columns that are set by the plan of tests and that the law does not use."""
-    computed = {one.role for one in runs.derived}
-    used = {*law.factors, law.response, *(() if law.by is None else (law.by.column,))}
-    for name in map(str, runs.data.columns):
-        if name in used or name in computed or runs.data[name].dtype.kind not in "if":
-            continue
-        values = runs.values(name)
-        known = values[np.isfinite(values)]
-        if len(known) < max(KNOWN * len(values), 1) or np.ptp(known) == 0:
-            continue
-        if name in TESTED or name not in ROLES:
-            yield name
+def _varies(runs: Runs, name: str) -> bool:
+    """Whether a column without a role, or of a quantity that is set, holds numbers in most rows and varies."""
+    if runs.data[name].dtype.kind not in "if" or (name in ROLES and name not in TESTED):
+        return False
+    values = runs.values(name)
+    known = values[np.isfinite(values)]
+    return len(known) >= max(KNOWN * len(values), 1) and bool(np.ptp(known) > 0)
 
 
 def _number_of_test(values: Array) -> bool:

@@ -11,6 +11,7 @@ Sources: Mundlak 1978, Econometrica 46, 69; Hausman 1978, Econometrica 46, 1251.
 
 from dataclasses import replace
 from math import log
+from typing import TypeGuard
 
 import numpy as np
 
@@ -160,27 +161,31 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     ['time exponent', 'time between edges', 'time within edges']
     """
     tests = _tests(law, icc)
-    rejected = [
-        (one.pvalue, name, one)
-        for name, one in tests.items()
-        if isinstance(one, Check) and one.pvalue is not None and one.pvalue < SEARCHED
-    ]
+    rejected = {name: one for name, one in tests.items() if _rejects(one)}
     rows = rows_of(law) if rejected else None
     if not isinstance(rows, TimeRows):
         return tests
-    _, name, check = min(rejected, key=lambda one: one[0])
-    suspected = (_suspect(rows, shift) for shift in search(rows))
-    named = next((one for one in suspected if _explains(law, icc, one)), None)
+    name = min(rejected, key=lambda one: rejected[one].pvalue or 0.0)
+    named = _named(law, icc, rows)
     if named is None:
         causes = CAUSES[name].format(response=law.response)
-        tests[name] = replace(check, verdict=f"{check.verdict} {causes}".rstrip())
-        return tests
-    for _, other, rejection in rejected:
-        if other != name:
-            tests[other] = replace(rejection, concern=0, verdict=f"{rejection.verdict} {_explained(named)}")
+        return {**tests, name: replace(rejected[name], verdict=f"{rejected[name].verdict} {causes}".rstrip())}
+    others = {
+        other: replace(one, concern=0, verdict=f"{one.verdict} {_explained(named)}") for other, one in rejected.items()
+    }
     suspects = () if named.edges == ALL else (named,)
-    tests[name] = replace(check, verdict=f"{check.verdict} {_sentence(law, named)}", suspects=suspects)
-    return tests
+    clearest = replace(rejected[name], verdict=f"{rejected[name].verdict} {_sentence(law, named)}", suspects=suspects)
+    return {**tests, **others, name: clearest}
+
+
+def _rejects(one: Check | NotAvailable | None) -> TypeGuard[Check]:
+    return isinstance(one, Check) and one.pvalue is not None and one.pvalue < SEARCHED
+
+
+def _named(law: LawFit, icc: float, rows: TimeRows) -> Suspect | None:
+    """The change of times that is likely and leaves no test that rejects."""
+    suspected = (_suspect(rows, shift) for shift in search(rows))
+    return next((one for one in suspected if _explains(law, icc, one)), None)
 
 
 def _explained(named: Suspect) -> str:
@@ -248,28 +253,20 @@ def time_restarts(law: LawFit) -> Check | None:
     >>> time_restarts(law) is None
     True
     """
-    if law.form != "power" or TIME not in law.factors or law.rows is None or law.edge is None:
+    if law.rows is None or law.edge is None or law.form != "power" or TIME not in law.factors:
         return None
-    t, y = law.X[:, law.factors.index(TIME)], law.observed
     edge = np.unique(law.edge.astype(str), return_inverse=True)[1]
     order = np.argsort(edge, kind="stable")
-    edge, t, y, lines = edge[order], t[order], y[order], law.lines[order]
-    same = edge[1:] == edge[:-1]
-    anew = np.append(False, same & (t[1:] <= t[:-1]))
+    edge, t, y, lines = edge[order], law.X[order, law.factors.index(TIME)], law.observed[order], law.lines[order]
+    anew = np.append(False, (edge[1:] == edge[:-1]) & (t[1:] <= t[:-1]))
     if not anew.any() or (y <= 0).any():
         return None
-    counted = np.where(anew, np.append(0.0, t[:-1]), 0.0)
-    ahead = np.cumsum(counted)
+    ahead = np.cumsum(np.where(anew, np.append(0.0, t[:-1]), 0.0))
     ahead -= ahead[np.searchsorted(edge, edge)]
     some = np.isin(edge, edge[anew])
     gain = _gain(edge[some], np.log(y[some]), np.log(t[some]), np.log(t[some] + ahead[some]))
     if gain <= RESTARTED:
         return None
-    wrong = some & (ahead > 0)
-    suspects = tuple(
-        Suspect(TIME, lines=tuple(int(i) for i in lines[wrong & (ahead == value)]), offset=float(value), cause=ANEW)
-        for value in np.unique(ahead[wrong])
-    )
     return Check(
         null="times within an edge rise from its first cut",
         statistic=gain,
@@ -279,7 +276,15 @@ def time_restarts(law: LawFit) -> Check | None:
             f"t begins anew within {_edges(len(set(edge[anew].tolist())))} ({lines_text(lines[anew])}) while "
             f"{law.response} rises on: a law needs the time in cut since the edge was new."
         ),
-        suspects=suspects,
+        suspects=_counted_on(lines, np.where(some, ahead, 0.0)),
+    )
+
+
+def _counted_on(lines: Codes, ahead: Array) -> tuple[Suspect, ...]:
+    """Lines whose times need an offset, for each offset."""
+    offsets = np.unique(ahead[ahead > 0])
+    return tuple(
+        Suspect(TIME, lines=tuple(lines[ahead == value].tolist()), offset=float(value), cause=ANEW) for value in offsets
     )
 
 

@@ -145,25 +145,27 @@ def _shifts(one: Search, rows: TimeRows, log_t: Array, null: float) -> Iterator[
     """Changes of times with their evidence: groups of the schedule, edges by their likelihood, and all edges."""
     G = len(rows.names)
     lowest = np.minimum.reduceat(rows.t, np.searchsorted(rows.edge, np.arange(G)))
-    groups = list(_groups(rows))
-    middle = float(np.median(rows.t))
-    changes = [(sign * size * middle, 1.0) for size in OFFSETS for sign in (1, -1)]
-    changes += [(0.0, k) for unit in UNITS for k in (unit, 1 / unit)]
-    for offset, factor in changes:
+    groups, slopes = list(_groups(rows)), _by_slope(rows)
+    for offset, factor in _changes(float(np.median(rows.t))):
         able = lowest * LATEST > offset
         moved = np.log(np.where(able[rows.edge], rows.t - offset, rows.t) / factor)
         most = G if factor == 1 else G // 2
-        for chosen in (*groups, *([np.ones(G, dtype=bool)] if factor == 1 else [])):
+        early = EARLY * (offset < 0)
+        for chosen in (*groups, np.ones(G, dtype=bool)):
             if (able | ~chosen).all() and 0 < chosen.sum() <= most:
                 value = one.fit(np.where(chosen[rows.edge], moved, log_t))[0]
-                price = 2 * log(2 * len(groups) + 2) + EARLY * (offset < 0)
-                yield Shift(chosen, offset, factor, null - value - price)
-        for start in (*groups, *_by_slope(rows)):
+                yield Shift(chosen, offset, factor, null - value - 2 * log(2 * len(groups) + 2) - early)
+        for start in (*groups, *slopes):
             value, chosen = one.classify(log_t, moved, start & able, able)
             k = int(chosen.sum())
             if 0 < k <= min(most, G - 1):
-                price = 2 * log(comb(G, k)) + 2 * max(0, 2 * k - G) + EARLY * (offset < 0)
-                yield Shift(chosen, offset, factor, null - value - price)
+                yield Shift(chosen, offset, factor, null - value - 2 * log(comb(G, k)) - 2 * max(0, 2 * k - G) - early)
+
+
+def _changes(middle: float) -> Iterator[tuple[float, float]]:
+    """Offsets and factors that are tried; ``middle`` is the median time."""
+    yield from ((sign * size * middle, 1.0) for size in OFFSETS for sign in (1, -1))
+    yield from ((0.0, k) for unit in UNITS for k in (unit, 1 / unit))
 
 
 def _groups(rows: TimeRows) -> Iterator[Flags]:
