@@ -8,7 +8,7 @@ import pytest
 from fitmodels import datasets
 from fitmodels.cli import main
 from fitmodels.cli.corrections import corrected
-from fitmodels.core.errors import UsageError
+from fitmodels.core.errors import FitmodelsError, UsageError
 from fitmodels.fit.checks.check import Suspect
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -184,3 +184,31 @@ def test_a_remedy_is_added_to_the_command_as_typed():
 def test_a_batch_refuses_corrections(tmp_path, capsys):
     assert main(["batch", str(FILE), "--out", str(tmp_path / "out"), "--leave-out", "E07"]) == 2
     assert "--leave-out: edges and lines are of one file" in capsys.readouterr().err
+
+
+TARGETS = st.sampled_from(
+    ["E07", "E07,E11", "all", "lines 3", "lines 2-9", "lines 1-99999999999999999999", "row 4 of E01", ""]
+)
+NUMBERS = st.sampled_from(["25.4", "1e300", "1e-300", "1e999", "-1", "0", "1.2.3", ".", "60"])
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.text(max_size=20),
+            st.builds(
+                "{}:{}{}{}".format, TARGETS, st.sampled_from(["f", "t", "AW", "q"]), st.sampled_from("*/+-^"), NUMBERS
+            ),
+        ),
+        max_size=2,
+    ),
+    st.lists(st.one_of(st.text(max_size=12), TARGETS), max_size=2),
+)
+@settings(max_examples=60, deadline=None)
+def test_any_text_is_a_correction_or_refused_in_a_sentence(correct, leave_out):
+    frame = datasets.read_runs(FILE).to_frame()[["edge", "V", "f", "d", "t", "AW"]].dropna()
+    try:
+        said = " ".join(datasets.runs_from_frame(frame, correct=correct, leave_out=leave_out).assumed)
+    except FitmodelsError as error:
+        said = str(error)
+    assert said.count("as asked") in (0, len(correct) + len(leave_out))
