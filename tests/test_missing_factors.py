@@ -170,3 +170,13 @@ def test_the_missing_speed_of_the_nasa_set_is_a_reservation(measurements):
     for pair in runs.pairs():
         law = fit.default_laws(pair)[0][0]
         assert any("Cutting speed V" in reason for reason in fit.judge(law, runs=pair).verdict.reasons)
+
+
+def test_exact_rows_and_shared_line_numbers_are_reasons():
+    w = wear(0)
+    exact = w.assign(AW=1e-3 * w["V"] ** 0.5 * w["f"] ** 0.2 * w["d"] ** 0.2 * w["t"] ** 0.3)
+    assert "no residual variance" in of_columns(exact).reason
+    runs = datasets.runs_from_frame(w, judge=False)
+    twice = runs.join(runs)
+    law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    assert "share their line numbers" in unused_columns(law, twice, 0.3).reason

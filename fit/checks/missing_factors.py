@@ -135,8 +135,10 @@ def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAva
     if runs is None:
         return None
     columns = _columns(law, runs)
-    if isinstance(columns, NotAvailable) or not columns:
-        return columns or None
+    if isinstance(columns, NotAvailable):
+        return columns
+    if not columns:
+        return None
     tests = [one for name, x in columns.items() if (one := _tested(law, name, x, icc)) is not None]
     if not tests:
         return NotAvailable(f"{', '.join(columns)}: constant, or not separable from the factors of the law")
