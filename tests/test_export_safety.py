@@ -168,6 +168,14 @@ def test_reservations_are_exported_with_their_reasons(constant_load_file, kind, 
     assert "ACCEPTED" not in content
 
 
+def test_feed_limits_of_an_unknown_law_are_assumed_to_be_right(constant_load_file):
+    """The settings name a law that the file does not hold: its verdict cannot be known."""
+    words = "the feed limits are right: the law that they come from is not in the file"
+    assert words in export_view(constant_load_file()).assumed
+    assert words not in export_view(with_law(constant_load_file)).assumed
+    assert words not in export_view(constant_load_file(load_line=None, pi=None)).assumed
+
+
 def test_the_check_still_refuses_gains_where_the_verdict_is_accepted(constant_load_file, tmp_path):
     with pytest.raises(GateError, match="not stable"):
         export(constant_load_file(pi={"ki": 8.0e6}), "hal", tmp_path / "out", accept_verdict=True)

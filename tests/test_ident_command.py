@@ -65,6 +65,8 @@ def test_the_explicit_command_says_the_same(run, german):
     report = json.loads(out)
     assert report["parameters"]["dynamics"]["nk"] == 1
     assert report["dynamics"]["fit"] > 90
+    assert report["dynamics"]["verdict"] == report["parameters"]["dynamics"]["verdict"]
+    assert report["dynamics"]["verdict"]["level"] == "usable inside the tested region"
 
 
 def test_dynamics_are_added_to_a_file_that_is_there(run, german, tmp_path):

@@ -275,3 +275,14 @@ def test_a_life_is_no_better_than_its_law():
 def test_a_life_without_speed_has_no_taylor_exponent():
     law, runs = law_of(factors=["f", "d", "t"])
     assert any("no V" in one for one in life_verdict(fit.tool_life(law, 0.15), law, runs).not_checked)
+
+
+@pytest.mark.parametrize(("b", "level"), [(0.0034, 0), (-0.0034, 2), (0.00001, 0)])
+def test_roughness_does_not_fall_with_force(b, level):
+    """SURF eq. 5: Ra = 0.2401 exp(0.0034 F); both rise with the feed."""
+    F = np.linspace(300.0, 600.0, 16)
+    Ra = 0.2401 * np.exp(b * F + 0.05 * np.random.default_rng(1).standard_normal(16))
+    law = fit.exponential_law(datasets.runs_from_frame(pd.DataFrame({"F [N]": F, "Ra [um]": Ra})))
+    check = exponents(law)
+    assert check.concern == level
+    assert ("falls with F" in check.verdict) == (level == 2)

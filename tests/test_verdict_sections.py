@@ -47,6 +47,11 @@ def test_a_verdict_is_what_its_section_holds(level, reasons, checked, not_checke
     assert VerdictSection.of(verdict).verdict == verdict
 
 
+def test_a_level_whose_reasons_are_empty_is_still_written():
+    assert VerdictSection.of(Verdict(2, ("",))).reasons == ("do not use for control.",)
+    assert VerdictSection.of(Verdict()).reasons == ()
+
+
 # --- laws and tool life
 
 

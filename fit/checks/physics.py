@@ -139,7 +139,7 @@ def _negative_inverse(ends: Range) -> Range:
 
 
 def exponents(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable | None:
-    """Signs and ranges of the exponents of a power law, and the sign of a feed line; None for other forms.
+    """Signs and ranges of the exponents of a power law, the slope of a feed line or an exponential; None for others.
 
     Examples
     --------
@@ -148,24 +148,25 @@ def exponents(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable | N
     >>> exponents(law).concern
     0
     """
-    if law.form not in ("power", "feed_line"):
+    if law.form not in ("power", *SLOPES):
         return None
     if law.no_interval:
         return NotAvailable(law.no_interval)
-    if law.form == "feed_line":
-        return _feed_line(law)
-    process = None if runs is None else runs.process
+    return _exponents(law, runs) if law.form == "power" else _slope(law)
+
+
+def _exponents(law: LawFit, runs: Runs | None) -> Check | NotAvailable:
+    process, tool = (None, law.source.tool) if runs is None else (runs.process, runs.tool)
     where = process or "cutting"
-    ranges = usual_exponents(law.response, law.factors, process, law.source.tool if runs is None else runs.tool)
+    ranges = usual_exponents(law.response, law.factors, process, tool)
     if not ranges:
         return NotAvailable(f"no usual exponents of {law.response} in {where} are listed")
     ends = law.conf_int()
     intervals = {name: (float(law.params[name]), float(ends.low[name]), float(ends.high[name])) for name in ranges}
     said = [_judged(law.response, name, one, intervals[name]) for name, one in ranges.items()]
-    found = [one for one in (*said, _feed_above_speed(law, ranges)) if one is not None]
-    return _check(
-        f"the interval of each exponent reaches the range usual in {where}", found, _passed(ranges, intervals, where)
-    )
+    null = f"the interval of each exponent reaches the range usual in {where}"
+    found = list(filter(None, [*said, _feed_above_speed(law, ranges)]))
+    return _check(null, found, _passed(ranges, intervals, where))
 
 
 def _passed(ranges: Mapping[str, Exponent], intervals: Mapping[str, tuple[float, float, float]], where: str) -> str:
@@ -221,11 +222,11 @@ def _feed_above_speed(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | No
     """Wear, or life, that depends more on the feed than on the speed."""
     from scipy.special import stdtrit
 
-    sign = 1 if law.response in WEAR_ROLES else -1 if law.response == "T" else 0
-    speed = next((name for name in ("V", "n") if name in ranges), None)
-    feed = next((name for name in ("f", "fz") if name in ranges), None)
-    if not sign or speed is None or feed is None:
+    speed = next(filter(ranges.__contains__, ("V", "n")), None)
+    feed = next(filter(ranges.__contains__, ("f", "fz")), None)
+    if law.response not in (*WEAR_ROLES, "T") or speed is None or feed is None:
         return None
+    sign = -1 if law.response == "T" else 1
     at = [law.names.index(name) for name in (speed, feed)]
     cov = law.covariance()[np.ix_(at, at)]
     b_speed, b_feed = (float(law.params[name]) for name in (speed, feed))
@@ -238,15 +239,21 @@ def _feed_above_speed(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | No
     )
 
 
-def _feed_line(law: LawFit) -> Check:
-    """Feed at a held load falls with wear."""
-    low, high = (float(law.conf_int()[end]["slope"]) for end in ("low", "high"))
-    wrong = (
-        f"The feed at a held load rises with {law.factors[-1]} (slope {low:.3g} to {high:.3g}), where wear must reduce "
-        "it: check the columns and their order."
-    )
-    found = [(2, wrong)] if low > 0 else []
-    return _check("the feed at a held load falls with wear", found, "The feed at a held load does not rise with wear.")
+# of each form: name of its slope, sign, what has it, and why; roughness by force is inverted by force control
+SLOPES: Mapping[str, tuple[str, int, str, str]] = {
+    "feed_line": ("slope", -1, "the feed at a held load", "wear must reduce it: check the columns and their order"),
+    "exponential": ("b", 1, "roughness", "both rise with the feed: check whether speed or tool was changed as well"),
+}
+
+
+def _slope(law: LawFit) -> Check:
+    name, sign, what, why = SLOPES[law.form]
+    low, high = (float(law.conf_int()[end][name]) for end in ("low", "high"))
+    does, factor = ("falls" if sign > 0 else "rises"), law.factors[-1]
+    wrong = f"{what[0].upper()}{what[1:]} {does} with {factor} ({name} {low:.3g} to {high:.3g}), where {why}."
+    null = f"{what} does not {'fall' if sign > 0 else 'rise'} with {factor}"
+    found = [(2, wrong)] if max(sign * low, sign * high) < 0 else []
+    return _check(null, found, f"{null[0].upper()}{null[1:]}.")
 
 
 FAR = 2.0  # times the limit of the unusual that the largest prediction may reach
@@ -267,14 +274,14 @@ def possible_values(law: LawFit, runs: Runs | None = None) -> Check | NotAvailab
     """
     if law.rows is None:
         return NotAvailable(NO_ROWS)
-    process = None if runs is None else runs.process
     values = region_values(law)
     span = f"{values.min():.2g} to {values.max():.2g} {law.units.get(law.response, '')}".rstrip()
     kc = _specific_force(law, runs)
+    process, doubts, judged = (None, (), False) if runs is None else (runs.process, runs.doubts, runs.judged)
     found = [*_not_positive(law, values, span), *_unusual(law, values, span, process), *_of_kc(law.response, kc)]
-    if runs is not None and any(law.response in doubt.columns for doubt in runs.doubts):
+    if any(law.response in doubt.columns for doubt in doubts):
         found = [one for one in found if one[0] > 1]
-    if runs is None or not runs.judged:
+    if not judged:
         found += _of_factors(law, process)
     passed = f"Predicted {law.response} {span} is possible"
     if kc is not None:
@@ -354,14 +361,20 @@ def _specific_force(law: LawFit, runs: Runs | None) -> Range | None:
     """Specific cutting force at the fitted rows, N/mm2, in turning and of the power in milling; None elsewhere."""
     if any(law.units.get(name) != role_unit(name) for name in (law.response, *law.factors)):
         return None
-    milling = runs is not None and (runs.process == "milling" or any(map(runs.has, ("ae", "fz", "z"))))
-    turning = not milling and (runs is None or runs.process in (None, "turning"))
-    needed = _AREA.get((law.response, "milling" if milling else "turning" if turning else ""))
+    needed = _AREA.get((law.response, _chip_of(runs)))
     if needed is None or not set(needed[1]) <= set(law.factors):
         return None
     area = np.prod([law.X[:, law.factors.index(name)] for name in needed[1]], axis=0)
     kc = needed[0] * law.fitted / area
     return float(kc.min()), float(kc.max())
+
+
+def _chip_of(runs: Runs | None) -> str:
+    """Process by which the area of the chip is computed: turning where none is known, unless columns are of milling."""
+    if runs is None:
+        return "turning"
+    milling = any(map(runs.has, ("ae", "fz", "z")))
+    return runs.process or ("milling" if milling else "turning")
 
 
 # Response and process -> kc in N/mm2 = factor x response / product of factors

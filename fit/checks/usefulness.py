@@ -4,6 +4,7 @@ import numpy as np
 
 from ...core.rounding import format_decimal
 from ...datasets import Runs
+from ...datasets.doubts import Doubt
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
@@ -94,7 +95,7 @@ def _few_edges(law: LawFit, runs: Runs | None) -> str:
     if n < FEW_EDGES:
         edges = "1 edge" if n == 1 else f"{n} edges"
         return f"Only {edges}: the variance between edges is hardly known; test at least {FEW_EDGES}."
-    if runs is not None and runs.columns and all(use.role != "edge" for use in runs.columns):
+    if runs is not None and _has_no_edge_column(runs):
         return (
             f"The file names no edges; {n} were found from the order of its rows, and intervals depend on that: name "
             "the edges in a column."
@@ -102,6 +103,10 @@ def _few_edges(law: LawFit, runs: Runs | None) -> str:
     if has_repeated_edges(law) and not isinstance(law.edges, EdgeInference):
         return f"No inference by edge ({law.edges.reason}): intervals may be too narrow."
     return ""
+
+
+def _has_no_edge_column(runs: Runs) -> bool:
+    return bool(runs.columns) and all(use.role != "edge" for use in runs.columns)
 
 
 def doubts_of_reading(law: LawFit, runs: Runs | None) -> Check | NotAvailable | None:
@@ -113,17 +118,24 @@ def doubts_of_reading(law: LawFit, runs: Runs | None) -> Check | NotAvailable | 
         return None
     if not runs.judged:
         return NotAvailable("the values were not judged when they were read")
-    columns = {law.response, *law.factors, "edge"}
-    for one in reversed(runs.derived):
-        if one.role in columns:
-            columns |= set(one.inputs)
-    doubts = [doubt for doubt in runs.doubts if columns.intersection(doubt.columns)]
-    words = "; ".join(doubt.sentence.rstrip(".") for doubt in doubts[:MOST_DOUBTS])
-    more = f"; and {len(doubts) - MOST_DOUBTS} more" if len(doubts) > MOST_DOUBTS else ""
+    doubts = _doubts_on(law, runs)
+    words = [doubt.sentence.rstrip(".") for doubt in doubts[:MOST_DOUBTS]]
+    words += [f"and {len(doubts) - MOST_DOUBTS} more"] if len(doubts) > MOST_DOUBTS else []
     return Check(
         null="the reading has no doubt on a column of the law",
         statistic=float(len(doubts)),
         symbol="doubts",
-        concern=max((2 if "--correct" in doubt.remedy else 1 for doubt in doubts), default=0),
-        verdict=f"Doubts of the reading: {words}{more}." if doubts else "The reading has no doubt on these columns.",
+        concern=max((1 + int("--correct" in doubt.remedy) for doubt in doubts), default=0),
+        verdict=f"Doubts of the reading: {'; '.join(words)}."
+        if doubts
+        else "The reading has no doubt on these columns.",
     )
+
+
+def _doubts_on(law: LawFit, runs: Runs) -> list[Doubt]:
+    """Doubts on columns of a law, and on those that they were computed from."""
+    columns = {law.response, *law.factors, "edge"}
+    for one in reversed(runs.derived):
+        if one.role in columns:
+            columns |= set(one.inputs)
+    return [doubt for doubt in runs.doubts if columns.intersection(doubt.columns)]

@@ -158,7 +158,7 @@ def _plant(pf: ParameterFile) -> PlantModel | None:
 
 
 def require_check(pf: ParameterFile) -> tuple[str, ...]:
-    """Raise unless the file passes the check, verdicts apart; returns assumptions about gains that were not checked.
+    """Raise unless the file passes the check, verdicts apart; returns assumptions about what was not checked.
 
     Raises
     ------
@@ -176,11 +176,12 @@ def require_check(pf: ParameterFile) -> tuple[str, ...]:
         first, *others = failed
         more = f" {len(others)} more: see `fitmodels check`." if others else ""
         raise GateError(f"not exported, the file fails the check: {first.words}{more}")
-    if pf.pi is None:
-        return ()
-    untried = pf.dynamics is None
-    forced = pf.pi.forced is not None
+    line, pi = pf.load_line, pf.pi
+    unknown = line is not None and line.law not in pf.laws
+    untried = pi is not None and pf.dynamics is None
+    forced = pi is not None and pi.forced is not None
     return (
+        *(("the feed limits are right: the law that they come from is not in the file",) if unknown else ()),
         *(("the gains are right: the file holds no dynamics to try them on",) if untried else ()),
         *(("the gains will do although they miss their specification: they are marked as forced",) if forced else ()),
     )

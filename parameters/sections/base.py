@@ -59,11 +59,12 @@ class VerdictSection(Section):
 
     @classmethod
     def of(cls, verdict: Verdict) -> Self:
-        """The section of a verdict."""
+        """The section of a verdict; a level without a reason, which no check should give, names itself as one."""
+        reasons = tuple(filter(None, verdict.reasons)) or ((f"{verdict.words}.",) if verdict.level else ())
         return cls.model_validate(
             {
                 "level": verdict.words,
-                "reasons": verdict.reasons,
+                "reasons": reasons,
                 "checked": verdict.checked,
                 "not_checked": verdict.not_checked,
             }
