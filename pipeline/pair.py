@@ -100,7 +100,7 @@ class PairAnalysis(Displayable):
         sections = {} if self.parameters is None else self.parameters.laws
         words = {name: (law.verdict.level if law.verdict else "not judged", law.equation)
                  for name, law in sections.items()}  # fmt: skip
-        rows = []
+        rows: list[tuple[str, ...]] = []
         for law in self.laws:
             verdict, equation = words.get(law.response, ("", ""))
             form = law.form.replace("_", " ")

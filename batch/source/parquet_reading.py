@@ -73,8 +73,10 @@ def parquet_rows(block: Block, plan: Plan) -> tuple[list[PairRows], dict[str, st
     derived = tuple(one for one in plan.derived if one.role in units)
     assumed = tuple(sentence for sentence in plan.assumed if sentence != SORTED)
     source = Source(plan.name, "", len(frame), NO_LINES)
-    given = {"process": plan.reading.process, "constants": plan.reading.constants}
-    rows = PairRows(frame, None, units, plan.columns, source, assumed, notes=plan.notes, derived=derived, **given)
+    rows = PairRows(
+        frame, None, units, plan.columns, source, assumed, notes=plan.notes, derived=derived,
+        process=plan.reading.process, constants=plan.reading.constants,
+    )  # fmt: skip
     return [rows], unreadable
 
 

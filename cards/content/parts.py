@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from ...core.display import Display, HasRepr, facts_of
 
-BRIEF = 200  # characters of a reason in a list of verdicts
+BRIEF = 110  # characters of a reason in a list of verdicts
 
 
 class Part(HasRepr, BaseModel):

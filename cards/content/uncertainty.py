@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.errors import ParameterError
 from ...core.rounding import format_rounded
+from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_parts import ToolLifeSection
@@ -60,6 +61,8 @@ def of_law(law: LawSection) -> tuple[UncertaintyPart, ...]:
     except ParameterError:
         return ()
     df, outside = degrees(law), "" if kinds[0].inside else " The middle of the ranges lies outside the tested region."
+    if law.verdict is not None and law.verdict.concern == DO_NOT_USE:
+        outside += f" The verdict on the law is: {law.verdict.level}."
     out = []
     for p in kinds:
         found = _from_ends(float(p.value), float(p.low), float(p.high), df, multiplies=law.error == "multiplicative")

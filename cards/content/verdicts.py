@@ -67,6 +67,12 @@ def verdicts_of(pf: ParameterFile) -> tuple[VerdictPart, ...]:
     return (*laws, *(verdict_part(name, section.verdict) for name, section in others if section is not None))
 
 
+def law_cautions(pf: ParameterFile, responses: Iterable[str]) -> list[str]:
+    """A clause on each of these laws that is not usable without reservations."""
+    found = (verdict_part(name, pf.laws[name].verdict) for name in responses if name in pf.laws)
+    return [f"the verdict on the law of {one.of} is: {one.words}" for one in found if one.level != USABLE]
+
+
 def suspect_parts(law: LawSection, pf: ParameterFile) -> tuple[SuspectPart, ...]:
     """The rows and edges that the checks of a law find wrong, each once, with the command that corrects them."""
     found: dict[tuple[str, tuple[str, ...], tuple[int, ...]], SuspectValues] = {}

@@ -10,7 +10,7 @@ from ...parameters.sections.load_line import Bound, FeedLimit, LimitInterval, Li
 from .design import middle_of, reference
 from .numbers import fact, figure, percent, quantity, sentence
 from .parts import FactPart, NumberPart, WindowPart
-from .verdicts import ADAPTIVE_FORCE, verdict_part
+from .verdicts import ADAPTIVE_FORCE, law_cautions, verdict_part
 
 if TYPE_CHECKING:
     from ...controllers.region.operating_point import OperatingPoint
@@ -28,7 +28,7 @@ def window_parts(pf: ParameterFile) -> tuple[WindowPart, ...]:
     found = (
         None if pf.limits is None else limits_window(pf.limits, alone=window is None),
         window,
-        None if pf.load_line is None else load_line_window(pf.load_line),
+        None if pf.load_line is None else load_line_window(pf.load_line, pf),
         None if pf.roughness is None else roughness_window(pf.roughness, pf),
         None if pf.adaptive_force is None else adaptive_force_window(pf.adaptive_force),
     )
@@ -52,7 +52,7 @@ def limits_window(limits: LimitsSection, *, alone: bool = False) -> WindowPart:
     )
 
 
-def load_line_window(line: LoadLineSection) -> WindowPart:
+def load_line_window(line: LoadLineSection, pf: ParameterFile) -> WindowPart:
     """Settings of milling at constant load."""
     wear, feed, load = line.unit_wear, line.unit_feed, line.unit_load
     low, high = line.window
@@ -69,6 +69,7 @@ def load_line_window(line: LoadLineSection) -> WindowPart:
         *fact("dwell time at the lower limit", figure(line.dwell, 6, "s")),
     )  # fmt: skip
     sentences = [
+        *law_cautions(pf, [line.law]),
         f"the loop controls {line.load} to {quantity(figure(line.reference, 6, load))} by the feed, between the two "
         "feed limits; the tool is changed when the command stays at the lower one",
         *([f"no probability of the wear: {line.probability_of}"] if line.probability is None and line.probability_of
@@ -94,6 +95,7 @@ def roughness_window(r: RoughnessSection, pf: ParameterFile) -> WindowPart:
         *fact("time constant of the feed drive", figure(r.servo_time, 6, "s")),
     )
     sentences = [
+        *law_cautions(pf, [r.law]),
         f"{r.law} is controlled to {quantity(figure(r.roughness, 6, r.unit_roughness))} through a force of "
         f"{quantity(figure(r.force, 4, r.unit_force))}, by the feed override",
         *_reaches(r, pf),
@@ -167,7 +169,7 @@ def operation_window(pf: ParameterFile) -> WindowPart | None:
     at: dict[str, Any] = {name: value for name, value in (("d", d), ("t", t)) if value is not None}
     try:
         found = visible_region(pf, by=by, **at)
-        return _window(found)
+        return _window(found, pf)
     except FitmodelsError as error:
         return WindowPart(title=TITLE, sentences=(sentence(f"no operating window: {error}"),))
 
@@ -187,7 +189,7 @@ def _middle(pf: ParameterFile, symbol: str) -> float | None:
     return middle_of(max(low for low, _ in ranges), min(high for _, high in ranges), logs=True)
 
 
-def _window(found: "VisibleRegion") -> WindowPart:
+def _window(found: "VisibleRegion", pf: ParameterFile) -> WindowPart:
     at = f"at d {quantity(figure(found.setting.d, 6, 'mm'))} and t {quantity(figure(found.setting.t, 6, 'min'))}"
     if found.empty:
         return WindowPart(title=TITLE, sentences=(sentence(f"no feasible point {at}: {found.conflict}"),))
@@ -203,6 +205,7 @@ def _window(found: "VisibleRegion") -> WindowPart:
     held = ", bounded by " + " and ".join(best.held_by) if best.held_by else ""
     tested = "" if best.tested else "; this point lies outside the tested region, so verify it before use"
     said = [
+        *law_cautions(pf, best.values),
         f"{at}, the maximum metal removal rate within the limits is {quantity(_removal(best.MRR))}{held}{tested}",
         "the window uses median predictions: at a limit about half of all tools exceed it, so keep a margin according "
         "to the intervals",
