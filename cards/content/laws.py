@@ -36,7 +36,7 @@ SYMBOLS = {  # of statistics, as a card shows them; others are shown as they are
     "z of lag-1 correlation": "z",
 }
 UNTESTABLE = "not testable"
-AT_LEVEL = "; of the tests, those are rejected that Holm's procedure rejects at 5 % for all laws of the file together."
+AT_LEVEL = "; of the tests, those are rejected that Holm's procedure rejects at 10 % for all laws of the file together."
 
 
 def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
