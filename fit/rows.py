@@ -54,6 +54,11 @@ class LeftOut(Displayable):
     factor: str
     reason: str
 
+    @property
+    def confounded(self) -> bool:
+        """Whether it changes, and the factors that are kept, or the category, carry its effect."""
+        return not self.reason.startswith("constant")
+
 
 @dataclass(frozen=True, slots=True)
 class Rows:

@@ -228,6 +228,18 @@ def test_feed_and_depth_that_vary_together_are_named(apart, words):
     assert found.concern == (apart < 0.1)
 
 
+def test_a_factor_that_is_a_product_of_others_is_a_reservation():
+    """The depth is ten times the feed in each test: the exponent of the feed is that of both."""
+    rng = np.random.default_rng(4)
+    x = rng.normal(size=(30, 2))
+    law = straight(np.column_stack([x, x[:, 1] + np.log(10)]), x @ [0.5, 0.4] + 0.05 * rng.normal(size=30))
+    found = collinearity(law)
+    assert (law.left_out[0].factor, law.left_out[0].confounded, found.concern) == ("d", True, 1)
+    assert "d was left out: an exact product of others (f^1)" in found.verdict
+    constant = straight(np.column_stack([x, np.ones(30)]), x @ [0.5, 0.4] + 0.05 * rng.normal(size=30))
+    assert (constant.left_out[0].confounded, collinearity(constant).concern) == (False, 0)
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.floats(0.001, 1000), min_size=2, max_size=2))
 def test_units_move_neither_inflation_nor_cook(scale):

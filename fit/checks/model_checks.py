@@ -329,7 +329,14 @@ def collinearity(law: LawFit) -> Collinearity | NotAvailable:
     size = f"VIF {largest:.2g} of {worst}, condition number {condition:.2g}{width_text}"
     together = f"{', '.join(entangled)} vary together ({size})"
     verdict = f"No multicollinearity (VIF at most {largest:.2g}, condition {condition:.2g})."
-    if concern:
+    hidden = [out for out in law.left_out if out.confounded]
+    if hidden:
+        concern = max(concern, 1)
+        verdict = (
+            f"{hidden[0].factor} was left out: {hidden[0].reason}. The exponents of the others include its effect, and "
+            "hold only where it follows them as in the tests."
+        )
+    elif concern:
         verdict = (
             f"Multicollinearity: {together}, so their exponents cannot be separated: change one factor only where the "
             f"others follow it as in the tests, leave {worst} out, or vary it independently."
