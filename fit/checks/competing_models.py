@@ -4,9 +4,13 @@ Each form is fitted to ln R and leaves out one edge at a time (one row, where th
 of that edge, in ln R, is compared. An alternative is better where its error is smaller by more than chance: by a t test
 of the difference over the edges, at a level shared among the alternatives.
 
+Rows of an edge share its level, which no form predicts. So errors are compared after whitening by the intraclass
+correlation c of the power law: from the m errors of an edge the part ``1 - sqrt((1 - c) / (1 - c + m c))`` of their
+mean is subtracted.
+
 Sources: Hastie, Tibshirani & Friedman 2009, The Elements of Statistical Learning, section 7.10 (cross-validation and
-its standard error); Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.2 (deletion without
-refitting).
+its standard error); Pinheiro & Bates 2000, Mixed-Effects Models in S and S-PLUS, section 2.2 (whitening); Cook &
+Weisberg 1982, Residuals and Influence in Regression, section 2.2 (deletion without refitting).
 """
 
 from collections.abc import Mapping
@@ -20,6 +24,7 @@ from ...core.display import Displayable, Plottable
 from ...core.errors import FitError
 from ...datasets import Runs
 from ..available import NotAvailable, computed
+from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..least_squares import linear
 from .check import SIGNIFICANT, Check
@@ -60,7 +65,8 @@ class CompetingModel(Displayable):
     error : float
         Root mean squared prediction error of left-out units, in ln R.
     difference, standard_error : float
-        Its ``error`` less that of the power law, and the standard error of the difference over the units.
+        Root mean square of its whitened errors less that of the power law, and the standard error of the difference
+        over the units.
     pvalue : float
         P of so low a difference where the power law predicts as well, one-sided.
     zero_wear : ZeroWear or None
@@ -135,6 +141,7 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
     unit, codes = units_of(law)
     if codes.max() == 0:
         unit, codes = "row", np.arange(law.nobs)
+    icc = law.edges.icc if unit == "edge" and isinstance(law.edges, EdgeInference) else 0.0
     form = power_form(law)
     base = _prediction_errors(form, codes)
     if isinstance(base, NotAvailable):
@@ -146,12 +153,12 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
         other = computed(partial(one.fitted, rows_of(law)))
         errors = _prediction_errors(other, codes) if isinstance(other, FittedForm) else other
         if isinstance(other, FittedForm) and not isinstance(errors, NotAvailable):
-            model = _compared(other, errors, base, codes)
+            model = _compared(other, errors, base, codes, icc)
             fitted.append(replace(model, zero_wear=_at_zero(one, zero)))
         elif isinstance(errors, NotAvailable):
             not_fitted.append((one.name, errors))
-    power = replace(_compared(form, base, base, codes), pvalue=1.0)
-    alternatives = tuple(sorted(fitted, key=lambda model: model.error))
+    power = replace(_compared(form, base, base, codes, icc), pvalue=1.0)
+    alternatives = tuple(sorted(fitted, key=lambda model: model.difference))
     chosen, zero_words = _chosen(power, alternatives), _zero_words(law, alternatives, zero)
     tested = min(alternatives, key=lambda model: model.pvalue, default=power) if chosen is power else chosen
     return CompetingModels(
@@ -263,15 +270,24 @@ def _prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
     return missed
 
 
-def _compared(fit: FittedForm, missed: Array, base: Array, codes: Codes) -> CompetingModel:
-    """Errors as root mean squares; the standard error of their difference from its scatter over the units."""
+def _whitened(errors: Array, codes: Codes, icc: float) -> Array:
+    """Errors less the part of the mean of their unit that rows of one unit share, shape (n,)."""
+    m = np.bincount(codes)
+    part = 1 - np.sqrt((1 - icc) / (1 - icc + m * icc))
+    return np.asarray(errors - (part * np.bincount(codes, weights=errors) / m)[codes])
+
+
+def _compared(fit: FittedForm, missed: Array, base: Array, codes: Codes, icc: float) -> CompetingModel:
+    """Error as root mean square; the standard error of the difference from its scatter over the units."""
     from scipy.special import stdtr
 
     n, G = len(codes), int(codes.max()) + 1
-    error, power = float(np.sqrt(np.mean(missed**2))), float(np.sqrt(np.mean(base**2)))
+    error = float(np.sqrt(np.mean(missed**2)))
+    missed, base = _whitened(missed, codes, icc), _whitened(base, codes, icc)
+    own, power = float(np.sqrt(np.mean(missed**2))), float(np.sqrt(np.mean(base**2)))
     by_unit = np.bincount(codes, weights=missed**2 - base**2)
     about = by_unit - np.bincount(codes) * by_unit.sum() / n
     scatter = float(np.sqrt(G / (G - 1) * np.sum(about**2))) / n
     t = float(by_unit.sum()) / (n * scatter) if scatter > 0 else 0.0
     p = float(stdtr(G - 1, t))
-    return CompetingModel(fit.name, fit.formula, fit.coefficients, error, error - power, scatter / (error + power), p)
+    return CompetingModel(fit.name, fit.formula, fit.coefficients, error, own - power, scatter / (own + power), p)
