@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import is_positive
 from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
@@ -60,7 +61,7 @@ class SimulatedLaw(Displayable):
 
     def __post_init__(self) -> None:
         """Check the numbers once."""
-        if not (np.isfinite(self.c0) and self.c0 > 0):
+        if not is_positive(self.c0):
             raise UsageError(f"law of {self.response}: c0 {self.c0:g}; a power law needs a positive constant.")
         for name, sd in (("sd_edge", self.sd_edge), ("sd_row", self.sd_row)):
             if not (np.isfinite(sd) and sd >= 0):
@@ -219,7 +220,7 @@ def _kept(wear: Floats, criterion: float) -> NDArray[np.bool_]:
 
 
 def _check_times(interval: float, t_max: float, criterion: float | None, edges: int) -> None:
-    if not (np.isfinite(interval) and interval > 0):
+    if not is_positive(interval):
         raise UsageError(f"interval {interval:g} min: a sub-test needs a positive length; give one such as 2.")
     if not (np.isfinite(t_max) and t_max >= interval):
         raise UsageError(f"t_max {t_max:g} min is shorter than one sub-test of {interval:g} min; give a longer time.")

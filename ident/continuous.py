@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import is_positive
 from ..core.display import Displayable, Plottable
 from ..core.errors import IdentError
 from .model import Model
@@ -229,7 +230,7 @@ def sampled(num: ArrayLike, den: ArrayLike, dt: float, delay: float = 0.0) -> Mo
     """
     from scipy.linalg import companion
 
-    if not (np.isfinite(dt) and dt > 0):
+    if not is_positive(dt):
         raise IdentError(f"sample time {dt!r} s: above zero, for instance 0.01.")
     plant = ContinuousModel(np.asarray(num, dtype=np.float64), np.asarray(den, dtype=np.float64), float(delay))
     n = len(plant.den) - 1

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.arrays import is_positive
 from ..core.errors import ParameterError, UsageError
 from .evaluation import IntervalOptions, interval_band
 from .file import ParameterFile
@@ -140,7 +141,7 @@ def _check(
     worn: float, factor: float, step: float | None, window: tuple[float, float], limit: float, level: float
 ) -> None:
     for name, value in (("worn", worn), ("rounded_to", step), ("wear_limit", limit)):
-        if value is not None and not (math.isfinite(value) and value > 0):
+        if value is not None and not is_positive(value):
             raise UsageError(f"{name} {value!r}: it must be above zero.")
     if not 0 < factor < 1:
         raise UsageError(f"safety_factor {factor!r}: it must be between 0 and 1, in the paper 0.85 (1/1.17).")

@@ -9,11 +9,11 @@ The paper's G and load line do not agree in gain, so the line gives the gain and
 """
 
 from dataclasses import dataclass
-from math import isfinite
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from ...core.arrays import is_positive
 from ...core.display import Displayable
 from ...core.errors import ParameterError
 from .control_laws import line_of
@@ -85,7 +85,7 @@ class CutModel(Displayable):
         if model is None:
             raise ParameterError("the file has no dynamics of the drive; identify them with `fitmodels ident`.")
         gain = model.dc_gain
-        if not (model.stable and isfinite(gain) and gain > 0):
+        if not (model.stable and is_positive(gain)):
             raise ParameterError(
                 f"the dynamics have a gain of {gain:.4g} at rest and poles within {abs(model.poles).max():.4g}: a cut "
                 "needs a stable drive whose load rises with feed; identify it again."

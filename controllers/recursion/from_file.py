@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...core.arrays import is_positive
 from ...core.errors import UsageError
 from ...datasets.units import convert, same_dimension
 from .laws import LifeLaws, Terms
@@ -55,7 +56,7 @@ def life_laws(
     wear = pf.laws[name]
     _need_wear(wear)
     d = depth(pf) if d is None else d
-    if not (math.isfinite(d) and d > 0):
+    if not is_positive(d):
         raise UsageError(f"d {d!r} mm: give a depth of cut above zero.")
     fixed, notes = {**(at or {}), "d": d}, list[str]()
     return LifeLaws(
@@ -89,7 +90,8 @@ def depth(pf: "ParameterFile") -> float:
     tested = [(f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol == "d" and f.low > 0]
     if not tested:
         return DEPTH
-    low, high = max(low for low, _ in tested), min(high for _, high in tested)
+    lows, highs = zip(*tested, strict=True)
+    low, high = max(lows), min(highs)
     return DEPTH if low <= DEPTH <= high or low > high else round(math.sqrt(low * high), 3)
 
 

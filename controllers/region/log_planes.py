@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, is_positive
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...datasets.units import canonical, convert
@@ -53,7 +53,7 @@ class CutSetting(Displayable):
 
     def __post_init__(self) -> None:
         for name, value in (("d", self.d), ("t", self.t), *self.at.items()):
-            if not (np.isfinite(value) and value > 0):
+            if not is_positive(value):
                 raise UsageError(f"{name} = {value:g}: a power law needs a positive value.")
 
     @property

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, is_positive
 from ...core.display import Plottable, as_columns
 from ...core.errors import DataError, UsageError
 from .half_planes import SAME, TOUCH, HalfPlane, clip, conflict_sentence, intersect, rectangle
@@ -129,7 +129,7 @@ class VisibleRegion(Plottable):
     def at(self, V: float, f: float) -> OperatingPoint:
         """Responses at a pair, inside or outside the region."""
         for name, value in (("V", V), ("f", f)):
-            if not (np.isfinite(value) and value > 0):
+            if not is_positive(value):
                 raise UsageError(f"{name} = {value:g}: a power law needs a positive value.")
         return self._at(ln(V, f))
 

@@ -8,6 +8,7 @@ Source: SURF, the feed law after Fig. 4 (its equation is missing in the copy use
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Literal, Self
 
 from ...core.display import Displayable
@@ -127,9 +128,8 @@ class ConstantRoughness(Displayable):
         section = settings_of(pf)
         programmed, sample_time, servo_time = (_needed(section, name) for name in ("feed", "sample_time", "servo_time"))
         low, high = feed_limits(pf)
-        if not all(time > 0 for time, _ in schedule) or [time for time, _ in schedule] != sorted(
-            {time for time, _ in schedule}
-        ):
+        times = [0.0, *(time for time, _ in schedule)]
+        if not all(before < after for before, after in pairwise(times)):
             raise UsageError(f"the schedule {list(schedule)}: give increasing times above 0.")
         changes = ((time, reference_force(pf, Ra)) for time, Ra in schedule)
         return cls(

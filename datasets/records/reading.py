@@ -140,7 +140,7 @@ def _units(
             if near := closest(word, ROLES, cutoff=0.6):
                 raise UsageError(f"--unit {word}={unit}: did you mean {near}?")
             number = find(known, word, "unit").column.number
-            role = next((r for r, head in chosen.items() if head and head.column.number == number), "")
+            role = {head.column.number: r for r, head in chosen.items() if head}.get(number, "")
         if not role or chosen[role] is None:
             raise UsageError(f"--unit {word}={unit}: that column is not used as {', '.join(ROLES)}.")
         out[role] = unit

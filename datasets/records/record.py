@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, is_positive
 from ...core.display import Display, Plottable, as_columns
 from ...core.errors import DataError
 from ...core.rounding import format_plain
@@ -73,7 +73,7 @@ class Record(Plottable):
                     f"{name} is {values[k]} at sample {k}: a record holds numbers only. Leave the gap out and let what "
                     "follows be a separate segment (starts)."
                 )
-        if not (np.isfinite(self.sample_time) and self.sample_time > 0):
+        if not is_positive(self.sample_time):
             raise DataError(f"sample_time {self.sample_time!r} s: it must be above zero, for instance 0.02 for 50 Hz.")
         starts = tuple(int(s) for s in self.starts)
         if starts[:1] != (0,) or any(b <= a for a, b in zip(starts, (*starts[1:], len(u)), strict=True)):

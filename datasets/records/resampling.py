@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, is_positive
 from ...core.errors import DataError, UsageError
 
 STOP = 70.0  # dB of stop-band attenuation against aliasing: below 16 bits, far below the noise of a sensor
@@ -71,7 +71,7 @@ def ratio_of(rate: float, sample_time: float) -> Fraction:
     >>> ratio_of(100.0, 0.004)
     Fraction(2, 5)
     """
-    if not (np.isfinite(rate) and rate > 0):
+    if not is_positive(rate):
         raise UsageError(f"rate {rate!r} Hz to resample to: it must be above zero, for instance 50.")
     exact = rate * sample_time
     ratio = Fraction(exact).limit_denominator(LONGEST)

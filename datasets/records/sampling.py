@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import is_positive
 from ...core.errors import DataError, UsageError
 
 Array = NDArray[np.float64]
@@ -244,6 +245,6 @@ def sample_time_of(rate: float | None, sample_time: float | None) -> float | Non
     if rate is not None and sample_time is not None and not np.isclose(rate * sample_time, 1.0, rtol=1e-6):
         raise UsageError(f"rate {rate:g} Hz and sample_time {sample_time:g} s do not agree: give one of them.")
     for option, value in (("rate", rate), ("sample_time", sample_time)):
-        if value is not None and not (np.isfinite(value) and value > 0):
+        if value is not None and not is_positive(value):
             raise UsageError(f"{option} {value!r}: it must be above zero, for instance a rate of 50 Hz.")
     return 1.0 / rate if rate is not None else sample_time

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, is_positive
 from ...core.errors import DataError, UsageError
 from .columns import ColumnHeader, seconds_in, times
 from .record import Record
@@ -120,7 +120,7 @@ def _even(samples: Samples, axis: TimeAxis, asked: RecordOptions) -> Record:
 
 def _uneven(samples: Samples, seconds: float, name: str, rate: float, notes: tuple[str, ...]) -> Record:
     """Uneven samples interpolated linearly at least as densely as they are, then decimated to the rate."""
-    if not (np.isfinite(rate) and rate > 0):
+    if not is_positive(rate):
         raise UsageError(f"--resample {rate!r}: a rate in Hz above zero, for instance 50.")
     starts = run_starts(samples.time, samples.cuts, name, samples.lines)
     time = samples.time * seconds

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.arrays import is_positive
 from ...core.errors import DataError
 from ...core.files import write_whole
 from ...core.progress import Meter
@@ -211,7 +212,7 @@ def _speeds(plan: Plan, joined: Assignment, path: Path, before: int) -> tuple[Sp
 
 
 def _known(n: float) -> float | None:
-    return n if np.isfinite(n) and n > 0 else None
+    return n if is_positive(n) else None
 
 
 def _rows(plan: Plan, joined: Assignment, records: Sequence[ReducedRecord]) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...core.arrays import Array
+from ...core.arrays import Array, is_positive
 from ...core.errors import IdentError, UsageError
 from ...core.files import write_whole
 
@@ -65,7 +65,7 @@ def write_excitation(
     values, path = np.asarray(u, dtype=np.float64), Path(path)
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise IdentError(f"an excitation of shape {values.shape}: one column of finite numbers, one or more.")
-    if not (np.isfinite(rate) and rate > 0):
+    if not is_positive(rate):
         raise IdentError(f"rate {rate!r} Hz of an excitation: it lies above zero, for instance 50.")
     if for_ not in FORMS:
         raise UsageError(f"--for {for_}: one of {', '.join(FORMS)}.")

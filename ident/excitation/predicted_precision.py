@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...core.arrays import Array
+from ...core.arrays import Array, is_positive
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ..estimators.filters import inverse_of_squares
@@ -113,7 +113,7 @@ def predicted_errors(
 def _check(guess: Model, u: Array, noise_sd: float, runs: int) -> None:
     if u.ndim != 1 or not np.isfinite(u).all() or np.ptp(u) == 0:
         raise IdentError(f"an excitation of shape {u.shape}: one column of finite numbers that vary is needed.")
-    if not (np.isfinite(noise_sd) and noise_sd > 0):
+    if not is_positive(noise_sd):
         raise IdentError(
             f"noise_sd {noise_sd!r}: above zero, in the unit of the output. Estimate it from a record at rest."
         )

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.arrays import is_positive
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
@@ -196,7 +197,7 @@ def force_process_fit(
     if len(given) > 1:
         raise IdentError(f"{' and '.join(given)} given: the others follow from one of them; give one.")
     for name, value in given.items():
-        if not (np.isfinite(value) and value > 0):
+        if not is_positive(value):
             raise IdentError(f"{name} {value!r}: above zero.")
     if drive not in (None, "faster", "slower"):
         raise IdentError(f"drive {drive!r}: 'faster' or 'slower', its pole d/m relative to the process pole c.")

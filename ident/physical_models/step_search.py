@@ -82,12 +82,9 @@ def _found(order: int, runs: Sequence[Stretch], y: Array, shape: list[float], la
     for k in range(order + free):
         pace = shape[0] if order == 1 else 1 / shape[0]
         h = 1e-5 * (whole[k] if k < order else 0.1 * pace)
-        both = []
-        for sign in (1, -1):
-            moved = whole.copy()
-            moved[k] += sign * h
-            both.append(basis(order, runs, moved[:order].tolist(), float(moved[order])))
-        columns.append(gain * (both[0] - both[1]) / (2 * h))
+        moved = (whole + h * np.eye(len(whole))[k], whole - h * np.eye(len(whole))[k])
+        up, down = (basis(order, runs, at[:order].tolist(), float(at[order])) for at in moved)
+        columns.append(gain * (up - down) / (2 * h))
     names = ("gain", *SHAPES[order], *(("delay",) if free else ()))
     ends = np.cumsum([0, *(len(run.y) for run in runs)]).tolist()
     levels = [float((run.y - gain * raw(order, run, shape, late)).mean()) for run in runs]

@@ -41,8 +41,7 @@ def stretches_of(rec: Record) -> list[Stretch]:
         raise IdentError(f"input {rec.input} is {rec.u[0]:g} throughout: no step. Record from before the step on.")
     runs = [run for s in rec.stretches if (run := _stretch(rec.u[s], rec.y[s], rec.sample_time, span)) is not None]
     edges = sum(len(run.at) for run in runs)
-    left = np.concatenate([rec.u[s] - _plateaus(rec.u[s], span) for s in rec.stretches])
-    off = float(np.sqrt(np.mean(left**2))) / span
+    off = _off_plateaus(rec, span)
     if off > LEFTOVER or not edges or edges * PLATEAU > len(rec):
         why = f"it changes {edges} times in {len(rec)} samples" if off <= LEFTOVER else "it varies between its edges"
         raise IdentError(
@@ -50,6 +49,12 @@ def stretches_of(rec: Record) -> list[Stretch]:
             f"and {LEFTOVER:.0%} of its range off the plateaus). Fit arx or output_error instead."
         )
     return runs
+
+
+def _off_plateaus(rec: Record, span: float) -> float:
+    """Root mean square distance of the input from its plateaus, as a share of its range."""
+    left = np.concatenate([rec.u[s] - _plateaus(rec.u[s], span) for s in rec.stretches])
+    return float(np.sqrt(np.mean(left**2))) / span
 
 
 def one_step(time: Array, y: Array, step: float, at: float) -> Stretch:
