@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -10,26 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import DataError, UsageError
-from ..core.rounding import format_plain
+from ..core.rounding import format_decimal, format_plain
 from ..core.suggestions import did_you_mean
 from .derived.derivation import SUMMED, derive
 from .derived.rules import apply, known_of
-from .draft import Draft, line_spans
+from .draft import Draft
 from .edges.assignment import settle_edges
 from .edges.merged_cells import lines_text
+from .named_rows import Rows, RowsOf
 from .options import ReadOptions
 from .plausibility.judgement import settle_units
-from .vocabulary import ROLES, UNNAMED
+from .plausibility.quantities import table_process
+from .plausibility.ranges import plausible
+from .vocabulary import ROLES
 
 _CORRECTION = re.compile(
     r"\s*(?P<target>.*\S)\s*:\s*(?P<symbol>[A-Za-z]\w*)\s*(?P<sign>[*/+-])\s*(?P<number>-?[\d.]+(?:[eE][+-]?\d+)?)\s*"
 )
-_LINES = re.compile(r"(?:lines?|rows?)\s+(?P<lines>[\d\s,-]+?)(?:\s+of\s+(?P<edges>.+))?", re.IGNORECASE)
-_EVERY = "all"
-MOST_NAMED = 40  # edges in a refusal
-_SHOWN = 4  # cells in a sentence
-
-Rows = NDArray[np.bool_]
 Step: TypeAlias = Literal["as written", "in its unit", "computed"]
 
 
@@ -99,7 +96,7 @@ class Corrections:
         self._options = options
         self._edges = trial.data.get("edge")
         self._rows_are_summed = any(one.equation.endswith(SUMMED) for one in trial.derived)
-        rows = _RowsOf(trial)
+        rows = RowsOf(trial)
         self._given = [(one, rows.of(one.target, f"--correct {one.text}"))
                        for one in map(parse_correction, options.correct)]  # fmt: skip
         self._check(trial)
@@ -123,6 +120,8 @@ class Corrections:
                 _apply(draft, one, rows, as_written=step == "as written" and one.symbol not in self._options.ranges)
         if step == "computed":
             _compute_anew(draft, self._options, {one.symbol for one, _ in self._given if self._steps[one.text] == step})
+            for one, rows in self._given:
+                _refuse_impossible(draft, self._options, one, rows)
             draft.assumed[:0] = [*(_sentence(draft, one, rows) for one, rows in self._given), *self._words]
         self._leave_out(draft, step)
 
@@ -182,119 +181,6 @@ def _copied(draft: Draft) -> Draft:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class _RowsOf:
-    """The rows of a draft that a target names."""
-
-    draft: Draft
-
-    def of(self, target: str, option: str) -> Rows:
-        """Rows of edges, of lines, or all of them; ``option`` begins the refusal of a target that does not exist."""
-        target = target.strip()
-        if target.lower() == _EVERY:
-            return np.ones(len(self.draft.lines), dtype=bool)
-        match = _LINES.fullmatch(target)
-        if match is None:
-            return self._of_edges(target, option)
-        within = self._of_edges(match["edges"], option) if match["edges"] else None
-        return self._of_lines(match["lines"], within, option)
-
-    def _of_edges(self, target: str, option: str) -> Rows:
-        if "edge" not in self.draft.data:
-            raise UsageError(
-                f"{option}: the file has no edges; name lines, as in 'lines 12,14-16', or the column of the edges with "
-                "--edge."
-            )
-        labels = self.draft.data["edge"]
-        names = [str(name) for name in dict.fromkeys(labels.tolist()) if name]
-        rows = np.zeros(len(labels), dtype=bool)
-        for name in _names_in(target, set(names)):
-            if name not in names:
-                raise UsageError(f"{option}: there is no edge {name!r}. {_like(name, names)}")
-            found = labels == name
-            self._refuse_several_pairs(name, found, option)
-            rows |= found
-        return rows
-
-    def _refuse_several_pairs(self, name: str, rows: Rows, option: str) -> None:
-        """Edges of one name on two tools or materials are different edges."""
-        labels = [self.draft.data[role][rows] for role in UNNAMED if role in self.draft.data]
-        pairs = list(zip(*(label.tolist() for label in labels), strict=True))
-        kinds = list(dict.fromkeys(pairs))
-        if len(kinds) > 1:
-            lines = self.draft.lines[rows]
-            each = "; ".join(
-                f"{' on '.join(map(str, kind))}: lines "
-                + ",".join(line_spans([int(n) for n, pair in zip(lines, pairs, strict=True) if pair == kind]))
-                for kind in kinds[:_SHOWN]
-            )
-            raise UsageError(f"{option}: edge {name!r} is in {len(kinds)} pairs of tool and work; name lines ({each}).")
-
-    def _of_lines(self, text: str, within: Rows | None, option: str) -> Rows:
-        lines = self.draft.lines
-        rows = np.zeros(len(lines), dtype=bool)
-        for first, last in _ranges(text, option):
-            found = (lines >= first) & (lines <= last) & (True if within is None else within)
-            if not found.any():
-                span = f"line {first}" if first == last else f"lines {first} to {last}"
-                of = "" if within is None else " of that edge"
-                raise UsageError(
-                    f"{option}: there is no row{of} in {span}; the rows are in lines {lines.min()} to {lines.max()}."
-                    if len(lines)
-                    else f"{option}: the file has no rows."
-                )
-            rows |= found
-        if within is None:
-            self._refuse_several_rows(rows, option)
-        return rows
-
-    def _refuse_several_rows(self, rows: Rows, option: str) -> None:
-        """A line may hold rows of several edges, in a wide table or in a folder of files."""
-        lines = self.draft.lines[rows]
-        if len(set(lines.tolist())) == len(lines) or "edge" not in self.draft.data:
-            return
-        line = next(n for n in lines.tolist() if np.count_nonzero(lines == n) > 1)
-        edges = list(dict.fromkeys(map(str, self.draft.data["edge"][self.draft.lines == line])))
-        if len(edges) > 1:
-            raise UsageError(
-                f"{option}: line {line} holds rows of the edges {', '.join(edges[:_SHOWN])}"
-                f"{', ...' if len(edges) > _SHOWN else ''}; name the edge too, as in 'lines {line} of {edges[0]}'."
-            )
-
-
-def _like(name: str, names: Sequence[str]) -> str:
-    """The edge that a name may mean: the one of the same number, else the most similar.
-
-    >>> _like("E7", ["E07", "E17"])
-    "Did you mean 'E07'?"
-    """
-    plain, *others = (re.sub(r"0*(\d+)", r"\1", one).casefold() for one in (name, *names))
-    same = [one for one, other in zip(names, others, strict=True) if other == plain]
-    return f"Did you mean {same[0]!r}?" if same else did_you_mean(name, names[:MOST_NAMED], names="Edges: ")
-
-
-def _names_in(text: str, known: set[str]) -> Iterator[str]:
-    """Names of a list with commas; a known name may hold commas itself.
-
-    >>> list(_names_in("E1, 2,5,E3", {"E1", "2,5", "E3"}))
-    ['E1', '2,5', 'E3']
-    """
-    parts = text.split(",")
-    while parts:
-        count = next((k for k in range(len(parts), 0, -1) if ",".join(parts[:k]).strip() in known), 1)
-        yield ",".join(parts[:count]).strip()
-        del parts[:count]
-
-
-def _ranges(text: str, option: str) -> Iterator[tuple[int, int]]:
-    """First and last line of each part of a list such as ``12,14-16``."""
-    for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+))?\s*", part)
-        if match is None or int(match[2] or match[1]) < int(match[1]):
-            raise UsageError(f"{option}: {part.strip()!r} is no line; write lines as in 'lines 12,14-16'.")
-        yield int(match[1]), int(match[2] or match[1])
-
-
 def _no_such(trial: Draft, symbol: str, known: Sequence[str]) -> str:
     """Why a symbol cannot be corrected, and what may be meant."""
     for use in trial.uses:
@@ -308,8 +194,9 @@ def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> No
     """Correct the values of a role, and with ``as_written`` the column of the file and its marked numbers."""
     old = np.asarray(draft.data[one.symbol], dtype=float)
     new = np.where(rows, one.apply(old), old)
-    wrong = np.flatnonzero((new < 0) & (old >= 0)) if one.number > 0 else np.array([], dtype=np.intp)
-    if wrong.size:
+    wrong = np.flatnonzero((new < 0) & (old >= 0))
+    reversed_sign = one.number < 0 and np.count_nonzero(old[rows] < 0) > wrong.size
+    if wrong.size and not reversed_sign:
         i = int(wrong[0])
         unit = ROLES[one.symbol].unit
         raise UsageError(
@@ -329,6 +216,29 @@ def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> No
                           for row, mark in columns[i].marks)  # fmt: skip
             columns[i] = replace(columns[i], values=np.where(rows, values * one.factor, values), marks=marks)
     draft.columns = tuple(columns)
+
+
+def _refuse_impossible(draft: Draft, options: ReadOptions, one: Correction, rows: Rows) -> None:
+    """Refuse a correction whose result no machine reaches; such cells of the file were left out before."""
+    ranges = plausible(one.symbol, table_process(draft, options))
+    if ranges is None or one.symbol in options.ranges:
+        return
+    new = np.asarray(draft.data[one.symbol], dtype=float)
+    unit = ROLES[one.symbol].unit
+    beyond = rows & (np.abs(new) > ranges.hard[1])
+    for column, use in zip(draft.columns, draft.uses, strict=True):
+        if use.role == one.symbol and column.is_numeric and not beyond.any():
+            new = np.where(np.isfinite(new), new, np.asarray(column.values, dtype=float))  # as written: left out
+            beyond = rows & np.isnan(np.asarray(draft.data[one.symbol], dtype=float)) & np.isfinite(new)
+            unit = use.unit
+    if beyond.any():
+        i = int(np.flatnonzero(beyond)[0])
+        low, high = map(format_decimal, ranges.usual)
+        value = f"{format_plain(new[i])} {unit}".rstrip()
+        raise UsageError(
+            f"--correct {one.text}: {one.symbol} of line {draft.lines[i]} would be {value}, which cannot be "
+            f"(usual {low} to {high} {ROLES[one.symbol].unit}); correct the number, or the rows."
+        )
 
 
 def _compute_anew(draft: Draft, options: ReadOptions, corrected: set[str]) -> None:

@@ -8,8 +8,7 @@ from itertools import islice
 from typing import Any
 
 from ...core.errors import DataError
-from .typed_cells import cell_of
-from .worksheet import Place, Row, WorkbookSheet, damaged, protected, without_hidden
+from .worksheet import Place, Row, WorkbookSheet, cell_of, damaged, protected, without_hidden
 
 _HIDING = re.compile(rb'table:visibility="(?:collapse|filter)"')
 _TAGS = re.compile(rb"<table:(table|table-row|table-column)((?:\s[^>]*)?)>")

@@ -12,8 +12,7 @@ from openpyxl.worksheet._reader import FORMULA_TAG, VALUE_TAG, WorkSheetParser
 
 from ...core.errors import DataError
 from .numerals import Cell
-from .typed_cells import cell_of, is_length_of_time, shown_time
-from .worksheet import Place, Row, WorkbookSheet, damaged, without_hidden
+from .worksheet import Place, Row, WorkbookSheet, cell_of, damaged, is_length_of_time, shown_time, without_hidden
 
 _TRUE = ("1", "true")
 _TEXT_TAG = VALUE_TAG[: -len("v")] + "t"
