@@ -9,7 +9,7 @@ from ...core.rounding import format_decimal
 from ..doubts import Doubt
 from ..draft import Draft, correction
 from ..vocabulary import ROLES
-from .unit_shifts import CLOSE, EVIDENCE, MINORITY, RATIOS, isolated, minorities, split_evidence
+from .unit_shifts import CLOSE, EVIDENCE, MINORITY, RATIOS, isolated, minorities, single_evidence, split_evidence
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.intp]
@@ -174,8 +174,11 @@ def _evidence(tests: _Tests, shifts: list[_Shift], y: Array) -> Array:
         left = y - everything @ np.linalg.lstsq(everything, y, rcond=None)[0]
         if float(left @ left) > EXACT * float(np.sum((y - y.mean()) ** 2)):
             out[these], by_square = split_evidence(y, rest, x, moves, n, (x - x.mean()) ** 2)
-            for k in these:  # a curved law, which the checks of the law find
-                if by_square > out[k] + CLOSE and not isolated(x, shifts[k].edges[known]):
+            by_one = single_evidence(y, everything, slice(None))[0]
+            for k in these:  # a curved law or a wrong edge, which the checks of the law find
+                moved = shifts[k].edges[known]
+                one_of_several = by_one > out[k] and np.count_nonzero(moved) > 1
+                if (by_square > out[k] + CLOSE or one_of_several) and not isolated(x, moved):
                     out[k] = 0.0
     return out
 
@@ -201,5 +204,12 @@ def _doubt(draft: Draft, tests: _Tests, response: str, shifts: list[_Shift]) -> 
         f"check the unit of {'these' if s else 'this'} {what}{s}"
     )
     rows = np.flatnonzero(tests.good)[shifts[0].edges[tests.code]]
-    remedy = correction(draft, rows, shifts[0].role, shifts[0].factor) if with_edges and len(shifts) == 1 else ""
+    remedy = correction(draft, rows, shifts[0].role, shifts[0].factor) if with_edges and _certain(tests, shifts) else ""
     return Doubt(tuple(dict.fromkeys(one.role for one in shifts)), sentence, remedy)
+
+
+def _certain(tests: _Tests, shifts: list[_Shift]) -> bool:
+    """Whether a correction may be proposed: of a single edge within the design any value may be the wrong one."""
+    one = shifts[0]
+    alone = np.count_nonzero(one.edges) == 1 and not isolated(tests.settings[one.role], one.edges)
+    return len(shifts) == 1 and not alone

@@ -37,6 +37,7 @@ INSIDE = 1.5  # shifted edges land among the others, or this ratio beside them
 MINORITY = 1 / 3  # of the edges
 EVIDENCE = 6.6  # n ln(RSS0/RSS1): 0 of 300 sound tests reach it, with 24 edges of 6 rows
 ISOLATED = 1.0
+ALONE, TINY = 0.02, 1e-9  # share of its own value that a row must not determine; of a column that others contain
 CLOSE = 4.6  # with less than this, 2 ln(10), between two ratios the data do not decide
 
 
@@ -53,7 +54,7 @@ def ratios_of(symbol: str) -> Mapping[float, str]:
 def minorities(x: Array, ratios: Mapping[float, str], inside: float = INSIDE) -> list[tuple[Flags, float]]:
     """Minorities beyond a gap of a condition, in logarithms, that a ratio brings among the others, with the factor.
 
-    >>> found = minorities(np.log([0.004, 0.1, 0.1, 0.2, 0.3, 0.1]), {25.4: "inch and mm"})
+    >>> found = minorities(np.log([0.004, 0.1, 0.1, 0.12, 0.11, 0.1]), {25.4: "inch and mm"})
     >>> [(edges.tolist().index(True), factor) for edges, factor in found]
     [(0, 25.4)]
     """
@@ -102,3 +103,20 @@ def split_evidence(y: Array, others: Array, x: Array, moves: Array, count: int, 
     first = np.log(max(rss[0], 1e-300))
     by_square = float(count * (first - np.log(max(float(bent @ bent), 1e-300))))
     return np.asarray(count * (first - np.log(np.maximum(rss[1:], 1e-300)))), by_square
+
+
+def single_evidence(y: Array, columns: Array, among: slice) -> tuple[float, int]:
+    """The largest n ln(RSS0/RSS1) of leaving out one row among some of the regression of y, and which; n are those.
+
+    >>> columns = np.column_stack([np.ones(6), np.arange(6.0)])
+    >>> single_evidence(np.array([0, 1, 2, 9, 4, 5.1]), columns, slice(None))[1]
+    3
+    """
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    q = u[:, s > TINY * s[0]]
+    left = y - q @ (q.T @ y)
+    own = (1 - np.einsum("ij,ij->i", q, q))[among]
+    rss = float(left @ left)
+    without = np.where(own > ALONE, rss - left[among] ** 2 / np.maximum(own, ALONE), rss)
+    row = int(np.argmin(without))
+    return len(own) * float(np.log(max(rss, 1e-300) / max(float(without[row]), 1e-300))), row

@@ -28,11 +28,11 @@ from .model_checks import collinearity, curvature, lack_of_fit
 from .physics import exponents, possible_values
 from .residual_tests import Residuals, normality, residual_sets, spread
 from .response_scale import box_cox, error_structure
-from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split
+from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split, without_found, without_suspects
 from .time_offsets import time_restarts, time_tests
 from .usefulness import doubts_of_reading, number_of_edges, predictive_use
 from .wrong_edges import mixed_units, wrong_edges
-from .wrong_rows import copies, without_found, without_suspects, wrong_rows
+from .wrong_rows import copies, wrong_rows
 
 Found = Check | NotAvailable
 WITHOUT_ROWS = (
@@ -94,7 +94,7 @@ class CheckInput:
     @cached_property
     def right_rows(self) -> tuple[LawFit, Strata | NotAvailable]:
         """The law without outlying rows, and its strata."""
-        return without_found(self.law, self.wrong_rows, self.strata)
+        return without_found(self.law, suspects_of(self.wrong_rows), self.strata)
 
     @cached_property
     def mixed_units(self) -> Found | None:
@@ -104,7 +104,12 @@ class CheckInput:
     @cached_property
     def one_unit(self) -> tuple[LawFit, Strata | NotAvailable]:
         """The law without outlying rows and without edges in another unit, and its strata."""
-        return without_found(self.right_rows[0], self.mixed_units, self.right_rows[1])
+        return without_found(self.right_rows[0], suspects_of(self.mixed_units), self.right_rows[1])
+
+
+def suspects_of(found: Found | None) -> tuple[Suspect, ...]:
+    """The suspects of a check."""
+    return found.suspects if isinstance(found, Check) else ()
 
 
 @dataclass(frozen=True, slots=True, repr=False)

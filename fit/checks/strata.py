@@ -18,6 +18,7 @@ from ..available import NotAvailable
 from ..group_sums import sums_by
 from ..lawfit import LawFit
 from ..regression import refitted
+from .check import Suspect
 
 NO_ROWS = "a law of a stream keeps no rows, and checks use them: fit a sample of the rows in memory"
 
@@ -245,3 +246,82 @@ def _with_icc(strata: Strata) -> Strata:
     spread = float(strata.weight @ (1 - np.einsum("ij,ij->i", of_edges, of_edges)))
     between = max(0.0, (float(left @ left) - inside * strata.df_between) / spread)
     return replace(strata, icc=min(between / (between + inside), NEARLY_ONE))
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeLevels:
+    """Regression of the levels of edges, what varies within them stacked above; rows where they are independent.
+
+    Attributes
+    ----------
+    names : tuple of str, length G
+        Edges, or lines of the file.
+    by_edge : bool
+    A, b : ndarray, shape (w + G, p) and (w + G,)
+        Columns, and the response, whitened.
+    root : ndarray, shape (G,)
+        Square root of the weight of each level.
+    x : ndarray, shape (G, k)
+        Mean of the terms of the law (logarithms of the factors) on each edge.
+    back : ndarray, shape (p, p)
+        ``theta`` is ``back`` times the coefficients of A.
+    """
+
+    names: tuple[str, ...]
+    by_edge: bool
+    A: Array
+    b: Array
+    root: Array
+    x: Array
+    back: Array
+
+    @property
+    def within(self) -> int:
+        """Rows above the levels."""
+        return len(self.b) - len(self.names)
+
+
+def edge_levels(law: LawFit, strata: Strata | NotAvailable) -> EdgeLevels | NotAvailable:
+    """Levels of the edges of a law; of its rows where each is an edge or no edge is known."""
+    if isinstance(strata, Strata):
+        stacked = strata.stacked()
+        count = np.bincount(strata.edge)
+        x = np.column_stack([np.bincount(strata.edge, term) / count for term in law.design[:, 1:].T])
+        own = np.linalg.solve(strata.back, law.theta)
+        A, root = stacked[:, :-1], np.sqrt(strata.weights)
+        return EdgeLevels(strata.names, True, A, A @ own + stacked[:, -1], root, x, strata.back)
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    if law.n_edges is not None and law.n_edges < law.nobs:
+        return strata
+    columns, back = linear_columns(law)
+    b = columns @ np.linalg.solve(back, law.theta) + law.residuals
+    names = law.lines if law.edge is None else law.edge
+    one = np.ones(law.nobs)
+    return EdgeLevels(tuple(map(str, names)), law.edge is not None, columns, b, one, law.design[:, 1:], back)
+
+
+def without_found(
+    law: LawFit, suspects: "tuple[Suspect, ...]", strata: Strata | NotAvailable
+) -> tuple[LawFit, Strata | NotAvailable]:
+    """The law refitted without suspects, and its strata; both as they are where there are none."""
+    rest = without_suspects(law, suspects) if suspects else None
+    return (law, strata) if rest is None else (rest, split(rest))
+
+
+LARGEST = 0.4  # share of the rows that the suspects may have in a comparison without them
+
+
+def without_suspects(law: LawFit, suspects: "tuple[Suspect, ...]") -> LawFit | None:
+    """The law refitted without the rows and edges that are suspected; None where too few are left for it."""
+    edges = {edge for one in suspects for edge in one.edges}
+    lines = [line for one in suspects if not one.edges for line in one.lines]
+    out = np.isin(law.lines, lines)
+    if law.edge is not None:
+        out |= np.isin(np.asarray(law.edge, dtype=str), sorted(edges))
+    if not 0 < out.mean() <= LARGEST or np.count_nonzero(~out) <= len(law.theta):
+        return None
+    try:
+        return refitted(law, law.error, ~out)
+    except FitError:  # a level or a factor that no longer varies
+        return None

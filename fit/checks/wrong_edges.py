@@ -9,7 +9,7 @@ Sources: Rosner 1983, Technometrics 25, 165 (several outliers, one after the oth
 Regression Diagnostics, chapter 2 (externally studentized residuals).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,13 +26,14 @@ from ...datasets.plausibility.unit_shifts import (
     isolated,
     minorities,
     ratios_of,
+    single_evidence,
     split_evidence,
 )
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p
-from .strata import Strata, linear_columns, no_scatter, orthonormal
+from .strata import EdgeLevels, Strata, edge_levels, orthonormal
 from .wrong_rows import NEAR, explained, lines_of, listed, tail_of_rows
 
 FEWEST, SPARE = 8, 4  # edges, and edges beyond the parameters that they determine
@@ -48,59 +49,6 @@ TIME_INSIDE = 3.0  # as INSIDE, of times, whose range differs between edges that
 CONDITIONS: Mapping[str, Mapping[float, str]] = {"t": TIME_RATIOS, **RATIOS}
 Flags = NDArray[np.bool_]
 Split = tuple[float, str, Flags, float]  # evidence, factor of the law, edges, what it is multiplied by
-
-
-@dataclass(frozen=True, slots=True)
-class EdgeLevels:
-    """Regression of the levels of edges, what varies within them stacked above; rows where they are independent.
-
-    Attributes
-    ----------
-    names : tuple of str, length G
-        Edges, or lines of the file.
-    by_edge : bool
-    A, b : ndarray, shape (w + G, p) and (w + G,)
-        Columns, and the response, whitened.
-    root : ndarray, shape (G,)
-        Square root of the weight of each level.
-    x : ndarray, shape (G, k)
-        Mean of the terms of the law (logarithms of the factors) on each edge.
-    back : ndarray, shape (p, p)
-        ``theta`` is ``back`` times the coefficients of A.
-    """
-
-    names: tuple[str, ...]
-    by_edge: bool
-    A: Array
-    b: Array
-    root: Array
-    x: Array
-    back: Array
-
-    @property
-    def within(self) -> int:
-        """Rows above the levels."""
-        return len(self.b) - len(self.names)
-
-
-def edge_levels(law: LawFit, strata: Strata | NotAvailable) -> EdgeLevels | NotAvailable:
-    """Levels of the edges of a law; of its rows where each is an edge or no edge is known."""
-    if isinstance(strata, Strata):
-        stacked = strata.stacked()
-        count = np.bincount(strata.edge)
-        x = np.column_stack([np.bincount(strata.edge, term) / count for term in law.design[:, 1:].T])
-        own = np.linalg.solve(strata.back, law.theta)
-        A, root = stacked[:, :-1], np.sqrt(strata.weights)
-        return EdgeLevels(strata.names, True, A, A @ own + stacked[:, -1], root, x, strata.back)
-    if reason := no_scatter(law):
-        return NotAvailable(reason)
-    if law.n_edges is not None and law.n_edges < law.nobs:
-        return strata
-    columns, back = linear_columns(law)
-    b = columns @ np.linalg.solve(back, law.theta) + law.residuals
-    names = law.lines if law.edge is None else law.edge
-    one = np.ones(law.nobs)
-    return EdgeLevels(tuple(map(str, names)), law.edge is not None, columns, b, one, law.design[:, 1:], back)
 
 
 def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvailable | None:
@@ -121,10 +69,38 @@ def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
     levels = edge_levels(law, strata)
     if isinstance(levels, NotAvailable):
         return levels
+    if len(levels.names) < (least := max(FEWEST, len(law.theta) + SPARE)):
+        return NotAvailable(f"fewer than {least} edges or settings")
+    asked = _conditions_of(law)
+    tried, by_square = _splits(law, levels, asked)
+    most = max(tried, key=lambda one: one[0], default=None)
+    kept = f"No edges agree better with {' or '.join((*asked, law.response))} in another unit"
+    if most is None or most[0] < EVIDENCE:
+        statistic = most[0] if most else 0.0
+        return Check(null=_NULL, statistic=statistic, symbol=_SYMBOL, verdict=f"{kept}.", kept=f"{kept}.")
+    same = [one for one in tried if one[0] > most[0] - CLOSE and np.array_equal(one[2], most[2])]
+    same.sort(key=lambda one: -one[0])
+    doubt, other = _other_cause(law, levels, most, by_square.get(most[1], 0.0))
+    words = _split_words(law, levels, same)
+    return Check(
+        null=_NULL,
+        statistic=most[0],
+        symbol=_SYMBOL,
+        concern=2 - doubt,
+        verdict=(words, f"{words} {other} explains the difference as well.", f"{kept}: {other} explains more.")[doubt],
+        kept=f"{kept}.",
+        suspects=(_suspect(levels, same[0]),) if doubt == 0 else (),
+    )
+
+
+def _conditions_of(law: LawFit) -> list[str]:
+    """Factors whose unit the response shows: forces hardly depend on speed and time."""
     load = law.response in ROLES and ROLES[law.response].kind == "load" and law.response != "P"
-    asked = [name for name in law.factors if name in CONDITIONS and not (load and name in ("V", "t"))]
-    if len(levels.names) < max(FEWEST, len(law.theta) + SPARE):
-        return NotAvailable(f"fewer than {max(FEWEST, len(law.theta) + SPARE)} edges or settings")
+    return [name for name in law.factors if name in CONDITIONS and not (load and name in ("V", "t"))]
+
+
+def _splits(law: LawFit, levels: EdgeLevels, asked: list[str]) -> tuple[list[Split], dict[str, float]]:
+    """All edges that another unit may concern, and for each condition the evidence of its square."""
     tried, by_square = _response_blocks(law, levels), dict[str, float]()
     for name in asked:
         j = law.factors.index(name)
@@ -132,34 +108,25 @@ def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
         if moves:
             evidence, by_square[name] = _evidence(law, levels, j, moves)
             tried += [(float(e), name, *move) for e, move in zip(evidence, moves, strict=True)]
-    most = max(tried, key=lambda one: one[0], default=None)
-    kept = f"No edges agree better with {' or '.join((*asked, law.response))} in another unit."
-    if most is None or most[0] < EVIDENCE:
-        statistic = most[0] if most else 0.0
-        return Check(null=_NULL, statistic=statistic, symbol=_SYMBOL, verdict=kept, kept=kept)
-    same = [one for one in tried if one[0] > most[0] - CLOSE and np.array_equal(one[2], most[2])]
-    same.sort(key=lambda one: -one[0])
-    curved = _resemblance(law, levels, most, by_square.get(most[1], 0.0))
-    words = _split_words(law, levels, same)
-    if curved == 1:
-        words += f" The square of ln {most[1]} explains them as well: a second-order law, if the units are right."
-    return Check(
-        null=_NULL,
-        statistic=most[0],
-        symbol=_SYMBOL,
-        concern=2 - curved,
-        verdict=words if curved < 2 else f"{kept[:-1]} than with the square of ln {most[1]}.",
-        kept=kept,
-        suspects=(_suspect(levels, same[0]),) if curved == 0 else (),
-    )
+    return tried, by_square
 
 
-def _resemblance(law: LawFit, levels: EdgeLevels, one: Split, by_square: float) -> int:
-    """0 where a curved law explains edges clearly worse than another unit, 1 where it does as well, 2 better."""
+def _other_cause(law: LawFit, levels: EdgeLevels, one: Split, by_square: float) -> tuple[int, str]:
+    """0 where other causes explain edges clearly worse than another unit, 1 as well, 2 better; and the best other one.
+
+    They are a curved law and a single edge whose response is wrong; a single edge never shows which of its values is.
+    """
     evidence, name, edges, _ = one
     if name == law.response or isolated(levels.x[:, law.factors.index(name)], edges):
-        return 0
-    return 0 if by_square < evidence - CLOSE else 1 + int(by_square >= evidence)
+        return 0, ""
+    by_edge, g = single_evidence(levels.b, levels.A, slice(levels.within, None))
+    unit = "edge" if levels.by_edge else "line"
+    others = [
+        (by_square, f"The square of ln {name}", 2),
+        (by_edge, f"A wrong {law.response} of {unit} {levels.names[g]}", 2 if np.count_nonzero(edges) > 1 else 1),
+    ]
+    best, words, most = max(others)
+    return (0 if best < evidence - CLOSE else 1 if best < evidence else most), words
 
 
 _NULL = "no edges have a value in another unit than the others"
@@ -180,36 +147,34 @@ def _evidence(law: LawFit, levels: EdgeLevels, j: int, moves: list[tuple[Flags, 
 
 def _response_blocks(law: LawFit, levels: EdgeLevels) -> list[Split]:
     """Edges that deviate from the law of the others by the ratio of two units of the response, all alike."""
-    w, G, p = levels.within, len(levels.names), levels.A.shape[1]
+    G, p = len(levels.names), levels.A.shape[1]
     Q = orthonormal(levels.A)
-
-    def left(b: Array) -> Array:
-        return np.asarray(b - Q @ (Q.T @ b))
-
-    first = left(levels.b)
-    start = first[w:] / levels.root
-    rss = float(first @ first)
-    middle = (start.max() + start.min()) / 2
+    first = levels.b - Q @ (Q.T @ levels.b)
     found: list[Split] = []
-    for ratio in ratios_of(law.response):
-        for move in (np.log(ratio), -np.log(ratio)):
-            edges = start < middle if move > 0 else start > middle
-            shift = np.zeros(len(levels.b))
-            for _ in range(STEPS):
-                shift[w:] = edges * move * levels.root
-                own = left(levels.b + shift)[w:] / levels.root - edges * move
-                own -= np.median(own[~edges]) if not edges.all() else 0.0
-                again = own * np.sign(move) < -abs(move) / 2
-                if np.array_equal(again, edges):
-                    break
-                edges = again
-            deviation = own + edges * move
-            alike = np.abs(deviation).max() < ALIKE * abs(move)
-            rest = left(levels.b + shift)
-            evidence = (G - p) * float(np.log(rss / max(float(rest @ rest), 1e-300)))
-            if 2 <= np.count_nonzero(edges) <= G / 2 and alike and evidence > BLOCK:
-                found.append((evidence, law.response, edges, float(np.exp(move))))
+    for move in (sign * np.log(ratio) for ratio in ratios_of(law.response) for sign in (1, -1)):
+        edges, deviation, rss = _moved_block(levels, Q, first, move)
+        evidence = (G - p) * float(np.log(float(first @ first) / max(rss, 1e-300)))
+        alike = np.abs(deviation).max() < ALIKE * abs(move)
+        if alike and 2 <= np.count_nonzero(edges) <= G / 2 and evidence > BLOCK:
+            found.append((evidence, law.response, edges, float(np.exp(move))))
     return found
+
+
+def _moved_block(levels: EdgeLevels, Q: Array, first: Array, move: float) -> tuple[Flags, Array, float]:
+    """Edges nearer to the law once they are moved, what all deviate by then, and the sum of squares."""
+    w = levels.within
+    start = first[w:] / levels.root
+    edges = start * np.sign(move) < np.sign(move) * (start.max() + start.min()) / 2
+    for _ in range(STEPS):
+        shift = np.append(np.zeros(w), edges * move * levels.root)
+        left = first + shift - Q @ (Q.T @ shift)
+        own = left[w:] / levels.root - edges * move
+        own = own - (np.median(own[~edges]) if not edges.all() else 0.0)
+        again = own * np.sign(move) < -abs(move) / 2
+        if np.array_equal(again, edges):
+            break
+        edges = again
+    return edges, own + edges * move, float(left @ left)
 
 
 def _suspect(levels: EdgeLevels, one: Split) -> Suspect:
@@ -228,25 +193,21 @@ def cause_of(ratios: Mapping[float, str], factor: float) -> str:
 
 def _split_words(law: LawFit, levels: EdgeLevels, same: list[Split]) -> str:
     named = [levels.names[g] for g in np.flatnonzero(same[0][2])]
-    parts = []
-    for _, name, edges, factor in same:
-        of_response = name == law.response
-        x = levels.b[levels.within :] / levels.root if of_response else levels.x[:, law.factors.index(name)]
-        x = np.exp(x[edges])
-        ends = list(dict.fromkeys(format_plain(float(v), 3) for v in (x.min(), x.max())))
-        mean = "a mean " if name == "t" or of_response else ""
-        parts.append(
-            f"{mean}{name} of {' to '.join(ends)} {law.units.get(name, '')} {_moved(factor)} "
-            f"({cause_of(CONDITIONS.get(name) or ratios_of(name), factor)})"
-        )
-    one = len(named) == 1
-    unit = (
-        ("Edge " if one else "Edges ") + listed(named) if levels.by_edge else lines_of([*map(int, named)]).capitalize()
-    )
-    return (
-        f"{unit}: with {', or '.join(parts)} the {law.response} agrees with that of the others; "
-        f"check the unit of {'this' if one else 'these'}."
-    )
+    parts = ", or ".join(_way(law, levels, one) for one in same)
+    these, s = ("this", "") if len(named) == 1 else ("these", "s")
+    unit = f"Edge{s} {listed(named)}" if levels.by_edge else lines_of([*map(int, named)]).capitalize()
+    return f"{unit}: with {parts} the {law.response} agrees with that of the others; check the unit of {these}."
+
+
+def _way(law: LawFit, levels: EdgeLevels, one: Split) -> str:
+    """The values, what they are multiplied by, and the cause."""
+    _, name, edges, factor = one
+    level = levels.b[levels.within :] / levels.root
+    x = np.exp((level if name == law.response else levels.x[:, law.factors.index(name)])[edges])
+    ends = dict.fromkeys(format_plain(float(v), 3) for v in (x.min(), x.max()))
+    mean = "a mean " if name in ("t", law.response) else ""
+    cause = cause_of(CONDITIONS.get(name) or ratios_of(name), factor)
+    return f"{mean}{name} of {' to '.join(ends)} {law.units.get(name, '')} {_moved(factor)} ({cause})"
 
 
 def _moved(factor: float) -> str:
@@ -287,18 +248,13 @@ def wrong_edges(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
     found = _one_after_the_other(levels, tail_of_rows(strata.rest))
     largest = f"the largest studentized residual of a level is {found.largest:.1f} ({format_p(found.pvalue)})"
     kept = f"No edge deviates further than chance explains: {largest}."
-    rejected = found.pvalue < SIGNIFICANT
-    small = law.error == "multiplicative" and float(np.abs(found.deviation).max()) < SMALL
-    suspects, words = _explained(law, levels, found) if rejected and not small else ((), kept)
-    if rejected and small:
-        names = listed([levels.names[g] for g in found.edges])
-        words = f"Edge {names} deviates from the law of the others by less than {np.expm1(SMALL):.0%}: {largest}."
+    suspects, words = _explained(law, levels, found, kept)
     return Check(
         null="no edge deviates from the law of the others further than edges do",
         statistic=found.largest,
         symbol="largest |t|",
         pvalue=found.pvalue,
-        concern=int(rejected and not small),
+        concern=int(bool(suspects)),
         verdict=words,
         kept=kept,
         suspects=suspects,
@@ -342,27 +298,46 @@ def _one_after_the_other(levels: EdgeLevels, tail: float) -> _Outlying:
     return _Outlying(edges, min(pvalues), rest[at] / root, error, levels.back @ coefficients, max(sizes[: last + 1]))
 
 
-def _explained(law: LawFit, levels: EdgeLevels, found: _Outlying) -> tuple[tuple[Suspect, ...], str]:
+def _explained(law: LawFit, levels: EdgeLevels, found: _Outlying, kept: str) -> tuple[tuple[Suspect, ...], str]:
     """Suspects, the edges that one ratio of units explains together, and a sentence on each."""
-    groups: dict[tuple[float, str], list[int]] = {}
+    if found.pvalue >= SIGNIFICANT:
+        return (), kept
     logs = law.error == "multiplicative"
+    if logs and float(np.abs(found.deviation).max()) < SMALL:
+        return (), (
+            f"{_edges_of(levels, found, range(len(found.edges)))}: off the law of the others by less than "
+            f"{np.expm1(SMALL):.0%}, which hardly moves it ({format_p(found.pvalue)})."
+        )
+    groups: dict[tuple[float, str], list[int]] = {}
     for k in range(len(found.edges)):
         ratios = ratios_of(law.response) if logs else {}
         groups.setdefault(explained(float(found.deviation[k]), ratios, NEAR * float(found.error[k])), []).append(k)
-    suspects, words = [], []
-    for (factor, cause), members in groups.items():
-        names = tuple(levels.names[found.edges[k]] for k in members)
-        suspects.append(Suspect(law.response, edges=names, factor=factor or None, cause=cause))
-        head = f"Edge{'' if len(names) == 1 else 's'} {listed(names)}: the {law.response} is "
-        if not logs:
-            size = listed([f"{found.deviation[k]:+.3g}" for k in members])
-            words.append(f"{head}{size} {law.units.get(law.response, '')} off the law of the other edges{_AND_NOW}")
-            continue
-        times = listed([f"{np.exp(found.deviation[k]):.2g}" for k in members])
-        unit = f", as with {cause}: {law.response} {_moved(factor)}" if factor else ""
-        other = "" if factor else _by_conditions(law, levels, found, members)
-        words.append(f"{head}{times} times that of the law of the other edges{unit}{other}{_AND_NOW}")
-    return tuple(suspects), " ".join(words)
+    suspects = tuple(
+        Suspect(law.response, tuple(levels.names[found.edges[k]] for k in members), factor=factor or None, cause=cause)
+        for (factor, cause), members in groups.items()
+    )
+    words = [_edge_words(law, levels, found, *one, members) for one, members in groups.items()]
+    return suspects, " ".join(words)
+
+
+def _edges_of(levels: EdgeLevels, found: _Outlying, members: Sequence[int]) -> str:
+    names = [levels.names[found.edges[k]] for k in members]
+    return f"Edge{'' if len(names) == 1 else 's'} {listed(names)}"
+
+
+def _edge_words(
+    law: LawFit, levels: EdgeLevels, found: _Outlying, factor: float, cause: str, members: list[int]
+) -> str:
+    head = f"{_edges_of(levels, found, members)}: the {law.response} is "
+    if law.error != "multiplicative":
+        size = listed([f"{found.deviation[k]:+.3g}" for k in members])
+        return f"{head}{size} {law.units.get(law.response, '')} off the law of the other edges{_AND_NOW}"
+    times = listed([f"{np.exp(found.deviation[k]):.2g}" for k in members])
+    if factor:
+        other = f", as with {cause}: {law.response} {_moved(factor)}"
+    else:
+        other = _by_conditions(law, levels, found, members)
+    return f"{head}{times} times that of the law of the other edges{other}{_AND_NOW}"
 
 
 _AND_NOW = "; check the record, or repeat the edge."

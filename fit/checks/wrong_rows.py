@@ -17,15 +17,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ...core.errors import FitError
 from ...core.rounding import format_plain
 from ...datasets.plausibility.unit_shifts import TIME_RATIOS, ratios_of
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from ..regression import refitted
 from .check import SIGNIFICANT, Check, Suspect, format_p
 from .robust_fit import NORMAL, bisquare_residuals
-from .strata import NO_ROWS, Strata, has_repeated_edges, no_scatter, split, units_of
+from .strata import NO_ROWS, has_repeated_edges, no_scatter, units_of
 
 TAIL = 3.5  # index of the tail between 4 and 10 standard deviations of Student's t with 4 degrees of freedom
 FEWEST, SPARE = 12, 6  # rows, and rows beyond the parameters
@@ -113,29 +111,35 @@ def wrong_rows(law: LawFit) -> Check | NotAvailable:
     if scale <= 1e-9 * float(size.max()):
         return NotAvailable("at least half of the rows lie on the law exactly: the robust scale is zero")
     count, pvalue = standing_apart(size, max(1, int(MOST * n)), FLOOR * scale)
-    rows = np.argsort(-size, kind="stable")[:count]
-    kept = f"No row stands apart from the others: the largest deviation is {size.max() / scale:.1f} standard deviations"
-    kept += f" ({format_p(pvalue)})."
+    rows = np.sort(np.argsort(-size, kind="stable")[:count])
+    kept = (
+        f"No row stands apart from the others: the largest deviation is {size.max() / scale:.1f} standard deviations "
+        f"({format_p(pvalue)})."
+    )
     suspects: tuple[Suspect, ...] = ()
     words = kept
     if pvalue < SIGNIFICANT and float(size[rows].min()) > FAR * scale:
         power = _power_of_time(law, np.log(law.observed) - whole) if logs else 0.0
-        suspects = _suspects(law, np.sort(rows), r, scale, logs, power)
+        suspects = _suspects(law, rows, r, scale, logs, power)
         words = " ".join(_sentence(law, one, r, logs) for one in suspects)
-        if any(one.factor is None for one in suspects) and logs and float(size[rows].min()) < SMALL:
-            suspects = ()
-            words = f"{count} rows deviate together by up to {np.expm1(size.max()):.0%}: the form does not fit them."
-    moved = np.log(law.observed / law.fitted) - whole if logs else np.zeros(n)
+    if logs and float(size[rows].min()) < SMALL and any(one.factor is None for one in suspects):
+        suspects = ()
+        words = f"{count} rows deviate together by up to {np.expm1(size.max()):.0%}: the form does not fit them."
     return Check(
         null="no row deviates further than heavy tails of the error explain",
         statistic=float(size.max()) / scale,
         symbol="largest |r| / s",
         pvalue=pvalue,
-        concern=0 if not suspects else 1 + int(np.abs(moved).max() > HARM),
+        concern=_harm(law, whole, logs) if suspects else 0,
         verdict=words,
         kept=kept,
         suspects=suspects,
     )
+
+
+def _harm(law: LawFit, robust: Array, logs: bool) -> int:
+    """2 where wrong rows move a prediction by more than the limit, otherwise 1."""
+    return 1 + int(logs and float(np.abs(np.log(law.observed / law.fitted) - robust).max()) > HARM)
 
 
 def _power_of_time(law: LawFit, fitted: Array) -> float:
@@ -193,30 +197,50 @@ def _sentence(law: LawFit, suspect: Suspect, r: Array, logs: bool) -> str:
     at = np.flatnonzero(np.isin(law.lines, suspect.lines))
     unit = law.units.get(law.response, "")
     values = listed([format_plain(float(v), 3) for v in law.observed[at]])
-    one = len(at) == 1
     head = f"{law.response} in {lines_of(suspect.lines)} ({values} {unit}".rstrip() + ")"
     if not logs:
         size = format_plain(float(np.median(r[at])), 3)
         return f"{head} deviates by {size} {unit} from the law of the other rows: check the record, or leave it out."
+    return head + (_one_row if len(at) == 1 else _several_rows)(law, suspect, at, r)
+
+
+def _one_row(law: LawFit, suspect: Suspect, at: NDArray[np.intp], r: Array) -> str:
+    if suspect.factor is None:
+        return (
+            f" is {np.exp(r[at[0]]):.2g} times what the law of the other rows gives, and no ratio of units explains "
+            "it: check the record, or leave the row out."
+        )
+    if suspect.column == "t":
+        return (
+            f" agrees with the law of the other rows with {_times(law, at)} of this line in another unit{_of(suspect)}."
+        )
+    return f" is too {_low(suspect)} against the law of the other rows{_of(suspect)}: correct it."
+
+
+def _several_rows(law: LawFit, suspect: Suspect, at: NDArray[np.intp], r: Array) -> str:
     if suspect.factor is None:
         times = listed([f"{v:.2g}" for v in np.exp(r[at])])
         return (
-            f"{head} {'is' if one else 'are'} {times} times what the law of the other rows gives, and no ratio of "
-            f"units explains {'it' if one else 'them'}: check the {'record' if one else 'records'}, or leave "
-            f"{'the row' if one else 'the rows'} out."
+            f" are {times} times what the law of the other rows gives, and no ratio of units explains them: check the "
+            "records, or leave the rows out."
         )
     if suspect.column == "t":
-        t = listed([format_plain(float(v), 3) for v in law.X[at, law.factors.index("t")]])
-        return (
-            f"{head} {'agrees' if one else 'agree'} with the law of the other rows with the t of "
-            f"{'this line' if one else 'these lines'} ({t} {law.units.get('t', '')}) in another unit ({suspect.cause})."
-        )
-    ratio = max(suspect.factor, 1 / suspect.factor)
-    way = "low" if suspect.factor > 1 else "high"
-    return (
-        f"{head} {'is' if one else 'are'} too {way} by a factor of {ratio:.4g} against the law of the other rows "
-        f"({suspect.cause}): correct {'it' if one else 'them'}."
-    )
+        return f" agree with the law of the other rows with {_times(law, at)} in another unit{_of(suspect)}."
+    return f" are too {_low(suspect)} against the law of the other rows{_of(suspect)}: correct them."
+
+
+def _of(suspect: Suspect) -> str:
+    return f" ({suspect.cause})"
+
+
+def _low(suspect: Suspect) -> str:
+    factor = suspect.factor or 1.0
+    return f"{'low' if factor > 1 else 'high'} by a factor of {max(factor, 1 / factor):.4g}"
+
+
+def _times(law: LawFit, at: NDArray[np.intp]) -> str:
+    t = listed([format_plain(float(v), 3) for v in law.X[at, law.factors.index("t")]])
+    return f"t {t} {law.units.get('t', '')}"
 
 
 def lines_of(lines: Sequence[int]) -> str:
@@ -249,27 +273,24 @@ def copies(law: LawFit) -> Check | NotAvailable | None:
     """
     if law.rows is None:
         return NotAvailable(NO_ROWS)
-    if law.edge is None or not has_repeated_edges(law) or law.scale_se is None or law.exact:
+    if law.edge is None or not has_repeated_edges(law) or no_scatter(law):
         return None
     if law.nobs > MOST_ROWS:
         return NotAvailable(f"copies are sought among {MOST_ROWS} rows at most, and the law has {law.nobs}")
     twice = _rows_twice(law, law.edge)
     blocks, pvalue = _equal_sequences(law, law.edge)
     kept = "No rows stand twice, and no two edges have the same readings."
-    found = [words for words in (_twice_words(law, twice), _block_words(law, blocks)) if words]
-    suspects = (
-        *((Suspect(law.response, lines=tuple(int(law.lines[i]) for i in twice), cause="copies"),) if twice else ()),
-        *(Suspect(law.response, edges=pair, cause="copies") for pair in dict.fromkeys(b[:2] for b in blocks)),
-    )
+    suspects = [Suspect(law.response, lines=tuple(int(law.lines[i]) for i in twice), cause="copies")] if twice else []
+    suspects += [Suspect(law.response, edges=pair, cause="copies") for pair in dict.fromkeys(b[:2] for b in blocks)]
     return Check(
         null="no readings are copies of others",
         statistic=float(len(twice) + len(blocks)),
         symbol="copies",
         pvalue=0.0 if twice else pvalue,
-        concern=int(bool(found)),
-        verdict=" ".join(found) or kept,
+        concern=int(bool(suspects)),
+        verdict=f"{_twice_words(law, twice)} {_block_words(law, blocks)}".strip() or kept,
         kept=kept,
-        suspects=suspects,
+        suspects=tuple(suspects),
     )
 
 
@@ -298,21 +319,23 @@ def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tupl
     best: dict[tuple[str, str], tuple[str, str, int, float]] = {}
     smallest = 1.0
     for where in grams.groupby(list(grams.columns), sort=False).indices.values():
-        starts = grams.index.to_numpy()[where]
-        for a, b in pairwise(starts):
+        for a, b in pairwise(grams.index.to_numpy()[where]):
             if edge[a] == edge[b]:
                 continue
-            length = k
-            while b + length < len(y) and edge[a + length] == edge[a] and edge[b + length] == edge[b]:
-                if y[a + length] != y[b + length]:
-                    break
-                length += 1
+            length = _common_length(y, edge, a, b)
             p = float(min(1.0, pairs * np.exp(chance[a : a + length].sum())))
             smallest = min(smallest, p)
             pair = (str(label[a]), str(label[b]))
-            if p < SIGNIFICANT and (pair not in best or best[pair][3] > p):
+            if p < min(SIGNIFICANT, best.get(pair, ("", "", 0, 1.0))[3]):
                 best[pair] = (*pair, length, p)
     return list(best.values()), smallest
+
+
+def _common_length(y: Array, edge: NDArray[np.intp], a: int, b: int) -> int:
+    """Number of equal readings in succession from rows a and b on, each within its edge."""
+    most = min(int(np.count_nonzero(edge[a:] == edge[a])), int(np.count_nonzero(edge[b:] == edge[b])))
+    equal = y[a : a + most] == y[b : b + most]
+    return most if equal.all() else int(np.argmin(equal))
 
 
 def _resolution(y: Array) -> float:
@@ -352,29 +375,3 @@ def _block_words(law: LawFit, blocks: list[tuple[str, str, int, float]]) -> str:
         f"Identical {law.response} in succession: {listed(parts)}. Readings were probably copied from one edge to the "
         "other, and are no independent tests: check the records, and leave the copy out."
     )
-
-
-def without_found(law: LawFit, check: object, strata: Strata | NotAvailable) -> tuple[LawFit, Strata | NotAvailable]:
-    """The law refitted without the suspects of a check, and its strata; both as they are where there are none."""
-    if not isinstance(check, Check) or not check.concern or not check.suspects:
-        return law, strata
-    rest = without_suspects(law, check.suspects)
-    return (law, strata) if rest is None else (rest, split(rest))
-
-
-LARGEST = 0.4  # share of the rows that the suspects may have in a comparison without them
-
-
-def without_suspects(law: LawFit, suspects: tuple[Suspect, ...]) -> LawFit | None:
-    """The law refitted without the rows and edges that are suspected; None where too few are left for it."""
-    edges = {edge for one in suspects for edge in one.edges}
-    lines = [line for one in suspects if not one.edges for line in one.lines]
-    out = np.isin(law.lines, lines)
-    if law.edge is not None:
-        out |= np.isin(np.asarray(law.edge, dtype=str), sorted(edges))
-    if not 0 < out.mean() <= LARGEST or np.count_nonzero(~out) <= len(law.theta):
-        return None
-    try:
-        return refitted(law, law.error, ~out)
-    except FitError:  # a level or a factor that no longer varies
-        return None
