@@ -271,3 +271,14 @@ def test_the_terminal_shows_twelve_rows_of_a_response_and_says_the_rest():
     assert sum(line.count(" to ") == 3 for line in told.splitlines()) == 12
     assert "P steel (iso513)" in told
     assert "mean, 95 %" in told
+
+
+def test_a_law_that_must_not_be_used_does_not_move_its_family():
+    results = pd.DataFrame({
+        "tool": ["a", "b", "c", "d"], "work": "steel", "response": "AW", "form": "power", "reason": "", "df": 23,
+        "params_V": [0.45, 0.55, 0.60, 9.0], "bse_V": 0.05,
+        "verdict": ["usable inside the tested region"] * 3 + ["do not use for control"],
+    })  # fmt: skip
+    made = compare(results)
+    assert made.families["pairs"].tolist() == [3]
+    assert "d" not in set(made.pairs["tool"])
