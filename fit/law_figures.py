@@ -155,9 +155,7 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
         lines = ax.contour(gx, gy, z, levels, colors="black", linewidths=0.7)
         ax.clabel(lines, fontsize=7, fmt=lambda v: f"{v:.4g}")
     else:
-        ends = f"{z.min():.5g}" if np.isfinite(z).all() else "not finite"
-        why = f"no contours: {law.response} is {ends} over the whole surface"
-        ax.text(0.5, 0.93, why, ha="center", fontsize=8, color=GREY, transform=ax.transAxes)
+        _without_contours(law, z, ax)
         ax.set(xlim=(x0, x1), ylim=(y0, y1))
     settings = _settings(law.X[:, :2])
     settings = settings[:: -(-len(settings) // 400)]
@@ -170,6 +168,12 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
     held = ", ".join(f"{name} {value:.3g} {law.units.get(name, '')}".rstrip() for name, value in at_middle.items())
     ax.set_title(label(law, law.response) + (f"\n{held}" if held else ""), fontsize=9)
     return ax
+
+
+def _without_contours(law: LawFit, z: NDArray[np.float64], ax: Axes) -> None:
+    ends = f"{z.min():.5g}" if np.isfinite(z).all() else "not finite"
+    why = f"no contours: {law.response} is {ends} over the whole surface"
+    ax.text(0.5, 0.93, why, ha="center", fontsize=8, color=GREY, transform=ax.transAxes)
 
 
 def _settings(X: NDArray[np.float64]) -> NDArray[np.float64]:

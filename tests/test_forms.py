@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.fit.checks import competing_models
-from fitmodels.fit.checks.competing_forms import FittedForm, Form, competing_forms, rows_of
+from fitmodels.fit.checks.competing_forms import FittedForm, Form, alternative_forms, rows_of
 from fitmodels.fit.checks.competing_models import compare_forms
 from fitmodels.fit.checks.time_exponent import common_exponent, slope_spread
 from scipy.optimize import curve_fit
@@ -142,7 +142,7 @@ def test_what_cannot_be_fitted_says_why():
 
 def test_a_form_of_nearly_dependent_columns_costs_itself_only(monkeypatch):
     """Rounding leaves the inverse of some of these normal matrices without a Cholesky factor."""
-    made = competing_models.competing_forms
+    made = competing_models.alternative_forms
 
     def near(rows, seed):
         law = rows.law
@@ -152,7 +152,7 @@ def test_a_form_of_nearly_dependent_columns_costs_itself_only(monkeypatch):
         return FittedForm("near", "F", {}, columns, y - y.mean(), columns, y - y.mean())
 
     more = [Form("near", f"near {seed}", lambda rows, seed=seed: near(rows, seed)) for seed in range(12)]
-    monkeypatch.setattr(competing_models, "competing_forms", lambda law: (*made(law), *more))
+    monkeypatch.setattr(competing_models, "alternative_forms", lambda law: (*made(law), *more))
     law = fit.power_law(cut(lambda V, AW: V * AW**0.2), "F", ["V", "AW"])
     found = fit.judge(law).checks["rival forms"]
     dependent = [name for name, reason in found.not_fitted if "nearly linearly dependent" in str(reason)]
@@ -259,7 +259,7 @@ def test_sums_of_squares_of_the_forms_of_nasas_unclipped_current(measurements):
     runs = datasets.runs_from_frame(frame.rename(columns={"feed": "f", "smcDC_mid_mean": "current"}))
     law = fit.power_law(runs, "current", ["f", "d", "VB"], by="material")
     assert (law.nobs, law.n_edges, round(law.rss, 4)) == (97, 13, 0.7424)
-    fitted = {form.name: form.fitted(rows_of(law)) for form in competing_forms(law)}
+    fitted = {form.name: form.fitted(rows_of(law)) for form in alternative_forms(law)}
     squares = {name: float(form.residuals @ form.residuals) for name, form in fitted.items() if hasattr(form, "Z")}
     assert squares["additive in VB"] == pytest.approx(0.8968, abs=5e-5)
     assert squares["exponential in VB"] == pytest.approx(1.0708, abs=5e-5)
@@ -311,7 +311,7 @@ def test_rows_at_zero_wear_and_zero_time_have_no_form():
 
 def test_the_straight_line_and_the_offset_against_scipy():
     law = fit.power_law(cut(lambda V, AW: 20 * V**0.5 * (AW + 0.08) ** 0.8, noise=0.02), "F", ["V", "AW"])
-    forms = {form.name: form.fitted(rows_of(law)).coefficients for form in competing_forms(law) if form.zero_wear}
+    forms = {form.name: form.fitted(rows_of(law)).coefficients for form in alternative_forms(law) if form.zero_wear}
     X, y = law.X.T, np.log(law.observed)
     line = curve_fit(lambda x, a, b, k: a + b * np.log(x[0]) + np.log1p(k * x[1]), X, y, p0=[3, 0.5, 5])[0]
     np.testing.assert_allclose([forms["straight line in AW"][name] for name in ("ln c0", "V", "k")], line, rtol=1e-4)
@@ -335,7 +335,7 @@ def test_an_offset_of_time_is_a_form_of_forces_only():
     form = next(form for form in compare_forms(law).alternatives if form.name == "offset in t")
     assert form.difference < -form.standard_error
     assert form.coefficients["t0"] == pytest.approx(2.5, abs=0.8)
-    assert "offset in t" not in [form.name for form in competing_forms(bundled("AW", ("V", "f", "d", "t")))]
+    assert "offset in t" not in [form.name for form in alternative_forms(bundled("AW", ("V", "f", "d", "t")))]
 
 
 def test_limits_of_offsets_and_slopes_say_why():

@@ -12,7 +12,7 @@ from fitmodels.fit.bayes.competing_posterior import posterior_of_form
 from fitmodels.fit.bayes.convergence import compare_draws
 from fitmodels.fit.bayes.ensemble_sampler import chains
 from fitmodels.fit.bayes.exact_draws import exact
-from fitmodels.fit.checks.competing_forms import competing_forms, rows_of
+from fitmodels.fit.checks.competing_forms import alternative_forms, rows_of
 from scipy.stats import multivariate_normal
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
@@ -52,7 +52,7 @@ def law_of(*args, error="multiplicative", **kwargs):
 
 
 def added(law, edges=True, kind=FORMS[1]):
-    form = next(form for form in competing_forms(law) if form.kind == kind)
+    form = next(form for form in alternative_forms(law) if form.kind == kind)
     return wear_contribution(law, form.fitted(rows_of(law)), edges)
 
 

@@ -92,10 +92,10 @@ def wear_contribution(law: LawFit, fitted: FittedForm, edges: bool, errors: Erro
     Examples
     --------
     >>> from fitmodels import datasets, fit
-    >>> from fitmodels.fit.checks.competing_forms import competing_forms, rows_of
+    >>> from fitmodels.fit.checks.competing_forms import alternative_forms, rows_of
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     >>> law = fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"])
-    >>> form = competing_forms(law)[1]
+    >>> form = alternative_forms(law)[1]
     >>> wear_contribution(law, form.fitted(rows_of(law)), edges=True).parameter_names
     ('ln c0', 'V', 'f', 'd', 't', 'k', 'sd', 'icc')
     """

@@ -18,7 +18,7 @@ from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...core.threads import one_thread
 from ..available import NotAvailable
-from ..checks.competing_forms import FittedForm, competing_forms, rows_of
+from ..checks.competing_forms import FittedForm, alternative_forms, rows_of
 from ..checks.competing_models import not_comparable
 from ..checks.time_exponent import TIME
 from ..lawfit import LawFit
@@ -34,7 +34,7 @@ FormName = Literal[
     "straight line in wear",
     "an exponent of t per edge",
     "second order in logs",
-]  # kinds of `competing_forms`
+]  # kinds of `alternative_forms`
 
 SMALL = 4.0  # nats: differences below are small, and their standard error is then too small
 CURVATURE = Normal(0.0, 1.0)
@@ -155,12 +155,11 @@ def _density(law: LawFit, form: FormName, edges: bool) -> tuple[LawDensity, str]
             )
         product = " ".join(f"{x}^b_{x}" for x in law.factors)
         return edge_slopes(law), f"{law.response} = c0 {product} {TIME}^u, u of each edge"
-    fitted = next(one for one in competing_forms(law) if one.kind == form).fitted(rows_of(law))
+    fitted = next(one for one in alternative_forms(law) if one.kind == form).fitted(rows_of(law))
     if isinstance(fitted, NotAvailable):
         return fitted
-    if form in ("additive in wear", "straight line in wear"):
-        return wear_contribution(law, fitted, edges), fitted.formula
-    return _linear(law, fitted, edges), fitted.formula
+    make = wear_contribution if form in ("additive in wear", "straight line in wear") else _linear
+    return make(law, fitted, edges), fitted.formula
 
 
 def _linear(law: LawFit, fitted: FittedForm, edges: bool) -> LawDensity:

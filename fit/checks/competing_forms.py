@@ -90,18 +90,13 @@ def with_zero_wear(law: LawFit, runs: Runs) -> FormRows | NotAvailable | None:
     if wear is None or not all(runs.has(name) for name in (*law.factors, law.response)):
         return None
     X, R = np.column_stack([runs.values(name) for name in law.factors]), runs.values(law.response)
-    at = law.factors.index(wear)
-    fresh = (X[:, at] == 0) & (R > 0)
-    others = np.delete(X, at, axis=1)
-    allowed = fresh & np.all(others > 0, axis=1)
-    shifts = np.empty((len(X), 0))
-    if law.by is not None:
-        level = runs.labels(law.by.column)
-        allowed &= np.isin(level, (law.by.reference, *law.by.levels))
-        shifts = np.column_stack([(level == name).astype(float) for name in law.by.levels])
+    fresh = (runs.values(wear) == 0) & (R > 0)
+    known, shifts = _shifts(law, runs)
+    others = law.formula.other_factors(wear)
+    allowed = fresh & known & np.all([runs.values(name) > 0 for name in others], axis=0)
     if not allowed.any():
-        zero = [name for name in law.formula.other_factors(wear) if np.any(fresh & (runs.values(name) == 0))]
-        return NotAvailable(f"{', '.join(zero)} is zero in these rows as well") if zero else None
+        zero = ", ".join(name for name in others if np.any(fresh & (runs.values(name) == 0)))
+        return NotAvailable(f"{zero} is zero in these rows as well") if zero else None
     rows = np.flatnonzero(allowed)
     if law.repeats > 1:
         rows = rows[~pd.DataFrame(np.column_stack([X, R])[rows]).duplicated().to_numpy()]
@@ -111,6 +106,15 @@ def with_zero_wear(law: LawFit, runs: Runs) -> FormRows | NotAvailable | None:
         law, np.vstack([law.X, X[rows]]), np.vstack([law.shifts, shifts[rows]]),
         np.log(np.concatenate([law.observed, R[rows]])), edge, np.arange(law.nobs + len(rows)) >= law.nobs,
     )  # fmt: skip
+
+
+def _shifts(law: LawFit, runs: Runs) -> tuple[NDArray[np.bool_], Array]:
+    """Rows of the runs whose level is one of the law, and their indicator columns."""
+    if law.by is None:
+        return np.ones(len(runs), dtype=bool), np.empty((len(runs), 0))
+    level = runs.labels(law.by.column)
+    columns = np.column_stack([(level == name).astype(float) for name in law.by.levels])
+    return np.isin(level, (law.by.reference, *law.by.levels)), columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +163,7 @@ class Form:
     zero_wear: bool = False
 
 
-def competing_forms(law: LawFit) -> tuple[Form, ...]:
+def alternative_forms(law: LawFit) -> tuple[Form, ...]:
     """Forms that compete with a power law."""
     wear = wear_of(law) or "wear"
     forms = (

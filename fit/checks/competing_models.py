@@ -28,7 +28,7 @@ from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..least_squares import linear
 from .check import SIGNIFICANT, Check
-from .competing_forms import FittedForm, Form, FormRows, competing_forms, power_form, rows_of, wear_of, with_zero_wear
+from .competing_forms import FittedForm, Form, FormRows, alternative_forms, power_form, rows_of, wear_of, with_zero_wear
 from .deletion_diagnostics import ALONE
 from .strata import NO_ROWS, Codes, no_scatter, units_of
 from .time_exponent import CommonExponent, common_exponent
@@ -147,16 +147,8 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
     if isinstance(base, NotAvailable):
         return NotAvailable(f"the power law without one {unit} cannot be fitted: {base}")
     zero = None if runs is None else with_zero_wear(law, runs)
-    fitted: list[CompetingModel] = []
-    not_fitted: list[tuple[str, NotAvailable]] = []
-    for one in competing_forms(law):
-        other = computed(partial(one.fitted, rows_of(law)))
-        errors = _prediction_errors(other, codes) if isinstance(other, FittedForm) else other
-        if isinstance(other, FittedForm) and not isinstance(errors, NotAvailable):
-            model = _compared(other, errors, base, codes, icc)
-            fitted.append(replace(model, zero_wear=_at_zero(one, zero)))
-        elif isinstance(errors, NotAvailable):
-            not_fitted.append((one.name, errors))
+    found = {one.name: _alternative(one, rows_of(law), base, codes, icc, zero) for one in alternative_forms(law)}
+    fitted = [model for model in found.values() if isinstance(model, CompetingModel)]
     power = replace(_compared(form, base, base, codes, icc), pvalue=1.0)
     alternatives = tuple(sorted(fitted, key=lambda model: model.difference))
     chosen, zero_words = _chosen(power, alternatives), _zero_words(law, alternatives, zero)
@@ -172,7 +164,7 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
         response=law.response,
         power=power,
         alternatives=alternatives,
-        not_fitted=tuple(not_fitted),
+        not_fitted=tuple((name, why) for name, why in found.items() if isinstance(why, NotAvailable)),
         common_exponent=common_exponent(law),
         unit=unit,
         units=int(codes.max()) + 1,
@@ -198,6 +190,19 @@ def _verdict(
     difference = f"difference {best.difference:.2g} ± {best.standard_error:.2g} in ln {response}"
     kept = "the power law is kept" if chosen is power else f"{best.name} is preferred"
     return f"{left}, {best.name} {100 * np.expm1(best.error):.3g} % ({difference}): {kept}."
+
+
+def _alternative(
+    form: Form, rows: FormRows, base: Array, codes: Codes, icc: float, zero: FormRows | NotAvailable | None
+) -> CompetingModel | NotAvailable:
+    """A form fitted and compared with the errors of the power law, or the reason why it is not."""
+    fitted = computed(partial(form.fitted, rows))
+    if isinstance(fitted, NotAvailable):
+        return fitted
+    errors = _prediction_errors(fitted, codes)
+    if isinstance(errors, NotAvailable):
+        return errors
+    return replace(_compared(fitted, errors, base, codes, icc), zero_wear=_at_zero(form, zero))
 
 
 def _at_zero(form: Form, rows: FormRows | NotAvailable | None) -> ZeroWear | None:

@@ -51,12 +51,17 @@ def laws_by_response(
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
         posterior = next((one for one in posteriors if one.response == law.response), None)
         section = law_section(law, tool, work, gauge_sd, runs=_runs_of(law, runs), posterior=posterior, laws=len(laws))
-        wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
-        if wear is not None and law.rows is not None and wear.rows is not None:
-            made, notes = _optional({"composite": partial(_composite, law, wear)})
-            section = section.model_copy(update={**made, "notes": (*section.notes, *notes)})
-        found[law.response] = section
+        found[law.response] = _with_composite(section, law, laws)
     return found
+
+
+def _with_composite(section: LawSection, law: "LawFit", laws: "Sequence[LawFit]") -> LawSection:
+    """The section with the wear law substituted, where there is one and both keep their rows."""
+    wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
+    if wear is None or law.rows is None or wear.rows is None:
+        return section
+    made, notes = _optional({"composite": partial(_composite, law, wear)})
+    return section.model_copy(update={**made, "notes": (*section.notes, *notes)})
 
 
 def _runs_of(law: "LawFit", runs: "Runs | None") -> "Runs | None":

@@ -57,14 +57,7 @@ def draws_of(posteriors: Sequence["Posterior"]) -> bytes:
 
 
 def _one(post: "Posterior") -> dict[str, Any]:
-    from ...fit.available import NotAvailable, computed
-
     table, centre = post.table(), post.density.centre[1:]
-    moves, left, by_edge = computed(post.sensitivity), computed(post.leave_out), computed(post.jackknife)
-    missing: dict[str, object] = {"prior sensitivity": moves, "jackknife by edge": by_edge}
-    if isinstance(left, NotAvailable) and left.failed:
-        missing["leaving out edges"] = left
-    notes = tuple(f"{name} not available: {why}" for name, why in missing.items() if isinstance(why, NotAvailable))
     return {
         "method": post.method,
         "words": post.sample.words,
@@ -82,18 +75,28 @@ def _one(post: "Posterior") -> dict[str, Any]:
         "ess": float(table[["ess_bulk", "ess_tail"]].to_numpy().min()),
         "k_hat": None if post.sample.k_hat is None or not np.isfinite(post.sample.k_hat) else post.sample.k_hat,
         "verified": None if post.agreement is None else post.agreement.words,
-        "sensitivity": {}
-        if isinstance(moves, NotAvailable)
-        else {
-            name: {"halved": float(row["halved"]), "doubled": float(row["doubled"])} for name, row in moves.iterrows()
-        },
-        "jackknife": {}
-        if by_edge is None or isinstance(by_edge, NotAvailable)
-        else {str(name): float(se) for name, se in by_edge.items()},
-        "elpd": None if isinstance(left, NotAvailable) else left.elpd,
-        "elpd_se": None if isinstance(left, NotAvailable) or isinstance(left.se, NotAvailable) else left.se,
-        "notes": (*post.notes, *notes),
+        **_by_edge(post),
     }
+
+
+def _by_edge(post: "Posterior") -> dict[str, Any]:
+    """Prior sensitivity and what leaves out edges; each that fails is a note with its reason."""
+    from ...fit.available import NotAvailable, computed
+
+    moves, left, se = computed(post.sensitivity), computed(post.leave_out), computed(post.jackknife)
+    failed = {"prior sensitivity": moves, "jackknife by edge": se, "leaving out edges": left}
+    notes = [
+        f"{name} not available: {why}" for name, why in failed.items() if isinstance(why, NotAvailable) and why.failed
+    ]
+    found: dict[str, Any] = {"sensitivity": {}, "jackknife": {}, "elpd": None, "elpd_se": None}
+    if not isinstance(moves, NotAvailable):
+        rows = moves.iterrows()
+        found["sensitivity"] = {name: {key: float(row[key]) for key in ("halved", "doubled")} for name, row in rows}
+    if not isinstance(se, NotAvailable) and se is not None:
+        found["jackknife"] = {str(name): float(value) for name, value in se.items()}
+    if not isinstance(left, NotAvailable):
+        found |= {"elpd": left.elpd, "elpd_se": None if isinstance(left.se, NotAvailable) else left.se}
+    return {**found, "notes": (*post.notes, *notes)}
 
 
 def _prior(post: "Posterior", name: str) -> dict[str, Any]:
