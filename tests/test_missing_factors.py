@@ -180,3 +180,10 @@ def test_exact_rows_and_shared_line_numbers_are_reasons():
     twice = runs.join(runs)
     law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
     assert "share their line numbers" in unused_columns(law, twice, 0.3).reason
+
+
+def test_the_exponent_in_a_law_with_additive_errors():
+    runs = datasets.runs_from_frame(wear(1, power=0.5), judge=False)
+    found = unused_columns(fit.power_law(runs, "AW", ["V", "f", "d", "t"], error="additive"), runs, 0.3)
+    assert found.concern == 1
+    assert float(found.verdict.split("exponent ")[1].split()[0]) == pytest.approx(0.5, abs=0.1)

@@ -157,7 +157,7 @@ def _columns(law: LawFit, runs: Runs) -> dict[str, Array] | NotAvailable:
         return NotAvailable("rows of several files share their line numbers: columns cannot be assigned to rows")
     rows = np.array([place[line] for line in law.lines.tolist()])
     columns = ((name, runs.values(name)[rows]) for name in names)
-    return {name: x for name, x in columns if name in TESTED or _is_set(law, x)}
+    return {name: x for name, x in columns if _is_set(law, name, x)}
 
 
 def _unused(law: LawFit, runs: Runs) -> list[str]:
@@ -206,8 +206,10 @@ def _number_of_test(values: Array) -> bool:
     return bool(np.all(values == np.round(values)) and np.isin(step, (0.0, 1.0)).all() and step.sum() > 1)
 
 
-def _is_set(law: LawFit, values: Array) -> bool:
-    """Whether a column without a role is a setting of the plan: few levels, each repeated, constant in each edge."""
+def _is_set(law: LawFit, name: str, values: Array) -> bool:
+    """Whether a column is a setting of the plan; without a role: few levels, each repeated, constant in each edge."""
+    if name in TESTED:
+        return True
     known = np.isfinite(values)
     levels, counts = np.unique(values[known], return_counts=True)
     if len(levels) > MOST_LEVELS or counts.min() < 2 or _number_of_test(values):
