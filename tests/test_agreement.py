@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.agreement import Estimate, agreement, bootstrap_agreement, estimates_of, posterior_agreement
+from fitmodels.fit.checks.agreement import (
+    Estimate,
+    bootstrap_agreement,
+    compare_estimates,
+    estimates_of,
+    posterior_agreement,
+)
 from fitmodels.fit.checks.check import FAMILY_LEVEL, TITLES, WEIGHTS, Check, family_wise
 
 FACTORS = ["V", "f", "d", "t"]
@@ -27,7 +33,7 @@ def wear(seed, late=0.0, per_edge=6, icc=0.3, sd=0.1):
 @pytest.mark.parametrize("late", [5.0, 20.0])
 def test_two_estimates_of_the_exponent_of_time_disagree_where_half_of_the_edges_start_late(late):
     law = wear(1, late)
-    found = agreement(law)
+    found = compare_estimates(law)
     assert (found.exponent, found.concern) == ("t", 1)
     assert "times of some edges that start later or have another unit" in found.verdict
     assert fit.judge(law).checks["agreement"].concern == 1
@@ -48,14 +54,14 @@ def test_a_bootstrap_agrees_with_the_fit_that_it_resamples():
 
 @pytest.mark.parametrize("icc", [0.0, 0.3, 0.8])
 def test_sound_files_agree(icc):
-    assert not any(agreement(wear(seed, icc=icc)).concern for seed in range(15))
+    assert not any(compare_estimates(wear(seed, icc=icc)).concern for seed in range(15))
 
 
 def test_the_interval_of_the_table_and_of_the_posterior_that_did_not_meet():
     """Issue 19: t -.009 to .106 by the table, .217 to .248 by the posterior, side by side without a word."""
     law = wear(4)
     table, posterior = Estimate("rows, errors by edge", 0.0485, 0.029), Estimate("posterior", 0.2325, 0.008)
-    found = agreement(law, {"t": [table, posterior]})
+    found = compare_estimates(law, {"t": [table, posterior]})
     assert found.concern == 1
     assert "disagree: " in found.verdict
 
@@ -71,7 +77,7 @@ def test_the_estimate_within_edges_is_least_squares_with_a_level_of_each_edge():
 
 def test_without_edges_there_is_one_estimate():
     law = wear(6).with_rows(edge=None, edges=fit.NotAvailable("no edge column"))
-    assert str(agreement(law)) == "no edge column"
+    assert str(compare_estimates(law)) == "no edge column"
     assert "agreement" not in fit.judge(law).checks
 
 

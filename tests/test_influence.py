@@ -235,7 +235,7 @@ def test_a_factor_that_is_a_product_of_others_is_a_reservation():
     law = straight(np.column_stack([x, x[:, 1] + np.log(10)]), x @ [0.5, 0.4] + 0.05 * rng.normal(size=30))
     found = collinearity(law)
     assert (law.left_out[0].factor, law.left_out[0].confounded, found.concern) == ("d", True, 1)
-    assert "d was left out: an exact product of others (f^1)" in found.verdict
+    assert "Factor d was left out: an exact product of others (f^1)" in found.verdict
     constant = straight(np.column_stack([x, np.ones(30)]), x @ [0.5, 0.4] + 0.05 * rng.normal(size=30))
     assert (constant.left_out[0].confounded, collinearity(constant).concern) == (False, 0)
 

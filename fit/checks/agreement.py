@@ -68,16 +68,16 @@ class Agreement(Check):
     estimates: tuple[Estimate, Estimate]
 
 
-def agreement(law: LawFit, others: Mapping[str, Sequence[Estimate]] | None = None) -> Agreement | NotAvailable:
+def compare_estimates(law: LawFit, others: Mapping[str, Sequence[Estimate]] | None = None) -> Agreement | NotAvailable:
     """Compare the estimates of each exponent of a law, and further estimates of ``others`` by exponent.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> agreement(law).concern
+    >>> compare_estimates(law).concern
     0
-    >>> agreement(law, {"t": [Estimate("another program", 0.6, 0.01)]}).exponent
+    >>> compare_estimates(law, {"t": [Estimate("another program", 0.6, 0.01)]}).exponent
     't'
     """
     from scipy.special import stdtrit
@@ -122,12 +122,12 @@ def posterior_agreement(law: LawFit, posterior: "Posterior") -> Agreement | NotA
     >>> posterior_agreement(law, fit.posterior(law, seed=1)).concern
     0
     """
-    return agreement(law, of_draws(law, "posterior", posterior.names, posterior.draws))
+    return compare_estimates(law, of_draws(law, "posterior", posterior.names, posterior.draws))
 
 
 def bootstrap_agreement(law: LawFit, bootstrap: EdgeBootstrap) -> Agreement | NotAvailable:
     """Compare the mean of a bootstrap by edge of each exponent with its other estimates."""
-    return agreement(law, of_draws(law, "bootstrap by edge", bootstrap.names, bootstrap.draws))
+    return compare_estimates(law, of_draws(law, "bootstrap by edge", bootstrap.names, bootstrap.draws))
 
 
 def of_draws(law: LawFit, method: str, names: Sequence[str], draws: np.ndarray) -> dict[str, list[Estimate]]:

@@ -17,7 +17,7 @@ from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ...datasets import Runs
 from ..available import NotAvailable, computed
 from ..lawfit import LawFit
-from .agreement import agreement
+from .agreement import compare_estimates
 from .autocorrelation import serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
 from .competing_models import compare_forms
@@ -248,7 +248,7 @@ def _order(given: CheckInput) -> Found:
 
 
 def _agreement(given: CheckInput) -> Found | None:
-    found = agreement(given.law)
+    found = compare_estimates(given.law)
     return found if isinstance(found, Check) else None  # one estimate of each exponent has nothing to agree with
 
 

@@ -333,7 +333,7 @@ def collinearity(law: LawFit) -> Collinearity | NotAvailable:
     if hidden:
         concern = max(concern, 1)
         verdict = (
-            f"{hidden[0].factor} was left out: {hidden[0].reason}. The exponents of the others include its effect, and "
+            f"Factor {hidden[0].factor} was left out: {hidden[0].reason}. The exponents of the others include its effect, and "
             "hold only where it follows them as in the tests."
         )
     elif concern:
