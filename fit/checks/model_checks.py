@@ -333,8 +333,8 @@ def collinearity(law: LawFit) -> Collinearity | NotAvailable:
     if hidden:
         concern = max(concern, 1)
         verdict = (
-            f"Factor {hidden[0].factor} was left out: {hidden[0].reason}. The exponents of the others include its effect, and "
-            "hold only where it follows them as in the tests."
+            f"Factor {hidden[0].factor} was left out: {hidden[0].reason}. The exponents of the others include its "
+            "effect, and hold only where it follows them as in the tests."
         )
     elif concern:
         verdict = (
