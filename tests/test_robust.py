@@ -9,8 +9,8 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.fit.checks.robust_fit import robust
 from fitmodels.fit.checks.strata import split
-from fitmodels.fit.checks.wrong_edges import mixed_units, wrong_edges
-from fitmodels.fit.checks.wrong_rows import tail_of_rows, wrong_rows
+from fitmodels.fit.checks.wrong_edges import mixed_units, outlying_edges
+from fitmodels.fit.checks.wrong_rows import outlying_rows, tail_of_rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.robust.norms import HuberT
@@ -302,7 +302,7 @@ def test_rows_that_the_form_does_not_fit_are_not_wrong_rows(measurements):
     """Twelve of 324 roughness readings are .6 to .8 of what a power law gives: the form, not their record."""
     runs = datasets.read_runs(measurements / "turning_forces" / "Exp1.csv")
     law = fit.power_law(runs, "Ra", ["V", "f", "d"])
-    assert wrong_rows(law).concern == 0
+    assert outlying_rows(law).concern == 0
 
 
 def test_a_block_of_edges_with_the_response_in_another_unit_is_found():
@@ -349,5 +349,5 @@ def test_the_checks_do_not_depend_on_the_unit_of_the_response(scale, seed):
     frame = scaled(wear_test(seed, edges=12, digits=6), "AW", 30.0, rows=(10,))
     one, other = (fit.power_law(datasets.runs_from_frame(f, judge=False), "AW", ["V", "f", "d", "t"]) for f in (
         frame, frame.assign(AW=frame["AW"] * scale)))  # fmt: skip
-    for check in (wrong_rows, lambda law: wrong_edges(law, split(law)), lambda law: mixed_units(law, split(law))):
+    for check in (outlying_rows, lambda law: outlying_edges(law, split(law)), lambda law: mixed_units(law, split(law))):
         assert check(one).statistic == pytest.approx(check(other).statistic, rel=1e-6)

@@ -21,7 +21,7 @@ from fitmodels.fit.checks.deletion_diagnostics import deletion, precision
 from fitmodels.fit.checks.model_checks import collinearity, lack_of_fit
 from fitmodels.fit.checks.response_scale import box_cox, error_structure
 from fitmodels.fit.checks.time_exponent import common_exponent
-from fitmodels.fit.checks.wrong_rows import copies, wrong_rows
+from fitmodels.fit.checks.wrong_rows import copies, outlying_rows
 from fitmodels.fit.edge_sums import LARGEST, EdgeSums, equivalent_rows, infer_from_sums
 from fitmodels.fit.streaming import streamed_power_law
 from fitmodels.fit.triangle import least_squares, merged, summary, triangle_of
@@ -211,7 +211,8 @@ def test_checks_of_a_stream_are_not_available_with_the_reason(rows):
 @pytest.mark.parametrize(
     "check",
     [
-        collinearity, common_exponent, copies, error_structure, fit.compare_forms, fit.robust, strata.split, wrong_rows,
+        collinearity, common_exponent, copies, error_structure, fit.compare_forms, fit.robust, outlying_rows,
+        strata.split,
         *(partial(of_strata, strata=fit.NotAvailable("no strata"))
           for of_strata in (box_cox, deletion, lack_of_fit, precision, serial_correlation)),
         partial(fit.gauge_corrected, gauge_sd=0.01, wear="t"),

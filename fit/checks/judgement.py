@@ -31,8 +31,8 @@ from .response_scale import box_cox, error_structure
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split, without_found, without_suspects
 from .time_offsets import time_restarts, time_tests
 from .usefulness import doubts_of_reading, number_of_edges, predictive_use
-from .wrong_edges import mixed_units, wrong_edges
-from .wrong_rows import copies, wrong_rows
+from .wrong_edges import mixed_units, outlying_edges
+from .wrong_rows import copies, outlying_rows
 
 Found = Check | NotAvailable
 WITHOUT_ROWS = (
@@ -89,7 +89,7 @@ class CheckInput:
     @cached_property
     def wrong_rows(self) -> Found | None:
         """Outlying rows, among all rows."""
-        return computed(partial(wrong_rows, self.whole))
+        return computed(partial(outlying_rows, self.whole))
 
     @cached_property
     def right_rows(self) -> tuple[LawFit, Strata | NotAvailable]:
@@ -263,7 +263,7 @@ def _gauge(given: CheckInput) -> Found | None:
 CHECKS: Mapping[str, OneCheck] = {
     "wrong rows": lambda given: given.wrong_rows,
     "mixed units": lambda given: given.mixed_units,
-    "wrong edges": lambda given: wrong_edges(*given.one_unit),
+    "wrong edges": lambda given: outlying_edges(*given.one_unit),
     "copies": lambda given: copies(given.whole),
     "time exponent": lambda given: given.times["time exponent"],
     "time between edges": lambda given: given.times["time between edges"],

@@ -2,8 +2,8 @@
 
 Huber's weights bound the influence of one row: a row within 1.345 robust standard deviations has weight 1, one
 further out 1.345 over its distance (95 % efficient where errors are normal). They do not bound leverage: an edge far
-from all others attracts the law and leaves small residuals; ``wrong_edges`` finds it. The bisquare, started from
-Huber's fit, gives no weight to rows beyond 4.685 standard deviations.
+from all others attracts the law and leaves small residuals (see ``wrong_edges``). The bisquare, started from Huber's
+fit, gives no weight to rows beyond 4.685 standard deviations.
 
 Sources: Huber 1964, Ann. Math. Stat. 35, 73; Huber & Ronchetti 2009, Robust Statistics, section 7.6 (covariance of
 regression M-estimates); Yohai 1987, Ann. Stat. 15, 642 (redescending weights from a robust start).

@@ -226,7 +226,7 @@ class _Outlying:
     largest: float
 
 
-def wrong_edges(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvailable | None:
+def outlying_edges(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvailable | None:
     """Edges whose response disagrees with the law of the others.
 
     Examples
@@ -234,7 +234,7 @@ def wrong_edges(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
     >>> from fitmodels import datasets, fit
     >>> from fitmodels.fit.checks.strata import split
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> wrong_edges(law, split(law)).concern
+    >>> outlying_edges(law, split(law)).concern
     0
     """
     if not isinstance(strata, Strata):

@@ -90,14 +90,14 @@ def tail_of_rows(r: Array) -> float:
     return tail
 
 
-def wrong_rows(law: LawFit) -> Check | NotAvailable:
+def outlying_rows(law: LawFit) -> Check | NotAvailable:
     """Rows whose response disagrees with the law of the others, with the ratio of units that explains them.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> wrong_rows(law).concern
+    >>> outlying_rows(law).concern
     0
     """
     if reason := no_scatter(law):
