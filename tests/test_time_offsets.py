@@ -165,6 +165,14 @@ def _rows(law):
     return rows_of(law)
 
 
+def test_a_restart_in_all_edges_is_mended_by_its_correction():
+    w = wear(4)
+    faulty = w.assign(t=np.where(w["t"] > 6, w["t"] - 6, w["t"]))
+    (suspect,) = time_restarts(law_of(faulty)).suspects
+    assert suspect.correction.startswith("lines 3-5,9-11,")
+    assert datasets.runs_from_frame(faulty, correct=(suspect.correction,)).values("t").tolist() == w["t"].tolist()
+
+
 @pytest.mark.parametrize("edges", [["E03", "E07"], list(wear(0)["edge"].unique())])
 def test_times_that_begin_anew_are_counted_on(edges):
     w = wear(4)

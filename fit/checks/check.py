@@ -95,14 +95,25 @@ class Suspect:
 
         >>> Suspect("f", edges=("E07", "E11"), factor=25.4).correction
         'E07,E11:f*25.4'
-        >>> Suspect("t", lines=(12, 13), offset=-5.0).correction
-        'lines 12,13:t-5'
+        >>> Suspect("t", lines=(8, 12, 13, 14), offset=-5.0).correction
+        'lines 8,12-14:t-5'
         """
-        target = ",".join(self.edges) if self.edges else f"lines {','.join(map(str, self.lines))}"
+        target = ",".join(self.edges) if self.edges else f"lines {_ranges(self.lines)}"
         if self.factor is not None:
             sign, size = ("*", self.factor) if self.factor >= 1 else ("/", 1 / self.factor)
             return f"{target}:{self.column}{sign}{size:.6g}"
         return "" if self.offset is None else f"{target}:{self.column}{self.offset:+.6g}"
+
+
+def _ranges(lines: tuple[int, ...]) -> str:
+    """Lines in the words of ``--correct``, three and more in sequence as a range."""
+    groups: list[list[int]] = []
+    for line in lines:
+        if groups and line == groups[-1][-1] + 1:
+            groups[-1].append(line)
+        else:
+            groups.append([line])
+    return ",".join(f"{g[0]}-{g[-1]}" if len(g) > 2 else ",".join(map(str, g)) for g in groups)
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
