@@ -286,3 +286,15 @@ def test_roughness_does_not_fall_with_force(b, level):
     check = exponents(law)
     assert check.concern == level
     assert ("falls with F" in check.verdict) == (level == 2)
+
+
+def test_a_law_through_all_its_rows_must_not_be_used():
+    """Three points fix a load line: its error is unknown, as in Tai, Tsai & Li 2023, section III.A.1."""
+    table = pd.DataFrame(
+        {"fm [mm/min]": [1000, 700, 600], "VB [mm]": [0, 0.1673, 0.2051], "I [A]": [0.24, 0.24, 0.236]}
+    )
+    law = fit.load_law(datasets.runs_from_frame(table))
+    check = predictive_use(law)
+    assert check.concern == 2
+    assert "3 rows fix 3 parameters exactly" in check.verdict
+    assert fit.judge(law).verdict.level == 2

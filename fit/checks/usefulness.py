@@ -16,6 +16,7 @@ WIDE, VERY_WIDE = 2.0, 4.0  # factor within which 95 % of results lie
 NORMAL_95 = 1.96
 FEW_EDGES = 5
 MOST_DOUBTS = 3  # quoted
+FEWEST_LEFT = 3  # degrees of freedom below which a standard deviation is hardly known
 
 
 def predictive_use(law: LawFit) -> Check | NotAvailable:
@@ -28,6 +29,8 @@ def predictive_use(law: LawFit) -> Check | NotAvailable:
     >>> predictive_use(law).verdict
     'R2 0.893: the law explains 89.3 % of the variance; 95 % of results lie within a factor of 1.21 of it.'
     """
+    if law.df_resid < 1:
+        return _exactly_determined(law)
     if reason := no_scatter(law):
         return NotAvailable(reason)
     r2 = law.rsquared
@@ -44,6 +47,18 @@ def predictive_use(law: LawFit) -> Check | NotAvailable:
         symbol="R2",
         concern=concern,
         verdict=explained + end,
+    )
+
+
+def _exactly_determined(law: LawFit) -> Check:
+    """The refusal of a law of as many rows as parameters: whatever the rows, it passes through them."""
+    return Check(
+        null="the rows leave degrees of freedom from which an error of the law can be estimated",
+        concern=2,
+        verdict=(
+            f"No degrees of freedom are left: {law.nobs} rows fix {len(law.theta)} parameters exactly, so the error of "
+            f"the law is unknown and nothing was checked. Measure at least {FEWEST_LEFT} more."
+        ),
     )
 
 
