@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.errors import DataError, UsageError
 from ..core.rounding import format_decimal, format_plain
 from ..core.suggestions import did_you_mean
+from .columns import Values
 from .derived.derivation import SUMMED, derive
 from .derived.rules import apply, known_of
 from .draft import Draft
@@ -22,6 +23,7 @@ from .options import ReadOptions
 from .plausibility.judgement import settle_units
 from .plausibility.quantities import table_process
 from .plausibility.ranges import plausible
+from .tables import Column
 from .vocabulary import ROLES
 
 _CORRECTION = re.compile(
@@ -92,26 +94,33 @@ class Corrections:
     """
 
     def __init__(self, draft: Draft, options: ReadOptions, *, judge: bool) -> None:
-        trial = _as_it_stands(draft, options, judge=judge)
         self._options = options
+        self._given: list[tuple[Correction, Rows]] = []
+        self._words: list[str] = []
+        self._out: Rows = np.zeros(len(draft.lines), dtype=bool)
+        self._edges: Values | None = None
+        self._rows_are_summed = False
+        if options.correct or options.leave_out:
+            self._find(_as_it_stands(draft, options, judge=judge))
+        self._steps = {one.text: self._step(one, draft) for one, _ in self._given}
+
+    def _find(self, trial: Draft) -> None:
+        """Find the rows of each option in the file as it stands, and refuse what cannot be corrected."""
         self._edges = trial.data.get("edge")
         self._rows_are_summed = any(one.equation.endswith(SUMMED) for one in trial.derived)
         rows = RowsOf(trial)
         self._given = [(one, rows.of(one.target, f"--correct {one.text}"))
-                       for one in map(parse_correction, options.correct)]  # fmt: skip
+                       for one in map(parse_correction, self._options.correct)]  # fmt: skip
         self._check(trial)
-        self._out: Rows = np.zeros(len(draft.lines), dtype=bool)
-        self._words: list[str] = []
-        for target in options.leave_out:
+        for target in self._options.leave_out:
             found = rows.of(target, f"--leave-out {target}")
             self._words.append(_left_out(trial, target, found))
             self._out |= found
         if len(self._out) and self._out.all():
-            raise UsageError(f"--leave-out {' '.join(options.leave_out)}: no row is left.")
+            raise UsageError(f"--leave-out {' '.join(self._options.leave_out)}: no row is left.")
         for one, found in self._given:
             if not (found & ~self._out).any():
                 raise UsageError(f"--correct {one.text}: these rows are left out; give one of the two options.")
-        self._steps = {one.text: self._step(one, draft) for one, _ in self._given}
 
     def apply(self, draft: Draft, step: Step) -> None:
         """Apply the corrections of a step; the last one also computes what follows anew, and states all of them."""
@@ -194,6 +203,21 @@ def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> No
     """Correct the values of a role, and with ``as_written`` the column of the file and its marked numbers."""
     old = np.asarray(draft.data[one.symbol], dtype=float)
     new = np.where(rows, one.apply(old), old)
+    _refuse_negative(draft, one, rows, old, new)
+    if not np.isfinite(old[rows]).any() and not as_written:
+        raise UsageError(f"--correct {one.text}: {one.symbol} has no value in these rows.")
+    draft.data[one.symbol] = new
+    if as_written and one.factor is not None:
+        draft.columns = tuple(
+            _multiplied(column, rows, one.factor) if use.role == one.symbol and column.is_numeric else column
+            for column, use in zip(draft.columns, draft.uses, strict=True)
+        )
+
+
+def _refuse_negative(
+    draft: Draft, one: Correction, rows: Rows, old: NDArray[np.float64], new: NDArray[np.float64]
+) -> None:
+    """Refuse a result below zero, unless most of the values were."""
     wrong = np.flatnonzero((new < 0) & (old >= 0))
     reversed_sign = one.number < 0 and np.count_nonzero(old[rows] < 0) > wrong.size
     if wrong.size and not reversed_sign:
@@ -203,19 +227,13 @@ def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> No
             f"--correct {one.text}: {one.symbol} of line {draft.lines[i]} would be {format_plain(new[i])} {unit}, from "
             f"{format_plain(old[i])}; correct the number, or the rows."
         )
-    if not np.isfinite(old[rows]).any() and not as_written:
-        raise UsageError(f"--correct {one.text}: {one.symbol} has no value in these rows.")
-    draft.data[one.symbol] = new
-    if not as_written or one.factor is None:
-        return
-    columns = list(draft.columns)
-    for i, use in enumerate(draft.uses):
-        if use.role == one.symbol and columns[i].is_numeric:
-            values = np.asarray(columns[i].values, dtype=float)
-            marks = tuple((row, replace(mark, value=mark.value * one.factor) if rows[row] else mark)
-                          for row, mark in columns[i].marks)  # fmt: skip
-            columns[i] = replace(columns[i], values=np.where(rows, values * one.factor, values), marks=marks)
-    draft.columns = tuple(columns)
+
+
+def _multiplied(column: Column, rows: Rows, factor: float) -> Column:
+    """The column of the file with the numbers of some rows multiplied, marked ones too."""
+    values = np.asarray(column.values, dtype=float)
+    marks = tuple((row, replace(mark, value=mark.value * factor) if rows[row] else mark) for row, mark in column.marks)
+    return replace(column, values=np.where(rows, values * factor, values), marks=marks)
 
 
 def _refuse_impossible(draft: Draft, options: ReadOptions, one: Correction, rows: Rows) -> None:

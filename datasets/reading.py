@@ -237,23 +237,18 @@ def _assemble(
 
 def _settle(draft: Draft, options: ReadOptions, *, judge: bool, sample: bool) -> None:
     """Settle units, computed quantities and edges, with what the user corrects or leaves out."""
-    asked = None
-    if (options.correct or options.leave_out) and not sample:
-        asked = Corrections(draft, options, judge=judge)
-        asked.apply(draft, "as written")
-    if judge and not sample:
-        check_signs(draft, options)
+    asked = Corrections(draft, replace(options, correct=(), leave_out=()) if sample else options, judge=judge)
+    asked.apply(draft, "as written")
     if judge:
+        if not sample:
+            check_signs(draft, options)
         settle_units(draft, options)
-    if asked:
-        asked.apply(draft, "in its unit")
+    asked.apply(draft, "in its unit")
     derive(draft, options)
-    if asked:
-        asked.apply(draft, "computed")
+    asked.apply(draft, "computed")
     if judge and not sample:
         settle_edges(draft, options)
-    if asked:
-        asked.name_edges(draft)
+    asked.name_edges(draft)
 
 
 def _finished(draft: Draft, source: Source, options: ReadOptions, *, judged: bool) -> Runs:

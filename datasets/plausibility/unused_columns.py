@@ -91,18 +91,22 @@ def check_uses(draft: Draft, options: ReadOptions) -> None:
 
 def _doubt_remarks(draft: Draft) -> None:
     """The remarks that ``fitmodels reduce`` writes beside the rows whose records are at fault."""
-    column = next((one for one in draft.columns if one.name == REMARKS and not one.is_numeric), None)
-    if column is None or not any(note.lstrip("#% ").startswith(REDUCED) for note in draft.notes):
-        return
-    texts = [text.strip() for text in column.labels().tolist()]
-    rows = [i for i, text in enumerate(texts) if text]
-    if not rows:
+    remarks = _remarks(draft)
+    if not remarks:
         return
     loads = tuple(use.role for use in draft.uses if use.role and ROLES[use.role].kind == "load")
-    shown = "; ".join(f"line {draft.lines[i]}: {texts[i]}" for i in rows[:SHOWN_REMARKS])
-    more = f"; and {len(rows) - SHOWN_REMARKS} more" if len(rows) > SHOWN_REMARKS else ""
-    sentence = f"the reduction of the records has remarks on {len(rows)} of {len(texts)} rows: {shown}{more}"
+    shown = "; ".join(f"line {draft.lines[i]}: {text}" for i, text in remarks[:SHOWN_REMARKS])
+    more = f"; and {len(remarks) - SHOWN_REMARKS} more" if len(remarks) > SHOWN_REMARKS else ""
+    sentence = f"the reduction of the records has remarks on {len(remarks)} of {len(draft.lines)} rows: {shown}{more}"
     draft.doubts.append(Doubt(loads, sentence))
+
+
+def _remarks(draft: Draft) -> list[tuple[int, str]]:
+    """Row and text of each remark of a table that ``fitmodels reduce`` wrote."""
+    column = next((one for one in draft.columns if one.name == REMARKS and not one.is_numeric), None)
+    if column is None or not any(note.lstrip("#% ").startswith(REDUCED) for note in draft.notes):
+        return []
+    return [(i, text.strip()) for i, text in enumerate(column.labels().tolist()) if text.strip()]
 
 
 def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> None:
