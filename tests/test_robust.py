@@ -233,6 +233,15 @@ def test_an_outlying_edge_is_found_in_a_file_of_three_laws():
     assert (check.concern, [one.edges for one in check.suspects]) == (1, [(edge,)])
 
 
+def test_an_edge_of_a_force_whose_wear_is_wrong_names_the_wear():
+    frame = datasets.read_runs(datasets.bundled("gc435_709m40")).to_frame()
+    edge = frame["edge"].unique()[5]
+    runs = datasets.runs_from_frame(scaled(frame, "AW", 1.8, edges=[edge]))
+    check = fit.judge(fit.power_law(runs, "Fxz", ["V", "f", "d", "t", "AW"]), laws=3).checks["wrong edges"]
+    assert f"Edge {edge}: the Fxz is 0.55 times" in check.verdict
+    assert "(it would agree with AW times 0.57)" in check.verdict
+
+
 def test_the_tails_of_rows_are_estimated():
     rng = np.random.default_rng(1)
     assert np.median([tail_of_rows(rng.standard_t(4, 144)) for _ in range(20)]) <= 5

@@ -43,6 +43,7 @@ ALSO = 0.0025  # p below which a further edge is wrong: the strictest step of Ho
 BLOCK = 4 * EVIDENCE  # of edges whose response is in another unit, which are chosen by their residuals
 ALIKE = 0.35  # of the logarithm of the ratio: edges in two groups that far apart deviate less from either
 STEPS = 10
+LEAST_POWER, LARGEST_WEAR = 0.1, 30.0  # exponent of wear, and its error, that may explain an edge of a force or power
 OWN = 0.02  # share of its own level that an edge must not determine alone
 TIME_INSIDE = 3.0  # as INSIDE, of times, whose range differs between edges that are stopped at a criterion
 
@@ -356,4 +357,17 @@ def _by_conditions(law: LawFit, levels: EdgeLevels, found: _Outlying, members: l
                 near = np.abs(found.deviation[members] - effect) <= NEAR * found.error[members]
                 if inside.all() and near.all() and abs(effect) > 2 * NEAR * found.error[members].max():
                     known.append(f"{name} {_moved(factor)} ({cause})")
+    known += _by_wear(law, found, members)
     return f" (it would agree with {', or with '.join(known)})" if known else ""
+
+
+def _by_wear(law: LawFit, found: _Outlying, members: list[int]) -> list[str]:
+    """What the wear of the edges would have to be multiplied by, where it is a factor of the law."""
+    wear = [j for j, name in enumerate(law.factors) if name in ROLES and ROLES[name].kind == "wear"]
+    known = []
+    for j in wear:
+        power = float(found.theta[1 + j])
+        factors = np.exp(found.deviation[members] / power) if abs(power) > LEAST_POWER else np.array([np.inf])
+        if (np.abs(np.log(factors)) < np.log(LARGEST_WEAR)).all():
+            known.append(f"{law.factors[j]} times {listed([f'{v:.2g}' for v in factors])}")
+    return known
