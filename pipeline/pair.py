@@ -47,7 +47,7 @@ class PairAnalysis(Displayable):
         Laws that the columns allow and the rows do not.
     life : ToolLife or None
     no_life : str
-        Why there is none although a criterion was given; empty otherwise.
+        Why there is none although a criterion was given, or that its computation failed; empty otherwise.
     posteriors : tuple of Posterior
     no_posterior : mapping of str to NotAvailable
         By response.
@@ -142,7 +142,7 @@ def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: 
     """
     laws, refused = fit.default_laws(runs, error=options.error, by=options.by)
     life, no_life = _life(laws, options.criterion)
-    if no_life and needs_life:
+    if no_life and needs_life and options.criterion is not None:
         raise FitError(no_life)
     posteriors, none = _posteriors(laws, options, step)
     comparisons = _comparisons(laws, step) if options.verify else ()
@@ -211,7 +211,7 @@ def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife 
         return None, "" if criterion is None else why
     life = computed(partial(fit.tool_life, wear, USUAL_CRITERION if criterion is None else criterion), USER_ERRORS)
     if isinstance(life, fit.NotAvailable):
-        return None, "" if criterion is None else f"{life.reason}."
+        return None, f"No tool life: {life.reason}." if life.failed else "" if criterion is None else f"{life.reason}."
     return life, ""
 
 
