@@ -265,7 +265,7 @@ def test_sums_of_squares_of_the_forms_of_nasas_unclipped_current(measurements):
     assert squares["exponential in VB"] == pytest.approx(1.0708, abs=5e-5)
     assert squares["offset in VB"] < 0.7424  # the power law is the offset 0
     found = compare_forms(law, runs)
-    assert "9 rows at VB = 0, where a power of VB is zero, are predicted within" in found.verdict
+    assert "9 rows at VB = 0, where a power of VB is zero, are predicted by the form" in found.verdict
     additive = next(model for model in found.alternatives if model.name == "additive in VB")
     assert additive.zero_wear.rows == 9
     assert additive.zero_wear.error < 0.1  # a new edge, from worn ones
@@ -295,7 +295,7 @@ def test_rows_at_zero_wear_take_part_where_the_form_allows_it():
     assert line.zero_wear.coefficients["k"] == pytest.approx(6, rel=0.1)
     assert line.coefficients["k"] == pytest.approx(6, rel=0.2)
     assert "20 rows at AW = 0" in found.verdict
-    assert "form straight line in AW." in found.verdict
+    assert "by the form straight line in AW with an error of" in found.verdict
     second = next(model for model in found.alternatives if model.name == "second order in logs")
     assert second.zero_wear is None
 

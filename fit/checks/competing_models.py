@@ -232,7 +232,8 @@ def _zero_words(law: LawFit, models: tuple[CompetingModel, ...], rows: FormRows 
     if not held:
         return f"{first} {'are' if n > 1 else 'is'} in none of these forms."
     error, name = min(held)
-    return f"{first} {'are' if n > 1 else 'is'} predicted within {100 * np.expm1(error):.3g} % by the form {name}."
+    predicted = f"{'are' if n > 1 else 'is'} predicted by the form {name}"
+    return f"{first} {predicted} with an error of {100 * np.expm1(error):.3g} %."
 
 
 def not_comparable(law: LawFit) -> str | None:
