@@ -386,7 +386,8 @@ def test_cells_that_are_no_numbers_are_counted(tmp_path):
 
 def test_thousands_signs_and_a_unicode_minus(tmp_path):
     path = tmp_path / "marks.csv"
-    rows = "".join(f"{k};1.{k % 900 + 100:03d},5;+{1 + k % 7};\N{MINUS SIGN}0,{1 + k % 9};T;W\n" for k in range(900))
+    signs = ("\N{MINUS SIGN}", "", "+")
+    rows = "".join(f"{k};1.{k % 900 + 100:03d},5;+{1 + k % 7};{signs[k % 3]}0,{1 + k % 9};T;W\n" for k in range(900))
     path.write_text("edge;V [m/min];t [min];AW [mm];tool;work\n" + rows, encoding="utf-8")
     as_read(path, tmp_path)
 
