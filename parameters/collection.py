@@ -142,17 +142,15 @@ def collect(
         "data_sha256": data_sha256, "n_rows": source.n_rows if n_rows is None else n_rows, "fitmodels": __version__,
         "versions": _versions(), "command": command, "options": dict(options or {}), "seed": seed,
     }  # fmt: skip
-    runs = _runs(design)
-    found = laws_by_response(laws, source.tool, source.work, gauge_sd, runs, posteriors)
-    life = tool_life_section(tool_life, laws, found, runs)
+    found = laws_by_response(laws, source.tool, source.work, gauge_sd, _runs(design), posteriors)
+    life = tool_life_section(tool_life, laws, found, _runs(design))
     bounds = None if limits is None else limits_section(limits)
     sections = {
         "tool_life": life, "limits": bounds, "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
         "design": None if design is None else design_section(design, found, criterion_of(life, bounds, options or {})),
-        "reading": reading_section(design),
         "dynamics": None if dynamics is None else dynamics_section(dynamics, held_out_fit),
-        "pi": None if pi is None else pi_section(pi, scaling_u=scaling_u, forced=pi_forced),
-        "load_line": load_line, "roughness": roughness, "adaptive_force": adaptive_force,
+        "pi": None if pi is None else pi_section(pi, scaling_u=scaling_u, forced=pi_forced), "roughness": roughness,
+        "load_line": load_line, "adaptive_force": adaptive_force, "reading": reading_section(design),
     }  # fmt: skip
     return _validated({"identity": identity, "laws": found, "provenance": provenance}, sections, more)
 

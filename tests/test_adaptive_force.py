@@ -119,7 +119,7 @@ def test_the_file_holds_what_section_4_prints(pf):
     points = [(point.depth, point.force) for point in pf.adaptive_force.set_points]
     assert points == [(1.0, 150.0), (2.0, 200.0), (4.0, 320.0)]
     assert 60 / pf.adaptive_force.average_time == pytest.approx(3000)
-    assert parameters.check(pf).ok
+    assert not parameters.check(pf).inconsistent  # the estimates are of an assumed plant: not for control
     assert pf.identity.simulated
     assert sum("ssumption" in note or "ssumed" in note for note in pf.adaptive_force.notes) >= 3
 

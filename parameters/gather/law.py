@@ -66,9 +66,8 @@ def _with_composite(section: LawSection, law: "LawFit", laws: "Sequence[LawFit]"
 
 def _runs_of(law: "LawFit", runs: "Runs | None") -> "Runs | None":
     """The runs, if they are those that the law was fitted to."""
-    if runs is None or (law.source.sha256, law.source.n_rows) != (runs.source.sha256, len(runs)):
-        return None
-    return runs
+    same = runs is not None and (law.source.sha256, law.source.n_rows) == (runs.source.sha256, len(runs))
+    return runs if same else None
 
 
 def _composite(law: "LawFit", wear: "LawFit") -> CompositeLaw | None:
@@ -159,10 +158,8 @@ def _compared(found: "Judgement", law: "LawFit", posterior: "Posterior | None") 
     from ...fit.available import NotAvailable, computed
     from ...fit.checks.agreement import posterior_agreement
 
-    if posterior is None:
-        return found
-    check = computed(partial(posterior_agreement, law, posterior))
-    if isinstance(check, NotAvailable) or not check.concern:
+    check = None if posterior is None else computed(partial(posterior_agreement, law, posterior))
+    if check is None or isinstance(check, NotAvailable) or not check.concern:
         return found
     return replace(found, checks={**found.checks, "agreement": check})
 
@@ -303,8 +300,7 @@ def _check(check: "Check") -> dict[str, Any]:
 
 def _without(found: "Judgement") -> dict[str, Any] | None:
     """The law fitted again without its suspects, None where there are none or it cannot be fitted."""
-    other = found.without
-    if other is None:
+    if (other := found.without) is None:
         return None
     return {
         "edges": list(dict.fromkeys(str(edge) for suspect in found.suspects for edge in suspect.edges)),
@@ -357,9 +353,9 @@ def _life_verdict(life: "ToolLife", law: "LawFit", section: LawSection | None, r
 
     of_law = None if section is None or section.verdict is None else section.verdict.verdict
     found = computed(partial(life_verdict, life, law, _runs_of(law, runs), of_law))
-    if isinstance(found, NotAvailable):
-        return verdict_from([(RESERVATIONS, f"The tool life was not checked: {found.reason}.")])
-    return found
+    if not isinstance(found, NotAvailable):
+        return found
+    return verdict_from([(RESERVATIONS, f"The tool life was not checked: {found.reason}.")])
 
 
 def _equation(law: "LawFit") -> str:
