@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ...core.rounding import EXACT, format_plain, format_rounded
-from ...fit.checks.check import BY_EDGE, LEVELS, TITLES
+from ...fit.checks.check import BY_EDGE, FAMILY_LEVEL, LEVELS, TITLES
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_parts import DroppedRows, LawCheck
@@ -36,7 +36,10 @@ SYMBOLS = {  # of statistics, as a card shows them; others are shown as they are
     "z of lag-1 correlation": "z",
 }
 UNTESTABLE = "not testable"
-AT_LEVEL = "; of the tests, those are rejected that Holm's procedure rejects at 10 % for all laws of the file together."
+AT_LEVEL = (
+    f"; of the tests, those are rejected that Holm's procedure rejects at {100 * FAMILY_LEVEL:g} % for all laws of the "
+    "file together."
+)
 
 
 def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
