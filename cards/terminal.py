@@ -170,8 +170,9 @@ def _item(sentence: str) -> RenderableType:
 
 def _suspect_lines(suspect: SuspectPart, command: Command) -> list[RenderableType]:
     """What is suspected, and on a line of its own the command that corrects it or leaves it out."""
-    shown = Text(lines_of(command(suspect.remedy)), style="bold")
-    return [_item(f"{suspect.words}:"), Padding(shown, (0, 0, 0, 4))]
+    lines = lines_of(command(suspect.remedy)).split("\n")
+    shown = Text("\n".join(f"{'':6}{line}" for line in lines), style="bold", no_wrap=True, overflow="ignore")
+    return [_item(f"{suspect.words}:"), shown]
 
 
 def _table(table: TextTable) -> Table:
@@ -205,7 +206,9 @@ def _narrow(table: TextTable, dispensable: Sequence[str]) -> TextTable:
 
 
 def _block(head: Text, *lines: RenderableType) -> RenderableType:
-    return Group(head, Padding(Group(*lines), (0, 0, 1, 2)))
+    """A heading and its indented lines; commands stay in one piece, however long they are."""
+    parts = [line if isinstance(line, Text) and line.no_wrap else Padding(line, (0, 0, 0, 2)) for line in lines]
+    return Group(head, *parts, Text())
 
 
 def _texts(sentences: Iterable[str]) -> list[RenderableType]:

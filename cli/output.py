@@ -23,7 +23,7 @@ class Printer:
     def show(self, block: "RenderableType") -> None:
         """Print one block."""
         with self._console.capture() as captured:
-            self._console.print(block)
+            self._console.print(block, crop=False)  # commands may be longer than a line
         sys.stdout.write("\n".join(line.rstrip() for line in captured.get().split("\n")))
 
 

@@ -22,6 +22,7 @@ from fitmodels.cards.forms.linked_data import json_ld
 from fitmodels.cards.forms.markdown import card_markdown, text
 from fitmodels.cards.forms.page import page_html
 from fitmodels.cards.terminal import pair_blocks, verdicts_reminder
+from fitmodels.cli.output import Printer
 from fitmodels.core.errors import UsageError
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect
@@ -265,6 +266,14 @@ def test_the_terminal_gives_verdict_reason_and_command_before_the_equation(files
     places = [text.index(words) for words in order]
     assert places == sorted(places)
     assert verdicts_reminder(files["suspected"]).startswith("Verdicts: AW do not use for control; ")
+
+
+def test_a_long_command_stays_in_one_piece(files, capsys):
+    runs, out = datasets.read_runs(datasets.bundled("gc435_709m40")), Printer()
+    long = "--correct 'lines " + ",".join(map(str, range(100, 160))) + ":t+6'"
+    for block in pair_blocks(runs, files["suspected"], (), lambda _: f"fitmodels x {long}"):
+        out.show(block)
+    assert long in capsys.readouterr().out
 
 
 # --- Markdown -----------------------------------------------------------------------------------------
