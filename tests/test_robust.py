@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.robust_fit import robust
+from fitmodels.fit.checks.robust_fit import robust, tail_of_rows
 from fitmodels.fit.checks.strata import split
 from fitmodels.fit.checks.wrong_edges import mixed_units, outlying_edges
-from fitmodels.fit.checks.wrong_rows import outlying_rows, tail_of_rows
+from fitmodels.fit.checks.wrong_rows import outlying_rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.robust.norms import HuberT

@@ -237,6 +237,14 @@ def _of_residuals(check: Callable[[CheckInput, Residuals], Found], which: int) -
     return found
 
 
+def _error_structure(given: CheckInput) -> Found | None:
+    """Error structures of the rows that are not wrong: a wrong row alone would decide for additive errors."""
+    law = given.right_rows[0]
+    if not law.formula.logarithmic:
+        return None
+    return error_structure(law, given.alternative if law is given.law else None)
+
+
 def _order(given: CheckInput) -> Found:
     """The test of autocorrelation; not available for a selection of rows, which lacks their neighbours."""
     if isinstance(given.strata, Strata) and given.law.nobs < given.whole.nobs:
@@ -286,9 +294,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "even scatter of edges": _of_residuals(lambda given, edges: spread(given.law, edges), 1),
     "normality": _of_residuals(lambda _, rows: normality(rows), 0),
     "normality of edges": _of_residuals(lambda _, edges: normality(edges), 1),
-    "error structure": lambda given: (
-        error_structure(given.law, given.alternative) if given.law.formula.logarithmic else None
-    ),
+    "error structure": _error_structure,
     "rival forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
     "number of edges": lambda given: number_of_edges(given.whole, given.runs),
     "gauge error": _gauge,

@@ -33,8 +33,9 @@ from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p
+from .robust_fit import tail_of_rows
 from .strata import EdgeLevels, Strata, edge_levels, orthonormal
-from .wrong_rows import NEAR, explained, lines_of, listed, tail_of_rows
+from .wrong_rows import NEAR, explained, lines_of, listed
 
 FEWEST, SPARE = 8, 4  # edges, and edges beyond the parameters that they determine
 MOST = 1 / 6  # of the edges

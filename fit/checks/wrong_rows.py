@@ -1,8 +1,8 @@
 """Rows whose response is probably wrong, found by a bisquare fit, and rows or blocks of rows that are copies.
 
-Wrong rows are tested by a gap: with tails like those of Student's t the ratio of the m-th to the next largest residual
-is below r with probability 1 - r^(-a m), where a is the index of the tail. So one row far out in a sample with heavy
-tails is no finding, and three rows wrong by the same ratio are.
+Wrong rows are tested by a gap: given the next largest residual, the m largest of a sample are all beyond x with
+probability (S(x) / S(next))^m, S the survival function of Student's t with the tails that the other rows have. So one
+row far out in a sample with heavy tails is no finding, and three rows wrong by the same ratio are.
 
 Sources: Yohai 1987, Ann. Stat. 15, 642 (MM estimation); Renyi 1953, Acta Math. Acad. Sci. Hung. 4, 191 (spacings of
 the largest values); Weissman 1978, J. Am. Stat. Assoc. 73, 812 (tails).
@@ -22,16 +22,13 @@ from ...datasets.plausibility.unit_shifts import TIME_RATIOS, ratios_of
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p
-from .robust_fit import NORMAL, bisquare_residuals
+from .robust_fit import NORMAL, bisquare_residuals, gap_pvalue, standing_apart
 from .strata import NO_ROWS, has_repeated_edges, no_scatter, units_of
 
-TAIL = 3.5  # index of the tail between 4 and 10 standard deviations of Student's t with 4 degrees of freedom
 FEWEST, SPARE = 12, 6  # rows, and rows beyond the parameters
 MOST = 1 / 6  # of the rows
 FLOOR = 2.5  # robust standard deviations below which no residual is large
 FAR = 4.8  # robust standard deviations beyond which a row is wrong where several are
-TAILS = (3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 20.0, 50.0)  # degrees of freedom of Student's t that the rows may have
-EM_STEPS = 20
 SMALL = 0.4  # of the logarithm of the response: rows closer to the law are no mistakes that no unit explains
 HARM = 0.2  # of the logarithm of a prediction: rows that move one by more forbid the use of the law
 NEAR = 3.0  # standard deviations between a deviation and the ratio of two units that explains it
@@ -54,40 +51,19 @@ def robust_deviations(law: LawFit) -> tuple[Array, Array, bool]:
     return r - level[edge], r, logs
 
 
-def standing_apart(size: Array, most: int, floor: float) -> tuple[int, float]:
-    """How many of the largest values stand apart from the others, at most ``most``, and the p of the gap.
-
-    >>> standing_apart(np.array([1.0, 1.2, 0.3, 30.0, 28.0, 0.8]), 3, 1.0)[0]
-    2
-    """
-    x, m = np.sort(size)[::-1], np.arange(1, most + 1)
-    ratio = np.maximum(x[1 : most + 1], floor) / np.maximum(x[:most], 1e-300)
-    p = m * (m + 1) * np.minimum(ratio, 1.0) ** (TAIL * m)
-    best = int(np.argmin(p))
-    return best + 1, float(min(p[best], 1.0))
-
-
-def tail_of_rows(r: Array) -> float:
-    """Degrees of freedom of Student's t that residuals about the levels of edges have, by maximum likelihood.
-
-    The levels of edges, which are too few to show their tails, are taken to have those of the rows.
-
-    >>> tail_of_rows(np.random.default_rng(1).standard_t(3, 400)) < 6
-    True
-    """
-    from scipy.special import gammaln
-
-    best, tail = -np.inf, TAILS[-1]
-    square = r**2
-    for nu in TAILS:
-        variance = float(square.mean())
-        for _ in range(EM_STEPS):
-            variance = float(np.mean((nu + 1) * square / (nu + square / variance)))
-        each = -(nu + 1) / 2 * np.log1p(square / (nu * variance)) - np.log(variance) / 2
-        constant = gammaln((nu + 1) / 2) - gammaln(nu / 2) - np.log(nu) / 2
-        if (likelihood := float(each.mean() + constant)) > best:
-            best, tail = likelihood, nu
-    return tail
+def _about_edges(law: LawFit, r: Array, rows: NDArray[np.intp]) -> Array:
+    """Residuals about the mean of their edge's other rows, of equal variance, where ``rows`` count for no mean."""
+    if not has_repeated_edges(law):
+        return r
+    edge = units_of(law)[1]
+    counted = np.ones(len(r))
+    counted[rows] = 0.0
+    size = np.bincount(edge, counted)
+    mean = np.bincount(edge, counted * r) / np.maximum(size, 1.0)
+    others = size[edge] - counted
+    about = (r - mean[edge]) * np.sqrt(np.where(counted > 0, size[edge] / np.maximum(others, 1.0), 1.0))
+    about /= np.where(counted > 0, 1.0, np.sqrt(1 + 1 / np.maximum(size[edge], 1.0)))
+    return np.asarray(np.where(others > 0, about, 0.0))
 
 
 def outlying_rows(law: LawFit) -> Check | NotAvailable:
@@ -110,8 +86,9 @@ def outlying_rows(law: LawFit) -> Check | NotAvailable:
     scale = float(np.median(size)) / NORMAL
     if scale <= 1e-9 * float(size.max()):
         return NotAvailable("at least half of the rows lie on the law exactly: the robust scale is zero")
-    count, pvalue = standing_apart(size, max(1, int(MOST * n)), FLOOR * scale)
+    count = standing_apart(size, max(1, int(MOST * n)), FLOOR * scale)
     rows = np.sort(np.argsort(-size, kind="stable")[:count])
+    pvalue = gap_pvalue(_about_edges(law, whole, rows), rows, FLOOR)
     kept = (
         f"No row stands apart from the others: the largest deviation is {size.max() / scale:.1f} standard deviations "
         f"({format_p(pvalue)})."
@@ -126,7 +103,7 @@ def outlying_rows(law: LawFit) -> Check | NotAvailable:
         suspects = ()
         words = f"{count} rows deviate together by up to {np.expm1(size.max()):.0%}: the form does not fit them."
     return Check(
-        null="no row deviates further than heavy tails of the error explain",
+        null="no row deviates further than the tails of the other rows explain",
         statistic=float(size.max()) / scale,
         symbol="largest |r| / s",
         pvalue=pvalue,
