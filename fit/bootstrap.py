@@ -6,6 +6,7 @@ Source: Davison & Hinkley 1997, Bootstrap Methods and their Application, section
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,9 @@ import pandas as pd
 from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.threads import one_thread
-from .available import NotAvailable
+from .available import NotAvailable, computed
+from .checks.agreement import compare_estimates, of_draws
+from .checks.check import Check
 from .edges import EdgeInference
 from .lawfit import LawFit
 
@@ -30,11 +33,14 @@ class EdgeBootstrap(Plottable):
         ``theta`` of each refit; for a law in natural units after one Gauss-Newton step.
     impossible : int
         Draws that lacked an edge which some parameter needs; they are not among ``draws``.
+    agreement : Check or NotAvailable
+        Comparison of the mean of each exponent with its other estimates.
     """
 
     names: tuple[str, ...]
     draws: Array
     impossible: int
+    agreement: Check | NotAvailable
 
     @property
     def bse(self) -> "pd.Series[float]":
@@ -79,4 +85,7 @@ def edge_bootstrap(law: LawFit, repetitions: int = 2000, seed: int = 1) -> EdgeB
     A = (weights @ gram).reshape(-1, p, p)
     possible = np.linalg.cond(A) < 1e10
     step = np.linalg.solve(A[possible], (weights @ score)[possible][:, :, None])[:, :, 0]
-    return EdgeBootstrap(law.theta_names, law.theta + step @ root.T, int((~possible).sum()))
+    draws = law.theta + step @ root.T
+    own = of_draws(law, "bootstrap by edge", law.theta_names, draws)
+    agreement = computed(partial(compare_estimates, law, own))
+    return EdgeBootstrap(law.theta_names, draws, int((~possible).sum()), agreement)

@@ -97,11 +97,13 @@ def of_edges(edges: EdgeInference) -> Display:
 
 @display_of.register
 def of_bootstrap(found: EdgeBootstrap) -> Display:
-    """Number of refits, and the interval of each coefficient."""
+    """Number of refits, the interval of each coefficient, and estimates of an exponent that disagree."""
     ends = found.interval()
     lost = f", {found.impossible} resamples did not identify the law" if found.impossible else ""
     grid = estimates(found.names, found.draws.mean(axis=0), found.bse, list(ends["low"]), list(ends["high"]))
-    return Display(f"{len(found.draws)} refits to edges resampled with replacement{lost}", (), grid)
+    apart = isinstance(found.agreement, Check) and found.agreement.concern > 0
+    words = (found.agreement.verdict,) if apart else ()
+    return Display(f"{len(found.draws)} refits to edges resampled with replacement{lost}", (), grid, sentences=words)
 
 
 @display_of.register

@@ -5,7 +5,6 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.fit.checks.agreement import (
     Estimate,
-    bootstrap_agreement,
     compare_estimates,
     estimates_of,
     posterior_agreement,
@@ -49,7 +48,13 @@ def test_a_posterior_that_disagrees_with_the_table_is_said():
 
 def test_a_bootstrap_agrees_with_the_fit_that_it_resamples():
     law = wear(3)
-    assert bootstrap_agreement(law, fit.edge_bootstrap(law, 300)).concern == 0
+    assert fit.edge_bootstrap(law, 300).agreement.concern == 0
+
+
+def test_a_bootstrap_says_where_estimates_of_an_exponent_disagree():
+    boot = fit.edge_bootstrap(wear(1, 20.0), 300)
+    assert (boot.agreement.exponent, boot.agreement.concern) == ("t", 1)
+    assert boot.agreement.verdict in " ".join(boot.summary().split())
 
 
 @pytest.mark.parametrize("icc", [0.0, 0.3, 0.8])

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..available import NotAvailable
-from ..bootstrap import EdgeBootstrap
 from ..edges import EdgeInference, left_out_moves
 from ..group_sums import sums_by
 from ..lawfit import LawFit
@@ -123,11 +122,6 @@ def posterior_agreement(law: LawFit, posterior: "Posterior") -> Agreement | NotA
     0
     """
     return compare_estimates(law, of_draws(law, "posterior", posterior.names, posterior.draws))
-
-
-def bootstrap_agreement(law: LawFit, bootstrap: EdgeBootstrap) -> Agreement | NotAvailable:
-    """Compare the mean of a bootstrap by edge of each exponent with its other estimates."""
-    return compare_estimates(law, of_draws(law, "bootstrap by edge", bootstrap.names, bootstrap.draws))
 
 
 def of_draws(law: LawFit, method: str, names: Sequence[str], draws: np.ndarray) -> dict[str, list[Estimate]]:
