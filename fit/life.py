@@ -203,7 +203,7 @@ def life_verdict(life: ToolLife, law: LawFit, runs: Runs | None = None, of_law: 
     found = [*_of_taylor(life, law, law.source.tool if runs is None else runs.tool), *_of_size(life)]
     if not any(level > 1 for level, _ in found):
         found += _of_range(life, law)
-    found += _of_scatter(life, law)
+    found += _of_scatter(law)
     if of_law is not None and of_law.level:
         found.append((of_law.level, f"Verdict on the law of {life.wear}: {of_law.words}."))
     checked = ["Life against plausible lives", "Extrapolation", "Predictive error of the life"]
@@ -256,7 +256,7 @@ def _of_range(life: ToolLife, law: LawFit) -> Iterator[tuple[int, str]]:
         yield 1, f"No test reached the criterion {wear}: the life is extrapolated."
 
 
-def _of_scatter(life: ToolLife, law: LawFit) -> Iterator[tuple[int, str]]:
+def _of_scatter(law: LawFit) -> Iterator[tuple[int, str]]:
     """Factor within which lives lie: the scatter of the wear over the exponent of time."""
     if law.error != "multiplicative" or law.scale_se is None:
         return

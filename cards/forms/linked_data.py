@@ -37,7 +37,7 @@ def _dataset(card: Card) -> Iterator[dict[str, Any]]:
     rows = f"{p.rows} rows" if p.rows is not None else "rows"
     of = f"{card.identity.tool} on {card.identity.work}"
     note = f" {card.identity.note}" if card.identity.note else ""
-    yield _told({
+    yield _stated({
         "@type": "Dataset",
         "@id": _id("data", p.data_sha256),
         "name": f"{kind} of {of}",
@@ -56,7 +56,7 @@ def _model(card: Card) -> dict[str, Any]:
     p, i = card.publication, card.identity
     data = _id("data", card.provenance.data_sha256)
     behind = card.provenance.data_file or card.provenance.data_sha256
-    return _told({
+    return _stated({
         "@type": "CreativeWork",
         "@id": _id("parameters", i.content_sha256),
         "additionalType": "model card of a tool/work pair",
@@ -76,7 +76,7 @@ def _model(card: Card) -> dict[str, Any]:
     })  # fmt: skip
 
 
-def _told(said: dict[str, Any]) -> dict[str, Any]:
+def _stated(said: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in said.items() if value not in ("", None, [], {})}
 
 
@@ -104,7 +104,7 @@ def _creator(written: str) -> dict[str, str]:
     a = author(written)
     more = {"familyName": a.family, "givenName": a.given}
     orcid = f"https://orcid.org/{a.orcid}" if a.orcid else ""
-    return _told({"@type": "Person" if a.family else "Organization", "name": a.name, **more, "sameAs": orcid})
+    return _stated({"@type": "Person" if a.family else "Organization", "name": a.name, **more, "sameAs": orcid})
 
 
 def _variables(card: Card) -> Iterator[dict[str, Any]]:
@@ -122,7 +122,7 @@ def _variables(card: Card) -> Iterator[dict[str, Any]]:
 
 
 def _variable(symbol: str, quantity: str, unit: str) -> dict[str, Any]:
-    return _told({"@type": "PropertyValue", "name": quantity, "alternateName": symbol, "unitText": unit})
+    return _stated({"@type": "PropertyValue", "name": quantity, "alternateName": symbol, "unitText": unit})
 
 
 def _technique(card: Card) -> list[str]:

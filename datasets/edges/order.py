@@ -241,7 +241,7 @@ def without_slips(start: Flags, tests: TestOrder) -> Flags:
     together = bool((t[at] <= usual * (1 + 1e-9)).mean() >= TOGETHER)
     length = np.diff(at, append=len(t))
     falls = at[1:][t[at[1:]] <= t[at[1:] - 1]]
-    of_time = _slips_of_time(falls, start, length[np.searchsorted(at, falls) - 1], t, usual, together)
+    of_time = _slips_of_time(falls, length[np.searchsorted(at, falls) - 1], t, usual, together)
     single = at[length == 1]
     if len(at) < 4 or len(single) > 3 * most or len(of_time) > 3 * most:
         return start
@@ -269,7 +269,7 @@ def _slip_of_setting(i: int, tests: TestOrder, usual: float, together: bool) -> 
 
 
 def _slips_of_time(
-    falls: NDArray[np.intp], start: Flags, before: NDArray[np.intp], t: Array, usual: float, together: bool
+    falls: NDArray[np.intp], before: NDArray[np.intp], t: Array, usual: float, together: bool
 ) -> NDArray[np.intp]:
     """Rows at which time falls because one time slipped, among the first rows of edges.
 
@@ -277,7 +277,6 @@ def _slips_of_time(
     ----------
     falls : ndarray of int, shape (k,)
         First rows of edges with a time not above that of the row above.
-    start : ndarray of bool, shape (n,)
     before : ndarray of int, shape (k,)
         Rows of the edge above each.
     t : ndarray, shape (n,), min

@@ -108,7 +108,7 @@ def _splits(law: LawFit, levels: EdgeLevels, asked: list[str]) -> tuple[list[Spl
         j = law.factors.index(name)
         moves = minorities(levels.x[:, j], CONDITIONS[name], TIME_INSIDE if name == "t" else INSIDE)
         if moves:
-            evidence, by_square[name] = _evidence(law, levels, j, moves)
+            evidence, by_square[name] = _evidence(levels, j, moves)
             tried += [(float(e), name, *move) for e, move in zip(evidence, moves, strict=True)]
     return tried, by_square
 
@@ -135,7 +135,7 @@ _NULL = "no edges have a value in another unit than the others"
 _SYMBOL = "n ln(RSS0/RSS1)"
 
 
-def _evidence(law: LawFit, levels: EdgeLevels, j: int, moves: list[tuple[Flags, float]]) -> tuple[Array, float]:
+def _evidence(levels: EdgeLevels, j: int, moves: list[tuple[Flags, float]]) -> tuple[Array, float]:
     """Of each move of factor j, and of its square; a move of a term is one of the levels, in units of the column."""
     column = 1 + j
     shift = np.zeros((len(levels.b), len(moves)))
@@ -195,13 +195,13 @@ def cause_of(ratios: Mapping[float, str], factor: float) -> str:
 
 def _split_words(law: LawFit, levels: EdgeLevels, same: list[Split]) -> str:
     named = [levels.names[g] for g in np.flatnonzero(same[0][2])]
-    parts = ", or ".join(_way(law, levels, one) for one in same)
+    parts = ", or ".join(_moved_values(law, levels, one) for one in same)
     these, s = ("this", "") if len(named) == 1 else ("these", "s")
     unit = f"Edge{s} {listed(named)}" if levels.by_edge else lines_of([*map(int, named)]).capitalize()
     return f"{unit}: with {parts} the {law.response} agrees with that of the others; check the unit of {these}."
 
 
-def _way(law: LawFit, levels: EdgeLevels, one: Split) -> str:
+def _moved_values(law: LawFit, levels: EdgeLevels, one: Split) -> str:
     """The values, what they are multiplied by, and the cause."""
     _, name, edges, factor = one
     level = levels.b[levels.within :] / levels.root
