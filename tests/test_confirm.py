@@ -152,8 +152,10 @@ def test_other_refusals():
         confirm(fitted, datasets.runs_from_frame(frame(PLAN, 1)))
     with pytest.raises(UsageError, match="level 95"):
         confirm(fitted, new(), level=95)
+    with pytest.raises(errors.DataError, match="AW is negative in all rows"):
+        new(AW=-1.0)
     with pytest.raises(errors.FitError, match="no usable row"):
-        confirm(fitted, new(AW=-1.0))
+        confirm(fitted, new(AW=0.0))
     two = fit.power_law(datasets.runs_from_frame(pd.DataFrame({"t": [2.0, 4.0], "AW": [0.1, 0.2]})), "AW", ["t"])
     with pytest.raises(errors.FitError, match="2 observations fix 2 parameters"):
         confirm(two, new())
