@@ -243,7 +243,7 @@ MOST_ROWS = 20_000  # among which copies are sought
 
 
 def copies(law: LawFit) -> Check | NotAvailable | None:
-    """Rows that stand twice, and edges that have readings of other edges.
+    """Rows that stand twice, which needs no test, and edges that have readings of other edges.
 
     Two edges have equal readings by chance with a probability that follows from the resolution of the readings and the
     scatter of the rows; the p of a sequence is its product times the number of places where it could stand.
@@ -263,7 +263,7 @@ def copies(law: LawFit) -> Check | NotAvailable | None:
         null="no readings are copies of others",
         statistic=float(len(twice) + len(blocks)),
         symbol="copies",
-        pvalue=0.0 if twice else pvalue,
+        pvalue=None if twice else pvalue,
         concern=int(bool(suspects)),
         verdict=f"{_twice_words(law, twice)} {_block_words(law, blocks)}".strip() or kept,
         kept=kept,
