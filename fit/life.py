@@ -201,16 +201,25 @@ def life_verdict(life: ToolLife, law: LawFit, runs: Runs | None = None, of_law: 
     'usable with reservations'
     """
     found = [*_of_taylor(life, law, law.source.tool if runs is None else runs.tool), *_of_size(life)]
-    if not any(level > 1 for level, _ in found):
+    refused = any(level > 1 for level, _ in found)
+    if not refused:
         found += _of_range(life, law)
     found += _of_scatter(law)
     if of_law is not None and of_law.level:
         found.append((of_law.level, f"Verdict on the law of {life.wear}: {of_law.words}."))
-    checked = ["Life against plausible lives", "Extrapolation", "Predictive error of the life"]
-    missing = ["Taylor's n: the law has no V"]
-    if life.taylor_n is not None:
-        checked, missing = ["Taylor's n", *checked], []
-    return verdict_from(found, checked, missing)
+    reasons = {
+        "Taylor's n": "the law has no V" if life.taylor_n is None else "",
+        "Life against plausible lives": "",
+        "Extrapolation": "the reasons above forbid the use already" if refused else "",
+        "Predictive error of the life": "" if _is_factor(law) else "the law has no error as a factor",
+    }
+    missing = [f"{name}: {why}" for name, why in reasons.items() if why]
+    return verdict_from(found, [name for name, why in reasons.items() if not why], missing)
+
+
+def _is_factor(law: LawFit) -> bool:
+    """Whether the error of a law is known and is a factor."""
+    return law.error == "multiplicative" and law.scale_se is not None
 
 
 def _of_taylor(life: ToolLife, law: LawFit, tool: str) -> Iterator[tuple[int, str]]:
