@@ -101,8 +101,8 @@ def of_bootstrap(found: EdgeBootstrap) -> Display:
     ends = found.interval()
     lost = f", {found.impossible} resamples did not identify the law" if found.impossible else ""
     grid = estimates(found.names, found.draws.mean(axis=0), found.bse, list(ends["low"]), list(ends["high"]))
-    apart = isinstance(found.agreement, Check) and found.agreement.concern > 0
-    words = (found.agreement.verdict,) if apart else ()
+    compared = found.agreement
+    words = (compared.verdict,) if isinstance(compared, Check) and compared.concern else ()
     return Display(f"{len(found.draws)} refits to edges resampled with replacement{lost}", (), grid, sentences=words)
 
 
