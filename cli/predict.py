@@ -107,7 +107,7 @@ def _report(
         "work": pf.identity.work,
         "simulated": pf.identity.simulated,
         "predictions": [prediction.facts() for prediction in predictions],
-        "not_told": [{"response": name, "reason": reason} for name, reason in reasons.items()],
+        "not_predicted": [{"response": name, "reason": reason} for name, reason in reasons.items()],
     }
 
 

@@ -104,7 +104,7 @@ def test_the_verdict_of_a_law_and_of_the_wear_law_it_takes_is_printed(params, tm
 
 def test_json_holds_the_same_facts(params):
     told = report(params, *AT, "--interval", "tolerance", "--level", ".9", "--coverage", "0.8")
-    assert (told["schema"], told["file"], told["simulated"], told["not_told"]) == (
+    assert (told["schema"], told["file"], told["simulated"], told["not_predicted"]) == (
         "fitmodels.prediction/2", "params.json", True, [],
     )  # fmt: skip
     laws = parameters.read(params).laws
