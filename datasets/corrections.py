@@ -177,7 +177,11 @@ def _as_it_stands(draft: Draft, options: ReadOptions, *, judge: bool) -> Draft:
             settle_units(trial, options)
         except DataError:  # refused as it stands; the corrections may mend that
             trial = _copied(draft)
-    derive(trial, options)
+    settled = _copied(trial)
+    try:
+        derive(trial, options)
+    except DataError:  # a computed value is refused: P of a force of reversed sign; the corrections may mend that too
+        trial = settled
     if judge:
         settle_edges(trial, options)
     return trial

@@ -328,6 +328,13 @@ def test_a_grinding_speed_needs_its_process(read):
     assert said(read(text(columns), process="turning"))
 
 
+@pytest.mark.parametrize("name", ["r_eps [mm]", "re [mm]", "nose radius [mm]", "corner_mm"])
+def test_a_nose_radius_is_not_taken_for_the_missing_depth(read, name):
+    columns = {"V [m/min]": np.tile([150.0, 200], 9), "f [mm/rev]": np.repeat([0.1, 0.2, 0.3], 6)}
+    columns |= {name: np.tile(np.repeat([0.4, 0.8, 1.2], 2), 3), "Fc [N]": 700 + 13.0 * np.arange(18)}
+    assert not [one for one in said(read(text(columns))) if "depth of cut" in one]
+
+
 def test_names_of_several_words_are_proposed_with_the_whole_command(read):
     header = {"V": "Speed_set", "f": "FeedSet", "d": "DepthSet", "t": "Minutes", "VB": "Flank (mean)"}
     columns = {name: rows()[name] for name in header}
@@ -381,8 +388,12 @@ def test_a_column_of_reversed_sign_is_refused_by_its_name(read, column):
 
 def test_a_force_of_reversed_sign_is_named_itself_and_not_the_power_that_follows(read):
     frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna().drop(columns=["P [kW]", "Fxz [N]"])
+    negative = frame.assign(**{"Fc [N]": -2000 * frame["f [mm/rev]"] * frame["d [mm]"]}).to_csv(index=False)
     with pytest.raises(errors.DataError, match=r"Fc is negative in all rows \(-2545 to -254.5 N\): reversed sign"):
-        read(frame.assign(**{"Fc [N]": -2000 * frame["f [mm/rev]"] * frame["d [mm]"]}).to_csv(index=False))
+        read(negative)
+    runs = read(negative, correct=("all:Fc*-1",))  # as the message asks, though P of the file as it stands is refused
+    np.testing.assert_allclose(runs.values("P"), frame["V [m/min]"] * runs.values("Fc") / 60000)
+    assert (runs.values("Fc") > 0).all()
 
 
 def test_a_component_of_reversed_sign_is_doubted_and_its_resultant_is_read(read):

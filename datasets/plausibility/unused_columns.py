@@ -35,7 +35,7 @@ _ANONYMOUS = re.compile(
 )  # names that say nothing
 _OTHER_WORDS = re.compile(
     r"temp|hard|härte|dur(?:eté|eza)|press|druck|angle|winkel|radi|cool|kühl|noise|vib|date|datum|day|no\.?$|nr\.?$|"
-    r"id$|num|count|anzahl|index|repl|pass|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
+    r"nose|corner|^r_?eps|^re(?![^\W_])|id$|num|count|anzahl|index|repl|pass|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
     re.IGNORECASE,
 )
 
