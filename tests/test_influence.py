@@ -236,6 +236,9 @@ def test_a_factor_that_is_a_product_of_others_is_a_reservation():
     found = collinearity(law)
     assert (law.left_out[0].factor, law.left_out[0].confounded, found.concern) == ("d", True, 1)
     assert "Factor d was left out: an exact product of others (f^1)" in found.verdict
+    one = straight(np.column_stack([x[:, 0], 2 * x[:, 0], 3 * x[:, 0]]), 0.5 * x[:, 0] + 0.05 * rng.normal(size=30))
+    assert collinearity(one).verdict.startswith("Factors f was left out: an exact product")
+    assert "; d was left out: an exact product" in collinearity(one).verdict
     constant = straight(np.column_stack([x, np.ones(30)]), x @ [0.5, 0.4] + 0.05 * rng.normal(size=30))
     assert (constant.left_out[0].confounded, collinearity(constant).concern) == (False, 0)
 

@@ -332,9 +332,12 @@ def collinearity(law: LawFit) -> Collinearity | NotAvailable:
     hidden = [out for out in law.left_out if out.confounded]
     if hidden:
         concern = max(concern, 1)
+        several = len(hidden) > 1
+        which = "; ".join(f"{out.factor} was left out: {out.reason}" for out in hidden)
         verdict = (
-            f"Factor {hidden[0].factor} was left out: {hidden[0].reason}. The exponents of the others include its "
-            "effect, and hold only where it follows them as in the tests."
+            f"Factor{'s' if several else ''} {which}. The exponents of the others include "
+            f"{'their effects' if several else 'its effect'}, and hold only where "
+            f"{'they follow' if several else 'it follows'} them as in the tests."
         )
     elif concern:
         verdict = (
