@@ -176,6 +176,34 @@ def test_a_law_that_explains_nothing_must_not_be_used():
     assert "the mean AW predicts about as well" in found.verdict.lower().replace("aw", "AW")
 
 
+def power_from(forces):
+    """The law of P computed from these forces and V, and its runs."""
+    frame = table().drop(columns="e").assign(Fc=forces)
+    runs = datasets.runs_from_frame(frame, units={name: UNITS[name] for name in ("V", "f", "d", "t", "Fc")})
+    return fit.power_law(runs, "P", ["V", "f", "d", "t"]), runs
+
+
+def test_a_computed_power_is_judged_by_the_force_it_was_computed_from():
+    """P = Fc V/60000 of forces drawn at random follows V by the equation alone: its own R2 proves nothing."""
+    law, runs = power_from(600 * np.exp(0.3 * np.random.default_rng(3).standard_normal(96)))
+    found = predictive_use(law, runs)
+    assert law.rsquared > 0.3
+    assert found.concern == 2
+    assert "of Fc, from which P is computed" in found.verdict
+
+
+def test_a_power_computed_from_a_constant_force_must_not_be_used():
+    found = predictive_use(*power_from(np.full(96, 500.0)))
+    assert found.concern == 2
+    assert "P is computed from Fc, which is 500 in all rows" in found.verdict
+
+
+def test_a_power_computed_from_a_sound_force_is_used():
+    frame = table()
+    law, runs = power_from(1800 * frame["f"] ** 0.75 * frame["d"] * np.exp(frame["e"]))
+    assert predictive_use(law, runs).concern == 0
+
+
 @pytest.mark.parametrize(("edges", "named"), [(24, ""), (5, ""), (4, "4 edges"), (1, "1 edge")])
 def test_few_edges_are_a_reservation(edges, named):
     law, runs = law_of(factors=["t"], edges=edges)

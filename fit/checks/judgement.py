@@ -279,7 +279,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "time restarts": lambda given: time_restarts(given.law),
     "exponents": lambda given: exponents(given.whole, given.runs),
     "possible values": lambda given: possible_values(given.whole, given.runs),
-    "predictive use": lambda given: predictive_use(given.law),
+    "predictive use": lambda given: predictive_use(given.law, given.runs),
     "missing conditions": lambda given: missing_conditions(given.law, given.runs),
     "unused columns": lambda given: unused_columns(given.law, given.runs, given.icc),
     "form": lambda given: lack_of_fit(given.law, given.strata),

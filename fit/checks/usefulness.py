@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.rounding import format_decimal
 from ...datasets import Runs
 from ...datasets.doubts import Doubt
@@ -19,8 +20,11 @@ MOST_DOUBTS = 3  # quoted
 FEWEST_LEFT = 3  # degrees of freedom below which a standard deviation is hardly known
 
 
-def predictive_use(law: LawFit) -> Check | NotAvailable:
+def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable:
     """R2 of a law, and the factor within which its results lie, against what control needs.
+
+    A response that was computed from a measured one and factors of the law (P = Fc V/60000) is judged by the R2 of the
+    measured one: its trend with these factors follows from the equation alone.
 
     Examples
     --------
@@ -31,16 +35,23 @@ def predictive_use(law: LawFit) -> Check | NotAvailable:
     """
     if law.df_resid < 1:
         return _exactly_determined(law)
+    source, values = _measured(law, runs)
+    if source and np.ptp(values) == 0:
+        return _of_a_constant(law, source, float(values[0]))
     if reason := no_scatter(law):
         return NotAvailable(reason)
     r2 = law.rsquared
+    if source:
+        of_source = 1 - law.rss / float(np.sum((np.log(values) - np.log(values).mean()) ** 2))
+        r2, source = (of_source, source) if of_source < r2 else (r2, "")
     factor, within = _scatter(law)
     concern = max(_level(r2, LOW_R2, LEAST_R2), _level(-factor, -WIDE, -VERY_WIDE))
     ends = (".", ": allow for it.", ": too much for control.")
     end = ends[concern]
     if r2 < LOW_R2:
-        end = f". The mean {law.response} predicts {'about' if r2 < LEAST_R2 else 'nearly'} as well."
-    explained = f"R2 {r2:.3g}: the law explains {100 * r2:.3g} % of the variance; 95 % of results lie {within}"
+        end = f". The mean {source or law.response} predicts {'about' if r2 < LEAST_R2 else 'nearly'} as well."
+    of = f" of {source}, from which {law.response} is computed" if source else ""
+    explained = f"R2 {r2:.3g}: the law explains {100 * r2:.3g} % of the variance{of}; 95 % of results lie {within}"
     return Check(
         null=f"the law explains at least {100 * LOW_R2:g} % of the variance and predicts within a factor of {WIDE:g}",
         statistic=r2,
@@ -58,6 +69,34 @@ def _exactly_determined(law: LawFit) -> Check:
         verdict=(
             f"No degrees of freedom are left: {law.nobs} rows fix {len(law.theta)} parameters exactly, so the error of "
             f"the law is unknown and nothing was checked. Measure at least {FEWEST_LEFT} more."
+        ),
+    )
+
+
+def _measured(law: LawFit, runs: Runs | None) -> tuple[str, Array]:
+    """The quantity that a response was computed from with factors of the law alone, and its values; "" where none."""
+    none = "", np.empty(0)
+    rule = None if runs is None else next((one for one in runs.derived if one.role == law.response), None)
+    if runs is None or rule is None or law.rows is None or law.form != "power" or not law.formula.logarithmic:
+        return none
+    sources = [role for role in rule.inputs if role not in law.factors]
+    place = {line: i for i, line in enumerate(runs.lines.tolist())}
+    if len(sources) != 1 or len(rule.inputs) < 2 or sources[0] not in runs.data or len(place) < len(runs):
+        return none
+    if not place.keys() >= set(law.lines.tolist()):
+        return none
+    values = runs.values(sources[0])[[place[line] for line in law.lines.tolist()]]
+    return (sources[0], values) if bool(np.all(values > 0)) else none
+
+
+def _of_a_constant(law: LawFit, source: str, value: float) -> Check:
+    """The refusal of a law of a response that was computed from a constant: it repeats the equation."""
+    return Check(
+        null="the quantity that the response was computed from varies",
+        concern=2,
+        verdict=(
+            f"{law.response} is computed from {source}, which is {value:.4g} in all rows: the law repeats the equation "
+            f"and nothing was measured. Check column {source}."
         ),
     )
 
