@@ -27,6 +27,7 @@ from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..life import ANY_TOOL, usual_taylor_n
 from .check import Check
+from .missing_factors import WEAR
 from .strata import NO_ROWS
 
 Range = tuple[float, float]
@@ -42,7 +43,6 @@ class Exponent:
     sign: int = 0
 
 
-WEAR_ROLES = ("AW", "VB", "VBC", "VBN")
 _NO_TREND = Exponent((-0.1, 0.3), (-0.5, 0.8))  # of time in a law that may contain wear
 _WEAR = {
     "V": Exponent((0.3, 3), (0.25, 5), 1),
@@ -84,7 +84,7 @@ _ROUGHNESS = {
     "d": Exponent((-0.2, 0.5), (-1, 1)),
 }
 _TABLE: Mapping[str, Mapping[str, Exponent]] = {
-    **dict.fromkeys(WEAR_ROLES, _WEAR),
+    **dict.fromkeys(WEAR, _WEAR),
     "T": _LIFE,
     "Fc": _MAIN,
     "M": _MAIN | {"V": Exponent((-0.3, 0.1), (-0.6, 0.6))},
@@ -94,7 +94,7 @@ _TABLE: Mapping[str, Mapping[str, Exponent]] = {
     "P": _POWER,
     **dict.fromkeys(("Ra", "Rz"), _ROUGHNESS),
 }
-_SAME = {"n": "V", "fz": "f", "fm": "f", **dict.fromkeys(WEAR_ROLES, "wear")}  # factors with the range of another
+_SAME = {"n": "V", "fz": "f", "fm": "f", **dict.fromkeys(WEAR, "wear")}  # factors with the range of another
 
 
 def usual_exponents(
@@ -126,7 +126,7 @@ def usual_exponents(
 def _of_tool(response: str, tool: str) -> dict[str, Exponent]:
     """Exponent of the speed by the material of the tool: -1/n in life, k/n in wear on t^k."""
     n = usual_taylor_n(tool)
-    if n.material == ANY_TOOL or response not in (*WEAR_ROLES, "T"):
+    if n.material == ANY_TOOL or response not in (*WEAR, "T"):
         return {}
     if response == "T":
         return {"V": Exponent(_negative_inverse(n.usual), _negative_inverse(n.limits), -1)}
@@ -198,7 +198,7 @@ def _judged(response: str, name: str, one: Exponent, interval: tuple[float, floa
     numbers = f"{b:.2g}, 95 % interval {low:.2g} to {high:.2g}"
     if one.sign and (high < 0 if one.sign > 0 else low > 0):
         moves, should = ("falls", "rise") if one.sign > 0 else ("rises", "fall")
-        why = _WRONG_SIGN.get((response in WEAR_ROLES, _SAME.get(name, name)), "the columns, their units and signs")
+        why = _WRONG_SIGN.get((response in WEAR, _SAME.get(name, name)), "the columns, their units and signs")
         return 2, f"{response} {moves} with {name} (exponent {numbers}) where it must {should}: check {why}."
     if one.limits[0] <= high and low <= one.limits[1]:
         return None
@@ -224,7 +224,7 @@ def _feed_above_speed(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | No
 
     speed = next(filter(ranges.__contains__, ("V", "n")), None)
     feed = next(filter(ranges.__contains__, ("f", "fz")), None)
-    if law.response not in (*WEAR_ROLES, "T") or speed is None or feed is None:
+    if law.response not in (*WEAR, "T") or speed is None or feed is None:
         return None
     sign = -1 if law.response == "T" else 1
     at = [law.names.index(name) for name in (speed, feed)]
