@@ -176,6 +176,17 @@ def test_a_law_that_explains_nothing_must_not_be_used():
     assert "the mean AW predicts about as well" in found.verdict.lower().replace("aw", "AW")
 
 
+@pytest.mark.parametrize(("rows", "words"), [(6, "Only 1 degree of freedom is left (6 rows, 5 parameters)"), (8, "")])
+def test_hardly_more_rows_than_parameters_are_a_reservation(rows, words):
+    frame = table(edges=rows, sd=0.01).iloc[::6].assign(t=np.arange(2.0, 2 + rows)).drop(columns="e")
+    errors = np.exp(0.001 * np.sin(np.arange(rows) ** 2))
+    frame["AW"] = 0.0076 * frame["V"] ** 0.6 * frame["f"] ** 0.2 * frame["d"] ** 0.2 * frame["t"] ** 0.2 * errors
+    runs = datasets.runs_from_frame(frame, units={name: UNITS[name] for name in (*WEAR, "AW")})
+    found = predictive_use(fit.power_law(runs, "AW", [*WEAR]))
+    assert found.concern == bool(words)
+    assert found.verdict.startswith(words or "R2")
+
+
 def power_from(forces):
     """The law of P computed from these forces and V, and its runs."""
     frame = table().drop(columns="e").assign(Fc=forces)

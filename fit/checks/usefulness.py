@@ -50,14 +50,15 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
     end = ends[concern]
     if r2 < LOW_R2:
         end = f". The mean {source or law.response} predicts {'about' if r2 < LEAST_R2 else 'nearly'} as well."
+    few = _hardly_determined(law)
     of = f" of {source}, from which {law.response} is computed" if source else ""
     explained = f"R2 {r2:.3g}: the law explains {100 * r2:.3g} % of the variance{of}; 95 % of results lie {within}"
     return Check(
         null=f"the law explains at least {100 * LOW_R2:g} % of the variance and predicts within a factor of {WIDE:g}",
         statistic=r2,
         symbol="R2",
-        concern=concern,
-        verdict=explained + end,
+        concern=max(concern, int(bool(few))),
+        verdict=few + explained + end,
     )
 
 
@@ -70,6 +71,18 @@ def _exactly_determined(law: LawFit) -> Check:
             f"No degrees of freedom are left: {law.nobs} rows fix {len(law.theta)} parameters exactly, so the error of "
             f"the law is unknown and nothing was checked. Measure at least {FEWEST_LEFT} more."
         ),
+    )
+
+
+def _hardly_determined(law: LawFit) -> str:
+    """The sentence on a law of hardly more rows than parameters, empty where its error is known."""
+    left = int(law.df_resid)
+    if left >= FEWEST_LEFT:
+        return ""
+    return (
+        f"Only {left} degree{'s' if left > 1 else ''} of freedom {'are' if left > 1 else 'is'} left ({law.nobs} rows, "
+        f"{len(law.theta)} parameters), so that the error of the law is hardly known: measure at least "
+        f"{FEWEST_LEFT - left} more. "
     )
 
 
