@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from .. import parameters
     from ..parameters.checks.report import require_verdicts
     from ..parameters.exports import export, export_format
-    from ..parameters.exports.loop import loop_settings
+    from ..parameters.exports.view import export_view
 
     kind = export_format(args.to)
     out = Path(args.out or Path(args.file).stem + kind.suffix)
@@ -41,10 +41,11 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--out {out}: is a folder; give the name of the file.")
     pf = parameters.read(args.file)
     written = export(pf, args.to, out, force=args.force, accept_verdict=args.accept_verdict)
+    view = export_view(pf, accept_verdict=args.accept_verdict, loop_only=kind.loop_only)
     print_lines([
         f"wrote {written}",
         *(f"  {words}" for words in require_verdicts(pf, args.accept_verdict, loop_only=kind.loop_only)),
-        *(f"  assumed: {words}" for words in loop_settings(pf).assumed),
+        *(f"  assumed: {words}" for words in view.assumed),
         *(f"  not included: {words}" for words in kind.not_carried),
     ])  # fmt: skip
     return 0

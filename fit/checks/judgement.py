@@ -141,7 +141,9 @@ class Judgement(Plottable):
         """
         there = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, Check)}
         missing = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, NotAvailable)}
-        unchecked = [(RESERVATIONS, WITHOUT_ROWS)] if self.nobs == 0 else []
+        failed = ", ".join(title for title, check in missing.items() if check.failed)
+        unchecked = [(RESERVATIONS, f"Not checked, since the computation failed: {failed}.")] if failed else []
+        unchecked += [(RESERVATIONS, WITHOUT_ROWS)] if self.nobs == 0 else []
         ordered = sorted(there.values(), key=lambda check: not check.suspects)
         return verdict_from(
             [*((check.concern, check.verdict) for check in ordered), *unchecked],
