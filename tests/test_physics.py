@@ -302,6 +302,18 @@ def test_extrapolation_qualifies_the_life_alone():
     assert fit.judge(law, runs=runs).verdict.level == 0
 
 
+def test_a_life_whose_time_exponent_may_be_zero_has_no_limit():
+    frame = table().groupby("edge").last().reset_index()  # one reading of each edge, all at nearly one time
+    frame["t"] = np.linspace(11.0, 12.0, len(frame))
+    error = np.random.default_rng(4).normal(0, 0.1, len(frame))
+    frame["AW"] = 7.62e-3 * np.exp(sum(b * np.log(frame[name]) for name, b in WEAR.items()) + error)
+    law = fit.power_law(datasets.runs_from_frame(frame.drop(columns="e"), judge=False), "AW", list(WEAR))
+    assert law.conf_int().loc["t", "low"] < 0 < law.params["t"]
+    found = life_verdict(fit.tool_life(law, 0.15), law)
+    assert found.level == 2
+    assert "has no upper limit" in found.reasons[0]
+
+
 def test_a_life_is_no_better_than_its_law():
     law, runs = law_of(edges=4, factors=["V", "t"], powers={"V": 0.577, "t": 0.245}, c0=7.62e-3)
     of_law = fit.judge(law, runs=runs).verdict
