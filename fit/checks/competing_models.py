@@ -33,6 +33,8 @@ from .deletion_diagnostics import ALONE
 from .strata import NO_ROWS, Codes, no_scatter, units_of
 from .time_exponent import CommonExponent, common_exponent
 
+LARGEST = 3.0  # error in logarithms from which a form does not predict at all
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ZeroWear(Displayable):
@@ -183,13 +185,18 @@ def _verdict(
     alternatives: tuple[CompetingModel, ...],
     chosen: CompetingModel,
 ) -> str:
-    left = f"Leave-one-{unit}-out error of {response}: power law {100 * np.expm1(power.error):.3g} %"
+    left = f"Leave-one-{unit}-out error of {response}: power law {_percent(power.error)}"
     if not alternatives:
         return f"{left}; no competing model can be fitted to these rows."
     best = alternatives[0] if chosen is power else chosen
     difference = f"difference {best.difference:.2g} ± {best.standard_error:.2g} in ln {response}"
     kept = "the power law is kept" if chosen is power else f"{best.name} is preferred"
-    return f"{left}, {best.name} {100 * np.expm1(best.error):.3g} % ({difference}): {kept}."
+    return f"{left}, {best.name} {_percent(best.error)} ({difference}): {kept}."
+
+
+def _percent(error: float) -> str:
+    """An error in logarithms as a share of the response; the largest are not printed."""
+    return f"{100 * np.expm1(error):.3g} %" if error < LARGEST else f"more than {100 * np.expm1(LARGEST):.0f} %"
 
 
 def _alternative(
