@@ -270,7 +270,7 @@ def _of_scatter(law: LawFit) -> Iterator[tuple[int, str]]:
     if law.error != "multiplicative" or law.scale_se is None:
         return
     k = float(law.params["t"])
-    low, high = (float(end) for end in law.conf_int().loc["t"])
+    low, high = law.conf_int().loc[["t"]].to_numpy(dtype=float)[0].tolist()
     if low <= 0 < high:
         found = f"The 95 % interval of the time exponent, {low:.2g} to {high:.2g}, reaches zero"
         yield 2, f"{found}: the life has no upper limit. Read each edge at several times."
