@@ -48,10 +48,10 @@ def built():
 
 
 def with_verdict(pf, *parts, level="usable inside the tested region", reasons=()):
-    """The file with another verdict of some parts: seven rows without edges have reservations of their own."""
+    """The file with another verdict of some parts, and laws without checks: seven rows have their own reservations."""
     verdict = {"level": level, "reasons": list(reasons)}
     for part in parts:
-        pf = changed(pf, put(part, verdict=verdict))
+        pf = changed(pf, put(part, verdict=verdict, **({"checks": {}} if part.startswith("laws.") else {})))
     return pf
 
 

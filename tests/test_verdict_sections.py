@@ -67,6 +67,16 @@ def test_a_law_and_a_life_have_the_verdicts_of_fit(runs):
     assert parameters.collect(tool="a", work="b", tool_life=life).tool_life.verdict is None
 
 
+def test_a_verdict_better_than_its_checks_is_refused(runs):
+    law = parameters.collect(design=runs, laws=[fit.power_law(runs, "AW", ["V", "f", "d", "t"])]).laws["AW"]
+    held = law.model_dump()
+    held["checks"]["form"] = {"null": "", "statistic": 9.0, "concern": 2, "verdict": "Wrong."}
+    with pytest.raises(ValueError, match=r"the verdict on AW is 'usable inside.*check 'form' is 'do not use"):
+        type(law).model_validate(held)
+    held["verdict"] = None
+    assert type(law).model_validate(held).verdict is None
+
+
 def test_runs_of_other_data_do_not_judge_a_law(runs, monkeypatch):
     given_runs = []
     real = fit.judge

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticKnownError
 
+from ...core.verdict import DO_NOT_USE, LEVELS
 from ..messages import short
 from .base import Count, Covariance, NoCovariance, NotNegative, Number, Positive, Section, Text, VerdictSection
 from .law_parts import (
@@ -121,6 +122,7 @@ class LawFields(Section):
     def _consistent(self) -> Self:
         _check_coefficients(self)
         _check_form(self)
+        _check_verdict(self)
         names = self.parameter_names
         if isinstance(self.uncertainty, Covariance) and set(self.uncertainty.of) != set(names):
             found = _listed(self.uncertainty.of)
@@ -183,6 +185,17 @@ def _check_form(law: LawFields) -> None:
         raise ValueError(f"a {law.form} has additive errors")
     if law.error == "multiplicative" and law.residual_se is not None and law.residual_scale != "ln":
         raise ValueError(f"the residual of a multiplicative law is in ln, not in {short(law.residual_scale)}")
+
+
+def _check_verdict(law: LawFields) -> None:
+    """Refuse a verdict that is better than the worst check of the law."""
+    worst = max(law.checks, key=lambda name: law.checks[name].concern, default=None)
+    if law.verdict is None or worst is None or law.verdict.concern >= min(law.checks[worst].concern, DO_NOT_USE):
+        return
+    needed = LEVELS[min(law.checks[worst].concern, DO_NOT_USE)]
+    raise ValueError(
+        f"the verdict on {law.response} is '{law.verdict.level}', but its check {short(worst)} is '{needed}'"
+    )
 
 
 def _listed(names: Iterable[str]) -> str:
