@@ -10,7 +10,7 @@ from .output import print_lines
 
 def parser() -> Parser:
     """Arguments of ``fitmodels export``."""
-    from ..parameters.exports import FORMATS
+    from ..controllers.exports import FORMATS
 
     p = Parser(
         "fitmodels export",
@@ -31,8 +31,8 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write the file, print what was assumed and what it cannot contain, and return the exit code."""
     from .. import parameters
+    from ..controllers.exports import ControlFormat, export, export_format
     from ..parameters.checks.report import require_verdicts
-    from ..parameters.exports import export, export_format
     from ..parameters.exports.view import export_view
 
     kind = export_format(args.to)
@@ -41,10 +41,11 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--out {out}: is a folder; give the name of the file.")
     pf = parameters.read(args.file)
     written = export(pf, args.to, out, force=args.force, accept_verdict=args.accept_verdict)
-    view = export_view(pf, accept_verdict=args.accept_verdict, loop_only=kind.loop_only)
+    loop_only = isinstance(kind, ControlFormat)
+    view = export_view(pf, accept_verdict=args.accept_verdict, loop_only=loop_only)
     print_lines([
         f"wrote {written}",
-        *(f"  {words}" for words in require_verdicts(pf, args.accept_verdict, loop_only=kind.loop_only)),
+        *(f"  {words}" for words in require_verdicts(pf, args.accept_verdict, loop_only=loop_only)),
         *(f"  assumed: {words}" for words in view.assumed),
         *(f"  not included: {words}" for words in kind.not_carried),
     ])  # fmt: skip

@@ -9,6 +9,9 @@
     roughness/               SURF: constant roughness through constant force
     adaptive_force/          LYAP: adaptive force control, and a fixed PI for comparison
 
+    gate/                    what a control must pass before it is exported
+    exports/                 running controls as files: LinuxCNC HAL, structured text
+
 >>> from fitmodels import controllers
 >>> controllers.replay.__name__
 'replay'

@@ -2,6 +2,7 @@ from .adaptive_force.controller import AdaptiveForceControl as AdaptiveForceCont
 from .constant_load_milling.controller import ConstantLoad as ConstantLoad
 from .constant_load_milling.plant import MillingCut as MillingCut
 from .constant_load_milling.runs import constant_load_run as constant_load_run
+from .exports import export as export
 from .loop import replay as replay
 from .recursion.controller import TurningRecursion as TurningRecursion
 from .recursion.distribution import life_draws as life_draws
@@ -20,6 +21,7 @@ __all__ = [
     "TurningRecursion",
     "best_point",
     "constant_load_run",
+    "export",
     "feasibility",
     "life_draws",
     "life_laws",

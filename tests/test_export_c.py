@@ -16,7 +16,7 @@ STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 
 
 def header_of(pf) -> str:
-    return export_format("c").render(export_view(pf))
+    return export_format("h").render(export_view(pf))
 
 
 def program(names: list[str]) -> str:
@@ -64,7 +64,7 @@ def test_any_double_comes_back_bit_for_bit(compiled, constant_load_file):
     values = drawn[np.isfinite(drawn)].tolist()
     values += [0.1, 1 / 3, -0.0, 5e-324, 2.2250738585072014e-308, 1.7976931348623157e308, 1e22, 1e-5]
     given = tuple(Quantity(f"x{k}", v, "1", "drawn") for k, v in enumerate(values))
-    header = export_format("c").render(replace(export_view(constant_load_file()), quantities=given))
+    header = export_format("h").render(replace(export_view(constant_load_file()), quantities=given))
     back = compiled(header, [q.name for q in given])
     assert [struct.pack("<d", back[q.name]) for q in given] == [struct.pack("<d", q.value) for q in given]
 

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels import controllers
+from fitmodels.controllers.exports import rendered
 from fitmodels.controllers.loop import Trace
 from fitmodels.core.errors import GateError
-from fitmodels.parameters.exports import export_format
 from fitmodels.parameters.exports.view import export_view
 
 SAMPLES = 2500
@@ -101,7 +101,7 @@ loadusr -w halsampler -t -n {samples} {folder}/trace
 
 
 def hal_of(pf) -> str:
-    return export_format("hal").render(export_view(pf))
+    return rendered(pf, "hal")
 
 
 @pytest.fixture

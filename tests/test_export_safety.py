@@ -1,14 +1,17 @@
 """Names from the data are text in every export, and a file is written whole, once, where it was asked for."""
 
 import re
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import pytest
 from fitmodels import parameters
 from fitmodels.cli import main
+from fitmodels.controllers.exports import CONTROLS, FORMATS, export, export_format, rendered
+from fitmodels.controllers.gate import GatedControl, gated_control
 from fitmodels.core.errors import GateError, ParameterError, UsageError
-from fitmodels.parameters.exports import FORMATS, export, export_format
+from fitmodels.parameters.exports import VALUES
 from fitmodels.parameters.exports.names import plain, plain_unit, safe_name
 from fitmodels.parameters.exports.view import export_view
 from hypothesis import given
@@ -30,7 +33,7 @@ def test_a_nasty_name_changes_no_line_but_its_own_comment(constant_load_file, ki
     name = text.replace("\x00", "")
     nasty = constant_load_file(identity={"tool": name, "work": name, "machine": name, "note": name})
     plain_one = constant_load_file(identity={"tool": "A", "work": "B", "machine": "C"})
-    ours, other = (export_format(kind).render(export_view(pf)) for pf in (nasty, plain_one))
+    ours, other = (rendered(pf, kind) for pf in (nasty, plain_one))
     if isinstance(ours, bytes):
         assert name.encode() not in ours or name == plain(name)
         return
@@ -50,7 +53,7 @@ def test_a_nasty_unit_or_symbol_is_text_too(constant_load_file, kind):
         limits={"force": {"value": 1.0, "unit": "N", "of": nasty}}, load_line={"unit_wear": "mm"}, roughness={
             "law": nasty, "roughness": 1.0, "force": 400.0, "threshold": 100.0, "override_high": 1.5}
     )  # fmt: skip
-    out = export_format(kind).render(export_view(pf))
+    out = rendered(pf, kind)
     assert nasty not in (out.decode("latin-1") if isinstance(out, bytes) else out)
 
 
@@ -58,7 +61,7 @@ def test_a_nasty_unit_or_symbol_is_text_too(constant_load_file, kind):
 def test_a_nasty_name_is_plain_text_in_the_struct_of_matlab(constant_load_file, text):
     name = text.replace("\x00", "")
     pf = constant_load_file(identity={"tool": name, "work": name, "machine": name})
-    about = loadmat(BytesIO(export_format("mat").render(export_view(pf))), simplify_cells=True)["fitmodels"]["about"]
+    about = loadmat(BytesIO(rendered(pf, "mat")), simplify_cells=True)["fitmodels"]["about"]
     assert about["tool"] == about["work"] == about["machine"] == plain(name)
 
 
@@ -145,7 +148,7 @@ def with_law(constant_load_file, **verdicts):
 def test_what_must_not_be_used_is_refused_unless_accepted(constant_load_file, kind, part, verdict, tmp_path):
     """A loop does not use the wear law; everything else is carried or used by every format."""
     pf, path = with_law(constant_load_file, **{part: verdict}), tmp_path / "out"
-    if part == "AW" and export_format(kind).loop_only:
+    if part == "AW" and kind in CONTROLS:
         assert export(pf, kind, path) == path
         return
     where = part if part == "dynamics" else f"laws.{part}"
@@ -221,3 +224,31 @@ def test_the_command_writes_says_and_refuses(constant_load_file, tmp_path, monke
     parameters.write(constant_load_file(pi={"ki": 8.0e6}), "bad.json")
     assert main(["export", "bad.json", "--to", "hal"]) == 5
     assert not Path("bad.hal").exists()
+
+
+@pytest.mark.parametrize("kind", ["hal", "st", "c", "comp", "fmu"])
+def test_the_writer_of_values_refuses_a_running_control_and_names_the_function_to_use(
+    constant_load_file, kind, tmp_path
+):
+    with pytest.raises(UsageError, match=rf"{kind} is a running control.*fitmodels\.controllers\.export"):
+        parameters.export(constant_load_file(), kind, tmp_path / "out")
+
+
+@pytest.mark.parametrize("kind", VALUES)
+def test_values_of_a_file_with_a_loop_are_refused_where_nothing_simulates_it(constant_load_file, kind, tmp_path):
+    with pytest.raises(GateError, match="holds a control loop, which is simulated before its values are written"):
+        parameters.export(constant_load_file(), kind, tmp_path / "out")
+    assert parameters.export(constant_load_file(pi=None), kind, tmp_path / "out").exists()
+    assert not [p for p in tmp_path.iterdir() if p.name != "out"]
+
+
+def test_a_gated_control_is_made_by_the_gate_alone_and_does_not_change(constant_load_file):
+    """The writers of running controls take nothing else, so nothing that was not checked is written."""
+    pf = constant_load_file()
+    with pytest.raises(TypeError, match="made by gated_control"):
+        GatedControl(export_view(pf))
+    control = gated_control(pf)
+    with pytest.raises(AttributeError):
+        control.loop = control.loop
+    with pytest.raises(TypeError):
+        replace(control, view=export_view(pf))

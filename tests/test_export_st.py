@@ -12,9 +12,9 @@ import re
 import numpy as np
 import pytest
 from fitmodels import controllers
+from fitmodels.controllers.exports import rendered
+from fitmodels.controllers.exports.st import real
 from fitmodels.core.errors import GateError
-from fitmodels.parameters.exports import export_format
-from fitmodels.parameters.exports.st import real
 from fitmodels.parameters.exports.view import export_view
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,7 +24,7 @@ ROUNDING = 1e-12  # of an override; Python sums a moving average with a correcti
 
 
 def st_of(pf) -> str:
-    return export_format("st").render(export_view(pf))
+    return rendered(pf, "st")
 
 
 @pytest.fixture(scope="module")

@@ -132,7 +132,7 @@ def test_suspects_and_the_law_without_them_are_kept(runs, monkeypatch, tmp_path)
     assert section.without.standard_errors["V"] == pytest.approx(other.bse["V"])
     assert section.verdict.concern == 2
     with pytest.raises(GateError, match=r"laws\.AW: do not use for control\. f of edges E07, E11 is in inches\."):
-        parameters.export(pf, "c", tmp_path / "law.h")
+        parameters.export(pf, "h", tmp_path / "law.h")
 
 
 # --- dynamics and force process
@@ -145,11 +145,11 @@ def test_a_sound_identification_is_usable_and_a_given_model_has_no_verdict(tmp_p
     pf = parameters.collect(tool="a", work="b", dynamics=found)
     assert pf.dynamics.verdict.verdict == found.verdict
     assert pf.dynamics.held_out_fit == found.validation.fit
-    assert parameters.export(pf, "c", tmp_path / "drive.h").exists()
+    assert parameters.export(pf, "h", tmp_path / "drive.h").exists()
     bare = parameters.collect(tool="a", work="b", dynamics=found.model)
     assert bare.dynamics.verdict is None
     with pytest.raises(GateError, match=r"dynamics has no verdict.*identify the record again"):
-        parameters.export(bare, "c", tmp_path / "other.h")
+        parameters.export(bare, "h", tmp_path / "other.h")
 
 
 def test_exchanged_signals_must_not_be_used():

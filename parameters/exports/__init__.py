@@ -1,13 +1,13 @@
-"""Exports of a parameter file in the formats that controllers load, all written from one typed view of it.
+"""Values of a parameter file in the formats that programs load, all written from one typed view of it.
 
 view          the file as a controller needs it; a file that fails the check is refused
 loop          the PI loop on load in the units of the machine, and its settings from the sections of the file
 quantities    every number under a safe name; names: identifiers and text that cannot inject into a format
-hal           LinuxCNC HAL: the loop from a load pin to motion.adaptive-feed
-st            IEC 61131-3 structured text
 mat           MATLAB v5 struct
 ssv           FMI system structure parameter values, units as powers of SI base units
 text_formats  C header, ini file, G-code parameters
+
+Running controls are written by `fitmodels.controllers.exports`.
 """
 
 import os
@@ -16,13 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ...core.errors import ParameterError, UsageError
+from ...core.errors import GateError, ParameterError, UsageError
 from ...core.files import write_whole
 from ...core.suggestions import did_you_mean
-from .hal import NOT_IN_HAL, hal_file
 from .mat import NOT_IN_MAT, mat_file
 from .ssv import NOT_IN_SSV, ssv_file
-from .st import NOT_IN_ST, structured_text
 from .text_formats import NOT_IN_C, NOT_IN_GCODE, NOT_IN_INI, c_header, gcode, ini_file
 from .view import ExportView, export_view
 
@@ -32,47 +30,45 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ExportFormat:
-    """A format: suffix of its files, description, function that writes it, what it cannot carry.
-
-    ``loop_only`` marks a format that carries the loop and none of the other numbers of the file.
-    """
+    """A format of values: suffix of its files, description, function that writes it, what it cannot carry."""
 
     suffix: str
     words: str
     render: Callable[[ExportView], str | bytes]
     not_carried: tuple[str, ...]
-    loop_only: bool = False
 
 
-FORMATS: Final = {
-    "hal": ExportFormat(
-        ".hal", "LinuxCNC HAL file: load pin to motion.adaptive-feed", hal_file, NOT_IN_HAL, loop_only=True
-    ),
+VALUES: Final = {
     "ngc": ExportFormat(".ngc", "G-code parameters and M52", gcode, NOT_IN_GCODE),
     "mat": ExportFormat(".mat", "MATLAB v5 struct", mat_file, NOT_IN_MAT),
-    "st": ExportFormat(".st", "IEC 61131-3 structured text function block", structured_text, NOT_IN_ST, loop_only=True),
     "ssv": ExportFormat(".ssv", "FMI system structure parameter values", ssv_file, NOT_IN_SSV),
-    "c": ExportFormat(".h", "C header", c_header, NOT_IN_C),
+    "h": ExportFormat(".h", "C header of values", c_header, NOT_IN_C),
     "ini": ExportFormat(".ini", "key and value", ini_file, NOT_IN_INI),
 }
+CONTROLS: Final = ("hal", "st", "c", "comp", "fmu")  # written by `fitmodels.controllers.export`
 
 
 def export_format(kind: str) -> ExportFormat:
-    """The format of this name.
+    """The format of values of this name.
 
     Raises
     ------
     UsageError
-        The format does not exist.
+        The format does not exist, or is one of a running control.
 
     Examples
     --------
-    >>> export_format("hal").suffix
-    '.hal'
+    >>> export_format("mat").suffix
+    '.mat'
     """
-    if kind not in FORMATS:
-        raise UsageError(f"there is no export {kind!r}. {did_you_mean(kind, FORMATS, names='There are ')}")
-    return FORMATS[kind]
+    if kind in CONTROLS:
+        raise UsageError(
+            f"{kind} is a running control, not values: write it with `fitmodels export --to {kind}` or "
+            "fitmodels.controllers.export, which simulate it first."
+        )
+    if kind not in VALUES:
+        raise UsageError(f"there is no export {kind!r}. {did_you_mean(kind, VALUES, names='There are ')}")
+    return VALUES[kind]
 
 
 def export(
@@ -83,7 +79,9 @@ def export(
     force: bool = False,
     accept_verdict: bool = False,
 ) -> Path:
-    """Write a file that a controller loads; an incomplete file is never left behind.
+    """Write the values of a parameter file; an incomplete file is never left behind.
+
+    A file with the settings of a loop is written by `fitmodels.controllers.export`, which simulates the loop first.
 
     Parameters
     ----------
@@ -91,7 +89,7 @@ def export(
         Gains that fail the check are not exported; nor are laws, dynamics or a force process that must not be used for
         control, or that have no verdict.
     kind : str
-        ``hal``, ``ngc``, ``mat``, ``st``, ``ssv``, ``c`` or ``ini``.
+        ``ngc``, ``mat``, ``ssv``, ``h`` or ``ini``.
     path : path-like
         In a folder that exists.
     force : bool
@@ -107,9 +105,9 @@ def export(
     Raises
     ------
     UsageError
-        There is no such kind.
+        There is no such kind, or it is that of a running control.
     GateError
-        The file fails the check, lacks what the export needs, or a part of it must not be used for control.
+        The file fails the check, has a loop, or a part of it must not be used for control.
     ParameterError
         The file exists, or the folder cannot be written.
 
@@ -122,8 +120,17 @@ def export(
     ...     print(export(pf, "ngc", f"{folder}/params.ngc").read_text().splitlines()[1])
     (fm - fitmodels 0.1.0, tool GC435, work 709M40)
     """
-    of = export_format(kind)
-    content = of.render(export_view(pf, accept_verdict=accept_verdict, loop_only=of.loop_only))
+    of, view = export_format(kind), export_view(pf, accept_verdict=accept_verdict)
+    if view.loop is not None:
+        raise GateError(
+            f"not exported: the file of {view.tool} on {view.work} holds a control loop, which is simulated before its "
+            "values are written; use `fitmodels export` or fitmodels.controllers.export."
+        )
+    return write_export(of.render(view), path, force=force)
+
+
+def write_export(content: str | bytes, path: str | os.PathLike[str], *, force: bool) -> Path:
+    """The path of an exported file, written whole; an existing file is replaced only by ``force``."""
     path = Path(path)
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: the file exists; choose another path, or replace it with --force.")

@@ -12,8 +12,9 @@ their middle.
 import math
 
 from ...core.errors import GateError
-from .loop import LoadLoop
-from .view import ExportView
+from ...parameters.exports.loop import LoadLoop
+from ...parameters.exports.view import ExportView
+from ..gate import GatedControl
 
 SERVO_PERIOD = 0.002  # s: a longer period than this is no servo thread; the loop then gets a thread of its own
 
@@ -73,15 +74,15 @@ _ORDER = (
 )  # fmt: skip
 
 
-def hal_file(view: ExportView) -> str:
+def hal_file(control: GatedControl) -> str:
     """Content of the HAL file.
 
     Raises
     ------
     GateError
-        The file has no loop, or one with a moving average.
+        The loop has a moving average.
     """
-    loop = view.needed_loop()
+    view, loop = control.view, control.loop
     if loop.average > 1:
         raise GateError(
             f"the gains were tuned with a moving average of {loop.average} samples, which HAL does not have; tune them "

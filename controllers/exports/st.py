@@ -8,8 +8,9 @@ is enabled, outside the cut and with an invalid load the override is the program
 import math
 
 from ...core.errors import GateError
-from .loop import LoadLoop
-from .view import ExportView
+from ...parameters.exports.loop import LoadLoop
+from ...parameters.exports.view import ExportView
+from ..gate import GatedControl
 
 LONGEST_NAME = 30  # significant characters of a name in older controllers
 LONGEST_AVERAGE = 1000  # samples; each is moved in each period
@@ -126,15 +127,15 @@ END_FOR;
 """
 
 
-def structured_text(view: ExportView) -> str:
+def structured_text(control: GatedControl) -> str:
     """Content of the file with the function block.
 
     Raises
     ------
     GateError
-        The file has no loop, or one with a moving average too long for a period.
+        The moving average is too long for a period.
     """
-    loop = view.needed_loop()
+    view, loop = control.view, control.loop
     if loop.average > LONGEST_AVERAGE:
         raise GateError(f"the gains average {loop.average} samples; a function block takes {LONGEST_AVERAGE} at most.")
     name = f"FB_{view.name}"[:LONGEST_NAME].rstrip("_")
