@@ -30,7 +30,7 @@ class ParameterFile(Plottable, Section):
     Attributes
     ----------
     schema_version : str
-        ``fitmodels.parameters/3``.
+        ``fitmodels.parameters/4``.
     identity : IdentitySection
     reading : ReadingSection or None
         Doubts about the data file; None where its values were not judged, as in files of schema version 1.
@@ -68,7 +68,7 @@ class ParameterFile(Plottable, Section):
     True
     """
 
-    schema_version: Literal["fitmodels.parameters/3"] = SCHEMA
+    schema_version: Literal["fitmodels.parameters/4"] = SCHEMA
     identity: IdentitySection
     reading: ReadingSection | None = None
     design: DesignSection | None = None

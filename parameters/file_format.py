@@ -156,7 +156,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/3"
+SCHEMA: Final = "fitmodels.parameters/4"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
 JUDGED = ("tool_life", "dynamics", "adaptive_force")  # sections with a verdict, as each law has one
@@ -169,13 +169,42 @@ def _without_verdicts(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, **judged, **({"laws": laws} if "laws" in data else {})}
 
 
+MONITORING = (
+    "idle",
+    "arm_after",
+    "lost_after",
+    "stuck_after",
+    "heartbeat",
+    "overload_after",
+    "on_fault",
+    "feed_forward",
+)
+
+
+def _without_disengagement(data: dict[str, Any]) -> dict[str, Any]:
+    """Data of version 3 with the monitoring of the load left open, whatever fields of those names held before."""
+    line, pi = data.get("load_line"), data.get("pi")
+    if pi is not None:
+        data = {**data, "pi": {**pi, "setpoint_weight": 1.0}}
+    if line is None or line.get("engagement") is None:
+        return data
+    kept = {name: value for name, value in line["engagement"].items() if name != "disengage_after"}
+    return {**data, "load_line": {**line, "engagement": {**kept, **dict.fromkeys(MONITORING)}}}
+
+
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
 # Version 2 added ``reading``, the doubts about the data, and ``null`` of ``identity.simulated`` where it is not known.
 # Version 3 added ``verdict`` of laws, tool life, dynamics and adaptive force, ``suspects`` and ``without`` of laws.
-STEPS: Mapping[int, Step] = {1: lambda data: {"reading": None, **data}, 2: _without_verdicts}
+# Version 4 added the monitoring of the load in ``load_line.engagement`` and ``setpoint_weight`` of gains; it dropped
+# ``disengage_after``: the loop disengages at once and keeps its feed.
+STEPS: Mapping[int, Step] = {
+    1: lambda data: {"reading": None, **data},
+    2: _without_verdicts,
+    3: _without_disengagement,
+}
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 3) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 4) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

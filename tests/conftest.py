@@ -95,8 +95,9 @@ def constant_load_file():
                 "unit_feed": "mm/min", "window": [0.18, 0.22], "unit_wear": "mm", "law": "I",
                 "engagement": {
                     "feed_programmed": 1000.0, "engage_at": 0.15, "hysteresis": 0.02, "engage_after": 20 * T,
-                    "disengage_after": 50 * T, "back_off": 0.02 / T, "recover": 0.008 / T, "load_low": -1.0,
-                    "load_high": 10.0,
+                    "back_off": 0.02 / T, "recover": 0.008 / T, "load_low": 0.02, "load_high": 10.0,
+                    "arm_after": 10 * T, "lost_after": 3 * T, "stuck_after": 50 * T, "heartbeat": 10 * T,
+                    "overload_after": 25 * T,
                 },
             },
         }  # fmt: skip

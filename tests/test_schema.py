@@ -20,7 +20,7 @@ from fitmodels.parameters.json_schema import DIALECT, build_schema, schema_text
 from hypothesis import given
 from hypothesis import strategies as st
 
-SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-3.json"
+SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-4.json"
 
 
 def published():
@@ -70,7 +70,7 @@ def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
     [
         lambda d: d.pop("identity"),
         lambda d: d.pop("schema_version"),
-        lambda d: d.update(schema_version="fitmodels.parameters/4"),
+        lambda d: d.update(schema_version="fitmodels.parameters/5"),
         lambda d: d["identity"].update(simulated="no"),
         lambda d: d["identity"].update(tool=""),
         lambda d: d["dynamics"].update(sample_time=0.0),
@@ -119,7 +119,7 @@ def test_an_older_file_is_brought_up_step_by_step():
     before = copy.deepcopy(old)
     new = migrated(old, "params.json", STEPS, current=3)
     assert new == {
-        "schema_version": "fitmodels.parameters/3", "identity": {"tool": "GC435"}, "x-later": [1], "third": True,
+        "schema_version": "fitmodels.parameters/4", "identity": {"tool": "GC435"}, "x-later": [1], "third": True,
     }  # fmt: skip
     assert old == before
 
@@ -135,7 +135,7 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
 @pytest.mark.parametrize(
     ("version", "words"),
     [
-        ("fitmodels.parameters/4", "newer schema 'fitmodels.parameters/4'; this version reads fitmodels.parameters/3"),
+        ("fitmodels.parameters/5", "newer schema 'fitmodels.parameters/5'; this version reads fitmodels.parameters/4"),
         ("fitmodels.parameters/0", "older schema fitmodels.parameters/0, which this version cannot bring"),
         ("fitmodels.parameters/1", "breaks the older schema fitmodels.parameters/1 .KeyError"),
         ("fitmodels.card/1", "is it a parameter file"),
@@ -156,7 +156,7 @@ def test_a_file_of_version_1_is_read_with_unknown_doubts(data, tmp_path):
     old["content_sha256"] = content_sha256(old)
     (tmp_path / "params.json").write_text(json.dumps(old))
     pf = read(tmp_path / "params.json")
-    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/3", None)
+    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/4", None)
     assert pf.content_sha256 == content_sha256(pf.model_dump(exclude_unset=True))
     assert not {finding.name for finding in check(pf).findings} & {"doubt"}
     again = read(write(pf, tmp_path / "again.json"))

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...controllers.constant_load_milling.control_laws import line_of, loop_of
-from ...controllers.constant_load_milling.controller import ConstantLoad
 from ...controllers.constant_load_milling.cut_model import CutModel
 from ...controllers.constant_load_milling.runs import ToolRun, constant_feed_run, constant_load_run, criterion
 from ...controllers.constant_load_milling.steady import drawn_life
@@ -34,7 +33,7 @@ def lacks(pf: "ParameterFile") -> str:
     if pf.dynamics is None:
         return "The file has no dynamics of the drive; identify them with `fitmodels ident record.csv`."
     try:
-        loop, cut = ConstantLoad.from_parameters(pf).loop, CutModel.from_parameters(pf)
+        loop, cut = loop_of(pf), CutModel.from_parameters(pf)
     except ParameterError as error:
         words = str(error).removeprefix("not exported, ")
         return words[:1].upper() + words[1:]
@@ -107,7 +106,7 @@ def _gain(run: ToolRun, fixed: ToolRun, pf: "ParameterFile", line: "LoadLineSect
 
 
 def _limit(pf: "ParameterFile", run: ToolRun, line: "LoadLineSection") -> str:
-    dwell = ConstantLoad.from_parameters(pf).dwell
+    dwell = loop_of(pf).dwell
     reached = next((p.number for p in run.passes if p.limited), None)
     if reached is None:
         return "The command never reached its lower limit."

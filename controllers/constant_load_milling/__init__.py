@@ -1,7 +1,8 @@
 """Milling at constant spindle load, CLM-2023: the control loop, its plant, and tool life.
 
     controller    ConstantLoad: load in, feed override out, events, tool change
-    control_laws  its arithmetic as LinuxCNC runs it and as eq. 16 is worded; settings of a file
+    states        its states: condition, feed and time of each
+    control_laws  PI in position form and as eq. 16 is worded; settings of a file
     cut_model     load and tool wear of a cut, from a file
     plant         MillingCut: passes, wear, load
     runs          a tool from its first pass to its change, at constant load and at constant feed
@@ -15,5 +16,5 @@ Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587. Every
 >>> from fitmodels.parameters.published import published
 >>> run = constant_load_run(published("CLM-2023-slot"))
 >>> f"{run.wear:.0f} um after {run.length:.0f} mm"
-'189 um after 1897 mm'
+'189 um after 1896 mm'
 """

@@ -1,7 +1,7 @@
 """The two control laws of constant load, from load error to feed override, and the settings of a file for them.
 
-Position form, as LinuxCNC's HAL runs it: pid about the limits' middle, sum2, mux2, limit2. Incremental form, as Tai,
-Tsai & Li 2023 word eq. 16:
+Position form, as LinuxCNC's pid runs it about the middle of the limits, from the feed at entry. Incremental form, as
+Tai, Tsai & Li 2023 word eq. 16:
 
     u_k = u_(k-1) + Kp e_k + Ki sum(e)
 
@@ -9,7 +9,6 @@ Tsai & Li 2023 word eq. 16:
 recursion, so it does not wind up; the sum of Ki holds while a limit is active and the error pushes further.
 """
 
-from collections import deque
 from typing import TYPE_CHECKING
 
 from ...core.errors import GateError, ParameterError
@@ -55,112 +54,61 @@ def loop_of(pf: "ParameterFile") -> "LoadLoop":
 
 
 class PositionLaw:
-    """PI in position form with clamping; outside the cut, without a valid load or switched off, the override is 1.
+    """PI in position form with clamping, from the override at entry.
 
     Attributes
     ----------
-    command : float
-        Feed override in force. A limiter starts at 0, as LinuxCNC's does, and ramps.
     limited : int
         1 or -1 while the PI is clipped at its upper or lower limit, else 0.
     """
 
-    __slots__ = ("_back_off", "_falling", "_half", "_high", "_i", "_kept", "_low", "_middle", "_p", "_recover", "_sum",
-                 "_time", "command", "limited")  # fmt: skip
+    __slots__ = ("_bias", "_half", "_i", "_middle", "_p", "_sum", "_time", "limited")
 
-    def __init__(self, loop: "LoadLoop", command: float) -> None:
-        self.command, self.limited = command, 0
-        self._sum, self._falling, self._time = 0.0, False, loop.sample_time
-        self._low, self._high, self._p, self._i = loop.low, max(loop.high, 1.0), loop.p, loop.i  # properties take time
+    def __init__(self, loop: "LoadLoop") -> None:
+        self._p, self._i, self._time = loop.p, loop.i, loop.sample_time  # properties take time
         self._middle, self._half = (loop.low + loop.high) / 2, (loop.high - loop.low) / 2
-        self._back_off, self._recover = loop.back_off * loop.sample_time, loop.recover * loop.sample_time
-        average = loop.average if loop.average_of == "command" else 1
-        self._kept = deque([1.0] * average, maxlen=average)
+        self.enter(self._middle)
 
-    def closed(self, error: float) -> float:
-        """In the cut; pid holds its sum while its output is clipped and the error pushes further."""
+    def enter(self, override: float) -> None:
+        """Begin at an override."""
+        self._bias, self._sum, self.limited = override - self._middle, 0.0, 0
+
+    def target(self, error: float) -> float:
+        """Override for an error; pid holds its sum while its output is clipped and the error pushes further."""
         if error * self.limited <= 0:
             self._sum += error * self._time
         half = self._half
-        out = 1.0 - self._middle + self._p * error + self._i * self._sum
+        out = self._bias + self._p * error + self._i * self._sum
         self.limited = (out > half) - (out < -half)
-        return self._limited(self._middle + min(max(out, -half), half))
-
-    def outside(self) -> float:
-        """Out of the cut: the programmed feed."""
-        self._sum, self.limited = 0.0, 0
-        return self._limited(1.0)
-
-    invalid = off = outside
-
-    def _limited(self, target: float) -> float:
-        """Moving average, limits, then a rate limit that differs downwards and upwards."""
-        kept, last = self._kept, self.command
-        if len(kept) > 1:
-            kept.append(target)
-            target = sum(kept) / len(kept)
-        if target != last:
-            self._falling = target < last
-        most = self._back_off if self._falling else self._recover
-        target = min(max(target, self._low), self._high)
-        self.command = command = min(max(target, last - most), last + most)
-        return command
+        return self._middle + min(max(out, -half), half)
 
 
 class IncrementalLaw:
-    """Eq. 16 inside its feed limits, the sent command a moving average of u.
-
-    Out of the cut u keeps its last value; without a valid load it goes to the lower limit, where the load
-    stays below the reference until the tool is worn; switched off it goes to the programmed feed.
+    """Eq. 16 inside its feed limits and rates.
 
     Attributes
     ----------
-    command : float
-        Feed override in force.
     limited : int
         1 or -1 while u is clipped at its upper or lower limit, else 0.
     """
 
-    __slots__ = ("_back_off", "_high", "_i", "_kept", "_last", "_low", "_p", "_recover", "_sum", "command", "limited")
+    __slots__ = ("_back_off", "_high", "_i", "_last", "_low", "_p", "_recover", "_sum", "limited")
 
-    def __init__(self, loop: "LoadLoop", command: float) -> None:
+    def __init__(self, loop: "LoadLoop") -> None:
         self._low, self._high, self._p, self._i = loop.low, loop.high, loop.p, loop.i * loop.sample_time
         self._back_off, self._recover = loop.back_off * loop.sample_time, loop.recover * loop.sample_time
-        self.command = self._last = min(max(command, loop.low), loop.high)
-        self._sum, self.limited = 0.0, 0
-        average = loop.average if loop.average_of == "command" else 1
-        self._kept = deque([self._last] * average, maxlen=average)
+        self.enter(loop.low)
 
-    def closed(self, error: float) -> float:
-        """In the cut."""
+    def enter(self, override: float) -> None:
+        """Begin at an override."""
+        self._last, self._sum, self.limited = override, 0.0, 0
+
+    def target(self, error: float) -> float:
+        """Override for an error."""
+        last = self._last
         if error * self.limited <= 0:
             self._sum += error
-        unlimited = self._last + self._p * error + self._i * self._sum
-        return self._limited(unlimited, self._low, self._high)
-
-    def outside(self) -> float:
-        """Out of the cut: the last command is held."""
-        self._sum = 0.0
-        return self._limited(self._last, self._low, self._high)
-
-    def invalid(self) -> float:
-        """The load is unknown or stuck: the lower limit."""
-        self._sum = 0.0
-        return self._limited(self._low, self._low, self._high)
-
-    def off(self) -> float:
-        """Switched off: the programmed feed."""
-        self._sum = 0.0
-        return self._limited(1.0, self._low, max(self._high, 1.0))
-
-    def _limited(self, unlimited: float, low: float, high: float) -> float:
-        last, kept = self._last, self._kept
-        u = min(max(unlimited, low, last - self._back_off), high, last + self._recover)
-        self.limited = (unlimited > high) - (unlimited < low)
-        self._last = u
-        if len(kept) == 1:
-            self.command = u
-        else:
-            kept.append(u)
-            self.command = min(max(sum(kept) / len(kept), low), high)  # a mean rounds
-        return self.command
+        unlimited = last + self._p * error + self._i * self._sum
+        self._last = min(max(unlimited, self._low, last - self._back_off), self._high, last + self._recover)
+        self.limited = (unlimited > self._high) - (unlimited < self._low)
+        return self._last

@@ -1,64 +1,64 @@
-"""Constant load: a PI on spindle load sets the feed override inside the cut and signals when the tool is worn.
+"""Constant load: a PI on spindle load sets the feed override inside the cut, and fails to the lower feed limit.
 
-Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587. Gains in position form run in the arithmetic
-of LinuxCNC's HAL components (near, wcomp, lowpass, comp, timedelay, pid, sum2, mux2, limit2), so that the replay equals
-the HAL export; the form ``incremental_sum``, eq. 16 as it is worded, runs as itself. A moving average, which HAL lacks,
-is taken of the load before the comparator or of the command, as the file states.
+Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587. The arithmetic is that of the exports, sample
+by sample: HAL, structured text and C equal it. Its states are those of `states.STATES`.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from ..sensor_check import KNOWN, UNKNOWN, SensorCheck
 from .control_laws import IncrementalLaw, PositionLaw
+from .states import State
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
     from ...parameters.exports.loop import LoadLoop
 
-DWELL = 4.0  # s: the settling time allowed for the published loop, so that a transient does not count as a worn tool
-REST = 0.01  # of the range between the feed limits: a command so near the lower one rests on it
-STANDS_STILL = 0.02  # of that range: a command that moved by more changes any load that is measured
-STILL_FOR = 25  # samples
+REST_SHARE: Final = 0.01  # of the range between the feed limits: a mean command so near the lower one rests on it
+WORN_MEAN: Final = 0.2  # s, time constant of the mean command
+OVERLOAD_MEAN: Final = 0.1  # s, time constant of the mean load: the mean delay of a mean over 0.2 s
+PERIOD: Final = 0.01  # relative deviation of the period that the gains and filters allow
 
 
 @dataclass(slots=True, repr=False)
 class ConstantLoad(Displayable):
     """The controller of CLM-2023; its command is the feed override, feed over programmed feed.
 
-    In position form the override is 1 outside the cut, switched off, or with an unknown load. Stuck readings are
-    reported and used like others, as LinuxCNC does.
-
-    In the form ``incremental_sum`` it keeps its last command as soon as the load falls below the threshold; with a load
-    that is unknown or stuck it goes to the lower limit, switched off to 1.
-
-    A reading that stands still is called stuck where the command moved by 2 % of the range of its limits in 25 samples,
-    or by 20 % in any time: one that stands still at the reference itself, or on a limit, is not detected.
+    Armed, with the spindle running, it monitors the load: invalid readings, equal readings in the cut, a heartbeat that
+    stops and an overload latch a fault, which takes the feed to its lower limit until ``reset``.
 
     Attributes
     ----------
     loop : LoadLoop
         Gains, limits and settings; see `fitmodels.parameters.exports.loop.LoadLoop`.
-    enabled : bool
-        The operator's switch.
+    running : bool
+        The spindle has run for ``arm_after`` before the first sample.
+    enabled, spindle_on, idle, reset : bool
+        Inputs: the operator's switch; the spindle turns; motion is idle; the operator's acknowledgement, at its edge.
+    beat : bool or None
+        Input: heartbeat of the load's source; None: it lives.
+    requested : float or None
+        Input: feed that program and operator's override request before this controller's, unit_feed; None: the
+        programmed feed of the file.
     command : float
-        The last command. In position form it starts at 0, as LinuxCNC's limiter does, and ramps.
-    dwell : float
-        s that the command rests on its lower limit, within 1 % of the range of the limits and in the cut, before the
-        tool is called worn.
+        The last command; before the first one the lower limit.
+    state : State
+    fault, worn, overload : bool
+        Latched until reset.
+    feed_inhibit : bool
+        The feed is to be stopped.
     cutting : bool
         Whether the loop is closed.
-    worn : bool
-        Whether the command has rested on its lower limit.
     rest : float
-        A command at or below rests on the lower limit.
+        A mean command at or below rests on the lower limit.
     news : tuple of str
         What changed in the last step: ``cut``, ``air``, ``at low``, ``at high``, ``free``, ``load unknown``,
-        ``load stuck``, ``load known``, ``change tool``.
+        ``load known``, ``load lost``, ``load stuck``, ``no heartbeat``, ``feed unknown``, ``overload``, ``reset``,
+        ``change tool``.
 
     Examples
     --------
@@ -66,61 +66,89 @@ class ConstantLoad(Displayable):
     >>> loop = LoadLoop(
     ...     kp=0.0, ki=8000.0, sample_time=0.02, reference=0.24, feed_low=600.0, feed_high=1000.0,
     ...     feed_programmed=1000.0, unit_load="A", unit_feed="mm/min", filter_time=0.0, engage_at=0.15,
-    ...     hysteresis=0.02, engage_after=0.04, disengage_after=0.2, back_off=1.0, recover=0.5, load_low=-1.0,
-    ...     load_high=10.0)
-    >>> controller = ConstantLoad(loop, command=1.0)
-    >>> [round(controller.step(0.3, 0.02), 3) for _ in range(4)]
-    [1.0, 0.99, 0.981, 0.971]
+    ...     hysteresis=0.02, engage_after=0.04, back_off=1.0, recover=0.5, load_low=0.05, load_high=1.0,
+    ...     worn_load=0.28)
+    >>> controller = ConstantLoad(loop, running=True)
+    >>> [round(controller.step(0.2, 0.02), 3) for _ in range(4)]
+    [0.6, 0.606, 0.613, 0.619]
+    >>> controller.step(float("nan"), 0.02) >= 0.6, controller.state.name
+    (True, 'CONTROL')
     """
 
     loop: "LoadLoop"
+    running: bool = False
     enabled: bool = True
-    command: float = 0.0
-    dwell: float = DWELL
-    cutting: bool = field(default=False, init=False)
+    spindle_on: bool = True
+    idle: bool = False
+    reset: bool = False
+    beat: bool | None = None
+    requested: float | None = None
+    command: float = field(init=False)
+    state: State = field(default=State.OFF, init=False)
+    fault: bool = field(default=False, init=False)
     worn: bool = field(default=False, init=False)
+    overload: bool = field(default=False, init=False)
+    cutting: bool = field(default=False, init=False)
     news: tuple[str, ...] = field(default=(), init=False)
     labels: tuple[str, str] = field(init=False)
     reference: float = field(init=False)
     rest: float = field(init=False)
     _law: PositionLaw | IncrementalLaw = field(init=False)
-    _sensing: SensorCheck = field(init=False)
-    _felt: float = field(default=0.0, init=False)
-    _state: str = field(default=KNOWN, init=False)
-    _limited: int = field(default=0, init=False)
+    _u: float | None = field(default=None, init=False)
+    _factor: float = field(default=1.0, init=False)
+    _held: float = field(default=0.0, init=False)
     _filtered: float = field(default=0.0, init=False)
-    _kept: deque[float] = field(init=False)
+    _measured: float = field(default=0.0, init=False)
+    _mean: float = field(default=0.0, init=False)
+    _average: float = field(default=0.0, init=False)
+    _over: bool = field(default=False, init=False)
     _above: bool = field(default=False, init=False)
+    _armed: bool = field(default=False, init=False)
+    _engaged: bool = field(default=False, init=False)
     _loaded: bool = field(default=False, init=False)
-    _waited: int = field(default=0, init=False)
+    _had_cut: bool = field(default=False, init=False)
+    _falling: bool = field(default=False, init=False)
+    _last_reset: bool = field(default=False, init=False)
+    _last_beat: bool | None = field(default=None, init=False)
+    _limited: int = field(default=0, init=False)
+    _bad: int = field(default=0, init=False)
+    _spindle: int = field(default=0, init=False)
+    _loaded_for: int = field(default=0, init=False)
+    _same: int = field(default=0, init=False)
+    _alive: int = field(default=0, init=False)
+    _high_for: int = field(default=0, init=False)
     _rested: int = field(default=0, init=False)
-    _time: float = field(default=0.0, init=False)
-    _gain: float = field(default=1.0, init=False)
-    _at: float = field(default=0.0, init=False)
-    _half: float = field(default=0.0, init=False)
-    _dwell: int = field(default=1, init=False)
-    _own: bool = field(default=False, init=False)
+    _loads: deque[float] = field(init=False)
+    _targets: deque[float] = field(init=False)
+    _n: dict[str, int] = field(init=False)
+    _gains: tuple[float, float, float] = field(init=False)
+    _bounds: tuple[float, float, float, float] = field(init=False)
+    _threshold: tuple[float, float] = field(init=False)
+    _overload_at: float = field(init=False)
 
     def __post_init__(self) -> None:
         loop = self.loop
-        span = loop.high - loop.low
-        self._own = loop.form == "incremental_sum"
-        self._law = IncrementalLaw(loop, self.command) if self._own else PositionLaw(loop, self.command)
-        self.command, self.reference, self._time = self._law.command, loop.reference, loop.sample_time
+        self._law = IncrementalLaw(loop) if loop.form == "incremental_sum" else PositionLaw(loop)
+        self.command, self.reference = loop.low, loop.reference
         self.labels = ("feed override", f"load, {loop.unit_load}")
-        self._gain = -math.expm1(-loop.sample_time / loop.filter_time) if loop.filter_time else 1.0
-        average = loop.average if loop.average_of == "measurement" else 1
-        self._kept = deque([0.0] * average, maxlen=average)
-        self._at, self._half = loop.engage_at, loop.hysteresis / 2
-        self._sensing = SensorCheck(loop.load_low, loop.load_high, least_move=STANDS_STILL * span, samples=STILL_FOR)
-        self.rest, self._dwell = loop.low + REST * span, max(round(self.dwell / loop.sample_time), 1)
+        times = ("arm_after", "lost_after", "engage_after", "stuck_after", "heartbeat", "overload_after", "dwell")
+        self._n = {name: loop.samples(getattr(loop, name)) for name in times}
+        self._gains = (
+            _gain(loop.sample_time, loop.filter_time),
+            _gain(loop.sample_time, OVERLOAD_MEAN),
+            _gain(loop.sample_time, WORN_MEAN),
+        )
+        self._threshold = (loop.engage_at, loop.hysteresis / 2)
+        self._bounds = (loop.low, loop.high, loop.back_off * loop.sample_time, loop.recover * loop.sample_time)
+        self.rest, self._overload_at = loop.low + REST_SHARE * (loop.high - loop.low), loop.overload_at
+        average = {name: loop.average if loop.average_of == name else 1 for name in ("measurement", "command")}
+        self._loads = deque([0.0] * average["measurement"], average["measurement"])
+        self._targets = deque([0.0] * average["command"], average["command"])
+        self._spindle = self._n["arm_after"] if self.running else 0
 
     @classmethod
-    def from_parameters(cls, pf: "ParameterFile", command: float | None = None) -> Self:
+    def from_parameters(cls, pf: "ParameterFile", *, running: bool = False) -> Self:
         """Make the controller from the file alone.
-
-        ``command`` is the initial override: by default 0 in position form, as LinuxCNC's limiter begins, and the
-        upper limit in the form ``incremental_sum``.
 
         Raises
         ------
@@ -129,10 +157,12 @@ class ConstantLoad(Displayable):
         """
         from .control_laws import loop_of
 
-        loop = loop_of(pf)
-        dwell = None if pf.load_line is None else pf.load_line.dwell
-        start = loop.high if loop.form == "incremental_sum" else 0.0
-        return cls(loop, command=start if command is None else command, dwell=DWELL if dwell is None else dwell)
+        return cls(loop_of(pf), running=running)
+
+    @property
+    def feed_inhibit(self) -> bool:
+        """Whether the feed is to be stopped."""
+        return self.overload or (self.fault and self.loop.stop_on_fault)
 
     def step(self, measurement: float, dt: float) -> float:
         """Feed override for a load.
@@ -142,64 +172,167 @@ class ConstantLoad(Displayable):
         UsageError
             ``dt`` is not the period that the gains and the filter were made for.
         """
-        if dt != self._time and abs(dt - self._time) > 1e-9 * dt:
-            raise UsageError(f"a step of {dt:g} s: the loop was made for {self._time:g} s; replay it at that.")
-        measurement = float(measurement)  # NumPy bools do not support subtraction
-        law, sensing = self._law, self._sensing
-        valid = sensing.valid(measurement, self._felt)
-        state = sensing.state
-        if not self._own:
-            valid = state != UNKNOWN
-        self._filtered += ((measurement if state != UNKNOWN else 0.0) - self._filtered) * self._gain
-        load = self._filtered
-        if len(self._kept) > 1:
-            self._kept.append(load)
-            load = sum(self._kept) / len(self._kept)
-        cutting = self._engaged(load) and valid and self.enabled
-        if cutting:
-            self.command = law.closed(self.reference - load)
-            if measurement > self._at:  # the load in air does not depend on the command
-                self._felt = self.command
-        else:
-            self.command = (law.outside() if valid else law.invalid()) if self.enabled else law.off()
-        worn = cutting and self._rests()
-        if worn or cutting != self.cutting or law.limited != self._limited or state != self._state:
-            self._report(cutting, state, worn)
-        else:
-            self.news = ()
+        loop, load = self.loop, float(measurement)  # NumPy bools do not support subtraction
+        if dt != loop.sample_time and abs(dt - loop.sample_time) > PERIOD * loop.sample_time:
+            raise UsageError(f"a step of {dt:g} s: the loop was made for {loop.sample_time:g} s; replay it at that.")
+        self.news = ()
+        equal = self._read(load)
+        self._engage()
+        self._watch(equal)
+        target = self._target(load)
+        u = self._limit(target)
+        self._rests(u)
+        if self.requested:
+            self._factor = loop.feed_programmed / self.requested if self._requested_valid() else self._factor
+        self.state = self._state()
+        self.command = u if self._factor == 1.0 else min(u * self._factor, 1.0)
         return self.command
 
-    def _engaged(self, load: float) -> bool:
-        """Comparator with hysteresis, then a delay for each direction, in whole samples."""
-        over, above = load - self._at, self._above
-        if over > self._half:
-            self._above = above = True
-        elif over < -self._half:
-            self._above = above = False
-        if above is self._loaded:
-            self._waited = 0
-            return above
-        self._waited += 1
-        if self._waited >= (self.loop.engage_samples if above else self.loop.disengage_samples):
-            self._loaded, self._waited = above, 0
-        return self._loaded and (self._above or not self._own)  # eq. 16 opens at once: in air it would raise the feed
+    def _read(self, load: float) -> bool:
+        """Hold the last valid reading and filter it; whether it equals the one before."""
+        if self.loop.load_low < load < self.loop.load_high:  # false for NaN
+            if self._bad:
+                self.news += ("load known",)
+            self._bad = 0
+        else:
+            if not self._bad:
+                self.news += ("load unknown",)
+            self._bad += 1
+        self._spindle = self._spindle + 1 if self.spindle_on else 0
+        self._armed = self.enabled and self._spindle >= self._n["arm_after"]
+        previous = self._held
+        if not self._bad:
+            self._held = load
+        elif not self._armed:
+            self._held = 0.0
+        self._filtered += (self._held - self._filtered) * self._gains[0]
+        self._measured = self._filtered
+        if len(self._loads) > 1:
+            self._loads.append(self._filtered)
+            self._measured = sum(self._loads) / len(self._loads)
+        self._mean += (self._held - self._mean) * self._gains[1]
+        return self._held == previous
 
-    def _rests(self) -> bool:
-        """Whether the command was on its lower limit for the dwell; time in air neither counts nor resets it."""
-        if self.command > self.rest:
-            self._rested = 0
-            return False
-        self._rested += 1
-        return self._rested == self._dwell
+    def _engage(self) -> None:
+        """Engage by the filtered load after a delay, disengage at once by the reading too."""
+        at, half = self._threshold
+        filtered, held = self._measured - at, self._held - at
+        self._over = filtered > half or (self._over and filtered >= -half)
+        self._above = held > half or (self._above and held >= -half)
+        self._engaged = self._armed and self._over and self._above
+        self._loaded_for = self._loaded_for + 1 if self._engaged else 0
+        self._loaded = self._loaded_for >= self._n["engage_after"]
 
-    def _report(self, cutting: bool, state: str, worn: bool) -> None:
-        changes = [f"load {state}"] if state != self._state else []
+    def _watch(self, equal: bool) -> None:
+        """Latch a fault and an overload; a reset clears each whose cause is gone."""
+        cleared = self.reset and not self._last_reset
+        self._last_reset = self.reset
+        cause = self._cause(equal)
+        if cause and not self.fault:
+            self.news += (cause,)
+        elif cleared and (self.fault or self.overload or self.worn):
+            self.news += ("reset",)
+        self.fault = bool(cause) or (self.fault and not cleared)
+        self._high_for = self._high_for + 1 if self._armed and self._mean > self._overload_at else 0
+        exceeded = self._high_for >= self._n["overload_after"]
+        if exceeded and not self.overload:
+            self.news += ("overload",)
+        self.overload = exceeded or (self.overload and not cleared)
+        if cleared:
+            self.worn, self._rested = False, 0
+
+    def _cause(self, equal: bool) -> str:
+        """Cause of a fault that is present, or nothing."""
+        loop, n = self.loop, self._n
+        self._same = self._same + 1 if self._loaded and equal else 0
+        beat = self.beat
+        if beat is None or (self._last_beat is not None and beat != self._last_beat):
+            self._alive = n["heartbeat"]
+        else:
+            self._alive = max(self._alive - 1, 0)
+        self._last_beat = beat
+        if not self._armed:
+            return ""
+        if self._bad >= n["lost_after"]:
+            return "load lost"
+        if loop.stuck_after and self._same >= n["stuck_after"]:
+            return "load stuck"
+        if loop.heartbeat and not self._alive:
+            return "no heartbeat"
+        return "" if self._requested_valid() else "feed unknown"
+
+    def _requested_valid(self) -> bool:
+        return self.requested is None or 0.0 <= self.requested < math.inf
+
+    def _target(self, load: float) -> float:
+        """Override that the state asks for, before limits and rates."""
+        cutting = self._loaded and not (self.fault or self.overload)
+        u = self.loop.low if self._u is None else self._u
         if cutting != self.cutting:
-            changes.append("cut" if cutting else "air")
-        if self._law.limited != self._limited:
-            changes.append(("free", "at high", "at low")[self._law.limited])  # the third by index -1
-        if worn and not self.worn:
-            changes.append("change tool")
-        self.worn = self.worn or worn
-        self.news = tuple(changes)
-        self.cutting, self._state, self._limited = cutting, state, self._law.limited
+            self.news += ("cut" if cutting else "air",)
+        at, half = self._threshold
+        if cutting:
+            self._had_cut = True
+        elif not self._armed and self.idle and load - at < -half:  # false for NaN
+            self._had_cut = False
+        if cutting:
+            target = self._control(u, begins=not self.cutting)
+        elif self.fault or self.overload:
+            target = self.loop.low
+        elif self._had_cut:
+            target = u
+        else:
+            target = self.loop.low if self._armed else 1.0
+        self.cutting = cutting
+        return target
+
+    def _control(self, u: float, *, begins: bool) -> float:
+        """The control law's override, its mean where the file averages the command."""
+        error, law = self.reference - self._measured, self._law
+        if begins:
+            law.enter(u + self.loop.entry_gain * error)
+            self._targets.extend([u] * len(self._targets))
+        target = law.target(error)
+        if law.limited != self._limited:
+            self._limited = law.limited
+            self.news += (("free", "at high", "at low")[law.limited],)  # the third by index -1
+        if len(self._targets) == 1:
+            return target
+        self._targets.append(target)
+        return sum(self._targets) / len(self._targets)
+
+    def _limit(self, target: float) -> float:
+        """Limits, then a rate that differs downwards and upwards; the first command meets the limits at once."""
+        (low, high, back_off, recover), last = self._bounds, self._u
+        if last is None:
+            self._u = self._average = min(max(target, low), high)
+            return self._u
+        if target != last:
+            self._falling = target < last
+        most = back_off if self._falling else recover
+        target = min(max(target, low), high)
+        self._u = min(max(target, last - most), last + most)
+        return self._u
+
+    def _rests(self, u: float) -> None:
+        """Latch ``worn`` where the mean command rested for the dwell; time in air neither counts nor resets it."""
+        self._average += (u - self._average) * self._gains[2]
+        if self.cutting:
+            self._rested = self._rested + 1 if self._average <= self.rest else 0
+            if self._rested >= self._n["dwell"] and not self.worn:
+                self.worn = True
+                self.news += ("change tool",)
+
+    def _state(self) -> State:
+        if self.fault or self.overload:
+            return State.FAULT
+        if self.cutting:
+            return State.WORN if self.worn else State.CONTROL
+        if self._engaged:
+            return State.ENTRY
+        return State.AIR if self._armed else State.OFF
+
+
+def _gain(period: float, time: float) -> float:
+    """Gain of a one-pole low-pass of a time constant; 1 without one."""
+    return -math.expm1(-period / time) if time else 1.0

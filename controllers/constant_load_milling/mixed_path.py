@@ -81,7 +81,7 @@ def mixed_run(
     >>> run.worn, f"{run.wear:.0f} um, by {('slot', 'end')[run.passes[-1].kind]} milling"
     (True, '189 um, by slot milling')
     """
-    controllers = [ConstantLoad.from_parameters(pf, command=1.0) for pf in files]
+    controllers = [ConstantLoad.from_parameters(pf, running=True) for pf in files]
     cuts = [CutModel.from_parameters(pf) for pf in files]
     _check_alike(cuts, controllers)
     mill = MillingCut(cuts, max(c.loop.feed_programmed for c in controllers), passes, gap)

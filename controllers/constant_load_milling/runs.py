@@ -189,9 +189,9 @@ def constant_load_run(
     >>> from fitmodels.parameters.published import published
     >>> run = constant_load_run(published("CLM-2023"))
     >>> run.worn, len(run.passes), f"{run.wear:.0f} um, {run.length:.0f} mm"
-    (True, 15, '205 um, 2103 mm')
+    (True, 14, '205 um, 2094 mm')
     """
-    controller = ConstantLoad.from_parameters(pf, command=1.0)  # the machine runs at the programmed feed
+    controller = ConstantLoad.from_parameters(pf, running=True)
     mill = MillingCut.from_parameters(pf, pass_length=pass_length, gap=gap) if plant is None else plant
     cut, loop = mill.cuts[0], controller.loop
     duration = longest(cut, BEYOND * line_of(pf).window[1], loop.feed_low, gap, pass_length)

@@ -113,8 +113,8 @@ def _settings(loop: LoadLoop) -> list[tuple[str, str]]:
         "fm.filter.gain": gain,
         "fm.engage.in0": loop.engage_at, "fm.engage.hyst": loop.hysteresis,
         # half a period less, as sums of periods round
-        "fm.delay.on-delay": (loop.engage_samples - 0.5) * loop.sample_time,
-        "fm.delay.off-delay": (loop.disengage_samples - 0.5) * loop.sample_time,
+        "fm.delay.on-delay": (loop.samples(loop.engage_after) - 0.5) * loop.sample_time,
+        "fm.delay.off-delay": 0.0,
         "fm.pid.command": loop.reference, "fm.pid.Pgain": loop.p, "fm.pid.Igain": loop.i, "fm.pid.Dgain": 0.0,
         "fm.pid.bias": 1 - middle, "fm.pid.maxoutput": half,
         "fm.centre.offset": middle, "fm.select.in0": 1.0,

@@ -190,7 +190,7 @@ def _constants(loop: LoadLoop) -> str:
         "BACK_OFF": (loop.back_off, "override per s"), "RECOVER": (loop.recover, "override per s"),
         "LOAD_LOW": (loop.load_low, load), "LOAD_HIGH": (loop.load_high, load),
     }  # fmt: skip
-    counts = {"ENGAGE_SAMPLES": loop.engage_samples, "DISENGAGE_SAMPLES": loop.disengage_samples}
+    counts = {"ENGAGE_SAMPLES": loop.samples(loop.engage_after), "DISENGAGE_SAMPLES": 1}
     counts |= {"AVERAGE": loop.average} if loop.average > 1 else {}
     lines = [f"  {name} : LREAL := {real(value)}; (* {_comment(unit)} *)\n" for name, (value, unit) in reals.items()]
     lines += [f"  {name} : DINT := {count}; (* samples *)\n" for name, count in counts.items()]

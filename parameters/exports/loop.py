@@ -1,10 +1,10 @@
 """The PI loop on load in the units of the machine, built from the sections of a parameter file.
 
-Position form, its sum by the rectangle that ends now, e = reference - filtered load:
+Position form, its sum by the rectangle that ends now, e = reference - filtered load, from the feed at entry:
 
-    feed = feed_programmed + kp e + ki * sum(e) * sample_time,    clipped to feed_low ... feed_high
+    feed = feed at entry + kp e + ki * sum(e) * sample_time,    clipped to feed_low ... feed_high
 
-No export writes the other form, ``incremental_sum``, which goes on from the last feed:
+The other form, ``incremental_sum``, goes on from the last feed; HAL has no component for it:
 
     feed = last feed + kp e + ki * sum(e) * sample_time
 """
@@ -20,6 +20,10 @@ from ..file import ParameterFile
 from ..sections.dynamics import PiSection
 from ..sections.load_line import Engagement, LoadLineSection
 from .names import plain_unit
+
+ARM_AFTER, LOST_AFTER, STUCK_AFTER, HEARTBEAT, OVERLOAD_AFTER = 0.5, 0.05, 1.0, 0.2, 0.5  # s
+DWELL = 4.0  # s: the settling time allowed for the published loop, so that a transient does not count as a worn tool
+OVERLOAD_SHARE: Final = 1.05  # of the load that a worn tool withstands
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +46,19 @@ class LoadLoop:
     engage_at: float  # unit_load of the filtered load: the middle of the hysteresis
     hysteresis: float  # unit_load, the whole width
     engage_after: float  # s above the threshold until the loop takes over
-    disengage_after: float  # s below the threshold until the feed is the programmed one again
     back_off: float  # override per second, downwards
     recover: float  # override per second, upwards
-    load_low: float  # unit_load: a reading at or outside these two is no reading
+    load_low: float  # unit_load, above zero: a reading at or outside these two is invalid
     load_high: float  # unit_load
+    worn_load: float  # unit_load that a worn tool withstands
+    arm_after: float = ARM_AFTER  # s that the spindle runs before the load is monitored
+    lost_after: float = LOST_AFTER  # s with invalid readings before a fault
+    stuck_after: float = STUCK_AFTER  # s of equal readings in the cut before a fault; 0: not monitored
+    heartbeat: float = HEARTBEAT  # s without a change of the heartbeat before a fault; 0: not monitored
+    overload_after: float = OVERLOAD_AFTER  # s of an overload before the feed is inhibited
+    dwell: float = DWELL  # s on the lower limit that mean a worn tool
+    stop_on_fault: bool = False  # inhibit the feed on a fault, instead of the lower limit
+    entry_gain: float = 0.0  # override per unit_load below the reference at entry, added to the feed
     average: int = 1  # samples of a moving average; 1: none
     average_of: str = "measurement"  # or "command"
     form: str = "position"  # or "incremental_sum", its kp per sample
@@ -72,21 +84,22 @@ class LoadLoop:
         return self.ki / self.feed_programmed
 
     @property
-    def engage_samples(self) -> int:
-        """``engage_after`` in whole samples, at least one."""
-        return max(round(self.engage_after / self.sample_time), 1)
+    def overload_at(self) -> float:
+        """Mean load above which the feed is inhibited, unit_load."""
+        return OVERLOAD_SHARE * self.worn_load
 
-    @property
-    def disengage_samples(self) -> int:
-        """``disengage_after`` in whole samples, at least one."""
-        return max(round(self.disengage_after / self.sample_time), 1)
+    def samples(self, time: float) -> int:
+        """A time in whole samples, at least one."""
+        return max(round(time / self.sample_time), 1)
 
 
 LEAST_FEED: Final = 0.05  # of the programmed feed: at zero a tool rubs in its cut for ever, below it runs back
 BACK_OFF, RECOVER = 0.5, 2.0  # s for the whole range of the feed, downwards and upwards: back off faster than recover
-ENGAGE, DISENGAGE = 0.1, 0.3  # s
+ENGAGE = 0.1  # s
 HYSTERESIS = 0.1  # of the reference
-RANGE = (-1.0, 10.0)  # of the reference: loads beyond are those of a broken sensor
+HIGHEST = 10.0  # of the reference: loads beyond are those of a broken sensor
+IDLE = 0.5  # of the load of the running spindle in air: readings below are those of a lost sensor
+LEAST_LOAD = 0.1  # of the reference, where the load in air is not known
 _EARLY = {"backward": 0.0, "trapezoidal": 0.5, "forward": 1.0}
 
 
@@ -106,7 +119,7 @@ class _Lacking(Exception):  # noqa: N818  it ends in a sentence of the view, not
 def loop_settings(pf: ParameterFile, *, own_form: bool = False) -> LoopSettings:
     """The loop of a parameter file, in the units of its feed limits and reference load.
 
-    ``own_form`` keeps the form ``incremental_sum``, which no export can write.
+    ``own_form`` keeps the form ``incremental_sum``; otherwise it becomes the position form where that is the same.
     """
     if pf.pi is None:
         return LoopSettings(None, "has no PI gains; find them with `fitmodels tune params.json`.")
@@ -145,11 +158,19 @@ def _loop(pf: ParameterFile, pi: PiSection, line: LoadLineSection, assumed: list
         engage_at=own("engage_at", half, load, why),
         hysteresis=own("hysteresis", HYSTERESIS * reference, load),
         engage_after=own("engage_after", ENGAGE, "s"),
-        disengage_after=own("disengage_after", DISENGAGE, "s"),
         back_off=own("back_off", rate or span / BACK_OFF, "per s"),
         recover=own("recover", rate or span / RECOVER, "per s"),
-        load_low=own("load_low", RANGE[0] * reference, load),
-        load_high=own("load_high", RANGE[1] * reference, load),
+        load_low=own("load_low", *_least_load(pf, line, given)),
+        load_high=own("load_high", HIGHEST * reference, load),
+        worn_load=line.worn,
+        arm_after=own("arm_after", ARM_AFTER, "s"),
+        lost_after=own("lost_after", LOST_AFTER, "s"),
+        stuck_after=own("stuck_after", STUCK_AFTER, "s"),
+        heartbeat=own("heartbeat", HEARTBEAT, "s"),
+        overload_after=own("overload_after", OVERLOAD_AFTER, "s"),
+        dwell=DWELL if line.dwell is None else line.dwell,
+        stop_on_fault=given.on_fault == "stop",
+        entry_gain=_entry_gain(pf, pi, line, kp, programmed, given),
         form=form,
     )  # fmt: skip
     if pi.anti_windup != "clamping" or pi.form != form:
@@ -211,13 +232,45 @@ def _feeds(
 
 
 def _threshold(pf: ParameterFile, line: LoadLineSection, low: float) -> tuple[float, str]:
-    """Load by which a cut is known: halfway up a sharp tool's at the lowest feed, or half of the reference."""
-    law = pf.laws.get(line.law)
-    if law is not None and law.form == "load_line" and law.unit == line.unit_load:
-        A, B = law.coefficients["A"], law.coefficients["B"]
+    """Load that identifies a cut: halfway up a sharp tool's at the lowest feed, or half of the reference."""
+    law = _load_law(pf, line)
+    if law is not None:
+        A, B = law
         if 0 < A + B * low / 2 < line.reference and B > 0:
             return A + B * low / 2, "halfway up the sharp tool at the lowest feed"
     return line.reference / 2, "half of the reference"
+
+
+def _load_law(pf: ParameterFile, line: LoadLineSection) -> tuple[float, float] | None:
+    """Load at rest and load per unit of feed of a sharp tool, where the load law of the file has the loop's units."""
+    law = pf.laws.get(line.law)
+    if law is None or (law.form, law.unit, law.factors[0].unit) != ("load_line", line.unit_load, line.unit_feed):
+        return None
+    shift = law.by.shifts.get(line.by or "", 0.0) if law.by else 0.0
+    return law.coefficients["A"] + shift, law.coefficients["B"]
+
+
+def _least_load(pf: ParameterFile, line: LoadLineSection, given: Engagement) -> tuple[float, str, str]:
+    """Load at or below which a reading is that of a lost sensor, its unit, and where it comes from."""
+    load, law = plain_unit(line.unit_load), _load_law(pf, line)
+    if given.idle is not None:
+        return IDLE * given.idle, load, "half of the load in air"
+    if law is not None and law[0] > 0:
+        return IDLE * law[0], load, "half of the load law at a feed of zero"
+    return LEAST_LOAD * line.reference, load, "a tenth of the reference, as the load in air is not known"
+
+
+def _entry_gain(
+    pf: ParameterFile, pi: PiSection, line: LoadLineSection, kp: float, programmed: float, given: Engagement
+) -> float:
+    """Change of the first override per unit of load below the reference: feed-forward and setpoint weight."""
+    gain = -(1 - pi.setpoint_weight) * kp / programmed
+    if not given.feed_forward:
+        return gain
+    law = _load_law(pf, line)
+    if law is None or not law[1] > 0:
+        raise _Lacking("has a feed_forward but no load law in its units whose load rises with feed; set it to 0.")
+    return gain + given.feed_forward / (law[1] * programmed)
 
 
 def _filter_time(pi: PiSection, given: Engagement) -> float:
@@ -253,13 +306,19 @@ def _check_order(loop: LoadLoop) -> None:
             f"has feed limits {loop.feed_low:g} to {loop.feed_high:g} {loop.unit_feed}, which leave the loop no range; "
             "settings, gains and machine limits must overlap."
         )
-    if not 0 < loop.reference < loop.load_high or not loop.load_low < 0:
+    if not loop.load_low > 0:
         raise _Lacking(
-            f"has a reference of {loop.reference:g} {loop.unit_load} and loads from {loop.load_low:g} to "
-            f"{loop.load_high:g}; zero and the reference must lie inside the range of valid readings."
+            f"takes loads from {loop.load_low:g} {loop.unit_load} for readings, so that a lost sensor, which reads "
+            "zero, would be taken for air; give load_low above zero and below the load of the running spindle in air."
         )
-    if not loop.hysteresis / 2 < loop.engage_at < loop.reference - loop.hysteresis / 2:
+    if not loop.reference < loop.load_high:
         raise _Lacking(
-            f"engages at {loop.engage_at:g} +- {loop.hysteresis / 2:g} {loop.unit_load}: both ends lie between zero "
-            f"and the reference, {loop.reference:g}."
+            f"has a reference of {loop.reference:g} {loop.unit_load} and readings up to {loop.load_high:g}; the "
+            "reference lies inside the range of valid readings."
+        )
+    low = loop.engage_at - loop.hysteresis / 2
+    if not loop.load_low < low or not loop.engage_at + loop.hysteresis / 2 < loop.reference:
+        raise _Lacking(
+            f"engages at {loop.engage_at:g} +- {loop.hysteresis / 2:g} {loop.unit_load}: both ends lie between the "
+            f"smallest valid reading, {loop.load_low:g}, and the reference, {loop.reference:g}."
         )

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from ..file import ParameterFile
 from ..sections.base import Section
@@ -47,11 +47,18 @@ _OF_LOOP = {
     "engage_at": ("{l}", "load at which a cut is known"),
     "hysteresis": ("{l}", "width of the threshold"),
     "engage_after": ("s", "time above the threshold before the loop takes over"),
-    "disengage_after": ("s", "time below the threshold before it lets go"),
+    "entry_gain": ("1/{l}", "change of the first override per load below the reference at entry"),
     "back_off": ("1/s", "fastest fall of the override"),
     "recover": ("1/s", "fastest rise of the override"),
     "load_low": ("{l}", "a load at or below is no reading"),
     "load_high": ("{l}", "a load at or above is no reading"),
+    "arm_after": ("s", "time that the spindle runs before the load is monitored"),
+    "lost_after": ("s", "time with invalid readings before a fault"),
+    "stuck_after": ("s", "time of equal readings in the cut before a fault, 0 not monitored"),
+    "heartbeat": ("s", "time without a change of the heartbeat before a fault, 0 not monitored"),
+    "overload_at": ("{l}", "mean load that inhibits the feed"),
+    "overload_after": ("s", "time above it before the feed is inhibited"),
+    "dwell": ("s", "time on the lower limit that means a worn tool"),
 }
 _SECTIONS = ("limits", "roughness", "adaptive_force")
 _UNIT_OF = {
@@ -91,10 +98,8 @@ def _of_loop(loop: LoadLoop | None) -> Found:
     if loop is None:
         return
     units = {"f": loop.unit_feed, "l": loop.unit_load}
-    known = {field.name for field in fields(loop)}
     for name, (unit, words) in _OF_LOOP.items():
-        if name in known:
-            yield name, getattr(loop, name), unit.format(**units), words
+        yield name, getattr(loop, name), unit.format(**units), words
 
 
 def _of_load_line(pf: ParameterFile) -> Found:
@@ -105,8 +110,6 @@ def _of_load_line(pf: ParameterFile) -> Found:
     yield "safety_factor", line.safety_factor, "1", "reference over worn load, before rounding"
     yield "wear_low", line.window[0], line.unit_wear, "wear from which the tool may be changed"
     yield "wear_high", line.window[1], line.unit_wear, "wear by which the tool must be changed"
-    if line.dwell is not None:
-        yield "dwell", line.dwell, "s", "time on the lower limit that means a worn tool"
 
 
 def _of_dynamics(pf: ParameterFile) -> Found:

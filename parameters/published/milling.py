@@ -227,10 +227,10 @@ def _settings(cut: MillingCase, upper: float, slope: float) -> dict[str, Any]:
         "lower": {"value": cut.low, "wear": (cut.sharp - cut.low) / slope, "interval": exact},
         "probability_of": "not had: tools' scatter is not printed",
         "dwell": DWELL,
-        "engagement": {"load_low": -0.05, "load_high": 1.0},
+        "engagement": {"load_low": 0.05, "load_high": 1.0},
         "notes": [
             f"Upper limit {upper:g} mm/min; the sharp tool holds 0.24 A at {cut.sharp:g}.",
             f"Assumption: the command rests on the lower limit for {DWELL:g} s before the tool is changed.",
-            "Assumption: readings beyond -0.05 to 1 A are none.",
+            "Assumption: readings outside 0.05 to 1 A are invalid.",
         ],
     }  # fmt: skip

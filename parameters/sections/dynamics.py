@@ -248,6 +248,8 @@ class PiSection(Section):
         ``clamping``, ``back_calculation`` with its time in s (None: kp/ki), or ``none``.
     unit_u, unit_y : str
         Of the command and of the measurement.
+    setpoint_weight : float
+        Share of the reference in the proportional part, kp (setpoint_weight r - y); 1 is the usual PI.
     scaling_u, scaling_y : float
         unit_u of the gains in one unit_u of the dynamics, and the same of unit_y: 1459 from V to mm/min; 1 where they
         are the same.
@@ -284,6 +286,7 @@ class PiSection(Section):
     tracking_time: Positive | None = None
     unit_u: str = ""
     unit_y: str = ""
+    setpoint_weight: Share = 1.0
     scaling_u: Positive = 1.0
     scaling_y: Positive = 1.0
     specification: PiSpecification | None = None

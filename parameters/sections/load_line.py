@@ -65,12 +65,26 @@ class Engagement(Section):
         Hz of a one-pole low-pass on the load.
     engage_at, hysteresis : float or None
         Filtered load at the middle of the hysteresis, and its whole width, in the unit of the load.
-    engage_after, disengage_after : float or None
-        s above and below the threshold until the loop engages and disengages.
+    engage_after : float or None
+        s above the threshold until the loop engages; it disengages in the sample that falls below.
     back_off, recover : float or None
         Override per second downwards and upwards.
+    idle : float or None
+        Load of the running spindle in air.
     load_low, load_high : float or None
-        A reading at or outside these two is invalid.
+        A reading at or outside these two is invalid. Zero is the reading of a lost sensor: ``load_low`` lies above it
+        and below the idle load.
+    arm_after : float or None
+        s that the spindle runs before the load is monitored.
+    lost_after, stuck_after, heartbeat : float or None
+        s with invalid readings, of equal readings in the cut, and without a change of the heartbeat, after which a
+        fault is latched; 0 of the last two: not monitored.
+    overload_after : float or None
+        s of a mean load above that of a worn tool, after which the feed is inhibited.
+    on_fault : str or None
+        What a fault does: feed to the ``lower limit``, or ``stop`` by inhibiting it.
+    feed_forward : float or None
+        Share of the load line's correction of the feed that the loop starts with.
     sample_time : float or None
         s, period of the thread.
 
@@ -85,11 +99,18 @@ class Engagement(Section):
     engage_at: Number | None = None
     hysteresis: NotNegative | None = None
     engage_after: NotNegative | None = None
-    disengage_after: NotNegative | None = None
     back_off: Positive | None = None
     recover: Positive | None = None
+    idle: Positive | None = None
     load_low: Number | None = None
     load_high: Number | None = None
+    arm_after: NotNegative | None = None
+    lost_after: Positive | None = None
+    stuck_after: NotNegative | None = None
+    heartbeat: NotNegative | None = None
+    overload_after: Positive | None = None
+    on_fault: Literal["lower limit", "stop"] | None = None
+    feed_forward: Share | None = None
     sample_time: Positive | None = None
 
 
