@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from unicodedata import normalize
 
 from ..core.errors import UsageError
-from ..core.files import cause, move_folder, staged, swap_folder
+from ..core.files import cause, locked_folder, move_folder, staged, swap_folder
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
 from .content.parts import Card, DesignPart, PublicationPart
@@ -22,6 +22,7 @@ PARAMETERS, DRAWS = "params.json", "draws.npz"
 FORMS = README, PROGRAM, PAGE = "README.md", "card.json", "card.html"
 FIGURES = ("figures/response_surfaces.png", "figures/observed_predicted.png", "figures/residuals.png")
 DYNAMICS_FIGURES = ("figures/simulated.png", "figures/bode.png", "figures/residuals.png", "figures/orders.png")
+PI_FIGURE = "figures/pi.png"  # of `fitmodels tune`
 FILES = (PARAMETERS, *FORMS, *FIGURES)
 LONGEST_NAME = 80  # bytes of tool and of work in a folder's name; most file systems end at 255 for both
 _ODD = re.compile(r"[^\w.-]+")
@@ -151,10 +152,23 @@ def write(
                 (made / DRAWS).write_bytes(draws_of(posteriors))
             _draw(made / "figures", pf, laws, posteriors if posterior_figures else (), identification)
             _write_forms(pf, made, publication, data_lines)
-            (swap_folder if whole else move_folder)(made, folder)
+            _moved(made, folder, pf, whole=whole)
     except OSError as error:
         raise UsageError(f"{folder} cannot be written: {cause(error)}; choose another place with --out.") from None
     return folder
+
+
+def _moved(made: Path, folder: Path, pf: ParameterFile, *, whole: bool) -> None:
+    """Move a folder into its place, as the only writer of a former one; a picture of former gains does not stay."""
+    if not folder.exists():
+        move_folder(made, folder)
+        return
+    with locked_folder(
+        folder, f"{folder}: another process has kept it locked for 10 s; nothing was written. Run again."
+    ):
+        if pf.pi is None:
+            (folder / PI_FIGURE).unlink(missing_ok=True)
+        (swap_folder if whole else move_folder)(made, folder)
 
 
 def _write_forms(

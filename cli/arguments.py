@@ -6,7 +6,6 @@ import shlex
 import sys
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..core.errors import UsageError
@@ -79,9 +78,8 @@ def typed(words: Sequence[str]) -> str:
 
 
 def traced(pf: "ParameterFile", typed_words: Sequence[str]) -> dict[str, Any]:
-    """The provenance of a file with this command added, without folders and ``--force``."""
-    words = [Path(word).name if "/" in word else word for word in typed_words if word != "--force"]
-    then = (shlex.join(["fitmodels", *words]),) if words else ()
+    """The provenance of a file with this command added, as it was typed."""
+    then = (typed(typed_words),) if typed_words else ()
     return {**pf.provenance.model_dump(), "then": (*pf.provenance.then, *then)}
 
 

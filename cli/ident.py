@@ -63,18 +63,19 @@ def run(args: argparse.Namespace) -> int:
 
     orders = _orders(args.orders)
     target = _target(args)
+    former = None if args.params is None else _former(args)
     with progress_bar(lines=False) as step:
         step.say("reading")
         records = [_read(name, args) for name in args.file]
         held_out = None if args.held_out is None else _read(args.held_out, args)
         step.say(f"identifying {records[0].output} from {records[0].input}")
         found = identify(records, held_out=held_out, orders=orders, trend=bool(args.trend))
-        pf = _collected(found, records, args)
+        pf = _collected(found, records, former, args)
     if args.json:
         print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=4)
     else:
         Printer().show(terminal.identification_block(found, pf))
-    written = _written(found, pf, target, args)
+    written = _written(found, pf, former, target, args)
     if written and not args.json:
         Printer().show(written)
     return 0
@@ -109,19 +110,26 @@ def _target(args: argparse.Namespace) -> Path | None:
     return folder
 
 
-def _collected(found: "Identification", records: "list[Record]", args: argparse.Namespace) -> "ParameterFile":
+def _former(args: argparse.Namespace) -> "ParameterFile":
+    """The file of ``--params``, before anything is computed."""
+    from .. import parameters
+
+    pf = parameters.read(args.params)
+    if pf.dynamics is not None and not args.force:
+        raise UsageError(f"{args.params} has dynamics; replace them with --force.")
+    return pf
+
+
+def _collected(
+    found: "Identification", records: "list[Record]", former: "ParameterFile | None", args: argparse.Namespace
+) -> "ParameterFile":
     """A new parameter file, or the given one with its dynamics replaced."""
     from .. import parameters
     from ..parameters.file import sealed
     from ..parameters.gather.control import dynamics_section
 
-    if args.params is not None:
-        pf = parameters.read(args.params)
-        if pf.dynamics is not None and not args.force:
-            raise UsageError(f"{args.params} has dynamics; replace them with --force.")
-        section = dynamics_section(found)
-        # gains were tuned on other dynamics
-        return sealed(pf, dynamics=section, pi=None, provenance=traced(pf, args.words))
+    if former is not None:  # its gains were tuned on other dynamics
+        return sealed(former, dynamics=dynamics_section(found), pi=None, provenance=traced(former, args.words))
     source = records[0].source
     return parameters.collect(
         tool=args.tool,
@@ -135,16 +143,39 @@ def _collected(found: "Identification", records: "list[Record]", args: argparse.
     )
 
 
-def _written(found: "Identification", pf: "ParameterFile", folder: Path | None, args: argparse.Namespace) -> str:
-    from .. import cards, parameters
+def _written(
+    found: "Identification",
+    pf: "ParameterFile",
+    former: "ParameterFile | None",
+    folder: Path | None,
+    args: argparse.Namespace,
+) -> str:
+    from .. import cards
+    from ..parameters.file import replace
 
-    if args.params is not None:
-        parameters.write(pf, args.params, force=True)
+    if former is not None:
+        replace(pf, args.params, former, _redrawn(found, pf, Path(args.params).parent))
         return f"Dynamics added to {args.params}"
     if folder is None:
         return ""
     cards.write(pf, folder, identification=found, data_lines=found.notes, force=args.force)
     return f"Written: {folder}/ ({', '.join(cards.files(pf))})"
+
+
+def _redrawn(found: "Identification", pf: "ParameterFile", folder: Path) -> dict[Path, bytes | None]:
+    """Figures of former dynamics in the folder, drawn again; that of gains tuned on them is removed."""
+    from tempfile import TemporaryDirectory
+
+    from ..cards.figures import draw_dynamics
+    from ..cards.folder import DYNAMICS_FIGURES, PI_FIGURE
+
+    derived: dict[Path, bytes | None] = {folder / PI_FIGURE: None}
+    old = [name for name in DYNAMICS_FIGURES if (folder / name).exists()]
+    if not old or pf.laws:  # figures of laws have the same names
+        return derived
+    with TemporaryDirectory() as made:
+        draw_dynamics(found, Path(made) / "figures", "not measured" if pf.identity.simulated else "")
+        return derived | {folder / name: (Path(made) / name).read_bytes() for name in old}
 
 
 def _facts(found: "Identification") -> dict[str, Any]:

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     if twice and not args.force:
         raise UsageError(f"{args.file} has a limit of {', '.join(twice)}; replace it with --force.")
     changed = sealed(pf, limits={**held, **asked}, provenance=traced(pf, args.words))
-    parameters.write(changed, args.file, force=True)
+    parameters.write(changed, args.file, replaces=pf)
     section = changed.limits
     assert section is not None  # noqa: S101  just written
     bounded = [limit["of"] for limit in asked.values() if limit.get("of")]

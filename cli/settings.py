@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     if pf.load_line is not None and not args.force:
         raise UsageError(f"{args.file} has settings of constant load; replace them with --force.")
     line = _computed(pf, args)
-    parameters.write(sealed(pf, load_line=line, provenance=traced(pf, args.words)), args.file, force=True)
+    parameters.write(sealed(pf, load_line=line, provenance=traced(pf, args.words)), args.file, replaces=pf)
     verdicts = cautions(pf, line.law)
     if args.json:
         facts = {"file": Path(args.file).name, "load_line": line.model_dump(), "verdicts": verdicts}

@@ -3,7 +3,8 @@
 import os
 import secrets
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -50,19 +51,62 @@ def write_whole(
     path = Path(path)
     if parents:
         make_folder(path.parent)
-    data = content.encode() if isinstance(content, str) else content
-    temporary = path.parent / f".fitmodels-{secrets.token_hex(8)}.tmp"
+    write_together(path, content.encode() if isinstance(content, str) else content, error=error)
+
+
+def write_together(
+    path: Path, content: bytes, derived: Mapping[Path, bytes | None] | None = None, *, error: type[FitmodelsError]
+) -> None:
+    """Write a file, and files made from it, so that none of these ever stands beside a content it was not made from.
+
+    All contents are on disk before the first change: then the former derived files are removed, the file is renamed
+    into its place, and after it the derived files; a process that is killed leaves some of these missing at most.
+
+    Parameters
+    ----------
+    path, content
+        The file.
+    derived : mapping of path to bytes or None
+        Contents of the derived files, whose folders are made; None: the file is only removed.
+    error : type
+        Raised where a file cannot be written.
+
+    Examples
+    --------
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> write_together(folder / "a.json", b"{}", {folder / "figures" / "a.png": b"PNG"}, error=UsageError)
+    >>> (folder / "figures" / "a.png").read_bytes()
+    b'PNG'
+    """
+    derived = derived or {}
+    temporary: dict[Path, Path] = {}
+    place, written = path, False
     try:
-        with temporary.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)  # noqa: PTH105 - stands beside fsync, and both are made to fail in tests
+        for place, data in {path: content, **derived}.items():
+            if data is not None:
+                if place != path:
+                    place.parent.mkdir(exist_ok=True)
+                temporary[place] = place.parent / f".fitmodels-{secrets.token_hex(8)}.tmp"
+                _synchronised(temporary[place], data)
+        for place in derived:
+            place.unlink(missing_ok=True)
+        for place, made in temporary.items():
+            os.replace(made, place)  # noqa: PTH105 - stands beside fsync, and both are made to fail in tests
+            written = True
     except (OSError, ValueError) as failure:  # ValueError: a path with a null character
-        raise error(f"{path}: cannot be written: {cause(failure)}; choose another place.") from None
+        but = f" {path} was written." if written else ""
+        raise error(f"{place}: cannot be written: {cause(failure)}; choose another place.{but}") from None
     finally:
-        with suppress(OSError, ValueError):
-            temporary.unlink(missing_ok=True)
+        for made in temporary.values():
+            with suppress(OSError, ValueError):
+                made.unlink(missing_ok=True)
+
+
+def _synchronised(path: Path, data: bytes) -> None:
+    with path.open("xb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def make_folder(folder: Path) -> None:
@@ -132,8 +176,10 @@ def swap_folder(made: Path, folder: Path) -> None:
 
 
 @contextmanager
-def locked(path: Path, message: str) -> Iterator[None]:
+def locked(path: Path, message: str, wait: float = 0.0) -> Iterator[None]:
     """Hold the lock file ``path`` as its only process; the system releases it when the process ends.
+
+    Another process that holds it is waited for, ``wait`` s at most.
 
     Raises
     ------
@@ -142,7 +188,7 @@ def locked(path: Path, message: str) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    lock = FileLock(path, timeout=0)
+    lock = FileLock(path, timeout=wait)
     try:
         lock.acquire()
     except Timeout:
@@ -153,3 +199,73 @@ def locked(path: Path, message: str) -> Iterator[None]:
         yield
     finally:
         lock.release()
+
+
+POLL = 0.01  # s between attempts to take a lock
+
+
+@contextmanager
+def locked_folder(folder: Path, message: str, wait: float = 10.0) -> Iterator[None]:
+    """Hold a folder as its only writer; the system releases it when the process ends, and no file is left in it.
+
+    Where the system or the file system (Windows, network folders) has no lock of folders, the hidden file
+    ``.fitmodels.lock`` in it is locked instead.
+
+    Parameters
+    ----------
+    folder : Path
+        Exists.
+    message : str
+        Of the error where another process keeps the lock longer than ``wait`` s.
+
+    Raises
+    ------
+    UsageError
+        Another process holds the lock, or it cannot be taken here.
+
+    Examples
+    --------
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> with locked_folder(folder, "in use"):
+    ...     list(folder.iterdir())
+    []
+    """
+    end = time.monotonic() + wait
+    try:
+        held = _held_folder(folder, end)
+    except TimeoutError:
+        raise UsageError(message) from None
+    if held is None:
+        with locked(folder / ".fitmodels.lock", message, wait):
+            yield
+        return
+    try:
+        yield
+    finally:
+        os.close(held)
+
+
+def _held_folder(folder: Path, end: float) -> int | None:
+    """Open descriptor that holds the lock of a folder; None where there is no such lock."""
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    while True:
+        try:
+            found = os.open(folder, os.O_RDONLY)
+        except OSError:
+            return None
+        try:
+            fcntl.flock(found, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(found), folder.stat()):  # it may have been replaced by another folder
+                return found
+        except BlockingIOError:
+            pass
+        except OSError:  # network folders
+            os.close(found)
+            return None
+        os.close(found)
+        if time.monotonic() > end:
+            raise TimeoutError
+        time.sleep(POLL)

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,7 +10,7 @@ from pydantic import Field, ValidationError
 
 from ..core.display import Plottable
 from ..core.errors import ParameterError
-from ..core.files import cause, write_whole
+from ..core.files import cause, locked_folder, write_together, write_whole
 from .file_format import REMEDY, SCHEMA, content_sha256, migrated, parse_strict_json
 from .messages import schema_message
 from .sections.base import Section, Sha256
@@ -123,7 +124,9 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
     return _parse(_bytes(Path(path)), str(path))
 
 
-def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = False) -> Path:
+def write(
+    pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = False, replaces: ParameterFile | None = None
+) -> Path:
     """Write a parameter file and renew its checksum; an incomplete file is never left behind.
 
     Parameters
@@ -133,7 +136,9 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     path : path-like
         In a folder that exists.
     force : bool
-        Replace an existing file.
+        Replace an existing file, whatever it contains.
+    replaces : ParameterFile, optional
+        Replace the file that was read as this one, only where its content is still the same.
 
     Returns
     -------
@@ -143,7 +148,8 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     Raises
     ------
     ParameterError
-        The file exists, the folder cannot be written, or a section has a value that JSON cannot represent.
+        The file exists, or was changed since ``replaces`` was read; the folder cannot be written; a section has a value
+        that JSON cannot represent.
 
     Examples
     --------
@@ -155,11 +161,60 @@ def write(pf: ParameterFile, path: str | os.PathLike[str], *, force: bool = Fals
     'params.json'
     """
     path = Path(path)
+    if replaces is not None:
+        return replace(pf, path, replaces)
     content = as_bytes(pf, str(path))
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: the file exists; choose another path, or replace it with --force.")
     write_whole(path, content, error=ParameterError)
     return path
+
+
+def replace(
+    pf: ParameterFile,
+    path: str | os.PathLike[str],
+    former: ParameterFile,
+    derived: Mapping[Path, bytes | None] | None = None,
+) -> Path:
+    """Replace a parameter file that still has the content of ``former``, and with it the files derived from it.
+
+    The folder is locked while the contents are compared and the files are renamed: of two processes that read the same
+    file, the second is refused. A link is followed.
+
+    Parameters
+    ----------
+    pf, path, former
+        What is written, where, and what was read there.
+    derived : mapping of path to bytes or None
+        Pictures of the file's sections, None to remove them; see `fitmodels.core.files.write_together`.
+
+    Raises
+    ------
+    ParameterError
+        The file has another content, or a file cannot be written.
+    UsageError
+        Another process keeps the folder locked.
+    """
+    target = Path(os.path.realpath(path))
+    content = as_bytes(pf, str(path))
+    busy = f"{path}: another process has kept its folder locked for 10 s; nothing was written. Run the command again."
+    if not target.parent.is_dir():
+        raise ParameterError(f"{path}: its folder was removed since it was read; nothing was written.")
+    with locked_folder(target.parent, busy):
+        _check_unchanged(target, former, str(path))
+        write_together(target, content, derived, error=ParameterError)
+    return Path(path)
+
+
+def _check_unchanged(target: Path, former: ParameterFile, name: str) -> None:
+    if not target.exists():
+        raise ParameterError(f"{name}: the file was removed since it was read; nothing was written.")
+    then, now = (content_sha256(pf.model_dump()) for pf in (former, read(target)))
+    if then != now:
+        raise ParameterError(
+            f"{name}: another program changed the file since it was read (content {then[:8]} then, {now[:8]} now), so "
+            "nothing was written. Run the command again: it starts from the changed file."
+        )
 
 
 def as_bytes(pf: ParameterFile, name: str = "the parameter file") -> bytes:

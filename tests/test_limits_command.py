@@ -84,6 +84,6 @@ def test_the_file_remembers_which_commands_made_it(file):
     assert main(["limits", file, "P=7kW"]) == 0
     assert main(["limits", file, "AW=0.3mm", "P=8kW", "--force"]) == 0
     assert parameters.read(file).provenance.then == (
-        "fitmodels limits params.json P=7kW",
-        "fitmodels limits params.json AW=0.3mm P=8kW",
+        f"fitmodels limits {file} P=7kW",
+        f"fitmodels limits {file} AW=0.3mm P=8kW --force",
     )

@@ -1,0 +1,316 @@
+"""Several programs that change one parameter file: no update is lost, and a picture never shows other gains."""
+
+import errno
+import json
+import shlex
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fitmodels import parameters
+from fitmodels.cli import main
+from fitmodels.cli.arguments import traced
+from fitmodels.core import errors
+from fitmodels.core.errors import ParameterError
+from fitmodels.core.files import locked_folder, write_together
+from fitmodels.ident import Model
+from fitmodels.parameters import read, write
+from fitmodels.parameters.file import replace, sealed
+from fitmodels.parameters.published import published
+from scipy.signal import lfilter
+
+UsageError = errors.UsageError
+unix = pytest.mark.skipif(sys.platform == "win32", reason="no kill -9 there")
+
+
+def started(program, *words):
+    env = {"PYTHONPATH": str(Path(parameters.__file__).parents[2])}
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *map(str, words)], env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+
+
+def gains(kp):
+    return {"kp": float(kp), "ki": 1.0, "sample_time": 0.02}
+
+
+@pytest.fixture
+def file(tmp_path):
+    model = Model(b=[0, 0.1, 0.08], a=[1, -0.8], nk=1, sample_time=0.02, unit_u="V", unit_y="A")
+    pf = parameters.collect(tool="end mill", work="S45C", dynamics=model, pi=gains(1), simulated=True)
+    return write(pf, tmp_path / "params.json")
+
+
+# --- two programs -------------------------------------------------------------------------------------
+
+ADDER = """
+import sys
+from fitmodels.core.errors import ParameterError
+from fitmodels.parameters import read, write
+from fitmodels.parameters.file import sealed
+name, count, path = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+print("ready", flush=True)
+sys.stdin.readline()  # all begin together
+for number in range(count):
+    while True:
+        pf = read(path)
+        try:
+            write(sealed(pf, **{f"x-{name}-{number}": number}), path, replaces=pf)
+            break
+        except ParameterError as refused:
+            assert "another program changed" in str(refused)
+"""
+
+
+def test_every_addition_of_three_processes_is_kept(file):
+    """Each adds its own sections and begins again where it is refused; without the comparison most would be lost."""
+    names, count = ("a", "b", "c"), 12
+    with ExitStack() as stack:
+        processes = [stack.enter_context(started(ADDER, name, count, file)) for name in names]
+        assert {process.stdout.readline() for process in processes} == {b"ready\n"}
+        for process in processes:
+            process.stdin.close()
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    held = json.loads(file.read_text())
+    assert {name for name in held if name.startswith("x-")} == {f"x-{name}-{i}" for name in names for i in range(count)}
+    assert parameters.check(read(file)).findings[0].passed
+    assert {path.name for path in file.parent.iterdir()} == {"params.json"}
+
+
+@pytest.fixture
+def meanwhile(monkeypatch):
+    """Another program adds a section to each file as soon as a command has read it."""
+    real = parameters.read
+
+    def changed(path):
+        pf = real(path)
+        write(sealed(pf, **{"x-other": "kept"}), path, force=True)
+        return pf
+
+    monkeypatch.setattr(parameters, "read", changed)
+
+
+@pytest.mark.parametrize(
+    ("paper", "command"),
+    [
+        ("CLM-2023", "settings params.json --worn 0.28 --force"),
+        ("AC-2016", "limits params.json P=7kW --force"),
+    ],
+)
+def test_a_command_refuses_a_file_that_was_changed_since_it_read_it(
+    paper, command, meanwhile, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    before = read(write(published(paper), "params.json"))
+    assert main(command.split()) == 3
+    error = capsys.readouterr().err
+    assert error.startswith("fitmodels: params.json: another program changed the file since it was read (content ")
+    assert error.endswith("so nothing was written. Run the command again: it starts from the changed file.\n")
+    assert read("params.json") == sealed(before, **{"x-other": "kept"})
+
+
+def test_ident_refuses_a_file_that_was_changed_and_keeps_its_picture(meanwhile, file, monkeypatch, capsys):
+    monkeypatch.chdir(file.parent)
+    picture = file.parent / "figures" / "pi.png"
+    picture.parent.mkdir()
+    picture.write_bytes(b"old")
+    recorded(Path("run.csv"))
+    words = ["ident", "run.csv", "--params", "params.json", "--rate", "50", "--orders", "1,1,1", "--force"]
+    assert main(words) == 3
+    assert "another program changed" in capsys.readouterr().err
+    assert picture.exists()
+    monkeypatch.undo()
+    monkeypatch.chdir(file.parent)
+    assert main(words) == 0
+    assert read(file).pi is None
+    assert not picture.exists()
+
+
+def recorded(to, n=1500):
+    """A record of y = 0.8 y' + 0.1 u' + noise, each of the sample before, under random steps."""
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.choice([-1.0, 1.0], n // 5), 5)
+    y = lfilter([0, 0.1], [1, -0.8], u) + 0.002 * rng.standard_normal(n)
+    to.write_text("\n".join(["u [V],y [A]", *(f"{a:g},{b:.6f}" for a, b in zip(u, y, strict=True))]) + "\n")
+
+
+def test_content_counts_not_layout(file):
+    pf = read(file)
+    file.write_text(json.dumps(json.loads(file.read_text()), sort_keys=True))
+    assert read(write(sealed(pf, pi=gains(2)), file, replaces=pf)).pi.kp == 2
+
+
+def test_a_file_of_an_older_version_is_replaced(file):
+    old = {**json.loads(file.read_text()), "schema_version": "fitmodels.parameters/1"}
+    file.write_text(json.dumps(old))
+    pf = read(file)
+    assert read(write(sealed(pf, pi=gains(2)), file, replaces=pf)).pi.kp == 2
+
+
+def test_a_file_that_was_removed_is_not_made_again(file):
+    pf = read(file)
+    file.unlink()
+    with pytest.raises(ParameterError, match="removed since it was read; nothing was written"):
+        write(pf, file, replaces=pf)
+    assert list(file.parent.iterdir()) == []
+
+
+def test_a_link_is_followed(file, tmp_path):
+    """The file that it names is replaced, and the link stays."""
+    (tmp_path / "other").mkdir()
+    link = tmp_path / "other" / "link.json"
+    link.symlink_to(file)
+    pf = read(link)
+    write(sealed(pf, pi=gains(2)), link, replaces=pf)
+    assert link.is_symlink()
+    assert read(file).pi.kp == 2
+
+
+# --- the lock -----------------------------------------------------------------------------------------
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from fitmodels.core.files import locked_folder
+with locked_folder(Path(sys.argv[1]), "in use"):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+@unix
+def test_a_folder_in_use_is_refused_and_free_when_its_holder_is_killed(tmp_path):
+    with started(HOLDER, tmp_path) as process:
+        assert process.stdout.readline() == b"held\n"
+        begun = time.monotonic()
+        with pytest.raises(UsageError, match="in use"), locked_folder(tmp_path, "in use", wait=0.05):
+            pass
+        assert time.monotonic() - begun < 10
+        process.kill()
+    with locked_folder(tmp_path, "in use", wait=0.05):
+        assert list(tmp_path.iterdir()) == []
+
+
+@unix
+def test_a_file_system_without_locks_of_folders_has_a_lock_file(tmp_path, monkeypatch):
+    import fcntl
+
+    real, folder = fcntl.flock, tmp_path.stat()
+
+    def flock(descriptor, operation):
+        import os
+
+        if os.path.samestat(os.fstat(descriptor), folder):
+            raise OSError(errno.EBADF, "bad file descriptor")
+        return real(descriptor, operation)
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    with locked_folder(tmp_path, "in use"):
+        assert [path.name for path in tmp_path.iterdir()] == [".fitmodels.lock"]
+        with pytest.raises(UsageError, match="in use"), locked_folder(tmp_path, "in use", wait=0.05):
+            pass
+    with locked_folder(tmp_path, "in use", wait=0.05):
+        pass
+
+
+# --- file and picture ---------------------------------------------------------------------------------
+
+DRAWER = """
+import os, signal, sys
+from pathlib import Path
+from fitmodels.parameters import read
+from fitmodels.parameters.file import replace, sealed
+stage, path = sys.argv[1], Path(sys.argv[2])
+def change(kp):
+    pf = read(path)
+    new = sealed(pf, pi={"kp": float(kp), "ki": 1.0, "sample_time": 0.02})
+    replace(new, path, pf, {path.parent / "figures" / "pi.png": str(float(kp)).encode()})
+if stage == "at random":
+    print("ready", flush=True)
+    for kp in range(10**6):
+        change(kp)
+calls = 0
+real = os.replace
+def hooked(*paths):
+    global calls
+    calls += 1
+    if calls == int(stage):
+        os.kill(os.getpid(), signal.SIGKILL)
+    real(*paths)
+os.replace = hooked
+change(2)
+"""
+
+
+def drawn(file):
+    """Kp of the file, and that of its picture or None."""
+    picture = file.parent / "figures" / "pi.png"
+    return read(file).pi.kp, float(picture.read_bytes()) if picture.exists() else None
+
+
+def with_picture(file):
+    pf = read(file)
+    replace(pf, file, pf, {file.parent / "figures" / "pi.png": b"1.0"})
+    assert drawn(file) == (1.0, 1.0)
+
+
+@unix
+@pytest.mark.parametrize(("stage", "left"), [(1, (1.0, None)), (2, (2.0, None)), (3, (2.0, 2.0))])
+def test_kill_9_at_each_renaming_leaves_no_picture_of_other_gains(file, stage, left):
+    with_picture(file)
+    with started(DRAWER, stage, file) as process:
+        assert process.wait(60) == (-9 if stage < 3 else 0)
+    assert drawn(file) == left
+
+
+@unix
+def test_kill_9_at_any_moment_leaves_file_and_picture_agreeing(file):
+    with_picture(file)
+    for wait in (0.003, 0.008, 0.013, 0.021, 0.034):
+        with started(DRAWER, "at random", file) as process:
+            process.stdout.readline()
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(wait)
+            process.kill()
+        kp, shown = drawn(file)
+        assert shown in (kp, None)
+        assert parameters.check(read(file)).findings[0].passed
+
+
+def test_what_cannot_be_written_changes_neither(file):
+    """The folder of the picture is a file here: both are as they were."""
+    (file.parent / "figures").write_text("")
+    pf, before = read(file), file.read_bytes()
+    with pytest.raises(ParameterError, match=r"pi.png: cannot be written"):
+        replace(sealed(pf, pi=gains(2)), file, pf, {file.parent / "figures" / "pi.png": b"2.0"})
+    assert file.read_bytes() == before
+    assert {path.name for path in file.parent.iterdir()} == {"params.json", "figures"}
+
+
+def test_the_error_states_what_was_written(tmp_path):
+    """A folder has the name of the picture of which the file system learns only at the renaming."""
+    (tmp_path / "a.png").mkdir()
+    with pytest.raises(ParameterError, match=r"a.png: cannot be written"):
+        write_together(tmp_path / "a.json", b"{}", {tmp_path / "a.png": b"PNG"}, error=ParameterError)
+    assert not (tmp_path / "a.json").exists()
+
+
+# --- provenance ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "tune params.json --scaling 1459 --unit mm/min --force",
+        "tune ../shop/params.json --rise 2",
+        "limits params.json V=50:200m/min",
+        "ident 'run 1.csv' --params params.json",
+    ],
+)
+def test_provenance_records_the_command_as_it_was_typed(command, file):
+    """A unit with a stroke was taken for a path: `mm/min` was recorded as `min`."""
+    assert traced(read(file), shlex.split(command))["then"] == (f"fitmodels {command}",)
