@@ -36,12 +36,13 @@ def run(args: argparse.Namespace) -> int:
     from ..parameters.exports.view import export_view
 
     kind = export_format(args.to)
-    out = Path(args.out or Path(args.file).stem + kind.suffix)
+    loop_only = isinstance(kind, ControlFormat)
+    name = kind.file_name if isinstance(kind, ControlFormat) else ""
+    out = Path(args.out or name or Path(args.file).stem + kind.suffix)
     if out.is_dir():
         raise UsageError(f"--out {out}: is a folder; give the name of the file.")
     pf = parameters.read(args.file)
     written = export(pf, args.to, out, force=args.force, accept_verdict=args.accept_verdict)
-    loop_only = isinstance(kind, ControlFormat)
     view = export_view(pf, accept_verdict=args.accept_verdict, loop_only=loop_only)
     print_lines([
         f"wrote {written}",

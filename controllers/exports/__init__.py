@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ...core.errors import UsageError
+from ...core.errors import GateError, UsageError
 from ...core.suggestions import did_you_mean
 from ...parameters.exports import VALUES, ExportFormat, write_export
 from ...parameters.exports.view import export_view
@@ -26,17 +26,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ControlFormat:
-    """A format of a running control: suffix, description, function that writes it, what it cannot carry."""
+    """A format of a running control: suffix, description, function that writes it, what it cannot carry.
+
+    ``file_name`` is the name that the program which reads it demands; ``incremental_sum`` whether it carries that
+    form of the PI.
+    """
 
     suffix: str
     words: str
     render: Callable[[GatedControl], str | bytes]
     not_carried: tuple[str, ...]
+    file_name: str = ""
+    incremental_sum: bool = True
 
 
 CONTROLS: Final = {
-    "hal": ControlFormat(".hal", "LinuxCNC HAL file: load pin to motion.adaptive-feed", hal_file, NOT_IN_HAL),
-    "st": ControlFormat(".st", "IEC 61131-3 structured text function block", structured_text, NOT_IN_ST),
+    "hal": ControlFormat(
+        ".hal", "LinuxCNC HAL file: load pin to motion.adaptive-feed", hal_file, NOT_IN_HAL, incremental_sum=False
+    ),
+    "st": ControlFormat(
+        ".st", "IEC 61131-3 structured text function block", structured_text, NOT_IN_ST, incremental_sum=False
+    ),
 }
 FORMATS: Final[dict[str, ControlFormat | ExportFormat]] = {**CONTROLS, **VALUES}
 
@@ -63,7 +73,13 @@ def rendered(pf: "ParameterFile", kind: str, *, accept_verdict: bool = False) ->
     """Content of an export; arguments and errors are those of `export`."""
     of = export_format(kind)
     if isinstance(of, ControlFormat):
-        return of.render(gated_control(pf, accept_verdict=accept_verdict))
+        control = gated_control(pf, accept_verdict=accept_verdict)
+        if control.loop.form == "incremental_sum" and not of.incremental_sum:
+            raise GateError(
+                f"the gains of {control.view.tool} on {control.view.work} have the form incremental_sum with an "
+                f"integral of the integral, which {kind} does not carry; tune in the form position, or set ki to 0."
+            )
+        return of.render(control)
     view = export_view(pf, accept_verdict=accept_verdict)
     if view.loop is not None:
         gated_control(pf, accept_verdict=accept_verdict)
