@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 COARSE = 24  # gains per side while the region is located
 ROUNDS = 4
 NEAR = 0.15  # of a limit: settling time is discontinuous, so that a coarse grid may miss the best point
+LAGS, DELAYS, SAMPLES = 12.0, 20.0, (100, 4000)  # duration of steps where no time is specified
 MOST = 6e7  # samples simulated for one map, weighted by the order of the loop: above it the map is coarser
 
 
@@ -117,12 +118,14 @@ def evaluate(
 
 
 def horizon(model: Model, specification: Specification) -> float:
-    """Duration of simulated steps, s: several times the specified times, or the settling time of the model."""
+    """Duration of simulated steps, s: several times the specified times, or lags and delay of the model."""
     times = [3 * (specification.settling_time or 0.0), 6 * (specification.rise_time or 0.0)]
     if max(times) > 0:
         return max(*times, 50 * model.sample_time)
-    slow = min(max(float(np.abs(p)) for p in [*model.poles, 0.5] if abs(p) < 1), 1 - 1e-3)
-    return float(np.clip(-12 / np.log(slow), 100, 4000)) * model.sample_time
+    radii = np.abs([p for p in [*model.poles, 0.5] if abs(p) < 1])
+    lags = float(np.sum(-1 / np.log(np.clip(radii, 1e-3, 1 - 1e-3))))
+    delay = int(np.flatnonzero(model.b)[0])
+    return float(np.clip(LAGS * lags + DELAYS * delay, *SAMPLES)) * model.sample_time
 
 
 def region_limits(

@@ -1,6 +1,6 @@
 """Refinement of the best gains: a small grid that contracts towards the best point."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -8,16 +8,19 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.errors import IdentError, UsageError
 from ..model import Model
-from .feasible_region import FeasibleMap
+from .feasible_region import FeasibleMap, feasible_map, horizon
 from .figures_of_merit import MARGINS, specified_figures
 from .gains import PiGains
-from .specification import Specification
+from .loop import loop_of
+from .specification import Specification, table_of
 
 Aim = Literal["ms", "iae", "disturbance_iae", "travel", "noise_gain", "rise_time", "settling_time", "largest_ki"]
 SIDE = 9  # gains per side of the small grid
 ROUNDS = 40
 SHRINK = 0.4
 ENOUGH, IDLE = 1e-5, 8  # rounds with less improvement shrink the grid; so many in a row end the search
+LONGER, ATTEMPTS = 4.0, 4  # factor of the simulated duration while it cuts off a part of the objective
+SUMS, CUT_OFF = ("iae", "disturbance_iae", "travel"), 1e-3  # objectives that grow with the duration; share cut off
 STEPS = 2.0  # initial half width of the grid, in steps of the map
 
 
@@ -49,6 +52,28 @@ def best_of(worst: Array, aim: Array) -> int:
     if (worst <= 0).any():
         return int(np.argmin(np.where(worst <= 0, aim, np.inf)))
     return int(np.argmin(worst))
+
+
+def nominal_gains(
+    model: Model, target: Specification, template: PiGains, aim: Aim, n: int
+) -> tuple[FeasibleMap, PiGains]:
+    """Map and best gains; with longer simulations if slow transients appear beyond the horizon.
+
+    A sum over a step that is cut off is too small for every loop: where the best one is not cut off, it is the best of
+    all.
+    """
+    time = horizon(model, target)
+    for _ in range(ATTEMPTS):
+        found = feasible_map(model, target, template, n, duration=time)
+        point = refined(model, target, template, found, aim)
+        gains = replace(template, kp=point.kp, ki=point.ki)
+        settled = loop_of(model, gains).figures()
+        held = float(target.worst(table_of(settled, gains.kp, gains.ki))) <= 0
+        whole = aim not in SUMS or getattr(settled, aim) <= (1 + CUT_OFF) * point.aim
+        if point.worst > 0 or (held and whole):
+            break
+        time *= LONGER
+    return found, gains
 
 
 def refined(model: Model, specification: Specification, template: PiGains, found: FeasibleMap, aim: Aim) -> GainPoint:

@@ -64,9 +64,10 @@ class FiguresOfMerit(Displayable):
     disturbance_peak : float
         Largest |y| after a unit step of load at the plant input, unit_y per unit_u.
     disturbance_iae : float
-        Integral of |y| over the duration after the same step, unit_y s per unit_u.
+        Integral of |y| after the same step, unit_y s per unit_u. What follows the duration counts by its integral,
+        which is known: exact where y keeps its sign there, otherwise too small.
     iae : float
-        Integral of |reference - y| over the duration of a unit reference step, s.
+        Integral of |reference - y| of a unit reference step, s; likewise.
     """
 
     stable: bool

@@ -88,6 +88,22 @@ class Loops:
         b, a = self.b.sum(axis=0), self.a.sum(axis=0)
         return np.asarray(self.kp * b / (a + self.kp * b), dtype=np.float64)
 
+    @property
+    def integrals(self) -> tuple[Array, Array] | None:
+        """Integrals over all time of 1 - y (unit step of the reference) and of y (unit step of load), each shape (m,).
+
+        The integral of the measured error is the final command over ki (Åström & Hägglund 2006, section 4.4), and zero
+        with a further sum; the measurement lags by the mean delay of its filter. None without integral action.
+        """
+        if self.kind.ki == 0:
+            return None
+        T, m = self.kind.sample_time, len(self)
+        lag = T * (mean_delay(self.kind.feedback[0]) - mean_delay(self.kind.feedback[1]))
+        if self.kind.form == "incremental_sum":
+            return np.full(m, -lag), np.zeros(m)
+        at_rest = self.a.sum(axis=0) / self.b.sum(axis=0)  # command per output
+        return np.asarray(at_rest / self.ki - lag), np.asarray(1.0 / self.ki)
+
 
 def loops_of(model: Model | Sequence[Model], kp: ArrayLike, ki: ArrayLike, kind: PiGains) -> Loops:
     """Loops of m pairs of gains with one model, or of every pair with every model (models slowest)."""
@@ -128,6 +144,11 @@ def check_pair(model: Model, gains: PiGains) -> None:
             f"b starts with {model.b[0]:g} (nk 0) and the controller has no delay: the loop is algebraic. "
             "Give the controller delay=1, or identify with nk=1."
         )
+
+
+def mean_delay(p: Array) -> float:
+    """Derivative of a polynomial in z^-1 at 1, over its value there: samples."""
+    return float(np.arange(len(p)) @ p / p.sum())
 
 
 def columns(p: Array, *polynomials: Array) -> Array:

@@ -28,7 +28,7 @@ def step_figures(loops: Loops, n: int) -> dict[str, Array]:
 
 def _figures(loops: Loops, n: int) -> dict[str, Array]:
     run = _Run(loops, n)
-    metrics = StepMetrics(run.y[run.pad - 1 :], loops.final, loops.kind.sample_time)
+    metrics = StepMetrics(run.y[run.pad - 1 :], loops.final, loops.kind.sample_time, loops.integrals)
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
         command, error = run.advance(start, stop)
@@ -178,18 +178,20 @@ class StepMetrics:
     """Running metrics of m loops.
 
     ``y`` (1 + n, m) is the output of the reference step, preceded by one row; it is filled during the simulation.
-    ``final`` (m,) is its final value, ``T`` the sample time.
+    ``final`` (m,) is its final value, ``T`` the sample time, ``whole`` the integrals of error and output over all time
+    after a step of reference and of load, each (m,), or None where they diverge.
     """
 
-    def __init__(self, y: Array, final: Array, T: float) -> None:
+    def __init__(self, y: Array, final: Array, T: float, whole: tuple[Array, Array] | None) -> None:
         m = len(final)
         self.y, self.T, self.n = y, T, len(y) - 1
-        self.final = final
+        self.final, self.whole = final, whole
         self.scale = None if (final == 1).all() else np.divide(1.0, final, out=np.ones(m), where=final != 0)
         self.top, self.bottom = np.full(m, -np.inf), np.full(m, np.inf)
         self.times = {level: np.full(m, np.inf) for level in (0.1, 0.9)}
         self.outside = np.zeros((2, m), dtype=np.intp)  # first and last sample of the last block outside the band
         self.travel, self.peak, self.iae, self.load_iae, self.load_peak = (np.zeros(m) for _ in range(5))
+        self.error_sum, self.load_sum = np.zeros(m), np.zeros(m)
 
     def update(self, start: int, stop: int, command: Array, error: Array, load: Array) -> None:
         """Update by samples start to stop; command has one row before them."""
@@ -206,7 +208,10 @@ class StepMetrics:
     def _sums(self, y: Array | None, start: int, stop: int, command: Array, error: Array, load: Array) -> None:
         self.travel += np.abs(np.diff(command, axis=0)).sum(axis=0)
         np.maximum(self.peak, np.maximum(command.max(axis=0), -command.min(axis=0)), out=self.peak)
-        self.iae += np.abs(1.0 - self.y[1 + start : 1 + stop]).sum(axis=0)
+        missing = 1.0 - self.y[1 + start : 1 + stop]
+        self.error_sum += missing.sum(axis=0)
+        self.iae += np.abs(missing, out=missing).sum(axis=0)
+        self.load_sum += load.sum(axis=0)
         size = np.abs(load)
         self.load_iae += size.sum(axis=0)
         np.maximum(self.load_peak, size.max(axis=0), out=self.load_peak)
@@ -241,9 +246,18 @@ class StepMetrics:
             times = (sample + (edge - here) / (there - here)) * self.T
         return np.where(never, np.inf, np.where(always, 0.0, times))
 
+    def _absolute(self) -> tuple[Array, Array]:
+        """Integrals of |error| and of |output under load|, with the size of what follows the last sample."""
+        error, load = self.iae * self.T, self.load_iae * self.T
+        if self.whole is None:
+            return error, load
+        rest = (v - self.T * s for v, s in zip(self.whole, (self.error_sum, self.load_sum), strict=True))
+        return error + np.abs(next(rest)), load + np.abs(next(rest))
+
     def figures(self) -> dict[str, Array]:
         """All metrics by name."""
         dead = self.final == 0
+        iae, load_iae = self._absolute()
         return {
             "rise_time": np.where(
                 np.isinf(self.times[0.9]), np.inf, self.times[0.9] - np.minimum(self.times[0.1], 1e300)
@@ -255,6 +269,6 @@ class StepMetrics:
             "travel": self.travel,
             "peak_u": self.peak,
             "disturbance_peak": self.load_peak,
-            "disturbance_iae": self.load_iae * self.T,
-            "iae": self.iae * self.T,
+            "disturbance_iae": load_iae,
+            "iae": iae,
         }

@@ -9,8 +9,8 @@ from ...core.errors import IdentError, UsageError
 from ...core.suggestions import did_you_mean
 from ...core.threads import one_thread
 from ..model import Model
-from .feasible_region import FeasibleMap, feasible_map, horizon
-from .gain_search import Aim, check_aim, refined
+from .feasible_region import FeasibleMap, horizon
+from .gain_search import Aim, check_aim, nominal_gains
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains
 from .loop import FiguresOfMerit, loop_of
 from .robust_design import Robustness, draws_of_models, robust_gains, robustness
@@ -259,18 +259,3 @@ def completed(target: Specification, aim: Aim, model: Model) -> tuple[Specificat
             f"integral time Ti <= {longest:.3g} s, because a larger Ti can leave an error of up to 2 % for a long time"
         )
     return target, tuple(assumed)
-
-
-def nominal_gains(
-    model: Model, target: Specification, template: PiGains, aim: Aim, n: int
-) -> tuple[FeasibleMap, PiGains]:
-    """Map and best gains; with longer simulations if slow transients appear beyond the horizon."""
-    time = horizon(model, target)
-    for _ in range(3):
-        found = feasible_map(model, target, template, n, duration=time)
-        point = refined(model, target, template, found, aim)
-        gains = replace(template, kp=point.kp, ki=point.ki)
-        if point.worst > 0 or float(target.worst(table_of(loop_of(model, gains).figures(), gains.kp, gains.ki))) <= 0:
-            break
-        time *= 4
-    return found, gains
