@@ -1,7 +1,8 @@
-"""The constant-load controller by itself: what it promises of its command, whatever it is told.
+"""The constant-load controller by itself: limits and rates of its command, its states, and what latches a fault.
 
-Its arithmetic in position form is LinuxCNC's; test_export_hal.py proves that against LinuxCNC. In the form of eq. 16 of
-Tai, Tsai & Li 2023 (doi 10.1109/ACCESS.2023.3330587) it is held against that equation and against the tuner's loop.
+Its arithmetic is that of the exports; test_export_hal.py proves the position form against LinuxCNC. In the form of
+eq. 16 of Tai, Tsai & Li 2023 (doi 10.1109/ACCESS.2023.3330587) it is compared with that equation and
+with the tuner's loop.
 """
 
 import math
@@ -10,9 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels import controllers, parameters
+from fitmodels.controllers.constant_load_milling.control_laws import loop_of
 from fitmodels.controllers.constant_load_milling.plant import MillingCut
+from fitmodels.controllers.constant_load_milling.states import STATES, State
 from fitmodels.controllers.faults import FAULTS, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
+from fitmodels.parameters.exports.loop import loop_settings
 from fitmodels.parameters.exports.view import export_view
 from fitmodels.parameters.published import published
 from hypothesis import given, settings
@@ -42,8 +46,8 @@ def test_a_file_alone_makes_it_and_a_file_read_back_makes_the_same(constant_load
 
 
 def test_it_settles_at_the_reference_within_four_seconds(controller, plant):
-    trace = controllers.replay(controller(), plant(), duration=20, dt=0.02)
-    late = trace.time > 4 + 5  # 5 s: the limiter's ramp from 0
+    trace = controllers.replay(controller(), plant(noise=1e-6), duration=20, dt=0.02)
+    late = trace.time > 1 + 4 + 2.5  # entry, and the rise of the feed over its whole range
     assert np.abs(trace.measurement[late] - 0.22).max() < 0.01 * 0.22  # CLM-2023: within 1 % of the reference
 
 
@@ -54,19 +58,22 @@ def test_the_same_seed_gives_the_same_trace(controller, plant):
 
 
 readings = st.lists(st.floats(), min_size=1, max_size=300)  # NaN and infinity too
+inputs = st.lists(st.tuples(st.floats(), *[st.booleans()] * 5, st.one_of(st.none(), st.floats())), max_size=200)
 
 
-@settings(deadline=None, max_examples=50)
-@given(readings)
-def test_whatever_it_reads_the_command_is_finite_bounded_and_slow(loaded, readings):
-    c = controllers.ConstantLoad(loaded, command=1.0)
-    last = c.command
-    for reading in readings:
+@settings(deadline=None, max_examples=60)
+@given(inputs)
+def test_whatever_it_reads_the_command_is_finite_bounded_and_slow(loaded, inputs):
+    c, last = controllers.ConstantLoad(loaded), None
+    for reading, c.enabled, c.spindle_on, c.idle, c.beat, c.reset, c.requested in inputs:
         command = c.step(reading, loaded.sample_time)
-        assert loaded.low <= command <= 1.0
-        assert -loaded.back_off * loaded.sample_time - 1e-12 <= command - last
-        assert command - last <= loaded.recover * loaded.sample_time + 1e-12
-        last = command
+        assert 0 < command <= 1.0
+        u = c._u
+        assert loaded.low <= u <= loaded.high
+        if last is not None:
+            assert -loaded.back_off * loaded.sample_time - 1e-12 <= u - last
+            assert u - last <= loaded.recover * loaded.sample_time + 1e-12
+        last = u
 
 
 @pytest.fixture(scope="module")
@@ -74,37 +81,217 @@ def loaded(constant_load_file):
     return controllers.ConstantLoad.from_parameters(constant_load_file()).loop
 
 
-@pytest.mark.parametrize(
-    ("reading", "said"),
-    [(math.nan, "load unknown"), (math.inf, "load unknown"), (-5.0, "load unknown"), (50.0, "load unknown"),
-     (0.0, "air")],
-)  # fmt: skip
-def test_a_load_that_is_unknown_or_gone_gives_the_feed_back(loaded, reading, said):
-    c, news = controllers.ConstantLoad(loaded, command=1.0), []
-    for k in range(600):
-        c.step(0.3 if k < 300 else reading, loaded.sample_time)
-        news += c.news
-        if k == 299:
-            assert c.command == pytest.approx(loaded.low)
-    assert c.command == 1.0
-    assert news[0] == "cut"
-    assert said in news
+# ---- states
+
+
+def run(c, loads, **changes):
+    """Steps of a controller with inputs changed before them: the commands."""
+    for name, value in changes.items():
+        setattr(c, name, value)
+    return [c.step(load, c.loop.sample_time) for load in loads]
+
+
+def noisy(load, n, seed=0):
+    """A load with a scatter far below any threshold, so that no two readings are equal."""
+    return (load + 1e-6 * np.random.default_rng(seed).standard_normal(n)).tolist()
+
+
+def worn_cut(loaded):
+    """In the cut with a worn tool: the feed rests between its limits, and has been there for a while."""
+    c = controllers.ConstantLoad(loaded, running=True)
+    run(c, noisy(0.2, 60))
+    run(c, noisy(0.22, 30))
+    assert c.state is State.CONTROL
+    assert loaded.low < c.command < loaded.high
+    return c
+
+
+def test_before_the_first_cut_the_feed_is_the_programmed_one_then_the_lower_limit(loaded):
+    c = controllers.ConstantLoad(loaded)
+    assert set(run(c, noisy(0.05, 50), spindle_on=False)) == {1.0}
+    assert c.state is State.OFF
+    commands = run(c, noisy(0.05, 200), spindle_on=True)
+    assert commands[loaded.samples(loaded.arm_after) - 2] == 1.0
+    assert commands[-1] == loaded.low
+    assert c.state is State.AIR
+
+
+def test_the_upper_limit_bounds_the_feed_where_it_is_below_the_programmed_one(loaded):
+    c = controllers.ConstantLoad(replace(loaded, feed_high=900.0))
+    assert set(run(c, noisy(0.05, 10), spindle_on=False)) == {0.9}
+
+
+def test_entry_starts_at_the_lower_limit_and_later_cuts_at_the_last_feed(loaded):
+    c = controllers.ConstantLoad(loaded, running=True)
+    n = loaded.samples(loaded.engage_after)
+    entered = run(c, noisy(0.2, n + 3))
+    assert entered[0] == loaded.low
+    assert c.state in (State.ENTRY, State.CONTROL)
+    run(c, noisy(0.2, 60))
+    last = c.command
+    assert set(run(c, noisy(0.05, 100))) == {last}
+    assert c.state is State.AIR
+    again = run(c, noisy(0.2, n))
+    assert again[: n - 1] == [last] * (n - 1)
+    assert c.state in (State.ENTRY, State.CONTROL)
+
+
+@pytest.mark.parametrize("lost", ["enabled", "spindle_on"])
+def test_losing_enable_or_spindle_in_the_cut_keeps_the_feed_until_motion_and_load_are_at_rest(loaded, lost):
+    c = worn_cut(loaded)
+    last = c.command
+    assert set(run(c, noisy(0.22, 100), **{lost: False})) == {last}
+    assert c.state is State.OFF
+    assert set(run(c, noisy(0.22, 100), idle=True)) == {last}  # a tool at rest in the cut
+    assert set(run(c, noisy(0.05, 100), idle=False)) == {last}
+    assert set(run(c, [math.nan] * 100, idle=True)) == {last}
+    assert run(c, noisy(0.05, 200), idle=True)[-1] == 1.0
+
+
+LOST = {"not a number": math.nan, "infinite": math.inf, "zero": 0.0, "negative": -0.22, "too large": 50.0}
+
+
+@pytest.mark.parametrize("reading", LOST.values(), ids=LOST)
+def test_a_lost_reading_is_a_fault_that_takes_the_feed_to_its_lower_limit(loaded, reading):
+    c = worn_cut(loaded)
+    last, n = c.command, loaded.samples(loaded.lost_after)
+    commands = run(c, [reading] * 200)
+    assert max(commands) <= last + loaded.recover * loaded.lost_after
+    assert c.fault
+    assert c.state is State.FAULT
+    reached = next(k for k, command in enumerate(commands) if command == loaded.low)
+    assert reached <= n + (last - loaded.low) / (loaded.back_off * loaded.sample_time) + 1
+    assert not c.feed_inhibit
+
+
+def test_a_spike_is_no_fault(loaded):
+    c = worn_cut(loaded)
+    run(c, [math.nan] * (loaded.samples(loaded.lost_after) - 1))
+    run(c, noisy(0.22, 10))
+    assert not c.fault
+
+
+def test_a_reading_that_stands_still_in_the_cut_is_a_fault(loaded):
+    c = worn_cut(loaded)
+    run(c, [0.21] * (loaded.samples(loaded.stuck_after) + 1))
+    assert (c.fault, c.news) == (True, ("load stuck", "air"))
+
+
+def test_without_monitoring_of_equal_readings_they_are_used(loaded):
+    c = worn_cut(replace(loaded, stuck_after=0.0))
+    run(c, [0.21] * 1000)
+    assert not c.fault
+
+
+def test_a_source_that_stops_is_a_fault_after_the_time_of_the_heartbeat(loaded):
+    c = worn_cut(loaded)
+    n = loaded.samples(loaded.heartbeat)
+    run(c, noisy(0.22, n - 1), beat=True)
+    for beat in (False, True):
+        run(c, noisy(0.22, n), beat=beat)
+        assert not c.fault
+    run(c, noisy(0.22, 1))
+    assert (c.fault, c.news[0]) == (True, "no heartbeat")
+
+
+def test_a_heartbeat_that_never_came_is_a_fault_once_the_spindle_runs(loaded):
+    c = controllers.ConstantLoad(loaded, beat=False)
+    run(c, noisy(0.05, 100), spindle_on=False)
+    assert not c.fault
+    run(c, noisy(0.05, 100), spindle_on=True)
+    assert c.fault
+
+
+def test_a_loss_to_the_load_in_air_never_raises_the_feed(loaded):
+    """It cannot be distinguished from air: the feed stays at the last one."""
+    c = worn_cut(loaded)
+    last = c.command
+    assert max(run(c, [0.1158] * 500)) == last
+    assert c.state is State.AIR
+
+
+def test_a_fault_is_latched_until_a_reset_that_finds_no_cause(loaded):
+    c = worn_cut(loaded)
+    run(c, [math.nan] * 50)
+    run(c, [math.nan], reset=True)
+    run(c, [math.nan], reset=False)
+    assert c.fault
+    run(c, noisy(0.22, 50))
+    assert (c.fault, c.command) == (True, loaded.low)
+    run(c, noisy(0.22, 1), reset=True)
+    assert (c.fault, c.news[0]) == (False, "reset")
+    assert c.command <= loaded.low + loaded.recover * loaded.sample_time  # goes on from the lower limit
+
+
+def test_a_fault_stops_the_feed_where_that_is_chosen(loaded):
+    c = worn_cut(replace(loaded, stop_on_fault=True))
+    run(c, [math.nan] * 50)
+    assert c.feed_inhibit
+
+
+def test_an_overload_inhibits_the_feed_and_is_latched(loaded):
+    c = worn_cut(loaded)
+    run(c, noisy(1.04 * loaded.worn_load, 200))
+    assert not c.overload
+    high = run(c, noisy(1.2 * loaded.worn_load, loaded.samples(loaded.overload_after)))
+    assert high[-1] == loaded.low
+    run(c, noisy(1.2 * loaded.worn_load, loaded.samples(0.3)))  # and the mean of 0.1 s
+    assert (c.overload, c.feed_inhibit, c.fault) == (True, True, False)
+    run(c, noisy(0.1158, 100))
+    assert c.feed_inhibit
+    run(c, noisy(0.1158, 1), reset=True)
+    assert not c.feed_inhibit
+
+
+def test_the_feed_in_mm_per_min_stays_inside_its_limits_whatever_is_requested(loaded):
+    c = worn_cut(loaded)
+    last = c.command
+    (command,) = run(c, noisy(0.22, 1), requested=2000.0)
+    assert 2000.0 * command == pytest.approx(1000.0 * last, rel=0.02)
+    assert run(c, noisy(0.22, 1), requested=0.0)[0] == pytest.approx(command, rel=0.02)  # at rest: the last factor
+    assert run(c, noisy(0.22, 1), requested=100.0) == [1.0]
+    assert not c.fault
+    run(c, noisy(0.22, 1), requested=math.nan)
+    assert (c.fault, c.news[0]) == (True, "feed unknown")
+
+
+@pytest.mark.parametrize(("weight", "forward"), [(1.0, 0.0), (0.0, 0.0), (0.5, 0.0), (1.0, 0.5)])
+def test_the_first_command_in_the_cut_follows_setpoint_weight_and_feed_forward(constant_load_file, weight, forward):
+    """u = u_entry + weight p e + forward e / B + i e T; e: error at entry, B: slope of the load line."""
+    law = {
+        "quantity": "", "error": "additive", "residual_scale": "A", "n": 20, "df": 17, "unit": "A",
+        "response": "I", "form": "load_line", "equation": "",
+        "coefficients": {"A": 0.1158, "B": 1.2416e-4, "k1": 2.47e-4},
+        "factors": [{"symbol": "fm", "quantity": "", "unit": "mm/min", "low": 500.0, "high": 1000.0},
+                    {"symbol": "VB", "quantity": "", "unit": "mm", "low": 0.0, "high": 0.25}],
+        "uncertainty": {"kind": "none", "reason": "given"}, "verdict": {"level": "usable inside the tested region"},
+    }  # fmt: skip
+    engagement = {**constant_load_file().load_line.engagement.model_dump(), "feed_forward": forward}
+    pf = constant_load_file(laws={"I": law}, pi={"setpoint_weight": weight}, load_line={"engagement": engagement})
+    loop = loop_settings(pf).loop
+    loop = replace(loop, filter_time=0.0, back_off=1e9, recover=1e9)
+    c = controllers.ConstantLoad(loop, running=True)
+    load = 0.21
+    first = run(c, [load] * loop.samples(loop.engage_after))[-1]
+    e = loop.reference - load
+    expected = loop.low + weight * loop.p * e + forward * e / (1.2416e-4 * 1000.0) + loop.i * e * loop.sample_time
+    assert first == pytest.approx(min(expected, loop.high), rel=1e-12)
 
 
 def test_the_sum_does_not_wind_up_at_a_limit(loaded):
-    """A long overload is forgotten as fast as a short one."""
+    """A long load above the reference is forgotten as fast as a short one."""
 
-    def recovery(overloaded):
-        c = controllers.ConstantLoad(loaded, command=1.0)
-        commands = [c.step(0.3 if k < overloaded else 0.2, loaded.sample_time) for k in range(overloaded + 200)]
-        return commands[overloaded:]
+    def recovery(loads):
+        c = controllers.ConstantLoad(loaded, running=True)
+        commands = run(c, [*noisy(0.25, loads), *noisy(0.2, 200, 1)])
+        return commands[loads:]
 
-    assert recovery(300) == pytest.approx(recovery(3000), abs=1e-12)
+    assert recovery(300) == pytest.approx(recovery(3000), abs=1e-4)
 
 
 def test_switched_off_it_does_nothing(loaded):
-    c = controllers.ConstantLoad(loaded, enabled=False, command=1.0)
-    assert {c.step(0.3, loaded.sample_time) for _ in range(300)} == {1.0}
+    c = controllers.ConstantLoad(loaded, enabled=False)
+    assert set(run(c, [0.3] * 300)) == {1.0}
 
 
 def test_another_period_is_refused(loaded):
@@ -119,10 +306,16 @@ def test_a_moving_average_lags_by_half_its_length(constant_load_file, average_of
     plain = replace(loop, filter_time=0.0, ki=0.0, kp=-1e-3, back_off=1e9, recover=1e9, engage_after=0.0)
     traces = []
     for n in (1, 5):
-        c = controllers.ConstantLoad(replace(plain, average=n, average_of=average_of), command=1.0)
-        traces.append([c.step(0.23 + 0.01 * (k == 50), 0.02) for k in range(100)])
-    one, five = (np.array(t)[40:] - t[40] for t in traces)
+        c = controllers.ConstantLoad(replace(plain, average=n, average_of=average_of), running=True)
+        run(c, [0.25] * 40)
+        traces.append(run(c, [0.25 + 0.01 * (k == 10) for k in range(60)]))
+    one, five = (np.array(t) - t[0] for t in traces)
+    assert np.abs(one).max() > 1e-9
     assert five == pytest.approx(np.convolve(one, np.full(5, 0.2))[: len(one)], abs=1e-12)
+
+
+def test_the_table_of_states_names_each_state_once():
+    assert [row.state for row in STATES] == list(State)
 
 
 @pytest.mark.parametrize(
@@ -166,12 +359,10 @@ def test_what_cannot_run_is_refused_with_exit_code_5(constant_load_file, more, w
 
 
 def test_what_the_file_leaves_open_is_assumed_and_said(constant_load_file):
-    from fitmodels.parameters.exports.loop import loop_settings
-
     found = loop_settings(constant_load_file(load_line={"engagement": None}))
     assert found.loop.back_off > found.loop.recover > 0
     assert 0 < found.loop.engage_at < found.loop.reference
-    assert len(found.assumed) == 8
+    assert len(found.assumed) == 12
 
 
 def test_a_lower_limit_of_the_gains_and_the_machine_narrows_the_range(constant_load_file):
@@ -211,12 +402,12 @@ def paper(request):
 
 
 def in_cut(pf, average=1, **more):
-    """Its loop with the threshold met, so that every further step is eq. 16."""
-    loop = replace(controllers.ConstantLoad.from_parameters(pf).loop, average=average, **more)
-    c = controllers.ConstantLoad(loop, command=loop.high)
-    for _ in range(loop.engage_samples):
-        c.step(loop.reference, loop.sample_time)
-    assert c.cutting
+    """Its loop about to close at the upper limit, so that every further step in a cut is eq. 16."""
+    loop = replace(loop_of(pf), average=average, engage_after=0.0, arm_after=0.0, **more)
+    c = controllers.ConstantLoad(loop, spindle_on=False)
+    c.step(0.1, loop.sample_time)
+    assert c.command == loop.high
+    c.spindle_on = True
     return c
 
 
@@ -271,109 +462,71 @@ def test_it_is_the_tuner_s_own_controller_limits_and_average_included(paper):
 @settings(deadline=None, max_examples=20)
 @given(readings)
 def test_whatever_it_reads_in_its_own_form_the_feed_stays_within_its_limits(readings):
-    c = controllers.ConstantLoad.from_parameters(OWN)
+    c = controllers.ConstantLoad(OWN, running=True)
     for reading in readings:
         assert c.loop.low <= c.step(reading, 0.02) <= c.loop.high
 
 
-OWN = published("CLM-2023-slot")
+OWN = loop_of(published("CLM-2023-slot"))
 
 
 def test_out_of_the_cut_it_keeps_its_last_feed(paper):
     c = in_cut(paper)
-    for _ in range(50):
-        c.step(0.25, 0.02)
+    run(c, noisy(0.25, 50))
     last = c.command
-    assert {c.step(0.1158, 0.02) for _ in range(500)} == {last}
+    assert set(run(c, noisy(0.1158, 500))) == {last}
     assert not c.cutting
 
 
-@pytest.mark.parametrize("reading", [math.nan, math.inf, -0.24, 2.4])
-def test_with_a_load_that_is_unknown_it_goes_to_the_lower_limit_and_says_so(paper, reading):
-    c = in_cut(paper)
-    c.step(reading, 0.02)
-    assert "load unknown" in c.news
-    for _ in range(50):  # half a second for the range
-        c.step(reading, 0.02)
-    assert c.command == pytest.approx(c.loop.low, abs=1e-12)
-    c.step(0.2, 0.02)
-    assert "load known" in c.news
-
-
-def test_a_reading_that_stands_still_is_told_and_not_followed(paper):
-    c, news = in_cut(paper), []
-    for _ in range(50):
-        c.step(0.25, 0.02)
-    c.news = ()
-    for _ in range(300):
-        c.step(0.23, 0.02)  # too low for ever: it would rise to its upper limit
-        news += c.news
-    assert "load stuck" in news
-    assert c.command == pytest.approx(c.loop.low, abs=1e-12)
-
-
-def test_in_position_form_a_stuck_reading_is_told_and_answered_as_linuxcnc_does(loaded):
-    c, news = controllers.ConstantLoad(loaded, command=1.0), []
-    for _ in range(300):
-        c.step(0.3, loaded.sample_time)
-        news += c.news
-    assert "load stuck" in news
-    assert c.command == pytest.approx(loaded.low)
-
-
 def test_a_command_that_rests_on_its_limit_for_the_dwell_asks_for_another_tool(paper):
-    rng, news = np.random.default_rng(4), []
-    c = in_cut(paper, average=10)
-    for _ in range(700):
-        c.step(0.27 + 0.002 * rng.standard_normal(), 0.02)
+    news, c = [], in_cut(paper, average=10)
+    for load in 0.27 + 0.002 * np.random.default_rng(4).standard_normal(700):
+        c.step(load, 0.02)
         news.append(c.news)
-    told = [k for k, what in enumerate(news) if "change tool" in what]
+    asked = [k for k, what in enumerate(news) if "change tool" in what]
     low = next(k for k, what in enumerate(news) if "at low" in what)
-    assert len(told) == 1
-    assert told[0] - low == pytest.approx(paper.load_line.dwell / 0.02, abs=12)  # the average comes ten samples later
-    assert c.worn
+    assert len(asked) == 1
+    assert asked[0] - low == pytest.approx(c.loop.dwell / 0.02, abs=60)  # the means of 0.2 s and 10 samples come later
+    assert (c.worn, c.state) == (True, State.WORN)
 
 
-@pytest.mark.parametrize(("rests", "asks"), [(190, False), (230, True)])
+@pytest.mark.parametrize(("rests", "asks"), [(170, False), (250, True)])
 def test_a_rest_shorter_than_the_dwell_is_no_worn_tool_and_air_does_not_count(paper, rests, asks):
     c, rng = in_cut(paper), np.random.default_rng(5)
 
     def cut(load, samples):
-        for _ in range(samples):
-            c.step(load + 1e-4 * rng.standard_normal(), 0.02)
+        run(c, (load + 1e-4 * rng.standard_normal(samples)).tolist())
 
-    cut(0.40, 25)  # to the lower limit
+    cut(0.285, 150)  # to the lower limit, the mean too
+    assert c._average < c.rest
+    c._rested = 0
     cut(0.27, rests // 2)
     cut(0.1158, 500)
     cut(0.27, rests // 2)
-    cut(0.20, 10)
-    cut(0.27, 20)
     assert c.worn is asks
+    c.worn, c._rested = False, 0
+    cut(0.20, 40)
+    cut(0.27, 20)
+    assert not c.worn
 
 
-@pytest.mark.parametrize("fault", [*FAULTS, "saturated"])
-def test_a_fault_in_the_loop_is_told_and_leaves_the_feed_within_its_limits(paper, fault):
-    off = {
-        "stuck": lambda reading, told: 0.235
-    }  # at the reference itself the command stands still, and nobody can tell
-    fails = {**FAULTS, **off, "saturated": saturated(0.21)}[fault]
-    mill = FaultyPlant(MillingCut.from_parameters(paper, noise=0.003), fails, start=25.0, end=40.0)
-    c = controllers.ConstantLoad.from_parameters(paper)
-    trace = controllers.replay(c, mill, duration=60, dt=0.02)
-    assert c.loop.low <= trace.command.min() <= trace.command.max() <= c.loop.high
-    known = {"dropout": "air"}.get(fault, "load stuck" if fault in ("stuck", "saturated") else "load unknown")
-    assert next(e.time for e in trace.events if e.what == known and e.time >= 25) < 30
-    after = trace.measurement[(trace.time > 50) & (trace.measurement > 0.2)]
-    assert after.mean() == pytest.approx(0.24, rel=0.01)  # and the loop takes over again
+REFUSED = {"dropout": "load lost", "not a number": "load lost", "infinite": "load lost", "stuck": "load stuck",
+           "wrong sign": "load lost", "ten times stiffer": "load lost", "saturated": "load stuck"}  # fmt: skip
 
 
-@pytest.mark.parametrize("fault", list(FAULTS))
-def test_a_fault_in_a_loop_in_position_form_leaves_its_feed_between_its_limits_and_the_programme_s(
-    controller, fault, plant
+@pytest.mark.parametrize("fault", REFUSED)
+@pytest.mark.parametrize("form", ["position", "eq. 16"])
+def test_a_fault_in_the_loop_takes_the_feed_to_its_lower_limit_and_stays_until_reset(
+    paper, controller, plant, form, fault
 ):
-    c = controller()
-    mill = FaultyPlant(plant(noise=0.002), FAULTS[fault], start=8.0)
-    trace = controllers.replay(c, mill, duration=20, dt=0.02, command=1.0)
-    late = trace.time > 2
-    assert c.loop.low <= trace.command[late].min() <= trace.command.max() <= 1.0
-    assert any(e.time >= 8 for e in trace.events)
+    own = form == "eq. 16"
+    c = controllers.ConstantLoad.from_parameters(paper, running=True) if own else controller()
+    mill = MillingCut.from_parameters(paper, noise=0.003) if own else plant(noise=0.002)
+    fails = {**FAULTS, "saturated": saturated(0.19)}[fault]
+    trace = controllers.replay(c, FaultyPlant(mill, fails, start=8.0, end=12.0), duration=20, dt=0.02)
+    assert c.loop.low <= trace.command.min() <= trace.command.max() <= 1.0
+    stiff = fault == "ten times stiffer" and not own  # a reading inside the range of this file
+    cause = "overload" if stiff else REFUSED[fault]
+    assert next(e.time for e in trace.events if e.what == cause and e.time >= 8) < 9.5
+    assert np.abs(trace.command[trace.time > 10] - c.loop.low).max() < 1e-12
+    assert c.overload if stiff else c.fault

@@ -16,8 +16,8 @@ START = 8.0  # s: every loop has settled
 
 def constant_load():
     pf = published("CLM-2023")
-    c = controllers.ConstantLoad.from_parameters(pf)
-    low, high = c.loop.low, max(c.loop.high, 1.0)
+    c = controllers.ConstantLoad.from_parameters(pf, running=True)
+    low, high = c.loop.low, c.loop.high
     return c, controllers.MillingCut.from_parameters(pf), c.loop.sample_time, (low, high)
 
 
@@ -92,8 +92,10 @@ def test_a_reading_that_cannot_be_is_told_when_it_comes(loop, name):
     assert any("unknown" in event.what or event.what in ("air", "out of cut") for event in told), trace.events
 
 
-def test_a_loop_comes_back_after_a_second_without_a_reading(loop):
-    controller, plant, dt, _ = loop
+@pytest.mark.parametrize("name", ["roughness", "adaptive force"])
+def test_a_loop_comes_back_after_a_second_without_a_reading(name):
+    """That of constant load stays at its lower limit until reset: tests/test_constant_load.py."""
+    controller, plant, dt, _ = LOOPS[name]()
     faulty = FaultyPlant(plant, FAULTS["not a number"], START, START + 1)
     trace = controllers.replay(controller, faulty, duration=START + 10, dt=dt)
     assert any(event.what.endswith("known") and event.time > START + 0.9 for event in trace.events)
