@@ -64,6 +64,15 @@ def consumer():
     return find
 
 
+LOAD_LAW = {
+    "quantity": "", "form": "load_line", "response": "I", "unit": "A", "equation": "", "error": "additive",
+    "residual_scale": "A", "n": 20, "df": 17, "coefficients": {"A": 0.09584, "B": 1.2416e-4, "k1": 0.24832},
+    "factors": [{"symbol": "fm", "quantity": "", "unit": "mm/min", "low": 600.0, "high": 1000.0},
+                {"symbol": "VB", "quantity": "", "unit": "mm", "low": 0.0, "high": 0.2}],
+    "uncertainty": {"kind": "none", "reason": "given"}, "verdict": {"level": "usable inside the tested region"},
+}  # fmt: skip
+
+
 @pytest.fixture(scope="session")
 def constant_load_file():
     """A parameter file of milling at constant load, made for a sample time in s; keywords replace sections or parts.
@@ -84,6 +93,7 @@ def constant_load_file():
                 "unit_u": "V", "unit_y": "A", "uncertainty": exact,
                 "verdict": {"level": "usable inside the tested region"},
             },
+            "laws": {"I": LOAD_LAW},
             "pi": {
                 "kp": 300.0, "ki": 160.0 / T, "sample_time": T, "filter_time": 4 * T, "unit_u": "mm/min", "unit_y": "A",
                 "scaling_u": 1459.0,

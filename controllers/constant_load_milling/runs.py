@@ -43,7 +43,7 @@ class Pass(Displayable):
     whole : bool
         Whether the pass was completed.
     limited : bool
-        Whether the command was on the lower limit in it, if only for a sample.
+        Whether the command was on the lower limit after settling, if only for a sample.
     """
 
     number: int
@@ -89,7 +89,7 @@ def _pass(trace: Trace, rows: NDArray[np.intp], rest: Sequence[float], settle: f
         length=float(r["length"][last]) - start, time=len(rows) * dt,
         mean_load=_mean(load), spread=float(np.ptp(load)) if load.size else None, mean_feed=_mean(feed),
         wear=float(r["wear"][last]), whole=last + 1 < len(trace.time),
-        limited=bool((trace.command[rows] <= rest[kind]).any()),
+        limited=bool((trace.command[held] <= rest[kind]).any()),
     )  # fmt: skip
 
 
