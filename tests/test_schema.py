@@ -119,7 +119,7 @@ def test_an_older_file_is_brought_up_step_by_step():
     before = copy.deepcopy(old)
     new = migrated(old, "params.json", STEPS, current=3)
     assert new == {
-        "schema_version": "fitmodels.parameters/4", "identity": {"tool": "GC435"}, "x-later": [1], "third": True,
+        "schema_version": "fitmodels.parameters/3", "identity": {"tool": "GC435"}, "x-later": [1], "third": True,
     }  # fmt: skip
     assert old == before
 
@@ -135,7 +135,7 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
 @pytest.mark.parametrize(
     ("version", "words"),
     [
-        ("fitmodels.parameters/5", "newer schema 'fitmodels.parameters/5'; this version reads fitmodels.parameters/4"),
+        ("fitmodels.parameters/5", "newer schema 'fitmodels.parameters/5'; this version reads fitmodels.parameters/3"),
         ("fitmodels.parameters/0", "older schema fitmodels.parameters/0, which this version cannot bring"),
         ("fitmodels.parameters/1", "breaks the older schema fitmodels.parameters/1 .KeyError"),
         ("fitmodels.card/1", "is it a parameter file"),
