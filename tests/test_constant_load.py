@@ -7,6 +7,7 @@ with the tuner's loop.
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -314,8 +315,11 @@ def test_a_moving_average_lags_by_half_its_length(constant_load_file, average_of
     assert five == pytest.approx(np.convolve(one, np.full(5, 0.2))[: len(one)], abs=1e-12)
 
 
-def test_the_table_of_states_names_each_state_once():
+def test_the_table_of_states_names_each_state_once_and_stands_in_the_documentation():
     assert [row.state for row in STATES] == list(State)
+    page = (Path(__file__).parent.parent / "docs" / "explanation" / "controller.md").read_text("utf-8")
+    for row in STATES:
+        assert f"| {row.state.name.lower()} ({row.state}) | {row.condition} | {row.feed} | {row.time} |" in page
 
 
 @pytest.mark.parametrize(
