@@ -1,9 +1,10 @@
 """``fitmodels settings``: reference load, feed limits and tool change from a load law, in its parameter file."""
 
 import argparse
+import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -14,6 +15,31 @@ from .output import print_json, print_lines
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
     from ..parameters.sections.load_line import FeedLimit, LoadLineSection
+
+DEFAULT = "default"
+ON_FAULT: Final = {"lower-limit": "lower limit", "stop": "stop", DEFAULT: DEFAULT}
+# option, metavar and help of each number of the engagement; A and F: the units of the load and of the feed limits
+OF_CUT: Final = (
+    ("--feed-programmed", "F", "programmed feed, at which the override is 100 %% (default: the upper feed limit)"),
+    ("--engage-at", "A", "filtered load that identifies a cut (default: between the load in air and that of a cut)"),
+    ("--hysteresis", "A", "whole width of this threshold (default: a tenth of the reference)"),
+    ("--engage-after", "S", "time above the threshold until the loop controls (default: 0.1)"),
+    ("--feed-forward", "SHARE", "share of the load law's correction of the feed at this moment, 0 to 1 (default: 0)"),
+    ("--back-off", "PER_S", "fastest fall of the override per second (default: the whole range in 0.5 s)"),
+    ("--recover", "PER_S", "fastest rise of the override per second (default: the whole range in 2 s)"),
+    ("--filter-corner", "HZ", "corner of a low-pass of the load, where the gains have none (default: none)"),
+    ("--sample-time", "S", "period of the thread, no longer than that of the gains (default: that of the gains)"),
+)
+OF_MONITORING: Final = (
+    ("--idle", "A", "load of the running spindle in air; half of it is the smallest valid reading"),
+    ("--load-low", "A", "smallest valid reading, above zero (default: half of the load in air)"),
+    ("--load-high", "A", "largest valid reading (default: 10 times the reference)"),
+    ("--arm-after", "S", "time that the spindle runs before the load is monitored (default: 0.5)"),
+    ("--lost-after", "S", "time with invalid readings that is a fault (default: 0.05)"),
+    ("--stuck-after", "S", "time of equal readings in the cut that is a fault; 0: not monitored (default: 1)"),
+    ("--heartbeat", "S", "time without a sign of the load's source that is a fault; 0: not monitored (default: 0.2)"),
+    ("--overload-after", "S", "time of a mean load above 1.05 x --worn that stops the feed (default: 0.5)"),
+)
 
 
 def parser() -> Parser:
@@ -39,9 +65,40 @@ def parser() -> Parser:
     p.add_argument("--by", metavar="LEVEL", help="level of the law")
     p.add_argument("--level", type=float, default=0.95, help="level of the intervals (default: 0.95)")
     p.add_argument("--dwell", type=float, metavar="S", help="seconds on the lower limit before the tool counts as worn")
+    _engagement_options(p)
     p.add_argument("--force", action="store_true", help="replace settings in the file")
     p.add_argument("--json", action="store_true", help="print the section as JSON")
     return p
+
+
+def _engagement_options(p: Parser) -> None:
+    """Options of the engagement: what is not given stays as the file has it, or is assumed and printed."""
+    kept = f"'{DEFAULT}' undoes an earlier one"
+    group = p.add_argument_group(f"cut: when the loop controls, and how fast the feed changes; {kept}")
+    for option, metavar, words in OF_CUT:
+        group.add_argument(option, type=_number, metavar=metavar, help=words)
+    group = p.add_argument_group("monitoring of the load: what is a fault, and what it does")
+    for option, metavar, words in OF_MONITORING:
+        group.add_argument(option, type=_number, metavar=metavar, help=words)
+    does = "feed to its lower limit, or stop by inhibiting the feed (default: lower-limit)"
+    group.add_argument("--on-fault", choices=list(ON_FAULT), help=does)
+
+
+def _number(text: str) -> float | str:
+    """A finite number, or the word that undoes an earlier option.
+
+    >>> _number("0.05"), _number("default")
+    (0.05, 'default')
+    """
+    if text == DEFAULT:
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a number with a decimal point; give one, or '{DEFAULT}'")
+    return value
 
 
 def run(args: argparse.Namespace) -> int:
@@ -53,26 +110,95 @@ def run(args: argparse.Namespace) -> int:
     pf = parameters.read(args.file)
     if pf.load_line is not None and not args.force:
         raise UsageError(f"{args.file} has settings of constant load; replace them with --force.")
-    line = _computed(pf, args)
-    parameters.write(sealed(pf, load_line=line, provenance=traced(pf, args.words)), args.file, replaces=pf)
+    given = _given(args)
+    line = _computed(pf, {**_kept(pf), **given}, args)
+    changed = sealed(pf, load_line=line, provenance=traced(pf, args.words))
+    lacking, assumed = _loop(changed)
+    if lacking and given:
+        raise UsageError(f"{args.file} {lacking} Nothing was written.")
+    parameters.write(changed, args.file, replaces=pf)
     verdicts = cautions(pf, line.law)
     if args.json:
-        facts = {"file": Path(args.file).name, "load_line": line.model_dump(), "verdicts": verdicts}
-        print_json("settings", facts, version=2)
+        facts = {"file": Path(args.file).name, "load_line": line.model_dump(), "assumed": assumed, "lacking": lacking}
+        print_json("settings", {**facts, "verdicts": verdicts}, version=2)
     else:
-        print_lines([*verdicts, *_sentences(line), f"Written: load_line in {args.file}"])
+        loop = _of_loop(line, set(_kept(pf)) - set(given), assumed, lacking)
+        print_lines([*verdicts, *_sentences(line), *loop, f"Written: load_line in {args.file}"])
     return 0
 
 
-def _computed(pf: "ParameterFile", args: argparse.Namespace) -> "LoadLineSection":
+def _given(args: argparse.Namespace) -> dict[str, Any]:
+    """Engagement from the options; None where the word `default` undoes an earlier one."""
+    names = [_name(option) for option, _, _ in (*OF_CUT, *OF_MONITORING)]
+    found = {name: value for name in names if (value := getattr(args, name)) is not None}
+    if args.on_fault is not None:
+        found["on_fault"] = ON_FAULT[args.on_fault]
+    return {name: None if value == DEFAULT else value for name, value in found.items()}
+
+
+def _kept(pf: "ParameterFile") -> dict[str, Any]:
+    """Engagement of the former settings, which stays where no option replaces it."""
+    from ..parameters.sections.load_line import Engagement
+
+    held = None if pf.load_line is None else pf.load_line.engagement
+    if held is None:
+        return {}
+    return {name: value for name in Engagement.model_fields if (value := getattr(held, name)) is not None}
+
+
+def _loop(pf: "ParameterFile") -> tuple[str, list[str]]:
+    """Why no controller can run these settings, empty where one can; and what they leave open."""
+    from ..parameters.exports.loop import loop_settings
+    from ..parameters.file import sealed
+
+    line = pf.load_line
+    assert line is not None  # noqa: S101  just computed
+    if pf.pi is None:  # the assumptions do not depend on gains
+        period = 0.02 if line.engagement is None else line.engagement.sample_time or 0.02
+        units = {"unit_u": line.unit_feed, "unit_y": line.unit_load}
+        pf = sealed(pf, pi={"kp": 0.0, "ki": 0.0, "sample_time": period, **units})
+    found = loop_settings(pf)
+    return found.lacking, list(found.assumed)
+
+
+def _of_loop(line: "LoadLineSection", kept: set[str], assumed: list[str], lacking: str) -> list[str]:
+    """The engagement in sentences: what the file holds, what is assumed, and why it cannot be run."""
+    held = {} if line.engagement is None else line.engagement.model_dump(exclude_none=True)
+    units, sentences = _units(line), []
+    for label, names in (("Given", set(held) - kept), ("Kept of the former settings", kept & set(held))):
+        named = [f"{name} {_value(held[name], units.get(name, ''))}" for name in held if name in names]
+        sentences += [f"{label}: {'; '.join(named)}."] if named else []
+    if assumed:
+        sentences.append(f"Assumed, each replaced by the option of its name: {'; '.join(assumed)}.")
+    return [*sentences, *([f"No controller can run these settings: the file {lacking}"] if lacking else [])]
+
+
+def _units(line: "LoadLineSection") -> dict[str, str]:
+    """Unit of each number of the engagement, by the metavariable of its option."""
+    of = {"A": line.unit_load, "F": line.unit_feed, "S": "s", "PER_S": "per s", "HZ": "Hz"}
+    return {_name(option): of.get(metavar, "") for option, metavar, _ in (*OF_CUT, *OF_MONITORING)}
+
+
+def _value(value: object, unit: str) -> str:
+    return f"{value:g} {unit}".rstrip() if isinstance(value, float) else str(value)
+
+
+def _name(option: str) -> str:
+    return option[2:].replace("-", "_")
+
+
+def _computed(pf: "ParameterFile", engagement: dict[str, Any], args: argparse.Namespace) -> "LoadLineSection":
     from .. import parameters
 
     unit = next((law.factors[-1].unit for law in pf.laws.values() if law.form in ("load_line", "feed_line")), "mm")
     window = _wears(args.window, unit, "--window", "180:220um", 2)
     limit = None if args.wear_limit is None else _wears(args.wear_limit, unit, "--wear-limit", "200um", 1)[0]
+    former = None if pf.load_line is None else pf.load_line.dwell
     return parameters.settings(
         pf, args.worn, safety_factor=args.safety_factor, rounded_to=args.round or None, window=(window[0], window[1]),
-        wear_limit=limit, law=args.law, by=args.by, level=args.level, dwell=args.dwell,
+        wear_limit=limit, law=args.law, by=args.by, level=args.level,
+        dwell=former if args.dwell is None else args.dwell,
+        engagement={name: value for name, value in engagement.items() if value is not None} or None,
     )  # fmt: skip
 
 

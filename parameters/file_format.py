@@ -182,13 +182,18 @@ MONITORING = (
 
 
 def _without_disengagement(data: dict[str, Any]) -> dict[str, Any]:
-    """Data of version 3 with the monitoring of the load left open, whatever fields of those names held before."""
+    """Data of version 3 with the monitoring of the load left open, whatever fields of those names held before.
+
+    ``load_low`` had to lie below zero, so that a lost sensor, which reads zero, was taken for air: it is left open too.
+    """
     line, pi = data.get("load_line"), data.get("pi")
     if pi is not None:
         data = {**data, "pi": {**pi, "setpoint_weight": 1.0}}
     if line is None or line.get("engagement") is None:
         return data
     kept = {name: value for name, value in line["engagement"].items() if name != "disengage_after"}
+    if (kept.get("load_low") or 0.0) <= 0:
+        kept["load_low"] = None
     return {**data, "load_line": {**line, "engagement": {**kept, **dict.fromkeys(MONITORING)}}}
 
 
@@ -196,7 +201,7 @@ def _without_disengagement(data: dict[str, Any]) -> dict[str, Any]:
 # Version 2 added ``reading``, the doubts about the data, and ``null`` of ``identity.simulated`` where it is not known.
 # Version 3 added ``verdict`` of laws, tool life, dynamics and adaptive force, ``suspects`` and ``without`` of laws.
 # Version 4 added the monitoring of the load in ``load_line.engagement`` and ``setpoint_weight`` of gains; it dropped
-# ``disengage_after``: the loop disengages at once and keeps its feed.
+# ``disengage_after`` (the loop disengages at once and keeps its feed) and any ``load_low`` that is not above zero.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,

@@ -14,15 +14,17 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from ..core.arrays import is_positive
 from ..core.errors import ParameterError, UsageError
+from ..core.suggestions import did_you_mean
 from .evaluation import IntervalOptions, interval_band
 from .file import ParameterFile
-from .messages import short
+from .messages import schema_message, short
 from .sections.base import Covariance
 from .sections.law import LawSection
-from .sections.load_line import FeedLimit, LimitInterval, LoadLineSection, NoInterval
+from .sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection, NoInterval
 
 SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm
@@ -81,7 +83,7 @@ def settings(
     Raises
     ------
     UsageError
-        A number out of range.
+        A number out of range, or an unknown setting of the engagement.
     ParameterError
         The file holds no load law; the limits come out in the wrong order; a line of feed held at another load.
 
@@ -119,9 +121,23 @@ def settings(
         "dwell": dwell,
         "law": found.response,
         "by": by,
-        "engagement": None if engagement is None else dict(engagement),
+        "engagement": None if engagement is None else _engagement(engagement),
         "notes": [*notes, *_beyond(found, limit)],
     })  # fmt: skip
+
+
+def _engagement(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The engagement as it was given, its names and values checked."""
+    for name in given:
+        if name not in Engagement.model_fields:
+            raise UsageError(
+                f"engagement {name}: there is no such setting. {did_you_mean(name, Engagement.model_fields)}"
+            )
+    try:
+        Engagement.model_validate(dict(given))
+    except ValidationError as error:
+        raise UsageError(f"engagement: {schema_message(error, dict(given))}.") from None
+    return dict(given)
 
 
 def _law(pf: ParameterFile, name: str | None) -> "LawSection":

@@ -80,6 +80,11 @@ def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
         lambda d: d["pi"].update(form="ideal"),
         lambda d: d["load_line"]["lower"].pop("interval"),
         lambda d: d["limits"]["power"].update(value=-1.0),
+        lambda d: d["load_line"].update(engagement={"idle": 0.0}),
+        lambda d: d["load_line"].update(engagement={"lost_after": 0.0}),
+        lambda d: d["load_line"].update(engagement={"on_fault": "ignore"}),
+        lambda d: d["load_line"].update(engagement={"feed_forward": 1.5}),
+        lambda d: d["pi"].update(setpoint_weight=-0.1),
         lambda d: d.update(content_sha256="x"),
     ],
 )
@@ -146,7 +151,7 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
 )
 def test_versions_that_cannot_be_read(version, words):
     with pytest.raises(ParameterError, match=words) as told:
-        migrated({"schema_version": version}, "params.json", STEPS, current=3)
+        migrated({"schema_version": version}, "params.json", STEPS, current=4)
     assert "\n" not in str(told.value)
 
 
@@ -176,6 +181,48 @@ def test_a_file_of_version_2_is_read_without_verdicts(data, tmp_path):
     assert (pf.dynamics.verdict, pf.tool_life) == (None, None)
     assert check(pf).findings[0].passed is True
     assert read(write(pf, tmp_path / "again.json")) == pf
+
+
+def of_version_3(data, engagement):
+    """A file as version 3 wrote it, with foreign fields of names that version 4 gave a meaning."""
+    old = copy.deepcopy(data) | {"schema_version": "fitmodels.parameters/3"}
+    old["pi"] |= {"setpoint_weight": "foreign"}
+    old["load_line"]["engagement"] = engagement
+    old["content_sha256"] = content_sha256(old)
+    return old
+
+
+def test_a_file_of_version_3_has_the_monitoring_of_the_load_left_open(data, tmp_path):
+    """Its ``load_low`` lay below zero and took a lost sensor for air; its loop disengaged after a delay."""
+    engagement = {
+        "feed_programmed": 1000.0, "engage_at": 0.15, "hysteresis": 0.02, "engage_after": 0.1, "disengage_after": 0.3,
+        "back_off": 1.0, "recover": 0.2, "load_low": -1.0, "load_high": 3.0, "idle": "foreign", "on_fault": 7,
+    }  # fmt: skip
+    (tmp_path / "params.json").write_text(json.dumps(of_version_3(data, engagement)))
+    pf = read(tmp_path / "params.json")
+    assert pf.schema_version == "fitmodels.parameters/4"
+    kept = {name: value for name, value in pf.load_line.engagement.model_dump().items() if value is not None}
+    assert kept == {
+        "feed_programmed": 1000.0, "engage_at": 0.15, "hysteresis": 0.02, "engage_after": 0.1, "back_off": 1.0,
+        "recover": 0.2, "load_high": 3.0,
+    }  # fmt: skip
+    assert pf.pi.setpoint_weight == 1.0
+    assert check(pf).findings[0].passed is True
+    assert read(write(pf, tmp_path / "again.json")) == pf
+    jsonschema.validate(json.loads((tmp_path / "again.json").read_text()), published())
+
+
+@pytest.mark.parametrize(("before", "after"), [(-1.0, None), (0, None), (0.02, 0.02), (None, None)])
+def test_a_least_reading_of_version_3_stays_where_it_is_above_zero(data, tmp_path, before, after):
+    (tmp_path / "params.json").write_text(json.dumps(of_version_3(data, {"load_low": before})))
+    assert read(tmp_path / "params.json").load_line.engagement.load_low == after
+
+
+def test_a_file_of_version_3_without_engagement_or_gains_is_read(data, tmp_path):
+    for missing in ("pi", "load_line"):
+        old = {name: part for name, part in of_version_3(data, None).items() if name != missing}
+        (tmp_path / "params.json").write_text(json.dumps(old))
+        assert getattr(read(tmp_path / "params.json"), missing) is None
 
 
 @pytest.mark.parametrize(

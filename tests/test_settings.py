@@ -10,7 +10,7 @@ from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
 from fitmodels.parameters import collect, read, write
-from fitmodels.parameters.sections.load_line import LimitInterval, NoInterval
+from fitmodels.parameters.sections.load_line import Engagement, LimitInterval, NoInterval
 from scipy import stats
 
 UsageError = errors.UsageError
@@ -283,3 +283,82 @@ def test_intervals_are_told(tmp_path, capsys):
     assert "when the lower limit is reached: 0." in out
     assert isinstance(read(path).load_line.lower.interval, LimitInterval)
     assert read(path).load_line.dwell == 2.0
+
+
+# --- engagement and monitoring ------------------------------------------------------------------------
+
+
+def settled(params, capsys, *options, code=0):
+    assert main(["settings", str(params), "--worn", "0.28", *options]) == code
+    said = capsys.readouterr()
+    return " ".join((said.out + said.err).split())
+
+
+def test_what_is_not_given_is_assumed_and_printed(params, capsys):
+    said = settled(params, capsys)
+    assert "Given" not in said
+    assert read(params).load_line.engagement is None
+    for words in ("load_low 0.05", "half of the load law at a feed of zero", "lost_after 0.05 s", "stuck_after 1 s",
+                  "heartbeat 0.2 s", "overload_after 0.5 s", "arm_after 0.5 s", "dwell 4 s", "on_fault lower limit",
+                  "feed_programmed 1000 mm/min, the upper feed limit"):  # fmt: skip
+        assert words in said
+
+
+def test_options_of_the_monitoring_are_written_kept_and_undone(params, capsys):
+    """A second call keeps what it does not name, and states it: a stop on a fault is not lost by another limit."""
+    said = settled(params, capsys, "--idle", "0.1", "--on-fault", "stop", "--feed-forward", "0.5", "--stuck-after", "0")
+    assert "Given: idle 0.1 A; stuck_after 0 s; on_fault stop; feed_forward 0.5." in said
+    assert "load_low 0.05 A, half of the load in air" in said
+    assert "stuck_after 1 s" not in said
+    said = settled(params, capsys, "--force", "--stuck-after", "default", "--recover", "0.1")
+    assert "Given: recover 0.1 per s. Kept of the former settings: idle 0.1 A; on_fault stop; feed_forward 0.5." in said
+    assert "stuck_after 1 s" in said
+    held = read(params).load_line.engagement
+    assert (held.idle, held.on_fault, held.feed_forward, held.stuck_after, held.recover) == (
+        0.1,
+        "stop",
+        0.5,
+        None,
+        0.1,
+    )
+
+
+def test_every_field_of_the_engagement_has_an_option(params, capsys):
+    given = {
+        "feed_programmed": 1000.0, "filter_corner": 5.0, "engage_at": 0.16, "hysteresis": 0.02, "engage_after": 0.2,
+        "back_off": 1.0, "recover": 0.1, "idle": 0.1, "load_low": 0.04, "load_high": 1.0, "arm_after": 0.4,
+        "lost_after": 0.06, "stuck_after": 0.9, "heartbeat": 0.3, "overload_after": 0.4, "on_fault": "stop",
+        "feed_forward": 0.5, "sample_time": 0.01,
+    }  # fmt: skip
+    words = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", str(value))]
+    assert set(given) == set(Engagement.model_fields)
+    settled(params, capsys, *words)
+    assert read(params).load_line.engagement.model_dump() == given
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--load-low", "0"], "a lost sensor, which reads zero, would be taken for air; give load_low above zero"),
+        (["--idle", "0.2"], "below the threshold of a cut"),
+        (["--engage-at", "0.3"], "engages at 0.3"),
+        (["--load-high", "0.2"], "readings up to 0.2"),
+        (["--idle", "-1"], "engagement: idle should be greater than 0, not -1.0"),
+        (["--feed-forward", "2"], "feed_forward should be less than or equal to 1"),
+        (["--lost-after", "nan"], "nan is not a number"),
+        (["--on-fault", "ignore"], "invalid choice"),
+    ],
+)
+def test_an_engagement_that_cannot_be_run_is_refused(params, options, words, capsys):
+    before = params.read_bytes()
+    assert words in settled(params, capsys, *options, code=2)
+    assert params.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("engagement", "words"),
+    [({"lost_afer": 0.1}, "Did you mean 'lost_after'"), ({"on_fault": "go"}, "on_fault should be 'lower limit'")],
+)
+def test_an_engagement_in_python_is_checked(engagement, words):
+    with pytest.raises(UsageError, match=words):
+        parameters.settings(of(three_points()), worn=0.28, engagement=engagement)

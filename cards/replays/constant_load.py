@@ -117,18 +117,16 @@ def _limit(pf: "ParameterFile", run: ToolRun, line: "LoadLineSection") -> str:
 
 
 def _overload(loop: "LoadLoop", cut: CutModel, line: "LoadLineSection") -> str:
-    """Load of a worn tool at the programmed feed, with which some loops begin each pass."""
+    """Load of a worn tool at the programmed feed."""
     worst = cut.A + cut.B * loop.feed_programmed + cut.k1 * line.lower.wear
     tool = f"a tool worn by {line.lower.wear:.0f} {line.unit_wear}"
     head = f"At the programmed {loop.feed_programmed:.4g} {line.unit_feed} {tool}"
     if worst <= line.worn:
         return f"{head} has a load of {worst:.3f} {line.unit_load}, below the limit of {line.worn:g}."
-    does = (
-        "this loop begins a pass with the last feed, as any other must"
-        if loop.form == "incremental_sum"
-        else "this loop begins each pass with that feed; lower it, or begin with the last one"
+    return (
+        f"{head} would have a load of {worst:.3f} {line.unit_load}, above the limit of {line.worn:g}: the first cut "
+        "begins at the lower limit, each further one with the last feed."
     )
-    return f"{head} would have a load of {worst:.3f} {line.unit_load}, above the limit of {line.worn:g}: {does}."
 
 
 def _mixed(pf: "ParameterFile") -> tuple[tuple[str, ...], dict[str, object]]:
@@ -178,14 +176,12 @@ def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...
 def _assumed(pf: "ParameterFile", cut: CutModel) -> tuple[str, ...]:
     from ...parameters.exports.loop import loop_settings
 
-    dwell = () if pf.load_line is None or pf.load_line.dwell is not None else ("dwell 4 s on the lower limit",)
     notes = [note for section in (*pf.laws.values(), pf.pi, pf.load_line) if section for note in section.notes]
     marked = [n for n in notes if any(word in n.lower() for word in ("assum", "reconstruct", "derived"))]
     return (
         "The simulated cut is the load line and the wear law; its load follows the feed with the drive's dynamics, "
         "gain 1.",
         "Passes of 150 mm, with 2 s out of the cut between them.",
-        *dwell,
         *loop_settings(pf, own_form=True).assumed,
         *marked,
         *(() if cut.area else ("no width and depth of cut in the wear law, so no metal removal rate",)),

@@ -175,8 +175,20 @@ def _loop(pf: ParameterFile, pi: PiSection, line: LoadLineSection, assumed: list
     )  # fmt: skip
     if pi.anti_windup != "clamping" or pi.form != form:
         assumed.append(f"{form} form with clamping at the limits; the file has {pi.form} with {pi.anti_windup}")
+    assumed += _assumed_choices(line, given, loop)
     _check_order(loop)
+    _check_idle(loop, given.idle)
     return loop
+
+
+def _assumed_choices(line: LoadLineSection, given: Engagement, loop: LoadLoop) -> list[str]:
+    """What the file leaves open besides the numbers of the engagement."""
+    programmed = f"feed_programmed {loop.feed_programmed:.6g} {loop.unit_feed}, the upper feed limit"
+    return [
+        *([programmed] if given.feed_programmed is None else []),
+        *([f"dwell {DWELL:g} s on the lower limit"] if line.dwell is None else []),
+        *(["on_fault lower limit, not stop"] if given.on_fault is None else []),
+    ]
 
 
 def _gains(pi: PiSection, form: str) -> tuple[float, float]:
@@ -321,4 +333,13 @@ def _check_order(loop: LoadLoop) -> None:
         raise _Lacking(
             f"engages at {loop.engage_at:g} +- {loop.hysteresis / 2:g} {loop.unit_load}: both ends lie between the "
             f"smallest valid reading, {loop.load_low:g}, and the reference, {loop.reference:g}."
+        )
+
+
+def _check_idle(loop: LoadLoop, idle: float | None) -> None:
+    engages = loop.engage_at - loop.hysteresis / 2
+    if idle is not None and not loop.load_low < idle < engages:
+        raise _Lacking(
+            f"has a load in air of {idle:g} {loop.unit_load}, which must lie above the smallest valid reading, "
+            f"{loop.load_low:g}, and below the threshold of a cut, {engages:g}; otherwise air is a fault or a cut."
         )
