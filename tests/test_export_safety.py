@@ -79,8 +79,9 @@ def test_the_command_writes_every_kind(constant_load_file, kind, tmp_path, monke
     monkeypatch.chdir(tmp_path)
     parameters.write(constant_load_file(), "params.json")
     assert main(["export", "params.json", "--to", kind]) == 0
-    assert f"wrote params{FORMATS[kind].suffix}" in capsys.readouterr().out
-    assert Path(f"params{FORMATS[kind].suffix}").stat().st_size > 0
+    name = getattr(FORMATS[kind], "file_name", "") or f"params{FORMATS[kind].suffix}"
+    assert f"wrote {name}" in capsys.readouterr().out
+    assert Path(name).stat().st_size > 0
 
 
 @given(st.text())

@@ -2,6 +2,9 @@
 
 hal     LinuxCNC HAL: the loop from a load pin to motion.adaptive-feed
 st      IEC 61131-3 structured text: the loop as a function block
+c       C for firmware: one step function with the settings of the tool
+comp    LinuxCNC component: the same C, compiled by halcompile
+fmu     FMI 2.0 co-simulation: the same C as a source FMU
 
 A running control, and the values of a file that has one, are written only after `fitmodels.controllers.gate`.
 """
@@ -17,6 +20,9 @@ from ...core.suggestions import did_you_mean
 from ...parameters.exports import VALUES, ExportFormat, write_export
 from ...parameters.exports.view import export_view
 from ..gate import GatedControl, gated_control
+from .c_source import NOT_IN_C, c_file
+from .component import NOT_IN_COMPONENT, component_file
+from .fmu import NOT_IN_FMU, fmu_file
 from .hal import NOT_IN_HAL, hal_file
 from .st import NOT_IN_ST, structured_text
 
@@ -47,6 +53,11 @@ CONTROLS: Final = {
     "st": ControlFormat(
         ".st", "IEC 61131-3 structured text function block", structured_text, NOT_IN_ST, incremental_sum=False
     ),
+    "c": ControlFormat(".c", "C source of the controller for firmware", c_file, NOT_IN_C),
+    "comp": ControlFormat(
+        ".comp", "LinuxCNC component for halcompile", component_file, NOT_IN_COMPONENT, file_name="fm_control.comp"
+    ),
+    "fmu": ControlFormat(".fmu", "FMI 2.0 co-simulation, source FMU", fmu_file, NOT_IN_FMU),
 }
 FORMATS: Final[dict[str, ControlFormat | ExportFormat]] = {**CONTROLS, **VALUES}
 
@@ -102,7 +113,8 @@ def export(
         Gains that fail the check are not exported; nor are laws, dynamics or a force process that must not be used for
         control, or that have no verdict.
     kind : str
-        A running control, ``hal`` or ``st``, or values: ``ngc``, ``mat``, ``ssv``, ``h`` or ``ini``.
+        A running control, ``hal``, ``st``, ``c``, ``comp`` or ``fmu``, or values: ``ngc``, ``mat``, ``ssv``, ``h`` or
+        ``ini``.
     path : path-like
         In a folder that exists.
     force : bool

@@ -1,0 +1,92 @@
+"""The controller in C: ``load_control.c`` with the settings of one tool, for firmware.
+
+The LinuxCNC component and the FMU contain the same text. Its arithmetic is that of
+`fitmodels.controllers.ConstantLoad`.
+"""
+
+from pathlib import Path
+from textwrap import wrap
+from typing import Final
+
+from ...parameters.exports.loop import LoadLoop
+from ..constant_load_milling.states import STATES
+from ..gate import GatedControl
+
+NOT_IN_C = (
+    "the wiring: the firmware fills LoadInput and applies LoadOutput",
+    "the period of the calls: call it every sample_time, and pass the measured period",
+    "units as types: they are given in comments",
+    "the laws and their covariance, the posterior and the dynamics",
+)
+
+_NUMBERS = (
+    "sample_time", "reference", "low", "high", "feed_programmed", "p", "i", "entry_gain", "filter_time", "engage_at",
+    "hysteresis", "engage_after", "arm_after", "lost_after", "stuck_after", "heartbeat", "overload_after", "dwell",
+    "worn_load", "back_off", "recover", "load_low", "load_high",
+)  # fmt: skip
+_UNITS: Final = {
+    **dict.fromkeys(("reference", "engage_at", "hysteresis", "worn_load", "load_low", "load_high"), "{load}"),
+    **dict.fromkeys(("low", "high"), "1"),
+    **dict.fromkeys(("p", "entry_gain"), "1/({load})"),
+    **dict.fromkeys(("back_off", "recover"), "1/s"),
+    "i": "1/({load})/s",
+    "feed_programmed": "{feed}",
+}  # the others are s
+
+
+def c_file(control: GatedControl) -> str:
+    """Content of the C file."""
+    head = "".join(f" * {c_text(line)}\n" for line in c_head(control, NOT_IN_C))
+    return f"/*\n{head} */\n{c_controller(control.loop)}"
+
+
+def c_controller(loop: LoadLoop) -> str:
+    """The source with the settings of a loop as ``load_settings``."""
+    source = Path(__file__).with_name("load_control.c").read_text("ascii")
+    declared, defined = f"extern const LoadSettings load_settings;\n\n{_AFTER}", f"\n{_settings(loop)}#endif\n"
+    average = f"#define LOAD_CONTROL_AVERAGE {loop.average}\n"
+    body = source.replace(_AFTER, declared, 1).removesuffix("#endif\n")
+    return f"{average}{body}{defined}"
+
+
+WIDTH: Final = 116  # characters of a line in a comment
+_AFTER: Final = "/* 0, or the number of the first setting"
+
+
+def c_settings(loop: LoadLoop) -> dict[str, float]:
+    """The settings in the order of ``LoadSettings``."""
+    return {
+        **{name: float(getattr(loop, name)) for name in _NUMBERS},
+        "average": loop.average,
+        "average_command": int(loop.average_of == "command"),
+        "incremental": int(loop.form == "incremental_sum"),
+        "stop_on_fault": int(loop.stop_on_fault),
+    }
+
+
+def _settings(loop: LoadLoop) -> str:
+    lines = []
+    for name, value in c_settings(loop).items():
+        unit = _UNITS.get(name, "s").format(load=loop.unit_load, feed=loop.unit_feed)
+        number = f"(LoadReal){value!r}" if isinstance(value, float) else f"{value}"
+        lines.append(f"    {number}, /* {name}{', ' + c_text(unit) if isinstance(value, float) else ''} */\n")
+    return f"const LoadSettings load_settings = {{\n{''.join(lines)}}};\n"
+
+
+def c_head(control: GatedControl, not_carried: tuple[str, ...]) -> tuple[str, ...]:
+    """Lines of the head: origin, units, states, limits of use, assumptions and what is not carried."""
+    view, loop = control.view, control.loop
+    pair, *origin = view.origin
+    words = (
+        f"load in {loop.unit_load}, feed in {loop.unit_feed}, override = feed / {loop.feed_programmed:.15g}",
+        f"load {loop.reference:.6g}, override {loop.low:.4g} to {loop.high:.4g}, one call each {loop.sample_time:g} s",
+        *(f"state {int(row.state)} {row.state.name}: {row.condition}; feed: {row.feed}" for row in STATES),
+        *view.remarks(not_carried),
+    )
+    title = f"{view.made_by}: constant load by feed override, controller in C"
+    return (title, pair, *origin, *(part for line in words for part in wrap(line, WIDTH, subsequent_indent="    ")))
+
+
+def c_text(words: str) -> str:
+    """Text that neither ends a C comment nor begins another, continues a line or spells a trigraph."""
+    return "".join(c if c.isascii() and (c.isalnum() or c in " ._+-/,:;=^()%") else "_" for c in words)

@@ -1,0 +1,165 @@
+"""LinuxCNC component: the controller in C with the pins of HAL, compiled by ``halcompile --install fm_control.comp``.
+
+Unlike the HAL export it reads the requested feed, so that the limits hold in the unit of the feed whatever the
+program's F and the operator's override are. Its HAL lines stand in its head, marked ``//|``.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from ...core.errors import GateError
+from ...datasets.units import convert, is_unit, same_dimension
+from ...parameters.exports.loop import LoadLoop
+from ..gate import GatedControl
+from .c_source import c_controller, c_head, c_text
+
+COMPONENT: Final = "fm_control"
+SERVO_PERIOD: Final = 0.002  # s: a longer period gets a thread of its own
+
+NOT_IN_COMPONENT = (
+    "the wiring of the load, the spindle, the heartbeat and the switches: they belong to the machine",
+    "the laws and their covariance, the posterior and the dynamics",
+    "rapids: with M52 P1 they are slowed too; write M52 P0 before them and M52 P1 after",
+)
+
+_HAL = """\
+loadrt {component}
+{made}# >>> net fm-load <= YOUR-LOAD-PIN            float, {load}: spindle current or load from the drive
+# >>> net fm-spindle-on <= spindle.0.on       bit: the spindle turns; where that pin has a signal, use its name below
+# >>> net fm-idle <= motion.in-position       bit: no axis moves
+# >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes with every new reading, at least every {heartbeat:.6g} s
+# >>> net fm-operator <= halui.feed-override.value   [HAL] HALUI = halui in the ini file
+net fm-load => {pins}.load
+net fm-spindle-on => {pins}.spindle-on
+net fm-idle => {pins}.idle
+net fm-heartbeat => {pins}.heartbeat
+net fm-requested motion.requested-vel => {pins}.requested-vel
+newsig fm-operator float
+sets fm-operator 1
+net fm-operator => {pins}.operator-override
+newsig fm-enable bit
+sets fm-enable FALSE
+net fm-enable => {pins}.enable
+newsig fm-reset bit
+sets fm-reset FALSE
+net fm-reset => {pins}.reset
+net fm-feed {pins}.adaptive-feed => motion.adaptive-feed
+net fm-inhibit {pins}.feed-inhibit => motion.feed-inhibit
+net fm-fault {pins}.fault
+net fm-worn {pins}.worn
+net fm-overload {pins}.overload
+addf {pins} {thread}
+"""
+
+_PINS = """\
+component fm_control "Constant load by feed override: the controller of one tool.";
+description "See the head of the source file for nets, states and limits.";
+pin in float load "{load}";
+pin in bit enable;
+pin in bit spindle_on "The spindle turns.";
+pin in bit idle "No axis moves.";
+pin in bit heartbeat "Changes with every new reading of the load.";
+pin in bit reset "A rising edge clears fault, overload and worn unless their cause is present.";
+pin in float requested_vel = -1 "motion.requested-vel, machine units per s. Not connected it is negative: a fault.";
+pin in float operator_override = 1 "halui.feed-override.value.";
+pin out float adaptive_feed = {low!r} "To motion.adaptive-feed.";
+pin out bit feed_inhibit "To motion.feed-inhibit.";
+pin out bit fault "Latched: load lost or stuck, source of the load dead, requested feed or period invalid.";
+pin out bit worn "Latched: change the tool.";
+pin out bit overload "Latched: mean load above what a worn tool withstands.";
+pin out signed state "0 off, 1 air, 2 entry, 3 control, 4 worn, 5 fault.";
+pin out float measured "Filtered load, {load}.";
+pin out float override "Feed over programmed feed.";
+param rw float feed_scale = {scale!r} "{feed} per machine unit and s; change it where the machine's unit is the inch.";
+option singleton yes;
+option extra_setup yes;
+option no_convenience_defines yes;
+function _ fp;
+license "BSD-3-Clause";
+;;
+"""
+
+_FUNCTIONS = """
+static LoadState fm_state;
+
+static int extra_setup(struct __comp_state *__comp_inst, char *prefix, long extra_arg)
+{
+    const int wrong = load_control_init(&load_settings, &fm_state);
+    (void)__comp_inst; (void)extra_arg;
+    if (wrong == 0) return 0;
+    rtapi_print_msg(RTAPI_MSG_ERR, "%s: setting %d of load_settings is out of range; export the file again\\n",
+                    prefix, wrong);
+    return -EINVAL;
+}
+
+/* FUNCTION(_): an override of the operator below 1 slows the feed further, and is not compensated. */
+static void _(struct __comp_state *__comp_inst, long period)
+{
+    const double operator_ = *__comp_inst->operator_override;
+    LoadInput in;
+    LoadOutput out;
+    in.period = (double)period * 1e-9;
+    in.load = *__comp_inst->load;
+    in.requested = *__comp_inst->requested_vel * __comp_inst->feed_scale * (operator_ < 1.0 ? 1.0 : operator_);
+    in.enable = *__comp_inst->enable;
+    in.spindle_on = *__comp_inst->spindle_on;
+    in.idle = *__comp_inst->idle;
+    in.beat = *__comp_inst->heartbeat;
+    in.reset = *__comp_inst->reset;
+    load_control_step(&load_settings, &fm_state, &in, &out);
+    *__comp_inst->adaptive_feed = out.feed_override;
+    *__comp_inst->feed_inhibit = out.feed_inhibit != 0;
+    *__comp_inst->fault = out.fault != 0;
+    *__comp_inst->worn = out.worn != 0;
+    *__comp_inst->overload = out.overload != 0;
+    *__comp_inst->state = (int)out.state;
+    *__comp_inst->measured = out.measured;
+    *__comp_inst->override = out.u;
+}
+"""
+
+
+def component_file(control: GatedControl) -> str:
+    """Content of ``fm_control.comp``.
+
+    Raises
+    ------
+    GateError
+        The feed is not a velocity, so that it cannot be compared with the requested one.
+    """
+    loop = control.loop
+    scale = _feed_scale(loop)
+    head = (
+        *c_head(control, NOT_IN_COMPONENT),
+        f"Compile with halcompile --install {COMPONENT}.comp; the file has the name of the component.",
+        "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
+    )
+    names = {"load": c_text(loop.unit_load), "feed": c_text(loop.unit_feed), "low": loop.low, "scale": scale}
+    lines = "".join(f"//| {line}\n" for line in hal_lines(loop).splitlines())
+    title = "".join(f"// {c_text(line)}\n" for line in head)
+    return f"{title}{lines}{_PINS.format(**names)}{c_controller(loop)}{_FUNCTIONS}"
+
+
+def hal_lines(loop: LoadLoop) -> str:
+    """HAL lines that load the component, connect it and add it to a thread."""
+    period = round(loop.sample_time * 1e9)
+    servo = loop.sample_time <= SERVO_PERIOD
+    made = f"# SERVO_PERIOD of the machine's ini file: {period}\n"
+    return _HAL.format(
+        component=COMPONENT, pins=COMPONENT.replace("_", "-"), load=c_text(loop.unit_load), heartbeat=loop.heartbeat,
+        made=made if servo else f"loadrt threads name1=fm-thread period1={period} fp1=1\n",
+        thread="servo-thread" if servo else "fm-thread",
+    )  # fmt: skip
+
+
+def _feed_scale(loop: LoadLoop) -> float:
+    """Unit of the feed in one machine unit per s: mm, or inch where the feed is in inches."""
+    unit = loop.unit_feed
+    if not (is_unit(unit) and same_dimension(unit, "mm/s")):
+        raise GateError(
+            f"the feed limits are in {unit}, but LinuxCNC's requested velocity is in machine units per s; give the "
+            "feed limits in mm/min, or use the hal export."
+        )
+    machine = "in/s" if unit.startswith("in") else "mm/s"
+    return float(convert(np.array(1.0), machine, unit))

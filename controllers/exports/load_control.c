@@ -1,0 +1,407 @@
+/* Constant load by feed override: one step function for firmware, LinuxCNC (halcompile) and FMI co-simulation.
+ *
+ * C90, no allocation, no global state, one call per period. Use:
+ *
+ *     static LoadState state;
+ *     LoadInput input; LoadOutput output;
+ *     if (load_control_init(&load_settings, &state) != 0) stop();
+ *     every sample_time seconds:  fill input;  load_control_step(&load_settings, &state, &input, &output);
+ *
+ * In a second file, #define LOAD_CONTROL_DECLARATIONS_ONLY before including this one. For single precision compile
+ * every file with -DLOAD_CONTROL_REAL=float. Do not compile with -ffast-math: it removes the tests for NaN.
+ * A state that load_control_init did not accept stops the feed: override 0, feed_inhibit 1, state LOAD_FAULT.
+ */
+#ifndef LOAD_CONTROL_DECLARATIONS
+#define LOAD_CONTROL_DECLARATIONS
+
+#ifdef __FAST_MATH__
+#error "load_control needs NaN: compile without -ffast-math"
+#endif
+#ifndef LOAD_CONTROL_REAL
+#define LOAD_CONTROL_REAL double
+#endif
+#ifndef LOAD_CONTROL_AVERAGE
+#define LOAD_CONTROL_AVERAGE 1 /* longest moving average, in samples */
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef LOAD_CONTROL_REAL LoadReal;
+
+typedef enum { LOAD_OFF, LOAD_AIR, LOAD_ENTRY, LOAD_CONTROL, LOAD_WORN, LOAD_FAULT } LoadStateName;
+
+typedef struct {          /* load: in the unit of the load; override: feed / feed_programmed */
+    LoadReal sample_time; /* s: period of the calls */
+    LoadReal reference;   /* load that the loop holds */
+    LoadReal low;         /* smallest override, above 0 */
+    LoadReal high;        /* largest override, at most 1 */
+    LoadReal feed_programmed; /* unit of LoadInput.requested: feed at which the override is 1 */
+    LoadReal p;               /* override per load; incremental: each sample */
+    LoadReal i;               /* override per load and s */
+    LoadReal entry_gain;      /* override per load: step of the feed at entry per error */
+    LoadReal filter_time;     /* s: time constant of the low-pass on the load, 0 none */
+    LoadReal engage_at;       /* load: middle of the threshold of a cut */
+    LoadReal hysteresis;      /* load: whole width of the threshold */
+    LoadReal engage_after;    /* s above the threshold until the loop closes */
+    LoadReal arm_after;       /* s of spindle_on until armed */
+    LoadReal lost_after;      /* s of invalid readings until fault */
+    LoadReal stuck_after;     /* s of one reading in the cut until fault, 0 not monitored */
+    LoadReal heartbeat;       /* s without a change of beat until fault, 0 not monitored */
+    LoadReal overload_after;  /* s of a mean load above 1.05 worn_load until overload */
+    LoadReal dwell;           /* s at the lower limit in the cut until worn */
+    LoadReal worn_load;       /* load that a worn tool withstands */
+    LoadReal back_off;        /* override per s: fastest fall */
+    LoadReal recover;         /* override per s: fastest rise */
+    LoadReal load_low;        /* load at or below which a reading is invalid, above 0 */
+    LoadReal load_high;       /* load at or above which a reading is invalid */
+    int average;              /* samples of the moving average, 1 none */
+    int average_command;      /* 1: average of the command, 0: of the load */
+    int incremental;          /* 1: u = last u + p e + i T sum(e), 0: position form */
+    int stop_on_fault;        /* 1: a fault sets feed_inhibit, 0: the feed goes to the lower limit */
+} LoadSettings;
+
+typedef struct {
+    LoadReal period;    /* s since the last call, measured; more than 1 % off sample_time is a fault */
+    LoadReal load;      /* reading of the sensor; any value, also NaN */
+    LoadReal requested; /* feed that program and operator request before this override; 0 at rest. Where unknown:
+                           feed_programmed, and the limits hold only for a program with that F at 100 % */
+    int enable;         /* the operator's switch */
+    int spindle_on;     /* spindle at speed */
+    int idle;           /* no motion is in progress */
+    int beat;           /* changes while the source of the load is alive */
+    int reset;          /* a change from 0 to 1 clears fault, worn and overload unless their cause is present */
+} LoadInput;
+
+typedef struct {
+    LoadReal feed_override; /* above 0, at most 1; 0 only if not initialised */
+    LoadReal u;          /* override before the correction by requested, low to high */
+    LoadReal measured;   /* filtered load */
+    LoadStateName state;
+    int fault;        /* latched: load lost or stuck, source dead, requested feed or period invalid */
+    int worn;         /* latched: change the tool */
+    int overload;     /* latched: mean load above what a worn tool withstands */
+    int feed_inhibit; /* stop the feed */
+} LoadOutput;
+
+typedef struct {
+    LoadReal gain, overload_gain, worn_gain, half_hysteresis, middle, half, fall, rise, rest, overload_above;
+    long n_arm, n_engage, n_lost, n_stuck, n_beat, n_overload, n_dwell;
+    LoadReal held, filtered, measured, mean, u, bias, sum, average, factor;
+    LoadReal kept[LOAD_CONTROL_AVERAGE];
+    long spindle, bad, loaded_for, same, alive, high_for, rested;
+    int ready, begun, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset;
+    int fault, worn, overload;
+} LoadState;
+
+/* 0, or the number of the first setting (1: sample_time) that is out of range. */
+int load_control_init(const LoadSettings *s, LoadState *x);
+void load_control_step(const LoadSettings *s, LoadState *x, const LoadInput *in, LoadOutput *out);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
+
+#ifndef LOAD_CONTROL_DECLARATIONS_ONLY
+#include <string.h>
+
+#define LOAD_OVERLOAD_SHARE 1.05 /* of worn_load */
+#define LOAD_OVERLOAD_MEAN 0.1   /* s: a one-pole mean that lags as a mean over .2 s */
+#define LOAD_REST_SHARE 0.01     /* of high - low: an override so near low rests on it */
+#define LOAD_WORN_MEAN 0.2       /* s */
+#define LOAD_PERIOD_SHARE 0.01   /* of sample_time */
+#define LOAD_LONGEST 2000000000L /* samples: counters stop there */
+#define LOAD_MOST 1e30           /* a feed at or above is infinite */
+#define LOAD_READY 0x4c43        /* LoadState.ready after load_control_init */
+
+static int load_between(LoadReal low, LoadReal x, LoadReal high) { return low < x && x < high; } /* NaN: 0 */
+
+static LoadReal load_clip(LoadReal x, LoadReal low, LoadReal high) /* NaN: low */
+{
+    if (!(x >= low)) x = low;
+    return x > high ? high : x;
+}
+
+static long load_count(long count) { return count < LOAD_LONGEST ? count + 1 : count; }
+
+static long load_samples(LoadReal time, LoadReal sample_time) /* a half rounds to even; 0: out of range */
+{
+    const double x = (double)time / (double)sample_time;
+    double rest;
+    long whole;
+    if (!(x >= 0.0 && x < (double)LOAD_LONGEST)) return 0;
+    whole = (long)x;
+    rest = x - (double)whole;
+    if (rest > 0.5 || (rest == 0.5 && whole % 2 != 0)) ++whole;
+    return whole < 1 ? 1 : whole;
+}
+
+static LoadReal load_pole(LoadReal sample_time, double time) /* 1 - exp(-sample_time / time); time 0: 1 */
+{
+    double x, term, out = 0.0;
+    int k, halved = 0;
+    if (!(time > 0.0)) return (LoadReal)1;
+    x = (double)sample_time / time;
+    if (!(x < 40.0)) return (LoadReal)1;
+    for (; x > 0.25; x /= 2.0) ++halved;
+    for (term = x, k = 2; k < 16; ++k) { /* x - x^2/2! + ... to 1e-19 */
+        out += term;
+        term *= -x / (double)k;
+    }
+    for (; halved > 0; --halved) out *= 2.0 - out; /* 1 - exp(-2 x) = (1 - exp(-x)) (1 + exp(-x)) */
+    return (LoadReal)out;
+}
+
+static int load_first_wrong(const LoadSettings *s)
+{
+    const LoadReal most = (LoadReal)LOAD_MOST, half = s->hysteresis / (LoadReal)2;
+    if (!load_between(0, s->sample_time, most)) return 1;
+    if (!load_between(0, s->reference, s->load_high)) return 2;
+    if (!load_between(0, s->low, s->high)) return 3;
+    if (!(s->high <= (LoadReal)1)) return 4;
+    if (!load_between(0, s->feed_programmed, most)) return 5;
+    if (!load_between(-most, s->p, most)) return 6;
+    if (!load_between(-most, s->i, most)) return 7;
+    if (!load_between(-most, s->entry_gain, most)) return 8;
+    if (!(s->filter_time >= 0 && s->filter_time < most)) return 9;
+    if (!load_between(half, s->engage_at, s->reference - half)) return 10;
+    if (!(s->hysteresis >= 0)) return 11;
+    if (!load_between(0, s->worn_load, most)) return 19;
+    if (!load_between(0, s->back_off, most)) return 20;
+    if (!load_between(0, s->recover, most)) return 21;
+    if (!(s->load_low > 0)) return 22;
+    if (!load_between(s->load_low, s->load_high, most)) return 23;
+    if (s->average < 1 || s->average > LOAD_CONTROL_AVERAGE) return 24;
+    return 0;
+}
+
+static int load_count_samples(const LoadSettings *s, LoadState *x)
+{
+    const LoadReal T = s->sample_time;
+    if ((x->n_engage = load_samples(s->engage_after, T)) == 0) return 12;
+    if ((x->n_arm = load_samples(s->arm_after, T)) == 0) return 13;
+    if ((x->n_lost = load_samples(s->lost_after, T)) == 0) return 14;
+    if ((x->n_stuck = load_samples(s->stuck_after, T)) == 0) return 15;
+    if ((x->n_beat = load_samples(s->heartbeat, T)) == 0) return 16;
+    if ((x->n_overload = load_samples(s->overload_after, T)) == 0) return 17;
+    if ((x->n_dwell = load_samples(s->dwell, T)) == 0) return 18;
+    return 0;
+}
+
+int load_control_init(const LoadSettings *s, LoadState *x)
+{
+    int wrong = load_first_wrong(s);
+    memset(x, 0, sizeof *x);
+    if (wrong == 0) wrong = load_count_samples(s, x);
+    if (wrong != 0) return wrong;
+    x->gain = load_pole(s->sample_time, (double)s->filter_time);
+    x->overload_gain = load_pole(s->sample_time, LOAD_OVERLOAD_MEAN);
+    x->worn_gain = load_pole(s->sample_time, LOAD_WORN_MEAN);
+    x->overload_above = (LoadReal)LOAD_OVERLOAD_SHARE * s->worn_load;
+    x->half_hysteresis = s->hysteresis / (LoadReal)2;
+    x->middle = (s->low + s->high) / (LoadReal)2;
+    x->half = (s->high - s->low) / (LoadReal)2;
+    x->rest = s->low + (LoadReal)LOAD_REST_SHARE * (s->high - s->low);
+    x->fall = s->back_off * s->sample_time;
+    x->rise = s->recover * s->sample_time;
+    x->u = s->low;
+    x->factor = (LoadReal)1;
+    x->ready = LOAD_READY;
+    return 0;
+}
+
+/* The mean of the last values, the oldest first, with this one for the oldest. */
+static LoadReal load_average(const LoadSettings *s, LoadState *x, LoadReal value)
+{
+    LoadReal sum = 0;
+    int k;
+    x->kept[x->place] = value;
+    x->place = x->place + 1 < s->average ? x->place + 1 : 0;
+    for (k = x->place; k < s->average; ++k) sum += x->kept[k];
+    for (k = 0; k < x->place; ++k) sum += x->kept[k];
+    return sum / (LoadReal)s->average;
+}
+
+static int load_compare(int was, LoadReal load, LoadReal at, LoadReal half)
+{
+    const LoadReal over = load - at;
+    return over > half ? 1 : (over < -half ? 0 : was);
+}
+
+/* Steps 1 to 4: hold the last valid reading and filter it; 1 where the held reading did not change. */
+static int load_read(const LoadSettings *s, LoadState *x, const LoadInput *in, int *armed)
+{
+    const LoadReal previous = x->held;
+    const int valid = load_between(s->load_low, in->load, s->load_high);
+    x->bad = valid ? 0 : load_count(x->bad);
+    x->spindle = in->spindle_on ? load_count(x->spindle) : 0;
+    *armed = in->enable && x->spindle >= x->n_arm;
+    if (valid) x->held = in->load;
+    else if (!*armed) x->held = 0;
+    x->filtered += (x->held - x->filtered) * x->gain;
+    x->measured = x->filtered;
+    if (!s->average_command && s->average > 1) x->measured = load_average(s, x, x->filtered);
+    x->mean += (x->held - x->mean) * x->overload_gain;
+    return !(x->held < previous || x->held > previous);
+}
+
+/* Step 5: engage by the filtered load after a delay, disengage at once by the reading too. */
+static int load_engage(const LoadSettings *s, LoadState *x, int armed)
+{
+    int engaged;
+    x->over = load_compare(x->over, x->measured, s->engage_at, x->half_hysteresis);
+    x->above = load_compare(x->above, x->held, s->engage_at, x->half_hysteresis);
+    engaged = armed && x->over && x->above;
+    x->loaded_for = engaged ? load_count(x->loaded_for) : 0;
+    return engaged;
+}
+
+/* Step 6: 1 while a cause of a fault is present. */
+static int load_cause(const LoadSettings *s, LoadState *x, const LoadInput *in, int armed, int equal)
+{
+    const LoadReal off = (LoadReal)LOAD_PERIOD_SHARE * s->sample_time;
+    const int beat = in->beat != 0;
+    const int loaded = x->loaded_for >= x->n_engage;
+    x->same = loaded && equal ? load_count(x->same) : 0;
+    if (x->begun && beat != x->last_beat) x->alive = x->n_beat;
+    else if (x->alive > 0) --x->alive;
+    x->last_beat = beat;
+    if (!armed) return 0;
+    return x->bad >= x->n_lost || (s->stuck_after > 0 && x->same >= x->n_stuck) || (s->heartbeat > 0 && x->alive == 0)
+        || !(in->requested >= 0 && in->requested < (LoadReal)LOAD_MOST)
+        || !load_between(s->sample_time - off, in->period, s->sample_time + off);
+}
+
+/* Latches fault and overload; a reset clears each whose cause is gone, and worn. */
+static void load_latch(LoadState *x, int cause, int armed, int reset)
+{
+    x->fault = cause || (x->fault && !reset);
+    x->high_for = armed && x->mean > x->overload_above ? load_count(x->high_for) : 0;
+    x->overload = x->high_for >= x->n_overload || (x->overload && !reset);
+    if (reset) {
+        x->worn = 0;
+        x->rested = 0;
+    }
+}
+
+/* Step of pid: its sum holds while the output is clipped and the error pushes further. */
+static LoadReal load_position(const LoadSettings *s, LoadState *x, LoadReal error)
+{
+    LoadReal out;
+    if (error * (LoadReal)x->clipped <= 0) x->sum += error * s->sample_time;
+    out = x->bias + s->p * error + s->i * x->sum;
+    x->clipped = (out > x->half) - (out < -x->half);
+    return x->middle + load_clip(out, -x->half, x->half);
+}
+
+/* Equation 16 of doi 10.1109/ACCESS.2023.3330587 inside limits and rates. */
+static LoadReal load_incremental(const LoadSettings *s, LoadState *x, LoadReal error)
+{
+    LoadReal out, least = x->bias - x->fall, most = x->bias + x->rise;
+    if (error * (LoadReal)x->clipped <= 0) x->sum += error;
+    out = x->bias + s->p * error + s->i * s->sample_time * x->sum;
+    x->clipped = (out > s->high) - (out < s->low);
+    x->bias = load_clip(out, s->low > least ? s->low : least, s->high < most ? s->high : most);
+    return x->bias;
+}
+
+/* Step 7: override that the control law asks for. */
+static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error, int entering)
+{
+    LoadReal target;
+    int k;
+    if (entering) {
+        x->bias = x->u + s->entry_gain * error;
+        if (!s->incremental) x->bias -= x->middle;
+        x->sum = 0;
+        x->clipped = 0;
+        if (s->average_command)
+            for (k = 0; k < s->average; ++k) x->kept[k] = x->u;
+    }
+    x->had_cut = 1;
+    target = s->incremental ? load_incremental(s, x, error) : load_position(s, x, error);
+    return s->average_command && s->average > 1 ? load_average(s, x, target) : target;
+}
+
+/* Step 8 outside of the control law. */
+static LoadReal load_open(const LoadSettings *s, LoadState *x, const LoadInput *in, int armed)
+{
+    if (!armed && in->idle && in->load - s->engage_at < -x->half_hysteresis) x->had_cut = 0; /* NaN: kept */
+    if (x->fault || x->overload) return s->low;
+    if (x->had_cut) return x->u;
+    return armed ? s->low : (LoadReal)1;
+}
+
+static void load_limit(const LoadSettings *s, LoadState *x, LoadReal target)
+{
+    LoadReal most;
+    target = load_clip(target, s->low, s->high);
+    if (!x->begun) {
+        x->u = x->average = target;
+        return;
+    }
+    if (target > x->u || target < x->u) x->falling = target < x->u;
+    most = x->falling ? x->fall : x->rise;
+    x->u = load_clip(target, x->u - most, x->u + most);
+}
+
+/* Step 9: the mean override rests on the lower limit; time in air neither counts nor resets it. */
+static void load_rest(LoadState *x)
+{
+    x->average += (x->u - x->average) * x->worn_gain;
+    if (!x->cutting) return;
+    x->rested = x->average <= x->rest ? load_count(x->rested) : 0;
+    if (x->rested >= x->n_dwell) x->worn = 1;
+}
+
+static void load_stop(LoadOutput *out) /* the state was not initialised */
+{
+    memset(out, 0, sizeof *out);
+    out->state = LOAD_FAULT;
+    out->fault = 1;
+    out->feed_inhibit = 1;
+}
+
+static void load_output(const LoadSettings *s, LoadState *x, const LoadInput *in, LoadOutput *out, int armed, int engaged)
+{
+    LoadReal real;
+    if (in->requested > 0 && in->requested < (LoadReal)LOAD_MOST) x->factor = s->feed_programmed / in->requested;
+    real = x->u * x->factor;
+    out->feed_override = real < (LoadReal)1 ? real : (LoadReal)1;
+    out->u = x->u;
+    out->measured = x->measured;
+    out->fault = x->fault;
+    out->worn = x->worn;
+    out->overload = x->overload;
+    out->feed_inhibit = x->overload || (x->fault && s->stop_on_fault);
+    if (x->fault || x->overload) out->state = LOAD_FAULT;
+    else if (x->cutting) out->state = x->worn ? LOAD_WORN : LOAD_CONTROL;
+    else if (armed) out->state = engaged ? LOAD_ENTRY : LOAD_AIR;
+    else out->state = LOAD_OFF;
+}
+
+void load_control_step(const LoadSettings *s, LoadState *x, const LoadInput *in, LoadOutput *out)
+{
+    int armed, equal, engaged, reset, cutting;
+    LoadReal target;
+    if (x->ready != LOAD_READY) {
+        load_stop(out);
+        return;
+    }
+    equal = load_read(s, x, in, &armed);
+    engaged = load_engage(s, x, armed);
+    reset = in->reset && !x->last_reset;
+    x->last_reset = in->reset != 0;
+    load_latch(x, load_cause(s, x, in, armed, equal), armed, reset);
+    cutting = x->loaded_for >= x->n_engage && !x->fault && !x->overload;
+    if (cutting) target = load_closed(s, x, s->reference - x->measured, !x->cutting);
+    else target = load_open(s, x, in, armed);
+    x->cutting = cutting;
+    load_limit(s, x, target);
+    load_rest(x);
+    load_output(s, x, in, out, armed, engaged);
+    x->begun = 1;
+}
+#endif
