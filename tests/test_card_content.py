@@ -14,11 +14,13 @@ from fitmodels.cards.content.numbers import count, figure, number, percent, plac
 from fitmodels.cards.content.parts import Card, NumberPart, PublicationPart
 from fitmodels.cards.content.profiler import inside, profile, profile_all, profiled, profiler_part
 from fitmodels.cards.content.uncertainty import of_law, statements
+from fitmodels.cards.content.windows import ENGAGEMENT
 from fitmodels.cards.folder import markdown
 from fitmodels.core.rounding import decimals
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect, read, write
 from fitmodels.parameters.file import sealed
+from fitmodels.parameters.sections.load_line import Engagement
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -308,6 +310,20 @@ def test_the_settings_of_constant_load(files):
     assert facts["lower feed limit"].value == line.lower.value
     assert facts["lower feed limit, low end"].value == line.lower.interval.low
     assert "feed line" in card.empty["profiler"]
+
+
+def test_engagement_and_monitoring_are_shown_with_their_units(files):
+    """What the file states is a number with its unit; a fault that stops is a sentence; nothing of it is hidden."""
+    line = files["load line"].load_line.model_dump()
+    given = {"idle": 0.1, "lost_after": 0.05, "stuck_after": 0.0, "on_fault": "stop", "recover": 0.2}
+    window = compose(sealed(files["load line"], load_line={**line, "engagement": given})).windows[1]
+    facts = {n.name: (n.number.text, n.number.unit) for n in window.facts}
+    assert facts["load of the running spindle in air"] == ("0.1", "A")
+    assert facts["time of invalid readings that is a fault"] == ("0.05", "s")
+    assert facts["time of equal readings in the cut that is a fault, 0: not monitored"] == ("0", "s")
+    assert facts["fastest rise of the override"] == ("0.2", "1/s")
+    assert "A fault inhibits the feed." in window.sentences
+    assert set(ENGAGEMENT) | {"on_fault"} == set(Engagement.model_fields)
 
 
 def test_the_window_of_operation_is_the_controllers(pf, card):

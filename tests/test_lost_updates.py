@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fitmodels import parameters
+from fitmodels import cards, parameters
 from fitmodels.cli import main
 from fitmodels.cli.arguments import traced
 from fitmodels.core import errors
@@ -297,6 +297,15 @@ def test_the_error_states_what_was_written(tmp_path):
     with pytest.raises(ParameterError, match=r"a.png: cannot be written"):
         write_together(tmp_path / "a.json", b"{}", {tmp_path / "a.png": b"PNG"}, error=ParameterError)
     assert not (tmp_path / "a.json").exists()
+
+
+def test_a_folder_that_is_written_again_without_gains_has_no_picture_of_them(file):
+    pf = sealed(read(file), pi=None)
+    with_picture(file)
+    cards.write(sealed(pf, pi=gains(1)), file.parent, force=True)
+    assert drawn(file) == (1.0, 1.0)
+    cards.write(pf, file.parent, force=True)
+    assert not (file.parent / "figures" / "pi.png").exists()
 
 
 # --- provenance ---------------------------------------------------------------------------------------

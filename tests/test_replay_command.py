@@ -40,6 +40,23 @@ def test_the_name_of_a_paper_stands_for_its_file(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())  # nothing is drawn without --out
 
 
+def test_the_replay_of_constant_load_states_what_a_fault_does(capsys):
+    """Times of detection and of the fall to the lower limit, by the settings of the file and by what is assumed."""
+    assert main(["replay", "CLM-2023", "--system", "constant-load", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)["systems"]["constant-load"]
+    (words,) = [line for line in report["lines"] if "is a fault" in line]
+    assert words.startswith(
+        "A load that is invalid for 0.05 s, equal for 1 s in the cut or without a heartbeat for 0.2 s"
+    )
+    assert "takes the feed to 600 mm/min within a further 0.5 s" in words
+    assert report["monitoring"] == {
+        "load_low": 0.05, "load_high": 1.0, "overload_load": pytest.approx(1.05 * 0.28), "unit_load": "A",
+        "arm_after_s": 0.5, "lost_after_s": 0.05, "stuck_after_s": 1.0, "heartbeat_s": 0.2, "overload_after_s": 0.5,
+        "on_fault": "lower limit",
+    }  # fmt: skip
+    assert "on_fault lower limit, not stop" in report["assumed"]
+
+
 def test_verdicts_stand_before_the_replay(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["replay", "AC-2017", "--system", "region"]) == 0

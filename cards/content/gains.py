@@ -63,6 +63,11 @@ def as_they_run(pi: PiSection) -> tuple[FactPart, ...]:
         *fact("Ki", figure(pi.ki, 6, f"{per}/s"), "parallel: Kp does not multiply it"),
         *(fact("Ti", figure(pi.ti, 6, "s"), "Kp / Ki") if pi.ti is not None else ()),
         *fact("sample time", figure(pi.sample_time, 6, "s")),
+        *(
+            fact("setpoint weight", figure(pi.setpoint_weight, 6), "of the reference in the proportional part")
+            if pi.setpoint_weight != 1
+            else ()
+        ),
         *fact("form", NONE, FORMS[pi.form]),
         *fact("integral", NONE, RULES[pi.integration]),
         *fact("delay", count(pi.delay, "samples")),

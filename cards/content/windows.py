@@ -6,7 +6,15 @@ from ...core.errors import FitmodelsError
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance
 from ...parameters.sections.force_control import AdaptiveForceSection, RoughnessSection
-from ...parameters.sections.load_line import Bound, FeedLimit, LimitInterval, LimitsSection, LoadLineSection, Range
+from ...parameters.sections.load_line import (
+    Bound,
+    Engagement,
+    FeedLimit,
+    LimitInterval,
+    LimitsSection,
+    LoadLineSection,
+    Range,
+)
 from .design import middle_of, reference
 from .numbers import fact, figure, percent, quantity, sentence
 from .parts import FactPart, NumberPart, WindowPart
@@ -20,6 +28,28 @@ ALONE = "The file has no power law in V and f of the limited quantities, so ther
 BOUNDS = {"power": "power", "force": "force", "wear": "wear"}
 RANGES = {"feed": "feed", "feed_rate": "feed rate", "speed": "cutting speed", "spindle_speed": "spindle speed"}
 TITLE = "Operating window"
+# field of the engagement -> words and unit ("load" and "feed": those of the settings)
+ENGAGEMENT = {
+    "feed_programmed": ("programmed feed, override 1", "feed"),
+    "engage_at": ("load that identifies a cut", "load"),
+    "hysteresis": ("width of this threshold", "load"),
+    "engage_after": ("time above it until the loop controls", "s"),
+    "feed_forward": ("feed-forward from the load law at entry", ""),
+    "back_off": ("fastest fall of the override", "1/s"),
+    "recover": ("fastest rise of the override", "1/s"),
+    "filter_corner": ("corner of the low-pass of the load", "Hz"),
+    "sample_time": ("period of the thread", "s"),
+    "idle": ("load of the running spindle in air", "load"),
+    "load_low": ("smallest valid reading", "load"),
+    "load_high": ("largest valid reading", "load"),
+    "arm_after": ("time that the spindle runs before the load is monitored", "s"),
+    "lost_after": ("time of invalid readings that is a fault", "s"),
+    "stuck_after": ("time of equal readings in the cut that is a fault, 0: not monitored", "s"),
+    "heartbeat": ("time without a heartbeat that is a fault, 0: not monitored", "s"),
+    "overload_after": ("time of an overload that inhibits the feed", "s"),
+}
+ON_FAULT = {"lower limit": "a fault takes the feed to its lower limit", "stop": "a fault inhibits the feed"}
+ASSUMED = "engagement and monitoring that are not listed are assumed by exports and replays, which state their values"
 
 
 def window_parts(pf: ParameterFile) -> tuple[WindowPart, ...]:
@@ -67,6 +97,7 @@ def load_line_window(line: LoadLineSection, pf: ParameterFile) -> WindowPart:
         *(fact("probability of a wear in this range", percent(line.probability, 2), line.probability_of)
           if line.probability is not None else ()),
         *fact("dwell time at the lower limit", figure(line.dwell, 6, "s")),
+        *_engagement(line.engagement, {"load": load, "feed": feed}),
     )  # fmt: skip
     sentences = [
         *law_cautions(pf, [line.law]),
@@ -74,11 +105,25 @@ def load_line_window(line: LoadLineSection, pf: ParameterFile) -> WindowPart:
         "feed limits; the tool is changed when the command stays at the lower one",
         *([f"no probability of the wear: {line.probability_of}"] if line.probability is None and line.probability_of
           else []),
+        *([ON_FAULT[line.engagement.on_fault]] if line.engagement and line.engagement.on_fault else []),
+        ASSUMED,
         *line.notes,
     ]  # fmt: skip
     by = f", {line.by}" if line.by else ""
     title = f"Constant load, from the law of {line.law}{by}"
     return WindowPart(title=title, facts=facts, sentences=tuple(sentence(text) for text in sentences))
+
+
+def _engagement(given: Engagement | None, units: dict[str, str]) -> tuple[FactPart, ...]:
+    """What the file states of engagement and monitoring."""
+    if given is None:
+        return ()
+    facts = (
+        fact(words, figure(getattr(given, name), 6, units.get(unit, unit)))
+        for name, (words, unit) in ENGAGEMENT.items()
+        if getattr(given, name) is not None
+    )
+    return tuple(item for each in facts for item in each)
 
 
 def roughness_window(r: RoughnessSection, pf: ParameterFile) -> WindowPart:

@@ -52,10 +52,10 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     loop = loop_of(pf)
     mixed, of_mixed = _mixed(pf)
     lines = (
-        _change(run, line), _settings(line), _held(run, line), *_gain(run, fixed, pf, line), _limit(pf, run, line),
-        _overload(loop, cut, line), *mixed, _scaling(pf, cut), *_spread(pf, draws),
+        _change(run, line), _settings(line), _monitoring(loop), _held(run, line), *_gain(run, fixed, pf, line),
+        _limit(pf, run, line), _overload(loop, cut, line), *mixed, _scaling(pf, cut), *_spread(pf, draws),
     )  # fmt: skip
-    facts = {**_facts(run, fixed, cut), **of_mixed}
+    facts = {**_facts(run, fixed, cut), "monitoring": _monitored(loop), **of_mixed}
     return Replayed("constant-load", TITLE, lines, _assumed(pf, cut), facts, _figures(run, fixed, pf))
 
 
@@ -72,6 +72,21 @@ def _settings(line: "LoadLineSection") -> str:
     return (
         f"Reference load {line.reference:g} {line.unit_load}, {line.safety_factor:g} times the {line.worn:g} of a "
         f"worn tool; feeds from {line.lower.value:.4g} to {line.upper.value:.4g} {line.unit_feed}."
+    )
+
+
+def _monitoring(loop: "LoadLoop") -> str:
+    """What is a fault and what it does, with the time from the first wrong reading to the safe state."""
+    causes = [f"invalid for {loop.lost_after:g} s"]
+    causes += [f"equal for {loop.stuck_after:g} s in the cut"] if loop.stuck_after else []
+    causes += [f"without a heartbeat for {loop.heartbeat:g} s"] if loop.heartbeat else []
+    named = " or ".join(filter(None, (", ".join(causes[:-1]), causes[-1])))
+    fall = (loop.high - loop.low) / loop.back_off
+    stop = "inhibits the feed and " if loop.stop_on_fault else ""
+    return (
+        f"A load that is {named} is a fault, which {stop}takes the feed to {loop.feed_low:.4g} {loop.unit_feed} within "
+        f"a further {fall:.3g} s; a mean load above {loop.overload_at:.4g} {loop.unit_load} for "
+        f"{loop.overload_after:g} s inhibits it (calculated from the settings, not simulated)."
     )
 
 
@@ -186,6 +201,16 @@ def _assumed(pf: "ParameterFile", cut: CutModel) -> tuple[str, ...]:
         *marked,
         *(() if cut.area else ("no width and depth of cut in the wear law, so no metal removal rate",)),
     )
+
+
+def _monitored(loop: "LoadLoop") -> dict[str, object]:
+    """Settings of the monitoring with their units in the names; times in s, 0 where something is not monitored."""
+    names = ("arm_after", "lost_after", "stuck_after", "heartbeat", "overload_after")
+    return {
+        "load_low": loop.load_low, "load_high": loop.load_high, "overload_load": loop.overload_at,
+        "unit_load": loop.unit_load, **{f"{name}_s": getattr(loop, name) for name in names},
+        "on_fault": "stop" if loop.stop_on_fault else "lower limit",
+    }  # fmt: skip
 
 
 def _facts(run: ToolRun, fixed: ToolRun, cut: CutModel) -> dict[str, object]:
