@@ -7,6 +7,8 @@ from ..core.errors import UsageError
 from .arguments import Parser
 from .output import print_lines
 
+SIMULATED = ("simulation", "draws", "fault")  # findings that state how the control was tried
+
 
 def parser() -> Parser:
     """Arguments of ``fitmodels export``."""
@@ -32,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the file, print what was assumed and what it cannot contain, and return the exit code."""
     from .. import parameters
     from ..controllers.exports import ControlFormat, export, export_format
+    from ..controllers.gate import check_control
     from ..parameters.checks.report import require_verdicts
     from ..parameters.exports.view import export_view
 
@@ -44,9 +47,12 @@ def run(args: argparse.Namespace) -> int:
     pf = parameters.read(args.file)
     written = export(pf, args.to, out, force=args.force, accept_verdict=args.accept_verdict)
     view = export_view(pf, accept_verdict=args.accept_verdict, loop_only=loop_only)
+    control = check_control(pf).findings if view.loop is not None or loop_only else ()
     print_lines([
         f"wrote {written}",
         *(f"  {words}" for words in require_verdicts(pf, args.accept_verdict, loop_only=loop_only)),
+        *(f"  {f.name}: {f.words}" for f in control if f.passed and f.name in SIMULATED),
+        *(f"  not known: {f.words}" for f in control if f.passed is None),
         *(f"  assumed: {words}" for words in view.assumed),
         *(f"  not included: {words}" for words in kind.not_carried),
     ])  # fmt: skip

@@ -3,6 +3,7 @@ from .constant_load_milling.controller import ConstantLoad as ConstantLoad
 from .constant_load_milling.plant import MillingCut as MillingCut
 from .constant_load_milling.runs import constant_load_run as constant_load_run
 from .exports import export as export
+from .gate import check_control as check_control
 from .loop import replay as replay
 from .recursion.controller import TurningRecursion as TurningRecursion
 from .recursion.distribution import life_draws as life_draws
@@ -20,6 +21,7 @@ __all__ = [
     "MillingCut",
     "TurningRecursion",
     "best_point",
+    "check_control",
     "constant_load_run",
     "export",
     "feasibility",

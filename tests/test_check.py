@@ -384,7 +384,8 @@ def test_the_command_tells_every_finding(pf, tmp_path, capsys):
     assert main(["check", str(path)]) == 0
     out = capsys.readouterr().out
     assert "ok    The content is unchanged." in out
-    assert out.endswith(f"{len(check(pf).findings)} findings, all checks passed.\n")
+    assert "note  No control can be exported: the file has a PI that commands 'V'" in out
+    assert out.endswith(f"{len(check(pf).findings) + 1} findings, all checks passed.\n")
 
 
 def test_the_command_shows_doubts_about_the_data_and_passes(pf, tmp_path, capsys):

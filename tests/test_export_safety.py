@@ -54,7 +54,7 @@ def test_a_nasty_unit_or_symbol_is_text_too(constant_load_file, kind):
         limits={"force": {"value": 1.0, "unit": "N", "of": nasty}},
         roughness={"law": nasty, "roughness": 1.0, "force": 400.0, "threshold": 100.0, "override_high": 1.5},
     )  # fmt: skip
-    out = rendered(pf, kind)
+    out = rendered(pf, kind, accept_verdict=True)  # a file without a load law
     assert nasty not in (out.decode("latin-1") if isinstance(out, bytes) else out)
 
 
@@ -129,7 +129,7 @@ def with_law(constant_load_file, **verdicts):
     }  # fmt: skip
     line = {
         **law, "form": "load_line", "response": "I", "unit": "A", "equation": "", "verdict": verdicts.get("I", usable),
-        "coefficients": {"A": 0.1, "B": 1e-4, "k1": 0.2},
+        "coefficients": {"A": 0.09584, "B": 1.2416e-4, "k1": 0.24832},
         "factors": [
             {"symbol": "fm", "quantity": "", "unit": "mm/min", "low": 600.0, "high": 1000.0},
             {"symbol": "VB", "quantity": "", "unit": "mm", "low": 0.0, "high": 0.2},

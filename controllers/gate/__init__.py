@@ -1,23 +1,256 @@
-"""The gate in front of the export of a running control: only what it passes can be written for a machine.
+"""The gate in front of the export of a running control: it simulates the exported arithmetic on the cut of the file.
 
->>> from fitmodels.controllers.gate import GatedControl
->>> try:
-...     GatedControl()
-... except TypeError as error:
-...     print(error)
-a GatedControl is made by gated_control(pf), which checks the control first
+settings      signs, sizes, units, limits and times of the sections against each other
+simulation    the controller on load law and dynamics, from a sharp to a worn tool, and under faults
+
+`check_control` lists the findings; `gated_control` refuses where one fails, and makes the only object that the writers
+of running controls take.
 """
 
-from typing import TYPE_CHECKING, final
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final, final
 
-from ...core.errors import GateError
+import numpy as np
+
+from ...core.errors import GateError, ParameterError
+from ...parameters.checks import check
+from ...parameters.checks.loop_figures import closed_loop, figures
+from ...parameters.checks.report import VERDICT, CheckReport, FileFinding
 from ...parameters.exports.loop import LoadLoop, loop_settings
+from ...parameters.exports.names import plain_lines
 from ...parameters.exports.view import ExportView, export_view
+from ...parameters.sections.base import Covariance, ModelCovariance
+from .settings import Line, check_line, check_order, dynamics_slope, in_units_of_the_loop, line_of_file
+from .simulation import LONGEST, Bench, Tool, check_losses, drive_of, faults_of, simulate_fault, simulate_tool
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
+    from ...parameters.sections.dynamics import DynamicsSection, PiSection
 
 _MADE_BY_THE_GATE = object()
+DRAWS: Final = 100  # of load law and dynamics
+UNSTABLE: Final = 0.05  # share of draws: more are refused
+LONG: Final = 60.0  # s to settle
+DITHER: Final = 1e-5  # of the reference: noise of a sensor whose noise is not known, so that no reading repeats
+SEED: Final = 20
+
+
+def check_control(pf: "ParameterFile") -> CheckReport:
+    """Findings of the gate on the control of a parameter file; none where the file has no gains and no settings.
+
+    Signs, sizes, units, limits and times of the sections are compared; then the arithmetic that is exported runs on the
+    load law behind the drive's dynamics, the override in steps of 1 %, from a sharp to a worn tool, with draws of law
+    and dynamics, and under faults of the sensor. A simulation: it knows no more of the machine than the file.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+
+    Returns
+    -------
+    CheckReport
+
+    Examples
+    --------
+    >>> from fitmodels import controllers, parameters
+    >>> controllers.check_control(parameters.collect(tool="GC435", work="709M40", laws=[])).findings
+    ()
+    """
+    if pf.pi is None or pf.load_line is None:
+        return CheckReport(())
+    if check(pf).inconsistent:
+        return CheckReport(
+            (FileFinding("control", None, "The control was not simulated, as the file fails its check."),)
+        )
+    return CheckReport(_findings(_Same(pf)))
+
+
+class _Same:
+    """A parameter file that equals another where what the gate reads is equal."""
+
+    __slots__ = ("key", "pf")
+
+    def __init__(self, pf: "ParameterFile") -> None:
+        content = pf.model_dump_json(include={"laws", "dynamics", "pi", "load_line", "limits"})
+        self.pf, self.key = pf, (content, *(sensor.model_dump_json() for sensor in pf.identity.sensors))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+@lru_cache(maxsize=64)
+def _findings(same: _Same) -> tuple[FileFinding, ...]:
+    pf = same.pf
+    found = loop_settings(pf, own_form=True)
+    if found.loop is None:
+        passed = False if pf.pi and pf.load_line and in_units_of_the_loop(pf.pi, pf.load_line) else None
+        return (FileFinding("control", passed, f"No control can be exported: the file {found.lacking}"),)
+    findings = list(check_line(pf, found.loop))
+    if any(f.passed is False and f.name != VERDICT for f in findings):
+        return tuple(findings)
+    try:
+        findings += _simulated(pf, found.loop)
+    except ParameterError as error:
+        findings.append(FileFinding("control", False, f"The control cannot be simulated: {error}"))
+    return tuple(findings)
+
+
+def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
+    pi, model, line = pf.pi, pf.dynamics, pf.load_line
+    if pi is None or model is None or line is None:
+        return
+    cut, settling = line_of_file(pf, loop), figures(closed_loop(model, pi))["settling_time"]
+    order = list(check_order(loop, line, cut, settling))
+    yield from order
+    if not settling <= LONG or settling / loop.sample_time > LONGEST / 10:
+        yield FileFinding(
+            "times",
+            False,
+            f"The loop settles in {settling:.4g} s at a sample time of "
+            f"{loop.sample_time:.4g} s, too long for a control of load; tune again.",
+        )
+        return
+    if any(f.passed is False for f in order):
+        return
+    if not cut.noise:
+        yield FileFinding(
+            "noise",
+            None,
+            "The file states neither noise of the load's sensor nor residuals of the dynamics, so the "
+            "control was simulated without any.",
+        )
+        cut = replace(cut, noise=DITHER * loop.reference)
+    drive = drive_of(model, pi.delay)
+    slope = dynamics_slope(pi, model, line, loop)
+    tools = [("by the load law", simulate_tool(loop, cut, drive, settling))]
+    if abs(slope / cut.B - 1) > 0.02:
+        tilted = _tilted(cut, slope, loop)
+        tools.append(("with the gain of the dynamics", simulate_tool(loop, tilted, drive, settling, design=False)))
+    yield from _tool_findings(tools, loop)
+    if not tools[0][1].wrong:
+        yield from _draw_findings(pf, loop, cut, settling)
+        yield from _fault_findings(loop, tools[0][1].middle)
+
+
+def _tilted(cut: Line, slope: float, loop: LoadLoop) -> Line:
+    """The line with another slope through the load at the middle of the feed limits."""
+    middle = (loop.feed_low + loop.feed_high) / 2
+    return replace(cut, A=cut.A + (cut.B - slope) * middle, B=slope)
+
+
+def _tool_findings(tools: list[tuple[str, Tool]], loop: LoadLoop) -> Iterator[FileFinding]:
+    for name, tool in tools:
+        for words in tool.wrong:
+            yield FileFinding("simulation", False, f"Simulated {name}, {words}.")
+        if not tool.wrong:
+            yield FileFinding(
+                "simulation",
+                True,
+                f"Simulated {name}, a tool runs from sharp to worn: largest mean load "
+                f"over 0.2 s {tool.largest:.4g} {loop.unit_load}, a worn tool withstands "
+                f"{loop.worn_load:.4g}.",
+            )
+
+
+def _draw_findings(pf: "ParameterFile", loop: LoadLoop, cut: Line, settling: float) -> Iterator[FileFinding]:
+    """Findings over draws of load law and dynamics: the share of unstable loops, and a tool on an unfavourable one."""
+    pi, model = pf.pi, pf.dynamics
+    if pi is None or model is None:
+        return
+    lines, models, used = _lines(pf, cut), _models(model), []
+    used += ["the load law"] if len(lines) > 1 else []
+    used += ["the dynamics"] if len(models) > 1 else []
+    if not used:
+        yield FileFinding(
+            "draws",
+            None,
+            "Neither load law nor dynamics have a covariance, so the control was simulated at their estimates alone.",
+        )
+        return
+    pairs = [(lines[k % len(lines)], models[k % len(models)]) for k in range(DRAWS)]
+    radii = np.array([_radius(line, drawn, model, pi, cut) for line, drawn in pairs])
+    unstable, words = float(np.mean(~(radii < 1))), f"{DRAWS} draws of {' and '.join(used)}"
+    if unstable > UNSTABLE:
+        yield FileFinding(
+            "draws",
+            False,
+            f"Of {words}, {100 * unstable:.0f} % make the loop unstable, more than "
+            f"{100 * UNSTABLE:.0f} %; tune slower, or identify from a longer record.",
+        )
+        return
+    line, drawn = pairs[int(np.argsort(radii)[round((1 - UNSTABLE) * (DRAWS - 1))])]
+    tool = simulate_tool(loop, line, drive_of(drawn, pi.delay), settling, design=False)
+    for wrong in tool.wrong:
+        yield FileFinding("draws", False, f"Simulated on an unfavourable draw of {' and '.join(used)}, {wrong}.")
+    if not tool.wrong:
+        yield FileFinding(
+            "draws",
+            True,
+            f"Of {words}, {100 * unstable:.0f} % make the loop unstable; on an unfavourable "
+            "one a tool runs from sharp to worn.",
+        )
+
+
+def _lines(pf: "ParameterFile", cut: Line) -> list[Line]:
+    """Draws of A, B and k1, those with a load that rises with feed and wear; the line itself without a covariance."""
+    law = None if pf.load_line is None else pf.laws.get(pf.load_line.law)
+    if law is None or law.form != "load_line" or not isinstance(law.uncertainty, Covariance):
+        return [cut]
+    held, rng = law.uncertainty, np.random.default_rng(SEED)
+    steps = rng.multivariate_normal(np.zeros(len(held.of)), np.array(held.matrix), DRAWS, method="eigh")
+    moved = {name: steps[:, k] for k, name in enumerate(held.of)}
+    A, B, k1 = (getattr(cut, name) + moved.get(name, np.zeros(DRAWS)) for name in ("A", "B", "k1"))
+    lines = [
+        replace(cut, A=float(a), B=float(b), k1=float(k)) for a, b, k in zip(A, B, k1, strict=True) if b > 0 and k > 0
+    ]
+    return lines or [cut]
+
+
+def _models(model: "DynamicsSection") -> list["DynamicsSection"]:
+    """Draws of the dynamics that are stable; the model itself without a covariance."""
+    held = model.uncertainty
+    if not isinstance(held, ModelCovariance):
+        return [model]
+    rng, p, nb = np.random.default_rng(SEED + 1), len(model.a) - 1, model.nk
+    order = [held.of.index(name) for name in model.names]
+    matrix = np.array(held.matrix)[np.ix_(order, order)]
+    steps = rng.multivariate_normal(np.zeros(len(order)), matrix, DRAWS, method="eigh")
+    drawn = [
+        model.model_copy(
+            update={
+                "a": (1.0, *(np.array(model.a[1:]) + step[:p]).tolist()),
+                "b": (*model.b[:nb], *(np.array(model.b[nb:]) + step[p:]).tolist()),
+            }
+        )
+        for step in steps
+    ]
+    return [one for one in drawn if one.stable and np.isfinite(one.dc_gain) and one.dc_gain > 0] or [model]
+
+
+def _radius(line: Line, drawn: "DynamicsSection", model: "DynamicsSection", pi: "PiSection", cut: Line) -> float:
+    """Spectral radius of the loop with the shape of a drawn drive, its gain in proportion to the drawn slope."""
+    gain = model.dc_gain / drawn.dc_gain * line.B / cut.B
+    return closed_loop(drawn.model_copy(update={"b": tuple(gain * value for value in drawn.b)}), pi).radius
+
+
+def _fault_findings(loop: LoadLoop, middle: Bench | None) -> Iterator[FileFinding]:
+    if middle is None:
+        return
+    faults = faults_of(loop, loop.reference)
+    wrong = [words for fault in faults if (words := simulate_fault(loop, middle, fault))]
+    for words in wrong:
+        yield FileFinding("fault", False, f"{words[:1].upper()}{words[1:]}; run `fitmodels settings` again.")
+    if not wrong:
+        names = ", ".join(fault.name for fault in faults)
+        yield FileFinding(
+            "fault", True, f"Each of these takes the feed to its lower limit, latched until reset: {names}."
+        )
+    yield from check_losses(middle)
 
 
 @final
@@ -30,6 +263,14 @@ class GatedControl:
         The parameter file as a controller needs it.
     loop : LoadLoop
         Gains, limits and settings of the control, in the form of the file: ``position`` or ``incremental_sum``.
+
+    Examples
+    --------
+    >>> try:
+    ...     GatedControl()
+    ... except TypeError as error:
+    ...     print(error)
+    a GatedControl is made by gated_control(pf), which checks the control first
     """
 
     __slots__ = ("loop", "view")
@@ -54,15 +295,27 @@ def gated_control(pf: "ParameterFile", *, accept_verdict: bool = False) -> Gated
     ----------
     pf : ParameterFile
     accept_verdict : bool
-        Accept laws and dynamics that must not be used for control, or have no verdict.
+        Accept laws, dynamics and gains that must not be used for control, or have no verdict, and a file without a load
+        law, whose cut is then that of dynamics and feed limits.
 
     Raises
     ------
     GateError
-        The file fails the check, has no control, or a part of it must not be used for control.
+        The file fails the check or the gate, has no control, or a part of it must not be used for control.
     """
     view = export_view(pf, accept_verdict=accept_verdict, loop_only=True)
     found = loop_settings(pf, own_form=True)
     if found.loop is None:
         raise GateError(f"the parameter file of {view.tool} on {view.work} {found.lacking}")
-    return GatedControl(view, found.loop, _key=_MADE_BY_THE_GATE)
+    report = check_control(pf)
+    refused = [f for f in report.failed if not (accept_verdict and f.name == VERDICT)]
+    if refused:
+        first, *others = refused
+        more = f" {len(others)} more: see `fitmodels check`." if others else ""
+        accept = " --accept-verdict exports it all the same and records that in the exported file."
+        acceptable = all(f.name == VERDICT for f in refused)
+        raise GateError(f"not exported: {first.words}{more}{accept if acceptable else ''}")
+    accepted = [f"VERDICT ACCEPTED - {f.words}" for f in report.failed]
+    notes = [f.words for f in report.findings if f.passed is None]
+    lines = tuple(line for words in (*accepted, *notes) for line in plain_lines(words))
+    return GatedControl(replace(view, verdicts=(*view.verdicts, *lines)), found.loop, _key=_MADE_BY_THE_GATE)
