@@ -20,6 +20,7 @@ from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.exports.loop import loop_settings
 from fitmodels.parameters.exports.view import export_view
 from fitmodels.parameters.published import published
+from fitmodels.parameters.sections.load_line import Engagement
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -147,6 +148,17 @@ def test_losing_enable_or_spindle_in_the_cut_keeps_the_feed_until_motion_and_loa
     assert set(run(c, noisy(0.05, 100), idle=False)) == {last}
     assert set(run(c, [math.nan] * 100, idle=True)) == {last}
     assert run(c, noisy(0.05, 200), idle=True)[-1] == 1.0
+
+
+def test_a_pause_in_the_cut_keeps_the_feed(loaded):
+    """A worn tool's load stays above the threshold in a pause; the PI would raise the feed to its upper limit."""
+    c = worn_cut(loaded)
+    last = c.command
+    assert set(run(c, noisy(0.17, 100), idle=True)) == {last}
+    assert set(run(c, [0.17] * 100)) == {last}
+    assert (c.state, c.fault) == (State.ENTRY, False)
+    run(c, noisy(0.22, 5), idle=False)
+    assert c.state is State.CONTROL
 
 
 LOST = {"not a number": math.nan, "infinite": math.inf, "zero": 0.0, "negative": -0.22, "too large": 50.0}
@@ -366,7 +378,8 @@ def test_what_the_file_leaves_open_is_assumed_and_said(constant_load_file):
     found = loop_settings(constant_load_file(load_line={"engagement": None}))
     assert found.loop.back_off > found.loop.recover > 0
     assert 0 < found.loop.engage_at < found.loop.reference
-    assert len(found.assumed) == 12
+    left_open = Engagement.model_fields.keys() - {"filter_corner", "idle", "feed_forward", "sample_time"}
+    assert {words.split()[0] for words in found.assumed} == left_open | {"dwell"}
 
 
 def test_a_lower_limit_of_the_gains_and_the_machine_narrows_the_range(constant_load_file):

@@ -38,7 +38,8 @@ class ConstantLoad(Displayable):
     running : bool
         The spindle has run for ``arm_after`` before the first sample.
     enabled, spindle_on, idle, reset : bool
-        Inputs: the operator's switch; the spindle turns; motion is idle; the operator's acknowledgement, at its edge.
+        Inputs: the operator's switch; the spindle turns; the path does not advance, also in a pause; the operator's
+        acknowledgement, at its edge.
     beat : bool or None
         Input: heartbeat of the load's source; None: it lives.
     requested : float or None
@@ -244,7 +245,7 @@ class ConstantLoad(Displayable):
     def _cause(self, equal: bool) -> str:
         """Cause of a fault that is present, or nothing."""
         loop, n = self.loop, self._n
-        self._same = self._same + 1 if self._loaded and equal else 0
+        self._same = self._same + 1 if self._loaded and not self.idle and equal else 0
         beat = self.beat
         if beat is None or (self._last_beat is not None and beat != self._last_beat):
             self._alive = n["heartbeat"]
@@ -266,7 +267,7 @@ class ConstantLoad(Displayable):
 
     def _target(self, load: float) -> float:
         """Override that the state asks for, before limits and rates."""
-        cutting = self._loaded and not (self.fault or self.overload)
+        cutting = self._loaded and not (self.fault or self.overload or self.idle)
         u = self.loop.low if self._u is None else self._u
         if cutting != self.cutting:
             self.news += ("cut" if cutting else "air",)

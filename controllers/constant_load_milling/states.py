@@ -39,14 +39,16 @@ STATES: Final = (
     StateRow(
         State.OFF,
         "enable is off, or the spindle has not run for arm_after",
-        "programmed feed within the limits before a cut; after one the last feed, until motion is idle and the load "
+        "programmed feed within the limits before a cut; after one the last feed, until the path stops and the load "
         "is below the threshold",
         "back_off and recover",
     ),
     StateRow(State.AIR, "armed, load below the threshold", "lower limit before the first cut, then the last feed",
              "back_off"),
-    StateRow(State.ENTRY, "armed, load above the threshold for less than engage_after", "as in air", "engage_after"),
-    StateRow(State.CONTROL, "armed, load above the threshold for engage_after", "PI from the last feed",
+    StateRow(State.ENTRY, "armed, load above the threshold for less than engage_after, or the path does not advance",
+             "as in air", "engage_after"),
+    StateRow(State.CONTROL, "armed, load above the threshold for engage_after, the path advances",
+             "PI from the last feed",
              "back_off and recover"),
     StateRow(State.WORN, "control, and the mean feed rested on the lower limit for dwell; latched until reset",
              "as in control; pin worn", "dwell"),
