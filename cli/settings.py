@@ -113,9 +113,10 @@ def run(args: argparse.Namespace) -> int:
     given = _given(args)
     line = _computed(pf, {**_kept(pf), **given}, args)
     changed = sealed(pf, load_line=line, provenance=traced(pf, args.words))
+    alone, _ = _loop(sealed(changed, pi=None))
+    if alone and given:  # what gains lack is no reason to refuse settings
+        raise UsageError(f"{args.file} {alone} Nothing was written.")
     lacking, assumed = _loop(changed)
-    if lacking and given:
-        raise UsageError(f"{args.file} {lacking} Nothing was written.")
     parameters.write(changed, args.file, replaces=pf)
     verdicts = cautions(pf, line.law)
     if args.json:

@@ -10,6 +10,7 @@ from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
 from fitmodels.parameters import collect, read, write
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.sections.load_line import Engagement, LimitInterval, NoInterval
 from scipy import stats
 
@@ -321,6 +322,17 @@ def test_options_of_the_monitoring_are_written_kept_and_undone(params, capsys):
         None,
         0.1,
     )
+
+
+def test_gains_in_another_unit_are_stated_and_refuse_no_settings(params, capsys):
+    pf = read(params)
+    gains = {"kp": 0.3, "ki": 1.0, "sample_time": 0.02, "unit_u": "V", "unit_y": "A"}
+    write(sealed(pf, pi=gains), params, force=True)
+    said = settled(params, capsys, "--idle", "0.1")
+    assert (
+        "No controller can run these settings: the file has a PI that commands 'V' but feed limits in 'mm/min'" in said
+    )
+    assert read(params).load_line.engagement.idle == 0.1
 
 
 def test_every_field_of_the_engagement_has_an_option(params, capsys):
