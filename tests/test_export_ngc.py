@@ -71,6 +71,21 @@ def test_a_broken_file_does_not_run(rs274, constant_load_file, broken, by):
     assert rs274(text.replace(broken, by, 1)).returncode != 0
 
 
+@pytest.mark.consumer
+def test_rapids_run_without_adaptive_feed_and_cuts_with_it(rs274, constant_load_file):
+    """The program of the exported pattern: a move written where its lines say so."""
+    text = (
+        ngc_of(constant_load_file())
+        .replace("(fm - write G0 here)", "G0 X1")
+        .replace("(fm - write G1 here", "G1 X2 F1000 (")
+    )
+    order = re.findall(
+        r"DISABLE_ADAPTIVE_FEED|ENABLE_ADAPTIVE_FEED|STRAIGHT_TRAVERSE|STRAIGHT_FEED", rs274(text).stdout
+    )
+    moves = ["DISABLE_ADAPTIVE_FEED", "STRAIGHT_TRAVERSE", "ENABLE_ADAPTIVE_FEED", "STRAIGHT_FEED"]
+    assert order[: len(moves)] == moves
+
+
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_a_number_has_no_exponent_and_reads_back_to_the_same_float(value):
     text = fixed(value)

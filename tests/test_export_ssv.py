@@ -98,5 +98,5 @@ def test_what_has_no_si_form_is_not_passed_off_as_a_number(unit, constant_load_f
 
 @pytest.mark.consumer
 def test_a_file_without_gains_is_read_too(read_ssv, constant_load_file):
-    bare = constant_load_file(pi=None, load_line=None, dynamics=None)
+    bare = constant_load_file(pi=None, load_line=None, dynamics=None, laws=None)
     assert read_ssv(ssv_of(bare)).parameters == []

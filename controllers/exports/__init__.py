@@ -50,9 +50,7 @@ CONTROLS: Final = {
     "hal": ControlFormat(
         ".hal", "LinuxCNC HAL file: load pin to motion.adaptive-feed", hal_file, NOT_IN_HAL, incremental_sum=False
     ),
-    "st": ControlFormat(
-        ".st", "IEC 61131-3 structured text function block", structured_text, NOT_IN_ST, incremental_sum=False
-    ),
+    "st": ControlFormat(".st", "IEC 61131-3 structured text function block", structured_text, NOT_IN_ST),
     "c": ControlFormat(".c", "C source of the controller for firmware", c_file, NOT_IN_C),
     "comp": ControlFormat(
         ".comp", "LinuxCNC component for halcompile", component_file, NOT_IN_COMPONENT, file_name="fm_control.comp"

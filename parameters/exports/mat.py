@@ -57,6 +57,7 @@ def _about(view: ExportView) -> dict[str, Any]:
         "tool": view.tool, "work": view.work, "machine": view.machine,
         "simulated": np.nan if view.simulated is None else view.simulated,
         "verdicts": " ".join(view.verdicts) or "usable inside the tested region",
+        "limits_of_use": "; ".join(view.limits_of_use),
         "assumed": "; ".join(view.assumed) or "nothing", "not_carried": "; ".join(NOT_IN_MAT),
     }  # fmt: skip
 

@@ -49,6 +49,7 @@ def ini_file(view: ExportView) -> str:
         "made_by": view.made_by, "parameter_file": view.checksum, "tool": view.tool, "work": view.work,
         "machine": view.machine, "simulated": {True: "yes", False: "no", None: "unknown"}[view.simulated],
         **{f"verdict_{place}": words for place, words in enumerate(view.verdicts, 1)},
+        **{f"limit_of_use_{place}": words for place, words in enumerate(view.limits_of_use, 1)},
         **{f"assumed_{place}": words for place, words in enumerate(view.assumed, 1)},
         **{f"not_carried_{place}": words for place, words in enumerate(NOT_IN_INI, 1)},
     }  # fmt: skip
@@ -91,6 +92,7 @@ def gcode(view: ExportView) -> str:
         _gcode_comment(f"{view.made_by}, tool {view.tool}, work {view.work}"),
         *map(_gcode_comment, view.origin[1:-1]),
         _gcode_comment(f"parameter file {view.checksum}"),
+        *map(_gcode_comment, view.limits_of_use),
         *(_gcode_comment(f"not included - {words}") for words in NOT_IN_GCODE),
         *(_gcode_comment(f"assumed - {words}") for words in view.assumed),
         *_gcode_numbers(view.quantities),
@@ -115,9 +117,18 @@ def _gcode_numbers(quantities: tuple[Quantity, ...]) -> list[str]:
 def _gcode_feed(view: ExportView) -> list[str]:
     if view.loop is None:
         return []
+    loop = view.loop
+    per_minute = ", in G94 and G21" if loop.unit_feed == "mm/min" else ""
     return [
-        _gcode_comment(f"cut with F {view.loop.feed_programmed:.15g} {view.loop.unit_feed}, HAL reduces it from there"),
-        "M52 P1 " + _gcode_comment("adaptive feed on, HAL controls the feed"),
+        _gcode_comment(
+            f"cut with F {loop.feed_programmed:.15g} {loop.unit_feed}{per_minute}, HAL reduces it from there"
+        ),
+        _gcode_comment("adaptive feed scales rapids too, so it is off around them"),
+        "M52 P0 " + _gcode_comment("adaptive feed off before a rapid"),
+        _gcode_comment("write G0 here"),
+        "M52 P1 " + _gcode_comment("adaptive feed on before a cut, HAL controls the feed"),
+        _gcode_comment("write G1 here, and repeat these lines for the next cut"),
+        _gcode_comment("without M52 P1 before it a cut runs at the programmed feed, uncontrolled"),
     ]
 
 

@@ -5,6 +5,7 @@ file that fails the check is refused.
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 from ...core.errors import GateError
 from ..checks import check
@@ -14,6 +15,15 @@ from ..file_format import content_sha256
 from .loop import LoadLoop, loop_settings
 from .names import plain, plain_lines, plain_unit, safe_name
 from .quantities import Quantity, file_quantities
+
+NO_SAFETY: Final = (
+    "no safety function in the sense of ISO 13849 - drive limits, machine protection and emergency stop are needed",
+)
+NOT_DETECTED: Final = (
+    "not detected - a load that falls to exactly the load in air is taken for air, the feed keeps its last value",
+    "not detected - a reading in its valid range that drifts or is wrong by a factor, the tool load is then wrong too",
+    "detected late - a reading that stands still below the reference, the feed rises at the rate recover until then",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +92,14 @@ class ExportView:
         return (pair, *simulated, *self.verdicts, f"parameter file {self.checksum}")
 
     def remarks(self, not_carried: tuple[str, ...]) -> tuple[str, ...]:
-        """Lines on what was assumed and what the format cannot carry."""
-        return (*(f"assumed: {words}" for words in self.assumed), *(f"not included: {words}" for words in not_carried))
+        """Lines on the limits of use, on what was assumed and on what the format cannot carry."""
+        assumed = (f"assumed: {words}" for words in self.assumed)
+        return (*self.limits_of_use, *assumed, *(f"not included: {words}" for words in not_carried))
+
+    @property
+    def limits_of_use(self) -> tuple[str, ...]:
+        """Lines that every export carries: it is no safety function, and what a loop with these gains cannot detect."""
+        return NO_SAFETY if self.gains is None else (*NO_SAFETY, *NOT_DETECTED)
 
     def needed_loop(self) -> LoadLoop:
         """The loop, for a format that needs one.
