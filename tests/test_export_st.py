@@ -83,7 +83,7 @@ def wild(loop, samples=1000, seed=7) -> list[tuple]:
         return np.repeat(rng.random(samples // for_ + 1) < mostly, for_)[:samples].tolist()
 
     beat = (np.arange(samples) // 3 % 2 == 1) & np.repeat(rng.random(samples // 25) < 0.95, 25)
-    return list(zip(switch(0.97, 50), switch(0.95, 50), switch(0.5, 20), beat.tolist(), switch(0.1, 2), load.tolist(),
+    return list(zip(switch(0.97, 50), switch(0.95, 50), switch(0.2, 20), beat.tolist(), switch(0.1, 2), load.tolist(),
                     strict=True))  # fmt: skip
 
 
@@ -120,6 +120,7 @@ def directed(loop) -> list[tuple]:
     course.go(24, 0.4).go(40, 0.2).go(1, 0.2, reset=True).go(40, 0.2)
     for equal in (49, 50, 52):
         course.go(equal, 0.2, swing=0).go(10, 0.2).go(1, 0.2, reset=True).go(40, 0.2)
+    course.go(20, 0.2, swing=0).go(40, 0.2, swing=0, idle=True).go(30, 0.2, swing=0).go(20, 0.21)  # a pause
     for dead in (9, 10, 12):
         course.go(dead, 0.2, beats=False).go(1, 0.2, beats=False, reset=True).go(10, 0.2).go(1, 0.2, reset=True).go(
             30, 0.2
@@ -276,6 +277,15 @@ def test_a_cut_that_seems_to_end_keeps_the_last_feed(control, lost):
     block = called(text, cut + Course().go(300, load, **lost).rows)
     assert block["feed_override"] <= before
     assert block["state"] in (block["STATE_OFF"], block["STATE_AIR"])
+
+
+def test_a_pause_in_the_cut_keeps_the_feed(control):
+    """The load of a worn tool that stands still in its cut is below the reference: the PI would raise the feed."""
+    text = structured_text(control())
+    cut = Course().go(20, 0.1).go(60, 0.2).go(200, 0.25).rows
+    before = called(text, cut)["feed_override"]
+    block = called(text, cut + Course().go(300, 0.18, swing=0, idle=True).rows)
+    assert (block["feed_override"], block["fault"]) == (before, False)
 
 
 def test_a_fault_stops_the_feed_where_the_file_asks_for_it(control):

@@ -34,7 +34,7 @@ VAR_INPUT
   load : LREAL := 0.0; (* {unit_load} *)
   enable : BOOL := FALSE; (* off until it is switched on *)
   spindle_on : BOOL := FALSE; (* the spindle turns *)
-  motion_idle : BOOL := FALSE; (* no axis moves *)
+  motion_idle : BOOL := FALSE; (* the path does not advance, also in a pause, a feed hold or a dwell *)
   beat : BOOL := FALSE; (* {beat} *)
   reset : BOOL := FALSE; (* its rising edge clears fault, worn and overload where their cause is gone *)
 END_VAR
@@ -101,7 +101,7 @@ loaded := waited >= ENGAGE_SAMPLES;
 
 _WATCH = """
 (* 5. faults and overload, latched; a reset clears each whose cause is gone *)
-IF NOT (loaded AND (held = previous)) THEN
+IF NOT (loaded AND NOT motion_idle AND (held = previous)) THEN
   equal := 0;
 ELSIF equal < STUCK_SAMPLES THEN
   equal := equal + 1;
@@ -130,9 +130,9 @@ IF cleared THEN
   rested := 0;
 END_IF;
 
-(* 6. after a cut the last feed is kept until the machine is idle and the load below the threshold *)
+(* 6. after a cut the last feed is kept until the path stops and the load is below the threshold *)
 begins := NOT cutting;
-cutting := loaded AND NOT fault AND NOT overload;
+cutting := loaded AND NOT fault AND NOT overload AND NOT motion_idle;
 begins := begins AND cutting;
 IF cutting THEN
   had_cut := TRUE;
