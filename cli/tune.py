@@ -1,6 +1,7 @@
 """``fitmodels tune``: PI gains that meet a specification for the dynamics of a parameter file, added to it."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,10 @@ if TYPE_CHECKING:
 
 SAME = ("overshoot", "undershoot", "ms", "phase_margin", "gain_margin", "travel", "noise_gain")
 LIMITS = {"rise": "rise_time", "settle": "settling_time", **{name: name for name in SAME}}
+OF_COMMAND = ("low", "high", "rate", "travel", "noise_gain")  # in the unit of the command
 AGREE = 1.25  # static gain and slope of a load law are from two experiments
-CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup")
+CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup",
+              "setpoint_weight")  # fmt: skip
 
 
 def parser() -> Parser:
@@ -26,7 +29,8 @@ def parser() -> Parser:
         "fitmodels tune",
         "fitmodels tune params.json --rise 2 --settle 4 --overshoot 0.05",
         "Find PI gains that meet a specification for the dynamics of a parameter file, as the controller runs them,\n"
-        "and add them to the file. Times on the unit step of the reference: rise 10-90 %, settling within 2 %.",
+        "and add them to the file, with the probability that the specification holds, given the uncertainty of the\n"
+        "dynamics. Times on the unit step of the reference: rise 10-90 %, settling within 2 %.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json with dynamics (fitmodels ident)")
     asked = p.add_argument_group("specification; a quantity that is not given is not constrained")
@@ -39,8 +43,10 @@ def parser() -> Parser:
     asked.add_argument("--gain-margin", type=float, metavar="FACTOR", help="at least")
     asked.add_argument("--travel", type=float, help="total variation of the command at most")
     asked.add_argument("--noise-gain", type=float, help="rms command per rms sensor noise at most")
-    chance = "required probability that the specification holds, given the model uncertainty"
-    asked.add_argument("--probability", type=float, metavar="P", help=chance)
+    chance = asked.add_mutually_exclusive_group()
+    words = "required probability that the specification holds, given the model uncertainty (default: 0.9)"
+    chance.add_argument("--probability", type=float, metavar="P", help=words)
+    chance.add_argument("--nominal", action="store_true", help="require no probability: gains for the estimate alone")
     asked.add_argument(
         "--aim", default="ms", help="criterion minimised among admissible gains (default: ms; iae, travel ...)"
     )
@@ -53,6 +59,8 @@ def parser() -> Parser:
     runs.add_argument("--low", type=float, help="lowest command")
     runs.add_argument("--high", type=float, help="highest command")
     runs.add_argument("--rate", type=float, metavar="PER_S", help="largest change of the command per second")
+    weight = "share of the reference in the proportional part, 0 to 1 (default: 1); less overshoot, the same loop"
+    runs.add_argument("--setpoint-weight", type=float, metavar="SHARE", help=weight)
     runs.add_argument("--anti-windup", choices=["clamping", "back_calculation", "none"])
     scaling = "units of the command per unit of the model's input: static gain over the slope of the load law"
     runs.add_argument("--scaling", type=float, help=scaling)
@@ -67,9 +75,10 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
     from .. import parameters
+    from ..cards.folder import PI_FIGURE
     from ..core.progress import progress_bar
     from ..parameters.checks.report import cautions
-    from ..parameters.file import sealed
+    from ..parameters.file import replace, sealed
     from ..parameters.gather.control import pi_section
 
     pf = parameters.read(args.file)
@@ -84,19 +93,21 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(lines=False) as step:
         step.say("tuning")
         tuned = _tuned(pf.dynamics, args)
+    stated = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
     if tuned.misses and not args.force:
-        raise GateError(f"{tuned.verdict} Nothing was written; --force writes these gains, marked as such.")
+        raise GateError(f"{stated.words} {_remedy(tuned)}")
     forced = "kept by --force" if tuned.misses else None
-    section = pi_section(_scaled(tuned, args), scaling_u=args.scaling or 1.0, forced=forced)
+    section = pi_section(stated, scaling_u=args.scaling or 1.0, forced=forced)
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
-    parameters.write(changed, args.file, force=True)
+    figure = Path(args.file).parent / PI_FIGURE
+    replace(changed, args.file, pf, {figure: _picture(tuned, args)})
     verdicts = cautions(pf, "dynamics")
     if args.json:
-        facts = {"file": Path(args.file).name, "pi": section, "verdict": tuned.verdict, "verdicts": verdicts}
-        print_json("tune", facts, version=2)
+        facts = {"file": Path(args.file).name, "pi": section, "words": stated.words, "margins": _margins(stated)}
+        print_json("tune", {**facts, "verdicts": verdicts}, version=3)
         return 0
-    lines = [*verdicts, *_sentences(tuned, changed), *_scaling_by_load_law(changed, args)]
-    print_lines([*lines, _drawn(tuned, Path(args.file)), f"Written: pi in {args.file}"])
+    lines = [*verdicts, *_sentences(stated, changed), *_simulated(tuned, stated), *_scaling_by_load_law(changed, args)]
+    print_lines([*lines, f"Figure: {figure}", f"Written: pi in {args.file}"])
     return 0
 
 
@@ -124,33 +135,80 @@ def _tuned(d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
 
     limits = {name: value for key, name in LIMITS.items() if (value := getattr(args, key)) is not None}
     controller = {name: value for name in CONTROLLER if (value := getattr(args, name)) is not None}
-    if args.scaling is not None:  # limits of the command are in its own unit
-        controller |= {name: controller[name] / args.scaling for name in ("low", "high", "rate") if name in controller}
-    return tune_pi(model_of(d), aim=args.aim, probability=args.probability, seed=args.seed, **limits, **controller)
+    if args.scaling is not None:
+        limits, controller = (
+            {name: value / args.scaling if name in OF_COMMAND else value for name, value in options.items()}
+            for options in (limits, controller)
+        )
+    return tune_pi(
+        model_of(d), aim=args.aim, probability=args.probability, nominal=args.nominal, seed=args.seed,
+        verdict=None if d.verdict is None else d.verdict.verdict, **limits, **controller,
+    )  # fmt: skip
 
 
-def _scaled(tuned: "TunedPi", args: argparse.Namespace) -> "TunedPi":
-    """The gains in the unit of the command."""
-    from dataclasses import replace
-
-    return tuned if args.scaling is None else replace(tuned, gains=tuned.gains.in_units(args.unit, args.scaling))
+def _remedy(tuned: "TunedPi") -> str:
+    """What to do about gains that miss the specification, or its probability."""
+    other = (
+        "Relax the limit that is violated most often, identify on a longer record or with a larger amplitude, or "
+        "accept less: --probability P, or --nominal for gains on the estimate alone. "
+    )
+    return f"{other if tuned.only_probability else ''}Nothing was written; --force writes these gains, marked as such."
 
 
 def _sentences(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
-    f, pi = tuned.figures, pf.pi
+    """Gains, verdict with its reasons, probability, and the table of limits."""
+    from ..core.display import TextTable
+
+    pi, verdict = pf.pi, tuned.verdict
     assert pi is not None  # noqa: S101  just written
     per_sample = pi.ki * pi.sample_time
-    sentences = [
-        tuned.verdict,
-        f"Nominal model: rise time {f.rise_time:.3g} s, settling time {f.settling_time:.3g} s, overshoot "
-        f"{100 * f.overshoot:.2g} %, maximum sensitivity Ms {f.ms:.3f}, phase margin {f.phase_margin:.1f} degrees, "
-        f"gain margin {f.gain_margin:.2f}.",
-        f"Equivalent gains: Kp {pi.kp:.6g} {_unit(pi)}, Ki {pi.ki:.6g} {_unit(pi)} per second, "
-        + (f"{per_sample:.6g} per sample, integral time {pi.kp / pi.ki:.4g} s." if pi.ki else "no integral action."),
+    table = TextTable(
+        ("specification", "on the model", "limit", "left", "draws missing it"),
+        tuple(margin.row for margin in tuned.margins),
+    )
+    return [
+        f"Gains: Kp {pi.kp:.6g} {_unit(pi)}, Ki {pi.ki:.6g} {_unit(pi)} per second, "
+        + (f"{per_sample:.6g} per sample, integral time {pi.kp / pi.ki:.4g} s" if pi.ki else "no integral action")
+        + f"; {pi.form} form, {pi.integration} integration, sample time {pi.sample_time:g} s.",
+        " ".join([f"Verdict on the gains: {verdict.words}.", *verdict.reasons]),
+        tuned.stated,
+        *table.text().split("\n"),
+        *([f"Assumed: {'; '.join(tuned.assumed)}."] if tuned.assumed else []),
+        *([f"Marked in the file: {pi.forced}."] if pi.forced else []),
     ]
-    if pi.forced:
-        sentences.append(f"Marked in the file: {pi.forced}.")
-    return sentences
+
+
+def _simulated(tuned: "TunedPi", stated: "TunedPi") -> list[str]:
+    """Robustness, and simulated steps of reference and load, in words."""
+    from ..ident.pi.loop import load_step, loop_of
+
+    f, gains, model = stated.figures, stated.gains, tuned.model
+    factor = gains.kp / tuned.kp if tuned.kp else gains.ki / tuned.ki
+    u, y = gains.unit_u or "units of the command", gains.unit_y or "unit of the measurement"
+    load = load_step(loop_of(model, tuned.gains))
+    size = f"{factor * load.size:.3g} {u} at the input of the drive"
+    if math.isfinite(model.dc_gain) and model.dc_gain:
+        size += f", which would change the {model.output} by 1 {y} without control"
+    return [
+        f"Robustness of the loop on the model: maximum sensitivity Ms {f.ms:.3f}, phase margin {f.phase_margin:.1f} "
+        f"degrees, gain margin {f.gain_margin:.2f} (factor on the gain of the drive at which the loop oscillates), "
+        f"{f.delay_margin:.3g} s of further delay.",
+        f"Simulated step of the reference by 1 {y}, without limits of the command: rise time {f.rise_time:.3g} s, "
+        f"settling time {f.settling_time:.3g} s, overshoot {100 * f.overshoot:.2g} %; the command peaks at "
+        f"{f.peak_u:.4g} {u} and travels {f.travel:.4g} {u} in total.",
+        f"Simulated step of load ({size}): largest deviation {load.peak:.3g} {y}, down to 5 % of it after "
+        f"{load.recovery:.3g} s; the command travels {factor * load.travel:.4g} {u}.",
+    ]
+
+
+def _margins(tuned: "TunedPi") -> list[dict[str, Any]]:
+    """Margins as facts; infinite values are None."""
+    from dataclasses import asdict
+
+    return [
+        {name: None if isinstance(v, float) and not math.isfinite(v) else v for name, v in asdict(margin).items()}
+        for margin in tuned.margins
+    ]
 
 
 def _scaling_by_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
@@ -180,21 +238,14 @@ def _unit(pi: Any) -> str:  # noqa: ANN401
     return f"{pi.unit_u or 'command'}/{pi.unit_y or 'measurement'}"
 
 
-def _drawn(tuned: "TunedPi", file: Path) -> str:
-    """Draw the map of the gains and the step response of the loop in the folder of the file."""
-    from matplotlib.figure import Figure
+def _picture(tuned: "TunedPi", args: argparse.Namespace) -> bytes:
+    """Gains, trade-off and simulated steps as a PNG."""
+    from io import BytesIO
 
-    from ..ident.pi.loop import loop_of
+    from ..ident.pi.figures import tuning_figure
 
-    figure = Figure(figsize=(10.0, 4.4), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    tuned.plot(left)
-    n = max(int(2.0 * tuned.map.duration / tuned.model.sample_time), 50)
-    y = loop_of(tuned.model, tuned.gains).step(n)
-    right.plot([k * tuned.model.sample_time for k in range(n)], y, color="#1f5fa8")
-    right.axhline(1.0, color="0.6", lw=0.8, ls="--")
-    right.set(xlabel="time, s", ylabel="simulated response to a unit step of the reference")
-    path = file.parent / "figures" / "pi.png"
-    path.parent.mkdir(exist_ok=True)
-    figure.savefig(path, dpi=110)
-    return f"Figure: {path}"
+    out = BytesIO()
+    tuning_figure(tuned, args.unit, args.scaling or 1.0).savefig(
+        out, format="png", dpi=110, metadata={"Software": None}
+    )
+    return out.getvalue()

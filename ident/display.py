@@ -140,8 +140,12 @@ def of_gains(gains: PiGains) -> Display:
 
 @display_of.register
 def of_tuned(tuned: TunedPi) -> Display:
-    """The verdict and the figures of the loop."""
-    return Display(tuned.verdict, tuple(facts_of(tuned.figures)))
+    """The verdict on the gains and its reasons; margins to the limits; the figures of the loop."""
+    verdict = tuned.verdict
+    table = TextTable(
+        ("", "on the model", "limit", "left", "draws missing it"), tuple(margin.row for margin in tuned.margins)
+    )
+    return Display(f"{verdict.words}: {tuned.words}", tuple(facts_of(tuned.figures)), table, verdict.reasons)
 
 
 @display_of.register

@@ -188,7 +188,8 @@ def _without_disengagement(data: dict[str, Any]) -> dict[str, Any]:
     """
     line, pi = data.get("load_line"), data.get("pi")
     if pi is not None:
-        data = {**data, "pi": {**pi, "setpoint_weight": 1.0}}
+        unknown = dict.fromkeys(("probability_interval", "required_probability", "verdict"))
+        data = {**data, "pi": {**pi, **unknown, "missed": {}, "setpoint_weight": 1.0}}
     if line is None or line.get("engagement") is None:
         return data
     kept = {name: value for name, value in line["engagement"].items() if name != "disengage_after"}
@@ -200,8 +201,9 @@ def _without_disengagement(data: dict[str, Any]) -> dict[str, Any]:
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
 # Version 2 added ``reading``, the doubts about the data, and ``null`` of ``identity.simulated`` where it is not known.
 # Version 3 added ``verdict`` of laws, tool life, dynamics and adaptive force, ``suspects`` and ``without`` of laws.
-# Version 4 added the monitoring of the load in ``load_line.engagement`` and ``setpoint_weight`` of gains; it dropped
-# ``disengage_after`` (the loop disengages at once and keeps its feed) and any ``load_low`` that is not above zero.
+# Version 4 added the monitoring of the load in ``load_line.engagement`` and ``setpoint_weight``, ``verdict``,
+# ``missed``, ``probability_interval`` and ``required_probability`` of gains; it dropped ``disengage_after`` (the loop
+# disengages at once and keeps its feed) and any ``load_low`` that is not above zero.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,

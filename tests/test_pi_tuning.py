@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.ident.model import Model
+from fitmodels.ident.pi.controller import simulate_loop
 from fitmodels.ident.pi.feasible_region import evaluate, feasible_map
 from fitmodels.ident.pi.gains import PiGains
-from fitmodels.ident.pi.loop import loop_of
+from fitmodels.ident.pi.loop import load_step, loop_of
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.stability_region import gain_range
 from fitmodels.ident.pi.tuning import tune_pi
@@ -174,6 +175,74 @@ def test_the_controller_as_it_runs_is_what_is_tuned(controller):
     for name, value in controller.items():
         assert getattr(pi.gains, name) == value
     assert loop_of(PUBLISHED, pi.gains).figures() == pi.figures
+
+
+WEIGHTED = [
+    {"setpoint_weight": 0.5},
+    {"setpoint_weight": 0.0, "integration": "forward", "delay": 2},
+    {"setpoint_weight": 0.3, "integration": "trapezoidal", "filter_time": 0.1, "form": "incremental"},
+    {"setpoint_weight": 0.7, "average": 4},
+    {"setpoint_weight": 0.4, "average": 4, "average_of": "command", "delay": 1},
+]
+
+
+@pytest.mark.parametrize("options", WEIGHTED, ids=lambda o: ", ".join(map(str, o.values())))
+def test_figures_with_a_setpoint_weight_are_those_of_the_controller_that_runs(options):
+    """The step simulated sample by sample; the loop itself and its response to load are those of weight 1."""
+    gains = PiGains(1.2, 5.0, 0.02, **options)
+    loop, plain = loop_of(PUBLISHED, gains), loop_of(PUBLISHED, replace(gains, setpoint_weight=1.0))
+    run = simulate_loop(PUBLISHED, replace(gains, anti_windup="none"), np.ones(900))
+    np.testing.assert_allclose(run.output, loop.step(900), atol=1e-9)
+    figures, same = loop.figures(), plain.figures()
+    sent = np.r_[np.zeros(gains.delay), run.command][:900]
+    assert figures.travel == pytest.approx(np.abs(np.diff(sent, prepend=0.0)).sum(), rel=1e-6)
+    assert figures.peak_u == pytest.approx(np.abs(sent).max(), rel=1e-6)
+    assert figures.overshoot == pytest.approx(max(run.output.max() - 1, 0), abs=1e-6)
+    assert figures.peak_u < same.peak_u or figures.overshoot < same.overshoot
+    for name in ("ms", "phase_margin", "gain_margin", "noise_gain", "disturbance_peak", "disturbance_iae"):
+        assert getattr(figures, name) == getattr(same, name)
+
+
+def test_python_control_gives_the_same_step_with_a_setpoint_weight():
+    control = pytest.importorskip("control")
+    gains = PiGains(2.0, 6.0, 0.02, setpoint_weight=0.4)
+    z = control.tf("z")
+    integral = 6.0 * 0.02 * z / (z - 1)
+    integral.dt = 0.02
+    c, f = 2.0 + integral, 0.4 * 2.0 + integral
+    g = PUBLISHED.to_control()
+    _, y = control.step_response(control.minreal(f * g / (1 + c * g), verbose=False), T=np.arange(300) * 0.02)
+    np.testing.assert_allclose(loop_of(PUBLISHED, gains).step(300), y, atol=1e-6)
+
+
+def test_a_setpoint_weight_takes_overshoot_from_gains_that_are_as_robust():
+    asked = {"settling_time": 3.0, "overshoot": 0.02, "ms": 2.0, "n": SMALL, "aim": "disturbance_iae"}
+    one, weighted = (tune_pi(INTEGRATOR, setpoint_weight=w, **asked) for w in (1.0, 0.0))
+    assert weighted.feasible
+    assert weighted.figures.overshoot <= 0.02
+    assert weighted.figures.disturbance_iae < 0.8 * one.figures.disturbance_iae
+
+
+def test_the_step_of_load_is_that_of_the_controller_that_runs():
+    gains = PiGains(0.8, 3.0, 0.02, delay=1, filter_time=0.05)
+    found = load_step(loop_of(PUBLISHED, gains), 18.0)
+    assert found.size == pytest.approx(1 / PUBLISHED.dc_gain)
+    run = simulate_loop(PUBLISHED, gains, np.zeros(901), load=found.size, load_at="input")
+    np.testing.assert_allclose(found.output, run.output, atol=1e-9)
+    np.testing.assert_allclose(found.command[1:], run.command[:-1], atol=1e-9)
+    assert np.abs(run.output[round(found.recovery / 0.02) :]).max() <= 0.05 * found.peak + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"setpoint_weight": 1.5}, "from 0 to 1"),
+        ({"setpoint_weight": 0.5, "form": "incremental_sum"}, "would not reach the reference"),
+    ],
+)
+def test_a_setpoint_weight_that_cannot_be_is_refused(options, words):
+    with pytest.raises(UsageError, match=words):
+        PiGains(1.0, 1.0, 0.02, **options)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """``fitmodels tune``: gains into the file that holds the dynamics, or a refusal that says what fails."""
 
 import json
+import re
 
+import numpy as np
 import pytest
 from fitmodels import ident, parameters
 from fitmodels.cli import main
@@ -55,7 +57,12 @@ def test_gains_that_meet_the_specification_are_added(file, capsys, tmp_path):
     assert pi.figures.ms <= 1.3
     assert pi.forced is None
     assert (pi.unit_u, pi.unit_y) == ("V", "A")
-    assert "meets the specification (rise time" in out
+    assert re.search(r"rise time \(10-90 %\) [\d.]+ s <= 2 s", out)
+    assert "Verdict on the gains: usable with reservations." in out
+    assert "cannot be stated: the model has no covariance" in out
+    assert re.search(r"Simulated step of load \(.* V at the input of the drive.*the command travels [\d.]+ V", out)
+    assert pi.verdict.level == "usable with reservations"
+    assert pi.probability is None
     assert (tmp_path / "figures" / "pi.png").read_bytes().startswith(b"\x89PNG")
     assert parameters.check(parameters.read(file)).ok
     again, _, said = tune(capsys, "--rise", "2", "--settle", "4")
@@ -92,9 +99,76 @@ def test_the_section_as_json(file, capsys):
     code = main(["tune", "p.json", "--rise", "2", "--settle", "4", "--json"])
     report = json.loads(capsys.readouterr().out)
     assert code == 0
-    assert report["schema"] == "fitmodels.tune/2"
+    assert report["schema"] == "fitmodels.tune/3"
+    assert {margin["name"] for margin in report["margins"]} >= {"rise_time", "settling_time", "overshoot"}
     direct = ident.tune_pi(G, 2.0, 4.0)
     assert report["pi"]["kp"] == pytest.approx(direct.kp, rel=1e-6)
+
+
+LOOSE = Model(b=[0.0, 0.1], a=[1.0, -0.9], nk=1, sample_time=0.1, cov_params=np.diag([1e-4, 1e-4]), unit_u="V",
+              unit_y="A")  # fmt: skip
+
+
+@pytest.fixture
+def loose(tmp_path, monkeypatch):
+    """A file whose dynamics have a covariance and a verdict."""
+    monkeypatch.chdir(tmp_path)
+    pf = parameters.collect(tool="end mill", work="S45C", dynamics=LOOSE, simulated=True)
+    usable = {"level": "usable inside the tested region", "reasons": []}
+    pf = sealed(pf, dynamics={**pf.dynamics.model_dump(), "verdict": usable})
+    return parameters.write(pf, tmp_path / "p.json")
+
+
+def test_the_default_asks_for_90_per_cent_and_the_file_keeps_it(loose, capsys):
+    code, out, _ = tune(capsys, "--rise", "1.5")
+    pi = parameters.read(loose).pi
+    assert code == 0
+    assert pi.required_probability == 0.9
+    assert pi.probability >= 0.9
+    assert pi.probability_interval[0] <= pi.probability <= pi.probability_interval[1]
+    assert pi.draws == 2000
+    assert pi.missed["rise_time"] == pytest.approx(1 - pi.probability, abs=0.03)
+    assert pi.verdict.level == "usable inside the tested region"
+    assert "required 90 %." in out
+    assert parameters.check(parameters.read(loose)).ok
+
+
+def test_a_coin_toss_is_refused_and_the_nominal_design_is_named(loose, capsys):
+    """Today's behaviour was exit 0 and "meets the specification" with 49 % by its own draws."""
+    before = loose.read_bytes()
+    code, _, err = tune(capsys, "--rise", "1.5", "--ms", "1.08", "--probability", "0.999")
+    assert code == 5
+    assert "below the required 99.9 %" in err
+    assert "--nominal" in err
+    assert loose.read_bytes() == before
+    code, out, _ = tune(capsys, "--rise", "1.5", "--overshoot", "0.3", "--nominal")
+    pi = parameters.read(loose).pi
+    assert code == 0
+    assert pi.required_probability is None
+    assert 0.4 < pi.probability < 0.6
+    assert "Verdict on the gains: usable with reservations. The specification holds with probability" in out
+    assert "not required." in out
+
+
+def test_a_setpoint_weight_stands_in_the_file_and_its_figures_are_recomputed(loose, capsys):
+    assert tune(capsys, "--rise", "1.5", "--setpoint-weight", "0.5")[0] == 0
+    pf = parameters.read(loose)
+    assert pf.pi.setpoint_weight == 0.5
+    assert parameters.check(pf).ok
+    wrong = sealed(pf, pi={**pf.pi.model_dump(), "setpoint_weight": 1.0})
+    assert any(f.name in ("figures", "specification") for f in parameters.check(wrong).failed)
+
+
+def test_limits_of_the_command_are_in_its_own_unit(file, capsys):
+    """Travel of 14 000 mm/min per A is 9.6 V per A; the check recomputes it in mm/min."""
+    scaled = ["--scaling", "1459", "--unit", "mm/min", "--travel", "14000"]
+    code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", *scaled)
+    pf = parameters.read(file)
+    assert code == 0
+    assert pf.pi.specification.travel == pytest.approx(14000)
+    assert 5000 < pf.pi.figures.travel <= 14000
+    assert parameters.check(pf).ok
+    assert re.search(r"the command peaks at \d{4} mm/min", out)
 
 
 @pytest.mark.parametrize(

@@ -58,21 +58,22 @@ class PiController:
         self.kp, self.ki = gains.kp, gains.ki_per_sample
         self.now, self.before = _WEIGHTS[gains.integration]
         self.tracking = min(1.0, gains.sample_time / (gains.tracking_time or abs(gains.ti) or gains.sample_time))
-        self.total, self.error = 0.0, 0.0
+        self.total, self.error, self.weighted = 0.0, 0.0, 0.0
         self.asked = self.last = last
         self.limited = 0
         self.cutting = True
 
     def step(self, reference: float, measurement: float, engaged: bool = True) -> float:
         """One sample; outside the cut the command is ``idle``, on re-entry it continues from the last one."""
-        error = reference - self._see(measurement)
+        seen = self._see(measurement)
+        error, weighted = reference - seen, self.gains.setpoint_weight * reference - seen
         if not engaged:
             self.asked = self.idle
         elif not self.cutting:
-            self._enter(error)
+            self._enter(weighted)
         else:
-            self.asked = self._ask(error)
-        self.cutting, self.error = engaged, error
+            self.asked = self._ask(error, weighted)
+        self.cutting, self.error, self.weighted = engaged, error, weighted
         return self._send(engaged)
 
     def _see(self, measurement: float) -> float:
@@ -81,19 +82,19 @@ class PiController:
         self.filtered = self.gain * mean + self.hold * self.filtered
         return self.filtered
 
-    def _enter(self, error: float) -> None:
+    def _enter(self, weighted: float) -> None:
         """Initialise the state so that the first command in the cut equals the last one before it (bumpless)."""
         self.asked = self.last
-        self.total = self.last - self.kp * error if self.gains.form == "position" else 0.0
+        self.total = self.last - self.kp * weighted if self.gains.form == "position" else 0.0
 
-    def _ask(self, error: float) -> float:
+    def _ask(self, error: float, weighted: float) -> float:
         change = self.ki * (self.now * error + self.before * self.error)
         base = self.asked if self.gains.anti_windup == "none" else self.last
         if self.gains.form == "incremental":
-            return base + self.kp * (error - self.error) + change
+            return base + self.kp * (weighted - self.weighted) + change
         if not (self.gains.anti_windup == "clamping" and change * self.limited > 0):
             self.total += change
-        return self.kp * error + self.total + (base if self.gains.form == "incremental_sum" else 0.0)
+        return self.kp * weighted + self.total + (base if self.gains.form == "incremental_sum" else 0.0)
 
     def _send(self, engaged: bool) -> float:
         """Apply limits, anti-windup, average and rounding."""

@@ -1,20 +1,26 @@
-"""Figures of PI control: feasible region, loops, interpretations of published gains."""
+"""Figures of PI control: feasible region, trade-off, simulated steps, loops, interpretations of published gains."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ...core.display import plot
-from ...core.plotting import BLUE, GREY, ORANGE, new_axes, whiskers
+from ...core.plotting import BLUE, GREY, ORANGE, NotebookFigure, new_axes, whiskers
 from ..figures import gain_axes, settling_samples
+from ..model import Model
 from .controller import LoopTrace
 from .feasible_region import FeasibleMap
 from .gains import PiGains
-from .loop import Loop
+from .loop import Loop, load_step, loop_of
 from .published_gains import PiCheck
+from .robust_design import TradeOff
 from .specification import LIMITS
 from .tuning import TunedPi
 
 STYLES = ("-", "--", "-.", ":")
+DRAWN = 20  # draws of the model shown with a step
 
 
 @plot.register
@@ -48,6 +54,97 @@ def feasible_map_figure(found: FeasibleMap, ax: Axes | None = None, chosen: tupl
 def tuned_figure(tuned: TunedPi, ax: Axes | None = None) -> Axes:
     """The feasible region with the tuned gains marked."""
     return feasible_map_figure(tuned.map, ax, (tuned.kp, tuned.ki))
+
+
+@plot.register
+def trade_off_figure(found: TradeOff, ax: Axes | None = None, chosen: tuple[float, float] | None = None) -> Axes:
+    """Speed against Ms, coloured by the probability of the specification; its limits, and the chosen gains."""
+    ax = new_axes(ax, 5.2, 4.4)
+    asked, name = found.specification, LIMITS[found.speed_name].words
+    if found.probability is None:
+        ax.plot(found.speed, found.ms, ".", color=BLUE, alpha=0.5, label="gains of the map")
+    else:
+        shown = ax.scatter(
+            found.speed, found.ms, c=100 * found.probability, cmap="viridis", vmin=0, vmax=100, s=22, lw=0
+        )
+        bar = ax.figure.colorbar(shown, ax=ax)
+        bar.set_label("probability of the specification, %", fontsize=8)
+    ax.plot(*found.least, "-", color=GREY, lw=1, label="smallest Ms at each speed")
+    if (limit := getattr(asked, found.speed_name)) is not None:
+        ax.axvline(limit, color=BLUE, lw=1.2, ls="--", label=f"{name} <= {limit:g} s")
+    if asked.ms is not None:
+        ax.axhline(asked.ms, color=BLUE, lw=1.2, ls=":", label=f"Ms <= {asked.ms:g}")
+    if chosen is not None:
+        ax.plot(*chosen, "o", color=ORANGE, ms=8, mec="white", label="chosen gains")
+    ax.set(xlabel=f"{name}, s", ylabel="maximum sensitivity Ms")
+    ax.legend(fontsize=7, loc="best")
+    return ax
+
+
+def tuning_figure(tuned: TunedPi, unit_u: str | None = None, factor: float = 1.0) -> Figure:
+    """Gains, trade-off and simulated steps of the reference and of the load, with the command, in six panels.
+
+    Parameters
+    ----------
+    tuned : TunedPi
+        In the units of its model.
+    unit_u : str or None
+        Unit in which the command is shown; by default that of the gains.
+    factor : float
+        Units of it per unit of the gains.
+    """
+    figure = NotebookFigure(figsize=(13.0, 7.6), layout="constrained")
+    axes = figure.subplots(2, 3)
+    tuned.plot(axes[0, 0])
+    found = tuned.trade_off()
+    trade_off_figure(found, axes[1, 0], (getattr(tuned.figures, found.speed_name), tuned.figures.ms))
+    drawn = () if tuned.plants is None else tuned.plants.models[:DRAWN]
+    _steps(tuned, drawn, factor, axes[:, 1], axes[:, 2])
+    unit_y, unit_u = tuned.gains.unit_y or "1", (tuned.gains.unit_u if unit_u is None else unit_u) or "1"
+    axes[0, 1].set(title=f"simulated step of the reference by 1 {unit_y}", ylabel=f"output, {unit_y}")
+    size = factor * load_step(loop_of(tuned.model, tuned.gains), tuned.map.duration).size
+    axes[0, 2].set(title=f"simulated step of load, {size:.3g} {unit_u} at the input", ylabel=f"deviation, {unit_y}")
+    settled = tuned.figures.settling_time
+    end = min(2 * settled, tuned.map.duration) if np.isfinite(settled) and settled else tuned.map.duration
+    for ax in axes[:, 1:].flat:
+        ax.set_xlim(-0.02 * end, end)
+    for ax in axes[1, 1:]:
+        ax.set(xlabel="time, s", ylabel=f"command, {unit_u}")
+    axes[0, 0].set_title("gains in the units of the model")
+    axes[1, 0].set_title("speed, robustness and probability")
+    for ax in axes.flat:
+        ax.title.set_fontsize(9)
+    if drawn:
+        axes[1, 1].set_title(f"thin grey lines: {len(drawn)} draws of the model uncertainty", fontsize=8)
+    return figure
+
+
+def _steps(tuned: TunedPi, drawn: Sequence[Model], factor: float, left: Sequence[Axes], right: Sequence[Axes]) -> None:
+    """Output above and command below, after steps of the reference and of the load, on the model and on draws."""
+    duration = tuned.map.duration
+    size = load_step(loop_of(tuned.model, tuned.gains), duration).size
+    for k, model in enumerate((*drawn, tuned.model)):
+        loop = loop_of(model, tuned.gains)
+        if not loop.stable:
+            continue
+        load = load_step(loop, duration)
+        n, last = len(load.time), k == len(drawn)
+        color, width, alpha = (BLUE, 1.4, 1.0) if last else (GREY, 0.4, 0.5)
+        rows = (loop.step(n), factor * loop.command_step(n), load.output, factor * load.command)
+        scale = size / load.size  # one step of load for all models
+        for ax, row, by in zip((*left, *right), rows, (1.0, 1.0, scale, scale), strict=True):
+            ax.step(load.time, by * row, where="post", color=color, lw=width, alpha=alpha)
+    left[0].axhline(1.0, color=GREY, lw=0.8, ls="--")
+    right[0].axhline(0.0, color=GREY, lw=0.8, ls="--")
+    asked = tuned.specification
+    for name, style in (("overshoot", "--"), ("undershoot", ":")):
+        if limit := getattr(asked, name):
+            level = 1 + limit if name == "overshoot" else -limit
+            left[0].axhline(level, color=ORANGE, lw=0.8, ls=style, label=f"{name} {100 * limit:g} %")
+    if asked.settling_time is not None:
+        left[0].axvline(asked.settling_time, color=ORANGE, lw=0.8, label=f"settled after {asked.settling_time:g} s")
+    if left[0].get_legend_handles_labels()[0]:
+        left[0].legend(fontsize=7, loc="lower right")
 
 
 @plot.register

@@ -6,7 +6,9 @@ With e = reference - filtered measurement, sample time T and S the running sum o
     incremental       u_k = u_(k-1) + kp (e_k - e_(k-1)) + ki (S_k - S_(k-1))
     incremental_sum   u_k = u_(k-1) + kp e_k + ki S_k
 
-and the rules: backward ``S_k = S_(k-1) + T e_k``, forward ``S_k = S_(k-1) + T e_(k-1)``, trapezoidal the mean of both.
+With a setpoint weight w, kp multiplies w reference - filtered measurement instead of e (Åström & Hägglund 2006,
+Advanced PID Control, section 3.4): the response to the reference changes, the loop and its response to load do not. The
+rules are backward ``S_k = S_(k-1) + T e_k``, forward ``S_k = S_(k-1) + T e_(k-1)``, trapezoidal the mean of both.
 Position and incremental (velocity) form are the same linear controller and differ under limits: the incremental form
 continues from the limited command. ``incremental_sum`` is CLM-2023 eq. 16 taken literally, "U0 is the last control
 signal" (doi 10.1109/ACCESS.2023.3330587): the last command is a further integrator, so that kp acts as an integral
@@ -79,6 +81,14 @@ def _check_limits(gains: "PiGains") -> None:
         raise UsageError(f"limits low {low!r}, high {high!r}: finite numbers, or None for no limit.")
     if low is not None and high is not None and not low < high:
         raise UsageError(f"limits low {low!r}, high {high!r}: low lies below high.")
+    weight = gains.setpoint_weight
+    if not _finite(weight) or not 0 <= weight <= 1:
+        raise UsageError(f"setpoint_weight {weight!r}: a share of the reference, from 0 to 1.")
+    if weight != 1 and gains.form == "incremental_sum":
+        raise UsageError(
+            f"setpoint_weight {weight:g} in the form incremental_sum: its kp integrates, so that the load would not "
+            "reach the reference. Give 1, or another form."
+        )
 
 
 TimeUnit = Literal["s", "min"]
@@ -128,6 +138,8 @@ class PiGains(Plottable):
     tracking_time : float or None
         Seconds, of back-calculation; by default kp/ki.
     unit_u, unit_y : str
+    setpoint_weight : float
+        Share of the reference in the proportional part, 0 to 1; below 1 a step of the reference overshoots less.
 
     Examples
     --------
@@ -155,6 +167,7 @@ class PiGains(Plottable):
     tracking_time: float | None = None
     unit_u: str = ""
     unit_y: str = ""
+    setpoint_weight: float = 1.0
 
     def __post_init__(self) -> None:
         check_gains(self)
@@ -229,9 +242,16 @@ class PiGains(Plottable):
 
     @property
     def forward(self) -> tuple[Array, Array]:
-        """Error to command at the plant, num and den in z^-1: form, average of the command, delay."""
+        """Negative filtered measurement to command at the plant, num and den in z^-1: form, average, delay."""
         of_kp, of_ki, den = basis(self)
         return product(summed(self.kp * of_kp, self.ki * of_ki), self.command_path), den
+
+    @property
+    def of_reference(self) -> tuple[Array, Array]:
+        """Reference to command at the plant, num and den in z^-1; ``forward`` for a setpoint weight of 1."""
+        of_kp, of_ki, den = basis(self)
+        weighted = self.setpoint_weight * self.kp
+        return product(summed(weighted * of_kp, self.ki * of_ki), self.command_path), den
 
     @property
     def command_path(self) -> Array:

@@ -1,9 +1,10 @@
 """Linear closed loop of a PI and a model: poles, responses, figures of merit.
 
-    y = G (u + input load) + output load,    u = C (r - H y)
+    y = G (u + input load) + output load,    u = F r - C H y
 
 G is the model, C the PI with its delay and an average of the command, H the low-pass and an average of the measurement;
-L = G C H. Figures refer to the unit step of the reference from rest, unless stated otherwise.
+F is C with the setpoint weight; L = G C H. Figures refer to the unit step of the reference from rest, unless stated
+otherwise.
 """
 
 from dataclasses import dataclass, fields
@@ -21,6 +22,7 @@ from .loops import check_pair
 Array = NDArray[np.float64]
 Fraction = tuple[Array, Array]
 
+RECOVERED = 0.05  # of the peak after a step of load
 DECAYED = 1e-6  # share of a transient that is neglected
 SHORTEST, LONGEST = 50, 50_000  # samples of a step whose duration is not given
 
@@ -116,7 +118,7 @@ class Loop(Plottable):
     @property
     def closed(self) -> Fraction:
         """Reference to output, num and den."""
-        (pn, _), (_, hd) = self.gains.forward, self.gains.feedback
+        (pn, _), (_, hd) = self.gains.of_reference, self.gains.feedback
         return product(self.model.b, pn, hd), self.characteristic
 
     @property
@@ -127,7 +129,7 @@ class Loop(Plottable):
     @property
     def command(self) -> Fraction:
         """Reference to command, num and den."""
-        (pn, _), (_, hd) = self.gains.forward, self.gains.feedback
+        (pn, _), (_, hd) = self.gains.of_reference, self.gains.feedback
         return product(self.model.a, pn, hd), self.characteristic
 
     @property
@@ -141,6 +143,12 @@ class Loop(Plottable):
         """Load at the plant input to output, num and den."""
         (_, pd), (_, hd) = self.gains.forward, self.gains.feedback
         return product(self.model.b, pd, hd), self.characteristic
+
+    @property
+    def load_to_command(self) -> Fraction:
+        """Load at the plant input to command at the plant, num and den."""
+        (pn, _), (hn, _) = self.gains.forward, self.gains.feedback
+        return -product(self.model.b, pn, hn), self.characteristic
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -168,6 +176,10 @@ class Loop(Plottable):
     def disturbance_step(self, n: int) -> tuple[Array, Array]:
         """Output in a unit step of load at the plant input and at the plant output, each shape (n,)."""
         return _run(self.load, n), _run(self.sensitivity, n)
+
+    def command_after_load(self, n: int) -> Array:
+        """Command at the plant in a unit step of load at the plant input, shape (n,), unit_u per unit_u."""
+        return _run(self.load_to_command, n)
 
     def figures(self, duration: float | None = None) -> FiguresOfMerit:
         """All figures; steps of ``duration`` s, by default until the slowest pole has decayed."""
@@ -198,3 +210,59 @@ def _decay_time(loop: Loop) -> float:
     if not 0 < radius < 1:
         return SHORTEST * T
     return float(np.clip(np.log(DECAYED) / np.log(radius), SHORTEST, LONGEST)) * T
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LoadStep(Displayable):
+    """Response to a step of load at the plant input that would change the output by 1 without control.
+
+    For a plant without a finite static gain it is a unit step of load.
+
+    Attributes
+    ----------
+    size : float
+        Of the step, unit_u.
+    time : ndarray, shape (n,), s
+    output : ndarray, shape (n,), unit_y
+        Deviation from the reference.
+    command : ndarray, shape (n,), unit_u
+        Change of the command at the plant.
+    """
+
+    size: float
+    time: Array
+    output: Array
+    command: Array
+
+    @property
+    def peak(self) -> float:
+        """Largest deviation of the output, unit_y."""
+        return float(np.abs(self.output).max())
+
+    @property
+    def recovery(self) -> float:
+        """Time after which the deviation stays below 5 % of its peak, s; infinite beyond the simulation."""
+        left = np.flatnonzero(np.abs(self.output) > RECOVERED * self.peak)
+        return float(self.time[left[-1] + 1]) if left.size and left[-1] + 1 < len(self.time) else np.inf
+
+    @property
+    def travel(self) -> float:
+        """Sum of the changes of the command, unit_u."""
+        return float(np.abs(np.diff(self.command, prepend=0.0)).sum())
+
+
+def load_step(loop: Loop, duration: float | None = None) -> LoadStep:
+    """Simulated response to a step of load, over ``duration`` s or until the slowest pole has decayed.
+
+    Examples
+    --------
+    >>> model = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1)
+    >>> found = load_step(loop_of(model, PiGains(0.5, 2.0, 0.1)))
+    >>> round(found.peak, 3), round(found.recovery, 1), round(found.travel, 3)
+    (0.575, 2.3, 1.0)
+    """
+    T, gain = loop.model.sample_time, abs(loop.model.dc_gain)
+    n = round((_decay_time(loop) if duration is None else duration) / T) + 1
+    size = 1 / gain if 0 < gain < np.inf else 1.0
+    output, command = loop.disturbance_step(n)[0], loop.command_after_load(n)
+    return LoadStep(size, T * np.arange(n, dtype=np.float64), size * output, size * command)

@@ -65,6 +65,11 @@ class Loops:
         return self.kp - _LACK[self.kind.integration] * self.integral
 
     @property
+    def weighted(self) -> Array:
+        """Gain of the reference in the equivalent backward rule, shape (m,); ``proportional`` for a weight of 1."""
+        return self.kind.setpoint_weight * self.kp - _LACK[self.kind.integration] * self.integral
+
+    @property
     def characteristic(self) -> Array:
         """Denominator of every closed transfer function in z^-1, shape (n + 1, m)."""
         of_kp, of_ki, den = basis(self.kind)
@@ -86,7 +91,7 @@ class Loops:
         if basis(self.kind)[2].sum() == 0:
             return np.ones(len(self))
         b, a = self.b.sum(axis=0), self.a.sum(axis=0)
-        return np.asarray(self.kp * b / (a + self.kp * b), dtype=np.float64)
+        return np.asarray(self.kind.setpoint_weight * self.kp * b / (a + self.kp * b), dtype=np.float64)
 
     @property
     def integrals(self) -> tuple[Array, Array] | None:

@@ -1,7 +1,8 @@
 """Robustness to the uncertainty of the model: probability of the specification, and the worst case over plants.
 
 Plants are draws of the coefficients, theta ~ N(estimate, covariance), or given models. Unstable draws of a stable model
-are omitted: the machine was stable while it was recorded.
+are omitted: the machine was stable while it was recorded. The draws that choose gains do not state their probability,
+which would be too high: the chosen gains are those that suit these draws best.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.display import Displayable
+from ...core.display import Displayable, Plottable
 from ...core.errors import IdentError, UsageError
 from ..model import Model
 from ..responses.confidence_bands import with_theta
@@ -25,6 +26,11 @@ FEWEST = 0.5  # share of draws that must be stable
 SCREENED, PLANTS = 144, 60  # gains screened, and the number of plants used for it
 FINALISTS = 9
 ROUNDS, STEPS = 2, 5  # of the line search towards the nominal gains: to 1/16 of it
+SURE = 2.0  # standard errors by which a chosen share exceeds the required probability
+CHOOSING, STATING, SHOWING = 0, 1, 2  # independent draws of one seed
+NORMAL = 1.959964  # two-sided 95 %
+SHOWN = 1.6  # times the limit on speed, shown in the trade-off
+STEEPEST = 2.5  # largest Ms shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +42,13 @@ class Plants:
     models : tuple of Model
     left_out : int
         Number of unstable draws omitted.
+    given : bool
+        Given by the caller, not drawn: their share is counted, not estimated.
     """
 
     models: tuple[Model, ...]
     left_out: int = 0
+    given: bool = False
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -62,6 +71,8 @@ class Robustness(Displayable):
         Share of plants that violate each limit, by name.
     worst : dict of float
         Worst value of each limited figure.
+    given : bool
+        Over models given by the caller, not over draws.
     """
 
     probability: float
@@ -71,26 +82,48 @@ class Robustness(Displayable):
     left_out: int
     missed: dict[str, float]
     worst: dict[str, float]
+    given: bool = False
 
     @property
-    def verdict(self) -> str:
+    def interval(self) -> tuple[float, float]:
+        """95 % Monte Carlo interval of the probability (Wilson 1927); the share itself over given models."""
+        if self.given:
+            return self.probability, self.probability
+        n, p, z = self.n, self.probability, NORMAL
+        centre, half = (p + z * z / (2 * n)) / (1 + z * z / n), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+        low, high = centre - half / (1 + z * z / n), centre + half / (1 + z * z / n)
+        return float(min(max(low, 0.0), p)), float(max(min(high, 1.0), p))
+
+    @property
+    def words(self) -> str:
         """One sentence."""
-        chance = f"{100 * self.probability:.1f} % (Monte Carlo SE {100 * self.error:.1f} %)"
-        text = (
-            f"Over {self.n} plants drawn from the model uncertainty, the specification holds with probability {chance}"
-        )
+        if self.given:
+            text = f"The specification holds on {100 * self.probability:.3g} % of the {self.n} given models"
+        else:
+            low, high = (100 * v for v in self.interval)
+            text = (
+                f"The specification holds with probability {100 * self.probability:.1f} % (95 % Monte Carlo interval "
+                f"{low:.1f} to {high:.1f} %) over {self.n} draws of the model uncertainty that did not choose the gains"
+            )
         if self.unstable:
             text += f"; {self.unstable} of the loops are unstable"
-        if self.missed and max(self.missed.values()) > 0:
-            name = max(self.missed, key=lambda k: self.missed[k])
-            limit = LIMITS[name]
-            text += f"; most often violated: {limit.words} (worst {limit.scale * self.worst[name]:.4g}{limit.unit})"
+        text += self.most_missed
         if self.left_out:
             text += f"; {self.left_out} unstable draws of the plant are omitted"
         return text + "."
 
+    @property
+    def most_missed(self) -> str:
+        """The limit that is violated most often and its worst value, in words; empty where none is."""
+        if not self.missed or max(self.missed.values()) == 0:
+            return ""
+        name = max(self.missed, key=lambda k: self.missed[k])
+        limit, worst = LIMITS[name], LIMITS[name].scale * self.worst[name]
+        found = f"{worst:.4g}{limit.unit}" if np.isfinite(worst) else "infinite"
+        return f"; most often violated: {limit.words} (worst {found})"
 
-def draws_of_models(model: Model, draws: int = 500, seed: int = 1) -> Plants:
+
+def draws_of_models(model: Model, draws: int = 500, seed: int | Sequence[int] = 1) -> Plants:
     """Draws of the coefficients of a model from their normal distribution.
 
     Raises
@@ -142,7 +175,7 @@ def robustness(
     >>> held.probability, held.unstable
     (1.0, 0)
     """
-    plants = plants if isinstance(plants, Plants) else Plants(tuple(plants))
+    plants = plants if isinstance(plants, Plants) else Plants(tuple(plants), given=True)
     table = figures_by_plant(plants, gains, specification, duration)
     holds = specification.worst(table) <= 0
     missed = {name: float((v > 0).mean()) for name, v in specification.violations(table).items()}
@@ -150,8 +183,9 @@ def robustness(
     n = len(plants.models)
     unstable = int((~table["stable"].astype(bool)).sum())
     return Robustness(
-        float(holds.mean()), share_error(float(holds.mean()), n), n, unstable, plants.left_out, missed, worst
-    )
+        float(holds.mean()), share_error(float(holds.mean()), n), n, unstable, plants.left_out, missed, worst,
+        plants.given,
+    )  # fmt: skip
 
 
 def figures_by_plant(plants: Plants, gains: PiGains, specification: Specification, duration: float) -> dict[str, Array]:
@@ -182,13 +216,16 @@ def robust_gains(
     """Gains of the best objective among those that hold with the required probability; otherwise the most probable.
 
     A selection of the feasible gains is screened on some of the plants, the finalists on all of them; the selected
-    gains are then moved towards the nominal optimum as far as the probability allows.
+    gains are then moved towards the nominal optimum as far as the probability allows. Over draws the share of the
+    chosen gains exceeds the required probability by two standard errors, as the best of a sample flatters.
     """
     if not 0 < probability < 1:
         raise UsageError(f"probability {probability!r}: between 0 and 1, for instance 0.9.")
     if not found.any:
         return nominal
-    plants = plants if isinstance(plants, Plants) else Plants(tuple(plants))
+    plants = plants if isinstance(plants, Plants) else Plants(tuple(plants), given=True)
+    if not plants.given:
+        probability = min(probability + SURE * share_error(probability, len(plants.models)), (1 + probability) / 2)
     kp, ki, aims = spread(found, aim)
     finalists = screened(shares_met(plants.models[:PLANTS], kp, ki, found, template), aims, probability)
     share = shares_met(plants.models, kp[finalists], ki[finalists], found, template)
@@ -244,3 +281,54 @@ def shares_met(models: Sequence[Model], kp: Array, ki: Array, found: FeasibleMap
     """Share of models on which each pair of gains meets the specification, shape (m,)."""
     table = specified_figures(models, kp, ki, template, found.duration, found.specification)
     return np.asarray((found.specification.worst(table) <= 0).mean(axis=0))
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class TradeOff(Plottable):
+    """Speed, maximum sensitivity and probability of m pairs of gains, spread over a map.
+
+    Attributes
+    ----------
+    kp, ki : ndarray, shape (m,)
+    speed : ndarray, shape (m,)
+        Rise or settling time on the model, s; ``speed_name`` is which.
+    ms : ndarray, shape (m,)
+        Maximum sensitivity on the model.
+    probability : ndarray, shape (m,), or None
+        Share of the draws on which the whole specification holds; None without draws.
+    least : ndarray, shape (2, c)
+        Speed and smallest Ms of the map in each of c classes of speed.
+    speed_name : str
+    specification : Specification
+    """
+
+    kp: Array
+    ki: Array
+    speed: Array
+    ms: Array
+    probability: Array | None
+    least: Array
+    speed_name: str
+    specification: Specification
+
+
+def trade_off(found: FeasibleMap, template: PiGains, plants: Plants | None) -> TradeOff:
+    """Speed, maximum sensitivity and probability of gains spread evenly over both axes of their picture."""
+    asked = found.specification
+    name = "settling_time" if asked.rise_time is None and asked.settling_time is not None else "rise_time"
+    speed, ms = found.figures[name], found.figures["ms"]
+    limit = getattr(asked, name) or float(np.min(speed))
+    rows, columns = np.nonzero((speed <= SHOWN * limit) & (ms <= STEEPEST))
+    if not rows.size:
+        return TradeOff(*(np.empty(0) for _ in range(4)), None, np.empty((2, 0)), name, asked)
+    x, y = speed[rows, columns], ms[rows, columns]
+    side = int(np.sqrt(SCREENED))
+    column, row = (np.minimum((side * (v - v.min()) / (np.ptp(v) or 1.0)).astype(int), side - 1) for v in (x, y))
+    mixed = np.random.default_rng(0).permutation(len(x))  # any point of a box, not the first row of the map
+    first = mixed[np.unique((side * column + row)[mixed], return_index=True)[1]]
+    by_ms = np.argsort(y, kind="stable")
+    lowest = by_ms[np.unique((2 * side * (x - x.min()) / (np.ptp(x) or 1.0)).astype(int)[by_ms], return_index=True)[1]]
+    first = np.unique(np.r_[first, lowest])
+    kp, ki = found.kp[rows[first]], found.ki[columns[first]]
+    share = None if plants is None else shares_met(plants.models, kp, ki, found, template)
+    return TradeOff(kp, ki, x[first], y[first], share, np.stack([x[lowest], y[lowest]]), name, asked)

@@ -46,6 +46,49 @@ LIMITS = {
 
 
 @dataclass(frozen=True, slots=True, repr=False)
+class LimitMargin(Displayable):
+    """Margin of one loop to one limit, in the unit that is printed.
+
+    Attributes
+    ----------
+    name : str
+        As in `Specification`.
+    value, limit : float
+        Figure of the loop and its limit, in ``unit``.
+    left : float or None
+        Share of the limit that is left, negative where it is violated; None for a limit of zero.
+    missed : float or None
+        Share of the draws that violate the limit; None without draws.
+    words, unit, side : str
+        Name and unit in words; ``<=``, or ``>=`` for a lower limit.
+    """
+
+    name: str
+    value: float
+    limit: float
+    left: float | None
+    missed: float | None
+    words: str
+    unit: str = ""
+    side: str = "<="
+
+    @property
+    def row(self) -> tuple[str, str, str, str, str]:
+        """Cells of a table: words, value, limit, share left, share of draws that violate it."""
+        if self.name == "steady_error" and self.limit <= 100 * STEADY:
+            value, limit = ("none" if abs(self.value) <= self.limit else f"{self.value:.3g}{self.unit}"), "none"
+        else:
+            value, limit = f"{self.value:.4g}{self.unit}", f"{self.side} {self.limit:.4g}{self.unit}"
+        left = "" if self.left is None or self.name == "steady_error" else _percent(self.left)
+        return self.words, value, limit, left, "" if self.missed is None else _percent(self.missed)
+
+
+def _percent(share: float) -> str:
+    """A share in per cent with two digits, at least hundredths."""
+    return "infinite" if np.isinf(share) else f"{100 * share:.0f} %" if abs(share) >= 0.1 else f"{100 * share:.2g} %"
+
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Specification(Displayable):
     """Limits on the unit step of the reference and on the loop; ``None`` for no limit.
 
@@ -133,6 +176,23 @@ class Specification(Displayable):
             return ["the closed loop is unstable"]
         found = [(float(v), name) for name, v in self.violations(figures).items() if v > 0]
         return [self.sentence(name, figures) for _, name in sorted(found, reverse=True)]
+
+    def margins(self, figures: Any, missed: Mapping[str, float] | None = None) -> tuple[LimitMargin, ...]:  # noqa: ANN401
+        """Margin of one loop to each limit; ``missed`` are shares of draws that violate it, by name.
+
+        >>> figures = {"stable": True, "rise_time": 1.5}
+        >>> [margin.row for margin in Specification(rise_time=2.0).margins(figures, {"rise_time": 0.04})]
+        [('rise time (10-90 %)', '1.5 s', '<= 2 s', '25 %', '4 %')]
+        """
+        found = []
+        for name, limit, value in self.active():
+            figure = float(figure_of(figures, limit.figure))
+            left = (figure - value if limit.above else value - figure) / abs(value) if value else None
+            share = None if missed is None else missed.get(name)
+            side = ">=" if limit.above else "<="
+            scaled = limit.scale * figure, limit.scale * value
+            found.append(LimitMargin(name, *scaled, left, share, limit.words, limit.unit, side))
+        return tuple(found)
 
     def sentence(self, name: str, figures: Any) -> str:  # noqa: ANN401
         """Sentence on one violated limit."""

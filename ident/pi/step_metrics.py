@@ -1,7 +1,8 @@
 """Step responses of many stable loops, simulated together, and their metrics (rise time, settling time, overshoot ...).
 
 One simulation yields all signals: z, the response to a unit step of load at the plant input. The response of the
-controller to it, with opposite sign, is H y of the reference step; y itself is C z, because y = C G S r and z = G S.
+controller to it, with opposite sign, is H y of the reference step without setpoint weight; y itself is F z, because
+y = F G S r and z = G S, and the command is F S r (F: the controller with the setpoint weight).
 The recursion runs inside the closed loop, so that an unstable plant does not amplify rounding.
 """
 
@@ -40,7 +41,7 @@ class _Run:
     """The signals of m loops, each (pad + n, m) with ``pad`` rows of zeros before the step.
 
     z output under load, f its filtered measurement, q the negative controller output, w its part that reaches the plant
-    (H y of the reference step), y output of the reference step.
+    (H y of the reference step without weight), y output of the reference step.
     """
 
     def __init__(self, loops: Loops, n: int) -> None:
@@ -53,6 +54,7 @@ class _Run:
         seen = kind.average if kind.average_of == "measurement" else 1
         sent = kind.average if kind.average_of == "command" else 1
         self.bare = kind.filter_time == 0 and seen == 1
+        self.shared = self.bare and kind.setpoint_weight == 1  # y is w
         self.late = kind.delay
 
         def signal() -> Array:
@@ -63,9 +65,10 @@ class _Run:
         self.q = signal()
         straight = sent == 1 and not self.late
         self.w = self.q if straight else signal()
-        self.plain = self.q if self.bare else signal()  # the response to z itself, for y
-        self.y = self.w if self.bare else self.plain if straight else signal()
-        self.answer, self.second, self.asked = _pi(loops), _pi(loops), _pi(loops)
+        self.plain = self.q if self.shared else signal()  # the response to z itself, for y
+        self.y = self.w if self.shared else self.plain if straight else signal()
+        self.answer = _pi(loops, loops.proportional)
+        self.second, self.asked = _pi(loops, loops.weighted), _pi(loops, loops.weighted)
         self.see, self.send, self.send_y, self.command = (_mean(k, m) for k in (seen, sent, sent, sent))
         self.plant = _plant(loops, m)
         self.v = np.zeros((BLOCK + sent, m))  # unaveraged command, the rows before the block first
@@ -73,7 +76,7 @@ class _Run:
         self.sent = sent
 
     def advance(self, start: int, stop: int) -> tuple[Array, Array]:
-        """Advance from start to stop; return the command, with one row before, and 1 - H y."""
+        """Advance from start to stop; return the command, with one row before, and the unweighted error."""
         for k in range(self.pad + start, self.pad + stop):
             if self.late:
                 self.send(self.q, k - self.late, self.w[k])
@@ -82,7 +85,7 @@ class _Run:
             self.answer(self.f[k], self.q[k])
             if not self.late and self.w is not self.q:
                 self.send(self.q, k, self.w[k])
-            if not self.bare:
+            if not self.shared:
                 self.second(self.z[k], self.plain[k])
                 if self.y is not self.plain:
                     self.send_y(self.plain, k - self.late, self.y[k])
@@ -112,9 +115,9 @@ class _Run:
         return out
 
 
-def _pi(loops: Loops) -> Callable[[Array, Array], None]:
-    """The PI of each loop: a row in, a row out."""
-    kp, ki = loops.proportional, loops.integral
+def _pi(loops: Loops, kp: Array) -> Callable[[Array, Array], None]:
+    """The PI of each loop with proportional gains kp (m,): a row in, a row out."""
+    ki = loops.integral
     total, whole, spare = (np.zeros(len(loops)) for _ in range(3))
     integral, twice = loops.kind.ki != 0, loops.kind.form == "incremental_sum"
 

@@ -1,20 +1,45 @@
-"""PI tuning to a specification: feasible gains of the smallest maximum sensitivity, or of another objective."""
+"""PI tuning to a specification: gains of the smallest maximum sensitivity, or of another objective, with a probability.
+
+The specification shall hold on the estimate and, where its uncertainty is known, with a required probability over it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from ...core.display import Plottable
 from ...core.errors import IdentError, UsageError
 from ...core.suggestions import did_you_mean
 from ...core.threads import one_thread
+from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict, verdict_from
 from ..model import Model
 from .feasible_region import FeasibleMap, horizon
 from .gain_search import Aim, check_aim, nominal_gains
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains
 from .loop import FiguresOfMerit, loop_of
-from .robust_design import Robustness, draws_of_models, robust_gains, robustness
-from .specification import LIMITS, STEADY, Specification, table_of
+from .robust_design import (
+    CHOOSING,
+    SHOWING,
+    STATING,
+    Plants,
+    Robustness,
+    TradeOff,
+    draws_of_models,
+    robust_gains,
+    robustness,
+    trade_off,
+)
+from .specification import LIMITS, STEADY, LimitMargin, Specification, table_of
+
+if TYPE_CHECKING:
+    from ..identification import Identification
+
+PROBABILITY = 0.9  # required by default, and below which gains are used with reservations
+EVEN = 0.5  # where the whole interval lies below it, the specification fails more often than it holds
+UNSTABLE = 0.01  # share of unstable loops above which gains must not be used
+STATED = 2000  # draws that state the probability: a Monte Carlo standard error of 0.7 points at 90 %
+PICTURED = 100  # draws of the trade-off
+CHECKED = ("Specification on the model", "Probability over the model uncertainty", "Unstable loops", "Excited band")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -34,9 +59,15 @@ class TunedPi(Plottable):
     assumed : tuple of str
         Limits that were added by default.
     robustness : Robustness or None
-        Over draws of the covariance, or over several models.
+        Over draws of the covariance that did not choose the gains, or over several models.
     probability : float or None
-        Required probability.
+        Required probability; None for a design on the estimate alone.
+    unknown : str
+        Reason why the probability cannot be stated; empty where it is.
+    of_model : Verdict or None
+        How far the model can be used; None where it was not validated.
+    plants : Plants or None
+        Draws for the trade-off.
     """
 
     gains: PiGains
@@ -48,6 +79,9 @@ class TunedPi(Plottable):
     assumed: tuple[str, ...] = ()
     robustness: Robustness | None = None
     probability: float | None = None
+    unknown: str = ""
+    of_model: Verdict | None = None
+    plants: Plants | None = None
 
     @property
     def kp(self) -> float:
@@ -61,47 +95,73 @@ class TunedPi(Plottable):
 
     @property
     def misses(self) -> tuple[str, ...]:
-        """A sentence for each violated limit, worst first, and for a required probability."""
+        """A sentence for each limit violated on the model, worst first; else for a probability below the required."""
         sentences = self.specification.misses(table_of(self.figures, self.kp, self.ki))
         held = self.robustness
-        if self.probability is not None and held is not None and held.probability < self.probability - 2 * held.error:
-            sentences.append(
-                f"the specification holds with probability {100 * held.probability:.1f} % (Monte Carlo SE "
-                f"{100 * held.error:.1f} %), below the required {100 * self.probability:.1f} %"
-            )
+        if not sentences and self.probability is not None and held is not None and held.probability < self.probability:
+            sentences.append(f"{held.words.rstrip('.')}, below the required {100 * self.probability:g} %")
         return tuple(sentences)
+
+    @property
+    def margins(self) -> tuple[LimitMargin, ...]:
+        """Value on the model, limit, share left and share of draws that violate it, for each limit."""
+        held = self.robustness
+        return self.specification.margins(
+            table_of(self.figures, self.kp, self.ki), None if held is None else held.missed
+        )
+
+    @property
+    def verdict(self) -> Verdict:
+        """How far the gains can be used, by limits missed, probability, unstable loops and the verdict on the model."""
+        missed = () if self.only_probability else self.misses
+        found = [(DO_NOT_USE, f"The gains miss their specification: {words.rstrip('.')}.") for words in missed]
+        found += [*_of_probability(self), *_of_band(self), *_of_model(self.of_model)]
+        left = () if self.robustness else (f"{CHECKED[1]}: {self.unknown}",)
+        checked = tuple(name for name in CHECKED if self.robustness or name not in CHECKED[1:3])
+        return verdict_from(found, checked, left)
 
     @property
     def feasible(self) -> bool:
         """Whether the specification is met.
 
         If not, `misses` names the violated limits and the gains have the least violation. Relax one of these limits,
-        shorten the delay or the filter, or (for a probability) identify more precisely: longer, larger amplitude.
+        shorten the delay or the filter, or (for a probability) identify more precisely: longer, larger amplitude; or
+        require less with ``probability``, or ``nominal=True`` for a design on the estimate alone.
         """
         return not self.misses
 
     @property
-    def verdict(self) -> str:
-        """Gains, whether they meet the specification, and the assumptions."""
+    def words(self) -> str:
+        """Gains, whether they meet the specification, the probability that it holds, and the assumptions."""
         unit = f" {self.gains.unit_u}/{self.gains.unit_y}" if self.gains.unit_u and self.gains.unit_y else ""
         head = (
             f"Kp {self.kp:.4g}{unit}, Ki {self.ki:.4g}{unit} per second, {self.gains.form} form, "
             f"{self.gains.integration} integration, sample time {self.gains.sample_time:g} s"
         )
-        if self.feasible:
-            result = f"meets the specification ({self.specification})"
-        else:
-            result = "no gains meet the specification; least violation: " + "; ".join(self.misses)
-            conflict = self.conflict
-            result += f" ({conflict})" if conflict else ""
         assumed = f" Assumed: {'; '.join(self.assumed)}." if self.assumed else ""
-        held = f" {self.robustness.verdict}" if self.robustness else ""
-        return f"{head}: {result}.{assumed}{held}"
+        if self.feasible:
+            return f"{head}: meets the specification on the model ({self.specification}). {self.stated}{assumed}"
+        conflict = f" ({self.conflict})" if self.conflict else ""
+        least = "most probable" if self.only_probability else "least violation"
+        return f"{head}: no gains meet the specification; {least}: {'; '.join(self.misses)}{conflict}.{assumed}"
+
+    @property
+    def only_probability(self) -> bool:
+        """Whether the limits hold on the model, and only the required probability is missed."""
+        return not self.feasible and not self.specification.misses(table_of(self.figures, self.kp, self.ki))
+
+    @property
+    def stated(self) -> str:
+        """One sentence on the probability that the specification holds, or why it cannot be stated."""
+        if self.robustness is None:
+            return f"The probability that the specification holds cannot be stated: {self.unknown}."
+        required = "not required" if self.probability is None else f"required {100 * self.probability:g} %"
+        return f"{self.robustness.words.rstrip('.')}; {required}."
 
     @property
     def conflict(self) -> str:
         """The single limit that conflicts with the others on the map; empty if there is none, or several conflict."""
-        found = {n: v > 0 for n, v in self.specification.violations(self.map.figures).items()}
+        found = {n: v > 0 for n, v in self.map.specification.violations(self.map.figures).items()}
         stable = self.map.figures["stable"].astype(bool)
         free = []
         for name in found:
@@ -111,6 +171,71 @@ class TunedPi(Plottable):
                 free.append(name)
         words = " or ".join(LIMITS[name].words for name in free)
         return f"feasible without the limit on {words}" if free and not self.map.any else ""
+
+    def in_units(self, unit_u: str, factor: float) -> "TunedPi":
+        """The same gains, figures and limits with the command in another unit; model and map stay as they are.
+
+        Parameters
+        ----------
+        unit_u : str
+            New unit of the command.
+        factor : float
+            New units per old unit.
+        """
+        f, asked = self.figures, self.specification
+        up = {name: getattr(f, name) * factor for name in ("travel", "peak_u", "noise_gain")}
+        down = {name: getattr(f, name) / factor for name in ("disturbance_peak", "disturbance_iae")}
+        limits = {name: value * factor for name in up if (value := getattr(asked, name)) is not None}
+        limits |= {} if asked.disturbance is None else {"disturbance": asked.disturbance / factor}
+        return replace(
+            self, gains=self.gains.in_units(unit_u, factor), figures=replace(f, **up, **down),
+            specification=replace(asked, **limits),
+        )  # fmt: skip
+
+    def trade_off(self) -> TradeOff:
+        """Speed, maximum sensitivity and probability of other gains."""
+        return trade_off(self.map, self.gains, self.plants)
+
+
+def _of_probability(tuned: TunedPi) -> list[tuple[int, str]]:
+    """Reservations about the probability and about unstable loops."""
+    held = tuned.robustness
+    if held is None:
+        return [(RESERVATIONS, f"The probability that the specification holds cannot be stated: {tuned.unknown}.")]
+    found = []
+    if held.probability < PROBABILITY:
+        level, below = (DO_NOT_USE, EVEN) if held.interval[1] < EVEN else (RESERVATIONS, PROBABILITY)
+        found.append(
+            (level, f"The specification holds with probability {100 * held.probability:.1f} %, below {100 * below:g} %"
+                    f"{held.most_missed}.")
+        )  # fmt: skip
+    if held.unstable:
+        level = DO_NOT_USE if held.unstable > UNSTABLE * held.n else RESERVATIONS
+        found.append((level, f"{held.unstable} of {held.n} loops over the model uncertainty are unstable."))
+    if held.left_out:
+        words = f"{held.left_out} draws of the model are unstable and were left out of the probability."
+        found.append((RESERVATIONS, words))
+    return found
+
+
+def _of_band(tuned: TunedPi) -> list[tuple[int, str]]:
+    """Reservation where the loop works beyond the excited band."""
+    band, crossover = tuned.model.band, tuned.figures.crossover_hz
+    if band is None or not crossover > band[1]:
+        return []
+    words = (
+        f"The loop works up to {crossover:.3g} Hz, but the record excited the drive only up to {band[1]:.3g} Hz: "
+        "margins rest on an extrapolation of the model."
+    )
+    return [(RESERVATIONS, words)]
+
+
+def _of_model(verdict: Verdict | None) -> list[tuple[int, str]]:
+    """Reservations that come with the model."""
+    if verdict is None:
+        return [(RESERVATIONS, "There is no verdict on the model; tune on an identification of a record.")]
+    reasons = verdict.reasons or ((f"{verdict.words}.",) if verdict.level else ())
+    return [(verdict.level, f"Model: {words}") for words in reasons if verdict.level > USABLE]
 
 
 OVERSHOOT = 0.02  # equal to the settling band
@@ -145,28 +270,32 @@ class TuneOptions(TypedDict, total=False):
     tracking_time: float | None
     unit_u: str
     unit_y: str
+    setpoint_weight: float
 
 
 @one_thread
 def tune_pi(
-    model: Model,
+    model: "Model | Identification",
     rise_time: float | None = None,
     settling_time: float | None = None,
     overshoot: float | None = OVERSHOOT,
     *,
     aim: Aim = "ms",
     probability: float | None = None,
+    nominal: bool = False,
     models: Sequence[Model] | None = None,
+    verdict: Verdict | None = None,
     draws: int = 500,
     seed: int = 1,
     n: int = 200,
     **options: Unpack[TuneOptions],
 ) -> TunedPi:
-    """Tune a digital PI to a specification on a model, optionally with a probability over its uncertainty.
+    """Tune a digital PI to a specification on a model, with a required probability over its uncertainty.
 
     Parameters
     ----------
-    model : Model
+    model : Model or Identification
+        Reservations about an identification lower the verdict on the gains.
     rise_time, settling_time : float, optional
         s at most, on the unit step of the reference: 10-90 %, and within 2 %.
     overshoot : float, optional
@@ -176,11 +305,15 @@ def tune_pi(
         ``noise_gain``, ``rise_time``, ``settling_time``; or ``largest_ki``.
     probability : float, optional
         Required probability that the whole specification holds, over draws of the covariance of ``model`` or over
-        ``models``.
+        ``models``; by default 0.9 where there are such.
+    nominal : bool
+        Require no probability: gains for the estimate alone. The probability is stated all the same.
     models : sequence of Model, optional
         Plants to use instead of draws.
+    verdict : Verdict, optional
+        On the model, where it is not an Identification.
     draws, seed : int
-        Draws of the coefficients from their normal distribution.
+        Draws of the coefficients from their normal distribution that choose gains; 2000 others state the probability.
     n : int
         Gains per side of the feasible map.
     **options
@@ -194,7 +327,8 @@ def tune_pi(
     Raises
     ------
     IdentError
-        No PI stabilises this model; no limit on speed; a required probability without a covariance.
+        No PI stabilises this model; no limit on speed; a probability given for a model without a covariance, or whose
+        draws are mostly unstable.
     UsageError
         An invalid option.
 
@@ -210,6 +344,10 @@ def tune_pi(
     (True, 0.5)
     """
     check_aim(aim)
+    if not isinstance(model, Model):
+        model, verdict = model.model, model.verdict if verdict is None else verdict
+    if nominal and probability is not None:
+        raise UsageError("nominal and probability: a nominal design requires no probability; give one of them.")
     limits, controller = sorted_options(dict(options))
     target, assumed = completed(
         Specification(rise_time, settling_time, overshoot, steady_error=STEADY, **limits), aim, model
@@ -217,15 +355,36 @@ def tune_pi(
     units = {"unit_u": model.unit_u, "unit_y": model.unit_y}
     template = PiGains(0.0, 0.0, model.sample_time, **{**units, **controller})
     found, gains = nominal_gains(model, target, template, aim, n)
+    choosing, stating, showing, unknown = _plants(model, models, draws, seed, strict=probability is not None)
     held: Robustness | None = None
-    if probability is not None or models is not None:
-        plants = draws_of_models(model, draws, seed) if models is None else models
-        if probability is not None:
-            gains = robust_gains(plants, found, gains, aim, probability, template)
-        fresh = draws_of_models(model, draws, seed + 1) if models is None else plants
-        held = robustness(fresh, gains, target, duration=found.duration)
+    required = None if nominal or choosing is None else PROBABILITY if probability is None else probability
+    if choosing is not None and stating is not None:
+        if required is not None:
+            gains = robust_gains(choosing, found, gains, aim, required, template)
+        held = robustness(stating, gains, target, duration=found.duration)
     figures = loop_of(model, gains).figures()
-    return TunedPi(gains, figures, target, aim, model, found, assumed, held, probability)
+    return TunedPi(
+        gains, figures, target, aim, model, found, assumed, held, required, unknown, verdict, showing,
+    )  # fmt: skip
+
+
+def _plants(
+    model: Model, models: Sequence[Model] | None, draws: int, seed: int, *, strict: bool
+) -> tuple[Plants | None, Plants | None, Plants | None, str]:
+    """Plants that choose gains, state their probability and show the trade-off; or the reason why there are none."""
+    if models is not None:
+        given = Plants(tuple(models), given=True)
+        return given, given, given, ""
+    if model.cov_params is None and not strict:
+        return None, None, None, "the model has no covariance, because it was given and not identified from a record"
+    sizes = {CHOOSING: draws, STATING: max(draws, STATED), SHOWING: PICTURED}
+    try:
+        choosing, stating, showing = (draws_of_models(model, n, (seed, kind)) for kind, n in sizes.items())
+    except IdentError as error:
+        if strict:
+            raise
+        return None, None, None, str(error).rstrip(".")
+    return choosing, stating, showing, ""
 
 
 def sorted_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

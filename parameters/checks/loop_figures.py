@@ -1,10 +1,10 @@
 """Closed loop of the gains and dynamics of a file, and its figures of merit.
 
-    y = G (u + load),    u = C (r - H y),    L = G C H
+    y = G (u + load),    u = F r - C H y,    L = G C H
 
 G is the model in the units of the gains, C the PI with its delay and an average of the command, H the low-pass and an
-average of the measurement. Times and shares are those of the unit step of the reference from rest: 10 to 90 %, within
-2 %, lines between the samples.
+average of the measurement; F is C with the setpoint weight. Times and shares are those of the unit step of the
+reference from rest: 10 to 90 %, within 2 %, lines between the samples.
 """
 
 from dataclasses import dataclass
@@ -27,12 +27,13 @@ RULE = {"backward": np.array([1.0]), "forward": np.array([0.0, 1.0]), "trapezoid
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """Polynomials in z^-1: plant b / a, controller pn / pd, measurement hn / hd."""
+    """Polynomials in z^-1: plant b / a, controller pn / pd, of the reference rn / pd, measurement hn / hd."""
 
     b: Array
     a: Array
     pn: Array
     pd: Array
+    rn: Array
     hn: Array
     hd: Array
     sample_time: float
@@ -73,11 +74,12 @@ def closed_loop(dynamics: DynamicsSection, pi: PiSection) -> ClosedLoop:
     """The loop of a file's gains round its dynamics, in the units of the gains."""
     with np.errstate(all="ignore"):
         b = np.array(dynamics.b) * (pi.scaling_y / pi.scaling_u)
-        pn, pd = _controller(pi)
+        pn, pd = _controller(pi, pi.kp)
+        rn, _ = _controller(pi, pi.setpoint_weight * pi.kp)
     gain = -np.expm1(-pi.sample_time / pi.filter_time) if pi.filter_time else 1.0
     hn = gain * _mean(pi.average if pi.average_of == "measurement" else 1)
     hd = np.array([1.0, gain - 1.0]) if pi.filter_time else np.ones(1)
-    return ClosedLoop(b, np.array(dynamics.a), pn, pd, hn, hd, pi.sample_time)
+    return ClosedLoop(b, np.array(dynamics.a), pn, pd, rn, hn, hd, pi.sample_time)
 
 
 def figures(loop: ClosedLoop) -> dict[str, float]:
@@ -85,8 +87,8 @@ def figures(loop: ClosedLoop) -> dict[str, float]:
     radius = loop.radius
     n = LONGEST if radius >= 1 else int(np.clip(np.log(STILL) / np.log(max(radius, 1e-3)), 50, LONGEST))
     ones, T = np.ones(n), loop.sample_time
-    y = loop.run(_product(loop.b, loop.pn, loop.hd), ones)
-    command = loop.run(_product(loop.a, loop.pn, loop.hd), ones)
+    y = loop.run(_product(loop.b, loop.rn, loop.hd), ones)
+    command = loop.run(_product(loop.a, loop.rn, loop.hd), ones)
     load = loop.run(_product(loop.b, loop.pd, loop.hd), ones)
     noise = loop.run(_product(loop.a, loop.pn, loop.hn), np.r_[1.0, np.zeros(n - 1)])
     with np.errstate(all="ignore"):
@@ -103,12 +105,12 @@ def figures(loop: ClosedLoop) -> dict[str, float]:
     return {name: float(value) if np.isfinite(value) else np.inf for name, value in found.items()}
 
 
-def _controller(pi: PiSection) -> tuple[Array, Array]:
+def _controller(pi: PiSection, kp: float) -> tuple[Array, Array]:
     extra = DIFFERENCE if pi.form == "incremental_sum" else np.ones(1)
     path = np.r_[np.zeros(pi.delay), _mean(pi.average if pi.average_of == "command" else 1)]
     if pi.ki == 0:
-        return pi.kp * path, extra
-    gains = _sum(pi.kp * DIFFERENCE, pi.ki * pi.sample_time * RULE[pi.integration])
+        return kp * path, extra
+    gains = _sum(kp * DIFFERENCE, pi.ki * pi.sample_time * RULE[pi.integration])
     return _product(gains, path), _product(DIFFERENCE, extra)
 
 
@@ -136,7 +138,7 @@ def _inside(p: Array, radius: float) -> bool:
 
 def _at_rest(loop: ClosedLoop) -> float:
     """Final value of the step: the closed transfer function at z = 1; an integrator makes it 1 exactly."""
-    above, below = loop.b.sum() * loop.pn.sum() * loop.hd.sum(), loop.characteristic.sum()
+    above, below = loop.b.sum() * loop.rn.sum() * loop.hd.sum(), loop.characteristic.sum()
     if abs(_product(loop.a, loop.pd).sum()) <= 1e-13 * np.abs(loop.a).sum() and above:
         return 1.0
     return float(above / below) if below else np.inf

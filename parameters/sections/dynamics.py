@@ -257,6 +257,14 @@ class PiSection(Section):
         Requirements of the tuning, and figures of merit on the dynamics of the file.
     probability, draws
         Share of the models that the uncertainty allows on which the whole specification holds, from ``draws``.
+    probability_interval : tuple of float or None
+        95 % Monte Carlo interval of that share.
+    required_probability : float or None
+        Share that was required; None for gains tuned on the estimate alone.
+    missed : dict of float
+        Share of the draws that violate each limit, by the name of the limit.
+    verdict : VerdictSection or None
+        How far the gains can be used; None where they were not judged.
     forced : str or None
         Reason for keeping gains that miss the specification; None for gains that meet it.
     method : str or None
@@ -293,6 +301,10 @@ class PiSection(Section):
     figures: PiFigures | None = None
     probability: Share | None = None
     draws: Count | None = None
+    probability_interval: tuple[Share, Share] | None = None
+    required_probability: Share | None = None
+    missed: dict[str, Share] = Field(default_factory=dict)
+    verdict: VerdictSection | None = None
     forced: Text | None = None
     method: str | None = None
     notes: tuple[str, ...] = ()
