@@ -320,7 +320,8 @@ def trade_off(found: FeasibleMap, template: PiGains, plants: Plants | None) -> T
     limit = getattr(asked, name) or float(np.min(speed))
     rows, columns = np.nonzero((speed <= SHOWN * limit) & (ms <= STEEPEST))
     if not rows.size:
-        return TradeOff(*(np.empty(0) for _ in range(4)), None, np.empty((2, 0)), name, asked)
+        none = np.empty(0)
+        return TradeOff(none, none, none, none, None, np.empty((2, 0)), name, asked)
     x, y = speed[rows, columns], ms[rows, columns]
     side = int(np.sqrt(SCREENED))
     column, row = (np.minimum((side * (v - v.min()) / (np.ptp(v) or 1.0)).astype(int), side - 1) for v in (x, y))

@@ -345,7 +345,8 @@ def tune_pi(
     """
     check_aim(aim)
     if not isinstance(model, Model):
-        model, verdict = model.model, model.verdict if verdict is None else verdict
+        verdict = model.verdict if verdict is None else verdict
+        model = model.model
     if nominal and probability is not None:
         raise UsageError("nominal and probability: a nominal design requires no probability; give one of them.")
     limits, controller = sorted_options(dict(options))
