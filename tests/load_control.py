@@ -1,4 +1,4 @@
-"""What the tests of the C controller share: sequences with faults, the Python reference, and the compiled C."""
+"""What the tests of the C controller share: sequences with faults, the Python reference, C evaluated and compiled."""
 
 import ctypes
 import subprocess
@@ -6,9 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from c_evaluator import evaluated
 from fitmodels.controllers import ConstantLoad
 
 STRICT = ["-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
+INPUTS = ("period", "load", "requested", "enable", "spindle_on", "idle", "beat", "reset")
 OUTPUTS = ("feed_override", "measured", "state", "fault", "worn", "overload", "feed_inhibit")
 DRIVER = """\
 #include "controller.c"
@@ -63,7 +65,8 @@ def sequence(loop, seed=0, samples=6000):
     """Inputs, shape (samples, 8): period s, load, requested, enable, spindle_on, idle, beat, reset.
 
     Stretches of a cut, of air and of each fault in a random order: NaN, infinite, zero, negative, too large, a spike,
-    stuck, a dead source, enable or spindle lost, invalid and other requested feeds, resets.
+    stuck in the cut and in air, a dead source, enable or spindle lost, invalid and
+    other requested feeds, pauses, resets.
     """
     rng = np.random.default_rng(seed)
     out = np.empty((samples, 8))
@@ -94,6 +97,14 @@ def sequence(loop, seed=0, samples=6000):
             part[:, 2] = rng.choice([0.0, 0.5, 1.2, 2.0, 3.0]) * loop.feed_programmed
         elif kind == 9:
             part[n // 2, 2] = rng.choice([np.nan, np.inf, -1.0])
+        elif kind == 10:
+            part[:, 1] = 0.06
+        elif kind == 12:
+            part[n // 3 : 2 * n // 3, 5] = 1.0
+        elif kind == 11:
+            part[n // 3 :, 3] = 0.0
+            part[n // 2 : -5, 1] = np.nan
+            part[-5:, 3] = 1.0
         if rng.random() < 0.6:
             part[n // 4 : n // 2, 7] = 1.0
     return out
@@ -108,6 +119,26 @@ def reference(loop, inputs):
         row[0] = c.step(load, period)
         row[1:] = c._measured, c.state, c.fault, c.worn, c.overload, c.feed_inhibit
     return out
+
+
+def interpreted(source):
+    """A function from inputs to outputs of a C source, evaluated in Python."""
+    c = evaluated(source)
+    state, inputs, out = (c["new"](name) for name in ("LoadState", "LoadInput", "LoadOutput"))
+
+    def run(rows):
+        wrong = c["load_control_init"](c["load_settings"], state)
+        if wrong:
+            raise ValueError(f"setting {wrong} is out of range")
+        found = []
+        for row in rows.tolist():
+            for name, value in zip(INPUTS, row, strict=True):
+                setattr(inputs, name, value)
+            c["load_control_step"](c["load_settings"], state, inputs, out)
+            found.append([getattr(out, name) for name in OUTPUTS])
+        return np.array(found, float)
+
+    return run
 
 
 def compiled(cc, source, folder, *options):

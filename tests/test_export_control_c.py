@@ -1,18 +1,25 @@
-"""The controller in C, alone, as LinuxCNC component and as FMU, is `controllers.ConstantLoad` sample by sample."""
+"""The controller in C, alone and as LinuxCNC component, is `controllers.ConstantLoad` sample by sample.
 
+Plain tests evaluate the text of the exports (`c_evaluator`), the consumer tests compile it.
+"""
+
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fitmodels.controllers.constant_load_milling.states import State
 from fitmodels.controllers.exports import rendered
-from fitmodels.controllers.exports.c_source import c_controller
+from fitmodels.controllers.exports.c_source import c_controller, c_settings
 from fitmodels.parameters.exports.loop import loop_settings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from load_control import DRIVER, OUTPUTS, STRICT, compiled, reference, sequence, variants
+from c_evaluator import evaluated
+from load_control import DRIVER, INPUTS, OUTPUTS, STRICT, compiled, interpreted, reference, sequence, variants
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -28,13 +35,198 @@ def loop(constant_load_file):
     return loop_settings(constant_load_file()).loop
 
 
+def differences(run, loop, inputs, expected):
+    """Names of the outputs that differ from the Python controller."""
+    found = run(inputs)
+    away = [np.abs(found[:, k] - expected[:, k]).max() > (DOUBLE if k < 2 else 0) for k in range(len(OUTPUTS))]
+    return [name for name, is_away in zip(OUTPUTS, away, strict=True) if is_away]
+
+
+def faults(text, loop, inputs, expected):
+    """What a C text does that the controller of the loop does not."""
+    c = evaluated(text)
+    found = [name for name, value in c_settings(loop).items() if getattr(c["load_settings"], name) != value]
+    if found:
+        return found
+    step = inputs[:40].copy()
+    step[:, 0], step[:, 1] = loop.sample_time * 1.0098, 0.2
+    within = interpreted(text)(step)[-1, OUTPUTS.index("fault")]
+    step[:, 0] = loop.sample_time * 1.0102
+    beyond = interpreted(text)(step)[-1, OUTPUTS.index("fault")]
+    return (["period"] if within or not beyond else []) or differences(interpreted(text), loop, inputs, expected)
+
+
 def test_the_sequences_reach_every_state_and_every_output(loop):
-    reached = np.concatenate(
-        [reference(each, sequence(each, seed)) for seed, each in enumerate(variants(loop).values())]
-    )
+    each = enumerate(variants(loop).values())
+    reached = np.concatenate([reference(one, sequence(one, seed)) for seed, one in each])
     assert set(reached[:, 2]) == {0, 1, 2, 3, 4, 5}
     assert (reached[:, 3:].mean(0) > 0.01).all(), dict(zip(OUTPUTS, reached.mean(0), strict=True))
     assert (reached[:, 2] == 3).mean() > 0.1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_text_is_the_python_controller(loop, name):
+    one, seed = variants(loop)[name], NAMES.index(name)
+    inputs = sequence(one, seed, samples=2500)
+    assert faults(c_controller(one), one, inputs, reference(one, inputs)) == []
+
+
+MUTATIONS = [
+    *c_settings.__globals__["_NUMBERS"], "average", "average_command", "incremental", "stop_on_fault",
+    "LOAD_OVERLOAD_SHARE", "LOAD_OVERLOAD_MEAN", "LOAD_REST_SHARE", "LOAD_WORN_MEAN", "LOAD_PERIOD_SHARE",
+]  # fmt: skip
+
+
+def mutated(text, name):
+    """The text with one constant changed by 3 % (10 % for constants of the code), or by one."""
+    if name.startswith("LOAD_"):
+        changed, count = re.subn(rf"(#define {name} )(\S+)", lambda m: f"{m[1]}{float(m[2]) * 1.1!r}", text)
+    else:
+        line = rf"(    )(\(LoadReal\))?(\S+)(, /\* {name}\b)"
+        new = lambda m: m[1] + (f"{m[2]}{float(m[3]) * 1.03 + 1e-3!r}" if m[2] else str(int(m[3]) + 1)) + m[4]  # noqa: E731
+        changed, count = re.subn(line, new, text)
+    assert count == 1
+    return changed
+
+
+@pytest.mark.parametrize("name", MUTATIONS)
+def test_a_changed_constant_is_seen(loop, name):
+    one = variants(loop)["stop, feed-forward"]
+    inputs = sequence(one, 5, samples=2500)
+    assert faults(mutated(c_controller(one), name), one, inputs, reference(one, inputs))
+
+
+@pytest.mark.parametrize(
+    ("line", "other"),
+    [
+        ("x->held = in->load;", "x->held = in->load * (LoadReal)1.03;"),
+        ("x->bias = x->u + s->entry_gain * error;", "x->bias = s->entry_gain * error;"),
+        ("else if (!x->armed) x->held = 0;", ""),
+        ("x->same = loaded && !in->idle && equal", "x->same = equal"),
+        (" && !x->overload && !in->idle;", " && !x->overload;"),
+        ("if (x->fault || x->overload) return s->low;", "if (x->fault || x->overload) return s->high;"),
+        ("x->fault = cause || (x->fault && !reset);", "x->fault = cause && !reset;"),
+        ("if (x->had_cut) return x->u;", "if (x->had_cut) return (LoadReal)1;"),
+        ("x->factor = s->feed_programmed / in->requested", "x->factor = in->requested / s->feed_programmed"),
+        ("x->falling ? x->fall : x->rise", "x->falling ? x->rise : x->fall"),
+        ("x->high_for >= x->n_overload", "x->high_for > x->n_overload"),
+    ],
+)  # fmt: skip
+def test_a_changed_statement_is_seen(loop, line, other):
+    one = variants(loop)["stop, feed-forward"]
+    text, inputs = c_controller(one), sequence(one, 1, samples=2500)
+    assert text.count(line) == 1
+    assert faults(text.replace(line, other), one, inputs, reference(one, inputs))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("sample_time", 0.0), ("sample_time", float("nan")), ("reference", -1.0), ("low", 0.0), ("low", 1.5),
+        ("high", 1.1), ("feed_programmed", 0.0), ("p", float("inf")), ("i", float("nan")), ("entry_gain", 1e31),
+        ("filter_time", -1.0), ("engage_at", 5.0), ("hysteresis", -0.1), ("engage_after", 1e9), ("arm_after", -1.0),
+        ("lost_after", float("nan")), ("stuck_after", 1e12), ("heartbeat", -1.0), ("overload_after", 1e9),
+        ("dwell", 1e9), ("worn_load", 0.0), ("back_off", 0.0), ("recover", -1.0), ("load_low", 0.0),
+        ("load_high", 0.01), ("average", 0), ("average", 3),
+    ],
+)  # fmt: skip
+def test_a_setting_out_of_range_stops_the_feed(loop, name, value):
+    c = evaluated(c_controller(loop))
+    setattr(c["load_settings"], name, value)
+    state, inputs, out = (c["new"](kind) for kind in ("LoadState", "LoadInput", "LoadOutput"))
+    expected = list(c_settings(loop)).index(name) + 1
+    assert c["load_control_init"](c["load_settings"], state) in ({2, expected} if name == "load_high" else {expected})
+    c["load_control_step"](c["load_settings"], state, inputs, out)
+    assert (out.feed_override, out.feed_inhibit, out.state) == (0, 1, State.FAULT)
+
+
+def test_the_structure_of_settings_has_their_order_and_states_their_numbers(loop):
+    c = evaluated(c_controller(loop))
+    assert [name for name, _ in c["load_settings"]._members] == list(c_settings(loop))
+    assert {name: c[f"LOAD_{name}"] for name in State.__members__} == dict(State.__members__)
+
+
+def test_the_real_feed_stays_inside_its_limits_at_any_requested_feed(loop):
+    """At F doubled and at an override of 120 %, a ratio alone would break the upper limit."""
+    for factor in (0.5, 1.2, 2.0, 4.8):
+        inputs = sequence(loop, 3, samples=1500)
+        inputs[:, 2] = factor * loop.feed_programmed
+        real = interpreted(c_controller(loop))(inputs)[:, 0] * inputs[:, 2]
+        assert real.max() <= loop.feed_high * (1 + 1e-12)
+        assert real.min() >= min(loop.feed_low, inputs[0, 2]) * (1 - 1e-12)
+
+
+def component(text):
+    """The function of a component, and an object with its pins and parameters at their first values."""
+    declared, code = text.split("\n;;\n")
+    lines = re.findall(r"^(?:pin (?:in|out)|param rw) \w+ (\w+)(?: = (\S+))?", declared, re.MULTILINE)
+    c = evaluated(code, rtapi_print_msg=None, RTAPI_MSG_ERR=0, EINVAL=22)
+    pins = type("Pins", (), {name: float(first.rstrip(";") or 0) for name, first in lines})()
+    assert c["extra_setup"](pins, "fm-control", 0) == 0
+    return c["_"], pins
+
+
+def ran(step, pins, loop, inputs, operator=1.0):
+    """Outputs of a component under inputs that LinuxCNC would give it."""
+    found = []
+    for row in inputs.tolist():
+        named = dict(zip(INPUTS, row, strict=True))
+        pins.load, pins.requested_vel, pins.operator_override = (
+            named["load"],
+            named["requested"] / 60 / operator,
+            operator,
+        )
+        pins.enable, pins.spindle_on, pins.idle, pins.heartbeat, pins.reset = row[3:]
+        step(pins, round(named["period"] * 1e9))
+        found.append([getattr(pins, "adaptive_feed" if name == "feed_override" else name) for name in OUTPUTS])
+    return np.array(found, float)
+
+
+@pytest.mark.parametrize("operator", [1.0, 1.2])
+def test_the_component_is_the_python_controller(constant_load_file, loop, operator):
+    step, pins = component(rendered(constant_load_file(), "comp"))
+    assert pins.adaptive_feed == loop.low
+    inputs = sequence(loop, 4, samples=1500)
+    expected = reference(loop, inputs)
+    assert differences(lambda rows: ran(step, pins, loop, rows, operator), loop, inputs, expected) == []
+
+
+@pytest.mark.parametrize(
+    ("constant", "other"),
+    [("feed_scale = 60.0", "feed_scale = 61.0"), ("operator_override = 1 ", "operator_override = 2 "),
+     ("requested_vel = -1", "requested_vel = 1"), ("* 1e-9", "* 1.1e-9"), ("operator_ < 1.0", "operator_ < 1.3"),
+     ("adaptive_feed = 0.6", "adaptive_feed = 0.7"), ("? 1.0 : operator_", "? 1.1 : operator_")],
+)  # fmt: skip
+def test_a_changed_constant_of_the_component_is_seen(constant_load_file, loop, constant, other):
+    text = rendered(constant_load_file(), "comp")
+    assert text.count(constant) == 1
+    step, pins = component(text.replace(constant, other))
+    inputs = sequence(loop, 4, samples=1500)
+    first = (pins.adaptive_feed, pins.requested_vel, pins.operator_override) != (loop.low, -1, 1)
+    seen = [differences(lambda rows, o=o: ran(step, pins, loop, rows, o), loop, inputs, reference(loop, inputs))
+            for o in (1.2, 0.9)]  # fmt: skip
+    assert first or any(seen)
+    assert component(text)[1].requested_vel == -1
+
+
+def test_an_operator_below_100_percent_slows_the_feed_and_is_not_compensated(constant_load_file, loop):
+    step, pins = component(rendered(constant_load_file(), "comp"))
+    inputs = sequence(loop, 4, samples=1000)
+    inputs[:, 2] = loop.feed_programmed
+    full = ran(step, pins, loop, inputs)[:, 0]
+    step, pins = component(rendered(constant_load_file(), "comp"))
+    inputs[:, 2] *= 0.5  # so that `ran` gives the same velocity
+    assert (ran(step, pins, loop, inputs, 0.5)[:, 0] == full).all()
+
+
+def test_a_component_whose_requested_velocity_is_not_connected_goes_to_fault(constant_load_file, loop):
+    step, pins = component(rendered(constant_load_file(), "comp"))
+    pins.enable = pins.spindle_on = 1.0
+    for k in range(30):
+        pins.load, pins.heartbeat = 0.2 + 1e-3 * (k % 3), k // 3 % 2
+        step(pins, round(loop.sample_time * 1e9))
+    assert pins.fault
+    assert pins.adaptive_feed == loop.low
 
 
 @pytest.mark.consumer
@@ -44,11 +236,18 @@ def test_double_precision_is_the_python_controller_and_single_close_to_it(consum
     one = variants(loop)[name]
     inputs = sequence(one, seed, samples=20000)
     expected, source = reference(one, inputs), c_controller(one)
-    double = compiled(cc, source, tmp_path, *STRICT)(inputs)
-    assert np.abs(double[:, :2] - expected[:, :2]).max() <= DOUBLE
-    assert (double[:, 2:] == expected[:, 2:]).all()
+    assert differences(compiled(cc, source, tmp_path, *STRICT), one, inputs, expected) == []
     single = compiled(cc, source, tmp_path, *STRICT, *FLOAT)(inputs)
     assert np.abs(single[:, 0] - expected[:, 0]).max() <= SINGLE
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("name", ["p", "entry_gain", "LOAD_OVERLOAD_SHARE", "LOAD_WORN_MEAN", "lost_after", "load_low"])
+def test_the_evaluator_is_the_compiled_c_for_changed_texts_too(consumer, loop, tmp_path, name):
+    one = variants(loop)["stop, feed-forward"]
+    text, inputs = mutated(c_controller(one), name), sequence(one, 1, samples=4000)
+    by_cc = compiled(consumer("cc", INSTALL), text, tmp_path)(inputs)
+    assert (by_cc == interpreted(text)(inputs)).all()
 
 
 @pytest.mark.consumer
@@ -62,5 +261,28 @@ def test_the_export_compiles_without_a_warning(consumer, constant_load_file, tmp
         (tmp_path / "driver.c").write_text(DRIVER)
         (tmp_path / "other.c").write_text('#define LOAD_CONTROL_DECLARATIONS_ONLY\n#include "controller.c"\n')
         for source in ("driver.c", "other.c"):
-            made = [cc, *options, *STRICT, "-O2", "-c", source, "-o", "out.o"]
+            made = [cc, *options, *STRICT, "-c", source, "-o", "out.o"]
             subprocess.run(made, cwd=tmp_path, check=True)
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_garbage_leaves_every_output_inside_its_limits_under_sanitizers(consumer, loop, tmp_path, real):
+    """2e6 steps with NaN, infinite, huge and subnormal inputs and random settings: no finding, no output outside."""
+    (tmp_path / "controller.c").write_text(c_controller(replace(loop, average=5)))
+    options = [
+        "-O1",
+        "-fsanitize=address,undefined,float-cast-overflow",
+        "-fno-sanitize-recover=all",
+        "-Wall",
+        "-Wextra",
+    ]
+    garbage = Path(__file__).with_name("load_control_garbage.c")
+    made = [consumer("cc", INSTALL), *options, f"-DLOAD_CONTROL_REAL={real}", f"-I{tmp_path}", garbage, "-o", "garbage"]
+    subprocess.run(made, cwd=tmp_path, check=True)
+    ran = subprocess.run([tmp_path / "garbage", "2000000", "11"], capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    loops, steps, outside, *seen = map(int, ran.stdout.split())
+    assert (steps, outside) == (2000000, 0)
+    assert loops > 1000
+    assert min(seen) > 1000

@@ -15,6 +15,7 @@ from ..gate import GatedControl
 from .c_source import c_controller, c_head, c_text
 
 COMPONENT: Final = "fm_control"
+STILL: Final = 0.01  # of the lower feed limit: slower than this the path does not advance
 SERVO_PERIOD: Final = 0.002  # s: a longer period gets a thread of its own
 
 NOT_IN_COMPONENT = (
@@ -25,11 +26,15 @@ NOT_IN_COMPONENT = (
 
 _HAL = """\
 loadrt {component}
+loadrt comp names=fm.still
 {made}# >>> net fm-load <= YOUR-LOAD-PIN            float, {load}: spindle current or load from the drive
 # >>> net fm-spindle-on <= spindle.0.on       bit: the spindle turns; where that pin has a signal, use its name below
-# >>> net fm-idle <= motion.in-position       bit: no axis moves
 # >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes with every new reading, at least every {heartbeat:.6g} s
 # >>> net fm-operator <= halui.feed-override.value   [HAL] HALUI = halui in the ini file
+# Idle: the path does not advance, also in a pause, in a dwell and at an override of 0.
+setp fm.still.in1 {still!r}
+net fm-velocity motion.current-vel => fm.still.in0
+net fm-idle fm.still.out
 net fm-load => {pins}.load
 net fm-spindle-on => {pins}.spindle-on
 net fm-idle => {pins}.idle
@@ -49,6 +54,7 @@ net fm-inhibit {pins}.feed-inhibit => motion.feed-inhibit
 net fm-fault {pins}.fault
 net fm-worn {pins}.worn
 net fm-overload {pins}.overload
+addf fm.still {thread}
 addf {pins} {thread}
 """
 
@@ -58,7 +64,7 @@ description "See the head of the source file for nets, states and limits.";
 pin in float load "{load}";
 pin in bit enable;
 pin in bit spindle_on "The spindle turns.";
-pin in bit idle "No axis moves.";
+pin in bit idle "The path does not advance.";
 pin in bit heartbeat "Changes with every new reading of the load.";
 pin in bit reset "A rising edge clears fault, overload and worn unless their cause is present.";
 pin in float requested_vel = -1 "motion.requested-vel, machine units per s. Not connected it is negative: a fault.";
@@ -134,6 +140,7 @@ def component_file(control: GatedControl) -> str:
         *c_head(control, NOT_IN_COMPONENT),
         f"Compile with halcompile --install {COMPONENT}.comp; the file has the name of the component.",
         "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
+        "Where one of those files loads comp, move the name fm.still to that line.",
     )
     names = {"load": c_text(loop.unit_load), "feed": c_text(loop.unit_feed), "low": loop.low, "scale": scale}
     lines = "".join(f"//| {line}\n" for line in hal_lines(loop).splitlines())
@@ -149,7 +156,7 @@ def hal_lines(loop: LoadLoop) -> str:
     return _HAL.format(
         component=COMPONENT, pins=COMPONENT.replace("_", "-"), load=c_text(loop.unit_load), heartbeat=loop.heartbeat,
         made=made if servo else f"loadrt threads name1=fm-thread period1={period} fp1=1\n",
-        thread="servo-thread" if servo else "fm-thread",
+        thread="servo-thread" if servo else "fm-thread", still=STILL * loop.feed_low / _feed_scale(loop),
     )  # fmt: skip
 
 

@@ -49,7 +49,7 @@ def _variables(loop: LoadLoop) -> tuple[Variable, ...]:
                  repr(loop.feed_programmed), feed),
         Variable("enable", "input", "Boolean", 0, "the switch of the operator", "false"),
         Variable("spindle_on", "input", "Boolean", 1, "the spindle turns", "false"),
-        Variable("idle", "input", "Boolean", 2, "no axis moves", "false"),
+        Variable("idle", "input", "Boolean", 2, "the path does not advance", "false"),
         Variable("beat", "input", "Boolean", 3, "changes while the source of the load is alive", "false"),
         Variable("reset", "input", "Boolean", 4, "a rising edge clears what is latched unless its cause is present",
                  "false"),

@@ -69,7 +69,7 @@ typedef struct {
                            feed_programmed, and the limits hold only for a program with that F at 100 % */
     int enable;         /* the operator's switch */
     int spindle_on;     /* spindle at speed */
-    int idle;           /* no motion is in progress */
+    int idle;           /* the path does not advance: at rest, in a pause, at an override of 0 */
     int beat;           /* changes while the source of the load is alive */
     int reset;          /* a change from 0 to 1 clears fault, worn and overload unless their cause is present */
 } LoadInput;
@@ -91,7 +91,7 @@ typedef struct {
     LoadReal held, filtered, measured, mean, u, bias, sum, average, factor;
     LoadReal kept[LOAD_CONTROL_AVERAGE];
     long spindle, bad, loaded_for, same, alive, high_for, rested;
-    int ready, begun, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset;
+    int ready, begun, armed, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset;
     int fault, worn, overload;
 } LoadState;
 
@@ -180,14 +180,20 @@ static int load_first_wrong(const LoadSettings *s)
 static int load_count_samples(const LoadSettings *s, LoadState *x)
 {
     const LoadReal T = s->sample_time;
-    if ((x->n_engage = load_samples(s->engage_after, T)) == 0) return 12;
-    if ((x->n_arm = load_samples(s->arm_after, T)) == 0) return 13;
-    if ((x->n_lost = load_samples(s->lost_after, T)) == 0) return 14;
-    if ((x->n_stuck = load_samples(s->stuck_after, T)) == 0) return 15;
-    if ((x->n_beat = load_samples(s->heartbeat, T)) == 0) return 16;
-    if ((x->n_overload = load_samples(s->overload_after, T)) == 0) return 17;
-    if ((x->n_dwell = load_samples(s->dwell, T)) == 0) return 18;
-    return 0;
+    x->n_engage = load_samples(s->engage_after, T);
+    x->n_arm = load_samples(s->arm_after, T);
+    x->n_lost = load_samples(s->lost_after, T);
+    x->n_stuck = load_samples(s->stuck_after, T);
+    x->n_beat = load_samples(s->heartbeat, T);
+    x->n_overload = load_samples(s->overload_after, T);
+    x->n_dwell = load_samples(s->dwell, T);
+    if (x->n_engage == 0) return 12;
+    if (x->n_arm == 0) return 13;
+    if (x->n_lost == 0) return 14;
+    if (x->n_stuck == 0) return 15;
+    if (x->n_beat == 0) return 16;
+    if (x->n_overload == 0) return 17;
+    return x->n_dwell == 0 ? 18 : 0;
 }
 
 int load_control_init(const LoadSettings *s, LoadState *x)
@@ -231,15 +237,15 @@ static int load_compare(int was, LoadReal load, LoadReal at, LoadReal half)
 }
 
 /* Steps 1 to 4: hold the last valid reading and filter it; 1 where the held reading did not change. */
-static int load_read(const LoadSettings *s, LoadState *x, const LoadInput *in, int *armed)
+static int load_read(const LoadSettings *s, LoadState *x, const LoadInput *in)
 {
     const LoadReal previous = x->held;
     const int valid = load_between(s->load_low, in->load, s->load_high);
     x->bad = valid ? 0 : load_count(x->bad);
     x->spindle = in->spindle_on ? load_count(x->spindle) : 0;
-    *armed = in->enable && x->spindle >= x->n_arm;
+    x->armed = in->enable && x->spindle >= x->n_arm;
     if (valid) x->held = in->load;
-    else if (!*armed) x->held = 0;
+    else if (!x->armed) x->held = 0;
     x->filtered += (x->held - x->filtered) * x->gain;
     x->measured = x->filtered;
     if (!s->average_command && s->average > 1) x->measured = load_average(s, x, x->filtered);
@@ -248,37 +254,37 @@ static int load_read(const LoadSettings *s, LoadState *x, const LoadInput *in, i
 }
 
 /* Step 5: engage by the filtered load after a delay, disengage at once by the reading too. */
-static int load_engage(const LoadSettings *s, LoadState *x, int armed)
+static int load_engage(const LoadSettings *s, LoadState *x)
 {
     int engaged;
     x->over = load_compare(x->over, x->measured, s->engage_at, x->half_hysteresis);
     x->above = load_compare(x->above, x->held, s->engage_at, x->half_hysteresis);
-    engaged = armed && x->over && x->above;
+    engaged = x->armed && x->over && x->above;
     x->loaded_for = engaged ? load_count(x->loaded_for) : 0;
     return engaged;
 }
 
 /* Step 6: 1 while a cause of a fault is present. */
-static int load_cause(const LoadSettings *s, LoadState *x, const LoadInput *in, int armed, int equal)
+static int load_cause(const LoadSettings *s, LoadState *x, const LoadInput *in, int equal)
 {
     const LoadReal off = (LoadReal)LOAD_PERIOD_SHARE * s->sample_time;
     const int beat = in->beat != 0;
     const int loaded = x->loaded_for >= x->n_engage;
-    x->same = loaded && equal ? load_count(x->same) : 0;
+    x->same = loaded && !in->idle && equal ? load_count(x->same) : 0;
     if (x->begun && beat != x->last_beat) x->alive = x->n_beat;
     else if (x->alive > 0) --x->alive;
     x->last_beat = beat;
-    if (!armed) return 0;
+    if (!x->armed) return 0;
     return x->bad >= x->n_lost || (s->stuck_after > 0 && x->same >= x->n_stuck) || (s->heartbeat > 0 && x->alive == 0)
         || !(in->requested >= 0 && in->requested < (LoadReal)LOAD_MOST)
         || !load_between(s->sample_time - off, in->period, s->sample_time + off);
 }
 
 /* Latches fault and overload; a reset clears each whose cause is gone, and worn. */
-static void load_latch(LoadState *x, int cause, int armed, int reset)
+static void load_latch(LoadState *x, int cause, int reset)
 {
     x->fault = cause || (x->fault && !reset);
-    x->high_for = armed && x->mean > x->overload_above ? load_count(x->high_for) : 0;
+    x->high_for = x->armed && x->mean > x->overload_above ? load_count(x->high_for) : 0;
     x->overload = x->high_for >= x->n_overload || (x->overload && !reset);
     if (reset) {
         x->worn = 0;
@@ -326,12 +332,12 @@ static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error,
 }
 
 /* Step 8 outside of the control law. */
-static LoadReal load_open(const LoadSettings *s, LoadState *x, const LoadInput *in, int armed)
+static LoadReal load_open(const LoadSettings *s, LoadState *x, const LoadInput *in)
 {
-    if (!armed && in->idle && in->load - s->engage_at < -x->half_hysteresis) x->had_cut = 0; /* NaN: kept */
+    if (!x->armed && in->idle && in->load - s->engage_at < -x->half_hysteresis) x->had_cut = 0; /* NaN: kept */
     if (x->fault || x->overload) return s->low;
     if (x->had_cut) return x->u;
-    return armed ? s->low : (LoadReal)1;
+    return x->armed ? s->low : (LoadReal)1;
 }
 
 static void load_limit(const LoadSettings *s, LoadState *x, LoadReal target)
@@ -364,7 +370,7 @@ static void load_stop(LoadOutput *out) /* the state was not initialised */
     out->feed_inhibit = 1;
 }
 
-static void load_output(const LoadSettings *s, LoadState *x, const LoadInput *in, LoadOutput *out, int armed, int engaged)
+static void load_output(const LoadSettings *s, LoadState *x, const LoadInput *in, LoadOutput *out, int engaged)
 {
     LoadReal real;
     if (in->requested > 0 && in->requested < (LoadReal)LOAD_MOST) x->factor = s->feed_programmed / in->requested;
@@ -378,30 +384,30 @@ static void load_output(const LoadSettings *s, LoadState *x, const LoadInput *in
     out->feed_inhibit = x->overload || (x->fault && s->stop_on_fault);
     if (x->fault || x->overload) out->state = LOAD_FAULT;
     else if (x->cutting) out->state = x->worn ? LOAD_WORN : LOAD_CONTROL;
-    else if (armed) out->state = engaged ? LOAD_ENTRY : LOAD_AIR;
+    else if (x->armed) out->state = engaged ? LOAD_ENTRY : LOAD_AIR;
     else out->state = LOAD_OFF;
 }
 
 void load_control_step(const LoadSettings *s, LoadState *x, const LoadInput *in, LoadOutput *out)
 {
-    int armed, equal, engaged, reset, cutting;
+    int equal, engaged, reset, cutting;
     LoadReal target;
     if (x->ready != LOAD_READY) {
         load_stop(out);
         return;
     }
-    equal = load_read(s, x, in, &armed);
-    engaged = load_engage(s, x, armed);
+    equal = load_read(s, x, in);
+    engaged = load_engage(s, x);
     reset = in->reset && !x->last_reset;
     x->last_reset = in->reset != 0;
-    load_latch(x, load_cause(s, x, in, armed, equal), armed, reset);
-    cutting = x->loaded_for >= x->n_engage && !x->fault && !x->overload;
+    load_latch(x, load_cause(s, x, in, equal), reset);
+    cutting = x->loaded_for >= x->n_engage && !x->fault && !x->overload && !in->idle;
     if (cutting) target = load_closed(s, x, s->reference - x->measured, !x->cutting);
-    else target = load_open(s, x, in, armed);
+    else target = load_open(s, x, in);
     x->cutting = cutting;
     load_limit(s, x, target);
     load_rest(x);
-    load_output(s, x, in, out, armed, engaged);
+    load_output(s, x, in, out, engaged);
     x->begun = 1;
 }
 #endif

@@ -1,0 +1,210 @@
+"""LinuxCNC runs the component and FMPy the FMU: both are `controllers.ConstantLoad` sample by sample."""
+
+import fcntl
+import importlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as ET
+import zipfile
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fitmodels.controllers.exports import rendered
+from fitmodels.parameters.exports.loop import loop_settings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from load_control import OUTPUTS, reference, sequence
+
+sys.path.remove(str(Path(__file__).parent))
+
+INSTALL = "apt-get install linuxcnc-uspace linuxcnc-uspace-dev"
+PRINTED = 1e-6  # halsampler prints six decimals
+MODULES = Path("/usr/lib/linuxcnc/modules")
+
+
+def described(fmu: bytes) -> ET.Element:
+    with zipfile.ZipFile(BytesIO(fmu)) as archive:
+        return ET.fromstring(archive.read("modelDescription.xml"))  # noqa: S314  our own text
+
+
+def test_the_model_description_has_the_numbers_of_the_loop_and_of_the_source(constant_load_file):
+    fmu, loop = rendered(constant_load_file(), "fmu"), loop_settings(constant_load_file()).loop
+    root = described(fmu)
+    assert float(root.find("DefaultExperiment").get("stepSize")) == loop.sample_time
+    first = {v.get("name"): v[0].get("start") for v in root.iter("ScalarVariable")}
+    assert (float(first["requested"]), float(first["load"])) == (loop.feed_programmed, 0.0)
+    assert float(first["feed_override"]) == float(first["u"]) == loop.low
+    with zipfile.ZipFile(BytesIO(fmu)) as archive:
+        source = archive.read("sources/fmi2.c").decode()
+        assert archive.read("sources/controller.c").decode() == rendered(constant_load_file(), "c")
+    assert f'#define FMU_GUID "{root.get("guid")}"' in source
+    for enum, kind in zip(
+        re.findall(r"^enum \{ (.*) \};", source, re.MULTILINE), ("Real", "Boolean", "Integer"), strict=True
+    ):
+        numbers, following = {}, 0
+        for part in enum.split(", "):
+            name, _, number = part.partition(" = ")
+            following = int(number or following)
+            numbers[name.lower().removeprefix("override_")] = following
+            following += 1
+        assert numbers == {
+            v.get("name"): int(v.get("valueReference")) for v in root.iter("ScalarVariable") if v[0].tag == kind
+        }
+
+
+def test_another_loop_has_another_guid(constant_load_file):
+    one, other = (described(rendered(constant_load_file(pi={"kp": kp}), "fmu")).get("guid") for kp in (300.0, 310.0))
+    assert one != other
+
+
+@pytest.fixture
+def fmpy():
+    try:
+        return importlib.import_module("fmpy")
+    except ImportError:
+        missing = "FMPy is not installed: pip install FMPy"
+        pytest.fail(missing) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(missing)
+
+
+@pytest.mark.consumer
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_fmpy_validates_compiles_and_runs_the_fmu(consumer, fmpy, constant_load_file, tmp_path):
+    consumer("cmake", "apt-get install cmake gcc g++")
+    loop = loop_settings(constant_load_file()).loop
+    (tmp_path / "build").mkdir()
+    (tmp_path / "fm.fmu").write_bytes(rendered(constant_load_file(), "fmu"))
+    assert importlib.import_module("fmpy.validation").validate_fmu(str(tmp_path / "fm.fmu")) == []
+    unzipped = fmpy.extract(str(tmp_path / "fm.fmu"), str(tmp_path / "fm"))
+    importlib.import_module("fmpy.build").build_platform_binary(unzipped, tmp_path / "build", all_warnings=True)
+    model = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(unzipped), fmi_type="CoSimulation")
+    model.setupExperiment()
+    model.enterInitializationMode()
+    model.exitInitializationMode()
+    inputs = sequence(loop, 6, samples=4000)
+    expected, found = reference(loop, inputs), []
+    for k, row in enumerate(inputs.tolist()):
+        if k == 2000:
+            kept = model.getFMUState()
+        if k == 3000:  # back to sample 2000, and through it again
+            model.setFMUState(kept)
+            model.freeFMUState(kept)
+            for again, more in enumerate(inputs[2000:3000].tolist(), 2000):
+                assert step(model, again, more, loop.sample_time) == found[again]
+        found.append(step(model, k, row, loop.sample_time))
+    assert np.abs(np.array(found, float) - expected).max() == 0
+    with pytest.raises(Exception, match="fmi2DoStep failed"):
+        model.doStep(0.0, 1.5 * loop.sample_time)
+    model.terminate()
+    model.freeInstance()
+
+
+def step(model, k, row, period):
+    """Outputs of the FMU after a step, in the order of OUTPUTS."""
+    model.setReal([0, 1], row[1:3])
+    model.setBoolean([0, 1, 2, 3, 4], [value > 0 for value in row[3:]])
+    model.doStep(k * period, period)
+    bits = [bool(bit) for bit in model.getBoolean([10, 11, 12, 13])]
+    return [model.getReal([10])[0], model.getReal([12])[0], model.getInteger([0])[0], *bits]
+
+
+HALRUN = """\
+set -e
+mount --bind {modules} original
+for module in original/*.so; do ln -s "$PWD/$module" modules/; done
+mv fm_control.so modules/
+mount --bind modules {modules}
+exec halrun -f test.hal
+"""
+
+
+@pytest.fixture
+def machine(consumer):
+    """Compile a component and run HAL text with it: an own mount namespace shows it among LinuxCNC's modules."""
+    compiler = consumer("halcompile", INSTALL)
+    consumer("halrun", INSTALL)
+    root = os.geteuid() == 0
+    unshare = ["unshare", "--mount", "--ipc", "--propagation", "private"]
+    unshare += [] if root else ["--user", "--map-root-user"]
+    if subprocess.run([*unshare, "true"], capture_output=True).returncode:
+        missing = "mount namespaces are switched off here, so a module cannot be shown to LinuxCNC"
+        pytest.fail(missing) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(missing)
+    folder = Path(tempfile.mkdtemp(prefix="fitmodels-comp-"))
+    folder.chmod(0o777)
+
+    def run(component: str, hal: str) -> subprocess.CompletedProcess[str]:
+        (folder / "fm_control.comp").write_text(component)
+        made = subprocess.run([compiler, "--compile", "fm_control.comp"], cwd=folder, capture_output=True, text=True)
+        assert made.returncode == 0, made.stderr
+        assert "warning" not in made.stderr
+        (folder / "test.hal").write_text(hal)
+        (folder / "run.sh").write_text(HALRUN.format(modules=MODULES))
+        for name in ("original", "modules"):
+            (folder / name).mkdir()
+        env = {**os.environ, "RTAPI_UID": "65534", "RTAPI_FIFO_PATH": str(folder / "fifo")}
+        with (Path(tempfile.gettempdir()) / "fitmodels-halrun.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            return subprocess.run(
+                [*unshare, "bash", "run.sh"], cwd=folder, env=env, capture_output=True, text=True, timeout=120
+            )
+
+    run.folder = folder
+    yield run
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.mark.consumer
+def test_linuxcnc_runs_the_component(machine, constant_load_file):
+    """Its head's HAL lines connect it to motmod's pins; streamer gives the inputs, sampler takes the outputs."""
+    pf, samples = constant_load_file(0.001), 2500
+    loop, text = loop_settings(pf).loop, rendered(pf, "comp")
+    inputs = sequence(loop, 9, samples)
+    inputs[:, 2] = loop.feed_programmed
+    inputs[~np.isfinite(inputs[:, 1]) | (np.abs(inputs[:, 1]) > 100), 1] = 0.0  # streamer reads plain numbers
+    lines = "\n".join(line[4:] for line in text.splitlines() if line.startswith("//| "))
+    assert "net fm-requested motion.requested-vel => fm-control.requested-vel" in lines
+    lines = lines.replace("net fm-requested motion.requested-vel =>", "net fm-requested =>")  # motmod is at rest here
+    lines = lines.replace("addf fm-control servo-thread", "")
+    assert "net fm-idle fm.still.out" in lines
+    lines = lines.replace("net fm-idle fm.still.out", "")
+    rows = "".join(f"{r[1]!r} {' '.join(str(int(v)) for v in r[3:])}\n" for r in inputs.tolist())
+    (machine.folder / "inputs").write_text(rows)
+    signals = ("fm-load", "fm-enable", "fm-spindle-on", "fm-idle", "fm-heartbeat", "fm-reset")
+    sampled = ("feed", "measured", "state", "fault", "worn", "overload", "inhibit")
+    made = machine(text, f"""\
+loadrt trivkins
+loadrt tpmod
+loadrt homemod
+loadrt motmod servo_period_nsec=1000000 num_joints=3
+loadrt streamer depth=4000 cfg=fbbbbb
+loadrt sampler depth=4000 cfg=ffsbbbb
+{lines}
+setp fm-control.feed-scale 60
+sets fm-operator 1.25
+sets fm-requested {loop.feed_programmed / 60 / 1.25!r}
+{"".join(f"net {name} streamer.0.pin.{k}{chr(10)}" for k, name in enumerate(signals))}
+net fm-measured fm-control.measured
+net fm-state fm-control.state
+{"".join(f"net fm-{name} sampler.0.pin.{k}{chr(10)}" for k, name in enumerate(sampled))}
+addf motion-command-handler servo-thread
+addf streamer.0 servo-thread
+addf fm-control servo-thread
+addf motion-controller servo-thread
+addf sampler.0 servo-thread
+loadusr -w halstreamer {machine.folder}/inputs
+start
+loadusr -w halsampler -t -n {samples} {machine.folder}/trace
+""")  # fmt: skip
+    assert (machine.folder / "trace").exists(), made.stdout + made.stderr
+    trace = (machine.folder / "trace").read_text().splitlines()
+    assert len(trace) == samples, made.stderr
+    found = np.array([line.split()[1:] for line in trace], float)
+    expected = reference(loop, inputs)
+    assert np.abs(found[:, :2] - expected[:, :2]).max() <= PRINTED
+    assert [name for k, name in enumerate(OUTPUTS) if k > 1 and (found[:, k] != expected[:, k]).any()] == []
