@@ -300,6 +300,21 @@ def test_forced_gains_are_marked_everywhere():
     assert any(text.startswith("FORCED GAINS") for text in card.safety)
 
 
+def test_the_verdict_of_gains_and_their_probability_are_shown():
+    """Gains that must not be used are no longer recommended; gains that were given have no verdict."""
+    verdict = {"level": "do not use for control", "reasons": ["The probability is 49 %, below 50 %."]}
+    stated = {"probability": 0.49, "draws": 2000, "probability_interval": (0.47, 0.51), "required_probability": 0.9}
+    card = compose(drive_file(verdict=verdict, missed={"rise_time": 0.51, "ms": 0.0}, **stated))
+    facts = {n.name: n.number.text for n in card.gains.reached}
+    assert facts["probability of meeting the specification"] == "49"
+    assert (facts["probability, low end"], facts["probability, high end"]) == ("47", "51")
+    assert facts["required probability"] == "90"
+    assert facts["share of these that miss rise time, 10 to 90 %"] == "51"
+    assert card.verdict == "do not use for control"
+    assert not any("set up a PI controller" in text for text in card.intended)
+    assert any("set up a PI controller" in text for text in compose(drive_file()).intended)
+
+
 def test_the_settings_of_constant_load(files):
     card = compose(files["load line"])
     limits, load = card.windows

@@ -99,6 +99,7 @@ def meanwhile(monkeypatch):
     [
         ("CLM-2023", "settings params.json --worn 0.28 --force"),
         ("AC-2016", "limits params.json P=7kW --force"),
+        ("CLM-2023", "tune params.json --settle 8 --nominal --force"),
     ],
 )
 def test_a_command_refuses_a_file_that_was_changed_since_it_read_it(
@@ -279,6 +280,37 @@ def test_kill_9_at_any_moment_leaves_file_and_picture_agreeing(file):
         kp, shown = drawn(file)
         assert shown in (kp, None)
         assert parameters.check(read(file)).findings[0].passed
+
+
+TUNER = """
+import os, signal, sys
+from fitmodels.cli import main
+calls, real = 0, os.replace
+def hooked(*paths):
+    global calls
+    calls += 1
+    if calls == int(sys.argv[1]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    real(*paths)
+os.replace = hooked
+sys.exit(main(["tune", sys.argv[2], "--settle", "8", "--nominal", "--force"]))
+"""
+
+
+@unix
+@pytest.mark.slow
+@pytest.mark.parametrize(("stage", "old", "pictures"), [(1, True, []), (2, False, []), (3, False, ["pi.png"])])
+def test_a_tune_that_is_killed_leaves_no_picture_of_other_gains(file, stage, old, pictures):
+    """Before the file is renamed, between file and picture, and not at all."""
+    with_picture(file)
+    before = read(file)
+    with started(TUNER, stage, file) as process:
+        process.stdout.read()
+        assert process.wait(60) == (-9 if stage < 3 else 0)
+    assert (read(file) == before) is old
+    assert [path.name for path in (file.parent / "figures").glob("*.png")] == pictures
+    if pictures:
+        assert (file.parent / "figures" / "pi.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_what_cannot_be_written_changes_neither(file):

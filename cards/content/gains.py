@@ -118,10 +118,19 @@ def _number(value: float | None, unit: str) -> NumberPart:
 
 
 def _held(pi: PiSection) -> tuple[FactPart, ...]:
+    """The probability that the specification holds, what was required, and the share of draws that miss each limit."""
+    if pi.probability is None:
+        return ()
     words = "" if pi.draws is None else f"share of {pi.draws} models drawn from the uncertainty of the dynamics"
-    return fact("probability of meeting the specification", percent(pi.probability), words) if (
-        pi.probability is not None
-    ) else ()  # fmt: skip
+    ends = zip(("low", "high"), pi.probability_interval or (), strict=False)
+    interval = (fact(f"probability, {end} end", percent(p), "95 % interval of the estimate") for end, p in ends)
+    missed = ((FIGURES[name][0] if name in FIGURES else name, share) for name, share in pi.missed.items())
+    return (
+        *fact("probability of meeting the specification", percent(pi.probability), words),
+        *(item for each in interval for item in each),
+        *fact("required probability", percent(pi.required_probability)),
+        *(item for words, share in missed for item in fact(f"share of these that miss {words}", percent(share))),
+    )
 
 
 def _sentences(pi: PiSection, dynamics: DynamicsSection | None) -> list[str]:

@@ -7,7 +7,7 @@ from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
 from .design import at_words, middle, reference
 from .numbers import figure, number, percent, quantity
-from .verdicts import ADAPTIVE_FORCE, DYNAMICS, TOOL_LIFE, verdicts_of
+from .verdicts import ADAPTIVE_FORCE, DYNAMICS, GAINS, TOOL_LIFE, verdicts_of
 
 
 def title(pf: ParameterFile) -> str:
@@ -105,7 +105,7 @@ def intended(pf: ParameterFile) -> tuple[str, ...]:
         )
     if pf.dynamics and DYNAMICS not in refused:
         said.append(f"To simulate {pf.dynamics.output} from {pf.dynamics.input} and to tune a controller for it.")
-    if pf.pi:
+    if pf.pi and GAINS not in refused:
         said.append(
             "To set up a PI controller with the form, sample time and limits given here, after the checks below."
         )

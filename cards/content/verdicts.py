@@ -16,7 +16,8 @@ NO_VERDICT = (
     "The file holds no verdict on it: it was written by hand or by an earlier version, or no check could be made; "
     "fit the data again."
 )
-TOOL_LIFE, DYNAMICS, ADAPTIVE_FORCE = "tool life", "dynamics", "adaptive force"  # what a verdict is of, besides laws
+# what a verdict is of, besides laws
+TOOL_LIFE, DYNAMICS, GAINS, ADAPTIVE_FORCE = "tool life", "dynamics", "gains", "adaptive force"
 LISTED = 12  # edges or lines of a suspect that are named
 
 
@@ -61,8 +62,12 @@ def sorted_by_level(verdicts: Sequence[VerdictPart]) -> list[tuple[str, list[str
 
 
 def verdicts_of(pf: ParameterFile) -> tuple[VerdictPart, ...]:
-    """The verdicts on the laws, the tool life, the dynamics and the settings of adaptive force in a file."""
-    others = ((TOOL_LIFE, pf.tool_life), (DYNAMICS, pf.dynamics), (ADAPTIVE_FORCE, pf.adaptive_force))
+    """The verdicts on the laws, the tool life, the dynamics, the gains and the settings of adaptive force in a file.
+
+    Gains have one where a tuning judged them; those that were given have none, as a controller of a machine has none.
+    """
+    gains = None if pf.pi is None or pf.pi.verdict is None else pf.pi
+    others = ((TOOL_LIFE, pf.tool_life), (DYNAMICS, pf.dynamics), (GAINS, gains), (ADAPTIVE_FORCE, pf.adaptive_force))
     laws = (verdict_part(response, law.verdict) for response, law in pf.laws.items())
     return (*laws, *(verdict_part(name, section.verdict) for name, section in others if section is not None))
 
