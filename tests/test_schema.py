@@ -140,7 +140,7 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
 @pytest.mark.parametrize(
     ("version", "words"),
     [
-        ("fitmodels.parameters/5", "newer schema 'fitmodels.parameters/5'; this version reads fitmodels.parameters/3"),
+        ("fitmodels.parameters/5", "newer schema 'fitmodels.parameters/5'; this version reads fitmodels.parameters/4"),
         ("fitmodels.parameters/0", "older schema fitmodels.parameters/0, which this version cannot bring"),
         ("fitmodels.parameters/1", "breaks the older schema fitmodels.parameters/1 .KeyError"),
         ("fitmodels.card/1", "is it a parameter file"),
