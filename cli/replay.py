@@ -90,7 +90,8 @@ def _chosen(pf: "ParameterFile", name: str | None, file: str) -> list[str]:
     able = [system for system, why in lacking.items() if not why]
     if not able:
         reasons = " ".join(f"{system}: {why.rstrip('.')}." for system, why in lacking.items())
-        raise ParameterError(f"{file} supports {'no controller' if name is None else 'not this controller'}. {reasons}")
+        what = "supports no controller" if name is None else "does not support this controller"
+        raise ParameterError(f"{file} {what}. {reasons}")
     return able
 
 

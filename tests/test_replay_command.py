@@ -85,7 +85,7 @@ def test_a_file_without_what_a_controller_needs_says_what_is_missing(tmp_path, c
     ("words", "code", "says"),
     [
         (["AC-2017", "--system", "recurson"], 2, "Did you mean 'recursion'?"),
-        (["AC-2017", "--system", "roughness"], 3, "not this controller"),
+        (["AC-2017", "--system", "roughness"], 3, "does not support this controller"),
         (["nowhere.json"], 3, "the file does not exist"),
         (["AC-2017", "--seed", "-1"], 2, "seed"),
     ],
