@@ -39,7 +39,8 @@ EVEN = 0.5  # where the whole interval lies below it, the specification fails mo
 UNSTABLE = 0.01  # share of unstable loops above which gains must not be used
 STATED = 2000  # draws that state the probability: a Monte Carlo standard error of 0.7 points at 90 %
 PICTURED = 100  # draws of the trade-off
-CHECKED = ("Specification on the model", "Probability over the model uncertainty", "Unstable loops", "Excited band")
+CHECKED = ("Specification on the model", "Probability over the model uncertainty", "Unstable loops", "Excited band",
+           "Sign of the static gain")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -115,7 +116,7 @@ class TunedPi(Plottable):
         """How far the gains can be used, by limits missed, probability, unstable loops and the verdict on the model."""
         missed = () if self.only_probability else self.misses
         found = [(DO_NOT_USE, f"The gains miss their specification: {words.rstrip('.')}.") for words in missed]
-        found += [*_of_probability(self), *_of_band(self), *_of_model(self.of_model)]
+        found += [*_of_probability(self), *_of_band(self), *_of_sign(self.model), *_of_model(self.of_model)]
         left = () if self.robustness else (f"{CHECKED[1]}: {self.unknown}",)
         checked = tuple(name for name in CHECKED if self.robustness or name not in CHECKED[1:3])
         return verdict_from(found, checked, left)
@@ -226,6 +227,17 @@ def _of_band(tuned: TunedPi) -> list[tuple[int, str]]:
     words = (
         f"The loop works up to {crossover:.3g} Hz, but the record excited the drive only up to {band[1]:.3g} Hz: "
         "margins rest on an extrapolation of the model."
+    )
+    return [(RESERVATIONS, words)]
+
+
+def _of_sign(model: Model) -> list[tuple[int, str]]:
+    """Reservation about an output that falls where the input rises."""
+    if not model.dc_gain < 0:
+        return []
+    words = (
+        f"The static gain of the model is negative: {model.output} falls where {model.input} rises, and the gains are "
+        "negative. Check the sign of the sensor: with the other sign these gains are positive feedback."
     )
     return [(RESERVATIONS, words)]
 
