@@ -243,14 +243,15 @@ def _against_load_law(pf: "ParameterFile", args: argparse.Namespace) -> str:
         falls, rises = ("falls", "rises") if d.dc_gain < 0 else ("rises", "falls")
         return (
             f"By the dynamics the load {falls} where the feed rises (static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u}"
-            f"), by the load law it {rises} ({B:.4g} {slope}): the sign of the load sensor or of the command is reversed "
-            "in one of the two records, and the control would be positive feedback. Check the sensor and identify again."
+            f"), by the load law it {rises} ({B:.4g} {slope}): the sign of the load sensor or of the command is "
+            "reversed in one of the two records, and the control would be positive feedback. Check the sensor and "
+            "identify again."
         )
     if scaling is not None and not 1 / REFUSED <= d.dc_gain / scaling / B <= REFUSED:
         return (
             f"By dynamics and scaling the load changes by {d.dc_gain / scaling:.4g} {slope}, by the load law by "
-            f"{B:.4g}: {d.dc_gain / scaling / B:.2g} times as much, outside {1 / REFUSED:g} to {REFUSED:g}. The given "
-            f"scaling is {scaling:g}; by the load law 1 {d.unit_u} is {d.dc_gain / B:.4g} {feed}: --scaling "
+            f"{B:.4g}: {d.dc_gain / scaling / B:.2g} times as much, outside {1 / REFUSED:g} to {REFUSED:g}. The "
+            f"given scaling is {scaling:g}; by the load law 1 {d.unit_u} is {d.dc_gain / B:.4g} {feed}: --scaling "
             f"{d.dc_gain / B:.4g}."
         )
     return ""
