@@ -124,9 +124,11 @@ class Translator:
     def typedef(self):
         if self.accept("enum"):
             self.take("{")
+            names = []
             while not self.accept("}"):
-                self.enums[self.take()] = len(self.enums)
+                names.append(self.take())
                 self.accept(",")
+            self.enums.update({name: number for number, name in enumerate(names)})
             self.types[self.take()] = None
         elif self.accept("struct"):
             self.take("{")

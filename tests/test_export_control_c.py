@@ -105,7 +105,7 @@ def test_a_changed_constant_is_seen(loop, name):
         ("x->same = loaded && !in->idle && equal", "x->same = equal"),
         (" && !x->overload && !in->idle;", " && !x->overload;"),
         ("if (x->fault || x->overload) return s->low;", "if (x->fault || x->overload) return s->high;"),
-        ("x->fault = cause || (x->fault && !reset);", "x->fault = cause && !reset;"),
+        ("x->fault = present || (x->fault && !reset);", "x->fault = present && !reset;"),
         ("if (x->had_cut) return x->u;", "if (x->had_cut) return (LoadReal)1;"),
         ("x->factor = s->feed_programmed / in->requested", "x->factor = in->requested / s->feed_programmed"),
         ("x->falling ? x->fall : x->rise", "x->falling ? x->rise : x->fall"),
@@ -144,6 +144,35 @@ def test_the_structure_of_settings_has_their_order_and_states_their_numbers(loop
     c = evaluated(c_controller(loop))
     assert [name for name, _ in c["load_settings"]._members] == list(c_settings(loop))
     assert {name: c[f"LOAD_{name}"] for name in State.__members__} == dict(State.__members__)
+
+
+CAUSES = {"load": ("LOST", float("nan")), "beat": ("NO_HEARTBEAT", 0), "requested": ("REQUESTED_INVALID", -1.0),
+          "period": ("PERIOD_WRONG", 0.03), "": ("NO_CAUSE", 0), "same": ("STUCK", 0.2)}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_the_first_cause_of_a_fault_is_named_until_the_reset(loop, name):
+    c, (cause, value) = evaluated(c_controller(loop)), CAUSES[name]
+    state, inputs, out = (c["new"](kind) for kind in ("LoadState", "LoadInput", "LoadOutput"))
+    assert c["load_control_init"](c["load_settings"], state) == 0
+    seen = []
+    for k in range(300):
+        values = {
+            "period": loop.sample_time,
+            "requested": loop.feed_programmed,
+            "enable": 1,
+            "spindle_on": 1,
+            "idle": 0,
+        }
+        values |= {"load": 0.2 + 1e-3 * (k % 3), "beat": k // 3 % 2, "reset": int(k == 250)}
+        if 100 <= k < 200 and name:
+            values["load" if name == "same" else name] = value
+        for field, number in values.items():
+            setattr(inputs, field, number)
+        c["load_control_step"](c["load_settings"], state, inputs, out)
+        seen.append((out.cause, out.fault))
+    named = c[f"LOAD_{cause}"]
+    assert (seen[99], seen[180], seen[249], seen[299]) == ((0, 0), (named, named > 0), (named, named > 0), (0, 0))
 
 
 def test_the_real_feed_stays_inside_its_limits_at_any_requested_feed(loop):

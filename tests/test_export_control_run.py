@@ -126,11 +126,21 @@ exec halrun -f test.hal
 
 @pytest.fixture
 def machine(consumer):
-    """Compile a component and run HAL text with it: an own mount namespace shows it among LinuxCNC's modules."""
+    """Compile a component and run HAL text with it, in namespaces where it lies among the modules of LinuxCNC."""
     compiler = consumer("halcompile", INSTALL)
     consumer("halrun", INSTALL)
     root = os.geteuid() == 0
-    unshare = ["unshare", "--mount", "--ipc", "--propagation", "private"]
+    unshare = [
+        "unshare",
+        "--mount",
+        "--ipc",
+        "--pid",
+        "--fork",
+        "--kill-child",
+        "--mount-proc",
+        "--propagation",
+        "private",
+    ]
     unshare += [] if root else ["--user", "--map-root-user"]
     if subprocess.run([*unshare, "true"], capture_output=True).returncode:
         missing = "mount namespaces are switched off here, so a module cannot be shown to LinuxCNC"

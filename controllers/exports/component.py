@@ -71,10 +71,11 @@ pin in float requested_vel = -1 "motion.requested-vel, machine units per s. Not 
 pin in float operator_override = 1 "halui.feed-override.value.";
 pin out float adaptive_feed = {low!r} "To motion.adaptive-feed.";
 pin out bit feed_inhibit "To motion.feed-inhibit.";
-pin out bit fault "Latched: load lost or stuck, source of the load dead, requested feed or period invalid.";
+pin out bit fault "Latched: see cause.";
 pin out bit worn "Latched: change the tool.";
 pin out bit overload "Latched: mean load above what a worn tool withstands.";
 pin out signed state "0 off, 1 air, 2 entry, 3 control, 4 worn, 5 fault.";
+pin out signed cause "Of the fault: 1 load lost, 2 stuck, 3 no heartbeat, 4 requested-vel invalid, 5 thread period.";
 pin out float measured "Filtered load, {load}.";
 pin out float override "Feed over programmed feed.";
 param rw float feed_scale = {scale!r} "{feed} per machine unit and s; change it where the machine's unit is the inch.";
@@ -120,6 +121,7 @@ static void _(struct __comp_state *__comp_inst, long period)
     *__comp_inst->worn = out.worn != 0;
     *__comp_inst->overload = out.overload != 0;
     *__comp_inst->state = (int)out.state;
+    *__comp_inst->cause = (int)out.cause;
     *__comp_inst->measured = out.measured;
     *__comp_inst->override = out.u;
 }

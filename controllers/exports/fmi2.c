@@ -6,7 +6,7 @@
 
 enum { LOAD, REQUESTED, FEED_OVERRIDE = 10, OVERRIDE_U, MEASURED };
 enum { ENABLE, SPINDLE_ON, IDLE, BEAT, RESET, FAULT = 10, WORN, OVERLOAD, FEED_INHIBIT };
-enum { STATE };
+enum { STATE, CAUSE };
 
 typedef enum { INSTANTIATED, INITIALIZATION, STEP, TERMINATED } Mode;
 
@@ -120,8 +120,8 @@ fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t
     Instance *m = (Instance *)c;
     size_t k;
     for (k = 0; k < n; ++k) {
-        if (vr[k] != STATE) return refuse(m, "there is no integer variable %g", (double)vr[k]);
-        value[k] = (fmi2Integer)m->now.out.state;
+        if (vr[k] != STATE && vr[k] != CAUSE) return refuse(m, "there is no integer variable %g", (double)vr[k]);
+        value[k] = vr[k] == STATE ? (fmi2Integer)m->now.out.state : (fmi2Integer)m->now.out.cause;
     }
     return fmi2OK;
 }

@@ -32,6 +32,15 @@ typedef LOAD_CONTROL_REAL LoadReal;
 
 typedef enum { LOAD_OFF, LOAD_AIR, LOAD_ENTRY, LOAD_CONTROL, LOAD_WORN, LOAD_FAULT } LoadStateName;
 
+typedef enum {
+    LOAD_NO_CAUSE,
+    LOAD_LOST,              /* readings invalid for lost_after: NaN, infinite, or outside load_low to load_high */
+    LOAD_STUCK,             /* equal readings in the cut for stuck_after */
+    LOAD_NO_HEARTBEAT,      /* beat did not change for heartbeat */
+    LOAD_REQUESTED_INVALID, /* requested feed is NaN, infinite or negative */
+    LOAD_PERIOD_WRONG       /* the period is more than 1 % off sample_time */
+} LoadCause;
+
 typedef struct {          /* load: in the unit of the load; override: feed / feed_programmed */
     LoadReal sample_time; /* s: period of the calls */
     LoadReal reference;   /* load that the loop holds */
@@ -79,7 +88,8 @@ typedef struct {
     LoadReal u;          /* override before the correction by requested, low to high */
     LoadReal measured;   /* filtered load */
     LoadStateName state;
-    int fault;        /* latched: load lost or stuck, source dead, requested feed or period invalid */
+    LoadCause cause;  /* of the fault, the first one */
+    int fault;        /* latched: see cause */
     int worn;         /* latched: change the tool */
     int overload;     /* latched: mean load above what a worn tool withstands */
     int feed_inhibit; /* stop the feed */
@@ -93,6 +103,7 @@ typedef struct {
     long spindle, bad, loaded_for, same, alive, high_for, rested;
     int ready, begun, armed, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset;
     int fault, worn, overload;
+    LoadCause cause;
 } LoadState;
 
 /* 0, or the number of the first setting (1: sample_time) that is out of range. */
@@ -264,8 +275,8 @@ static int load_engage(const LoadSettings *s, LoadState *x)
     return engaged;
 }
 
-/* Step 6: 1 while a cause of a fault is present. */
-static int load_cause(const LoadSettings *s, LoadState *x, const LoadInput *in, int equal)
+/* Step 6: the cause of a fault that is present. */
+static LoadCause load_cause(const LoadSettings *s, LoadState *x, const LoadInput *in, int equal)
 {
     const LoadReal off = (LoadReal)LOAD_PERIOD_SHARE * s->sample_time;
     const int beat = in->beat != 0;
@@ -274,16 +285,21 @@ static int load_cause(const LoadSettings *s, LoadState *x, const LoadInput *in, 
     if (x->begun && beat != x->last_beat) x->alive = x->n_beat;
     else if (x->alive > 0) --x->alive;
     x->last_beat = beat;
-    if (!x->armed) return 0;
-    return x->bad >= x->n_lost || (s->stuck_after > 0 && x->same >= x->n_stuck) || (s->heartbeat > 0 && x->alive == 0)
-        || !(in->requested >= 0 && in->requested < (LoadReal)LOAD_MOST)
-        || !load_between(s->sample_time - off, in->period, s->sample_time + off);
+    if (!x->armed) return LOAD_NO_CAUSE;
+    if (x->bad >= x->n_lost) return LOAD_LOST;
+    if (s->stuck_after > 0 && x->same >= x->n_stuck) return LOAD_STUCK;
+    if (s->heartbeat > 0 && x->alive == 0) return LOAD_NO_HEARTBEAT;
+    if (!(in->requested >= 0 && in->requested < (LoadReal)LOAD_MOST)) return LOAD_REQUESTED_INVALID;
+    return load_between(s->sample_time - off, in->period, s->sample_time + off) ? LOAD_NO_CAUSE : LOAD_PERIOD_WRONG;
 }
 
 /* Latches fault and overload; a reset clears each whose cause is gone, and worn. */
-static void load_latch(LoadState *x, int cause, int reset)
+static void load_latch(LoadState *x, LoadCause cause, int reset)
 {
-    x->fault = cause || (x->fault && !reset);
+    const int present = cause != LOAD_NO_CAUSE;
+    if (!x->fault || (reset && present)) x->cause = cause;
+    x->fault = present || (x->fault && !reset);
+    if (!x->fault) x->cause = LOAD_NO_CAUSE;
     x->high_for = x->armed && x->mean > x->overload_above ? load_count(x->high_for) : 0;
     x->overload = x->high_for >= x->n_overload || (x->overload && !reset);
     if (reset) {
@@ -378,6 +394,7 @@ static void load_output(const LoadSettings *s, LoadState *x, const LoadInput *in
     out->feed_override = real < (LoadReal)1 ? real : (LoadReal)1;
     out->u = x->u;
     out->measured = x->measured;
+    out->cause = x->cause;
     out->fault = x->fault;
     out->worn = x->worn;
     out->overload = x->overload;
