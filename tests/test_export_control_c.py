@@ -295,6 +295,20 @@ def test_the_export_compiles_without_a_warning(consumer, constant_load_file, tmp
 
 
 @pytest.mark.consumer
+def test_the_example_of_the_documentation_compiles(consumer, loop, tmp_path):
+    page = (Path(__file__).parent.parent / "docs" / "howto" / "controller-c.md").read_text("utf-8")
+    example = re.search(r"```\{code-block\} c\n(.*?)```", page, re.DOTALL)[1]
+    kinds = dict.fromkeys(("seconds_since_last_call", "spindle_current", "programmed_feed"), "double")
+    kinds |= dict.fromkeys(("stop_feed", "set_feed_override", "show", "begin", "every_sample_time"), "void")
+    called = set(re.findall(r"(\w+)\(", example)) - {"load_control_init", "load_control_step", "if"}
+    declared = "".join(f"{kinds.get(name, 'int')} {name}();\n" for name in sorted(called))
+    (tmp_path / "params.c").write_text(c_controller(loop))
+    (tmp_path / "main.c").write_text(declared + example)
+    made = [consumer("cc", INSTALL), "-std=c90", "-Wall", "-Wextra", "-Werror", "-c", "main.c", "-o", "main.o"]
+    subprocess.run(made, cwd=tmp_path, check=True)
+
+
+@pytest.mark.consumer
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_garbage_leaves_every_output_inside_its_limits_under_sanitizers(consumer, loop, tmp_path, real):
     """2e6 steps with NaN, infinite, huge and subnormal inputs and random settings: no finding, no output outside."""
