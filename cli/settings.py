@@ -14,6 +14,7 @@ from .output import print_json, print_lines
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
+    from ..parameters.exports.loop import LoopSettings
     from ..parameters.sections.load_line import FeedLimit, LoadLineSection
 
 DEFAULT = "default"
@@ -113,10 +114,9 @@ def run(args: argparse.Namespace) -> int:
     given = _given(args)
     line = _computed(pf, {**_kept(pf), **given}, args)
     changed = sealed(pf, load_line=line, provenance=traced(pf, args.words))
-    alone, _ = _loop(sealed(changed, pi=None))
-    if alone and given:  # what gains lack is no reason to refuse settings
-        raise UsageError(f"{args.file} {alone} Nothing was written.")
-    lacking, assumed = _loop(changed)
+    _check(changed, args.file, refused=bool(given) or args.dwell is not None)
+    found = _loop(changed)
+    lacking, assumed = found.lacking, list(found.assumed)
     parameters.write(changed, args.file, replaces=pf)
     verdicts = cautions(pf, line.law)
     if args.json:
@@ -147,19 +147,46 @@ def _kept(pf: "ParameterFile") -> dict[str, Any]:
     return {name: value for name in Engagement.model_fields if (value := getattr(held, name)) is not None}
 
 
-def _loop(pf: "ParameterFile") -> tuple[str, list[str]]:
-    """Why no controller can run these settings, empty where one can; and what they leave open."""
+def _check(pf: "ParameterFile", file: str, *, refused: bool) -> None:
+    """Refuse an engagement that no controller can run, or that the gate of the exports would refuse.
+
+    Raises
+    ------
+    UsageError
+        With all reasons; only where the engagement was given now. What gains lack is no reason to refuse settings.
+    """
+    from ..controllers.gate.settings import Line, check_order
+    from ..parameters.file import sealed
+
+    found, line = _loop(sealed(pf, pi=None)), pf.load_line
+    assert line is not None  # noqa: S101  just computed
+    if found.loop is None:
+        wrong = [f"{file} {found.lacking}"]
+    else:
+        law = pf.laws[line.law]
+        c, idle = law.coefficients, line.engagement.idle if line.engagement else None
+        A = c.get("A", 0.0) + (law.by.shifts.get(line.by or "", 0.0) if law.by else 0.0)
+        in_air = idle or max(A, 1.2 * found.loop.load_low)
+        cut = Line(A, c["B"], c["k1"], in_air, line.lower.wear, 0.0) if law.form == "load_line" else None
+        wrong = [] if cut is None else [
+            one.words for one in check_order(found.loop, line, cut, math.inf) if one.passed is False
+        ]  # fmt: skip
+    if wrong and refused:
+        raise UsageError(f"{' '.join(wrong)} Nothing was written.")
+
+
+def _loop(pf: "ParameterFile") -> "LoopSettings":
+    """The loop of these settings; of a file without gains with placeholders, which no assumption depends on."""
     from ..parameters.exports.loop import loop_settings
     from ..parameters.file import sealed
 
     line = pf.load_line
     assert line is not None  # noqa: S101  just computed
-    if pf.pi is None:  # the assumptions do not depend on gains
+    if pf.pi is None:
         period = 0.02 if line.engagement is None else line.engagement.sample_time or 0.02
         units = {"unit_u": line.unit_feed, "unit_y": line.unit_load}
         pf = sealed(pf, pi={"kp": 0.0, "ki": 0.0, "sample_time": period, **units})
-    found = loop_settings(pf)
-    return found.lacking, list(found.assumed)
+    return loop_settings(pf)
 
 
 def _of_loop(line: "LoadLineSection", kept: set[str], assumed: list[str], lacking: str) -> list[str]:
