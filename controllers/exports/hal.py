@@ -1,77 +1,179 @@
-"""LinuxCNC HAL: the loop from the machine's load pin to ``motion.adaptive-feed``.
+"""LinuxCNC HAL: the loop from the machine's load pin to ``motion.adaptive-feed``, of LinuxCNC's own components.
 
-    load -> known? -> lowpass -> comp -> timedelay -> cut?
-                         |                             |
-                         +-> pid -> sum2 (centre) -> mux2 (1.0 outside the cut) -> limit2 -> motion.adaptive-feed
+It is the arithmetic of `fitmodels.controllers.ConstantLoad`, sample by sample, in the order of `_FUNCTIONS`:
 
-LinuxCNC's pid is ``bias + P e + I sum(e) T``, clipped to plus and minus maxoutput, its sum held while the output is
-clipped and the error pushes further. For feeds between low and high, maxoutput is half their distance and sum2 adds
-their middle.
+    load -> held (last valid reading) -> filter -> engaged -> loaded -> cut
+                                            |                           |
+                                            +-> pid (from fm.bias) -> centre -> closed -> target -> limit -> feed
+
+A wcomp gives True for NaN, so near(load, load) tests for a number. Its ``over`` is >=, so that ``max`` is the next
+number where the condition is >. The delays and the counter switch half a
+sample early, as sums of periods round. ``limit2.load`` and ``lowpass.load`` take the first value as it is.
 """
 
 import math
+from collections.abc import Iterable
+from textwrap import wrap
+from typing import Final
 
 from ...core.errors import GateError
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.view import ExportView
+from ..constant_load_milling.controller import OVERLOAD_MEAN, WORN_MEAN, ConstantLoad
+from ..constant_load_milling.states import STATES
 from ..gate import GatedControl
 
 SERVO_PERIOD = 0.002  # s: a longer period than this is no servo thread; the loop then gets a thread of its own
+STANDING = 1 / 60  # mm/s, 1 mm/min: a slower path does not advance
+WIDTH = 110  # characters of a comment line
 
 NOT_IN_HAL = (
     "the laws and their covariance, the posterior and the dynamics: HAL holds settings, not models",
     "units: every load is in the unit of the load pin",
-    "a moving average: such gains are rejected; HAL has lowpass",
-    "the tool-change rule: watch fm-feed staying at its lower limit",
+    "a moving average and the form incremental_sum: the component (kind comp) has them",
+    "the requested feed: the limits hold as shares of the feed that program and operator request. A program with "
+    "another F, or an operator's override other than 100 %, moves the real feed out of them; the component bounds it",
 )
 
-_LOAD = """\
-loadrt near names=fm.finite
-loadrt wcomp names=fm.range
-loadrt and2 names=fm.known,fm.on,fm.cut
-loadrt mux2 names=fm.load,fm.select,fm.rate
-loadrt lowpass names=fm.filter
-loadrt comp names=fm.engage,fm.falling
-loadrt timedelay names=fm.delay
-loadrt pid names=fm.pid
-loadrt sum2 names=fm.centre
-loadrt limit2 names=fm.limit
+_FUNCTIONS: Final = (
+    ("standing", "comp"),
+    ("number", "near"), ("range", "wcomp"), ("valid", "and2"), ("bad", "not"), ("lost", "timedelay"),
+    ("turning", "timedelay"), ("armed", "and2"), ("held", "mux4"), ("filter", "lowpass"), ("mean", "lowpass"),
+    ("over", "comp"), ("above", "comp"), ("engaged", "lut5"), ("loaded", "timedelay"),
+    ("change", "ddt"), ("same", "near"), ("still", "lut5"), ("stuck", "timedelay"),
+    ("first-beat", "flipflop"), ("beat", "xor2"), ("alive", "oneshot"),
+    ("cause", "lut5"), ("fault", "flipflop"),
+    ("high", "wcomp"), ("strained", "and2"), ("exceeded", "timedelay"), ("overload", "flipflop"),
+    ("entry", "sum2"), ("bias", "mux2"), ("cut", "lut5"), ("pid", "pid"), ("centre", "sum2"),
+    ("heavy", "wcomp"), ("unused", "lut5"), ("had-cut", "flipflop"),
+    ("before", "mux2"), ("after", "mux2"), ("closed", "mux2"), ("stop", "or2"), ("target", "mux2"),
+    ("falling", "comp"), ("rate", "mux2"), ("limit", "limit2"), ("average", "lowpass"), ("begun", "flipflop"),
+    ("above-rest", "wcomp"), ("rests", "lut5"), ("count", "mux2"), ("acknowledged", "oneshot"), ("clear", "lut5"),
+    ("rested", "integ"), ("dwell", "comp"), ("worn", "flipflop"), ("inhibit", "or2"),
+)  # fmt: skip
+_BEFORE_USE = (
+    "Before use:",
+    "1. Load it after the machine's own HAL files. Where one of those loads a component that is loaded here, for",
+    "   instance pid, move the names beginning with fm. to that line. LinuxCNC 2.9 or newer.",
+    "2. Write the machine's pins on the lines marked >>>.",
+    "3. Where motion.feed-inhibit is in use already, join both with an or2 instead of the last net.",
+)
+_STUCK = ("change", "same", "still", "stuck")
+_HEARTBEAT = ("first-beat", "beat", "alive")
+
+_INPUTS = """\
+# The machine's pins. A signal that gets none stays FALSE or 0, and the loop off or at its lower limit.
+# >>> net fm-load <= YOUR-LOAD-PIN            float, {unit}: spindle current or load from the drive
+# >>> net fm-spindle-on <= spindle.0.on       bit: the spindle turns; where that pin has a signal, use its name below
+# >>> net fm-velocity <= motion.current-vel   float, mm/s; on a machine in inches: setp fm.standing.in1 0.00066
+"""
+_HEARTBEAT_INPUT = """\
+# >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes every {period:.6g} to {heartbeat:.6g} s
+"""
+_SWITCHES = """\
+# FALSE at first: a switch and a push button, or `halcmd sets fm-enable TRUE` on the running machine. The rising edge
+# of fm-reset clears a fault, an overload and a worn tool whose cause is gone.
+newsig fm-enable bit
+newsig fm-reset bit
 """
 
 _NETS = """\
-# The machine's load pin. Without it the loop stays inactive: a load of 0 means no cut.
-# >>> net fm-load <= YOUR-LOAD-PIN        (for instance a spindle current or load from the drive)
-net fm-load fm.finite.in1 fm.finite.in2 fm.range.in fm.load.in1
+# A valid reading is a number within its range; an invalid one leaves the last valid one in force.
+net fm-load => fm.number.in1 fm.number.in2 fm.range.in fm.held.in1 fm.held.in3 fm.heavy.in
+net fm-is-number fm.number.out => fm.valid.in0 fm.unused.in-3
+net fm-in-range fm.range.out => fm.valid.in1 fm.unused.in-4
+net fm-valid fm.valid.out => fm.bad.in fm.held.sel0
+net fm-bad fm.bad.out => fm.lost.in
+net fm-lost fm.lost.out => fm.cause.in-1
 
-# Off until it is switched on: wire a switch to fm-enable, or `halcmd sets fm-enable TRUE`.
-newsig fm-enable bit
-sets fm-enable FALSE
-net fm-enable fm.on.in0
+# Armed: switched on, and the spindle has turned long enough.
+net fm-spindle-on => fm.turning.in
+net fm-turning fm.turning.out => fm.armed.in0
+net fm-enable => fm.armed.in1
+net fm-armed fm.armed.out => fm.held.sel1 fm.engaged.in-0 fm.cause.in-0 fm.strained.in0 fm.unused.in-0 fm.before.sel
 
-# A load that is not a number, or out of its range, is unknown: the feed is the programmed one.
-net fm-finite fm.finite.out => fm.known.in0
-net fm-in-range fm.range.out => fm.known.in1
-net fm-known fm.known.out => fm.on.in1 fm.load.sel
-net fm-read fm.load.out => fm.filter.in
-net fm-filtered fm.filter.out => fm.engage.in1 fm.pid.feedback
+# Idle: the path does not advance, also in a pause, a dwell, and at an override of 0.
+net fm-velocity => fm.standing.in0
+net fm-idle fm.standing.out => fm.cut.in-3
 
-net fm-above fm.engage.out => fm.delay.in
-net fm-loaded fm.delay.out => fm.cut.in0
-net fm-on fm.on.out => fm.cut.in1
-net fm-cut fm.cut.out => fm.pid.enable fm.select.sel
+# Loaded: filtered load and reading above the threshold for long enough.
+net fm-held fm.held.out => fm.held.in2 fm.filter.in fm.above.in1 fm.mean.in
+net fm-filtered fm.filter.out => fm.over.in1 fm.pid.feedback fm.entry.in1
+net fm-over fm.over.out => fm.engaged.in-1
+net fm-above fm.above.out => fm.engaged.in-2
+net fm-engaged fm.engaged.out => fm.loaded.in
+net fm-loaded fm.loaded.out => fm.cut.in-0
+"""
+_STUCK_NETS = """
+# Stuck: equal readings in the cut.
+net fm-held => fm.change.in
+net fm-change fm.change.out => fm.same.in1
+net fm-same fm.same.out => fm.still.in-0
+net fm-loaded => fm.still.in-1
+net fm-idle => fm.still.in-2
+net fm-still fm.still.out => fm.stuck.in
+net fm-stuck fm.stuck.out => fm.cause.in-2
+"""
+_HEARTBEAT_NETS = """
+# The source of the load is dead where its heartbeat does not change; the first value is no change.
+net fm-heartbeat => fm.first-beat.data fm.beat.in0
+net fm-first-beat fm.first-beat.out => fm.beat.in1
+net fm-beat fm.beat.out => fm.alive.in
+net fm-dead fm.alive.out-not => fm.cause.in-3
+"""
+_STATE_NETS = """
+# Fault and overload: set while the cause is there, cleared by a rising edge of fm-reset without it.
+net fm-cause fm.cause.out => fm.fault.set
+net fm-mean fm.mean.out => fm.high.in
+net fm-high fm.high.over => fm.strained.in1
+net fm-strained fm.strained.out => fm.exceeded.in
+net fm-exceeded fm.exceeded.out => fm.overload.set
+net fm-reset => fm.fault.clk fm.overload.clk
+net fm-fault fm.fault.out => fm.cut.in-1 fm.stop.in0
+net fm-overload fm.overload.out => fm.cut.in-2 fm.stop.in1 fm.inhibit.in0
 
+# Control: fm.bias runs before fm.cut, so that in a cut it holds the value of the cut's first sample.
+net fm-cut fm.cut.out => fm.bias.sel fm.pid.enable fm.had-cut.set fm.closed.sel fm.rests.in-0 fm.clear.in-0
+net fm-entry fm.entry.out => fm.bias.in0
+net fm-bias fm.bias.out => fm.bias.in1 fm.pid.bias
 net fm-pid fm.pid.output => fm.centre.in0
-net fm-asked fm.centre.out => fm.select.in1
-net fm-target fm.select.out => fm.falling.in0 fm.limit.in
+net fm-control fm.centre.out => fm.closed.in1
+
+# After a cut the last feed holds, until the loop is off, the path stops and the load is below the threshold.
+net fm-idle => fm.unused.in-1
+net fm-heavy fm.heavy.over => fm.unused.in-2
+net fm-unused fm.unused.out => fm.had-cut.reset
+net fm-had-cut fm.had-cut.out => fm.after.sel
+
+# Target: fault or overload, else cut, else after a cut, else armed, else off.
+net fm-before fm.before.out => fm.after.in0
+net fm-after fm.after.out => fm.closed.in0
+net fm-closed fm.closed.out => fm.target.in0
+net fm-stop fm.stop.out => fm.target.sel
+net fm-target fm.target.out => fm.falling.in0 fm.limit.in
 net fm-falling fm.falling.out => fm.rate.sel
 net fm-rate fm.rate.out => fm.limit.maxv
-net fm-feed fm.limit.out => fm.falling.in1 motion.adaptive-feed
-"""
+net fm-feed fm.limit.out => fm.falling.in1 fm.after.in1 fm.entry.in0 fm.average.in motion.adaptive-feed
 
-_ORDER = (
-    "finite", "range", "known", "load", "filter", "engage", "delay", "on", "cut", "pid.do-pid-calcs", "centre",
-    "select", "falling", "rate", "limit",
-)  # fmt: skip
+# TRUE in the first period only, when limit and average take their input as it is.
+net fm-first fm.begun.out => fm.limit.load fm.average.load
+sets fm-first TRUE
+
+# Worn: samples in the cut with the mean feed on its lower limit; a reset counts its own sample (fm.rested.min).
+net fm-average fm.average.out => fm.above-rest.in
+net fm-above-rest fm.above-rest.over => fm.rests.in-1 fm.clear.in-1
+net fm-rests fm.rests.out => fm.count.sel
+net fm-count fm.count.out => fm.rested.in fm.rested.min
+net fm-reset => fm.acknowledged.in fm.worn.clk
+net fm-acknowledged fm.acknowledged.out => fm.clear.in-2
+net fm-clear fm.clear.out => fm.rested.reset
+net fm-rested fm.rested.out => fm.dwell.in1
+net fm-dwell fm.dwell.out => fm.worn.set
+net fm-worn fm.worn.out
+
+net fm-inhibit fm.inhibit.out => motion.feed-inhibit
+"""
+_STOP_NET = "net fm-fault => fm.inhibit.in1\n"
 
 
 def hal_file(control: GatedControl) -> str:
@@ -80,24 +182,44 @@ def hal_file(control: GatedControl) -> str:
     Raises
     ------
     GateError
-        The loop has a moving average.
+        The loop has a moving average or the form ``incremental_sum``.
     """
     view, loop = control.view, control.loop
     if loop.average > 1:
         raise GateError(
-            f"the gains were tuned with a moving average of {loop.average} samples, which HAL does not have; tune them "
-            "with a filter_time instead."
+            f"the gains were tuned with a moving average of {loop.average} samples, which HAL does not have; use the "
+            "component (kind comp), or tune with a filter_time instead."
         )
-    settings = "".join(f"setp {pin} {value}\n" for pin, value in _settings(loop))
+    if loop.form != "position":
+        raise GateError(f"the gains have the form {loop.form}, which HAL does not have; use the component (kind comp).")
+    left_out = (() if loop.stuck_after else _STUCK) + (() if loop.heartbeat else _HEARTBEAT)
+    functions = [(name, component) for name, component in _FUNCTIONS if name not in left_out]
     thread, made = _thread(loop)
-    calls = "".join(f"addf fm.{function} {thread}\n" for function in _ORDER)
-    return f"{_head(view, loop, thread)}\n{_LOAD}{made}\n{settings}\n{_NETS}\n{calls}"
+    inputs = _INPUTS + (_HEARTBEAT_INPUT if loop.heartbeat else "") + "\n" + _SWITCHES
+    parts = (
+        _head(view, loop, thread),
+        _loading(functions) + made,
+        "".join(f"setp fm.{pin} {value}\n" for pin, value in _settings(loop) if pin.split(".")[0] not in left_out),
+        inputs.format(unit=loop.unit_load, heartbeat=loop.heartbeat, period=loop.sample_time),
+        _NETS + (_STUCK_NETS if loop.stuck_after else "") + (_HEARTBEAT_NETS if loop.heartbeat else "") + _STATE_NETS
+        + (_STOP_NET if loop.stop_on_fault else ""),
+        "".join(f"addf fm.{name}{'.do-pid-calcs' * (name == 'pid')} {thread}\n" for name, _ in functions),
+    )  # fmt: skip
+    return "\n".join(parts)
+
+
+def _loading(functions: Iterable[tuple[str, str]]) -> str:
+    """One ``loadrt`` line for each component: HAL loads a component once."""
+    names: dict[str, list[str]] = {}
+    for name, component in functions:
+        names.setdefault(component, []).append(f"fm.{name}")
+    return "".join(f"loadrt {component} names={','.join(of)}\n" for component, of in names.items())
 
 
 def _thread(loop: LoadLoop) -> tuple[str, str]:
     if loop.sample_time <= SERVO_PERIOD:
         return "servo-thread", ""
-    return "fm-thread", f"loadrt threads name1=fm-thread period1={_period(loop)} fp1=1\n"
+    return "fm-thread", f"loadrt threads name1=fm-thread period1={_period(loop)}\n"
 
 
 def _period(loop: LoadLoop) -> int:
@@ -105,24 +227,56 @@ def _period(loop: LoadLoop) -> int:
 
 
 def _settings(loop: LoadLoop) -> list[tuple[str, str]]:
-    """Pin or parameter -> value, in full precision."""
+    """Pin or parameter -> value, numbers in full precision."""
     middle, half = (loop.low + loop.high) / 2, (loop.high - loop.low) / 2
-    gain = -math.expm1(-loop.sample_time / loop.filter_time) if loop.filter_time else 1.0
-    numbers = {
-        "fm.range.min": loop.load_low, "fm.range.max": loop.load_high, "fm.load.in0": 0.0,
-        "fm.filter.gain": gain,
-        "fm.engage.in0": loop.engage_at, "fm.engage.hyst": loop.hysteresis,
-        # half a period less, as sums of periods round
-        "fm.delay.on-delay": (loop.samples(loop.engage_after) - 0.5) * loop.sample_time,
-        "fm.delay.off-delay": 0.0,
-        "fm.pid.command": loop.reference, "fm.pid.Pgain": loop.p, "fm.pid.Igain": loop.i, "fm.pid.Dgain": 0.0,
-        "fm.pid.bias": 1 - middle, "fm.pid.maxoutput": half,
-        "fm.centre.offset": middle, "fm.select.in0": 1.0,
-        "fm.rate.in0": loop.recover, "fm.rate.in1": loop.back_off,
-        "fm.limit.min": loop.low, "fm.limit.max": max(loop.high, 1.0),
+    numbers = {  # an input that is not set is 0 or FALSE
+        "standing.in1": STANDING,
+        "range.min": loop.load_low, "range.max": loop.load_high,
+        **_delay("lost", loop, loop.lost_after), **_delay("turning", loop, loop.arm_after),
+        "filter.gain": _gain(loop, loop.filter_time), "mean.gain": _gain(loop, OVERLOAD_MEAN),
+        "over.in0": loop.engage_at, "over.hyst": loop.hysteresis,
+        "above.in0": loop.engage_at, "above.hyst": loop.hysteresis,
+        **_delay("loaded", loop, loop.engage_after), **_delay("stuck", loop, loop.stuck_after),
+        "alive.width": _early(loop, loop.heartbeat),
+        "high.max": math.nextafter(loop.overload_at, math.inf), **_delay("exceeded", loop, loop.overload_after),
+        "entry.gain1": -loop.entry_gain, "entry.offset": loop.entry_gain * loop.reference - middle,
+        "pid.command": loop.reference, "pid.Pgain": loop.p, "pid.Igain": loop.i,
+        "pid.maxoutput": half, "centre.offset": middle,
+        "heavy.max": loop.engage_at - loop.hysteresis / 2,
+        "before.in0": 1.0, "before.in1": loop.low, "target.in1": loop.low,
+        "rate.in0": loop.recover, "rate.in1": loop.back_off,
+        "limit.min": loop.low, "limit.max": loop.high,
+        "average.gain": _gain(loop, WORN_MEAN), "above-rest.max": math.nextafter(ConstantLoad(loop).rest, math.inf),
+        "count.in1": 1.0, "rested.gain": 1 / loop.sample_time, "dwell.in0": loop.samples(loop.dwell) - 0.5,
+        "acknowledged.width": loop.sample_time / 2,
     }  # fmt: skip
-    out = [(pin, repr(float(value))) for pin, value in numbers.items()]
-    return [*out, ("fm.pid.error-previous-target", "FALSE")]
+    tables = {
+        "engaged": 0x80,  # armed, over, above: all three
+        "cause": 0xAAA8,  # armed, and one of lost, stuck, dead
+        "still": 0x8,  # same, loaded, not idle
+        "cut": 0x2,  # loaded, not fault, not overload, not idle
+        "unused": 0x4000404,  # not armed, idle, not heavy, and a number: in range is true for NaN
+        "rests": 0x2,  # in the cut, not above rest
+        "clear": 0xF8,  # in the cut and above rest, or acknowledged
+    }
+    return [
+        *((pin, repr(float(value))) for pin, value in numbers.items()),
+        *((f"{name}.function", f"{value:#x}") for name, value in tables.items()),
+        ("first-beat.clk", "TRUE"), ("alive.falling", "TRUE"), ("begun.reset", "TRUE"),
+    ]  # fmt: skip
+
+
+def _delay(name: str, loop: LoadLoop, time: float) -> dict[str, float]:
+    return {f"{name}.on-delay": _early(loop, time), f"{name}.off-delay": 0.0}
+
+
+def _early(loop: LoadLoop, time: float) -> float:
+    """Half a sample before the whole number of samples of a time, s."""
+    return (loop.samples(time) - 0.5) * loop.sample_time
+
+
+def _gain(loop: LoadLoop, time: float) -> float:
+    return -math.expm1(-loop.sample_time / time) if time else 1.0
 
 
 def _head(view: ExportView, loop: LoadLoop, thread: str) -> str:
@@ -137,19 +291,40 @@ def _head(view: ExportView, loop: LoadLoop, thread: str) -> str:
         *view.verdicts,
         f"parameter file {view.checksum}",
         "",
-        "Before use:",
-        "1. Load it after the machine's own HAL files. Where one of those loads a component that is loaded here, for",
-        "   instance pid, move the names beginning with fm. to that line.",
-        "2. Write the machine's load pin on the line marked >>>.",
-        f"3. The program commands F{loop.feed_programmed:.15g} ({loop.unit_feed}) and M52 P1; otherwise the feed",
-        "   is not controlled.",
-        "4. Switch fm-enable on.",
+        *_BEFORE_USE,
+        f"4. The program commands F{loop.feed_programmed:.15g} ({loop.unit_feed}) and M52 P1; otherwise the feed",
+        "   is not controlled. M52 P0 before rapids and M52 P1 after them: adaptive feed slows rapids too.",
+        "5. Switch fm-enable on.",
         servo,
         "Order in one thread: motion-command-handler, what is added here, motion-controller. Behind motion-controller",
         "the feed is one period late, which is harmless.",
         "",
         f"Load {loop.reference:.6g} {loop.unit_load}; feed {loop.low:.4g} to {loop.high:.4g} of the programmed feed.",
+        *_states(loop),
         *(f"Assumed: {words}" for words in view.assumed),
-        *(f"Not included: {words}" for words in NOT_IN_HAL),
+        *_wrapped(f"Not included: {words}" for words in NOT_IN_HAL),
+        *_wrapped(f"{words[0].upper()}{words[1:]}." for words in view.limits_of_use),
     ]
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+
+
+def _states(loop: LoadLoop) -> list[str]:
+    """The table of states, and the times and loads of this file."""
+    rows = [f"{row.state.name.lower()}: {row.condition}. Feed: {row.feed}. Time: {row.time}." for row in STATES]
+    times = {
+        "arm_after": loop.arm_after, "lost_after": loop.lost_after, "engage_after": loop.engage_after,
+        "stuck_after": loop.stuck_after, "heartbeat": loop.heartbeat, "overload_after": loop.overload_after,
+        "dwell": loop.dwell,
+    }  # fmt: skip
+    values = "Times: " + ", ".join(f"{name} {time:.6g} s" if time else f"{name} off" for name, time in times.items())
+    loads = (
+        f"Valid loads {loop.load_low:.6g} to {loop.load_high:.6g}, threshold {loop.engage_at:.6g} +- "
+        f"{loop.hysteresis / 2:.6g}, overload {loop.overload_at:.6g} {loop.unit_load}; feed down {loop.back_off:.6g}, "
+        f"up {loop.recover:.6g} of the programmed feed per s; a fault {'stops' if loop.stop_on_fault else 'lowers'} "
+        "the feed."
+    )
+    return _wrapped(["States; where several apply, the last of them holds:", *rows, values + ".", loads, ""])
+
+
+def _wrapped(texts: Iterable[str]) -> list[str]:
+    return [line for text in texts for line in wrap(text, WIDTH, subsequent_indent="  ") or [""]]
