@@ -80,8 +80,7 @@ def _drawn(rng: np.random.Generator) -> dict | None:
             "unit_feed": unit_feed, "window": [0.18 * per_wear, 0.22 * per_wear], "unit_wear": unit_wear, "law": load,
             "engagement": engagement, **({"dwell": float(rng.uniform(2, 6))} if rng.random() < 0.5 else {}),
         },
-        **({"limits": {"feed_rate": {"low": 0.1 * lower, "high": 3 * upper, "unit": unit_feed}}}
-           if rng.random() < 0.5 else {}),
+        "limits": {"feed_rate": {"low": 0.1 * lower, "high": 3 * upper, "unit": unit_feed}},
     }  # fmt: skip
 
 
@@ -250,11 +249,14 @@ FAULTS: dict[str, Callable[[dict], None]] = {
     **times(E + "feed_programmed", 2.5, 0.2),
     # order of limits
     **swap("feed limits exchanged", "load_line.upper.value", "load_line.lower.value"),
+    **times("limits.feed_rate.high", 0.2),
     **swap("window exchanged", "load_line.window.0", "load_line.window.1"),
     **swap("reference and worn exchanged", "load_line.reference", "load_line.worn"),
     **swap("wear of the limits exchanged", "load_line.upper.wear", "load_line.lower.wear"),
     **relative(E + "load_high", "load_line.worn", 0.9), **relative(E + "load_low", "law.coefficients.A", 1.3),
-    **put(E + "load_low", 0.0, -1.0), **relative(E + "engage_at", "load_line.reference", 1.1),
+    **put(E + "load_low", 0.0, -1.0),
+    **relative(E + "load_low", "law.coefficients.A", 0.05), **relative(E + "load_high", "load_line.worn", 100.0),
+    **relative(E + "engage_at", "load_line.reference", 1.1),
     **relative(E + "engage_at", "law.coefficients.A", 0.8), **relative(E + "hysteresis", "load_line.reference", 2.0),
     **relative(E + "idle", "load_line.reference", 1.0),
     # times
@@ -274,6 +276,15 @@ FAULTS: dict[str, Callable[[dict], None]] = {
     **drop("laws"), **drop("dynamics"), **drop("pi"), **drop("load_line"), **drop("law.verdict"),
     **drop("dynamics.verdict"), **put("law.verdict", NOT), **put("dynamics.verdict", NOT), **put("pi.verdict", NOT),
 }  # fmt: skip
+
+
+# the same in a file that states neither figures nor specification of its gains: the check has nothing to compare
+BARE = several("bare", drop("pi.figures"), drop("pi.specification"))
+for _name in (
+    "dynamics.b x -1", "dynamics.b x 50", "pi.scaling_u x 100", "pi.kp x 100", "pi.ki x 100", "gains and scaling x 100",
+    "current sensor reversed: dynamics and gains x -1", "pi.filter_time = 30.0", "pi.average = 1000",
+):  # fmt: skip
+    FAULTS |= several(f"no figures, {_name}", BARE, {_name: FAULTS[_name]})
 
 
 def refusal(sections: dict) -> str:

@@ -85,8 +85,9 @@ def rendered(pf: "ParameterFile", kind: str, *, accept_verdict: bool = False) ->
         control = gated_control(pf, accept_verdict=accept_verdict)
         if control.loop.form == "incremental_sum" and not of.incremental_sum:
             raise GateError(
-                f"the gains of {control.view.tool} on {control.view.work} have the form incremental_sum with an "
-                f"integral of the integral, which {kind} does not carry; tune in the form position, or set ki to 0."
+                f"the gains of {control.view.tool} on {control.view.work} have the form incremental_sum, which "
+                f"{kind} does not carry; use the component (kind comp) or the C controller (kind c), or tune in the "
+                "form position."
             )
         return of.render(control)
     view = export_view(pf, accept_verdict=accept_verdict)

@@ -32,7 +32,12 @@ if TYPE_CHECKING:
 _MADE_BY_THE_GATE = object()
 DRAWS: Final = 100  # of load law and dynamics
 UNSTABLE: Final = 0.05  # share of draws: more are refused
+SENSITIVE: Final = 3.0  # sensitivity peak; 1.2 to 2 are typical (Astrom & Hagglund, PID Controllers, 2nd ed. 1995)
 LONG: Final = 60.0  # s to settle
+NOT_SIMULATED: Final = (
+    "No simulation checks calibration and wiring of the sensor, chatter, work, tools and operations other than those "
+    "of the load law, a reading that falls to exactly the load in air, and a sensor stuck until it is detected."
+)
 DITHER: Final = 1e-5  # of the reference: noise of a sensor whose noise is not known, so that no reading repeats
 SEED: Final = 20
 
@@ -105,7 +110,7 @@ def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
     if pi is None or model is None or line is None:
         return
     cut, settling = line_of_file(pf, loop), figures(closed_loop(model, pi))["settling_time"]
-    order = list(check_order(loop, line, cut, settling))
+    order = [*check_order(pf, loop, cut, settling), *_robust(pf, loop)]
     yield from order
     if not settling <= LONG or settling / loop.sample_time > LONGEST / 10:
         yield FileFinding(
@@ -127,7 +132,8 @@ def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
         cut = replace(cut, noise=DITHER * loop.reference)
     drive = drive_of(model, pi.delay)
     slope = dynamics_slope(pi, model, line, loop)
-    tools = [("by the load law", simulate_tool(loop, cut, drive, settling))]
+    basis = "by the load law" if cut.law else "by dynamics and feed limits"
+    tools = [(basis, simulate_tool(loop, cut, drive, settling))]
     if abs(slope / cut.B - 1) > 0.02:
         tilted = _tilted(cut, slope, loop)
         tools.append(("with the gain of the dynamics", simulate_tool(loop, tilted, drive, settling, design=False)))
@@ -135,6 +141,28 @@ def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
     if not tools[0][1].wrong:
         yield from _draw_findings(pf, loop, cut, settling)
         yield from _fault_findings(loop, tools[0][1].middle)
+    yield FileFinding("limits", None, NOT_SIMULATED)
+
+
+def _robust(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
+    """Sensitivity peak of the gains with the gain of the dynamics and with that of the load law."""
+    pi, model, line = pf.pi, pf.dynamics, pf.load_line
+    if pi is None or model is None or line is None:
+        return
+    ratio = line_of_file(pf, loop).B / dynamics_slope(pi, model, line, loop)
+    for name, gain in (("the dynamics", 1.0), ("the load law", ratio)):
+        peak = figures(closed_loop(_scaled(model, gain), pi))["ms"]
+        if not peak <= SENSITIVE:
+            yield FileFinding(
+                "robustness",
+                False,
+                f"With the gain of {name} the sensitivity peak is {peak:.3g}, more than {SENSITIVE:g}: a small change "
+                "of the cut makes the loop oscillate; tune slower.",
+            )
+
+
+def _scaled(model: "DynamicsSection", gain: float) -> "DynamicsSection":
+    return model.model_copy(update={"b": tuple(gain * value for value in model.b)})
 
 
 def _tilted(cut: Line, slope: float, loop: LoadLoop) -> Line:
@@ -235,7 +263,7 @@ def _models(model: "DynamicsSection") -> list["DynamicsSection"]:
 def _radius(line: Line, drawn: "DynamicsSection", model: "DynamicsSection", pi: "PiSection", cut: Line) -> float:
     """Spectral radius of the loop with the shape of a drawn drive, its gain in proportion to the drawn slope."""
     gain = model.dc_gain / drawn.dc_gain * line.B / cut.B
-    return closed_loop(drawn.model_copy(update={"b": tuple(gain * value for value in drawn.b)}), pi).radius
+    return closed_loop(_scaled(drawn, gain), pi).radius
 
 
 def _fault_findings(loop: LoadLoop, middle: Bench | None) -> Iterator[FileFinding]:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 SLOPES: Final = (0.5, 2.0)  # slope of the dynamics over that of the load law
 APART: Final = 0.25  # of the range of the feed limits: deviation of a limit from its law; `settings` writes them equal
 WIDEST: Final = 20.0  # times the lower feed limit
+ABOVE: Final = 1.01  # times the upper feed limit: a programmed feed that a person has rounded
+LEAST_SHARE: Final = 0.2  # of the load in air: a lost sensor reads zero with noise, not zero
+HIGHEST: Final = 40.0  # times the load of a worn tool: beyond, no reading is out of range
 # s, smallest and largest; 0 switches stuck_after and heartbeat off
 TIMES: Final = {
     "sample_time": (1e-5, 0.5),
@@ -36,7 +39,7 @@ TIMES: Final = {
     "overload_after": (0.0, 2.0),
     "dwell": (0.5, 60.0),
 }
-BACK_OFF_WITHIN, RECOVER_WITHIN = 2.0, 60.0  # s for the whole range of the feed
+BACK_OFF_WITHIN, RECOVER_WITHIN = 2.0, 30.0  # s for the whole range of the feed
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +85,15 @@ def check_line(pf: "ParameterFile", loop: "LoadLoop") -> Iterator[FileFinding]:
         )
     else:
         yield from _units(law, line)
-        yield from _slopes(law, dynamics_slope(pi, model, line, loop), loop)
+        yield from _slopes(law, dynamics_slope(pi, model, line, loop), line, loop)
         yield from _limits(law, line)
 
 
-def check_order(loop: "LoadLoop", line: "LoadLineSection", cut: Line, settling: float) -> Iterator[FileFinding]:
+def check_order(pf: "ParameterFile", loop: "LoadLoop", cut: Line, settling: float) -> Iterator[FileFinding]:
     """Findings on limits, thresholds and times of a control; ``settling`` of its loop in s."""
-    yield from _feeds(loop, line)
+    if pf.load_line is not None:
+        yield from _feeds(loop, pf.load_line)
+        yield from _machine(pf, loop, pf.load_line)
     yield from _loads(loop, cut)
     yield from _times(loop, settling)
 
@@ -154,22 +159,41 @@ def _units(law: "LawSection", line: "LoadLineSection") -> Iterator[FileFinding]:
         )
 
 
-def _slopes(law: "LawSection", slope: float, loop: "LoadLoop") -> Iterator[FileFinding]:
+def _slope_of_feed_line(law: "LawSection", slope: float, line: "LoadLineSection", unit: str) -> Iterator[FileFinding]:
+    """A line of feed holds one load: with the load in air it gives a slope to compare."""
+    words = f"By dynamics and scaling the load changes by {slope:.4g} {unit}"
+    sharp = law.coefficients["fm0"] + _shift(law, line)
+    idle = None if line.engagement is None else line.engagement.idle
+    remedy = "Check sign and scale of the load's sensor and of the gains, identify and tune again."
+    if not 0 < slope * sharp < line.reference:
+        yield _failed(
+            "slope",
+            f"{words}, which leaves a load in air of {line.reference - slope * sharp:.4g} "
+            f"{plain_unit(line.unit_load)}; it lies between zero and the reference. {remedy}",
+        )
+    elif idle is None:
+        yield FileFinding(
+            VERDICT,
+            False,
+            f"load law: it gives the feed at one load alone, so that the slope of the dynamics, {slope:.4g} {unit}, "
+            "cannot be compared; state the load of the spindle in air with `fitmodels settings --idle`, or fit runs "
+            "at several loads.",
+        )
+    elif not SLOPES[0] <= slope * sharp / (line.reference - idle) <= SLOPES[1]:
+        yield _failed(
+            "slope",
+            f"{words}, and from air to the reference by {(line.reference - idle) / sharp:.4g}: "
+            f"{slope * sharp / (line.reference - idle):.3g} times as much, outside {SLOPES[0]:g} to {SLOPES[1]:g}. "
+            f"{remedy}",
+        )
+    else:
+        yield FileFinding("slope", True, f"{words}, as from air to the reference, within a factor of two.")
+
+
+def _slopes(law: "LawSection", slope: float, line: "LoadLineSection", loop: "LoadLoop") -> Iterator[FileFinding]:
     unit = f"{loop.unit_load} per {loop.unit_feed}"
     if law.form == "feed_line":
-        if not slope > 0:
-            yield _failed(
-                "slope",
-                f"By dynamics and scaling the load changes by {slope:.4g} {unit}; a load rises with "
-                "feed. Check the sign of the current sensor and of the scaling, and identify again.",
-            )
-            return
-        yield FileFinding(
-            "slope",
-            None,
-            "The load law gives the feed at one load alone, so that sign and size of the "
-            f"dynamics, {slope:.4g} {unit}, were not compared with a measured slope.",
-        )
+        yield from _slope_of_feed_line(law, slope, line, unit)
         return
     B = law.coefficients["B"]
     words = f"The load rises with feed by {B:.4g} {unit} by the load law and by {slope:.4g} by dynamics and scaling"
@@ -223,7 +247,7 @@ def _law_feed(law: "LawSection", line: "LoadLineSection", limit: "FeedLimit") ->
 
 def _feeds(loop: "LoadLoop", line: "LoadLineSection") -> Iterator[FileFinding]:
     upper, unit = line.upper.value, loop.unit_feed
-    if loop.feed_programmed > upper * (1 + 1e-9):
+    if loop.feed_programmed > upper * ABOVE:
         yield _failed(
             "programmed feed",
             f"The programmed feed {loop.feed_programmed:.6g} {unit} is above the upper feed "
@@ -235,6 +259,22 @@ def _feeds(loop: "LoadLoop", line: "LoadLineSection") -> Iterator[FileFinding]:
             "feed limits",
             f"The upper feed limit {upper:.4g} {unit} is {upper / line.lower.value:.3g} times "
             f"the lower, {line.lower.value:.4g}; at most {WIDEST:g} times. Run `fitmodels settings` "
+            "again.",
+        )
+
+
+def _machine(pf: "ParameterFile", loop: "LoadLoop", line: "LoadLineSection") -> Iterator[FileFinding]:
+    """The machine's feed rates may be stated in another unit than the settings."""
+    allowed = None if pf.limits is None else pf.limits.feed_rate
+    if allowed is None:
+        return
+    low, high = (value * unit_factor(allowed.unit, line.unit_feed) for value in (allowed.low, allowed.high))
+    slack = 1e-9 * high
+    if loop.feed_low < low - slack or loop.feed_high > high + slack:
+        yield _failed(
+            "feed limits",
+            f"The feed goes from {loop.feed_low:.4g} to {loop.feed_high:.4g} {loop.unit_feed}, beyond the machine's "
+            f"{low:.4g} to {high:.4g}; state limits.feed_rate as the machine has it, or run `fitmodels settings` "
             "again.",
         )
 
@@ -257,6 +297,12 @@ def _loads(loop: "LoadLoop", cut: Line) -> Iterator[FileFinding]:
             f"The load in air, {cut.idle:.4g} {unit}, is not above load_low {loop.load_low:.4g}, "
             "so that air would be taken for a lost sensor; lower load_low.",
         )
+    elif not loop.load_low >= LEAST_SHARE * cut.idle:
+        yield _failed(
+            "engagement",
+            f"The smallest valid reading, {loop.load_low:.4g} {unit}, is below {LEAST_SHARE:g} times the load in air, "
+            f"{cut.idle:.4g}: a lost sensor reads zero with noise and would be taken for air; raise load_low.",
+        )
     elif not cut.idle < low:
         yield _failed(
             "engagement",
@@ -269,6 +315,12 @@ def _loads(loop: "LoadLoop", cut: Line) -> Iterator[FileFinding]:
             f"A sharp tool at the lower feed limit has a load of {sharp:.4g} {unit}, not above "
             f"the threshold, {low:.4g} to {high:.4g}, so that the control would never begin; lower "
             "engage_at.",
+        )
+    if loop.load_high > HIGHEST * loop.worn_load:
+        yield _failed(
+            "engagement",
+            f"The largest valid reading, {loop.load_high:.4g} {unit}, is {loop.load_high / loop.worn_load:.3g} times "
+            f"what a worn tool withstands, more than {HIGHEST:g} times, so that none is out of range; lower load_high.",
         )
     if not loop.load_high > loop.overload_at:
         yield _failed(
@@ -316,6 +368,9 @@ def _times(loop: "LoadLoop", settling: float) -> Iterator[FileFinding]:
     ]
     for words in unmonitored:
         yield FileFinding("times", None, f"The control does not monitor {words}: its time is 0.")
+    brief = [name for name in ("lost_after", "stuck_after") if 0 < getattr(loop, name) < 2 * loop.sample_time]
+    for name in brief:
+        yield FileFinding("times", None, f"{name} is shorter than two samples: a single reading is a fault.")
     if not wrong:
         yield FileFinding("times", True, "Sample time, filter, delays and rates are within their limits.")
 
