@@ -19,6 +19,7 @@ SAME = ("overshoot", "undershoot", "ms", "phase_margin", "gain_margin", "travel"
 LIMITS = {"rise": "rise_time", "settle": "settling_time", **{name: name for name in SAME}}
 OF_COMMAND = ("low", "high", "rate", "travel", "noise_gain")  # in the unit of the command
 AGREE = 1.25  # static gain and slope of a load law are from two experiments
+REFUSED = 2.0  # a ratio of the two beyond this, or its inverse, is a wrong scaling or unit
 CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup",
               "setpoint_weight")  # fmt: skip
 
@@ -92,8 +93,11 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--scaling and --unit: give both, units of the command per unit of the input and that unit.")
     with progress_bar(lines=False) as step:
         step.say("tuning")
-        tuned = _tuned(pf.dynamics, args)
+        tuned = _tuned(pf, pf.dynamics, args)
     stated = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
+    against = _against_load_law(pf, args)
+    if against and not args.force:
+        raise GateError(f"{against} Nothing was written; --force writes these gains, marked as not to be used.")
     if tuned.misses and not args.force:
         raise GateError(f"{stated.words} {_remedy(tuned)}")
     forced = "kept by --force" if tuned.misses else None
@@ -130,7 +134,8 @@ def model_of(d: "DynamicsSection") -> "Model":
     return replace(model, cov_params=np.array(d.uncertainty.matrix)[np.ix_(order, order)])
 
 
-def _tuned(d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
+def _tuned(pf: "ParameterFile", d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
+    from ..core.verdict import DO_NOT_USE, verdict_from
     from ..ident import tune_pi
 
     limits = {name: value for key, name in LIMITS.items() if (value := getattr(args, key)) is not None}
@@ -140,9 +145,13 @@ def _tuned(d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
             {name: value / args.scaling if name in OF_COMMAND else value for name, value in options.items()}
             for options in (limits, controller)
         )
+    verdict = None if d.verdict is None else d.verdict.verdict
+    if against := _against_load_law(pf, args):
+        known = () if verdict is None else tuple((verdict.level, words) for words in verdict.reasons)
+        verdict = verdict_from([(DO_NOT_USE, against), *known])
     return tune_pi(
         model_of(d), aim=args.aim, probability=args.probability, nominal=args.nominal, seed=args.seed,
-        verdict=None if d.verdict is None else d.verdict.verdict, **limits, **controller,
+        verdict=verdict, **limits, **controller,
     )  # fmt: skip
 
 
@@ -211,14 +220,51 @@ def _margins(tuned: "TunedPi") -> list[dict[str, Any]]:
     ]
 
 
-def _scaling_by_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
-    """The scaling of the input by the load law, where another one or none was given."""
+def _slope_of_law(pf: "ParameterFile", args: argparse.Namespace) -> tuple[str, float] | None:
+    """Unit of the feed and load per unit of feed by the load law; None where the dynamics have other units."""
     d, laws = pf.dynamics, [law for law in pf.laws.values() if law.form == "load_line"]
     assert d is not None  # noqa: S101  tuned on it
     if len(laws) != 1 or laws[0].unit != d.unit_y or args.unit not in (None, laws[0].factors[0].unit):
+        return None
+    B = laws[0].coefficients["B"]
+    return (laws[0].factors[0].unit, B) if B else None
+
+
+def _against_load_law(pf: "ParameterFile", args: argparse.Namespace) -> str:
+    """Sentence on dynamics or a scaling that contradict the load law; empty where none does."""
+    d, law = pf.dynamics, _slope_of_law(pf, args)
+    assert d is not None  # noqa: S101  tuned on it
+    if law is None or not math.isfinite(d.dc_gain):
+        return ""
+    feed, B = law
+    slope = f"{d.unit_y} per {feed}"
+    scaling = args.scaling or (1.0 if d.unit_u == feed else None)
+    if d.dc_gain * B < 0:
+        falls, rises = ("falls", "rises") if d.dc_gain < 0 else ("rises", "falls")
+        return (
+            f"By the dynamics the load {falls} where the feed rises (static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u}"
+            f"), by the load law it {rises} ({B:.4g} {slope}): the sign of the load sensor or of the command is "
+            "reversed in one of the two records, and the control would be positive feedback. Check the sensor and "
+            "identify again."
+        )
+    if scaling is not None and not 1 / REFUSED <= d.dc_gain / scaling / B <= REFUSED:
+        return (
+            f"By dynamics and scaling the load changes by {d.dc_gain / scaling:.4g} {slope}, by the load law by "
+            f"{B:.4g}: {d.dc_gain / scaling / B:.2g} times as much, outside {1 / REFUSED:g} to {REFUSED:g}. The "
+            f"given scaling is {scaling:g}; by the load law 1 {d.unit_u} is {d.dc_gain / B:.4g} {feed}: --scaling "
+            f"{d.dc_gain / B:.4g}."
+        )
+    return ""
+
+
+def _scaling_by_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
+    """The scaling of the input by the load law, where another one or none was given."""
+    d, law = pf.dynamics, _slope_of_law(pf, args)
+    assert d is not None  # noqa: S101  tuned on it
+    if law is None:
         return []
-    feed, B = laws[0].factors[0].unit, laws[0].coefficients["B"]
-    scaling = d.dc_gain / B if B else 0.0
+    feed, B = law
+    scaling = d.dc_gain / B
     given = args.scaling or (1.0 if d.unit_u == feed else None)
     if scaling <= 0 or (given and max(given / scaling, scaling / given) <= AGREE):
         return []

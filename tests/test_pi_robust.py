@@ -9,9 +9,9 @@ from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
-from fitmodels.ident.pi.robust_design import draws_of_models, robustness, share_error
+from fitmodels.ident.pi.robust_design import STATED, draws_of_models, robustness, share_error
 from fitmodels.ident.pi.specification import Specification
-from fitmodels.ident.pi.tuning import STATED, tune_pi
+from fitmodels.ident.pi.tuning import tune_pi
 from scipy.stats import binomtest
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried

@@ -198,6 +198,8 @@ def test_figures_with_a_setpoint_weight_are_those_of_the_controller_that_runs(op
     assert figures.travel == pytest.approx(np.abs(np.diff(sent, prepend=0.0)).sum(), rel=1e-6)
     assert figures.peak_u == pytest.approx(np.abs(sent).max(), rel=1e-6)
     assert figures.overshoot == pytest.approx(max(run.output.max() - 1, 0), abs=1e-6)
+    assert figures.iae == pytest.approx(0.02 * np.abs(1 - run.output).sum(), rel=1e-6)
+    assert loop.figures(2.0).iae == pytest.approx(figures.iae, rel=0.05)  # the remainder is added
     assert figures.peak_u < same.peak_u or figures.overshoot < same.overshoot
     for name in ("ms", "phase_margin", "gain_margin", "noise_gain", "disturbance_peak", "disturbance_iae"):
         assert getattr(figures, name) == getattr(same, name)

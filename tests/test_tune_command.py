@@ -202,7 +202,7 @@ def test_a_file_without_dynamics_says_what_to_do(tmp_path, monkeypatch, capsys):
         ((), "For gains in feed add --scaling 1459 --unit mm/min --force."),
         (("--scaling", "1459", "--unit", "mm/min"), None),  # the paper's, G(1)/B
         (("--scaling", "1700", "--unit", "mm/min"), None),  # two experiments do not agree to the digit
-        (("--scaling", "200", "--unit", "mm/min"), "The given scaling is 200, 0.14 times that"),
+        (("--scaling", "2500", "--unit", "mm/min"), "The given scaling is 2500, 1.7 times that"),
         (("--scaling", "2", "--unit", "rpm"), None),  # not the unit of the law
     ],
     ids=["none is said", "the right one", "nearly the right one", "a wrong one", "another unit"],
@@ -214,3 +214,40 @@ def test_a_scaling_is_held_against_the_load_law_of_the_file(tmp_path, monkeypatc
     assert code == 0
     assert ("By the load law 1 V is 1459 mm/min" in out) == (words is not None)
     assert words is None or words in out
+
+
+def test_a_reversed_sensor_is_refused(tmp_path, monkeypatch, capsys):
+    """Today's behaviour was negative gains, "nothing stands against this file", and positive feedback in the export."""
+    monkeypatch.chdir(tmp_path)
+    pf = published("CLM-2023")
+    d = pf.dynamics.model_dump()
+    pf = sealed(pf, pi=None, dynamics={**d, "b": [-b for b in d["b"]]})
+    parameters.write(pf, tmp_path / "p.json")
+    code, _, err = tune(capsys, "--rise", "2", "--settle", "4")
+    assert code == 5
+    assert "By the dynamics the load falls where the feed rises (static gain -0.18" in err
+    assert "positive feedback" in err
+    assert parameters.read("p.json").pi is None
+    code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", "--force")
+    assert code == 0
+    assert parameters.read("p.json").pi.verdict.level == "do not use for control"
+    assert "Verdict on the gains: do not use for control. Model: By the dynamics the load falls" in out
+
+
+@pytest.mark.parametrize(("scaling", "ratio"), [("200", "7.3"), ("14590", "0.1"), ("4000", "0.36")])
+def test_a_scaling_far_from_the_load_law_is_refused(tmp_path, monkeypatch, capsys, scaling, ratio):
+    monkeypatch.chdir(tmp_path)
+    parameters.write(sealed(published("CLM-2023"), pi=None), tmp_path / "p.json")
+    code, _, err = tune(capsys, "--rise", "2", "--settle", "4", "--scaling", scaling, "--unit", "mm/min")
+    assert code == 5
+    assert f"{ratio} times as much, outside 0.5 to 2." in err
+    assert "--scaling 1459." in err
+
+
+def test_gains_without_a_load_law_name_a_negative_static_gain(file, capsys):
+    pf = parameters.read(file)
+    d = pf.dynamics.model_dump()
+    parameters.write(sealed(pf, dynamics={**d, "b": [-b for b in d["b"]]}), file, force=True)
+    code, out, _ = tune(capsys, "--rise", "2", "--settle", "4")
+    assert code == 0
+    assert "y falls where u rises, and the gains are negative. Check the sign of the sensor" in out

@@ -97,8 +97,9 @@ class Loops:
     def integrals(self) -> tuple[Array, Array] | None:
         """Integrals over all time of 1 - y (unit step of the reference) and of y (unit step of load), each shape (m,).
 
-        The integral of the measured error is the final command over ki (Åström & Hägglund 2006, section 4.4), and zero
-        with a further sum; the measurement lags by the mean delay of its filter. None without integral action.
+        The integral of the measured error is the final command less its proportional part over ki (Åström & Hägglund
+        2006, section 4.4), and zero with a further sum; the measurement lags by the mean delay of its filter. None
+        without integral action.
         """
         if self.kind.ki == 0:
             return None
@@ -107,7 +108,8 @@ class Loops:
         if self.kind.form == "incremental_sum":
             return np.full(m, -lag), np.zeros(m)
         at_rest = self.a.sum(axis=0) / self.b.sum(axis=0)  # command per output
-        return np.asarray(at_rest / self.ki - lag), np.asarray(1.0 / self.ki)
+        held_back = (1.0 - self.kind.setpoint_weight) * self.kp
+        return np.asarray((at_rest + held_back) / self.ki - lag), np.asarray(1.0 / self.ki)
 
 
 def loops_of(model: Model | Sequence[Model], kp: ArrayLike, ki: ArrayLike, kind: PiGains) -> Loops:

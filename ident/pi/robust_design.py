@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...core.display import Displayable, Plottable
 from ...core.errors import IdentError, UsageError
+from ...core.verdict import DO_NOT_USE, RESERVATIONS
 from ..model import Model
 from ..responses.confidence_bands import with_theta
 from .feasible_region import FeasibleMap
@@ -26,6 +27,11 @@ FEWEST = 0.5  # share of draws that must be stable
 SCREENED, PLANTS = 144, 60  # gains screened, and the number of plants used for it
 FINALISTS = 9
 ROUNDS, STEPS = 2, 5  # of the line search towards the nominal gains: to 1/16 of it
+PROBABILITY = 0.9  # required by default, and below which gains are used with reservations
+EVEN = 0.5  # where the whole interval lies below it, the specification fails more often than it holds
+UNSTABLE = 0.01  # share of unstable loops above which gains must not be used
+STATED = 2000  # draws that state the probability: a Monte Carlo standard error of 0.7 points at 90 %
+PICTURED = 100  # draws of the trade-off
 SURE = 2.0  # standard errors by which a chosen share exceeds the required probability
 CHOOSING, STATING, SHOWING = 0, 1, 2  # independent draws of one seed
 NORMAL = 1.959964  # two-sided 95 %
@@ -152,6 +158,45 @@ def draws_of_models(model: Model, draws: int = 500, seed: int | Sequence[int] = 
             "to tune on. Record longer, excite lower frequencies, or lower the orders."
         )
     return Plants(kept, draws - len(kept))
+
+
+def plants_of(
+    model: Model, models: Sequence[Model] | None, draws: int, seed: int, *, strict: bool
+) -> tuple[Plants | None, Plants | None, Plants | None, str]:
+    """Plants that choose gains, state their probability and show the trade-off; or the reason why there are none."""
+    if models is not None:
+        given = Plants(tuple(models), given=True)
+        return given, given, given, ""
+    if model.cov_params is None and not strict:
+        return None, None, None, "the model has no covariance, because it was given and not identified from a record"
+    sizes = {CHOOSING: draws, STATING: max(draws, STATED), SHOWING: PICTURED}
+    try:
+        choosing, stating, showing = (draws_of_models(model, n, (seed, kind)) for kind, n in sizes.items())
+    except IdentError as error:
+        if strict:
+            raise
+        return None, None, None, str(error).rstrip(".")
+    return choosing, stating, showing, ""
+
+
+def reservations(held: Robustness | None, unknown: str) -> list[tuple[int, str]]:
+    """Reservations about the probability and about unstable loops."""
+    if held is None:
+        return [(RESERVATIONS, f"The probability that the specification holds cannot be stated: {unknown}.")]
+    found = []
+    if held.probability < PROBABILITY:
+        level, below = (DO_NOT_USE, EVEN) if held.interval[1] < EVEN else (RESERVATIONS, PROBABILITY)
+        found.append(
+            (level, f"The specification holds with probability {100 * held.probability:.1f} %, below {100 * below:g} %"
+                    f"{held.most_missed}.")
+        )  # fmt: skip
+    if held.unstable:
+        level = DO_NOT_USE if held.unstable > UNSTABLE * held.n else RESERVATIONS
+        found.append((level, f"{held.unstable} of {held.n} loops over the model uncertainty are unstable."))
+    if held.left_out:
+        words = f"{held.left_out} draws of the model are unstable and were left out of the probability."
+        found.append((RESERVATIONS, words))
+    return found
 
 
 def robustness(

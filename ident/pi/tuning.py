@@ -18,13 +18,12 @@ from .gain_search import Aim, check_aim, nominal_gains
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains
 from .loop import FiguresOfMerit, loop_of
 from .robust_design import (
-    CHOOSING,
-    SHOWING,
-    STATING,
+    PROBABILITY,
     Plants,
     Robustness,
     TradeOff,
-    draws_of_models,
+    plants_of,
+    reservations,
     robust_gains,
     robustness,
     trade_off,
@@ -34,12 +33,8 @@ from .specification import LIMITS, STEADY, LimitMargin, Specification, table_of
 if TYPE_CHECKING:
     from ..identification import Identification
 
-PROBABILITY = 0.9  # required by default, and below which gains are used with reservations
-EVEN = 0.5  # where the whole interval lies below it, the specification fails more often than it holds
-UNSTABLE = 0.01  # share of unstable loops above which gains must not be used
-STATED = 2000  # draws that state the probability: a Monte Carlo standard error of 0.7 points at 90 %
-PICTURED = 100  # draws of the trade-off
-CHECKED = ("Specification on the model", "Probability over the model uncertainty", "Unstable loops", "Excited band")
+CHECKED = ("Specification on the model", "Probability over the model uncertainty", "Unstable loops", "Excited band",
+           "Sign of the static gain")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -115,7 +110,12 @@ class TunedPi(Plottable):
         """How far the gains can be used, by limits missed, probability, unstable loops and the verdict on the model."""
         missed = () if self.only_probability else self.misses
         found = [(DO_NOT_USE, f"The gains miss their specification: {words.rstrip('.')}.") for words in missed]
-        found += [*_of_probability(self), *_of_band(self), *_of_model(self.of_model)]
+        found += [
+            *reservations(self.robustness, self.unknown),
+            *_of_band(self),
+            *_of_sign(self.model),
+            *_of_model(self.of_model),
+        ]
         left = () if self.robustness else (f"{CHECKED[1]}: {self.unknown}",)
         checked = tuple(name for name in CHECKED if self.robustness or name not in CHECKED[1:3])
         return verdict_from(found, checked, left)
@@ -197,27 +197,6 @@ class TunedPi(Plottable):
         return trade_off(self.map, self.gains, self.plants)
 
 
-def _of_probability(tuned: TunedPi) -> list[tuple[int, str]]:
-    """Reservations about the probability and about unstable loops."""
-    held = tuned.robustness
-    if held is None:
-        return [(RESERVATIONS, f"The probability that the specification holds cannot be stated: {tuned.unknown}.")]
-    found = []
-    if held.probability < PROBABILITY:
-        level, below = (DO_NOT_USE, EVEN) if held.interval[1] < EVEN else (RESERVATIONS, PROBABILITY)
-        found.append(
-            (level, f"The specification holds with probability {100 * held.probability:.1f} %, below {100 * below:g} %"
-                    f"{held.most_missed}.")
-        )  # fmt: skip
-    if held.unstable:
-        level = DO_NOT_USE if held.unstable > UNSTABLE * held.n else RESERVATIONS
-        found.append((level, f"{held.unstable} of {held.n} loops over the model uncertainty are unstable."))
-    if held.left_out:
-        words = f"{held.left_out} draws of the model are unstable and were left out of the probability."
-        found.append((RESERVATIONS, words))
-    return found
-
-
 def _of_band(tuned: TunedPi) -> list[tuple[int, str]]:
     """Reservation where the loop works beyond the excited band."""
     band, crossover = tuned.model.band, tuned.figures.crossover_hz
@@ -226,6 +205,17 @@ def _of_band(tuned: TunedPi) -> list[tuple[int, str]]:
     words = (
         f"The loop works up to {crossover:.3g} Hz, but the record excited the drive only up to {band[1]:.3g} Hz: "
         "margins rest on an extrapolation of the model."
+    )
+    return [(RESERVATIONS, words)]
+
+
+def _of_sign(model: Model) -> list[tuple[int, str]]:
+    """Reservation about an output that falls where the input rises."""
+    if not model.dc_gain < 0:
+        return []
+    words = (
+        f"The static gain of the model is negative: {model.output} falls where {model.input} rises, and the gains are "
+        "negative. Check the sign of the sensor: with the other sign these gains are positive feedback."
     )
     return [(RESERVATIONS, words)]
 
@@ -356,7 +346,7 @@ def tune_pi(
     units = {"unit_u": model.unit_u, "unit_y": model.unit_y}
     template = PiGains(0.0, 0.0, model.sample_time, **{**units, **controller})
     found, gains = nominal_gains(model, target, template, aim, n)
-    choosing, stating, showing, unknown = _plants(model, models, draws, seed, strict=probability is not None)
+    choosing, stating, showing, unknown = plants_of(model, models, draws, seed, strict=probability is not None)
     held: Robustness | None = None
     required = None if nominal or choosing is None else PROBABILITY if probability is None else probability
     if choosing is not None and stating is not None:
@@ -367,25 +357,6 @@ def tune_pi(
     return TunedPi(
         gains, figures, target, aim, model, found, assumed, held, required, unknown, verdict, showing,
     )  # fmt: skip
-
-
-def _plants(
-    model: Model, models: Sequence[Model] | None, draws: int, seed: int, *, strict: bool
-) -> tuple[Plants | None, Plants | None, Plants | None, str]:
-    """Plants that choose gains, state their probability and show the trade-off; or the reason why there are none."""
-    if models is not None:
-        given = Plants(tuple(models), given=True)
-        return given, given, given, ""
-    if model.cov_params is None and not strict:
-        return None, None, None, "the model has no covariance, because it was given and not identified from a record"
-    sizes = {CHOOSING: draws, STATING: max(draws, STATED), SHOWING: PICTURED}
-    try:
-        choosing, stating, showing = (draws_of_models(model, n, (seed, kind)) for kind, n in sizes.items())
-    except IdentError as error:
-        if strict:
-            raise
-        return None, None, None, str(error).rstrip(".")
-    return choosing, stating, showing, ""
 
 
 def sorted_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
