@@ -77,6 +77,7 @@ pin out bit overload "Latched: mean load above what a worn tool withstands.";
 pin out signed state "0 off, 1 air, 2 entry, 3 control, 4 worn, 5 fault.";
 pin out signed cause "Of the fault: 1 load lost, 2 stuck, 3 no heartbeat, 4 requested-vel invalid, 5 thread period.";
 pin out float measured "Filtered load, {load}.";
+pin out float requested "Requested feed as the component has it, {feed}: compare it with F of the program.";
 pin out float override "Feed over programmed feed.";
 param rw float feed_scale = {scale!r} "{feed} per machine unit and s; change it where the machine's unit is the inch.";
 option singleton yes;
@@ -123,6 +124,7 @@ static void _(struct __comp_state *__comp_inst, long period)
     *__comp_inst->state = (int)out.state;
     *__comp_inst->cause = (int)out.cause;
     *__comp_inst->measured = out.measured;
+    *__comp_inst->requested = in.requested;
     *__comp_inst->override = out.u;
 }
 """
