@@ -341,7 +341,7 @@ def _reals(loop: "LoadLoop") -> dict[str, tuple[float, str]]:
     centre = {"MIDDLE": ((loop.low + loop.high) / 2, "override"), "HALF_SPAN": (span / 2, "override")}
     return {
         **gains, "SAMPLE_TIME": (loop.sample_time, "s"), "HELD_LOAD": (loop.reference, load),
-        "ENTRY_GAIN": (loop.entry_gain, f"override per {load}"),
+        "ENTRY_GAIN": (loop.entry_gain or 0.0, f"override per {load}"),
         "FEED_LOW": (loop.low, "override, above zero"), "FEED_HIGH": (loop.high, "override"),
         **({} if incremental else centre),
         "FILTER_GAIN": (_gain(loop, loop.filter_time), f"time constant {loop.filter_time:.6g} s"),
@@ -382,14 +382,15 @@ def _counts(loop: "LoadLoop") -> dict[str, int]:
 
 def _head(control: GatedControl) -> str:
     view, loop = control.view, control.loop
-    rows = (f"state {int(row.state)} {row.state.name}: {row.condition}. {row.feed}. {row.time}." for row in STATES)
+    rows = (
+        f"state {int(row.state)} {row.state.name}: {row.condition}. Feed: {row.feed}. Time: {row.time}."
+        for row in STATES
+    )
     lines = (
         f"{view.made_by}: constant load, PI with limits, engagement, monitoring of the load, and tool change",
         *view.origin,
         f"call once every {loop.sample_time:.15g} s; program F {loop.feed_programmed:.15g} {loop.unit_feed}",
-        "states: condition. Feed. Time.",
-        *(line for row in rows for line in wrap(row, LONGEST_LINE)),
-        *view.remarks(NOT_IN_ST),
+        *(line for words in (*rows, *view.remarks(NOT_IN_ST)) for line in wrap(words, LONGEST_LINE)),
     )
     return "".join(f"(* {_comment(line)} *)\n" for line in lines)
 

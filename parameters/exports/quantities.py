@@ -35,8 +35,8 @@ class Quantity:
 
 Found = Iterator[tuple[str, float, str, str]]
 _OF_LOOP = {
-    "kp": ("({f})/{l}", "proportional gain of the position form"),
-    "ki": ("({f})/{l}/s", "integral gain of the position form"),
+    "kp": ("({f})/{l}", "proportional gain, form {form}"),
+    "ki": ("({f})/{l}/s", "integral gain, form {form}"),
     "sample_time": ("s", "period of the loop"),
     "reference": ("{l}", "load that the loop holds"),
     "feed_low": ("{f}", "lower feed limit"),
@@ -99,7 +99,7 @@ def _of_loop(loop: LoadLoop | None) -> Found:
         return
     units = {"f": loop.unit_feed, "l": loop.unit_load}
     for name, (unit, words) in _OF_LOOP.items():
-        yield name, getattr(loop, name), unit.format(**units), words
+        yield name, getattr(loop, name), unit.format(**units), words.format(form=loop.form)
 
 
 def _of_load_line(pf: ParameterFile) -> Found:

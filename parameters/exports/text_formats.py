@@ -8,7 +8,7 @@ from .view import ExportView
 NOT_IN_C = (
     "units as types: they are given in comments",
     "the covariance, the posterior and text of the laws",
-    "the loop itself: these are its constants; the st export is the loop",
+    "the control itself: these are its constants; the exports c, st, comp and fmu are the control",
     "exact values on a compiler whose double has fewer than 53 bits",
 )
 
@@ -77,7 +77,7 @@ DIGITS = 40  # of a number; LinuxCNC takes lines of 255 characters
 NOT_IN_GCODE = (
     "units: they are given in comments, and G20 or G21 is set by the program",
     "text, covariance and posterior: a parameter is a number",
-    "the loop itself: M52 P1 enables adaptive feed, the hal export controls it",
+    "the control itself: M52 P1 enables adaptive feed, the exports comp and hal control it",
     "numbers that take more than 40 digits without an exponent",
 )
 
@@ -121,12 +121,12 @@ def _gcode_feed(view: ExportView) -> list[str]:
     per_minute = ", in G94 and G21" if loop.unit_feed == "mm/min" else ""
     return [
         _gcode_comment(
-            f"cut with F {loop.feed_programmed:.15g} {loop.unit_feed}{per_minute}, HAL reduces it from there"
+            f"cut with F {loop.feed_programmed:.15g} {loop.unit_feed}{per_minute}, the control reduces it from there"
         ),
         _gcode_comment("adaptive feed scales rapids too, so it is off around them"),
         "M52 P0 " + _gcode_comment("adaptive feed off before a rapid"),
         _gcode_comment("write G0 here"),
-        "M52 P1 " + _gcode_comment("adaptive feed on before a cut, HAL controls the feed"),
+        "M52 P1 " + _gcode_comment("adaptive feed on before a cut"),
         _gcode_comment("write G1 here, and repeat these lines for the next cut"),
         _gcode_comment("without M52 P1 before it a cut runs at the programmed feed, uncontrolled"),
     ]

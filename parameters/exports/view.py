@@ -142,7 +142,7 @@ def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: b
     verdicts = tuple(line for words in held for line in plain_lines(words))
     doubts = () if pf.reading is None else pf.reading.doubts
     doubted = (plain(f"the data are right although the reading doubts them: {doubt.sentence}") for doubt in doubts)
-    found, who = loop_settings(pf), pf.identity
+    found, who = loop_settings(pf, own_form=True), pf.identity
     return ExportView(
         name=safe_name(f"{safe_name(who.tool, 'tool')}_{safe_name(who.work, 'work')}"),
         tool=plain(who.tool), work=plain(who.work), machine=plain(who.machine or "not named"), simulated=who.simulated,
