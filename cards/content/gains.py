@@ -122,6 +122,8 @@ def _held(pi: PiSection) -> tuple[FactPart, ...]:
     if pi.probability is None:
         return ()
     words = "" if pi.draws is None else f"share of {pi.draws} models drawn from the uncertainty of the dynamics"
+    if pi.required_probability is not None:
+        words += f", required {100 * pi.required_probability:g} %"
     ends = zip(("low", "high"), pi.probability_interval or (), strict=False)
     interval = (fact(f"probability, {end} end", percent(p), "95 % interval of the estimate") for end, p in ends)
     missed = ((FIGURES[name][0] if name in FIGURES else name, share) for name, share in pi.missed.items())
@@ -135,6 +137,8 @@ def _held(pi: PiSection) -> tuple[FactPart, ...]:
 
 def _sentences(pi: PiSection, dynamics: DynamicsSection | None) -> list[str]:
     said = [CHOSEN.get(pi.method, f"chosen by {pi.method}")] if pi.method else []
+    if pi.verdict is not None and pi.verdict.concern:
+        said.append(" ".join([f"verdict on the gains: {pi.verdict.level}.", *pi.verdict.reasons]))
     if pi.forced:
         said.append(f"FORCED: these gains do not meet their specification and were written nevertheless ({pi.forced})")
     if pi.figures is None:
