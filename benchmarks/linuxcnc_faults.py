@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-from linuxcnc_faults import SCENARIOS, faults_of, figures, loops_and_runs, run_all, unequal
+from linuxcnc_faults import SCENARIOS, loops_and_runs, run_all
 from linuxcnc_machine import lacking, plant_module
+from linuxcnc_outcomes import faults_of, figures, unequal
 
 HEAD = (
     f"{'kind':5}{'fault':52}{'detect':>8}{'low':>7}{'u before':>9}{'most':>7}{'bound':>7}{'feed max':>9}{'end':>7}"

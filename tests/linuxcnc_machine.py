@@ -39,6 +39,7 @@ _TO_PLANT = {
     "motion.requested-vel": "requested", "halui.feed-override.value": "override", "spindle.0.on": "spindle-on",
     "motion.current-vel": "velocity",
 }  # fmt: skip
+_OPEN = {"override": "fm-operator", "velocity": "fm-velocity"}  # signals that an export leaves to the machine
 _FROM_PLANT = {
     "fm-load": "load", "plant-feed": "feed", "plant-current": "current", "plant-wear": "wear",
     "plant-seconds": "seconds", "plant-request": "request", "plant-cutting": "cutting", "plant-active": "active",
@@ -83,6 +84,7 @@ class Run:
     duration: float = 3.2  # s after the first contact
     override: float = 1.0  # of the operator
     length: float = 1000.0  # mm of the programmed cut
+    passes: int = 1
     dwell: float = 1.1  # s from the start of the spindle to the feed
     adaptive: bool = True  # M52 P1
     period: float = PERIOD  # s, of the loop; longer than `PERIOD`: the thread that the export makes
@@ -213,8 +215,9 @@ def _wires(run: Run) -> str:
     export, lines = run.export, []
     for source, pin in _TO_PLANT.items():
         found = re.search(rf"^net (\S+) .*{re.escape(source)}\b", export, re.M)
-        own = "fm-operator" if pin == "override" and "fm-operator" in export else f"plant-{pin}"
-        lines.append(f"net {found[1] if found else own} {source} fmplant.0.{pin}")
+        own = _OPEN.get(pin, "")
+        signal = found[1] if found else own if own and own in export else f"plant-{pin}"
+        lines.append(f"net {signal} {source} fmplant.0.{pin}")
     made = {"fm-idle"} if re.search(r"^net fm-idle .*\.out\b", export, re.M) else set()
     lines += [f"net {signal} fmplant.0.{pin}" for signal, pin in _FROM_PLANT.items() if signal not in made]
     lines += [f"net {signal} sampler.0.pin.{k}" for k, (_, _, signal) in enumerate(RECORDED)]
@@ -225,16 +228,14 @@ def _wires(run: Run) -> str:
 
 
 def _program(run: Run) -> str:
-    return f"""G21 G90 G17 G64
-S6000 M3
-G4 P{run.dwell:g}
-M52 P{int(run.adaptive)}
+    one = f"""M52 P{int(run.adaptive)}
 G1 X{run.length:g} F{run.feed:g}
 M52 P0
 G0 Z20
 G0 X0
-M2
+G0 Z0
 """
+    return f"G21 G90 G17 G64\nS6000 M3\nG4 P{run.dwell:g}\n{one * run.passes}G0 Z20\nM2\n"
 
 
 _INI = f"""\
