@@ -206,6 +206,7 @@ def ran(step, pins, loop, inputs, operator=1.0):
             operator,
         )
         pins.enable, pins.spindle_on, pins.idle, pins.heartbeat, pins.reset = row[3:]
+        pins.current_vel = 10.0
         step(pins, round(named["period"] * 1e9))
         found.append([getattr(pins, "adaptive_feed" if name == "feed_override" else name) for name in OUTPUTS])
     return np.array(found, float)
@@ -224,14 +225,15 @@ def test_the_component_is_the_python_controller(constant_load_file, loop, operat
     ("constant", "other"),
     [("feed_scale = 60.0", "feed_scale = 61.0"), ("operator_override = 1 ", "operator_override = 2 "),
      ("requested_vel = -1", "requested_vel = 1"), ("* 1e-9", "* 1.1e-9"), ("operator_ < 1.0", "operator_ < 1.3"),
-     ("adaptive_feed = 0.6", "adaptive_feed = 0.7"), ("? 1.0 : operator_", "? 1.1 : operator_")],
+     ("adaptive_feed = 0.6", "adaptive_feed = 0.7"), ("? 1.0 : operator_", "? 1.1 : operator_"),
+     ("current_vel = -1", "current_vel = 1")],
 )  # fmt: skip
 def test_a_changed_constant_of_the_component_is_seen(constant_load_file, loop, constant, other):
     text = rendered(constant_load_file(), "comp")
     assert text.count(constant) == 1
     step, pins = component(text.replace(constant, other))
     inputs = sequence(loop, 4, samples=1500)
-    first = (pins.adaptive_feed, pins.requested_vel, pins.operator_override) != (loop.low, -1, 1)
+    first = (pins.adaptive_feed, pins.requested_vel, pins.current_vel, pins.operator_override) != (loop.low, -1, -1, 1)
     seen = [differences(lambda rows, o=o: ran(step, pins, loop, rows, o), loop, inputs, reference(loop, inputs))
             for o in (1.2, 0.9)]  # fmt: skip
     assert first or any(seen)
@@ -250,12 +252,29 @@ def test_an_operator_below_100_percent_slows_the_feed_and_is_not_compensated(con
 
 def test_a_component_whose_requested_velocity_is_not_connected_goes_to_fault(constant_load_file, loop):
     step, pins = component(rendered(constant_load_file(), "comp"))
-    pins.enable = pins.spindle_on = 1.0
+    pins.enable = pins.spindle_on = pins.current_vel = 1.0
     for k in range(30):
         pins.load, pins.heartbeat = 0.2 + 1e-3 * (k % 3), k // 3 % 2
         step(pins, round(loop.sample_time * 1e9))
     assert pins.fault
     assert pins.adaptive_feed == loop.low
+
+
+@pytest.mark.parametrize(
+    ("velocity", "state"), [(10.0, 3), (0.11, 3), (0.09, 2), (0.0, 2), (-1.0, 2), (float("nan"), 2)]
+)
+def test_the_component_opens_the_loop_while_the_path_does_not_advance(constant_load_file, loop, velocity, state):
+    """In a pause the load falls and a closed loop would raise the feed; 600 mm/min is 10 mm/s, 1 % of it the limit."""
+    step, pins = component(rendered(constant_load_file(), "comp"))
+    pins.enable = pins.spindle_on = 1.0
+    pins.requested_vel = loop.feed_programmed / 60
+    feeds = []
+    for k in range(100):
+        pins.load, pins.heartbeat, pins.current_vel = 0.2 + 1e-3 * (k % 3), k // 3 % 2, 10.0 if k < 80 else velocity
+        step(pins, round(loop.sample_time * 1e9))
+        feeds.append(pins.adaptive_feed)
+    assert (pins.state, pins.fault) == (state, 0)
+    assert (feeds[-1] > feeds[79]) == (state == 3)
 
 
 @pytest.mark.consumer

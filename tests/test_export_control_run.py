@@ -181,8 +181,7 @@ def test_linuxcnc_runs_the_component(machine, constant_load_file):
     assert "net fm-requested motion.requested-vel => fm-control.requested-vel" in lines
     lines = lines.replace("net fm-requested motion.requested-vel =>", "net fm-requested =>")  # motmod is at rest here
     lines = lines.replace("addf fm-control servo-thread", "")
-    assert "net fm-idle fm.still.out" in lines
-    lines = lines.replace("net fm-idle fm.still.out", "")
+    lines = lines.replace("net fm-velocity motion.current-vel =>", "net fm-velocity =>")
     rows = "".join(f"{r[1]!r} {' '.join(str(int(v)) for v in r[3:])}\n" for r in inputs.tolist())
     (machine.folder / "inputs").write_text(rows)
     signals = ("fm-load", "fm-enable", "fm-spindle-on", "fm-idle", "fm-heartbeat", "fm-reset")
@@ -197,6 +196,7 @@ loadrt sampler depth=4000 cfg=ffsbbbb
 {lines}
 setp fm-control.feed-scale 60
 sets fm-operator 1.25
+sets fm-velocity 10
 sets fm-requested {loop.feed_programmed / 60 / 1.25!r}
 {"".join(f"net {name} streamer.0.pin.{k}{chr(10)}" for k, name in enumerate(signals))}
 net fm-measured fm-control.measured

@@ -15,7 +15,6 @@ from ..gate import GatedControl
 from .c_source import c_controller, c_head, c_text
 
 COMPONENT: Final = "fm_control"
-STILL: Final = 0.01  # of the lower feed limit: slower than this the path does not advance
 SERVO_PERIOD: Final = 0.002  # s: a longer period gets a thread of its own
 
 NOT_IN_COMPONENT = (
@@ -26,20 +25,17 @@ NOT_IN_COMPONENT = (
 
 _HAL = """\
 loadrt {component}
-loadrt comp names=fm.still
 {made}# >>> net fm-load <= YOUR-LOAD-PIN            float, {load}: spindle current or load from the drive
 # >>> net fm-spindle-on <= spindle.0.on       bit: the spindle turns; where that pin has a signal, use its name below
 # >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes with every new reading, at least every {heartbeat:.6g} s
 # >>> net fm-operator <= halui.feed-override.value   [HAL] HALUI = halui in the ini file
-# Idle: the path does not advance, also in a pause, in a dwell and at an override of 0.
-setp fm.still.in1 {still!r}
-net fm-velocity motion.current-vel => fm.still.in0
-net fm-idle fm.still.out
 net fm-load => {pins}.load
 net fm-spindle-on => {pins}.spindle-on
 net fm-idle => {pins}.idle
 net fm-heartbeat => {pins}.heartbeat
+# Where one of these two pins of motion has a signal, write its name for fm-requested or fm-velocity.
 net fm-requested motion.requested-vel => {pins}.requested-vel
+net fm-velocity motion.current-vel => {pins}.current-vel
 newsig fm-operator float
 sets fm-operator 1
 net fm-operator => {pins}.operator-override
@@ -54,7 +50,6 @@ net fm-inhibit {pins}.feed-inhibit => motion.feed-inhibit
 net fm-fault {pins}.fault
 net fm-worn {pins}.worn
 net fm-overload {pins}.overload
-addf fm.still {thread}
 addf {pins} {thread}
 """
 
@@ -64,7 +59,8 @@ description "See the head of the source file for nets, states and limits.";
 pin in float load "{load}";
 pin in bit enable;
 pin in bit spindle_on "The spindle turns.";
-pin in bit idle "The path does not advance.";
+pin in float current_vel = -1 "motion.current-vel, machine units per s. Not connected: the loop stays open.";
+pin in bit idle "The path does not advance, besides a current-vel near 0.";
 pin in bit heartbeat "Changes with every new reading of the load.";
 pin in bit reset "A rising edge clears fault, overload and worn unless their cause is present.";
 pin in float requested_vel = -1 "motion.requested-vel, machine units per s. Not connected it is negative: a fault.";
@@ -89,6 +85,9 @@ license "BSD-3-Clause";
 """
 
 _FUNCTIONS = """
+#define FEED_LOW (load_settings.low * load_settings.feed_programmed)
+#define STILL 0.01 /* of the lower feed limit: a path that is slower does not advance */
+
 static LoadState fm_state;
 
 static int extra_setup(struct __comp_state *__comp_inst, char *prefix, long extra_arg)
@@ -112,7 +111,7 @@ static void _(struct __comp_state *__comp_inst, long period)
     in.requested = *__comp_inst->requested_vel * __comp_inst->feed_scale * (operator_ < 1.0 ? 1.0 : operator_);
     in.enable = *__comp_inst->enable;
     in.spindle_on = *__comp_inst->spindle_on;
-    in.idle = *__comp_inst->idle;
+    in.idle = *__comp_inst->idle || !(*__comp_inst->current_vel * __comp_inst->feed_scale >= STILL * FEED_LOW);
     in.beat = *__comp_inst->heartbeat;
     in.reset = *__comp_inst->reset;
     load_control_step(&load_settings, &fm_state, &in, &out);
@@ -144,7 +143,6 @@ def component_file(control: GatedControl) -> str:
         *c_head(control, NOT_IN_COMPONENT),
         f"Compile with halcompile --install {COMPONENT}.comp; the file has the name of the component.",
         "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
-        "Where one of those files loads comp, move the name fm.still to that line.",
     )
     names = {"load": c_text(loop.unit_load), "feed": c_text(loop.unit_feed), "low": loop.low, "scale": scale}
     lines = "".join(f"//| {line}\n" for line in hal_lines(loop).splitlines())
@@ -160,7 +158,7 @@ def hal_lines(loop: LoadLoop) -> str:
     return _HAL.format(
         component=COMPONENT, pins=COMPONENT.replace("_", "-"), load=c_text(loop.unit_load), heartbeat=loop.heartbeat,
         made=made if servo else f"loadrt threads name1=fm-thread period1={period} fp1=1\n",
-        thread="servo-thread" if servo else "fm-thread", still=STILL * loop.feed_low / _feed_scale(loop),
+        thread="servo-thread" if servo else "fm-thread",
     )  # fmt: skip
 
 
