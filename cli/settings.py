@@ -169,7 +169,7 @@ def _check(pf: "ParameterFile", file: str, *, refused: bool) -> None:
         in_air = idle or max(A, 1.2 * found.loop.load_low)
         cut = Line(A, c["B"], c["k1"], in_air, line.lower.wear, 0.0) if law.form == "load_line" else None
         wrong = [] if cut is None else [
-            one.words for one in check_order(found.loop, line, cut, math.inf) if one.passed is False
+            one.words for one in check_order(pf, found.loop, cut, math.inf) if one.passed is False
         ]  # fmt: skip
     if wrong and refused:
         raise UsageError(f"{' '.join(wrong)} Nothing was written.")
