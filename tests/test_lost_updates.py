@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import shlex
 import subprocess
 import sys
@@ -203,8 +204,6 @@ def test_a_file_system_without_locks_of_folders_has_a_lock_file(tmp_path, monkey
     real, folder = fcntl.flock, tmp_path.stat()
 
     def flock(descriptor, operation):
-        import os
-
         if os.path.samestat(os.fstat(descriptor), folder):
             raise OSError(errno.EBADF, "bad file descriptor")
         return real(descriptor, operation)
@@ -321,12 +320,28 @@ def test_what_cannot_be_written_changes_neither(file):
     assert {path.name for path in file.parent.iterdir()} == {"params.json", "figures"}
 
 
-def test_the_error_states_what_was_written(tmp_path):
-    """A folder has the name of the picture of which the file system learns only at the renaming."""
+def test_a_picture_that_cannot_be_replaced_leaves_the_file_as_it_was(tmp_path):
+    """A folder has its name."""
     (tmp_path / "a.png").mkdir()
     with pytest.raises(ParameterError, match=r"a.png: cannot be written"):
         write_together(tmp_path / "a.json", b"{}", {tmp_path / "a.png": b"PNG"}, error=ParameterError)
-    assert not (tmp_path / "a.json").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_the_error_states_what_was_written(tmp_path, monkeypatch):
+    """The picture fails after the file: the old picture is gone, the file is new, and the error names both."""
+    real = os.replace
+
+    def fails(source, target):
+        if str(target).endswith(".png"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        real(source, target)
+
+    (tmp_path / "a.png").write_bytes(b"old")
+    monkeypatch.setattr(os, "replace", fails)
+    with pytest.raises(ParameterError, match=r"a.png: cannot be written: no space .* a.json was written\.$"):
+        write_together(tmp_path / "a.json", b"{}", {tmp_path / "a.png": b"PNG"}, error=ParameterError)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
 
 
 def test_a_folder_that_is_written_again_without_gains_has_no_picture_of_them(file):
