@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 from fitmodels import parameters
@@ -13,7 +14,7 @@ from fitmodels.controllers.gate import GatedControl, gated_control
 from fitmodels.core.errors import GateError, ParameterError, UsageError
 from fitmodels.parameters.exports import VALUES
 from fitmodels.parameters.exports.names import plain, plain_unit, safe_name
-from fitmodels.parameters.exports.view import export_view
+from fitmodels.parameters.exports.view import NO_SAFETY, NOT_DETECTED, export_view
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import loadmat
@@ -254,3 +255,16 @@ def test_a_gated_control_is_made_by_the_gate_alone_and_does_not_change(constant_
         control.loop = control.loop
     with pytest.raises(TypeError):
         replace(control, view=export_view(pf))
+
+
+@pytest.mark.parametrize("kind", list(FORMATS))
+def test_each_export_states_its_limits_of_use(constant_load_file, kind):
+    """It is no safety function, and what a control cannot detect; the values of a file with gains say so too."""
+    content = rendered(constant_load_file(), kind)
+    if kind == "fmu":
+        with ZipFile(BytesIO(content)) as archive:
+            content = b"".join(map(archive.read, archive.namelist()))
+    text = content if isinstance(content, str) else content.decode("latin-1")
+    words = " ".join(re.sub(r"^#|[()*/]", " ", text, flags=re.MULTILINE).lower().split())
+    for line in (*NO_SAFETY, *NOT_DETECTED):
+        assert line.lower() in words

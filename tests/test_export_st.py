@@ -11,6 +11,7 @@ import re
 import sys
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pytest
 from fitmodels import controllers
@@ -31,7 +32,7 @@ sys.path.remove(str(Path(__file__).parent))
 
 ROUNDING = 1e-12  # of an override; Python 3.12 sums a moving average with a correction, structured text does not
 INPUTS = ("enable", "spindle_on", "motion_idle", "beat", "reset", "load")
-OUTPUTS = ("state", "fault", "worn", "overload", "feed_inhibit")
+OUTPUTS = ("state", "cause", "fault", "worn", "overload", "feed_inhibit")
 KINDS = {
     "position form": {},
     "no low-pass": {"filter_time": 0.0},
@@ -139,12 +140,25 @@ def directed(loop) -> list[tuple]:
 Trail = list[tuple]
 
 
+class Watched(controllers.ConstantLoad):
+    """The reference, with the number of the latched fault's cause, as the C source numbers it."""
+
+    CAUSES = ("", "load lost", "load stuck", "no heartbeat")
+
+    def _cause(self, equal):
+        found = super()._cause(equal)
+        if not self.fault or self.acknowledged:
+            self.number = self.CAUSES.index(found)
+        return found
+
+
 def trail_of_the_reference(loop, rows) -> Trail:
-    ours, trail = controllers.ConstantLoad(loop), []
+    ours, trail = Watched(loop), []
     for enable, spindle, idle, beat, reset, load in rows:
+        ours.acknowledged = reset and not ours.reset
         ours.enabled, ours.spindle_on, ours.idle, ours.beat, ours.reset = enable, spindle, idle, beat, reset
         u = ours.step(load, loop.sample_time)
-        trail.append((u, int(ours.state), ours.fault, ours.worn, ours.overload, ours.feed_inhibit))
+        trail.append((u, int(ours.state), ours.number, ours.fault, ours.worn, ours.overload, ours.feed_inhibit))
     return trail
 
 
@@ -185,6 +199,7 @@ def test_the_block_is_the_replayed_controller_in_every_sample(control, gains):
     assert first_difference(text, rows, expected, low, ROUNDING if gains.get("average") else 0.0) is None
     states = {state for _, state, *_ in expected}
     assert states == {int(row.state) for row in STATES}
+    assert {cause for _, _, cause, *_ in expected} == {0, 1, 2, 3}
 
 
 def mutants(text: str) -> dict[str, str]:
@@ -292,6 +307,36 @@ def test_a_fault_stops_the_feed_where_the_file_asks_for_it(control):
     text = structured_text(control(on_fault="stop"))
     block = called(text, Course().go(20, 0.1).go(60, 0.2).go(5, math.nan).rows)
     assert (block["fault"], block["feed_inhibit"]) == (True, True)
+
+
+readings = st.floats() | st.floats(0.0, 0.5)
+
+
+@hypothesis.settings(max_examples=40)
+@given(
+    st.lists(
+        st.tuples(st.booleans(), st.booleans(), st.booleans(), st.booleans(), st.booleans(), readings), max_size=60
+    )
+)
+def test_whatever_it_reads_the_feed_stays_within_its_limits_and_rates(quick, rows):
+    text, loop = quick
+    block, last = FunctionBlock(text), None
+    for row, (u, *others) in zip(rows, trail_of_the_reference(loop, rows), strict=True):
+        block.call(**dict(zip(INPUTS, row, strict=True)))
+        feed = block["feed_override"]
+        assert loop.low <= feed <= loop.high
+        if last is not None:
+            assert -loop.back_off * loop.sample_time <= feed - last + 1e-12
+            assert feed - last <= loop.recover * loop.sample_time + 1e-12
+        assert (feed, *(block[name] for name in OUTPUTS)) == (u, *others)
+        last = feed
+
+
+@pytest.fixture(scope="module")
+def quick(control):
+    """A block whose delays are one to three samples, so that short courses reach each state."""
+    control = control(arm_after=0.02, lost_after=0.04, engage_after=0.02, stuck_after=0.06, heartbeat=0.06)
+    return structured_text(control), control.loop
 
 
 def test_monitors_that_the_file_switches_off_stay_silent(control):

@@ -251,16 +251,3 @@ def test_the_program_switches_adaptive_feed_off_for_rapids_and_on_for_the_cut(fu
         "M52 P0", "(fm - write G0", "M52 P1", "(fm - write G1"
     ]  # fmt: skip
     assert "cut with F 1003 mm/min, in G94 and G21" in text
-
-
-# limits of use
-
-
-@pytest.mark.parametrize("kind", VALUES)
-def test_each_export_states_that_it_is_no_safety_function(full_file, kind):
-    content = content_of(full_file, kind)
-    text = content if isinstance(content, str) else content.decode("latin-1")
-    assert "no safety function in the sense of ISO 13849" in text
-    assert "drive limits, machine protection and emergency stop are needed" in text
-    assert text.count("not detected - ") == 2
-    assert text.count("detected late - ") == 1

@@ -6,27 +6,24 @@ The arithmetic is that of `fitmodels.controllers.ConstantLoad`, sample by sample
 
 import math
 from textwrap import indent, wrap
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from ...core.errors import GateError
+from ...parameters.exports.loop import LoadLoop
 from ..constant_load_milling.controller import OVERLOAD_MEAN, REST_SHARE, WORN_MEAN
 from ..constant_load_milling.states import STATES
 from ..gate import GatedControl
 
-if TYPE_CHECKING:
-    from ...parameters.exports.loop import LoadLoop
-
 LONGEST_NAME = 30  # significant characters of a name in older controllers
-LONGEST_LINE = 116  # characters of a comment
-LARGEST_COUNT = 2**31 - 1  # of a DINT
+LONGEST_LINE, LARGEST_COUNT = 116, 2**31 - 1  # characters of a comment; value of a DINT
 
 NOT_IN_ST: Final = (
     "the period of the task: set it to SAMPLE_TIME, the block does not measure it, and all its times scale with it",
+    "numbers by IEEE 754: a comparison with a load that is not a number must be false",
     "a watchdog: a block that is no longer called keeps its last feed_override; use the watchdog of the task",
     "the requested feed: another programmed F, or an override above 100 %, scales the limits of the real feed",
     "the wiring: load, spindle, motion, heartbeat, feed override and feed inhibit belong to the machine",
-    "units as types: they are given in comments",
-    "the laws and their covariance, the posterior and the dynamics",
+    "units as types, which are given in comments; the laws and their covariance, the posterior and the dynamics",
 )
 
 _INTERFACE = """\
@@ -34,7 +31,7 @@ VAR_INPUT
   load : LREAL := 0.0; (* {unit_load} *)
   enable : BOOL := FALSE; (* off until it is switched on *)
   spindle_on : BOOL := FALSE; (* the spindle turns *)
-  motion_idle : BOOL := FALSE; (* the path does not advance, also in a pause, a feed hold or a dwell *)
+  motion_idle : BOOL := FALSE; (* the path does not advance, also in a pause or dwell: without it they raise the feed *)
   beat : BOOL := FALSE; (* {beat} *)
   reset : BOOL := FALSE; (* its rising edge clears fault, worn and overload where their cause is gone *)
 END_VAR
@@ -43,15 +40,16 @@ VAR_OUTPUT
   feed_inhibit : BOOL := FALSE; (* stop the feed *)
   state : DINT := {off}; (* one of the constants STATE_ *)
   fault : BOOL := FALSE; (* latched *)
+  cause : DINT := 0; (* of the fault: one of the constants CAUSE_ *)
   worn : BOOL := FALSE; (* latched: change the tool *)
   overload : BOOL := FALSE; (* latched *)
 END_VAR
 """
 _FLAGS = (
-    "started", "valid", "armed", "over", "above", "engaged", "loaded", "last_beat", "cause", "last_reset", "cleared",
+    "started", "valid", "armed", "over", "above", "engaged", "loaded", "last_beat", "last_reset", "cleared",
     "cutting", "begins", "had_cut", "falling",
 )  # fmt: skip
-_COUNTERS = ("bad", "running", "waited", "equal", "alive", "high_for", "rested")
+_COUNTERS = ("found", "bad", "running", "waited", "equal", "alive", "high_for", "rested")
 _NUMBERS = (
     "previous", "held", "filtered", "measured", "mean_load", "deviation", "total", "asked", "clipped", "target", "most",
     "mean_feed",
@@ -112,13 +110,20 @@ ELSIF alive > 0 THEN
   alive := alive - 1;
 END_IF;
 last_beat := beat;
-cause := bad >= LOST_SAMPLES;
-cause := cause OR (STUCK_MONITORED AND (equal >= STUCK_SAMPLES));
-cause := cause OR (BEAT_MONITORED AND (alive = 0));
-cause := cause AND armed;
+found := 0;
+IF armed AND (bad >= LOST_SAMPLES) THEN
+  found := CAUSE_LOST;
+ELSIF armed AND STUCK_MONITORED AND (equal >= STUCK_SAMPLES) THEN
+  found := CAUSE_STUCK;
+ELSIF armed AND BEAT_MONITORED AND (alive = 0) THEN
+  found := CAUSE_NO_BEAT;
+END_IF;
 cleared := reset AND NOT last_reset;
 last_reset := reset;
-fault := cause OR (fault AND NOT cleared);
+IF cleared OR NOT fault THEN
+  cause := found;
+END_IF;
+fault := (found > 0) OR (fault AND NOT cleared);
 IF NOT (armed AND (mean_load > OVERLOAD_AT)) THEN
   high_for := 0;
 ELSIF high_for < OVERLOAD_SAMPLES THEN
@@ -131,9 +136,8 @@ IF cleared THEN
 END_IF;
 
 (* 6. after a cut the last feed is kept until the path stops and the load is below the threshold *)
-begins := NOT cutting;
+begins := loaded AND NOT fault AND NOT overload AND NOT motion_idle AND NOT cutting;
 cutting := loaded AND NOT fault AND NOT overload AND NOT motion_idle;
-begins := begins AND cutting;
 IF cutting THEN
   had_cut := TRUE;
 ELSIF (NOT armed) AND motion_idle AND (load - ENGAGE_AT < -HALF_HYSTERESIS) THEN
@@ -273,8 +277,8 @@ def structured_text(control: GatedControl) -> str:
     """
     view, loop = control.view, control.loop
     name = f"FB_{view.name}"[:LONGEST_NAME].rstrip("_")
-    return "\n".join((f"{_head(control)}FUNCTION_BLOCK {name}", _variables(loop) + _constants(loop),
-                      f"{_law(loop)}END_FUNCTION_BLOCK\n"))  # fmt: skip
+    variables = _variables(loop) + _constants(loop)
+    return f"{_head(control)}FUNCTION_BLOCK {name}\n{variables}\n{_law(loop)}END_FUNCTION_BLOCK\n"
 
 
 def real(value: float) -> str:
@@ -287,7 +291,7 @@ def real(value: float) -> str:
     return (mantissa if "." in mantissa else f"{mantissa}.0") + (f"E{exponent}" if exponent else "")
 
 
-def _law(loop: "LoadLoop") -> str:
+def _law(loop: LoadLoop) -> str:
     """The statements, with the moving average where the loop has one."""
     of = loop.average_of if loop.average > 1 else ""
     control = _INCREMENTAL if loop.form == "incremental_sum" else _POSITION
@@ -299,7 +303,7 @@ def _law(loop: "LoadLoop") -> str:
     )
 
 
-def _variables(loop: "LoadLoop") -> str:
+def _variables(loop: LoadLoop) -> str:
     monitored = f"changes at least every {loop.heartbeat:.6g} s while the source of the load lives"
     inside = [
         *(f"{name} : BOOL := FALSE" for name in _FLAGS),
@@ -319,18 +323,20 @@ def _variables(loop: "LoadLoop") -> str:
     return "".join((interface, "VAR\n", *(f"  {line};\n" for line in inside), "END_VAR\n"))
 
 
-def _constants(loop: "LoadLoop") -> str:
+def _constants(loop: LoadLoop) -> str:
     lines = [
         f"  {name} : LREAL := {real(value)}; (* {_comment(unit)} *)\n" for name, (value, unit) in _reals(loop).items()
     ]
     lines += [f"  {name} : DINT := {count}; (* samples *)\n" for name, count in _counts(loop).items()]
     flags = {"STUCK_MONITORED": loop.stuck_after, "BEAT_MONITORED": loop.heartbeat, "STOP_ON_FAULT": loop.stop_on_fault}
     lines += [f"  {name} : BOOL := {str(bool(flag)).upper()};\n" for name, flag in flags.items()]
-    lines += [f"  STATE_{row.state.name} : DINT := {int(row.state)};\n" for row in STATES]
+    numbers = {f"STATE_{row.state.name}": int(row.state) for row in STATES}
+    numbers |= {"CAUSE_LOST": 1, "CAUSE_STUCK": 2, "CAUSE_NO_BEAT": 3}
+    lines += [f"  {name} : DINT := {number};\n" for name, number in numbers.items()]
     return f"VAR CONSTANT\n{''.join(lines)}END_VAR\n"
 
 
-def _reals(loop: "LoadLoop") -> dict[str, tuple[float, str]]:
+def _reals(loop: LoadLoop) -> dict[str, tuple[float, str]]:
     """Constants of the law: value and unit."""
     load, span = loop.unit_load, loop.high - loop.low
     incremental = loop.form == "incremental_sum"
@@ -354,18 +360,12 @@ def _reals(loop: "LoadLoop") -> dict[str, tuple[float, str]]:
     }  # fmt: skip
 
 
-def _gain(loop: "LoadLoop", time: float) -> float:
+def _gain(loop: LoadLoop, time: float) -> float:
     return -math.expm1(-loop.sample_time / time) if time else 1.0
 
 
-def _counts(loop: "LoadLoop") -> dict[str, int]:
-    """Times in samples.
-
-    Raises
-    ------
-    GateError
-        More samples than a DINT holds.
-    """
+def _counts(loop: LoadLoop) -> dict[str, int]:
+    """Times in samples, no more than a DINT holds."""
     times = {
         "ARM": "arm_after", "LOST": "lost_after", "ENGAGE": "engage_after", "STUCK": "stuck_after", "BEAT": "heartbeat",
         "OVERLOAD": "overload_after", "DWELL": "dwell",
