@@ -30,7 +30,7 @@ def plain(text: str) -> str:
     """Text for a comment or a quoted value of any format: letters, digits, space and ``. _ + -`` alone, one line.
 
     >>> plain("GC435 / TiN"), plain("<script>"), plain("=cmd|' /C calc'!A0"), plain('x*)"; M30 (')
-    ('GC435 _ TiN', '_script_', '_cmd__ _C calc__A0', 'x___ M30 _')
+    ('GC435 _ TiN', '_script_', '_cmd__ _C calc__A0', 'x___ - M30 _')
     """
     return _shown(text)[:LONGEST_TEXT].strip() or "unnamed"
 
@@ -38,6 +38,8 @@ def plain(text: str) -> str:
 def plain_lines(text: str) -> tuple[str, ...]:
     """Text as `plain`, on as many lines as it needs.
 
+    >>> plain_lines("No edge is named: name the edges.")
+    ('No edge is named - name the edges.',)
     >>> len(plain_lines("a sentence of more than eighty characters, which a comment of one line would shorten"))
     2
     """
@@ -45,6 +47,7 @@ def plain_lines(text: str) -> tuple[str, ...]:
 
 
 def _shown(text: str) -> str:
+    text = re.sub(r"\s*[,:;]\s+", " - ", text)  # no format takes these for a command
     return re.sub(r"_{4,}", "___", re.sub(r"[^A-Za-z0-9 ._+-]", "_", _ascii(text))).lstrip("+-")
 
 
