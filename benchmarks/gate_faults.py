@@ -142,7 +142,7 @@ def _loop(rng, T, gain, unit_load, unit_feed, per_feed, programmed):
     ki = kp / min(tau, 4 * (closed + delay))
     pi = {
         "kp": kp, "ki": ki, "sample_time": T, "filter_time": filter_time, "unit_u": in_loop, "unit_y": unit_load,
-        "scaling_u": scaling if unit_u == "V" else 1.0,
+        "scaling_u": scaling if unit_u == "V" else 1.0, "verdict": USABLE,
     }  # fmt: skip
     loop = closed_loop(DynamicsSection.model_validate(dynamics), PiSection.model_validate(pi))
     if not loop.radius < 1:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.errors import GateError, ParameterError
 from ...parameters.checks import check
 from ...parameters.checks.loop_figures import closed_loop, figures
@@ -112,16 +113,19 @@ def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
     cut, settling = line_of_file(pf, loop), figures(closed_loop(model, pi))["settling_time"]
     order = [*check_order(pf, loop, cut, settling), *_robust(pf, loop)]
     yield from order
-    if not settling <= LONG or settling / loop.sample_time > LONGEST / 10:
+    if not settling <= LONG or settling / loop.sample_time > LONGEST:
         yield FileFinding(
             "times",
             False,
-            f"The loop settles in {settling:.4g} s at a sample time of "
-            f"{loop.sample_time:.4g} s, too long for a control of load; tune again.",
+            f"The loop settles in {settling:.4g} s at a sample time of {loop.sample_time:.4g} s; at most {LONG:g} s "
+            f"and {LONGEST} samples are simulated. Tune faster, or at a longer sample time.",
         )
         return
     if any(f.passed is False for f in order):
         return
+    if pi.verdict is None:
+        words = "The gains have no verdict: they were given, not tuned, so no probability of a specification is known."
+        yield FileFinding("gains", None, words)
     if not cut.noise:
         yield FileFinding(
             "noise",
@@ -211,17 +215,28 @@ def _draw_findings(pf: "ParameterFile", loop: LoadLoop, cut: Line, settling: flo
             f"{100 * UNSTABLE:.0f} %; tune slower, or identify from a longer record.",
         )
         return
-    line, drawn = pairs[int(np.argsort(radii)[round((1 - UNSTABLE) * (DRAWS - 1))])]
-    tool = simulate_tool(loop, line, drive_of(drawn, pi.delay), settling, design=False)
-    for wrong in tool.wrong:
-        yield FileFinding("draws", False, f"Simulated on an unfavourable draw of {' and '.join(used)}, {wrong}.")
-    if not tool.wrong:
+    wrong = dict.fromkeys(
+        words
+        for line, drawn in _unfavourable(pairs, radii)
+        for words in simulate_tool(loop, line, drive_of(drawn, pi.delay), settling, design=False).wrong
+    )
+    for found in wrong:
+        yield FileFinding("draws", False, f"Simulated on an unfavourable draw of {' and '.join(used)}, {found}.")
+    if not wrong:
         yield FileFinding(
             "draws",
             True,
-            f"Of {words}, {100 * unstable:.0f} % make the loop unstable; on an unfavourable "
-            "one a tool runs from sharp to worn.",
+            f"Of {words}, {100 * unstable:.0f} % make the loop unstable; on unfavourable ones (stability, slope and "
+            "level at 95 %) a tool runs from sharp to worn.",
         )
+
+
+def _unfavourable(pairs: "list[tuple[Line, DynamicsSection]]", radii: Array) -> "list[tuple[Line, DynamicsSection]]":
+    """The draws at 95 % of the spectral radius and of the slope, and at 5 % and 95 % of the load at rest."""
+    place = round((1 - UNSTABLE) * (len(pairs) - 1))
+    levels, slopes = np.array([line.A for line, _ in pairs]), np.array([line.B for line, _ in pairs])
+    orders = [np.argsort(radii), np.argsort(slopes), np.argsort(levels), np.argsort(-levels)]
+    return [pairs[k] for k in dict.fromkeys(int(order[place]) for order in orders)]
 
 
 def _lines(pf: "ParameterFile", cut: Line) -> list[Line]:

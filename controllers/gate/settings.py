@@ -333,34 +333,36 @@ def _loads(loop: "LoadLoop", cut: Line) -> Iterator[FileFinding]:
 def _times(loop: "LoadLoop", settling: float) -> Iterator[FileFinding]:
     span = loop.high - loop.low
     wrong = [
-        f"{name} is {getattr(loop, name):.4g} s, outside {low:g} to {high:g} s"
+        f"{name} is {getattr(loop, name):.4g} s, outside {low:g} to {high:g} s; {_setting(name)}"
         for name, (low, high) in TIMES.items()
         if not low <= getattr(loop, name) <= high
     ]
     if not loop.back_off * BACK_OFF_WITHIN >= span:
         wrong.append(
-            f"back_off takes {span / loop.back_off:.4g} s for the range of the feed, more than {BACK_OFF_WITHIN:g} s"
+            f"back_off takes {span / loop.back_off:.4g} s for the range of the feed, more than {BACK_OFF_WITHIN:g} s; "
+            + _setting("back_off")
         )
     if not loop.recover * RECOVER_WITHIN >= span:
         wrong.append(
-            f"recover takes {span / loop.recover:.4g} s for the range of the feed, more than {RECOVER_WITHIN:g} s"
+            f"recover takes {span / loop.recover:.4g} s for the range of the feed, more than {RECOVER_WITHIN:g} s; "
+            + _setting("recover")
         )
     if loop.recover > loop.back_off * (1 + 1e-9):
-        wrong.append(f"recover {loop.recover:.4g} per s is faster than back_off {loop.back_off:.4g} per s")
+        wrong.append(
+            f"recover {loop.recover:.4g} per s is faster than back_off {loop.back_off:.4g} per s; {_setting('recover')}"
+        )
     average = (loop.average - 1) * loop.sample_time / 2
     if loop.filter_time + average > settling:
         wrong.append(
             f"low-pass and average take {loop.filter_time + average:.4g} s, longer than the loop takes to "
-            f"settle, {settling:.4g} s"
+            f"settle, {settling:.4g} s; {_setting('filter_corner')}, or tune with the filter"
         )
     if settling < 2 * loop.sample_time:
         wrong.append(
-            f"the sample time {loop.sample_time:.4g} s is too long for a loop that settles in {settling:.4g} s"
+            f"the sample time {loop.sample_time:.4g} s is too long for a loop that settles in {settling:.4g} s; "
+            "identify and tune at a shorter one"
         )
-    yield from (
-        _failed("times", f"{words[:1].upper()}{words[1:]}; run `fitmodels settings` or `fitmodels tune` again.")
-        for words in wrong
-    )
+    yield from (_failed("times", f"{words[:1].upper()}{words[1:]}.") for words in wrong)
     unmonitored = [
         words
         for name, words in (("stuck_after", "a stuck reading"), ("heartbeat", "a source that stops"))
@@ -373,6 +375,10 @@ def _times(loop: "LoadLoop", settling: float) -> Iterator[FileFinding]:
         yield FileFinding("times", None, f"{name} is shorter than two samples: a single reading is a fault.")
     if not wrong:
         yield FileFinding("times", True, "Sample time, filter, delays and rates are within their limits.")
+
+
+def _setting(name: str) -> str:
+    return f"`fitmodels settings --{name.replace('_', '-')}` changes it"
 
 
 def _failed(name: str, words: str) -> FileFinding:

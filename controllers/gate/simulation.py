@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ...parameters.sections.dynamics import DynamicsSection
 
 STEPS: Final = 100  # of the override up to 1
-LONGEST: Final = 60_000  # samples of one tool
+LONGEST: Final = 20_000  # samples of the settling time: a tool takes some eight times as long
 BEYOND: Final = 1.15  # of the wear at the lower limit, where the tool is called worn
 HELD: Final = 0.03  # of the reference: deviation of the mean load at rest
 RIPPLE: Final = 0.25  # of the range of the override: peak to peak at rest; at least three steps of it
@@ -158,10 +158,10 @@ def simulate_tool(loop: "LoadLoop", line: Line, drive: Drive, settling: float, *
     if wrong:
         return Tool(tuple(wrong), 0.0, None)
     cut.in_cut = True
-    spans.append(bench.run(loop.engage_after + 2 * settling + 1))
-    spans.append(bench.run(max(settling, 1.0)))
+    spans.append(bench.run(loop.engage_after + 1.5 * settling + 1))
+    spans.append(bench.run(max(settling / 2, 1.0)))
     wrong += _held(bench, spans[-1], loop, line, design)
-    spans.append(bench.run(max(2 * settling, 4.0), wear=line.wear / 2))
+    spans.append(bench.run(max(settling, 4.0), wear=line.wear / 2))
     if bench.controller.worn and design:
         wrong.append("the tool is called worn at half of its wear; tune faster, or raise dwell")
     middle = copy.deepcopy(bench)
@@ -170,7 +170,7 @@ def simulate_tool(loop: "LoadLoop", line: Line, drive: Drive, settling: float, *
     cut.in_cut = True
     spans.append(bench.run(loop.engage_after + settling + 1))
     wrong += _held(bench, spans[-1], loop, line, design)
-    spans.append(bench.run(max(2 * settling, 4.0), wear=BEYOND * line.wear))
+    spans.append(bench.run(max(settling, 4.0), wear=BEYOND * line.wear))
     spans.append(bench.run(settling + loop.dwell + 2))
     wrong += _whole(bench, spans, loop, design)
     largest = max(float(_mean(span.load, loop.sample_time).max()) for span in spans)
