@@ -87,6 +87,10 @@ SCENARIOS = (
     ),
     Scenario("NaN, stop chosen", "stop", (Event("value", AT, value=math.nan),), 0.052, changes={"on_fault": "stop"}),
     Scenario("overload: load 1.4 times", "stop", (Event("load", AT, value=1.4),), 0.8),
+    Scenario(
+        "overload that remains, reset at a stop", "stop",
+        (Event("load", AT, value=1.4), Event("reset", AT + 1.2, AT + 1.3)), 0.8, 5.0,
+    ),
     Scenario("wear until the change", "worn", wear=192.0, wear_rate=8.0, duration=6.3),
     Scenario("end of the cut, then the end of the program", "air", end=25.0, length=45.0, duration=7.5),
     Scenario("three passes, wear 190 um", "passes", wear=190.0, end=20.0, length=25.0, passes=3, duration=9.0),
