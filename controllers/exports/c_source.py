@@ -9,7 +9,6 @@ from textwrap import wrap
 from typing import Final
 
 from ...parameters.exports.loop import LoadLoop
-from ...parameters.exports.view import NOT_DETECTED
 from ..constant_load_milling.states import STATES
 from ..gate import GatedControl
 
@@ -55,9 +54,9 @@ _AFTER: Final = "/* 0, or the number of the first setting"
 
 
 def c_settings(loop: LoadLoop) -> dict[str, float]:
-    """The settings in the order of ``LoadSettings``."""
+    """The settings in the order of ``LoadSettings``; a zero has no sign."""
     return {
-        **{name: float(getattr(loop, name)) for name in _NUMBERS},
+        **{name: float(getattr(loop, name)) + 0.0 for name in _NUMBERS},
         "average": loop.average,
         "average_command": int(loop.average_of == "command"),
         "incremental": int(loop.form == "incremental_sum"),
@@ -82,7 +81,6 @@ def c_head(control: GatedControl, not_carried: tuple[str, ...]) -> tuple[str, ..
         f"load in {loop.unit_load}, feed in {loop.unit_feed}, override = feed / {loop.feed_programmed:.15g}",
         f"load {loop.reference:.6g}, override {loop.low:.4g} to {loop.high:.4g}, one call each {loop.sample_time:g} s",
         *(f"state {int(row.state)} {row.state.name}: {row.condition}; feed: {row.feed}" for row in STATES),
-        *(NOT_DETECTED if view.loop is None else ()),  # the form incremental_sum is no loop of the view
         *view.remarks(not_carried),
     )
     title = f"{view.made_by}: constant load by feed override, controller in C"

@@ -27,8 +27,7 @@ _HAL = """\
 loadrt {component}
 {made}# >>> net fm-load <= YOUR-LOAD-PIN            float, {load}: spindle current or load from the drive
 # >>> net fm-spindle-on <= spindle.0.on       bit: the spindle turns; where that pin has a signal, use its name below
-# >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes with every new reading, at least every {heartbeat:.6g} s
-# >>> net fm-operator <= halui.feed-override.value   [HAL] HALUI = halui in the ini file
+{beat}# >>> net fm-operator <= halui.feed-override.value   [HAL] HALUI = halui in the ini file
 net fm-load => {pins}.load
 net fm-spindle-on => {pins}.spindle-on
 net fm-idle => {pins}.idle
@@ -36,8 +35,6 @@ net fm-heartbeat => {pins}.heartbeat
 # Where one of these two pins of motion has a signal, write its name for fm-requested or fm-velocity.
 net fm-requested motion.requested-vel => {pins}.requested-vel
 net fm-velocity motion.current-vel => {pins}.current-vel
-newsig fm-operator float
-sets fm-operator 1
 net fm-operator => {pins}.operator-override
 newsig fm-enable bit
 sets fm-enable FALSE
@@ -52,6 +49,8 @@ net fm-worn {pins}.worn
 net fm-overload {pins}.overload
 addf {pins} {thread}
 """
+
+_BEAT = "# >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes with every new reading, at least every {:.6g} s\n"
 
 _PINS = """\
 component fm_control "Constant load by feed override: the controller of one tool.";
@@ -141,6 +140,7 @@ def component_file(control: GatedControl) -> str:
     scale = _feed_scale(loop)
     head = (
         *c_head(control, NOT_IN_COMPONENT),
+        "The program commands M52 P1 before cuts and M52 P0 before rapids; an F below the upper limit is not raised.",
         f"Compile with halcompile --install {COMPONENT}.comp; the file has the name of the component.",
         "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
     )
@@ -156,7 +156,8 @@ def hal_lines(loop: LoadLoop) -> str:
     servo = loop.sample_time <= SERVO_PERIOD
     made = f"# SERVO_PERIOD of the machine's ini file: {period}\n"
     return _HAL.format(
-        component=COMPONENT, pins=COMPONENT.replace("_", "-"), load=c_text(loop.unit_load), heartbeat=loop.heartbeat,
+        component=COMPONENT, pins=COMPONENT.replace("_", "-"), load=c_text(loop.unit_load),
+        beat=_BEAT.format(loop.heartbeat) if loop.heartbeat else "",
         made=made if servo else f"loadrt threads name1=fm-thread period1={period} fp1=1\n",
         thread="servo-thread" if servo else "fm-thread",
     )  # fmt: skip
