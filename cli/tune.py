@@ -19,6 +19,7 @@ SAME = ("overshoot", "undershoot", "ms", "phase_margin", "gain_margin", "travel"
 LIMITS = {"rise": "rise_time", "settle": "settling_time", **{name: name for name in SAME}}
 OF_COMMAND = ("low", "high", "rate", "travel", "noise_gain")  # in the unit of the command
 AGREE = 1.25  # static gain and slope of a load law are from two experiments
+STEP = 0.1  # of the reference load: a step that a tuned loop meets
 REFUSED = 2.0  # a ratio of the two beyond this, or its inverse, is a wrong scaling or unit
 CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup",
               "setpoint_weight")  # fmt: skip
@@ -94,23 +95,24 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(lines=False) as step:
         step.say("tuning")
         tuned = _tuned(pf, pf.dynamics, args)
-    stated = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
+    tuned = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
     against = _against_load_law(pf, args)
     if against and not args.force:
         raise GateError(f"{against} Nothing was written; --force writes these gains, marked as not to be used.")
     if tuned.misses and not args.force:
-        raise GateError(f"{stated.words} {_remedy(tuned)}")
+        raise GateError(f"{tuned.words} {_remedy(tuned)}")
     forced = "kept by --force" if tuned.misses else None
-    section = pi_section(stated, scaling_u=args.scaling or 1.0, forced=forced)
+    section = pi_section(tuned, scaling_u=args.scaling or 1.0, forced=forced)
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
     figure = Path(args.file).parent / PI_FIGURE
-    replace(changed, args.file, pf, {figure: _picture(tuned, args)})
+    replace(changed, args.file, pf, {figure: _picture(tuned, _reference_step(pf))})
     verdicts = cautions(pf, "dynamics")
     if args.json:
-        facts = {"file": Path(args.file).name, "pi": section, "words": stated.words, "margins": _margins(stated)}
+        facts = {"file": Path(args.file).name, "pi": section, "words": tuned.words, "margins": _margins(tuned)}
         print_json("tune", {**facts, "verdicts": verdicts}, version=3)
         return 0
-    lines = [*verdicts, *_sentences(stated, changed), *_simulated(tuned, stated), *_scaling_by_load_law(changed, args)]
+    simulated = _simulated(tuned, _reference_step(pf))
+    lines = [*verdicts, *_sentences(tuned, changed), *simulated, *_scaling_by_load_law(changed, args)]
     print_lines([*lines, f"Figure: {figure}", f"Written: pi in {args.file}"])
     return 0
 
@@ -187,26 +189,32 @@ def _sentences(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
     ]
 
 
-def _simulated(tuned: "TunedPi", stated: "TunedPi") -> list[str]:
+def _reference_step(pf: "ParameterFile") -> float:
+    """Step of the reference that is simulated: a tenth of the reference load of the file, otherwise 1."""
+    d, line = pf.dynamics, pf.load_line
+    assert d is not None  # noqa: S101  tuned on it
+    return STEP * line.reference if line is not None and line.unit_load == d.unit_y else 1.0
+
+
+def _simulated(tuned: "TunedPi", step: float) -> list[str]:
     """Robustness, and simulated steps of reference and load, in words."""
     from ..ident.pi.loop import load_step, loop_of
 
-    f, gains, model = stated.figures, stated.gains, tuned.model
-    factor = gains.kp / tuned.kp if tuned.kp else gains.ki / tuned.ki
+    f, gains, model = tuned.figures, tuned.gains, tuned.model
     u, y = gains.unit_u or "units of the command", gains.unit_y or "unit of the measurement"
-    load = load_step(loop_of(model, tuned.gains))
-    size = f"{factor * load.size:.3g} {u} at the input of the drive"
+    load = load_step(loop_of(model, gains))
+    size = f"{step * load.size:.3g} {u} at the input of the drive"
     if math.isfinite(model.dc_gain) and model.dc_gain:
-        size += f", which would change the {model.output} by 1 {y} without control"
+        size += f", which would change the {model.output} by {step:.4g} {y} without control"
     return [
         f"Robustness of the loop on the model: maximum sensitivity Ms {f.ms:.3f}, phase margin {f.phase_margin:.1f} "
         f"degrees, gain margin {f.gain_margin:.2f} (factor on the gain of the drive at which the loop oscillates), "
         f"{f.delay_margin:.3g} s of further delay.",
-        f"Simulated step of the reference by 1 {y}, without limits of the command: rise time {f.rise_time:.3g} s, "
-        f"settling time {f.settling_time:.3g} s, overshoot {100 * f.overshoot:.2g} %; the command peaks at "
-        f"{f.peak_u:.4g} {u} and travels {f.travel:.4g} {u} in total.",
-        f"Simulated step of load ({size}): largest deviation {load.peak:.3g} {y}, down to 5 % of it after "
-        f"{load.recovery:.3g} s; the command travels {factor * load.travel:.4g} {u}.",
+        f"Simulated step of the reference by {step:.4g} {y}, without limits of the command: rise time "
+        f"{f.rise_time:.3g} s, settling time {f.settling_time:.3g} s, overshoot {100 * f.overshoot:.2g} %; the command "
+        f"peaks at {step * f.peak_u:.4g} {u} and travels {step * f.travel:.4g} {u} in total.",
+        f"Simulated step of load ({size}): largest deviation {step * load.peak:.3g} {y}, down to 5 % of it after "
+        f"{load.recovery:.3g} s; the command travels {step * load.travel:.4g} {u}.",
     ]
 
 
@@ -284,14 +292,12 @@ def _unit(pi: Any) -> str:  # noqa: ANN401
     return f"{pi.unit_u or 'command'}/{pi.unit_y or 'measurement'}"
 
 
-def _picture(tuned: "TunedPi", args: argparse.Namespace) -> bytes:
+def _picture(tuned: "TunedPi", step: float) -> bytes:
     """Gains, trade-off and simulated steps as a PNG."""
     from io import BytesIO
 
     from ..ident.pi.figures import tuning_figure
 
     out = BytesIO()
-    tuning_figure(tuned, args.unit, args.scaling or 1.0).savefig(
-        out, format="png", dpi=110, metadata={"Software": None}
-    )
+    tuning_figure(tuned, step).savefig(out, format="png", dpi=110, metadata={"Software": None})
     return out.getvalue()

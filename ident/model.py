@@ -6,7 +6,7 @@
 counts one less). Source: Ljung 1999, System Identification, section 4.2.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -129,6 +129,17 @@ class Model(Plottable):
         none = np.full(len(self.theta), np.nan)
         se = none if self.cov_params is None else np.sqrt(np.diag(self.cov_params))
         return pd.Series(se, index=list(self.names))
+
+    def in_units(self, unit_u: str, factor: float) -> "Model":
+        """The same model with its input in another unit, ``factor`` new units per old unit.
+
+        >>> Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1).in_units("mm/min", 1000.0).dc_gain
+        0.001
+        """
+        by = np.r_[np.ones(self.na), np.full(self.nb, 1 / factor)]
+        cov = None if self.cov_params is None else self.cov_params * np.outer(by, by)
+        point = self.operating_point and (self.operating_point[0] * factor, self.operating_point[1])
+        return replace(self, b=self.b / factor, unit_u=unit_u, cov_params=cov, operating_point=point)
 
     @property
     def transfer_function(self) -> tuple[Array, Array, float]:

@@ -8,6 +8,7 @@ import pytest
 from fitmodels import ident, parameters
 from fitmodels.cli import main
 from fitmodels.ident import Model
+from fitmodels.ident.pi.loop import loop_of
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 
@@ -169,6 +170,10 @@ def test_limits_of_the_command_are_in_its_own_unit(file, capsys):
     assert 5000 < pf.pi.figures.travel <= 14000
     assert parameters.check(pf).ok
     assert re.search(r"the command peaks at \d{4} mm/min", out)
+    pi = ident.tune_pi(G, 2.0, 4.0, n=40).in_units("mm/min", 1459.0)
+    assert loop_of(pi.model, pi.gains).figures().ms == pytest.approx(pi.figures.ms)
+    assert loop_of(pi.model, pi.gains).figures().travel == pytest.approx(pi.figures.travel)
+    assert pi.model.operating_point is None
 
 
 @pytest.mark.parametrize(

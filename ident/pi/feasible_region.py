@@ -1,6 +1,6 @@
 """Map over Kp and Ki: where a specification holds, and how much it is violated elsewhere."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from ...core.display import Plottable
 from ..model import Model
 from .figures_of_merit import MARGINS, specified_figures
 from .gains import PiGains
-from .specification import Specification
+from .specification import Specification, in_units
 from .stability_region import DECADES_KI, GainRange, decades, gain_range, grid
 
 Array = NDArray[np.float64]
@@ -54,6 +54,15 @@ class FeasibleMap(Plottable):
     def any(self) -> bool:
         """Whether any gains on the map meet the specification."""
         return bool(self.feasible.any())
+
+
+def map_in_units(found: FeasibleMap, factor: float) -> FeasibleMap:
+    """The same map with the command in another unit, ``factor`` new units per old unit."""
+    widest = GainRange(*(value * factor for value in (found.range.kp, found.range.ki)))
+    return replace(
+        found, kp=found.kp * factor, ki=found.ki * factor, figures=in_units(found.figures, factor),
+        specification=found.specification.in_units(factor), range=widest,
+    )  # fmt: skip
 
 
 def feasible_map(

@@ -53,7 +53,11 @@ def feasible_map_figure(found: FeasibleMap, ax: Axes | None = None, chosen: tupl
 @plot.register
 def tuned_figure(tuned: TunedPi, ax: Axes | None = None) -> Axes:
     """The feasible region with the tuned gains marked."""
-    return feasible_map_figure(tuned.map, ax, (tuned.kp, tuned.ki))
+    ax = feasible_map_figure(tuned.map, ax, (tuned.kp, tuned.ki))
+    if tuned.gains.unit_u and tuned.gains.unit_y:
+        per = f"{tuned.gains.unit_u}/{tuned.gains.unit_y}"
+        ax.set(xlabel=f"Kp, {per}", ylabel=f"Ki, {per} per second")
+    return ax
 
 
 @plot.register
@@ -81,17 +85,14 @@ def trade_off_figure(found: TradeOff, ax: Axes | None = None, chosen: tuple[floa
     return ax
 
 
-def tuning_figure(tuned: TunedPi, unit_u: str | None = None, factor: float = 1.0) -> Figure:
+def tuning_figure(tuned: TunedPi, step: float = 1.0) -> Figure:
     """Gains, trade-off and simulated steps of the reference and of the load, with the command, in six panels.
 
     Parameters
     ----------
     tuned : TunedPi
-        In the units of its model.
-    unit_u : str or None
-        Unit in which the command is shown; by default that of the gains.
-    factor : float
-        Units of it per unit of the gains.
+    step : float
+        Of the reference, unit_y; the step of load would change the output by as much without control.
     """
     figure = NotebookFigure(figsize=(13.0, 7.6), layout="constrained")
     axes = figure.subplots(2, 3)
@@ -99,27 +100,28 @@ def tuning_figure(tuned: TunedPi, unit_u: str | None = None, factor: float = 1.0
     found = tuned.trade_off()
     trade_off_figure(found, axes[1, 0], (getattr(tuned.figures, found.speed_name), tuned.figures.ms))
     drawn = () if tuned.plants is None else tuned.plants.models[:DRAWN]
-    _steps(tuned, drawn, factor, axes[:, 1], axes[:, 2])
-    unit_y, unit_u = tuned.gains.unit_y or "1", (tuned.gains.unit_u if unit_u is None else unit_u) or "1"
-    axes[0, 1].set(title=f"simulated step of the reference by 1 {unit_y}", ylabel=f"output, {unit_y}")
-    size = factor * load_step(loop_of(tuned.model, tuned.gains), tuned.map.duration).size
-    axes[0, 2].set(title=f"simulated step of load, {size:.3g} {unit_u} at the input", ylabel=f"deviation, {unit_y}")
+    _steps(tuned, drawn, step, axes[:, 1], axes[:, 2])
+    u, y = tuned.gains.unit_u or "1", tuned.gains.unit_y or "1"
+    size = step * load_step(loop_of(tuned.model, tuned.gains), tuned.map.duration).size
+    of = f"{tuned.model.output}, {y}"
+    axes[0, 1].set(title=f"simulated step of the reference by {step:.3g} {y}", ylabel=f"change of {of}")
+    axes[0, 2].set(title=f"simulated step of load\n({size:.3g} {u} at the input)", ylabel=f"deviation of {of}")
     settled = tuned.figures.settling_time
     end = min(2 * settled, tuned.map.duration) if np.isfinite(settled) and settled else tuned.map.duration
     for ax in axes[:, 1:].flat:
         ax.set_xlim(-0.02 * end, end)
     for ax in axes[1, 1:]:
-        ax.set(xlabel="time, s", ylabel=f"command, {unit_u}")
-    axes[0, 0].set_title("gains in the units of the model")
+        ax.set(xlabel="time, s", ylabel=f"change of the command, {u}")
+    axes[0, 0].set_title("gains")
     axes[1, 0].set_title("speed, robustness and probability")
+    if drawn:
+        axes[1, 1].set_title(f"thin grey lines: {len(drawn)} draws of the model uncertainty")
     for ax in axes.flat:
         ax.title.set_fontsize(9)
-    if drawn:
-        axes[1, 1].set_title(f"thin grey lines: {len(drawn)} draws of the model uncertainty", fontsize=8)
     return figure
 
 
-def _steps(tuned: TunedPi, drawn: Sequence[Model], factor: float, left: Sequence[Axes], right: Sequence[Axes]) -> None:
+def _steps(tuned: TunedPi, drawn: Sequence[Model], step: float, left: Sequence[Axes], right: Sequence[Axes]) -> None:
     """Output above and command below, after steps of the reference and of the load, on the model and on draws."""
     duration = tuned.map.duration
     size = load_step(loop_of(tuned.model, tuned.gains), duration).size
@@ -130,17 +132,17 @@ def _steps(tuned: TunedPi, drawn: Sequence[Model], factor: float, left: Sequence
         load = load_step(loop, duration)
         n, last = len(load.time), k == len(drawn)
         color, width, alpha = (BLUE, 1.4, 1.0) if last else (GREY, 0.4, 0.5)
-        rows = (loop.step(n), factor * loop.command_step(n), load.output, factor * load.command)
-        scale = size / load.size  # one step of load for all models
-        for ax, row, by in zip((*left, *right), rows, (1.0, 1.0, scale, scale), strict=True):
-            ax.step(load.time, by * row, where="post", color=color, lw=width, alpha=alpha)
-    left[0].axhline(1.0, color=GREY, lw=0.8, ls="--")
+        same = size / load.size  # one step of load for all models
+        rows = (loop.step(n), loop.command_step(n), same * load.output, same * load.command)
+        for ax, row in zip((*left, *right), rows, strict=True):
+            ax.step(load.time, step * row, where="post", color=color, lw=width, alpha=alpha)
+    left[0].axhline(step, color=GREY, lw=0.8, ls="--")
     right[0].axhline(0.0, color=GREY, lw=0.8, ls="--")
     asked = tuned.specification
     for name, style in (("overshoot", "--"), ("undershoot", ":")):
         if limit := getattr(asked, name):
             level = 1 + limit if name == "overshoot" else -limit
-            left[0].axhline(level, color=ORANGE, lw=0.8, ls=style, label=f"{name} {100 * limit:g} %")
+            left[0].axhline(step * level, color=ORANGE, lw=0.8, ls=style, label=f"{name} {100 * limit:g} %")
     if asked.settling_time is not None:
         left[0].axvline(asked.settling_time, color=ORANGE, lw=0.8, label=f"settled after {asked.settling_time:g} s")
     if left[0].get_legend_handles_labels()[0]:

@@ -20,6 +20,7 @@ from .feasible_region import FeasibleMap
 from .figures_of_merit import specified_figures
 from .gain_search import Aim, aim_of
 from .gains import PiGains
+from .loops import stable_columns
 from .specification import LIMITS, Specification, figure_of
 
 Array = NDArray[np.float64]
@@ -151,7 +152,8 @@ def draws_of_models(model: Model, draws: int = 500, seed: int | Sequence[int] = 
     models = tuple(with_theta(model, theta) for theta in thetas)
     if not model.stable:
         return Plants(models)
-    kept = tuple(m for m in models if m.stable)
+    stable = stable_columns(np.stack([m.a for m in models], axis=1))
+    kept = tuple(m for m, good in zip(models, stable, strict=True) if good)
     if len(kept) < FEWEST * draws:
         raise IdentError(
             f"{1 - len(kept) / draws:.0%} of the draws of the model are unstable: its uncertainty is too large "

@@ -1,8 +1,8 @@
 """Specifications: limits on the figures of merit of a loop, each of them optional."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,8 @@ from ...core.arrays import Array
 from ...core.display import Display, Displayable, facts_of
 from ...core.errors import IdentError
 
+T = TypeVar("T", float, Array)
+PER_OUTPUT, PER_COMMAND = ("travel", "peak_u", "noise_gain"), ("disturbance_peak", "disturbance_iae")  # units
 STEADY = 1e-6  # of the step: the steady-state error with integral action is rounding
 ROUNDING = 1e-9  # of a limit: smaller violations are rounding
 
@@ -170,6 +172,12 @@ class Specification(Displayable):
         unstable = np.where(np.asarray(figure_of(figures, "stable")), 0.0, np.inf)
         return np.asarray(np.maximum.reduce([unstable, *self.violations(figures).values()]), dtype=np.float64)
 
+    def in_units(self, factor: float) -> "Specification":
+        """The same limits with the command in another unit, ``factor`` new units per old unit."""
+        values = {LIMITS[name].figure: value for name, _, value in self.active()}
+        scaled = in_units(values, factor)
+        return replace(self, **{name: scaled[LIMITS[name].figure] for name, _, _ in self.active()})
+
     def misses(self, figures: Any) -> list[str]:  # noqa: ANN401
         """A sentence for each limit that one loop violates, worst first."""
         if not bool(figure_of(figures, "stable")):
@@ -207,6 +215,16 @@ class Specification(Displayable):
 
     def __str__(self) -> str:
         return ", ".join(limit_text(limit, value) for _, limit, value in self.active())
+
+
+def in_units(figures: Mapping[str, T], factor: float) -> dict[str, T]:
+    """Figures of merit by name with the command in another unit, ``factor`` new units per old unit.
+
+    >>> in_units({"travel": 5.0, "disturbance_peak": 0.2, "ms": 1.3}, 100.0)
+    {'travel': 500.0, 'disturbance_peak': 0.002, 'ms': 1.3}
+    """
+    powers = {**dict.fromkeys(PER_OUTPUT, factor), **dict.fromkeys(PER_COMMAND, 1 / factor)}
+    return {name: value * powers[name] if name in powers else value for name, value in figures.items()}
 
 
 def limit_text(limit: FigureLimit, value: float) -> str:

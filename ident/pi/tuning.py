@@ -13,7 +13,7 @@ from ...core.suggestions import did_you_mean
 from ...core.threads import one_thread
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict, verdict_from
 from ..model import Model
-from .feasible_region import FeasibleMap, horizon
+from .feasible_region import FeasibleMap, horizon, map_in_units
 from .gain_search import Aim, check_aim, nominal_gains
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains
 from .loop import FiguresOfMerit, loop_of
@@ -28,7 +28,7 @@ from .robust_design import (
     robustness,
     trade_off,
 )
-from .specification import LIMITS, STEADY, LimitMargin, Specification, table_of
+from .specification import LIMITS, STEADY, LimitMargin, Specification, in_units, table_of
 
 if TYPE_CHECKING:
     from ..identification import Identification
@@ -173,23 +173,23 @@ class TunedPi(Plottable):
         return f"feasible without the limit on {words}" if free and not self.map.any else ""
 
     def in_units(self, unit_u: str, factor: float) -> "TunedPi":
-        """The same gains, figures and limits with the command in another unit; model and map stay as they are.
+        """The same tuning with the command in another unit, ``factor`` new units per old unit.
 
-        Parameters
-        ----------
-        unit_u : str
-            New unit of the command.
-        factor : float
-            New units per old unit.
+        Examples
+        --------
+        >>> model = Model(b=[0.0, 0.02], a=[1.0, -0.98], nk=1, sample_time=0.02)
+        >>> pi = tune_pi(model, rise_time=0.5, n=30)
+        >>> round(pi.in_units("mm/min", 1000.0).kp / pi.kp, 6)
+        1000.0
         """
-        f, asked = self.figures, self.specification
-        up = {name: getattr(f, name) * factor for name in ("travel", "peak_u", "noise_gain")}
-        down = {name: getattr(f, name) / factor for name in ("disturbance_peak", "disturbance_iae")}
-        limits = {name: value * factor for name in up if (value := getattr(asked, name)) is not None}
-        limits |= {} if asked.disturbance is None else {"disturbance": asked.disturbance / factor}
+        f, plants = self.figures, self.plants
+        drawn = (
+            None if plants is None else replace(plants, models=tuple(m.in_units(unit_u, factor) for m in plants.models))
+        )
         return replace(
-            self, gains=self.gains.in_units(unit_u, factor), figures=replace(f, **up, **down),
-            specification=replace(asked, **limits),
+            self, gains=self.gains.in_units(unit_u, factor), model=self.model.in_units(unit_u, factor), plants=drawn,
+            figures=FiguresOfMerit(**in_units({n: getattr(f, n) for n in f.__dataclass_fields__}, factor)),
+            specification=self.specification.in_units(factor), map=map_in_units(self.map, factor),
         )  # fmt: skip
 
     def trade_off(self) -> TradeOff:
