@@ -53,8 +53,9 @@ _FUNCTIONS: Final = (
 )  # fmt: skip
 _BEFORE_USE = (
     "Before use:",
-    "1. Load it after the machine's own HAL files. Where one of those loads a component that is loaded here, for",
-    "   instance pid, move the names beginning with fm. to that line. LinuxCNC 2.9 or newer.",
+    "1. Load it after the machine's own HAL files (LinuxCNC 2.9 or newer). HAL loads a component once: where one of",
+    "   those files loads pid or another one too, set TWOPASS = ON in section HAL of the ini file if that line has",
+    "   names=, otherwise move the names beginning with fm. to it.",
     "2. Write the machine's pins on the lines marked >>>.",
     "3. Where motion.feed-inhibit is in use already, join both with an or2 instead of the last net.",
 )
