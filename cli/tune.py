@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
         facts = {"file": Path(args.file).name, "pi": section, "words": tuned.words, "margins": _margins(tuned)}
         print_json("tune", {**facts, "verdicts": verdicts}, version=3)
         return 0
-    simulated = _simulated(tuned, _reference_step(pf))
+    simulated = [*_simulated(tuned, _reference_step(pf)), *_beyond_limits(tuned, pf)]
     lines = [*verdicts, *_sentences(tuned, changed), *simulated, *_scaling_by_load_law(changed, args)]
     print_lines([*lines, f"Figure: {figure}", f"Written: pi in {args.file}"])
     return 0
@@ -215,6 +215,21 @@ def _simulated(tuned: "TunedPi", step: float) -> list[str]:
         f"peaks at {step * f.peak_u:.4g} {u} and travels {step * f.travel:.4g} {u} in total.",
         f"Simulated step of load ({size}): largest deviation {step * load.peak:.3g} {y}, down to 5 % of it after "
         f"{load.recovery:.3g} s; the command travels {step * load.travel:.4g} {u}.",
+    ]
+
+
+def _beyond_limits(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
+    """Sentence on a simulated step of the reference whose command exceeds the range between the feed limits."""
+    gains, line = tuned.gains, pf.load_line
+    low, high = gains.low, gains.high
+    if line is not None and line.unit_feed == gains.unit_u:
+        low, high = (low or line.lower.value), (high or line.upper.value)
+    peak = _reference_step(pf) * tuned.figures.peak_u
+    if low is None or high is None or peak <= high - low:
+        return []
+    return [
+        f"The simulated command changes by up to {peak:.4g} {gains.unit_u}, more than the range between its limits, "
+        f"{low:.4g} to {high:.4g} {gains.unit_u}: on the machine the response to that step is limited and slower."
     ]
 
 

@@ -256,3 +256,9 @@ def test_gains_without_a_load_law_name_a_negative_static_gain(file, capsys):
     code, out, _ = tune(capsys, "--rise", "2", "--settle", "4")
     assert code == 0
     assert "y falls where u rises, and the gains are negative. Check the sign of the sensor" in out
+
+
+def test_a_step_beyond_the_limits_of_the_command_is_named(loose, capsys):
+    code, out, _ = tune(capsys, "--rise", "1.5", "--nominal", "--low", "0", "--high", "0.5")
+    assert code == 0
+    assert "more than the range between its limits, 0 to 0.5 V" in out
