@@ -27,10 +27,11 @@ class Scenario:
     Attributes
     ----------
     outcome : str
-        ``fault``: lower limit, latched; ``stop``: feed inhibited; ``control``: nothing; ``hold``: the last feed at
-        most; ``worn``: pin worn, lower limit; ``air``: the last feed until motion is idle, then the upper limit;
-        ``pause``: the feed is kept while the path stops; ``passes``: each entry within the load of a worn tool;
-        ``bounded``: the real feed inside the limits, which HAL, with the override alone, cannot do.
+        ``fault``: lower limit, latched; ``stop``: feed inhibited; ``again``: the same after a reset; ``control``:
+        nothing; ``hold``: the last feed at most; ``early``: the upper limit at most, then control; ``worn``: pin worn,
+        lower limit; ``air``: the last feed until motion is idle, then the upper limit; ``pause``: the feed is kept
+        while the path stops; ``passes``: each entry within the load of a worn tool; ``bounded``: the real feed inside
+        the limits, which HAL, with the override alone, cannot do.
     within : float
         s from the fault to its detection.
     changes : dict
@@ -88,7 +89,7 @@ SCENARIOS = (
     Scenario("NaN, stop chosen", "stop", (Event("value", AT, value=math.nan),), 0.052, changes={"on_fault": "stop"}),
     Scenario("overload: load 1.4 times", "stop", (Event("load", AT, value=1.4),), 0.8),
     Scenario(
-        "overload that remains, reset at a stop", "stop",
+        "overload that remains, reset at a stop", "again",
         (Event("load", AT, value=1.4), Event("reset", AT + 1.2, AT + 1.3)), 0.8, 5.0,
     ),
     Scenario("wear until the change", "worn", wear=192.0, wear_rate=8.0, duration=6.3),
