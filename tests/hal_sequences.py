@@ -151,7 +151,7 @@ class Halrun:
         pins += [f"net {name} sampler.0.pin.{k}\n" for k, name in enumerate(OUTPUTS)]
         said = self(
             MACHINE.format(period=round(period * 1e9)) + f"loadrt streamer depth={len(rows) + 10} cfg=fbbfbb\n"
-            f"loadrt sampler depth={len(rows) + 10} cfg=fbbbbbbb\nsource {self.folder}/fm.hal\n{''.join(pins)}"
+            f"loadrt sampler depth={len(rows) + 25000} cfg=fbbbbbbb\nsource {self.folder}/fm.hal\n{''.join(pins)}"
             f"addf streamer.0 {thread} 1\naddf motion-command-handler servo-thread 1\n"
             f"addf motion-controller servo-thread\naddf sampler.0 {thread}\n"
             f"loadusr -w halstreamer {self.folder}/inputs\nstart\n"

@@ -317,7 +317,7 @@ def plant_in_hal(folder: Path, samples: int) -> str:
     return f"""
 loadrt biquad names=plant.pair
 loadrt streamer depth=4000 cfg=fbbbfb
-loadrt sampler depth=4000 cfg=ff
+loadrt sampler depth=25000 cfg=ff
 {"".join(f"setp plant.{pin} {value}" + chr(10) for pin, value in values.items())}
 net fm-feed plant.pair.in
 net p1 plant.pair.out plant.pole.in
