@@ -6,7 +6,7 @@ Plant and chirp are eq. 18 and 17 of Tai, Tsai & Li 2023 (doi 10.1109/ACCESS.202
 at 50 Hz; white noise on the current; output error, orders 3, 3, 1. Required: rise 2 s, settling 4 s, overshoot 2 %.
 Aims: 2.1 s and 4.2 s are met on the true plant in 95 % of the draws at 30 dB and 85 % at 20 dB; the stated
 probability is within 5 points of the true share, where that share is 50, 70, 90 and 99 % (the limits are multiplied
-until it is). Times: map of 200 x 200 below 1 s, robust tuning over 500 draws below 2 s.
+until it is). Times: map of 200 x 200 below 1 s, tuning for 90 % below 2 s.
 """
 
 import sys
@@ -54,7 +54,7 @@ def study(snr, draws, probability=None):
     stated, true, feasible = [], [], 0
     required = [TESTED, *(loosened(f) for f in FACTORS)]
     for k, model in enumerate(identified(snr, draws, 2023)):
-        pi = tune_pi(model, 2.0, 4.0, n=MAP, probability=probability, seed=10 * k)
+        pi = tune_pi(model, 2.0, 4.0, n=MAP, probability=probability, nominal=probability is None, seed=10 * k)
         feasible += pi.feasible
         stated.append(shares(draws_of_models(model, 300, seed=10 * k + 5).models, pi.gains, required))
         true.append(shares([PLANT], pi.gains, required))
@@ -78,11 +78,11 @@ def calibration(stated, true, draws):
 
 def times():
     model = next(identified(30, 1, 1))
-    gains = tune_pi(model, 2.0, 4.0, n=40).gains
+    gains = tune_pi(model, 2.0, 4.0, n=40, nominal=True).gains
     for name, run in {
         "map of 200 x 200": lambda: feasible_map(model, REQUIRED),
-        "tuning": lambda: tune_pi(model, 2.0, 4.0),
-        "robust tuning, 500 draws, 90 %": lambda: tune_pi(model, 2.0, 4.0, probability=0.9, draws=500),
+        "tuning on the estimate": lambda: tune_pi(model, 2.0, 4.0, nominal=True),
+        "tuning, 90 % over 500 draws, stated on 2000": lambda: tune_pi(model, 2.0, 4.0),
         "robustness alone, 500 draws": lambda: robustness(draws_of_models(model), gains, REQUIRED, duration=DURATION),
     }.items():
         wall, processor = min(timed(run) for _ in range(3))

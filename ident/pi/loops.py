@@ -177,8 +177,10 @@ def _sum(*parts: Array) -> Array:
 
 
 def _stacked(polynomials: list[Array]) -> Array:
-    n = max(len(p) for p in polynomials)
-    return np.column_stack([np.pad(p, (0, n - len(p))) for p in polynomials])
+    out = np.zeros((max(len(p) for p in polynomials), len(polynomials)))
+    for k, p in enumerate(polynomials):
+        out[: len(p), k] = p
+    return out
 
 
 def stable_columns(a: Array) -> NDArray[np.bool_]:
