@@ -314,6 +314,15 @@ def test_the_export_compiles_without_a_warning(consumer, constant_load_file, tmp
 
 
 @pytest.mark.consumer
+def test_a_compiler_that_assumes_no_nan_is_refused(consumer, loop, tmp_path):
+    (tmp_path / "params.c").write_text(c_controller(loop))
+    made = [consumer("cc", INSTALL), "-ffast-math", "-c", "params.c", "-o", "params.o"]
+    ran = subprocess.run(made, cwd=tmp_path, capture_output=True, text=True)
+    assert ran.returncode
+    assert "compile without -ffast-math" in ran.stderr
+
+
+@pytest.mark.consumer
 def test_the_example_of_the_documentation_compiles(consumer, loop, tmp_path):
     page = (Path(__file__).parent.parent / "docs" / "howto" / "controller-c.md").read_text("utf-8")
     example = re.search(r"```\{code-block\} c\n(.*?)```", page, re.DOTALL)[1]

@@ -59,6 +59,14 @@ def test_the_model_description_has_the_numbers_of_the_loop_and_of_the_source(con
         }
 
 
+@pytest.mark.parametrize("name", ['"/><x y="', "]]> &xxe; %s", "-- <!--", "\u202egnp"])
+def test_a_nasty_name_stays_text_of_the_model_description(constant_load_file, name):
+    nasty = described(rendered(constant_load_file(identity={"tool": name, "work": name, "machine": name}), "fmu"))
+    usual = described(rendered(constant_load_file(), "fmu"))
+    assert [child.tag for child in nasty.iter()] == [child.tag for child in usual.iter()]
+    assert set(nasty.attrib) == set(usual.attrib)
+
+
 def test_another_loop_has_another_guid(constant_load_file):
     one, other = (described(rendered(constant_load_file(pi={"kp": kp}), "fmu")).get("guid") for kp in (300.0, 310.0))
     assert one != other
