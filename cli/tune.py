@@ -92,13 +92,13 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.file} has gains; replace them with --force.")
     if (args.scaling is None) != (args.unit is None):
         raise UsageError("--scaling and --unit: give both, units of the command per unit of the input and that unit.")
+    against = _against_load_law(pf, args)
+    if against and not args.force:
+        raise GateError(f"{against} Nothing was written; --force writes gains, marked as not to be used.")
     with progress_bar(lines=False) as step:
         step.say("tuning")
         tuned = _tuned(pf, pf.dynamics, args)
     tuned = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
-    against = _against_load_law(pf, args)
-    if against and not args.force:
-        raise GateError(f"{against} Nothing was written; --force writes these gains, marked as not to be used.")
     if tuned.misses and not args.force:
         raise GateError(f"{tuned.words} {_remedy(tuned)}")
     forced = "kept by --force" if tuned.misses else None

@@ -239,7 +239,7 @@ def test_a_reversed_sensor_is_refused(tmp_path, monkeypatch, capsys):
     assert "Verdict on the gains: do not use for control. Model: By the dynamics the load falls" in out
 
 
-@pytest.mark.parametrize(("scaling", "ratio"), [("200", "7.3"), ("14590", "0.1"), ("4000", "0.36")])
+@pytest.mark.parametrize(("scaling", "ratio"), [("200", "7.3"), ("14590", "0.1")])
 def test_a_scaling_far_from_the_load_law_is_refused(tmp_path, monkeypatch, capsys, scaling, ratio):
     monkeypatch.chdir(tmp_path)
     parameters.write(sealed(published("CLM-2023"), pi=None), tmp_path / "p.json")
