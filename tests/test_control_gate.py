@@ -22,6 +22,7 @@ from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.checks.report import CheckReport
 from fitmodels.parameters.exports.loop import loop_settings
 from fitmodels.parameters.file import sealed
+from fitmodels.parameters.published import published
 
 BENCHMARKS = Path(__file__).resolve().parent.parent / "benchmarks"
 
@@ -281,3 +282,20 @@ def _numbers(data):
              data["load_line"]["engagement"], data["load_line"]["upper"], data["load_line"]["lower"])  # fmt: skip
     for part in parts:
         yield from ((part, key) for key, value in part.items() if isinstance(value, (int, float)))
+
+
+def test_the_printed_settings_of_the_paper_pass_end_and_slot_milling():
+    """Table 3 of Tai, Tsai & Li 2023: slot milling from 500 to 700 mm/min, where a sharp tool holds 0.24 A at 600."""
+    for name in ("CLM-2023", "CLM-2023-slot"):
+        report = check_control(published(name))
+        assert report.ok, report.failed
+
+
+@pytest.mark.parametrize("kind", ["ini", "h", "mat"])
+def test_values_with_settings_that_no_control_can_have_are_not_written(script, kind, tmp_path):
+    """The numbers of a loop that is refused would be loaded by hand."""
+    pf = script.sealed_file(script.faulty(2, "load_line.engagement.load_low = 0.0"))
+    for write in (parameters.export, controllers.export):
+        with pytest.raises(GateError, match=r"lost sensor|holds a control loop"):
+            write(pf, kind, tmp_path / "out")
+    assert not list(tmp_path.iterdir())

@@ -19,7 +19,7 @@ from ...core.errors import GateError, UsageError
 from ...core.suggestions import did_you_mean
 from ...parameters.exports import VALUES, ExportFormat, write_export
 from ...parameters.exports.view import export_view
-from ..gate import GatedControl, gated_control
+from ..gate import GatedControl, gated_control, require_control
 from .c_source import NOT_IN_C, c_file
 from .component import NOT_IN_COMPONENT, component_file
 from .fmu import NOT_IN_FMU, fmu_file
@@ -91,8 +91,7 @@ def rendered(pf: "ParameterFile", kind: str, *, accept_verdict: bool = False) ->
             )
         return of.render(control)
     view = export_view(pf, accept_verdict=accept_verdict)
-    if view.loop is not None:
-        gated_control(pf, accept_verdict=accept_verdict)
+    require_control(pf, accept_verdict=accept_verdict)
     return of.render(view)
 
 

@@ -350,6 +350,25 @@ def gated_control(pf: "ParameterFile", *, accept_verdict: bool = False) -> Gated
     found = loop_settings(pf, own_form=True)
     if found.loop is None:
         raise GateError(f"the parameter file of {view.tool} on {view.work} {found.lacking}")
+    remarks = require_control(pf, accept_verdict=accept_verdict)
+    lines = tuple(line for words in remarks for line in plain_lines(words))
+    return GatedControl(replace(view, verdicts=(*view.verdicts, *lines)), found.loop, _key=_MADE_BY_THE_GATE)
+
+
+def require_control(pf: "ParameterFile", *, accept_verdict: bool = False) -> tuple[str, ...]:
+    """Raise where a finding of the gate fails; returns what was accepted and what was not checked, for the export.
+
+    Raises
+    ------
+    GateError
+        A finding fails that is not a verdict, or a verdict that is not accepted.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> require_control(parameters.collect(tool="GC435", work="709M40", laws=[]))
+    ()
+    """
     report = check_control(pf)
     refused = [f for f in report.failed if not (accept_verdict and f.name == VERDICT)]
     if refused:
@@ -359,6 +378,4 @@ def gated_control(pf: "ParameterFile", *, accept_verdict: bool = False) -> Gated
         acceptable = all(f.name == VERDICT for f in refused)
         raise GateError(f"not exported: {first.words}{more}{accept if acceptable else ''}")
     accepted = [f"VERDICT ACCEPTED - {f.words}" for f in report.failed]
-    notes = [f.words for f in report.findings if f.passed is None]
-    lines = tuple(line for words in (*accepted, *notes) for line in plain_lines(words))
-    return GatedControl(replace(view, verdicts=(*view.verdicts, *lines)), found.loop, _key=_MADE_BY_THE_GATE)
+    return (*accepted, *(f.words for f in report.findings if f.passed is None))

@@ -220,29 +220,29 @@ def _slopes(law: "LawSection", slope: float, line: "LoadLineSection", loop: "Loa
 
 
 def _limits(law: "LawSection", line: "LoadLineSection") -> Iterator[FileFinding]:
-    """The feed limits are the feeds of the law at the reference."""
-    span = line.upper.value - line.lower.value
-    wrong = False
-    for name, limit in (("upper", line.upper), ("lower", line.lower)):
-        feed = _law_feed(law, line, limit)
-        if feed is None or abs(feed - limit.value) > APART * abs(span):
-            wrong = True
-            at = "no feed" if feed is None else f"{feed:.4g} {plain_unit(line.unit_feed)}"
+    """The limits are the feeds of the law at the reference; the upper one may give up to the load of a worn tool."""
+    unit, agree = plain_unit(line.unit_feed), True
+    for name, limit, load in (("upper", line.upper, line.worn), ("lower", line.lower, line.reference)):
+        feed, most = (_law_feed(law, line, limit, of) for of in (line.reference, load))
+        slack = APART * abs(line.upper.value - line.lower.value)
+        if not feed - slack <= limit.value <= max(feed + slack, most):
+            agree = False
             yield _failed(
                 "feed limits",
-                f"The {name} feed limit is {limit.value:.4g} {plain_unit(line.unit_feed)}, where the "
-                f"load law gives {at} at the reference {line.reference:.4g} {plain_unit(line.unit_load)} and a wear "
-                f"of {limit.wear:.4g} {plain_unit(line.unit_wear)}; run `fitmodels settings` again.",
+                f"The {name} feed limit is {limit.value:.4g} {unit}, where the load law gives {feed:.4g} {unit} at the "
+                f"reference {line.reference:.4g} {plain_unit(line.unit_load)} and a wear of {limit.wear:.4g} "
+                f"{plain_unit(line.unit_wear)}; run `fitmodels settings` again.",
             )
-    if not wrong:
-        yield FileFinding("feed limits", True, "The feed limits are those of the load law at the reference.")
+    if agree:
+        yield FileFinding("feed limits", True, "The feed limits agree with the load law at the reference.")
 
 
-def _law_feed(law: "LawSection", line: "LoadLineSection", limit: "FeedLimit") -> float | None:
+def _law_feed(law: "LawSection", line: "LoadLineSection", limit: "FeedLimit", load: float) -> float:
+    """Feed of the law at a load and the wear of a limit; a line of feed gives it at the reference alone."""
     c = law.coefficients
     if law.form == "feed_line":
         return c["fm0"] + _shift(law, line) + c["slope"] * limit.wear
-    return (line.reference - c["A"] - _shift(law, line) - c["k1"] * limit.wear) / c["B"] if c["B"] else None
+    return (load - c["A"] - _shift(law, line) - c["k1"] * limit.wear) / c["B"] if c["B"] else math.nan
 
 
 def _feeds(loop: "LoadLoop", line: "LoadLineSection") -> Iterator[FileFinding]:

@@ -81,7 +81,7 @@ def export(
 ) -> Path:
     """Write the values of a parameter file; an incomplete file is never left behind.
 
-    A file with the settings of a loop is written by `fitmodels.controllers.export`, which simulates the loop first.
+    A file with gains and settings of a control is written by `fitmodels.controllers.export`, which simulates it first.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def export(
     (fm - fitmodels 0.1.0, tool GC435, work 709M40)
     """
     of, view = export_format(kind), export_view(pf, accept_verdict=accept_verdict)
-    if view.loop is not None:
+    if pf.pi is not None and pf.load_line is not None:
         raise GateError(
             f"not exported: the file of {view.tool} on {view.work} holds a control loop, which is simulated before its "
             "values are written; use `fitmodels export` or fitmodels.controllers.export."
