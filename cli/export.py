@@ -47,10 +47,11 @@ def run(args: argparse.Namespace) -> int:
     pf = parameters.read(args.file)
     written = export(pf, args.to, out, force=args.force, accept_verdict=args.accept_verdict)
     view = export_view(pf, accept_verdict=args.accept_verdict, loop_only=loop_only)
-    control = check_control(pf).findings if view.loop is not None or loop_only else ()
+    control = check_control(pf).findings
     print_lines([
         f"wrote {written}",
         *(f"  {words}" for words in require_verdicts(pf, args.accept_verdict, loop_only=loop_only)),
+        *(f"  VERDICT ACCEPTED - {f.words}" for f in control if f.passed is False),
         *(f"  {f.name}: {f.words}" for f in control if f.passed and f.name in SIMULATED),
         *(f"  not known: {f.words}" for f in control if f.passed is None),
         *(f"  assumed: {words}" for words in view.assumed),

@@ -160,13 +160,19 @@ def test_gains_that_many_draws_of_the_load_law_make_unstable_are_refused(constan
 # --- what could not be simulated is named
 
 
-def test_without_a_load_law_nothing_is_exported_unless_that_is_accepted_and_recorded(constant_load_file):
+def test_without_a_load_law_nothing_is_exported_unless_that_is_accepted_and_recorded(
+    constant_load_file, tmp_path, capsys
+):
     pf = sealed(constant_load_file(laws=None))
     for kind in CONTROLS:
         with pytest.raises(GateError, match=r"holds no law I of the load.*--accept-verdict exports it all the same"):
             rendered(pf, kind)
     accepted = gated_control(pf, accept_verdict=True).view.verdicts
     assert any(line.startswith("VERDICT ACCEPTED - load law") for line in accepted)
+    parameters.write(pf, tmp_path / "params.json")
+    out = str(tmp_path / "out.st")
+    assert main(["export", str(tmp_path / "params.json"), "--to", "st", "--out", out, "--accept-verdict"]) == 0
+    assert "VERDICT ACCEPTED - load law: the file holds no law I" in capsys.readouterr().out
 
 
 def test_without_dynamics_nothing_is_exported_even_if_verdicts_are_accepted(constant_load_file):
