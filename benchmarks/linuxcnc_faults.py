@@ -1,6 +1,6 @@
 """Faults in the whole LinuxCNC: every scenario of ``tests/linuxcnc_faults.py`` with an export, as a table.
 
-    python benchmarks/linuxcnc_faults.py                       # HAL export and component, about three minutes
+    python benchmarks/linuxcnc_faults.py                       # HAL export and component, about five minutes
     python benchmarks/linuxcnc_faults.py --kind hal --traces FOLDER --only NaN
 
 Detection and lower limit in s after the fault, feeds in mm/min. A/worn is the largest mean current over 0.2 s, from
