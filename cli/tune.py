@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.file} has gains; replace them with --force.")
     if (args.scaling is None) != (args.unit is None):
         raise UsageError("--scaling and --unit: give both, units of the command per unit of the input and that unit.")
+    _check_limits(pf, args)
     against = _against_load_law(pf, args)
     if against and not args.force:
         raise GateError(f"{against} Nothing was written; --force writes gains, marked as not to be used.")
@@ -244,13 +245,43 @@ def _margins(tuned: "TunedPi") -> list[dict[str, Any]]:
 
 
 def _slope_of_law(pf: "ParameterFile", args: argparse.Namespace) -> tuple[str, float] | None:
-    """Unit of the feed and load per unit of feed by the load law; None where the dynamics have other units."""
+    """Unit of the command and load per unit of it by the load law; None where the dynamics cannot be compared."""
     d, laws = pf.dynamics, [law for law in pf.laws.values() if law.form == "load_line"]
     assert d is not None  # noqa: S101  tuned on it
-    if len(laws) != 1 or laws[0].unit != d.unit_y or args.unit not in (None, laws[0].factors[0].unit):
+    if len(laws) != 1:
         return None
-    B = laws[0].coefficients["B"]
-    return (laws[0].factors[0].unit, B) if B else None
+    law, feed = laws[0], laws[0].factors[0].unit
+    load, command = _factor(law.unit, d.unit_y), _factor(args.unit or feed, feed)
+    B = law.coefficients["B"]
+    return (args.unit or feed, B * load * command) if B and load and command else None
+
+
+def _factor(unit: str, to: str) -> float | None:
+    """One unit in another one; None where they have other dimensions."""
+    import numpy as np
+
+    from ..datasets.units import convert, is_unit, same_dimension
+
+    if unit == to:
+        return 1.0
+    if not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
+        return None
+    return float(convert(np.array(1.0), unit, to))
+
+
+def _check_limits(pf: "ParameterFile", args: argparse.Namespace) -> None:
+    """Raise UsageError where the limits of the command leave nothing of the feed limits of the file."""
+    line = pf.load_line
+    factor = None if line is None or args.unit is None else _factor(line.unit_feed, args.unit)
+    if line is None or factor is None:
+        return
+    low, high = line.lower.value * factor, line.upper.value * factor
+    if (args.low is not None and args.low >= high) or (args.high is not None and args.high <= low):
+        given = " and ".join(f"--{name} {getattr(args, name):g}" for name in ("low", "high") if getattr(args, name))
+        raise UsageError(
+            f"{given} {args.unit}: outside the feed limits of the file, {low:.4g} to {high:.4g} {args.unit} "
+            f"({line.lower.value:.4g} to {line.upper.value:.4g} {line.unit_feed}). Check --unit, or leave them out."
+        )
 
 
 def _against_load_law(pf: "ParameterFile", args: argparse.Namespace) -> str:

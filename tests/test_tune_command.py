@@ -249,6 +249,26 @@ def test_a_scaling_far_from_the_load_law_is_refused(tmp_path, monkeypatch, capsy
     assert "--scaling 1459." in err
 
 
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (
+            ("--scaling", "25.5", "--unit", "m/min"),
+            5,
+            "outside 0.5 to 2. The given scaling is 25.5; by the load law 1 V is",
+        ),
+        (("--scaling", "1.459", "--unit", "m/min", "--low", "521", "--high", "1034"), 2, "0.6 to 1 m/min (600"),
+    ],
+    ids=["scaling", "limits"],
+)
+def test_other_units_of_feed_are_converted(tmp_path, monkeypatch, capsys, options, code, words):
+    monkeypatch.chdir(tmp_path)
+    parameters.write(sealed(published("CLM-2023"), pi=None), tmp_path / "p.json")
+    found, _, err = tune(capsys, "--rise", "2", "--settle", "4", *options)
+    assert found == code
+    assert words in err
+
+
 def test_gains_without_a_load_law_name_a_negative_static_gain(file, capsys):
     pf = parameters.read(file)
     d = pf.dynamics.model_dump()
