@@ -123,13 +123,17 @@ def differences(page: Path, folder: Path) -> list[Difference]:
 
 @contextlib.contextmanager
 def _environment() -> Iterator[None]:
-    """Fixed terminal width, no colours, no windows."""
+    """Fixed terminal width, no colours, no windows, no progress on a slow machine."""
+    from fitmodels.core import progress
+
     fixed = {"COLUMNS": "100", "LC_ALL": "C", "NO_COLOR": "1", "MPLBACKEND": "agg", "FITMODELS_TRACEBACK": "1"}
     before = {name: os.environ.get(name) for name in fixed}
     os.environ.update(fixed)
+    patience, progress.PATIENCE = progress.PATIENCE, 3600.0
     try:
         yield
     finally:
+        progress.PATIENCE = patience
         for name, value in before.items():
             os.environ.pop(name, None) if value is None else os.environ.__setitem__(name, value)
 
