@@ -30,6 +30,7 @@ SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm
 RESOLUTION = 0.01  # of the reference, in A: as the paper rounds it
 HELD = 0.01  # of the reference: within the regulation error of the paper
+BEYOND = 1.5  # times the largest or smallest feed tested: further out a feed limit is no extrapolation but a mistake
 LOAD_FORMS = ("load_line", "feed_line")
 # The load at which a feed_line holds: the last sentence of the note that fit.regression._held_law writes. The schema of
 # the law has no field of it, and files of every version state it in this note.
@@ -122,7 +123,7 @@ def settings(
         "law": found.response,
         "by": by,
         "engagement": None if engagement is None else _engagement(engagement),
-        "notes": [*notes, *_beyond(found, limit)],
+        "notes": [*notes, *_beyond(found, limit, lower.value, upper.value)],
     })  # fmt: skip
 
 
@@ -202,16 +203,47 @@ def _check_order(law: "LawSection", reference: float, lower: FeedLimit, upper: F
             f"the feed limits come out as {lower.value:.4g} and {upper.value:.4g} at load {reference:g}: the lower "
             f"must lie above zero and below the upper; look at the law of {short(law.response)} and at the units."
         )
+    if far := feeds_far_beyond_tests(law, lower.value, upper.value):
+        raise ParameterError(f"{far}; look at the load of a worn tool and at the units.")
 
 
-def _beyond(law: "LawSection", limit: float) -> list[str]:
-    wear = law.factors[-1]
-    if limit <= wear.high:
-        return []
-    return [
-        f"No tool was tested at a wear above {wear.high:g} {wear.unit}: the lower limit at {limit:g} {wear.unit} is "
-        "extrapolated."
-    ]
+def feeds_far_beyond_tests(law: LawSection, lower: float, upper: float) -> str:
+    """Sentence on feed limits far outside the feeds that a load law was tested at; empty where they are not.
+
+    >>> from fitmodels.parameters.published import published
+    >>> law = published("CLM-2023").laws["I"]
+    >>> feeds_far_beyond_tests(law, 600.0, 19000.0)
+    'the upper feed limit 1.9e+04 mm/min is 19 times the largest feed tested, 1000 mm/min'
+    """
+    feed = law.factors[0]
+    if law.form != "load_line":
+        return ""
+    if upper > BEYOND * feed.high:
+        return (
+            f"the upper feed limit {upper:.4g} {feed.unit} is {upper / feed.high:.3g} times the largest feed tested, "
+            f"{feed.high:g} {feed.unit}"
+        )
+    if lower * BEYOND < feed.low:
+        return (
+            f"the lower feed limit {lower:.4g} {feed.unit} is {lower / feed.low:.3g} times the smallest feed tested, "
+            f"{feed.low:g} {feed.unit}"
+        )
+    return ""
+
+
+def _beyond(law: "LawSection", limit: float, lower: float, upper: float) -> list[str]:
+    wear, feed, notes = law.factors[-1], law.factors[0], []
+    if limit > wear.high:
+        notes.append(
+            f"No tool was tested at a wear above {wear.high:g} {wear.unit}: the lower limit at {limit:g} {wear.unit} "
+            "is extrapolated."
+        )
+    if law.form == "load_line" and not feed.low <= lower < upper <= feed.high:
+        notes.append(
+            f"Feeds were tested from {feed.low:g} to {feed.high:g} {feed.unit}: the limits {lower:.4g} to {upper:.4g} "
+            "are extrapolated."
+        )
+    return notes
 
 
 def feed_limit(law: LawSection, load: float, wear: float, *, by: str | None = None, level: float = 0.95) -> FeedLimit:

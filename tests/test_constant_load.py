@@ -15,10 +15,10 @@ from fitmodels import controllers, parameters
 from fitmodels.controllers.constant_load_milling.control_laws import loop_of
 from fitmodels.controllers.constant_load_milling.plant import MillingCut
 from fitmodels.controllers.constant_load_milling.states import STATES, State
+from fitmodels.controllers.exports import rendered
 from fitmodels.controllers.faults import FAULTS, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.exports.loop import loop_settings
-from fitmodels.parameters.exports.view import export_view
 from fitmodels.parameters.published import published
 from fitmodels.parameters.sections.load_line import Engagement
 from hypothesis import given, settings
@@ -391,7 +391,7 @@ def test_a_lower_limit_of_the_gains_and_the_machine_narrows_the_range(constant_l
 
 def test_feed_stays_above_zero_where_a_file_says_next_to_nothing(constant_load_file):
     exact = {"kind": "none", "reason": "given"}
-    pf = constant_load_file(load_line={"lower": {"value": 0.001, "wear": 0.2, "interval": exact}})
+    pf = constant_load_file(laws=None, load_line={"lower": {"value": 0.001, "wear": 0.2, "interval": exact}})
     assert controllers.ConstantLoad.from_parameters(pf).loop.low == 0.05
 
 
@@ -428,11 +428,11 @@ def in_cut(pf, average=1, **more):
     return c
 
 
-def test_the_paper_s_gains_run_here_and_are_refused_for_export(paper):
+def test_the_paper_s_gains_run_here_and_hal_has_no_component_for_them(paper):
     loop = controllers.ConstantLoad.from_parameters(paper).loop
     assert (loop.form, loop.kp, loop.ki * loop.sample_time) == ("incremental_sum", 160.0, pytest.approx(0.006))
-    with pytest.raises(GateError, match="integrator of an integrator"):
-        export_view(paper, accept_verdict=True).needed_loop()
+    with pytest.raises(GateError, match="use the component"):
+        rendered(paper, "hal", accept_verdict=True)
 
 
 def test_it_is_equation_16_term_by_term(paper):

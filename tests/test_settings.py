@@ -171,7 +171,10 @@ def test_units_of_wear_and_feed_scale_through():
     other = law.model_validate({
         **law.model_dump(exclude={"region"}), "coefficients": {"A": A, "B": 60 * B, "k1": k1 / 1000},
         "uncertainty": {"kind": "covariance", "of": ["A", "B", "k1"], "matrix": (to @ C @ to).tolist(), "df": law.df},
-        "factors": [{**law.factors[0].model_dump(), "unit": "mm/s"}, {**law.factors[1].model_dump(), "unit": "um"}],
+        "factors": [
+            {**f.model_dump(), "unit": unit, "low": times * f.low, "high": times * f.high}
+            for f, unit, times in zip(law.factors, ("mm/s", "um"), (1 / 60, 1000.0), strict=True)
+        ],
     })  # fmt: skip
     one = parameters.settings(pf, 0.28)
     two = parameters.settings(pf.model_copy(update={"laws": {"I": other}}), 0.28, window=(180.0, 220.0))
@@ -179,6 +182,12 @@ def test_units_of_wear_and_feed_scale_through():
     assert 60 * two.lower.value == pytest.approx(one.lower.value)
     assert 60 * two.lower.interval.high == pytest.approx(one.lower.interval.high)
     assert two.probability == pytest.approx(one.probability)
+
+
+@pytest.mark.parametrize("worn", [2.8, 280.0])
+def test_a_worn_load_in_another_unit_or_ten_times_as_large_is_refused(worn):
+    with pytest.raises(ParameterError, match=r"times the largest feed tested, \d+ mm/min; look at the load"):
+        parameters.settings(of(line_of()), worn)
 
 
 # --- refusals -----------------------------------------------------------------------------------------

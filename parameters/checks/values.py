@@ -16,6 +16,7 @@ from ..sections.force_control import AdaptiveForceSection
 from ..sections.law import LawSection
 from ..sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection
 from ..sections.posterior import LawPosterior
+from ..setting_rules import feeds_far_beyond_tests
 from .report import FileFinding
 
 # Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling
@@ -179,7 +180,9 @@ EXCEEDS = 1 + 1e-9
 def check_settings(pf: ParameterFile) -> Iterator[FileFinding]:
     """A finding for each setting that is not in order, and one for each section that is."""
     if (line := pf.load_line) is not None:
-        yield from _findings("feed limits", "load_line", [*_feed(line), *_feed_of_machine(pf, line)])
+        yield from _findings(
+            "feed limits", "load_line", [*_feed(line), *_feed_of_machine(pf, line), *_feed_of_tests(pf, line)]
+        )
         yield from _findings("window", "load_line", [*_window(line), *_criterion(pf, line)])
         yield from _findings("reference", "load_line", [*_reference(line), *_source(pf, line)])
         if line.engagement is not None:
@@ -222,6 +225,14 @@ def _feed_of_machine(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
     pi = pf.pi
     if pi is not None and pi.unit_u == line.unit_feed and pi.low is not None and pi.low <= 0:
         yield f"the gains may command a feed of {pi.low:g} {line.unit_feed}; a feed lies above zero"
+
+
+def _feed_of_tests(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
+    law = pf.laws.get(line.law)
+    if law is None or law.form != "load_line" or law.factors[0].unit != line.unit_feed:
+        return
+    if far := feeds_far_beyond_tests(law, line.lower.value, line.upper.value):
+        yield f"{far}; look at the load of a worn tool, {line.worn:g} {line.unit_load}, and at the units"
 
 
 def _window(line: LoadLineSection) -> Iterator[str]:
