@@ -147,7 +147,8 @@ def _law(pf: ParameterFile, name: str | None) -> "LawSection":
     found = [law for key, law in pf.laws.items() if law.form in LOAD_FORMS and name in (None, key)]
     if not found:
         raise ParameterError(
-            "the file has no load law (load on feed and wear): fit runs that have the columns fm, VB and I."
+            "the file has no load law (load on feed and wear): fit runs that have the columns fm, VB and I, the "
+            "spindle current in A; a power, force or load in % is not fitted as a line of feed and wear."
         )
     if len(found) > 1:
         raise UsageError(f"there are load laws of {', '.join(law.response for law in found)}; choose one with --law.")

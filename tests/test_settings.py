@@ -186,7 +186,7 @@ def test_units_of_wear_and_feed_scale_through():
 
 @pytest.mark.parametrize("worn", [2.8, 280.0])
 def test_a_worn_load_in_another_unit_or_ten_times_as_large_is_refused(worn):
-    with pytest.raises(ParameterError, match=r"times the largest feed tested, \d+ mm/min; look at the load"):
+    with pytest.raises(ParameterError, match=r"times the largest feed tested, 9\d+\.\d+ mm/min; look at the load"):
         parameters.settings(of(line_of()), worn)
 
 
