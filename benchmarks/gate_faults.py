@@ -261,7 +261,7 @@ FAULTS: dict[str, Callable[[dict], None]] = {
     **relative(E + "idle", "load_line.reference", 1.0),
     # times
     **put(E + "engage_after", 1e9, 10.0), **put(E + "lost_after", 1e9, 5.0), **put(E + "stuck_after", 1e9),
-    **put(E + "heartbeat", 1e9), **put(E + "overload_after", 1e9, 30.0), **put(E + "arm_after", 1e9),
+    **put(E + "heartbeat", 1e9), **put(E + "overload_after", 1e9, 30.0), **put(E + "arm_after", 1e9, 10.5),
     **put(E + "back_off", 1e-3), **put(E + "recover", 1e-4, 1e3), **put("load_line.dwell", 1e9, 0.0),
     **times("pi.sample_time", 2.5, 0.4, 1000), **times("dynamics.sample_time", 2.5, 0.4, 0.001),
     **several("both sample times x 1000", times("pi.sample_time", 1000), times("dynamics.sample_time", 1000)),

@@ -35,7 +35,7 @@ OF_MONITORING: Final = (
     ("--idle", "A", "load of the running spindle in air; half of it is the smallest valid reading"),
     ("--load-low", "A", "smallest valid reading, above zero (default: half of the load in air)"),
     ("--load-high", "A", "largest valid reading (default: 10 times the reference)"),
-    ("--arm-after", "S", "time that the spindle runs before the load is monitored (default: 0.5)"),
+    ("--arm-after", "S", "time that the spindle runs before the load is monitored, at most 10 (default: 0.5)"),
     ("--lost-after", "S", "time with invalid readings that is a fault (default: 0.05)"),
     ("--stuck-after", "S", "time of equal readings in the cut that is a fault; 0: not monitored (default: 1)"),
     ("--heartbeat", "S", "time without a sign of the load's source that is a fault; 0: not monitored (default: 0.2)"),

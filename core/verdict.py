@@ -7,6 +7,8 @@ from typing import Final
 from .display import Display, Displayable
 
 USABLE, RESERVATIONS, DO_NOT_USE = 0, 1, 2
+PROBABILITY: Final = 0.9  # of a specification: required by default, and below which gains are used with reservations
+EVEN: Final = 0.5  # where the whole interval lies below it, the specification fails more often than it holds
 LEVELS: Final = ("usable inside the tested region", "usable with reservations", "do not use for control")
 
 
@@ -59,3 +61,23 @@ def verdict_from(
     held = sorted((item for item in found if item[0] > USABLE), key=lambda item: -item[0])
     level = held[0][0] if held else USABLE
     return Verdict(level, tuple(dict.fromkeys(words for _, words in held)), tuple(checked), tuple(not_checked))
+
+
+def level_of_probability(probability: float, upper: float, required: float | None = None) -> int:
+    """Least level of gains whose specification holds with a probability.
+
+    Parameters
+    ----------
+    probability, upper : float
+        The probability and the upper end of its interval.
+    required : float, optional
+        Required probability.
+
+    Examples
+    --------
+    >>> [level_of_probability(p, p + 0.02) for p in (0.95, 0.6, 0.4)], level_of_probability(0.95, 0.96, 0.99)
+    ([0, 1, 2], 1)
+    """
+    if upper < EVEN:
+        return DO_NOT_USE
+    return RESERVATIONS if probability < max(PROBABILITY, required or 0.0) else USABLE

@@ -106,6 +106,28 @@ def test_a_good_file_passes_every_question(pf):
             "dynamics",
             "0.1812 A/V, has a standard error of .* sign is not known",
         ),
+        (
+            put("pi", probability=0.5, required_probability=0.9, verdict={"level": "usable inside the tested region"}),
+            "gains",
+            r"holds with probability 50 % .* required 90 %\), which allows 'usable with reservations' at best",
+        ),
+        (
+            put(
+                "pi", probability=0.95, required_probability=0.97, verdict={"level": "usable inside the tested region"}
+            ),
+            "gains",
+            "probability 95 % .* allows 'usable with reservations' at best",
+        ),
+        (
+            put(
+                "pi",
+                probability=0.4,
+                probability_interval=[0.38, 0.42],
+                verdict={"level": "usable with reservations", "reasons": ["Short."]},
+            ),
+            "gains",
+            r"\(upper end of its interval 42 %\), which allows 'do not use for control' at best",
+        ),
         (put("pi", kp=8.0), "gains", "not stable on the file's dynamics, a pole at radius 1.0"),
         (put("pi", kp=-0.3, ki=-4.5), "gains", "opposite signs"),
         (put("pi", sample_time=0.01), "gains", "run at 0.01 s and the dynamics at 0.02 s"),

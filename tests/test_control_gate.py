@@ -58,6 +58,7 @@ def test_a_legitimate_file_passes(script, seed):
         ("load_line.upper.value = 1000000000.0", "1e.09"),
         ("load_line.engagement.feed_programmed x 2.5", "above the upper feed limit .* without adaptive feed"),
         ("load_line.engagement.engage_after = 1000000000.0", r"Engage_after is 1e\+09 s, outside 0 to 2 s"),
+        ("load_line.engagement.arm_after = 10.5", "Arm_after is 10.5 s, outside 0 to 10 s"),
         ("load_line.engagement.back_off = 0.001", "Back_off takes .* s for the range of the feed"),
         ("load_line.engagement.recover = 1000.0", "faster than back_off"),
         ("load_line.engagement.load_low = 0.0", "lost sensor, which reads zero, would be taken for air"),
@@ -97,7 +98,12 @@ def test_the_commands_say_how_the_control_was_tried(script, tmp_path, monkeypatc
     monkeypatch.setenv("COLUMNS", "400")
     parameters.write(script.sealed_file(script.drawn(1)), "params.json")
     assert main(["check", "params.json"]) == 0
-    assert "ok    Simulated by the load law, a tool runs from sharp to worn" in capsys.readouterr().out
+    out = " ".join(capsys.readouterr().out.split())
+    assert "ok    Simulated by the load law, a tool runs from sharp to worn" in out
+    assert "ok    Times are within their limits: sample_time " in out
+    assert " s (1e-05 to 0.5), arm_after " in out
+    assert " s (at most 10), engage_after " in out
+    assert " s for the range of the feed (at most 2), recover " in out
     assert main(["export", "params.json", "--to", "st"]) == 0
     out = capsys.readouterr().out
     assert "  simulation: Simulated by the load law, a tool runs from sharp to worn" in out

@@ -9,7 +9,7 @@ from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
-from fitmodels.ident.pi.robust_design import STATED, draws_of_models, robustness, share_error
+from fitmodels.ident.pi.robust_design import STATED, Robustness, draws_of_models, reservations, robustness, share_error
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
 from scipy.stats import binomtest
@@ -126,6 +126,25 @@ def test_gains_that_rather_fail_than_hold_must_not_be_used():
     assert pi.robustness.interval[1] < 0.5
     assert pi.verdict.level == DO_NOT_USE
     assert "below 50 %" in pi.verdict.reasons[0]
+
+
+def test_an_interval_that_reaches_below_the_required_probability_is_a_reservation():
+    pi = tune_pi(LOOSE, rise_time=5.0, probability=0.999, verdict=Verdict(), n=24)
+    assert pi.feasible
+    assert pi.robustness.interval[0] < 0.999 <= pi.robustness.probability
+    assert pi.verdict.level == RESERVATIONS
+    assert "below the required 99.9 %" in pi.verdict.reasons[0]
+
+
+@pytest.mark.parametrize(("probability", "required", "level"), [(0.93, 0.95, 1), (0.955, 0.95, 1), (0.97, 0.95, 0)])
+def test_the_required_probability_limits_the_verdict(probability, required, level):
+    held = Robustness(probability, 0.01, 2000, 0, 0, {}, {})
+    assert max((found for found, _ in reservations(held, "", required)), default=0) == level
+
+
+def test_a_share_near_one_is_printed_with_its_digits():
+    words = Robustness(0.9995, 0.0005, 2000, 0, 0, {}, {}).words
+    assert "probability 99.95 % (95 % Monte Carlo interval 99.72 to 99.9912 %)" in words
 
 
 def test_the_margin_to_each_limit_is_a_number():

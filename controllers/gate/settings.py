@@ -31,7 +31,7 @@ HIGHEST: Final = 40.0  # times the load of a worn tool: beyond, no reading is ou
 # s, smallest and largest; 0 switches stuck_after and heartbeat off
 TIMES: Final = {
     "sample_time": (1e-5, 0.5),
-    "arm_after": (0.0, 30.0),
+    "arm_after": (0.0, 10.0),  # until then the feed is the programmed one, without monitoring
     "engage_after": (0.0, 2.0),
     "lost_after": (0.0, 0.5),
     "stuck_after": (0.0, 10.0),
@@ -374,7 +374,20 @@ def _times(loop: "LoadLoop", settling: float) -> Iterator[FileFinding]:
     for name in brief:
         yield FileFinding("times", None, f"{name} is shorter than two samples: a single reading is a fault.")
     if not wrong:
-        yield FileFinding("times", True, "Sample time, filter, delays and rates are within their limits.")
+        yield FileFinding("times", True, _times_cleared(loop, span, settling))
+
+
+def _times_cleared(loop: "LoadLoop", span: float, settling: float) -> str:
+    """The times that were compared, each with its limits, in one line."""
+    found = [
+        f"{name} {getattr(loop, name):.4g} s ({f'{low:g} to' if low else 'at most'} {high:g})"
+        for name, (low, high) in TIMES.items()
+    ]
+    rates = (("back_off", loop.back_off, BACK_OFF_WITHIN), ("recover", loop.recover, RECOVER_WITHIN))
+    found += [f"{name} {span / rate:.4g} s for the range of the feed (at most {most:g})" for name, rate, most in rates]
+    filters = loop.filter_time + (loop.average - 1) * loop.sample_time / 2
+    found.append(f"low-pass and average {filters:.4g} s (at most the settling time of the loop, {settling:.4g})")
+    return f"Times are within their limits: {', '.join(found)}."
 
 
 def _setting(name: str) -> str:

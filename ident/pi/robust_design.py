@@ -5,6 +5,7 @@ are omitted: the machine was stable while it was recorded. The draws that choose
 which would be too high: the chosen gains are those that suit these draws best.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...core.display import Displayable, Plottable
 from ...core.errors import IdentError, UsageError
-from ...core.verdict import DO_NOT_USE, RESERVATIONS
+from ...core.verdict import DO_NOT_USE, EVEN, PROBABILITY, RESERVATIONS, level_of_probability
 from ..model import Model
 from ..responses.confidence_bands import with_theta
 from .feasible_region import FeasibleMap
@@ -28,8 +29,6 @@ FEWEST = 0.5  # share of draws that must be stable
 SCREENED, PLANTS = 144, 60  # gains screened, and the number of plants used for it
 FINALISTS = 9
 ROUNDS, STEPS = 2, 5  # of the line search towards the nominal gains: to 1/16 of it
-PROBABILITY = 0.9  # required by default, and below which gains are used with reservations
-EVEN = 0.5  # where the whole interval lies below it, the specification fails more often than it holds
 UNSTABLE = 0.01  # share of unstable loops above which gains must not be used
 STATED = 2000  # draws that state the probability: a Monte Carlo standard error of 0.7 points at 90 %
 PICTURED = 100  # draws of the trade-off
@@ -107,10 +106,10 @@ class Robustness(Displayable):
         if self.given:
             text = f"The specification holds on {100 * self.probability:.3g} % of the {self.n} given models"
         else:
-            low, high = (100 * v for v in self.interval)
+            held, low, high = map(share_words, (self.probability, *self.interval))
             text = (
-                f"The specification holds with probability {100 * self.probability:.1f} % (95 % Monte Carlo interval "
-                f"{low:.1f} to {high:.1f} %) over {self.n} draws of the model uncertainty that did not choose the gains"
+                f"The specification holds with probability {held} % (95 % Monte Carlo interval "
+                f"{low} to {high} %) over {self.n} draws of the model uncertainty that did not choose the gains"
             )
         if self.unstable:
             text += f"; {self.unstable} of the loops are unstable"
@@ -181,17 +180,24 @@ def plants_of(
     return choosing, stating, showing, ""
 
 
-def reservations(held: Robustness | None, unknown: str) -> list[tuple[int, str]]:
-    """Reservations about the probability and about unstable loops."""
+def reservations(held: Robustness | None, unknown: str, required: float | None = None) -> list[tuple[int, str]]:
+    """Reservations about the probability, also against the required one, and about unstable loops."""
     if held is None:
         return [(RESERVATIONS, f"The probability that the specification holds cannot be stated: {unknown}.")]
     found = []
-    if held.probability < PROBABILITY:
-        level, below = (DO_NOT_USE, EVEN) if held.interval[1] < EVEN else (RESERVATIONS, PROBABILITY)
+    least, upper = held.interval
+    if level := level_of_probability(held.probability, upper, required):
+        below = EVEN if level == DO_NOT_USE else PROBABILITY if held.probability < PROBABILITY else required or 0.0
         found.append(
-            (level, f"The specification holds with probability {100 * held.probability:.1f} %, below {100 * below:g} %"
-                    f"{held.most_missed}.")
+            (level, f"The specification holds with probability {share_words(held.probability)} %, below "
+                    f"{100 * below:g} %{held.most_missed}.")
         )  # fmt: skip
+    elif required is not None and least < required:
+        words = (
+            f"The 95 % Monte Carlo interval of the probability that the specification holds reaches down to "
+            f"{share_words(least)} %, below the required {100 * required:g} %."
+        )
+        found.append((RESERVATIONS, words))
     if held.unstable:
         level = DO_NOT_USE if held.unstable > UNSTABLE * held.n else RESERVATIONS
         found.append((level, f"{held.unstable} of {held.n} loops over the model uncertainty are unstable."))
@@ -245,6 +251,17 @@ def worst_value(table: dict[str, Array], name: str) -> float:
     """Worst value of a limited figure over the plants."""
     values = np.asarray(figure_of(table, LIMITS[name].figure), dtype=np.float64)
     return float(values.min() if LIMITS[name].above else values.max())
+
+
+def share_words(share: float) -> str:
+    """A share in per cent, with two digits of its distance from 0 or 100 %.
+
+    >>> [share_words(share) for share in (0.9, 0.927, 0.9987, 0.9995, 1.0)]
+    ['90.0', '92.7', '99.87', '99.95', '100.0']
+    """
+    nearest = 100 * min(share, 1 - share)
+    places = min(2 - math.ceil(math.log10(nearest)), 4) if 0 < nearest < 1 else 1
+    return f"{100 * share:.1f}" if places < 2 else str(round(100 * share, places))
 
 
 def share_error(share: float, n: int) -> float:

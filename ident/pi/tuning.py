@@ -11,14 +11,13 @@ from ...core.display import Plottable
 from ...core.errors import IdentError, UsageError
 from ...core.suggestions import did_you_mean
 from ...core.threads import one_thread
-from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict, verdict_from
+from ...core.verdict import DO_NOT_USE, PROBABILITY, RESERVATIONS, USABLE, Verdict, verdict_from
 from ..model import Model
 from .feasible_region import FeasibleMap, horizon, map_in_units
 from .gain_search import Aim, check_aim, nominal_gains
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains
 from .loop import FiguresOfMerit, loop_of
 from .robust_design import (
-    PROBABILITY,
     Plants,
     Robustness,
     TradeOff,
@@ -111,7 +110,7 @@ class TunedPi(Plottable):
         missed = () if self.only_probability else self.misses
         found = [(DO_NOT_USE, f"The gains miss their specification: {words.rstrip('.')}.") for words in missed]
         found += [
-            *reservations(self.robustness, self.unknown),
+            *reservations(self.robustness, self.unknown, self.probability),
             *_of_band(self),
             *_of_sign(self.model),
             *_of_model(self.of_model),

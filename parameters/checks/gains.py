@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ...core.verdict import LEVELS, level_of_probability
 from ...datasets.units import canonical
 from ..file import ParameterFile
 from ..messages import short_name
@@ -34,6 +35,7 @@ def check_gains(pf: ParameterFile) -> Iterator[FileFinding]:
     pi, model = pf.pi, pf.dynamics
     if pi is None:
         return
+    yield from _probable(pi)
     if model is None:
         yield FileFinding("gains", None, "pi: the file has no dynamics, so the gains could not be tested.")
         return
@@ -42,6 +44,23 @@ def check_gains(pf: ParameterFile) -> Iterator[FileFinding]:
         yield FileFinding("gains", False, stop)
         return
     yield from _tried(model, pi)
+
+
+def _probable(pi: PiSection) -> Iterator[FileFinding]:
+    """Finding on a verdict that is better than the stated probability of the specification allows."""
+    if pi.verdict is None or pi.probability is None:
+        return
+    upper = pi.probability if pi.probability_interval is None else pi.probability_interval[1]
+    allowed = level_of_probability(pi.probability, upper, pi.required_probability)
+    if pi.verdict.concern >= allowed:
+        return
+    required = "" if pi.required_probability is None else f", required {100 * pi.required_probability:g} %"
+    words = (
+        f"pi: the verdict on the gains is {pi.verdict.level!r}, but their specification holds with probability "
+        f"{100 * pi.probability:.4g} % (upper end of its interval {100 * upper:.4g} %{required}), which allows "
+        f"{LEVELS[allowed]!r} at best; tune again."
+    )
+    yield FileFinding("gains", False, words)
 
 
 def _fit_together(model: DynamicsSection, pi: PiSection) -> str:
