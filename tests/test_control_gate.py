@@ -99,8 +99,8 @@ def test_the_commands_say_how_the_control_was_tried(script, tmp_path, monkeypatc
     parameters.write(script.sealed_file(script.drawn(1)), "params.json")
     assert main(["check", "params.json"]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "ok    Simulated by the load law, a tool runs from sharp to worn" in out
-    assert "ok    Times are within their limits: sample_time " in out
+    assert "ok Simulated by the load law, a tool runs from sharp to worn" in out
+    assert "ok Times are within their limits: sample_time " in out
     assert " s (1e-05 to 0.5), arm_after " in out
     assert " s (at most 10), engage_after " in out
     assert " s for the range of the feed (at most 2), recover " in out
