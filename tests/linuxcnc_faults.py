@@ -171,4 +171,5 @@ def exported(pf: ParameterFile, kind: str, folder: Path) -> tuple[str, dict[str,
     source = folder / "fm_control.comp"
     source.write_text(text)
     lines = [line.removeprefix("//| ") for line in text.splitlines() if line.startswith("//| ")]
-    return "\n".join(lines) + "\n", {"fm_control": compiled(source)}
+    text = "\n".join(lines).replace("# >>> setp ", "setp ")  # the unit that the user confirms: this machine is in mm
+    return text + "\n", {"fm_control": compiled(source)}

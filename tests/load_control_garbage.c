@@ -54,6 +54,7 @@ static int outside(const LoadSettings *s, const LoadInput *in, const LoadOutput 
     if (in->requested > 0 && in->requested < (LoadReal)1e29 && !(real <= (double)s->high * (double)s->feed_programmed * exact))
         return 3;
     if (!((int)out->state >= 0 && (int)out->state <= 5)) return 4;
+    if (out->state == LOAD_FAULT && !(out->feed_override <= out->u)) return 6;
     if ((out->fault | out->worn | out->overload | out->feed_inhibit) & ~1) return 5;
     return 0;
 }

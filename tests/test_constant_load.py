@@ -72,6 +72,7 @@ def test_whatever_it_reads_the_command_is_finite_bounded_and_slow(loaded, inputs
         assert 0 < command <= 1.0
         u = c._u
         assert loaded.low <= u <= loaded.high
+        assert command <= u or c.state != State.FAULT
         if last is not None:
             assert -loaded.back_off * loaded.sample_time - 1e-12 <= u - last
             assert u - last <= loaded.recover * loaded.sample_time + 1e-12
@@ -266,6 +267,17 @@ def test_the_feed_in_mm_per_min_stays_inside_its_limits_whatever_is_requested(lo
     assert not c.fault
     run(c, noisy(0.22, 1), requested=math.nan)
     assert (c.fault, c.news[0]) == (True, "feed unknown")
+
+
+@pytest.mark.parametrize("state", ["fault", "overload"])
+@pytest.mark.parametrize(("share", "expected"), [(1 / 25.4, 1.0), (0.5, 1.0), (2.0, 0.5)])
+def test_in_a_fault_the_requested_feed_only_reduces_the_command(loaded, state, share, expected):
+    """A requested feed in inch/s taken for mm/s seems 25.4 times too small; the feed would go to 100 %."""
+    c = worn_cut(loaded)
+    loads = [math.nan] * 200 if state == "fault" else noisy(1.2 * loaded.worn_load, loaded.samples(2.0))
+    run(c, loads, requested=share * loaded.feed_programmed)
+    assert (getattr(c, state), c.state) == (True, State.FAULT)
+    assert c.command == pytest.approx(expected * loaded.low, rel=1e-12)
 
 
 @pytest.mark.parametrize(("weight", "forward"), [(1.0, 0.0), (0.0, 0.0), (0.5, 0.0), (1.0, 0.5)])

@@ -14,6 +14,7 @@ import pytest
 from fitmodels.controllers.constant_load_milling.states import State
 from fitmodels.controllers.exports import rendered
 from fitmodels.controllers.exports.c_source import c_controller, c_settings
+from fitmodels.controllers.exports.component import hal_lines
 from fitmodels.parameters.exports.loop import loop_settings
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -180,18 +181,44 @@ def test_the_real_feed_stays_inside_its_limits_at_any_requested_feed(loop):
     for factor in (0.5, 1.2, 2.0, 4.8):
         inputs = sequence(loop, 3, samples=1500)
         inputs[:, 2] = factor * loop.feed_programmed
-        real = interpreted(c_controller(loop))(inputs)[:, 0] * inputs[:, 2]
+        out = interpreted(c_controller(loop))(inputs)
+        real = out[:, 0] * inputs[:, 2]
         assert real.max() <= loop.feed_high * (1 + 1e-12)
-        assert real.min() >= min(loop.feed_low, inputs[0, 2]) * (1 - 1e-12)
+        in_fault = out[:, OUTPUTS.index("state")] == State.FAULT
+        assert in_fault.any()
+        assert real[~in_fault].min() >= min(loop.feed_low, inputs[0, 2]) * (1 - 1e-12)
+        assert out[in_fault, 0].max() <= loop.high * min(1 / factor, 1.0)
+        assert real[in_fault].min() >= min(loop.feed_low, loop.low * inputs[0, 2]) * (1 - 1e-12)
+
+
+def test_in_a_fault_a_requested_feed_in_a_wrong_unit_does_not_raise_the_feed(loop):
+    """Inch/s taken for mm/s, so 25.4 times too small: 100 % in the cut, the lower limit in a fault."""
+    inputs = sequence(loop, 3, samples=200)
+    inputs[:] = [loop.sample_time, 0.0, loop.feed_programmed / 25.4, 1.0, 1.0, 0.0, 0.0, 0.0]
+    inputs[:, 1] = 0.2 + 1e-3 * (np.arange(200) % 3)
+    inputs[:, 6] = np.arange(200) // 3 % 2
+    inputs[100:, 1] = np.nan
+    text = c_controller(loop)
+    out = interpreted(text)(inputs)
+    assert (out[99, 0], out[99, 2]) == (1.0, State.CONTROL)
+    assert (out[-1, 0], out[-1, 2]) == (loop.low, State.FAULT)
+    assert differences(interpreted(text), loop, inputs, reference(loop, inputs)) == []
+    changed = text.replace("fault && x->factor > (LoadReal)1 ?", "0 ?")
+    assert "feed_override" in differences(interpreted(changed), loop, inputs, reference(loop, inputs))
+
+
+SCALE = r"^//\| # >>> setp fm-control\.feed-scale (\S+)$"
 
 
 def component(text):
-    """The function of a component, and an object with its pins and parameters at their first values."""
+    """The function of a component, and its pins and parameters at their first values, the marked scale confirmed."""
     declared, code = text.split("\n;;\n")
     lines = re.findall(r"^(?:pin (?:in|out)|param rw) \w+ (\w+)(?: = (\S+))?", declared, re.MULTILINE)
     c = evaluated(code, rtapi_print_msg=None, RTAPI_MSG_ERR=0, EINVAL=22)
     pins = type("Pins", (), {name: float(first.rstrip(";") or 0) for name, first in lines})()
     assert c["extra_setup"](pins, "fm-control", 0) == 0
+    assert pins.feed_scale == 0
+    pins.feed_scale = float(re.search(SCALE, declared, re.MULTILINE)[1])
     return c["_"], pins
 
 
@@ -223,7 +250,7 @@ def test_the_component_is_the_python_controller(constant_load_file, loop, operat
 
 @pytest.mark.parametrize(
     ("constant", "other"),
-    [("feed_scale = 60.0", "feed_scale = 61.0"), ("operator_override = 1 ", "operator_override = 2 "),
+    [("feed-scale 60", "feed-scale 61"), ("operator_override = 1 ", "operator_override = 2 "),
      ("requested_vel = -1", "requested_vel = 1"), ("* 1e-9", "* 1.1e-9"), ("operator_ < 1.0", "operator_ < 1.3"),
      ("adaptive_feed = 0.6", "adaptive_feed = 0.7"), ("? 1.0 : operator_", "? 1.1 : operator_"),
      ("current_vel = -1", "current_vel = 1")],
@@ -258,6 +285,31 @@ def test_a_component_whose_requested_velocity_is_not_connected_goes_to_fault(con
         step(pins, round(loop.sample_time * 1e9))
     assert pins.fault
     assert pins.adaptive_feed == loop.low
+
+
+@pytest.mark.parametrize("scale", [0.0, -60.0, float("nan")])
+def test_a_component_whose_feed_scale_is_not_above_zero_goes_to_fault(constant_load_file, loop, scale):
+    text = rendered(constant_load_file(), "comp")
+    assert "param rw float feed_scale = 0 " in text
+    step, pins = component(text)
+    pins.feed_scale, pins.requested_vel, pins.enable, pins.spindle_on = scale, loop.feed_programmed / 60, 1.0, 1.0
+    pins.current_vel = 10.0
+    for k in range(30):
+        pins.load, pins.heartbeat = 0.2 + 1e-3 * (k % 3), k // 3 % 2
+        step(pins, round(loop.sample_time * 1e9))
+    assert (pins.fault, pins.cause, pins.state) == (1, 4, State.FAULT)
+    assert (pins.adaptive_feed, pins.requested) == (loop.low, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "both"),
+    [("mm/min", "60", "60 on a machine in mm, 1524 "), ("mm/s", "1", "1 on a machine in mm, 25.4 "),
+     ("in/min", "60", "2.36220472441 on a machine in mm, 60 "), ("ipm", "60", "2.36220472441 on a machine in mm, 60 ")],
+)  # fmt: skip
+def test_the_hal_lines_state_the_feed_scale_of_both_machine_units(loop, unit, scale, both):
+    lines = hal_lines(replace(loop, unit_feed=unit))
+    assert f"# >>> setp fm-control.feed-scale {scale}\n" in lines
+    assert both in lines
 
 
 @pytest.mark.parametrize(

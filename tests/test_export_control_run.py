@@ -188,7 +188,8 @@ def test_linuxcnc_runs_the_component(machine, constant_load_file):
     lines = "\n".join(line[4:] for line in text.splitlines() if line.startswith("//| "))
     assert "net fm-requested motion.requested-vel => fm-control.requested-vel" in lines
     lines = lines.replace("net fm-requested motion.requested-vel =>", "net fm-requested =>")  # motmod is at rest here
-    lines = lines.replace("addf fm-control servo-thread", "")
+    assert "# >>> setp fm-control.feed-scale 60" in lines
+    lines = lines.replace("# >>> setp ", "setp ").replace("addf fm-control servo-thread", "")
     lines = lines.replace("net fm-velocity motion.current-vel =>", "net fm-velocity =>")
     rows = "".join(f"{r[1]!r} {' '.join(str(int(v)) for v in r[3:])}\n" for r in inputs.tolist())
     (machine.folder / "inputs").write_text(rows)
@@ -202,7 +203,6 @@ loadrt motmod servo_period_nsec=1000000 num_joints=3
 loadrt streamer depth=4000 cfg=fbbbbb
 loadrt sampler depth=4000 cfg=ffsbbbb
 {lines}
-setp fm-control.feed-scale 60
 sets fm-operator 1.25
 sets fm-velocity 10
 sets fm-requested {loop.feed_programmed / 60 / 1.25!r}

@@ -44,7 +44,7 @@ class ConstantLoad(Displayable):
         Input: heartbeat of the load's source; None: it lives.
     requested : float or None
         Input: feed that program and operator's override request before this controller's, unit_feed; None: the
-        programmed feed of the file.
+        programmed feed of the file. In a fault it only reduces the command.
     command : float
         The last command; before the first one the lower limit.
     state : State
@@ -186,7 +186,9 @@ class ConstantLoad(Displayable):
         if self.requested:
             self._factor = loop.feed_programmed / self.requested if self._requested_valid() else self._factor
         self.state = self._state()
-        self.command = u if self._factor == 1.0 else min(u * self._factor, 1.0)
+        # In a fault a smaller requested feed does not raise the output, which a wrong unit of it would.
+        factor = min(self._factor, 1.0) if self.state == State.FAULT else self._factor
+        self.command = min(u * factor, 1.0)
         return self.command
 
     def _read(self, load: float) -> bool:

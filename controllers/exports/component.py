@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from ...core.errors import GateError
-from ...datasets.units import convert, is_unit, same_dimension
+from ...datasets.units import canonical, convert, is_unit, same_dimension
 from ...parameters.exports.loop import LoadLoop
 from ..gate import GatedControl
 from .c_source import c_controller, c_head, c_text
@@ -36,6 +36,9 @@ net fm-heartbeat => {pins}.heartbeat
 net fm-requested motion.requested-vel => {pins}.requested-vel
 net fm-velocity motion.current-vel => {pins}.current-vel
 net fm-operator => {pins}.operator-override
+# {feed} per machine unit and s: {mm} on a machine in mm, {inch} on a machine in inches (LINEAR_UNITS in the ini file).
+# Without a value above 0 the component goes to fault when armed; with that of the other unit the feed is 25 times off.
+# >>> setp {pins}.feed-scale {scale}
 newsig fm-enable bit
 sets fm-enable FALSE
 net fm-enable => {pins}.enable
@@ -70,11 +73,11 @@ pin out bit fault "Latched: see cause.";
 pin out bit worn "Latched: change the tool.";
 pin out bit overload "Latched: mean load above what a worn tool withstands.";
 pin out signed state "0 off, 1 air, 2 entry, 3 control, 4 worn, 5 fault.";
-pin out signed cause "Of the fault: 1 load lost, 2 stuck, 3 no heartbeat, 4 requested-vel invalid, 5 thread period.";
+pin out signed cause "Of the fault: 1 load lost, 2 stuck, 3 no heartbeat, 4 requested-vel or feed-scale, 5 period.";
 pin out float measured "Filtered load, {load}.";
 pin out float requested "Requested feed as the component has it, {feed}: compare it with F of the program.";
 pin out float override "Feed over programmed feed.";
-param rw float feed_scale = {scale!r} "{feed} per machine unit and s; change it where the machine's unit is the inch.";
+param rw float feed_scale = 0 "{feed} per machine unit and s: see the HAL lines. Not above 0: a fault.";
 option singleton yes;
 option extra_setup yes;
 option no_convenience_defines yes;
@@ -103,14 +106,15 @@ static int extra_setup(struct __comp_state *__comp_inst, char *prefix, long extr
 static void _(struct __comp_state *__comp_inst, long period)
 {
     const double operator_ = *__comp_inst->operator_override;
+    const double scale = __comp_inst->feed_scale;
     LoadInput in;
     LoadOutput out;
     in.period = (double)period * 1e-9;
     in.load = *__comp_inst->load;
-    in.requested = *__comp_inst->requested_vel * __comp_inst->feed_scale * (operator_ < 1.0 ? 1.0 : operator_);
+    in.requested = scale > 0.0 ? *__comp_inst->requested_vel * scale * (operator_ < 1.0 ? 1.0 : operator_) : -1.0;
     in.enable = *__comp_inst->enable;
     in.spindle_on = *__comp_inst->spindle_on;
-    in.idle = *__comp_inst->idle || !(*__comp_inst->current_vel * __comp_inst->feed_scale >= STILL * FEED_LOW);
+    in.idle = *__comp_inst->idle || !(*__comp_inst->current_vel * scale >= STILL * FEED_LOW);
     in.beat = *__comp_inst->heartbeat;
     in.reset = *__comp_inst->reset;
     load_control_step(&load_settings, &fm_state, &in, &out);
@@ -137,39 +141,43 @@ def component_file(control: GatedControl) -> str:
         The feed is not a velocity, so that it cannot be compared with the requested one.
     """
     loop = control.loop
-    scale = _feed_scale(loop)
     head = (
         *c_head(control, NOT_IN_COMPONENT),
         "The program commands M52 P1 before cuts and M52 P0 before rapids; an F below the upper limit is not raised.",
         f"Compile with halcompile --install {COMPONENT}.comp; the file has the name of the component.",
         "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
     )
-    names = {"load": c_text(loop.unit_load), "feed": c_text(loop.unit_feed), "low": loop.low, "scale": scale}
+    names = {"load": c_text(loop.unit_load), "feed": c_text(loop.unit_feed), "low": loop.low}
     lines = "".join(f"//| {line}\n" for line in hal_lines(loop).splitlines())
     title = "".join(f"// {c_text(line)}\n" for line in head)
     return f"{title}{lines}{_PINS.format(**names)}{c_controller(loop)}{_FUNCTIONS}"
 
 
 def hal_lines(loop: LoadLoop) -> str:
-    """HAL lines that load the component, connect it and add it to a thread."""
+    """HAL lines that load the component, connect it and add it to a thread.
+
+    What the user writes or confirms is marked ``>>>``: pins, and the unit of the feed per machine unit and s.
+    """
     period = round(loop.sample_time * 1e9)
     servo = loop.sample_time <= SERVO_PERIOD
+    mm, inch = _feed_scales(loop)
     made = f"# SERVO_PERIOD of the machine's ini file: {period}\n"
     return _HAL.format(
         component=COMPONENT, pins=COMPONENT.replace("_", "-"), load=c_text(loop.unit_load),
         beat=_BEAT.format(loop.heartbeat) if loop.heartbeat else "",
         made=made if servo else f"loadrt threads name1=fm-thread period1={period} fp1=1\n",
-        thread="servo-thread" if servo else "fm-thread",
+        thread="servo-thread" if servo else "fm-thread", feed=c_text(loop.unit_feed), mm=mm, inch=inch,
+        scale=inch if (canonical(loop.unit_feed) or "").startswith("in") else mm,
     )  # fmt: skip
 
 
-def _feed_scale(loop: LoadLoop) -> float:
-    """Unit of the feed in one machine unit per s: mm, or inch where the feed is in inches."""
+def _feed_scales(loop: LoadLoop) -> tuple[str, str]:
+    """Units of the feed in one mm/s and in one inch/s, for a machine in mm and one in inches."""
     unit = loop.unit_feed
     if not (is_unit(unit) and same_dimension(unit, "mm/s")):
         raise GateError(
             f"the feed limits are in {unit}, but LinuxCNC's requested velocity is in machine units per s; give the "
             "feed limits in mm/min, or use the hal export."
         )
-    machine = "in/s" if unit.startswith("in") else "mm/s"
-    return float(convert(np.array(1.0), machine, unit))
+    mm, inch = convert(np.array([1.0, 25.4]), "mm/s", unit).tolist()
+    return f"{mm:.12g}", f"{inch:.12g}"

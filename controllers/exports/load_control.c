@@ -75,7 +75,8 @@ typedef struct {
     LoadReal period;    /* s since the last call, measured; more than 1 % off sample_time is a fault */
     LoadReal load;      /* reading of the sensor; any value, also NaN */
     LoadReal requested; /* feed that program and operator request before this override; 0 at rest. Where unknown:
-                           feed_programmed, and the limits hold only for a program with that F at 100 % */
+                           feed_programmed, and the limits hold only for a program with that F at 100 %.
+                           In a wrong unit it lets the override rise up to 1, except in a fault */
     int enable;         /* the operator's switch */
     int spindle_on;     /* spindle at speed */
     int idle;           /* the path does not advance: at rest, in a pause, at an override of 0 */
@@ -388,9 +389,11 @@ static void load_stop(LoadOutput *out) /* the state was not initialised */
 
 static void load_output(const LoadSettings *s, LoadState *x, const LoadInput *in, LoadOutput *out, int engaged)
 {
-    LoadReal real;
+    LoadReal real, factor;
+    const int fault = x->fault || x->overload;
     if (in->requested > 0 && in->requested < (LoadReal)LOAD_MOST) x->factor = s->feed_programmed / in->requested;
-    real = x->u * x->factor;
+    factor = fault && x->factor > (LoadReal)1 ? (LoadReal)1 : x->factor; /* in a fault it only reduces */
+    real = x->u * factor;
     out->feed_override = real < (LoadReal)1 ? real : (LoadReal)1;
     out->u = x->u;
     out->measured = x->measured;
@@ -399,7 +402,7 @@ static void load_output(const LoadSettings *s, LoadState *x, const LoadInput *in
     out->worn = x->worn;
     out->overload = x->overload;
     out->feed_inhibit = x->overload || (x->fault && s->stop_on_fault);
-    if (x->fault || x->overload) out->state = LOAD_FAULT;
+    if (fault) out->state = LOAD_FAULT;
     else if (x->cutting) out->state = x->worn ? LOAD_WORN : LOAD_CONTROL;
     else if (x->armed) out->state = engaged ? LOAD_ENTRY : LOAD_AIR;
     else out->state = LOAD_OFF;
