@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.file} has gains; replace them with --force.")
     if (args.scaling is None) != (args.unit is None):
         raise UsageError("--scaling and --unit: give both, units of the command per unit of the input and that unit.")
+    _check_scaling(args)
     _check_limits(pf, args)
     against = _against_load_law(pf, args)
     if against and not args.force:
@@ -267,6 +268,16 @@ def _factor(unit: str, to: str) -> float | None:
     if not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
         return None
     return float(convert(np.array(1.0), unit, to))
+
+
+def _check_scaling(args: argparse.Namespace) -> None:
+    """Raise UsageError for a scaling that is not above zero."""
+    if args.scaling is not None and not 0 < args.scaling < math.inf:
+        raise UsageError(
+            f"--scaling {args.scaling:g}: it must be above zero, as the command rises with the input of the model. "
+            "Where the drive or the sensor is reversed, correct its wiring or negate its column of the record, and "
+            "identify again."
+        )
 
 
 def _check_limits(pf: "ParameterFile", args: argparse.Namespace) -> None:

@@ -30,6 +30,7 @@ SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm
 RESOLUTION = 0.01  # of the reference, in A: as the paper rounds it
 HELD = 0.01  # of the reference: within the regulation error of the paper
+FAR_WEAR = 2.0  # times the largest wear tested: a wear in another unit
 BEYOND = 1.5  # times the largest or smallest feed tested: further out a feed limit is no extrapolation but a mistake
 LOAD_FORMS = ("load_line", "feed_line")
 # The load at which a feed_line holds: the last sentence of the note that fit.regression._held_law writes. The schema of
@@ -103,7 +104,7 @@ def settings(
     reference = _rounded(safety_factor * worn, rounded_to)
     notes = _check_held(found, reference)
     upper, lower = (feed_limit(found, reference, wear, by=by, level=level) for wear in (0.0, limit))
-    _check_order(found, reference, lower, upper)
+    _check_order(found, float(worn), reference, lower, upper)
     probability, words = wear_in_window(found, reference, lower.value, window, by=by)
     return LoadLineSection.model_validate({
         "reference": reference,
@@ -198,14 +199,34 @@ def _check_held(law: "LawSection", reference: float) -> list[str]:
     return [f"The limits come from feeds at {held:g} {found[0][2]}, and hold only there."]
 
 
-def _check_order(law: "LawSection", reference: float, lower: FeedLimit, upper: FeedLimit) -> None:
+def _check_order(law: "LawSection", worn: float, reference: float, lower: FeedLimit, upper: FeedLimit) -> None:
     if not 0 < lower.value < upper.value:
+        feed = law.factors[0].unit if law.form == "load_line" else law.unit
+        load = f" {law.unit}" if law.form == "load_line" else ""
         raise ParameterError(
-            f"the feed limits come out as {lower.value:.4g} and {upper.value:.4g} at load {reference:g}: the lower "
-            f"must lie above zero and below the upper; look at the law of {short(law.response)} and at the units."
+            f"the feed limits come out as {lower.value:.4g} and {upper.value:.4g} {feed} at load {reference:g}{load}: "
+            f"the lower must lie above zero and below the upper. {_cause(law, worn, reference, lower)}"
         )
     if far := feeds_far_beyond_tests(law, lower.value, upper.value):
         raise ParameterError(f"{far}; look at the load of a worn tool and at the units.")
+
+
+def _cause(law: "LawSection", worn: float, reference: float, lower: FeedLimit) -> str:
+    """The option that leads to feed limits in the wrong order, as it was read, and what to do."""
+    wear, c = law.factors[-1], law.coefficients
+    if lower.wear > FAR_WEAR * wear.high:
+        return (
+            f"--window or --wear-limit was read as a wear of {lower.wear:g} {wear.unit}, where no tool was tested "
+            f"above {wear.high:g} {wear.unit}: write its unit, for instance --window 180:220um."
+        )
+    if law.form == "load_line" and c["B"] > 0 and c["k1"] > 0:
+        return (
+            f"--worn was read as {worn:g} {law.unit}, a reference of {reference:g} {law.unit}; by the law of "
+            f"{short(law.response)} a tool with a wear of {lower.wear:g} {wear.unit} has "
+            f"{reference - c['B'] * lower.value:.4g} {law.unit} at a feed of zero. Give the load that a worn tool "
+            f"withstands in {law.unit}, or a smaller wear."
+        )
+    return f"Check the data of the law of {short(law.response)}: load rises with feed and with wear."
 
 
 def feeds_far_beyond_tests(law: LawSection, lower: float, upper: float) -> str:

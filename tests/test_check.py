@@ -407,6 +407,9 @@ def test_the_command_tells_every_finding(pf, tmp_path, capsys):
     out = capsys.readouterr().out
     assert "ok    The content is unchanged." in out
     assert "note  No control can be exported: the file has a PI that commands 'V'" in out
+    assert "`fitmodels tune params.json ... --scaling S --unit mm/min --force`, S in mm/min per V." in " ".join(
+        out.split()
+    )
     assert out.endswith(f"{len(check(pf).findings) + 1} findings, all checks passed.\n")
 
 

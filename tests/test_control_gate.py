@@ -195,6 +195,15 @@ def test_a_file_without_noise_and_covariances_is_simulated_with_that_remark(cons
     assert "neither noise of the load_s sensor" in written
 
 
+def test_gains_without_a_verdict_are_to_be_tuned_again(script):
+    sections = script.drawn(1)
+    sections["pi"].pop("verdict", None)
+    (found,) = [f for f in check_control(script.sealed_file(sections)).findings if f.name == "gains"]
+    assert found.passed is None
+    assert found.words.startswith("The gains have no verdict: the file does not state how they were tuned")
+    assert found.words.endswith("tune again.")
+
+
 def test_a_line_of_feed_needs_the_load_in_air(constant_load_file):
     """The feed at one load has no slope: with the load in air, sign and size of the dynamics can be compared."""
     law = constant_load_file().laws["I"].model_dump()

@@ -274,6 +274,12 @@ def test_a_window_may_be_said_in_any_unit_of_length(params, window, capsys):
         (["--window", "a:b"], 2, "write it as 180:220um"),
         (["--wear-limit", "1:2"], 2, "write it as 200um"),
         (["--safety-factor", "1.17"], 2, "between 0 and 1"),
+        (["--window", "180:220"], 3, "read as a wear of 220 mm, where no tool was tested above 0.205"),
+        (
+            ["--worn", "0.112"],
+            3,
+            "--worn was read as 0.112 A, a reference of 0.1 A; by the law of 'I' a tool with a wear",
+        ),
         (["--windw", "1:2"], 2, "did you mean --window"),
     ],
 )

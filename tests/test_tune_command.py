@@ -182,6 +182,11 @@ def test_limits_of_the_command_are_in_its_own_unit(file, capsys):
         ([], "no limit on speed"),
         (["--rise", "2", "--scaling", "1459"], "give both"),
         (["--rise", "-1"], "rise"),
+        (
+            ["--rise", "2", "--scaling", "-1533", "--low", "521", "--high", "1034", "--unit", "mm/min"],
+            "--scaling -1533: it must be above zero, as the command rises with the input of the model.",
+        ),
+        (["--rise", "2", "--scaling", "0", "--unit", "mm/min"], "--scaling 0: it must be above zero"),
         (["--rise", "2", "--probability", "0.9"], "covariance"),
         (["--rise", "2", "--aim", "nothing"], "aim"),
     ],

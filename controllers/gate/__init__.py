@@ -124,7 +124,10 @@ def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
     if any(f.passed is False for f in order):
         return
     if pi.verdict is None:
-        words = "The gains have no verdict: they were given, not tuned, so no probability of a specification is known."
+        words = (
+            "The gains have no verdict: the file does not state how they were tuned, so no probability of a "
+            "specification is known; tune again."
+        )
         yield FileFinding("gains", None, words)
     if not cut.noise:
         yield FileFinding(

@@ -207,7 +207,10 @@ def _feed_per_unit(pi: PiSection, line: LoadLineSection, programmed: float) -> f
     """Unit of the feed limits in one unit of the command."""
     if pi.unit_u in ("%", "1", "override"):
         return programmed / 100 if pi.unit_u == "%" else programmed
-    remedy = "tune with the scaling of the feed drive, or convert with PiGains.in_units"
+    remedy = (
+        "tune again with the scaling of the feed drive: `fitmodels tune params.json ... --scaling S --unit "
+        f"{plain_unit(line.unit_feed)} --force`, S in {plain_unit(line.unit_feed)} per {plain_unit(pi.unit_u)}"
+    )
     return _factor(pi.unit_u, line.unit_feed, "commands", "feed limits", remedy)
 
 
