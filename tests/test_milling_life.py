@@ -337,7 +337,9 @@ def test_gains_in_position_form_drive_it_too():
     assert run.worn
     assert 180 < run.wear < 220
     assert abs(run.worst_mean) < 0.01
-    assert any("each further one with the last feed" in line for line in replays.replayed("constant-load", pf, {}, 1).lines)
+    assert any(
+        "each further one with the last feed" in line for line in replays.replayed("constant-load", pf, {}, 1).lines
+    )
 
 
 @pytest.mark.parametrize(
