@@ -229,8 +229,8 @@ def _draw_findings(pf: "ParameterFile", loop: LoadLoop, cut: Line, settling: flo
         yield FileFinding(
             "draws",
             True,
-            f"Of {words}, {100 * unstable:.0f} % make the loop unstable; on unfavourable ones (stability, slope and "
-            "level at 95 %) a tool runs from sharp to worn.",
+            f"Of {words}, {100 * unstable:.0f} % make the loop unstable (at most {100 * UNSTABLE:.0f} % allowed); on "
+            "unfavourable ones (stability, slope and level at 95 %) a tool runs from sharp to worn.",
         )
 
 
@@ -349,6 +349,7 @@ def gated_control(pf: "ParameterFile", *, accept_verdict: bool = False) -> Gated
     GateError
         The file fails the check or the gate, has no control, or a part of it must not be used for control.
     """
+    require_control(pf, accept_verdict=True)  # what no acceptance carries is named before a verdict
     view = export_view(pf, accept_verdict=accept_verdict, loop_only=True)
     found = loop_settings(pf, own_form=True)
     if found.loop is None:

@@ -216,7 +216,7 @@ def _slopes(law: "LawSection", slope: float, line: "LoadLineSection", loop: "Loa
             "units and scaling of gains and dynamics, identify and tune again.",
         )
     else:
-        yield FileFinding("slope", True, f"{words}: {slope / B:.3g} times as much.")
+        yield FileFinding("slope", True, f"{words}: ratio {slope / B:.3g}, allowed {SLOPES[0]:g} to {SLOPES[1]:g}.")
 
 
 def _limits(law: "LawSection", line: "LoadLineSection") -> Iterator[FileFinding]:
