@@ -37,7 +37,8 @@ SENSITIVE: Final = 3.0  # sensitivity peak; 1.2 to 2 are typical (Astrom & Haggl
 LONG: Final = 60.0  # s to settle
 NOT_SIMULATED: Final = (
     "No simulation checks calibration and wiring of the sensor, chatter, work, tools and operations other than those "
-    "of the load law, a reading that falls to exactly the load in air, and a sensor stuck until it is detected."
+    "of the load law, a reading that falls to exactly the load in air, a sensor stuck until it is detected, and a "
+    "sensor whose steps are coarser than its noise (equal readings for stuck_after are a fault)."
 )
 DITHER: Final = 1e-5  # of the reference: noise of a sensor whose noise is not known, so that no reading repeats
 SEED: Final = 20

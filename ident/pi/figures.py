@@ -69,7 +69,7 @@ def trade_off_figure(found: TradeOff, ax: Axes | None = None, chosen: tuple[floa
         ax.plot(found.speed, found.ms, ".", color=BLUE, alpha=0.5, label="gains of the map")
     else:
         shown = ax.scatter(
-            found.speed, found.ms, c=100 * found.probability, cmap="viridis", vmin=0, vmax=100, s=22, lw=0
+            found.speed, found.ms, c=100 * found.probability, cmap="viridis_r", vmin=0, vmax=100, s=22, lw=0
         )
         bar = ax.figure.colorbar(shown, ax=ax)
         bar.set_label("probability of the specification, %", fontsize=8)
@@ -81,7 +81,7 @@ def trade_off_figure(found: TradeOff, ax: Axes | None = None, chosen: tuple[floa
     if chosen is not None:
         ax.plot(*chosen, "o", color=ORANGE, ms=8, mec="white", label="chosen gains")
     ax.set(xlabel=f"{name}, s", ylabel="maximum sensitivity Ms")
-    ax.legend(fontsize=7, loc="best")
+    ax.legend(fontsize=7, loc="upper right")
     return ax
 
 
