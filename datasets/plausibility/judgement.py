@@ -66,7 +66,8 @@ def check_signs(draft: Draft, options: ReadOptions) -> None:
         sentence = f"{use.role} is negative in {share} rows ({values_shown}): reversed sign"
         remedy = f"--correct all:{use.role}*-1"
         if use.role not in _AXES:
-            raise DataError(f"column {draft.columns[place].name!r}: {sentence}; read it with {remedy}.")
+            read = f"--correct 'all:{use.role}*-1'"
+            raise DataError(f"column {draft.columns[place].name!r}: {sentence}; read it with {read}.")
         draft.doubts.append(Doubt((use.role,), f"{sentence}, so that no law of {use.role} is fitted", remedy))
 
 
