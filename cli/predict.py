@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items()]
     simulated = ["Not measured: the laws were fitted to a simulation."] if pf.identity.simulated else []
     doubts = [] if pf.reading is None else [f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts]
-    print_lines(lines + verdicts + simulated + doubts)
+    print_lines(verdicts + lines + simulated + doubts)
     return 0
 
 
