@@ -171,7 +171,7 @@ BAD = {
                           4, ["12 rows left out: AW missing (lines 2, 3"]),
     "zeros nearly everywhere": ("a.csv", with_column(lambda i, r: 0 if i < 10 else r[4]), 4,
                                 ["10 rows left out: AW zero or negative (lines 2, 3, 4,", "Correct"]),
-    "negative times": ("a.csv", with_time(lambda i: -1.5 - i), 3, ["t is negative in all rows", "--correct all:t*-1"]),
+    "negative times": ("a.csv", with_time(lambda i: -1.5 - i), 3, ["t is negative in all", "--correct 'all:t*-1'"]),
     "a speed that hardly moves": (
         "a.csv", table([(100 + 1e-5 * (i * 7 % 5), *r[1:]) for i, r in enumerate(ROWS)]), 4,
         ["V hardly changes", "Vary V", "--map V=none"],
