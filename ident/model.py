@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
-Structure = Literal["arx", "sriv", "output_error", "armax", "given"]
+Structure = Literal["arx", "sriv", "output_error", "armax", "box_jenkins", "given"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -36,13 +36,14 @@ class Model(Plottable):
     sample_time : float
         Seconds.
     structure : str
-        ``arx``, ``sriv``, ``output_error``, ``armax``, or ``given``.
+        ``arx``, ``sriv``, ``output_error``, ``armax``, ``box_jenkins``, or ``given``.
     cov_params : ndarray, shape (na + nb, na + nb), or None
         Covariance of ``theta`` = a_1 ... a_na, b_nk ... b_(nk+nb-1).
     noise_variance : float or None
-        Variance of the innovations (arx, armax) or of the output error (sriv, output_error), in unit_y squared.
-    c : ndarray
-        Noise polynomial of armax; otherwise 1.
+        Variance of the innovations (arx, armax, box_jenkins) or of the output error (sriv, output_error), in unit_y
+        squared.
+    c, d : ndarray
+        Noise polynomials: of armax, y = b/a u + c/a e; of box_jenkins, y = b/a u + 1/d e; otherwise 1.
     n : int or None
         Number of samples fitted.
     record : str or None
@@ -52,6 +53,9 @@ class Model(Plottable):
         Mean input and output removed before the fit.
     band : tuple of float or None
         Excited band in Hz; outside it the model is an extrapolation.
+    alternatives : tuple of (float, Model)
+        Other structures that the record supports, each with its weight; the weight of this model is one minus their
+        sum. Draws and bands are of the mixture, so that they include the uncertainty of orders and delay.
     notes : tuple of str
 
     Examples
@@ -69,6 +73,7 @@ class Model(Plottable):
     cov_params: Array | None = None
     noise_variance: float | None = None
     c: Array = field(default_factory=lambda: np.ones(1))
+    d: Array = field(default_factory=lambda: np.ones(1))
     n: int | None = None
     record: str | None = None
     input: str = "u"
@@ -77,18 +82,22 @@ class Model(Plottable):
     unit_y: str = ""
     operating_point: tuple[float, float] | None = None
     band: tuple[float, float] | None = None
+    alternatives: "tuple[tuple[float, Model], ...]" = ()
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        b, a, c = (np.atleast_1d(np.asarray(p, dtype=np.float64)) for p in (self.b, self.a, self.c))
-        for name, p in (("b", b), ("a", a), ("c", c)):
+        b, a, c, d = (np.atleast_1d(np.asarray(p, dtype=np.float64)) for p in (self.b, self.a, self.c, self.d))
+        for name, p in (("b", b), ("a", a), ("c", c), ("d", d)):
             if p.ndim != 1 or not np.isfinite(p).all():
                 raise IdentError(f"{name} of a model is {p.tolist()}: a polynomial is an array of finite numbers.")
             object.__setattr__(self, name, p)
-        if a[0] != 1 or c[0] != 1:
+        if a[0] != 1 or c[0] != 1 or d[0] != 1:
             raise IdentError(
-                f"a and c of a model start with 1, not {a[0]:g} and {c[0]:g}: divide by the first coefficient."
+                f"a, c and d of a model start with 1, not {a[0]:g}, {c[0]:g} and {d[0]:g}: divide by the first "
+                "coefficient."
             )
+        if any(not 0 < weight < 1 for weight, _ in self.alternatives) or sum(w for w, _ in self.alternatives) >= 1:
+            raise IdentError("weights of alternatives of a model: each above 0, their sum below 1.")
         if self.nk < 0 or len(b) <= self.nk or np.any(b[: self.nk] != 0):
             raise IdentError(f"b {b.tolist()} of a model with nk {self.nk}: {self.nk} zeros, then the coefficients.")
         if not self.sample_time > 0:
@@ -139,7 +148,10 @@ class Model(Plottable):
         by = np.r_[np.ones(self.na), np.full(self.nb, 1 / factor)]
         cov = None if self.cov_params is None else self.cov_params * np.outer(by, by)
         point = self.operating_point and (self.operating_point[0] * factor, self.operating_point[1])
-        return replace(self, b=self.b / factor, unit_u=unit_u, cov_params=cov, operating_point=point)
+        others = tuple((weight, other.in_units(unit_u, factor)) for weight, other in self.alternatives)
+        return replace(
+            self, b=self.b / factor, unit_u=unit_u, cov_params=cov, operating_point=point, alternatives=others
+        )
 
     @property
     def transfer_function(self) -> tuple[Array, Array, float]:
@@ -166,6 +178,16 @@ class Model(Plottable):
     def stable(self) -> bool:
         """Whether every pole lies inside the unit circle."""
         return self.radius < 1.0
+
+    @property
+    def noise(self) -> tuple[Array, Array]:
+        """Numerator and denominator of the noise model H in y = b/a u + H e.
+
+        >>> num, den = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1, structure="arx").noise
+        >>> num.tolist(), den.tolist()
+        ([1.0], [1.0, -0.5])
+        """
+        return self.c, self.a if self.structure in ("arx", "armax") else self.d
 
     @property
     def dc_gain(self) -> float:
