@@ -10,6 +10,7 @@ from linuxcnc_faults import AT, Scenario
 from linuxcnc_machine import Run
 
 PRINTED = 1e-5  # halsampler prints six decimals
+RESOLVED = 1e-3  # mm/min: the feed of the machine has reached its command
 STANDS = 1.05  # times the load that a worn tool withstands
 HALUI = 0.1  # s within which a change of the operator's override reaches its pin: 0.03 s were seen
 LAG = 0.5  # s in which the load follows the feed through the drive
@@ -34,9 +35,10 @@ def followed(loop: LoadLoop, trace: dict[str, np.ndarray], *, requested: bool = 
 
 
 def closed(loop: LoadLoop, trace: dict[str, np.ndarray], run: Run) -> dict[str, np.ndarray]:
-    """A replay in closed loop: the reference on a plant of the same equations, the feed without acceleration.
+    """A replay in closed loop: the reference on a plant of the same equations.
 
-    Of the trace it takes the digital inputs, the events in force and the noise of the reading, not the load.
+    Of the trace it takes the digital inputs, the events in force and the noise of the reading, not the load, and the
+    feed only while the path accelerates from rest, as the drive may take its next sample of the feed at any of these.
     """
     cut, controller = run.cut, ConstantLoad(loop)
     b, a = [*cut.b, 0.0, 0.0, 0.0][1:4], [*cut.a, 0.0, 0.0, 0.0][1:4]
@@ -46,8 +48,11 @@ def closed(loop: LoadLoop, trace: dict[str, np.ndarray], run: Run) -> dict[str, 
     out = {name: np.zeros(n) for name in ("u", "feed", "current", "worn")}
     noise = _noise(n, cut.noise)
     moving = trace["request"] > 0
+    reached = False
     for k in range(n):
         feed = u * run.feed * run.override if moving[k] else 0.0
+        reached = bool(moving[k]) and (reached or trace["feed"][k] >= feed - RESOLVED)
+        feed = feed if reached else trace["feed"][k]
         if k % cut.divide == 0:
             drive = sum(x * y for x, y in zip(b, feeds, strict=True)) - sum(
                 x * y for x, y in zip(a, drives, strict=True)
