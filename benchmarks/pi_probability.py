@@ -34,13 +34,13 @@ from pathlib import Path
 import numpy as np
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets.records.record import Record
+from fitmodels.ident.draws import Plants, with_theta
 from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.excitation.signals import chirp
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi import gain_search, robust_design
-from fitmodels.ident.pi.robust_design import Plants, figures_by_plant
+from fitmodels.ident.pi.robust_design import figures_by_plant
 from fitmodels.ident.pi.tuning import tune_pi
-from fitmodels.ident.responses.confidence_bands import with_theta
 
 T = 0.02
 MAP, DRAWS = 12, 200  # gains per axis, refined afterwards, and draws that choose

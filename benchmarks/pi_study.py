@@ -14,11 +14,12 @@ import time
 
 import numpy as np
 from fitmodels.datasets.records.record import Record
+from fitmodels.ident.draws import Plants, drawn_models
 from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.excitation.signals import chirp
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.feasible_region import feasible_map
-from fitmodels.ident.pi.robust_design import Plants, draws_of_models, figures_by_plant, robustness
+from fitmodels.ident.pi.robust_design import figures_by_plant, robustness
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
 
@@ -56,7 +57,7 @@ def study(snr, draws, probability=None):
     for k, model in enumerate(identified(snr, draws, 2023)):
         pi = tune_pi(model, 2.0, 4.0, n=MAP, probability=probability, nominal=probability is None, seed=10 * k)
         feasible += pi.feasible
-        stated.append(shares(draws_of_models(model, 300, seed=10 * k + 5).models, pi.gains, required))
+        stated.append(shares(drawn_models(model, 300, seed=10 * k + 5).models, pi.gains, required))
         true.append(shares([PLANT], pi.gains, required))
     stated, true = np.mean(stated, axis=0), np.mean(true, axis=0)
     tuned = f"tuned for {probability:.0%} over its draws" if probability else "tuned on the estimate"
@@ -83,7 +84,7 @@ def times():
         "map of 200 x 200": lambda: feasible_map(model, REQUIRED),
         "tuning on the estimate": lambda: tune_pi(model, 2.0, 4.0, nominal=True),
         "tuning, 90 % over 500 draws, stated on 2000": lambda: tune_pi(model, 2.0, 4.0),
-        "robustness alone, 500 draws": lambda: robustness(draws_of_models(model), gains, REQUIRED, duration=DURATION),
+        "robustness alone, 500 draws": lambda: robustness(drawn_models(model), gains, REQUIRED, duration=DURATION),
     }.items():
         wall, processor = min(timed(run) for _ in range(3))
         print(f"{name}: {wall:.2f} s, {processor:.2f} s processor time")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..core.errors import UsageError
 from .arguments import Parser
 from .output import print_lines
-from .tune import model_of
 
 if TYPE_CHECKING:
     from ..ident import Model
@@ -100,6 +99,7 @@ def _band(text: str) -> tuple[float, float]:
 
 def _guess(args: argparse.Namespace) -> "Model":
     from .. import parameters
+    from ..parameters.gather.control import model_of
 
     if args.noise is None or not args.noise > 0:
         raise UsageError("--like predicts errors, which needs the noise of the sensor: add for instance --noise 0.005.")

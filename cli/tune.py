@@ -10,7 +10,6 @@ from .arguments import Parser, traced
 from .output import print_json, print_lines
 
 if TYPE_CHECKING:
-    from ..ident import Model
     from ..ident.pi.tuning import TunedPi
     from ..parameters import ParameterFile
     from ..parameters.sections.dynamics import DynamicsSection
@@ -119,28 +118,10 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def model_of(d: "DynamicsSection") -> "Model":
-    """A dynamics section as a model, with its covariance where it has one."""
-    from dataclasses import replace
-
-    import numpy as np
-
-    from ..ident import Model
-    from ..parameters.sections.base import ModelCovariance
-
-    model = Model(
-        b=np.array(d.b), a=np.array(d.a), nk=d.nk, sample_time=d.sample_time, input=d.input, output=d.output,
-        unit_u=d.unit_u, unit_y=d.unit_y, band=d.band,
-    )  # fmt: skip
-    if not isinstance(d.uncertainty, ModelCovariance):
-        return model
-    order = [d.uncertainty.of.index(name) for name in model.names]
-    return replace(model, cov_params=np.array(d.uncertainty.matrix)[np.ix_(order, order)])
-
-
 def _tuned(pf: "ParameterFile", d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
     from ..core.verdict import DO_NOT_USE, verdict_from
     from ..ident import tune_pi
+    from ..parameters.gather.control import model_of
 
     limits = {name: value for key, name in LIMITS.items() if (value := getattr(args, key)) is not None}
     controller = {name: value for name in CONTROLLER if (value := getattr(args, name)) is not None}

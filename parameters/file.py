@@ -31,7 +31,7 @@ class ParameterFile(Plottable, Section):
     Attributes
     ----------
     schema_version : str
-        ``fitmodels.parameters/4``.
+        ``fitmodels.parameters/5``.
     identity : IdentitySection
     reading : ReadingSection or None
         Doubts about the data file; None where its values were not judged, as in files of schema version 1.
@@ -69,7 +69,7 @@ class ParameterFile(Plottable, Section):
     True
     """
 
-    schema_version: Literal["fitmodels.parameters/4"] = SCHEMA
+    schema_version: Literal["fitmodels.parameters/5"] = SCHEMA
     identity: IdentitySection
     reading: ReadingSection | None = None
     design: DesignSection | None = None

@@ -156,7 +156,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/4"
+SCHEMA: Final = "fitmodels.parameters/5"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
 JUDGED = ("tool_life", "dynamics", "adaptive_force")  # sections with a verdict, as each law has one
@@ -198,20 +198,28 @@ def _without_disengagement(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, "load_line": {**line, "engagement": {**kept, **dict.fromkeys(MONITORING)}}}
 
 
+def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
+    """Data of version 4 with dynamics of one structure, whatever fields of the new names held before."""
+    dynamics = data.get("dynamics")
+    return data if dynamics is None else {**data, "dynamics": {**dynamics, "d": [1.0], "alternatives": []}}
+
+
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
 # Version 2 added ``reading``, the doubts about the data, and ``null`` of ``identity.simulated`` where it is not known.
 # Version 3 added ``verdict`` of laws, tool life, dynamics and adaptive force, ``suspects`` and ``without`` of laws.
 # Version 4 added the monitoring of the load in ``load_line.engagement`` and ``setpoint_weight``, ``verdict``,
 # ``missed``, ``probability_interval`` and ``required_probability`` of gains; it dropped ``disengage_after`` (the loop
 # disengages at once and keeps its feed) and any ``load_low`` that is not above zero.
+# Version 5 added ``d`` and ``alternatives`` of dynamics: the noise denominator, other structures and their weights.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,
     3: _without_disengagement,
+    4: _to_version_5,
 }
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 4) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 5) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

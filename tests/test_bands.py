@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
+from fitmodels.ident.draws import components, drawn_models, mixture_quantile
 from fitmodels.ident.excitation.predicted_precision import predicted_errors
 from fitmodels.ident.excitation.signals import chirp
 from fitmodels.ident.model import Model
 from fitmodels.ident.responses.confidence_bands import response_band, response_slope, step_and_slope, step_band
+from scipy.stats import norm
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 
@@ -110,3 +112,64 @@ def test_bands_hold_their_level():
         inside.append([(band.gain_low <= g) & (g <= band.gain_high), (low <= step) & (step <= high)])
     # 150 draws: three standard errors are 5 %; benchmarks/bands.py does 2000
     assert np.abs(np.mean(inside, axis=0) - 0.95).max() < 0.055
+
+
+# --- uncertainty of the orders ------------------------------------------------------------------------
+
+COV = np.diag([1e-4, 1e-4])
+ONE = Model(b=[0.0, 0.1], a=[1.0, -0.9], nk=1, sample_time=0.02, cov_params=COV * 1e-2)
+LATER = Model(b=[0.0, 0.0, 0.0, 0.12], a=[1.0, -0.88], nk=3, sample_time=0.02, cov_params=COV * 1e-2)
+EITHER = replace(ONE, alternatives=((0.3, LATER),))
+
+
+def test_draws_hold_each_structure_by_its_weight_in_random_order():
+    models = drawn_models(EITHER, 1000, seed=1).models
+    later = np.array([m.nk == 3 for m in models])
+    assert later.sum() == 300
+    assert 60 <= later[:300].sum() <= 120  # the first draws screen gains
+    thetas = np.stack([m.theta for m in models if m.nk == 3])
+    assert thetas.mean(axis=0) == pytest.approx(LATER.theta, abs=4e-3 / np.sqrt(300))
+    assert np.cov(thetas.T).diagonal() == pytest.approx([1e-6, 1e-6], rel=0.3)
+
+
+@pytest.mark.parametrize("share", [0.025, 0.2, 0.5, 0.9])
+def test_quantiles_of_a_mixture_invert_its_distribution_function(share):
+    rng = np.random.default_rng(4)
+    weights, means, errors = np.array([0.5, 0.3, 0.2]), rng.standard_normal((3, 50)), rng.uniform(0.1, 2, (3, 50))
+    found = mixture_quantile(share, weights, means, errors)
+    assert weights @ norm.cdf(found, means, errors) == pytest.approx(share, abs=1e-9)
+
+
+def test_bands_are_those_of_the_mixture():
+    """Bands of two structures: by slopes as by draws, and those of one structure where the other weighs nothing."""
+    f, time = np.array([0.3, 1.0, 3.0]), 1.0
+    slopes, draws = (response_band(EITHER, f, method=m) for m in ("delta", "draws"))
+    for name in ("gain_low", "gain_high"):
+        assert getattr(slopes, name) == pytest.approx(getattr(draws, name), rel=0.02)
+    for name in ("phase_low", "phase_high"):
+        assert getattr(slopes, name) == pytest.approx(getattr(draws, name), abs=0.5)
+    assert slopes.gain == pytest.approx(np.abs(ONE.response(f)))
+    alone = response_band(ONE, f)
+    assert (slopes.phase_low < alone.phase_low - 0.5).all()  # the longer delay
+    nearly = response_band(replace(ONE, alternatives=((1e-9, LATER),)), f)
+    assert nearly.gain_high == pytest.approx(alone.gain_high, rel=1e-6)
+    a, b = (step_band(EITHER, time, method=m) for m in ("delta", "draws"))
+    assert b.low == pytest.approx(a.low, abs=0.2 * a.error.max())
+    assert a.low[2] < 0.01 < ONE.simulate(np.ones(3))[2]
+
+
+def test_an_integrator_is_drawn_with_its_pole_at_1():
+    """y = y + 0.1 u / (1 - .5 q^-1): the covariance is that of the gain and of the other pole alone."""
+    slope = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]])  # a = (1 - q^-1)(1 + p q^-1): a1 = p - 1, a2 = -p
+    model = Model([0.0, 0.1], [1.0, -1.5, 0.5], 1, 0.02, cov_params=slope @ np.diag([1e-2, 1e-6]) @ slope.T)
+    plants = drawn_models(model, 500, seed=2)
+    assert plants.left_out == 0
+    assert max(abs(m.a.sum()) for m in plants.models) < 1e-15
+    assert np.std([m.a[2] for m in plants.models]) == pytest.approx(0.1, rel=0.1)
+    band = step_band(model, 1.0)
+    assert (band.low <= band.step).all()
+
+
+def test_an_unstable_alternative_of_a_stable_model_is_left_out():
+    (only,) = components(replace(ONE, alternatives=((0.3, replace(LATER, a=[1.0, -1.01])),)))
+    assert (only[0], only[1].nk) == (1.0, 1)

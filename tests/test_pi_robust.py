@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError, UsageError
 from fitmodels.core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict
+from fitmodels.ident.draws import drawn_models
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
-from fitmodels.ident.pi.robust_design import STATED, Robustness, draws_of_models, reservations, robustness, share_error
+from fitmodels.ident.pi.robust_design import STATED, Robustness, reservations, robustness, share_error
 from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
 from scipy.stats import binomtest
@@ -33,14 +34,14 @@ def test_the_share_is_what_calculation_gives():
     edge = 0.1 + 0.005 * 0.8416  # 80 % of the draws lie below it: they are slower
     asked = Specification(rise_time=rise(edge))
     assert rise(edge * 0.99) > rise(edge) > rise(edge * 1.01)
-    held = robustness(draws_of_models(FIRST, 4000, seed=3), gains, asked, duration=20.0)
+    held = robustness(drawn_models(FIRST, 4000, seed=3), gains, asked, duration=20.0)
     assert held.probability == pytest.approx(1 - NormalDist().cdf(0.8416), abs=4 * held.error)
     assert held.missed["rise_time"] == pytest.approx(1 - held.probability)
     assert held.error == pytest.approx(np.sqrt(0.2 * 0.8 / 4000), rel=0.1)
 
 
 def test_draws_have_the_covariance_of_the_model():
-    thetas = np.array([m.theta for m in draws_of_models(LOOSE, 4000, seed=1).models])
+    thetas = np.array([m.theta for m in drawn_models(LOOSE, 4000, seed=1).models])
     assert thetas.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.06)
     assert thetas.mean(axis=0) == pytest.approx(LOOSE.theta, abs=1e-3)
 
@@ -48,7 +49,7 @@ def test_draws_have_the_covariance_of_the_model():
 def test_a_demanded_probability_is_had_on_draws_that_were_not_used_to_choose():
     plain = tune_pi(LOOSE, rise_time=1.5, nominal=True, n=40)
     pi = tune_pi(LOOSE, rise_time=1.5, probability=0.9, draws=400, n=40)
-    fresh = draws_of_models(LOOSE, 1000, seed=77)
+    fresh = drawn_models(LOOSE, 1000, seed=77)
     before, after = (robustness(fresh, p.gains, pi.specification, duration=10.0) for p in (plain, pi))
     assert before.probability < 0.75  # the smallest Ms lies on the edge of the limit
     assert after.probability > 0.9 - 3 * after.error
@@ -74,7 +75,7 @@ def test_the_default_requires_90_per_cent():
 
 def test_draws_that_choose_gains_do_not_state_their_probability():
     """The stated probability is that of the gains on 5000 other draws, within its binomial error, over five seeds."""
-    fresh, difference, error = draws_of_models(LOOSE, 5000, seed=99), [], []
+    fresh, difference, error = drawn_models(LOOSE, 5000, seed=99), [], []
     for seed in range(5):
         pi = tune_pi(LOOSE, rise_time=1.5, probability=0.8, draws=60, seed=seed, n=16)
         assert pi.robustness.n + pi.robustness.left_out == STATED
@@ -190,7 +191,7 @@ def test_several_models_are_held_at_their_worst():
 
 def test_draws_that_run_away_are_left_out_and_told():
     slow = Model(b=[0.0, 0.1], a=[1.0, -0.98], nk=1, sample_time=0.1, cov_params=np.diag([0.02**2, 1e-6]))
-    plants = draws_of_models(slow, 1000, seed=1)
+    plants = drawn_models(slow, 1000, seed=1)
     assert plants.left_out / 1000 == pytest.approx(1 - NormalDist().cdf(1.0), abs=0.04)
     held = robustness(plants, PiGains(2.0, 1.0, 0.1), Specification(rise_time=3.0), duration=20.0)
     assert f"{plants.left_out} unstable draws" in held.words
@@ -216,10 +217,10 @@ def test_the_same_seed_gives_the_same_gains():
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
-        (lambda: draws_of_models(Model([0.0, 1.0], [1.0], 1, 0.1)), IdentError, "no covariance"),
-        (lambda: draws_of_models(LOOSE, 3), UsageError, "10 or more"),
+        (lambda: drawn_models(Model([0.0, 1.0], [1.0], 1, 0.1)), IdentError, "no covariance"),
+        (lambda: drawn_models(LOOSE, 3), UsageError, "10 or more"),
         (
-            lambda: draws_of_models(Model([0.0, 0.1], [1.0, -0.999], 1, 0.1, cov_params=np.diag([1.0, 0.0]))),
+            lambda: drawn_models(Model([0.0, 0.1], [1.0, -0.999], 1, 0.1, cov_params=np.diag([1.0, 0.0]))),
             IdentError,
             "are unstable",
         ),
@@ -235,3 +236,17 @@ def test_what_cannot_be_drawn_is_refused(call, error, words):
 def test_the_error_of_a_share_is_never_zero():
     assert share_error(1.0, 500) > 0
     assert share_error(0.5, 500) == pytest.approx(np.sqrt(0.25 / 500), rel=0.01)
+
+
+def test_the_probability_includes_the_uncertainty_of_the_orders():
+    """A fifth of the weight on a plant of half the gain, which is too slow for any of the gains of the other."""
+    slow = replace(LOOSE, b=np.array([0.0, 0.05]))
+    gains = PiGains(0.9, 1.2, 0.1)
+    asked = Specification(rise_time=3.0, overshoot=1.0)
+    alone, other, both = (
+        robustness(drawn_models(m, 1000, seed=1), gains, asked, duration=20.0).probability
+        for m in (LOOSE, slow, replace(LOOSE, alternatives=((0.2, slow),)))
+    )
+    assert both == pytest.approx(0.8 * alone + 0.2 * other, abs=0.03)
+    pi = tune_pi(replace(LOOSE, alternatives=((0.2, slow),)), rise_time=1.5, n=24)
+    assert pi.robustness.n > 1500

@@ -5,6 +5,7 @@ import hashlib
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -16,11 +17,12 @@ from fitmodels.ident.model import Model
 from fitmodels.parameters import check, collect, read, write
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.file_format import canonical_bytes, content_sha256, migrated
+from fitmodels.parameters.gather.control import dynamics_section, model_of
 from fitmodels.parameters.json_schema import DIALECT, build_schema, schema_text
 from hypothesis import given
 from hypothesis import strategies as st
 
-SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-4.json"
+SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-5.json"
 
 
 def published():
@@ -70,7 +72,7 @@ def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
     [
         lambda d: d.pop("identity"),
         lambda d: d.pop("schema_version"),
-        lambda d: d.update(schema_version="fitmodels.parameters/5"),
+        lambda d: d.update(schema_version="fitmodels.parameters/6"),
         lambda d: d["identity"].update(simulated="no"),
         lambda d: d["identity"].update(tool=""),
         lambda d: d["dynamics"].update(sample_time=0.0),
@@ -140,7 +142,7 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
 @pytest.mark.parametrize(
     ("version", "words"),
     [
-        ("fitmodels.parameters/5", "newer schema 'fitmodels.parameters/5'; this version reads fitmodels.parameters/4"),
+        ("fitmodels.parameters/6", "newer schema 'fitmodels.parameters/6'; this version reads fitmodels.parameters/5"),
         ("fitmodels.parameters/0", "older schema fitmodels.parameters/0, which this version cannot bring"),
         ("fitmodels.parameters/1", "breaks the older schema fitmodels.parameters/1 .KeyError"),
         ("fitmodels.card/1", "is it a parameter file"),
@@ -151,7 +153,7 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
 )
 def test_versions_that_cannot_be_read(version, words):
     with pytest.raises(ParameterError, match=words) as told:
-        migrated({"schema_version": version}, "params.json", STEPS, current=4)
+        migrated({"schema_version": version}, "params.json", STEPS, current=5)
     assert "\n" not in str(told.value)
 
 
@@ -161,7 +163,7 @@ def test_a_file_of_version_1_is_read_with_unknown_doubts(data, tmp_path):
     old["content_sha256"] = content_sha256(old)
     (tmp_path / "params.json").write_text(json.dumps(old))
     pf = read(tmp_path / "params.json")
-    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/4", None)
+    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/5", None)
     assert pf.content_sha256 == content_sha256(pf.model_dump(exclude_unset=True))
     assert not {finding.name for finding in check(pf).findings} & {"doubt"}
     again = read(write(pf, tmp_path / "again.json"))
@@ -200,7 +202,7 @@ def test_a_file_of_version_3_has_the_monitoring_of_the_load_left_open(data, tmp_
     }  # fmt: skip
     (tmp_path / "params.json").write_text(json.dumps(of_version_3(data, engagement)))
     pf = read(tmp_path / "params.json")
-    assert pf.schema_version == "fitmodels.parameters/4"
+    assert pf.schema_version == "fitmodels.parameters/5"
     kept = {name: value for name, value in pf.load_line.engagement.model_dump().items() if value is not None}
     assert kept == {
         "feed_programmed": 1000.0, "engage_at": 0.15, "hysteresis": 0.02, "engage_after": 0.1, "back_off": 1.0,
@@ -223,6 +225,57 @@ def test_a_file_of_version_3_without_engagement_or_gains_is_read(data, tmp_path)
         old = {name: part for name, part in of_version_3(data, None).items() if name != missing}
         (tmp_path / "params.json").write_text(json.dumps(old))
         assert getattr(read(tmp_path / "params.json"), missing) is None
+
+
+def test_a_file_of_version_4_is_read_with_dynamics_of_one_structure(data, tmp_path):
+    """Version 4 had no noise denominator and no alternatives; fields of those names were unknown to it."""
+    old = copy.deepcopy(data) | {"schema_version": "fitmodels.parameters/4"}
+    old["dynamics"] |= {"d": "foreign", "alternatives": {"foreign": 1}}
+    old["content_sha256"] = content_sha256(old)
+    (tmp_path / "params.json").write_text(json.dumps(old))
+    pf = read(tmp_path / "params.json")
+    assert (pf.schema_version, pf.dynamics.d, pf.dynamics.alternatives) == ("fitmodels.parameters/5", (1.0,), ())
+    assert check(pf).findings[0].passed is True
+    assert read(write(pf, tmp_path / "again.json")) == pf
+
+
+def test_a_model_keeps_its_noise_and_its_alternatives_in_the_file(pf, tmp_path):
+    other = Model(b=[0, 0, 0.2, 0.1], a=[1, -0.7], nk=2, sample_time=0.02, cov_params=np.diag([1e-4, 4e-4, 9e-4]))
+    model = Model(
+        b=[0, 0.1, 0.08], a=[1, -0.8], nk=1, sample_time=0.02, cov_params=np.diag([1e-4] * 3), n=500,
+        structure="box_jenkins", d=[1.0, -0.6], alternatives=((0.25, other), (0.1, replace(other, cov_params=None))),
+    )  # fmt: skip
+    changed = sealed(pf, dynamics=dynamics_section(model))
+    held = read(write(changed, tmp_path / "params.json")).dynamics
+    assert (held.structure, held.d) == ("box_jenkins", (1.0, -0.6))
+    again = model_of(held)
+    assert [weight for weight, _ in again.alternatives] == [0.25, 0.1]
+    first, second = (one for _, one in again.alternatives)
+    assert first.theta.tolist() == other.theta.tolist()
+    assert first.cov_params.tolist() == other.cov_params.tolist()
+    assert second.cov_params is None
+    assert again.cov_params.tolist() == model.cov_params.tolist()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"weight": 1.0}, "weight should be less than 1"),
+        ({"weight": 0.0}, "weight should be greater than 0"),
+        ({"nk": 2}, "b with nk 2 begins with 2 zeros"),
+        ({"a": [2.0, -0.5]}, "a starts with 1, not with 2"),
+        ({"uncertainty": {"kind": "covariance", "of": ["a1"], "matrix": [[1.0]]}}, "must be of a1, b1"),
+        ({"weight": 0.6}, "sum to 1 or more"),
+    ],
+)
+def test_an_alternative_that_is_no_model_is_refused(data, change, words, tmp_path):
+    none = {"kind": "none", "reason": "given"}
+    given = {"weight": 0.5, "b": [0.0, 0.1], "a": [1.0, -0.5], "nk": 1, "uncertainty": none}
+    data["dynamics"]["alternatives"] = [given, {**given, "weight": 0.4}]
+    data["dynamics"]["alternatives"][0] = {**given, **change}
+    (tmp_path / "params.json").write_text(json.dumps(data))
+    with pytest.raises(ParameterError, match=words):
+        read(tmp_path / "params.json")
 
 
 @pytest.mark.parametrize(

@@ -15,13 +15,15 @@ from typing import TYPE_CHECKING, Final, final
 import numpy as np
 
 from ...core.arrays import Array
-from ...core.errors import GateError, ParameterError
+from ...core.errors import GateError, IdentError, ParameterError
+from ...ident.draws import drawn_models
 from ...parameters.checks import check
 from ...parameters.checks.loop_figures import closed_loop, figures
 from ...parameters.checks.report import VERDICT, CheckReport, FileFinding
 from ...parameters.exports.loop import LoadLoop, loop_settings
 from ...parameters.exports.names import plain_lines
 from ...parameters.exports.view import ExportView, export_view
+from ...parameters.gather.control import model_of
 from ...parameters.sections.base import Covariance, ModelCovariance
 from .settings import Line, check_line, check_order, dynamics_slope, in_units_of_the_loop, line_of_file
 from .simulation import LONGEST, Bench, Tool, check_losses, drive_of, faults_of, simulate_fault, simulate_tool
@@ -198,8 +200,12 @@ def _draw_findings(pf: "ParameterFile", loop: LoadLoop, cut: Line, settling: flo
     pi, model = pf.pi, pf.dynamics
     if pi is None or model is None:
         return
-    lines, models, used = _lines(pf, cut), _models(model), []
-    used += ["the load law"] if len(lines) > 1 else []
+    try:
+        lines, models = _lines(pf, cut), _models(model)
+    except IdentError as error:
+        yield FileFinding("draws", False, f"The dynamics cannot be drawn: {error}")
+        return
+    used = ["the load law"] if len(lines) > 1 else []
     used += ["the dynamics"] if len(models) > 1 else []
     if not used:
         yield FileFinding(
@@ -259,24 +265,22 @@ def _lines(pf: "ParameterFile", cut: Line) -> list[Line]:
 
 
 def _models(model: "DynamicsSection") -> list["DynamicsSection"]:
-    """Draws of the dynamics that are stable; the model itself without a covariance."""
-    held = model.uncertainty
-    if not isinstance(held, ModelCovariance):
+    """Draws of the dynamics and of its alternatives that are stable; the model itself without a covariance.
+
+    Raises
+    ------
+    IdentError
+        Most draws are unstable.
+    """
+    if not isinstance(model.uncertainty, ModelCovariance):
         return [model]
-    rng, p, nb = np.random.default_rng(SEED + 1), len(model.a) - 1, model.nk
-    order = [held.of.index(name) for name in model.names]
-    matrix = np.array(held.matrix)[np.ix_(order, order)]
-    steps = rng.multivariate_normal(np.zeros(len(order)), matrix, DRAWS, method="eigh")
-    drawn = [
-        model.model_copy(
-            update={
-                "a": (1.0, *(np.array(model.a[1:]) + step[:p]).tolist()),
-                "b": (*model.b[:nb], *(np.array(model.b[nb:]) + step[p:]).tolist()),
-            }
-        )
-        for step in steps
+    drawn = drawn_models(model_of(model), DRAWS, SEED + 1).models
+    sections = [
+        model.model_copy(update={"a": tuple(one.a.tolist()), "b": tuple(one.b.tolist()), "nk": one.nk})
+        for one in drawn
+        if np.isfinite(one.dc_gain) and one.dc_gain > 0
     ]
-    return [one for one in drawn if one.stable and np.isfinite(one.dc_gain) and one.dc_gain > 0] or [model]
+    return sections or [model]
 
 
 def _radius(line: Line, drawn: "DynamicsSection", model: "DynamicsSection", pi: "PiSection", cut: Line) -> float:

@@ -1,8 +1,7 @@
 """Robustness to the uncertainty of the model: probability of the specification, and the worst case over plants.
 
-Plants are draws of the coefficients, theta ~ N(estimate, covariance), or given models. Unstable draws of a stable model
-are omitted: the machine was stable while it was recorded. The draws that choose gains do not state their probability,
-which would be too high: the chosen gains are those that suit these draws best.
+Plants are draws of the structures and coefficients that the record supports (`ident.draws`), or given models. The draws
+that choose gains do not state their probability, which would be too high: these gains suit these draws best.
 """
 
 import math
@@ -15,17 +14,15 @@ from numpy.typing import NDArray
 from ...core.display import Displayable, Plottable
 from ...core.errors import IdentError, UsageError
 from ...core.verdict import DO_NOT_USE, EVEN, PROBABILITY, RESERVATIONS, level_of_probability
+from ..draws import Plants, drawn_models
 from ..model import Model
-from ..responses.confidence_bands import with_theta
 from .feasible_region import FeasibleMap
 from .figures_of_merit import specified_figures
 from .gain_search import Aim, aim_of
 from .gains import PiGains
-from .loops import stable_columns
 from .specification import LIMITS, Specification, figure_of
 
 Array = NDArray[np.float64]
-FEWEST = 0.5  # share of draws that must be stable
 SCREENED, PLANTS = 144, 60  # gains screened, and the number of plants used for it
 FINALISTS = 9
 ROUNDS, STEPS = 2, 5  # of the line search towards the nominal gains: to 1/16 of it
@@ -37,24 +34,6 @@ CHOOSING, STATING, SHOWING = 0, 1, 2  # independent draws of one seed
 NORMAL = 1.959964  # two-sided 95 %
 SHOWN = 1.6  # times the limit on speed, shown in the trade-off
 STEEPEST = 2.5  # largest Ms shown
-
-
-@dataclass(frozen=True, slots=True)
-class Plants:
-    """Plants compatible with the data.
-
-    Attributes
-    ----------
-    models : tuple of Model
-    left_out : int
-        Number of unstable draws omitted.
-    given : bool
-        Given by the caller, not drawn: their share is counted, not estimated.
-    """
-
-    models: tuple[Model, ...]
-    left_out: int = 0
-    given: bool = False
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -129,38 +108,6 @@ class Robustness(Displayable):
         return f"; most often violated: {limit.words} (worst {found})"
 
 
-def draws_of_models(model: Model, draws: int = 500, seed: int | Sequence[int] = 1) -> Plants:
-    """Draws of the coefficients of a model from their normal distribution.
-
-    Raises
-    ------
-    IdentError
-        No covariance; most draws unstable where the model is stable.
-    """
-    if model.cov_params is None:
-        raise IdentError(
-            f"model of structure {model.structure!r} has no covariance: its uncertainty is unknown. Identify it "
-            "from a record, or give several models."
-        )
-    if draws < 10:
-        raise UsageError(f"draws {draws!r}: 10 or more, usually 500.")
-    rng = np.random.default_rng(seed)
-    values, vectors = np.linalg.eigh(model.cov_params)
-    scatter = vectors * np.sqrt(np.maximum(values, 0.0))
-    thetas = model.theta + rng.standard_normal((draws, len(model.theta))) @ scatter.T
-    models = tuple(with_theta(model, theta) for theta in thetas)
-    if not model.stable:
-        return Plants(models)
-    stable = stable_columns(np.stack([m.a for m in models], axis=1))
-    kept = tuple(m for m, good in zip(models, stable, strict=True) if good)
-    if len(kept) < FEWEST * draws:
-        raise IdentError(
-            f"{1 - len(kept) / draws:.0%} of the draws of the model are unstable: its uncertainty is too large "
-            "to tune on. Record longer, excite lower frequencies, or lower the orders."
-        )
-    return Plants(kept, draws - len(kept))
-
-
 def plants_of(
     model: Model, models: Sequence[Model] | None, draws: int, seed: int, *, strict: bool
 ) -> tuple[Plants | None, Plants | None, Plants | None, str]:
@@ -172,7 +119,7 @@ def plants_of(
         return None, None, None, "the model has no covariance, because it was given and not identified from a record"
     sizes = {CHOOSING: draws, STATING: max(draws, STATED), SHOWING: PICTURED}
     try:
-        choosing, stating, showing = (draws_of_models(model, n, (seed, kind)) for kind, n in sizes.items())
+        choosing, stating, showing = (drawn_models(model, n, (seed, kind)) for kind, n in sizes.items())
     except IdentError as error:
         if strict:
             raise
@@ -223,7 +170,7 @@ def robustness(
     Examples
     --------
     >>> model = Model(b=[0.0, 0.02], a=[1.0, -0.98], nk=1, sample_time=0.02, cov_params=np.diag([1e-8, 1e-8]))
-    >>> plants, limits = draws_of_models(model, 200), Specification(rise_time=0.6)
+    >>> plants, limits = drawn_models(model, 200), Specification(rise_time=0.6)
     >>> held = robustness(plants, PiGains(4.0, 4.0, 0.02), limits, duration=4.0)
     >>> held.probability, held.unstable
     (1.0, 0)

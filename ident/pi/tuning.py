@@ -12,13 +12,13 @@ from ...core.errors import IdentError, UsageError
 from ...core.suggestions import did_you_mean
 from ...core.threads import one_thread
 from ...core.verdict import DO_NOT_USE, PROBABILITY, RESERVATIONS, USABLE, Verdict, verdict_from
+from ..draws import Plants
 from ..model import Model
 from .feasible_region import FeasibleMap, horizon, map_in_units
 from .gain_search import Aim, check_aim, nominal_gains
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains
 from .loop import FiguresOfMerit, loop_of
 from .robust_design import (
-    Plants,
     Robustness,
     TradeOff,
     plants_of,

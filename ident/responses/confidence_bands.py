@@ -1,7 +1,8 @@
-"""Confidence bands of frequency and step responses from the covariance of a model.
+"""Confidence bands of frequency and step responses from the covariance of a model and of its alternatives.
 
-By the delta method for small errors, by draws of the coefficients for large ones. The band of the gain is computed for
-its logarithm, so that it stays positive.
+Quantiles of the mixture of all structures that the record supports: of normal distributions by the delta method where
+errors are small, of draws where they are large. The band of the gain is computed for its logarithm, so that it stays
+positive.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
-from ..estimators.filters import filtered, is_stable
+from ..draws import bounded, components, drawn_models, mixture_quantile
+from ..estimators.filters import filtered
 from ..estimators.free_simulation import FreeRun, regressor_columns
 from ..model import Model
 from .spectra import checked_frequencies
@@ -37,7 +39,7 @@ class ResponseBand(Plottable):
     phase, phase_low, phase_high : ndarray, shape (F,), degrees
         Unwrapped from the lowest frequency on.
     gain_error, phase_error : ndarray, shape (F,)
-        Standard errors: relative error of the gain, and degrees.
+        Standard errors, of the mixture of structures: relative error of the gain, and degrees.
     outside : ndarray of bool, shape (F,)
         Outside the excited band, where the response is an extrapolation.
     level : float
@@ -76,7 +78,7 @@ def response_band(
     Parameters
     ----------
     model : Model
-        With ``cov_params``.
+        With ``cov_params``; the band includes the uncertainty of its orders by its ``alternatives``.
     frequency : array_like, shape (F,)
         Hz, above zero to half the sample rate.
     level : float
@@ -103,23 +105,46 @@ def response_band(
     [0.943, 0.996, 1.053]
     """
     f = checked_frequencies(frequency, 0.5 / model.sample_time)
-    cov = covariance_of(model, level)
-    slope = response_slope(model, f)
-    error = np.sqrt(np.stack([np.einsum("fi,ij,fj->f", d, cov, d) for d in (slope.real, slope.imag)]))
-    g = model.response(f)
+    check_band(model, level)
+    g, parts = model.response(f), components(model)
+    weights = np.array([weight for weight, _ in parts])
+    means = np.stack([_relative(one.response(f), g) for _, one in parts])
+    errors = np.stack([_log_errors(one, f) for _, one in parts])
     gain, phase = np.abs(g), np.degrees(np.unwrap(np.angle(g)))
-    drawn = method == "draws" or (method == "auto" and error.max() > LARGE)
+    drawn = method == "draws" or (method == "auto" and errors.max() > LARGE)
     if drawn:
-        low, high = _drawn_response(model, cov, f, g, level, seed)
+        models = drawn_models(model, DRAWS, seed, least=0.0).models
+        low, high = np.quantile(np.stack([_relative(one.response(f), g) for one in models]), tails(level), axis=0)
     else:
-        spread = normal(level) * error
-        low, high = -spread, spread
+        low, high = (mixture_quantile(share, weights, means, errors) for share in tails(level))
+    error = spread_of(weights, means, errors)
     outside = np.zeros(len(f), dtype=bool) if model.band is None else (f < model.band[0]) | (f > model.band[1])
     return ResponseBand(
         f, gain, gain * np.exp(low[0]), gain * np.exp(high[0]), phase, phase + np.degrees(low[1]),
         phase + np.degrees(high[1]), error[0], np.degrees(error[1]), outside, level, "draws" if drawn else "delta",
         _unexcited(model, outside),
     )  # fmt: skip
+
+
+def _relative(response: NDArray[np.complex128], reference: NDArray[np.complex128]) -> Array:
+    """Logarithm of the relative gain, and the difference of phase within +- pi, shape (2, F)."""
+    ratio = response / reference
+    return np.stack([np.log(np.abs(ratio)), np.angle(ratio)])
+
+
+def _log_errors(model: Model, f: Array) -> Array:
+    """Standard errors of ln |G| and of the phase by the delta method, shape (2, F); 0 without a covariance."""
+    if model.cov_params is None:
+        return np.zeros((2, len(f)))
+    slope = response_slope(model, f)
+    variance = np.stack([np.einsum("fi,ij,fj->f", d, model.cov_params, d) for d in (slope.real, slope.imag)])
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+
+
+def spread_of(weights: Array, means: Array, errors: Array) -> Array:
+    """Standard deviation of mixtures: within their parts (k, ...) and between them."""
+    centre = np.tensordot(weights, means, axes=1)
+    return np.asarray(np.sqrt(np.tensordot(weights, errors**2 + (means - centre) ** 2, axes=1)), dtype=np.float64)
 
 
 def response_slope(model: Model, frequency: Array) -> NDArray[np.complex128]:
@@ -130,44 +155,23 @@ def response_slope(model: Model, frequency: Array) -> NDArray[np.complex128]:
     return np.hstack([-(z ** np.arange(1, model.na + 1)) / a, by_b]).astype(np.complex128)
 
 
-def covariance_of(model: Model, level: float) -> Array:
-    """Covariance of a model; IdentError without one, or for an invalid level."""
+def check_band(model: Model, level: float) -> None:
+    """Raise IdentError for a model without covariance, or for an invalid level."""
     if model.cov_params is None:
         raise IdentError(
             f"a model of structure {model.structure} has no covariance, hence no bands: identify it from a record."
         )
     if not 0 < level < 1:
         raise IdentError(f"level {level!r} of a band: between 0 and 1, for instance 0.95.")
-    return model.cov_params
 
 
-def normal(level: float) -> float:
-    """Two-sided quantile of the normal distribution."""
-    from statistics import NormalDist
+def tails(level: float) -> tuple[float, float]:
+    """Shares below the two ends of a band.
 
-    return NormalDist().inv_cdf((1 + level) / 2)
-
-
-def draws_of(model: Model, cov: Array, seed: int) -> Array:
-    """Draws of the coefficients from their covariance, shape (DRAWS, na + nb)."""
-    rng = np.random.default_rng(seed)
-    return rng.multivariate_normal(model.theta, cov, size=DRAWS, method="eigh", check_valid="ignore")
-
-
-def with_theta(model: Model, theta: Array) -> Model:
-    """The model with other coefficients."""
-    b, a = np.r_[np.zeros(model.nk), theta[model.na :]], np.r_[1.0, theta[: model.na]]
-    return Model(b=b, a=a, nk=model.nk, sample_time=model.sample_time)
-
-
-def _drawn_response(
-    model: Model, cov: Array, f: Array, g: NDArray[np.complex128], level: float, seed: int
-) -> tuple[Array, Array]:
-    """Quantiles of ln |G| and of the phase relative to the estimate, each (2, F)."""
-    ratio = np.log(np.stack([with_theta(model, th).response(f) for th in draws_of(model, cov, seed)]) / g)
-    both = np.stack([ratio.real, ratio.imag], axis=1)
-    low, high = np.quantile(both, [(1 - level) / 2, (1 + level) / 2], axis=0)
-    return low, high
+    >>> [round(share, 4) for share in tails(0.95)]
+    [0.025, 0.975]
+    """
+    return (1 - level) / 2, (1 + level) / 2
 
 
 def _unexcited(model: Model, outside: NDArray[np.bool_]) -> str | None:
@@ -221,28 +225,37 @@ def step_band(
     """
     if not (np.isfinite(duration) and duration >= model.sample_time):
         raise IdentError(f"duration {duration:g} s of a step response: at least one sample, {model.sample_time:g} s.")
-    if not model.stable:
+    if not bounded(model):
         raise IdentError(f"step response of a model with a pole at radius {model.radius:.4g}: it grows without bound.")
-    cov = covariance_of(model, level)
+    check_band(model, level)
     n = int(duration / model.sample_time * (1 + 1e-9)) + 1
-    step, slope = step_and_slope(model, n)
-    error = np.sqrt(np.einsum("ti,ij,tj->t", slope, cov, slope))
+    parts = [(weight, *_step_and_error(one, n)) for weight, one in components(model)]
+    weights, steps, errors = (np.stack(values) for values in zip(*parts, strict=True))
     # a slow pole makes the end of the response nonlinear first, so that the largest error decides
-    settled = max(float(np.abs(step).max()), np.finfo(float).tiny)
-    drawn = method == "draws" or (method == "auto" and error.max() > LARGE * settled)
-    low, high = step - normal(level) * error, step + normal(level) * error
+    settled = max(float(np.abs(steps[0]).max()), np.finfo(float).tiny)
+    drawn = method == "draws" or (method == "auto" and errors.max() > LARGE * settled)
     if drawn:
-        draws = [th for th in draws_of(model, cov, seed) if is_stable(np.r_[1.0, th[: model.na]])]
-        if len(draws) < FEWEST * DRAWS:
+        plants = drawn_models(model, DRAWS, seed, least=0.0)
+        if plants.left_out > (1 - FEWEST) * DRAWS:
             raise IdentError(
-                f"{1 - len(draws) / DRAWS:.0%} of the draws of the model are unstable: the step response has "
+                f"{plants.left_out / DRAWS:.0%} of the draws of the model are unstable: the step response has "
                 "no band. Record longer, excite lower frequencies, or lower the orders."
             )
-        runs = np.stack([with_theta(model, th).simulate(np.ones(n)) for th in draws])
-        low, high = np.quantile(runs, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        low, high = np.quantile(np.stack([one.simulate(np.ones(n)) for one in plants.models]), tails(level), axis=0)
+    else:
+        low, high = (mixture_quantile(share, weights, steps, errors) for share in tails(level))
     return StepBand(
-        model.sample_time * np.arange(n, dtype=np.float64), step, low, high, error, level, "draws" if drawn else "delta"
-    )
+        model.sample_time * np.arange(n, dtype=np.float64), steps[0], low, high, spread_of(weights, steps, errors),
+        level, "draws" if drawn else "delta",
+    )  # fmt: skip
+
+
+def _step_and_error(model: Model, n: int) -> tuple[Array, Array]:
+    """Step response and its standard error by the delta method, each (n,)."""
+    step, slope = step_and_slope(model, n)
+    if model.cov_params is None:
+        return step, np.zeros(n)
+    return step, np.sqrt(np.maximum(np.einsum("ti,ij,tj->t", slope, model.cov_params, slope), 0.0))
 
 
 def step_and_slope(model: Model, n: int) -> tuple[Array, Array]:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ...core.errors import GateError, ParameterError
 from ...core.verdict import Verdict
 from ..messages import short
-from ..sections.base import Section, VerdictSection
-from ..sections.dynamics import PiFigures, PiSection, PiSpecification
+from ..sections.base import ModelCovariance, Section, VerdictSection
+from ..sections.dynamics import AlternativeModel, DynamicsSection, PiFigures, PiSection, PiSpecification
 from ..sections.load_line import LimitsSection
 
 if TYPE_CHECKING:
+    from ...core.arrays import Array
     from ...ident.identification import Identification
     from ...ident.model import Model
     from ...ident.pi.gains import PiGains
@@ -49,7 +50,7 @@ def dynamics_section(
 def _model(model: "Model", held_out_fit: float | None) -> dict[str, Any]:
     return {
         "structure": model.structure,
-        **{name: [float(x) for x in getattr(model, name)] for name in ("b", "a", "c")},
+        **{name: [float(x) for x in getattr(model, name)] for name in ("b", "a", "c", "d")},
         "nk": int(model.nk),
         "sample_time": float(model.sample_time),
         **{name: getattr(model, name) for name in ("input", "output", "unit_u", "unit_y")},
@@ -60,8 +61,47 @@ def _model(model: "Model", held_out_fit: float | None) -> dict[str, Any]:
         "operating_point": _pair(model.operating_point),
         "band": _pair(model.band),
         "held_out_fit": None if held_out_fit is None else float(held_out_fit),
+        "alternatives": [
+            {
+                "weight": float(weight),
+                "structure": other.structure,
+                "b": other.b.tolist(),
+                "a": other.a.tolist(),
+                "nk": int(other.nk),
+                "uncertainty": _uncertainty(other),
+            }
+            for weight, other in model.alternatives
+        ],
         "notes": list(model.notes),
     }
+
+
+def model_of(section: DynamicsSection) -> "Model":
+    """A section of dynamics as a model, with covariance and alternatives where it has them.
+
+    >>> none = {"kind": "none", "reason": "given"}
+    >>> model_of(DynamicsSection(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1, uncertainty=none)).dc_gain
+    1.0
+    """
+    import numpy as np
+
+    from ...ident.model import Model
+
+    def covariance(of: "DynamicsSection | AlternativeModel") -> "Array | None":
+        if not isinstance(of.uncertainty, ModelCovariance):
+            return None
+        order = [of.uncertainty.of.index(name) for name in of.names]
+        return np.array(of.uncertainty.matrix, dtype=np.float64).reshape(len(order), len(order))[np.ix_(order, order)]
+
+    T, s = section.sample_time, section
+    others = tuple(
+        (o.weight, Model(b=np.array(o.b), a=np.array(o.a), nk=o.nk, sample_time=T, cov_params=covariance(o)))
+        for o in s.alternatives
+    )
+    return Model(
+        b=np.array(s.b), a=np.array(s.a), nk=s.nk, sample_time=T, cov_params=covariance(s), input=s.input,
+        output=s.output, unit_u=s.unit_u, unit_y=s.unit_y, band=s.band, alternatives=others,
+    )  # fmt: skip
 
 
 def pi_section(pi: Gains, *, scaling_u: float = 1.0, forced: str | None = None) -> dict[str, Any]:

@@ -5,6 +5,7 @@
 Source: Ljung 1999, System Identification, section 4.2. ``nk`` counts as MATLAB does; Octave's arx counts one less.
 """
 
+from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -29,6 +30,64 @@ from .base import (
 
 Array = NDArray[np.float64]
 Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
+MOST_ALTERNATIVES = 100
+
+
+class AlternativeModel(Section):
+    """Another structure that the record supports, as b(q)/a(q), with its weight.
+
+    Attributes
+    ----------
+    weight : float
+        Between 0 and 1; the weight of the model itself is one minus the sum over its alternatives.
+    structure, b, a, nk, uncertainty
+        As in the dynamics.
+
+    Examples
+    --------
+    >>> none = {"kind": "none", "reason": "given"}
+    >>> AlternativeModel(weight=0.2, b=[0.0, 0.0, 0.5], a=[1.0, -0.5], nk=2, uncertainty=none).names
+    ('a1', 'b2')
+    """
+
+    weight: Annotated[float, Field(strict=True, gt=0, lt=1)]
+    structure: Text = "given"
+    b: Polynomial
+    a: Polynomial
+    nk: Count
+    uncertainty: Annotated[ModelCovariance | NoCovariance, Field(discriminator="kind")]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        check_polynomials(self.b, self.a, self.nk, self.uncertainty)
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coefficients that were estimated: a1 ..., then b<nk> ..."""
+        return coefficient_names(self.b, self.a, self.nk)
+
+
+def coefficient_names(b: Sequence[float], a: Sequence[float], nk: int) -> tuple[str, ...]:
+    """Names of the estimated coefficients: a1 ..., then b<nk> ...
+
+    >>> coefficient_names([0.0, 0.5], [1.0, -0.5], 1)
+    ('a1', 'b1')
+    """
+    return (*(f"a{i}" for i in range(1, len(a))), *(f"b{j}" for j in range(nk, len(b))))
+
+
+def check_polynomials(
+    b: Sequence[float], a: Sequence[float], nk: int, uncertainty: ModelCovariance | NoCovariance
+) -> None:
+    """Raise ValueError unless a starts with 1, b with nk zeros, and the covariance is of their coefficients."""
+    if a[0] != 1:
+        raise ValueError(f"a starts with 1, not with {a[0]:g}")
+    if len(b) <= nk or any(b[:nk]):
+        raise ValueError(f"b with nk {nk} begins with {nk} zeros, then its coefficients")
+    names = coefficient_names(b, a, nk)
+    if isinstance(uncertainty, ModelCovariance) and set(uncertainty.of) != set(names):
+        raise ValueError(f"the covariance must be of {', '.join(names)}")
 
 
 class DynamicsSection(Plottable, Section):
@@ -37,9 +96,10 @@ class DynamicsSection(Plottable, Section):
     Attributes
     ----------
     structure : str
-        How it was estimated: ``arx``, ``sriv``, ``output_error``, ``armax``; ``given``.
-    b, a, c : tuple of float
-        Whole polynomials in z^-1: b keeps its nk leading zeros, a and the noise polynomial c start with 1.
+        How it was estimated: ``arx``, ``sriv``, ``output_error``, ``armax``, ``box_jenkins``; ``given``.
+    b, a, c, d : tuple of float
+        Whole polynomials in z^-1: b keeps its nk leading zeros; a and the noise polynomials start with 1. With white e,
+        the noise is e/a (arx), c/a e (armax), e/d (box_jenkins).
     nk : int
         Samples of delay.
     sample_time : float
@@ -58,6 +118,8 @@ class DynamicsSection(Plottable, Section):
     held_out_fit : float or None
         Per cent of the output of a record it was not fitted to that a free run explains, 100 (1 - rms error / rms);
         ``held_out_sha256`` is the checksum of that record.
+    alternatives : tuple of AlternativeModel
+        Other structures that the record supports, with their weights. Draws of the uncertainty are of this mixture.
     verdict : VerdictSection or None
         How far the model can be used, by its validation; None where it was not validated.
     notes : tuple of str
@@ -74,6 +136,7 @@ class DynamicsSection(Plottable, Section):
     b: Polynomial
     a: Polynomial
     c: Polynomial = (1.0,)
+    d: Polynomial = (1.0,)
     nk: Count
     sample_time: Positive
     input: str = "u"
@@ -88,25 +151,25 @@ class DynamicsSection(Plottable, Section):
     band: tuple[NotNegative, NotNegative] | None = None
     held_out_fit: Number | None = None
     held_out_sha256: Sha256 | None = None
+    alternatives: Annotated[tuple[AlternativeModel, ...], Field(max_length=MOST_ALTERNATIVES)] = ()
     verdict: VerdictSection | None = None
     notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.a[0] != 1 or self.c[0] != 1:
-            raise ValueError(f"a and c start with 1, not with {self.a[0]:g} and {self.c[0]:g}")
-        if len(self.b) <= self.nk or any(self.b[: self.nk]):
-            raise ValueError(f"b with nk {self.nk} begins with {self.nk} zeros, then its coefficients")
+        check_polynomials(self.b, self.a, self.nk, self.uncertainty)
+        if self.c[0] != 1 or self.d[0] != 1:
+            raise ValueError(f"c and d start with 1, not with {self.c[0]:g} and {self.d[0]:g}")
+        if sum(other.weight for other in self.alternatives) >= 1:
+            raise ValueError("the weights of the alternatives sum to 1 or more, which leaves none for the model")
         if self.band is not None and not self.band[0] < self.band[1]:
             raise ValueError(f"the band {self.band[0]:g} to {self.band[1]:g} Hz has its ends in the wrong order")
-        if isinstance(self.uncertainty, ModelCovariance) and set(self.uncertainty.of) != set(self.names):
-            raise ValueError(f"the covariance must be of {', '.join(self.names)}")
         return self
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the coefficients that were estimated: a1 ..., then b<nk> ..."""
-        return (*(f"a{i}" for i in range(1, len(self.a))), *(f"b{j}" for j in range(self.nk, len(self.b))))
+        return coefficient_names(self.b, self.a, self.nk)
 
     @property
     def poles(self) -> NDArray[np.complex128]:
