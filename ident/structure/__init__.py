@@ -1,0 +1,1 @@
+"""Choice of the model structure: candidates, continuous forms, criterion."""

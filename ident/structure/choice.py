@@ -1,0 +1,96 @@
+"""Criterion of candidate structures, guard against structure beyond the excited band, and weights.
+
+Each candidate is judged with its own noise model: with V the variance of its innovations over n samples, p parameters
+of the plant and m of the noise model, Schwarz's criterion is
+
+    BIC = n ln V + (p + m) ln n.
+
+A record without power above its excited band cannot reject poles there, and noise in the band can call for them. A
+candidate pays where its gain beyond the band exceeds the largest in the band, and for each lightly damped pole there.
+Weights of candidates are exp(-BIC difference / TEMPER): with TEMPER 2 they would be posterior probabilities of the
+orders, which are too sure where every candidate is an approximation.
+
+Sources: Schwarz 1978, Ann. Stat. 6, 461; Buckland, Burnham & Augustin 1997, doi 10.2307/2533961 (weights).
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...core.arrays import Array
+
+BEYOND = 1.5  # frequency relative to the upper end of the excited band
+RINGING = 0.9  # radius of a lightly damped pole
+TEMPER = 8.0  # chosen by benchmarks/structure_bank.py: coverage of bands
+LEAST, MOST = 0.01, 8  # smallest weight and largest number of candidates that are kept
+GRID = 60  # frequencies of the guard, in and beyond the band
+
+
+def criterion(n: int, variance: float, parameters: int, noise_order: int = 0) -> float:
+    """Schwarz's criterion of a candidate.
+
+    >>> round(criterion(100, 1.0, 2, 1), 3)
+    13.816
+    """
+    return n * math.log(max(variance, np.finfo(float).tiny)) + (parameters + noise_order) * math.log(n)
+
+
+def guard(b: Array, a: Array, sample_time: float, band: tuple[float, float], n: int) -> float:
+    """Penalty of structure beyond the excited band, in units of the criterion; 0 for a plant that falls off there.
+
+    Parameters
+    ----------
+    b, a : ndarray
+        Polynomials in z^-1, b with its leading zeros.
+    sample_time : float
+        Seconds.
+    band : (low, high)
+        Excited band, Hz.
+    n : int
+        Number of samples of the record.
+
+    Examples
+    --------
+    >>> guard(np.array([0.0, 0.1]), np.array([1.0, -0.9]), 0.02, (0.1, 2.0), 750)
+    0.0
+    >>> guard(np.array([0.0, 0.1]), np.array([1.0, 0.95]), 0.02, (0.1, 2.0), 750) > 10  # rings at 25 Hz
+    True
+    """
+    nyquist, start = 0.5 / sample_time, BEYOND * band[1]
+    if start >= nyquist:
+        return 0.0
+    inside, outside = (
+        float(np.max(_gain(b, a, f * sample_time)))
+        for f in (np.geomspace(*band, GRID), np.linspace(start, nyquist, GRID))
+    )
+    above = max(math.log(outside / inside), 0.0) if inside > 0 else 0.0
+    poles = np.roots(a)
+    ringing = (np.abs(poles) > RINGING) & (np.abs(np.angle(poles)) > 2 * math.pi * start * sample_time)
+    return (2 * above + int(ringing.sum())) * math.log(n)
+
+
+def _gain(b: Array, a: Array, turns: Array) -> Array:
+    """|b / a| at frequencies in cycles per sample."""
+    z = np.exp(-2j * np.pi * turns)
+    return np.asarray(np.abs(np.polyval(b[::-1], z)) / np.maximum(np.abs(np.polyval(a[::-1], z)), 1e-12))
+
+
+def weights(criteria: ArrayLike) -> Array:
+    """Weights of candidates, sum 1; zero for those of little weight.
+
+    Parameters
+    ----------
+    criteria : array_like, shape (C,)
+        Criterion plus guard.
+
+    Examples
+    --------
+    >>> weights([0.0, 8 * np.log(3.0), 1000.0]).round(6).tolist()
+    [0.75, 0.25, 0.0]
+    """
+    bic = np.asarray(criteria, dtype=np.float64)
+    w = np.exp(-(bic - bic.min()) / TEMPER)
+    w[np.argsort(-w, kind="stable")[MOST:]] = 0.0
+    w[w < LEAST * w.sum()] = 0.0
+    return np.asarray(w / w.sum())
