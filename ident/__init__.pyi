@@ -1,3 +1,4 @@
+from .estimators.box_jenkins import box_jenkins as box_jenkins
 from .estimators.instrumental import sriv as sriv
 from .estimators.least_squares import arx as arx
 from .estimators.order_selection import choose_order as choose_order
@@ -25,6 +26,7 @@ __all__ = [
     "PiGains",
     "armax",
     "arx",
+    "box_jenkins",
     "check_pi",
     "chirp",
     "choose_order",

@@ -8,6 +8,7 @@ that has not settled is not its operating point.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...datasets.records.record import Record
@@ -89,9 +90,25 @@ def _orthonormal(columns: Array) -> Array:
         return columns
     if not np.isfinite(columns).all():
         return np.full((len(columns), 1), np.nan)
+    return orthonormal_factors(columns)[0]
+
+
+def orthonormal_factors(columns: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Q (N, k) of the same span, triangle R (k, k), and which of the columns are kept as independent: columns = Q R."""
     Q, R = np.linalg.qr(columns)
-    own = np.abs(np.diag(R)) / np.linalg.norm(columns, axis=0)
-    return np.asarray(Q[:, own > NEARLY_ALIKE])
+    kept = np.abs(np.diag(R)) > NEARLY_ALIKE * np.sqrt((R * R).sum(axis=0))
+    return (Q, R, kept) if kept.all() else (Q[:, kept], R[np.ix_(kept, kept)], kept)
+
+
+def impulse_response_columns(den: Array, length: int, count: int, constant: bool) -> Array:
+    """Constant, then 1 / den's impulse response delayed by 0 ... count - 1: shape (length, constant + count)."""
+    out = np.zeros((length, count + constant), order="F")
+    out[:, :constant] = 1.0
+    if count:
+        h = impulse_response(den, length)
+        for k in range(min(count, length)):
+            out[k : k + len(h), constant + k] = h[: length - k]
+    return out
 
 
 def projected_out(x: Array, free: list[tuple[slice, Array]]) -> Array:
