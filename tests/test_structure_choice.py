@@ -1,0 +1,71 @@
+"""Choice among candidate structures: criterion, guard beyond the excited band, weights."""
+
+import numpy as np
+import pytest
+from fitmodels.ident.structure.choice import LEAST, MOST, criterion, guard, weights
+from scipy.signal import butter, cont2discrete
+
+T, BAND = 0.02, (0.1, 2.0)
+
+
+def test_differences_of_the_criterion_are_those_of_a_library():
+    from statsmodels.api import OLS  # BIC of linear regressions, an independent computation
+
+    rng = np.random.default_rng(1)
+    X = rng.standard_normal((200, 4))
+    y = X @ [1.0, -0.5, 0.1, 0.0] + rng.standard_normal(200)
+    ours, theirs = [], []
+    for p in (1, 2, 3, 4):
+        fit = OLS(y, X[:, :p]).fit()
+        ours.append(criterion(200, fit.ssr / 200, p))
+        theirs.append(fit.bic)
+    np.testing.assert_allclose(np.diff(ours), np.diff(theirs), rtol=1e-9)
+
+
+def test_a_coefficient_of_the_noise_model_counts_as_one_of_the_plant():
+    assert criterion(100, 2.0, 2, 3) == criterion(100, 2.0, 5, 0)
+
+
+def test_an_exact_fit_has_a_finite_criterion():
+    assert np.isfinite(criterion(100, 0.0, 2))
+
+
+@pytest.mark.parametrize("cutoff", [0.05, 0.5, 5.0])
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_a_low_pass_plant_pays_nothing(order, cutoff):
+    b, a = butter(order, cutoff, fs=1 / T)
+    assert guard(b, a, T, BAND, 750) == 0.0
+
+
+def test_a_resonance_in_the_band_pays_nothing_and_one_beyond_pays():
+    def drive(hz):
+        w = 2 * np.pi * hz
+        b, a, _ = cont2discrete(([w * w], [1.0, 0.02 * w, w * w]), T)
+        return np.ravel(b), a
+
+    assert guard(*drive(1.0), T, BAND, 750) == 0.0
+    assert guard(*drive(8.0), T, BAND, 750) > np.log(750)
+
+
+@pytest.mark.parametrize("factor", [1e-6, -1.0, 1e6])
+def test_the_guard_does_not_depend_on_units(factor):
+    b, a = np.array([0.0, 0.1, 0.2]), np.array([1.0, 0.5, 0.9])
+    assert guard(factor * b, a, T, BAND, 750) == pytest.approx(guard(b, a, T, BAND, 750))
+
+
+def test_a_record_excited_up_to_half_the_sample_rate_needs_no_guard():
+    assert guard(np.array([0.0, 1.0]), np.array([1.0, 0.99]), T, (0.1, 20.0), 750) == 0.0
+
+
+def test_weights_sum_to_one_fall_with_the_criterion_and_ignore_its_level():
+    bic = np.array([12.0, 3.0, 5.0, 40.0, 3.5])
+    w = weights(bic)
+    assert w.sum() == pytest.approx(1.0)
+    assert (np.diff(w[np.argsort(bic)]) <= 0).all()
+    np.testing.assert_allclose(weights(bic + 1e4), w)
+
+
+def test_little_weights_are_dropped_and_few_candidates_kept():
+    assert np.count_nonzero(weights(np.zeros(50))) == MOST
+    w = weights(np.linspace(0.0, 100.0, 50))
+    assert w[w > 0].min() >= LEAST
