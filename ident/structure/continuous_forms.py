@@ -1,0 +1,352 @@
+"""Continuous forms with few parameters fitted to a record: lags, oscillation, zero, integrators, with delay.
+
+The parameters minimise the simulation error whitened by an autoregression of the residual, by Levenberg-Marquardt from
+the best points of a grid of time constants, damping ratios and delays. Initial state and offset (of an integrating form
+also a ramp: the input at which the plant rests is not known) of each stretch are projected out. The input before a
+stretch is taken as its first value; where the first samples contradict this, they are left out.
+
+Sources: Ljung 1999, System Identification, sections 10.2 and 4.3; Soderstrom & Stoica 1989, section 7.5.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...datasets.records.record import Record
+from ..estimators.build_model import record_facts
+from ..estimators.filters import filtered, squares, whitening
+from ..model import Model
+from .form_estimation import FormData, FormFit, at_limit, form_data, free_columns, improved
+from .sampled_forms import EQUAL_LAGS, INTEGRATORS, LAG, SECOND_ORDER, Form, Sampled, sample
+
+MOST_DELAY = 60  # samples, of the grid
+BEHIND = 100.0  # of N ln V: a form that far behind the best is not refined
+DAMPING_RATIOS = {0.1: 20, 0.4: 10, 1.2: 8}  # of the grid, with the number of time constants
+COARSE = 10  # time constants of the grid
+NEIGHBOUR = 0.75  # samples: a delay further off is another minimum
+NO_DELAY = 2.0  # standard errors of the delay: below, the form without a delay is fitted too
+SURE = 2.0  # standard errors above 1: a damping ratio that is written as two time constants
+UNLIKELY = 6.0  # standard deviations of chi-squared: larger first errors come from the input before the stretch
+CHI2_MEDIAN = 0.455  # of one degree of freedom
+QUANTITIES = {"K": "gain", "T": "time constant", "zeta": "damping ratio", "Tz": "time constant of the zero",
+              "L": "delay", "T1": "time constant", "T2": "second time constant"}  # fmt: skip
+EQUATIONS = {
+    "two lags": "K / ((T1 s + 1)(T2 s + 1))",
+    "two lags with zero": "K (Tz s + 1) / ((T1 s + 1)(T2 s + 1))",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FittedForm:
+    """Continuous form fitted to a record.
+
+    Attributes
+    ----------
+    name, equation : str
+        ``lag with delay``, ``K / (T s + 1) exp(-L s)``.
+    symbols, units : tuple of str
+        K in unit_y per unit_u (per second for an integrating form), times in s.
+    values : ndarray, shape (k,)
+    cov : ndarray, shape (k, k)
+        Covariance of ``values``, coloured noise allowed for.
+    model : Model
+        Zero-order-hold model, its covariance of rank k by linear propagation.
+    e : ndarray, shape (N,)
+        Measured less simulated output with the estimated initial state and offset; zero where left out.
+    noise : ndarray
+        Autoregression that whitens ``e``; starts with 1.
+    integrating : bool
+    """
+
+    name: str
+    equation: str
+    symbols: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    cov: Array
+    model: Model
+    e: Array
+    noise: Array
+    integrating: bool
+
+    @property
+    def k(self) -> int:
+        """Number of parameters."""
+        return len(self.values)
+
+    @property
+    def bse(self) -> Array:
+        """Standard errors of ``values``."""
+        return np.sqrt(np.diag(self.cov))
+
+
+def fit_forms(
+    rec: Record, delays: Sequence[int] | None = None, *, beside: Array | None = None
+) -> tuple[FittedForm, ...]:
+    """Continuous forms fitted to a record, those that can be estimated from it.
+
+    Parameters
+    ----------
+    rec : Record
+        Centred.
+    delays : sequence of int, optional
+        Whole samples from which the delay is estimated, 0 or more; by default 0 to 60.
+    beside : ndarray, shape (N, k), optional
+        Columns added to the simulated output, their coefficients estimated: lines, drift.
+
+    Examples
+    --------
+    >>> from fitmodels.ident.continuous import sampled
+    >>> u = np.sign(np.sin(0.05 * np.arange(400) ** 1.2))
+    >>> y = sampled([2.0], [0.5, 1.0], dt=0.1, delay=0.33).simulate(u)
+    >>> y += 0.01 * np.random.default_rng(1).standard_normal(400)
+    >>> lag = fit_forms(Record(u=u, y=y, sample_time=0.1))[0]
+    >>> lag.name, lag.symbols, lag.values.round(2).tolist()
+    ('lag with delay', ('K', 'T', 'L'), [2.0, 0.5, 0.33])
+    """
+    data = form_data(rec, beside)
+    near = range(min(MOST_DELAY, data.longest // 5) + 1) if delays is None else delays
+    shifts = np.unique([0, *near])
+    with np.errstate(all="ignore"):  # a diverging trial has an infinite loss and is not taken
+        found = _fits(data, shifts)
+        data, found = _without_unknown_past(data, found, shifts)
+        found = _whitened(data, found)
+    return tuple(_described(rec, data, fit) for fit in found)
+
+
+def _fits(data: FormData, delays: Array) -> list[FormFit]:
+    """All forms fitted with white errors."""
+    scan = _scan(data, delays)
+    found = _variants(scan, LAG, [scan.starts(LAG)[0][0].p])
+    second, zero, _, undelayed = scan.starts(SECOND_ORDER[1])
+    split = [_as_two_lags(fit.p) for fit in found if fit.form.delayed]
+    found += _variants(scan, SECOND_ORDER[0], [second[0].p, *split])
+    found += _variants(scan, SECOND_ORDER[1], [zero[0].p])
+    found += _best(scan, replace(SECOND_ORDER[1], delayed=False), [undelayed[0].p[:-1]])
+    for form in INTEGRATORS:
+        found += _variants(scan, form, [np.r_[scan.starts(form)[0][0].p, 0.0]])
+    several = [_variants(scan, form, [scan.starts(form)[0][0].p]) for form in EQUAL_LAGS]
+    return found + min((fits for fits in several if fits), key=lambda fits: fits[0].loss, default=[])
+
+
+def _as_two_lags(p: Array) -> Array:
+    """K, log T, log zeta, L of two lags that act like the lag and delay p: a tenth of T is the second lag."""
+    return np.array(
+        [p[0], p[1] + math.log(0.1) / 2, math.log(0.55 / math.sqrt(0.1)), max(p[2] - 0.1 * math.exp(p[1]), 0)]
+    )
+
+
+def _best(scan: "_Scan", form: Form, starts: Sequence[Array]) -> list[FormFit]:
+    """The best fit from several starts, unless a parameter is at its bound."""
+    data = scan.data
+    runs = [run for p in starts if (run := improved(data, form, p, np.ones(1))) and not at_limit(run, data)]
+    if not runs:
+        return []
+    best = min(runs, key=lambda run: run.loss)
+    other = scan.other_delay(best) if form.delayed else None
+    again = improved(data, form, other, np.ones(1)) if other is not None else None
+    return [again if again and again.loss < best.loss and not at_limit(again, data) else best]
+
+
+def _variants(scan: "_Scan", form: Form, starts: Sequence[Array]) -> list[FormFit]:
+    """The form with its delay, and without where the delay is not clearly above zero."""
+    k = form.size - 1
+    for fit in _best(scan, form, starts):
+        found = [fit] if fit.p[k] > 0 else []
+        if "Tz" not in form.parameters and fit.p[k] <= NO_DELAY * math.sqrt(fit.cov[k, k]):
+            found += _best(scan, replace(form, delayed=False), [np.delete(fit.p, k)])
+        return found
+    return []
+
+
+def _without_unknown_past(data: FormData, found: list[FormFit], delays: Array) -> tuple[FormData, list[FormFit]]:
+    """The data less the first samples of stretches whose response to the input before them is not zero; new fits."""
+    if not found:
+        return data, found
+    best = min(found, key=lambda fit: fit.loss)
+    late = math.ceil(best.p[best.form.size - 1]) + 1 if best.form.delayed else 0
+    usual = float(np.median(np.square(best.e))) / CHI2_MEDIAN
+    skipped = tuple(late * _differs(best.e[s.start : s.start + late], s, usual) for s in data.stretches)
+    if not any(skipped):
+        return data, found
+    data = replace(data, skipped=skipped)
+    return data, _fits(data, delays)
+
+
+def _differs(first: Array, s: slice, usual: float) -> bool:
+    """Whether the first errors of a stretch are larger than the usual mean square allows."""
+    n = len(first)
+    return 0 < 2 * n < s.stop - s.start and squares(first) > usual * (n + UNLIKELY * (math.sqrt(2 * n) + UNLIKELY))
+
+
+def _whitened(data: FormData, found: list[FormFit]) -> list[FormFit]:
+    """The fits with whitened errors, where they are not far behind the best."""
+    noise = [whitening(fit.e, data.compared) for fit in found]
+    losses = [len(fit.e) * math.log(max(v, 1e-300)) for fit, (_, v) in zip(found, noise, strict=True)]
+    out = []
+    for fit, (h, _), loss in zip(found, noise, losses, strict=True):
+        coloured = len(h) > 1 and loss < min(losses) + BEHIND
+        out.append((improved(data, fit.form, fit.p, h) if coloured else None) or fit)
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """Point of the grid with the gain (and zero) of least squares: reduction of the sum of squares, parameters."""
+
+    fall: float
+    p: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Scan:
+    """Projection of the output on the responses of forms at many delays at once.
+
+    ``early`` (delays, N) holds the output advanced by each delay.
+    """
+
+    data: FormData
+    delays: Array
+    early: Array
+
+    def falls(self, form: Form, points: Sequence[Array]) -> list[tuple[Array, Array]]:
+        """Reduction of the sum of squares (delays,) and weights (delays, k) by the first k = 1 ... of the points."""
+        X = np.empty((len(self.data.y), len(points)), order="F")
+        den = np.ones(1)
+        for k, p in enumerate(points):
+            model = sample(form, p)
+            num, den = np.r_[np.zeros(model.whole + 1), model.b], np.r_[1.0, model.a]  # the same den for all
+            X[:, k] = filtered(num, den, self.data.input(form), self.data.stretches)
+        free = free_columns(self.data, den)
+        Q = np.linalg.qr(np.column_stack([free, self.data.ramp]) if form.integrating else free)[0]
+        X -= Q @ (Q.T @ X)
+        G, c = X.T @ X, self.early @ X
+        out = []
+        for k in range(1, len(points) + 1):
+            weights = np.linalg.solve(G[:k, :k] + 1e-12 * G[0, 0] * np.eye(k), c[:, :k].T).T
+            out.append((np.sum(weights * c[:, :k], axis=1), weights))
+        return out
+
+    def starts(self, form: Form) -> list[list[_Start]]:
+        """Starts by number of linear parameters (K; K and Tz), best first; then those of ``delays[0]`` alone."""
+        plain, linear = replace(form, delayed=False), 1 + (form.parameters[-1] == "Tz")
+        found: list[list[_Start]] = [[] for _ in range(2 * linear)]
+        for point in _grid(self.data, form):
+            points = [np.array([1.0, *point, *[float(k)] * (linear - 1)]) for k in range(linear)]
+            for k, (falls, weights) in enumerate(self.falls(plain, points)):
+                for at, into in ((int(np.argmax(falls)), found[k]), (0, found[linear + k])):
+                    into.append(_Start(float(falls[at]), _parameters(point, weights[at], float(self.delays[at]))))
+        return [sorted(starts, key=lambda start: -start.fall) for starts in found]
+
+    def other_delay(self, fit: FormFit) -> Array | None:
+        """Parameters of a fit with another delay at which the output is projected better, if there is one."""
+        k = fit.form.size - 1
+        unit = np.r_[1.0, fit.p[1:k]]
+        parts = [(part, *self.falls(fit.form, [np.r_[unit, part]])[0]) for part in (0.0, 0.5)]
+        falls = np.concatenate([fall for _, fall, _ in parts])
+        at = np.concatenate([self.delays + part for part, _, _ in parts])
+        best, near = int(np.argmax(falls)), int(np.argmin(np.abs(at - fit.p[k])))
+        if abs(at[best] - fit.p[k]) <= NEIGHBOUR or falls[best] <= falls[near]:
+            return None
+        gain = np.concatenate([weights[:, 0] for _, _, weights in parts])[best]
+        return np.r_[gain, fit.p[1:k], at[best], fit.p[k + 1 :]]
+
+
+def _scan(data: FormData, delays: Array) -> _Scan:
+    """The output advanced by the delays."""
+    early = np.zeros((len(delays), len(data.y)))
+    for row, d in zip(early, delays.tolist(), strict=True):
+        for s in data.stretches:
+            row[s.start : max(s.stop - d, s.start)] = data.y[s.start + d : s.stop]
+    return _Scan(data, delays.astype(np.float64), early)
+
+
+def _grid(data: FormData, form: Form) -> list[list[float]]:
+    """Points (log T, log zeta) of the grid."""
+    if "T" not in form.parameters:
+        return [[]]
+    longest = data.longest / 4
+    if "zeta" not in form.parameters:
+        return [[t] for t in np.log(np.geomspace(0.7, longest / form.order, COARSE))]
+    pairs = ((zeta, np.geomspace(0.7, longest, n)) for zeta, n in DAMPING_RATIOS.items())
+    return [[math.log(t), math.log(zeta)] for zeta, T in pairs for t in T]
+
+
+def _parameters(point: list[float], weights: Array, delay: float) -> Array:
+    """K, log T, log zeta, Tz, L of a point of the grid."""
+    gain = float(weights.sum())
+    return np.array([gain, *point, *(weights[1:] / (gain or 1.0)), delay])
+
+
+def _described(rec: Record, data: FormData, fit: FormFit) -> FittedForm:
+    """The fit in physical units, with its discrete model and its residual."""
+    form, k = fit.form, fit.form.size
+    sampled, cov = sample(form, fit.p[:k]), fit.cov[:k, :k]
+    residual = fit.plain.copy()
+    for s, skipped in zip(data.stretches, data.skipped, strict=True):
+        residual[s.start : s.start + skipped] = 0.0
+    name, symbols, values, J = _physical(form, fit.p[:k], np.sqrt(np.diag(cov)), rec.sample_time)
+    delay = " exp(-L s)" if form.delayed else ""
+    equation = EQUATIONS.get(name, form.equation) + delay
+    per = " s" if form.integrating else ""
+    gain = f"{rec.unit_y or '1'}/({rec.unit_u or '1'}{per})" if per else f"{rec.unit_y or '1'}/{rec.unit_u or '1'}"
+    units = tuple(gain if s == "K" else "" if s == "zeta" else "s" for s in symbols)
+    return FittedForm(
+        name=name + (" with delay" if form.delayed and " with " not in name else " and delay" if form.delayed else ""),
+        equation=equation,
+        symbols=symbols,
+        units=units,
+        values=values,
+        cov=J @ cov @ J.T,
+        model=_model(rec, fit, sampled, cov),
+        e=residual,
+        noise=fit.h,
+        integrating=form.integrating,
+    )
+
+
+def _model(rec: Record, fit: FormFit, sampled: Sampled, cov: Array) -> Model:
+    """The zero-order-hold model of a fit; the covariance of its coefficients has the rank of the parameters."""
+    a, da = np.r_[1.0, sampled.a], np.hstack([np.zeros((len(sampled.db), 1)), sampled.da])
+    if fit.form.integrating:
+        a, da = (
+            np.convolve(a, [1.0, -1.0]),
+            np.hstack([da, np.zeros((len(da), 1))]) - np.hstack([np.zeros((len(da), 1)), da]),
+        )
+    by = np.hstack([da[:, 1:], sampled.db])
+    nk = sampled.whole + 1
+    n, k = fit.J.shape
+    variance = fit.loss / max(n - k - len(fit.h) + 1, 1)
+    return Model(
+        b=np.r_[np.zeros(nk), sampled.b], a=a, nk=nk, structure="box_jenkins", d=fit.h, cov_params=by.T @ cov @ by,
+        noise_variance=variance, **record_facts(rec),
+    )  # fmt: skip
+
+
+def _physical(form: Form, p: Array, se: Array, dt: float) -> tuple[str, tuple[str, ...], Array, Array]:
+    """Name, symbols, values in seconds, and their derivatives with respect to p."""
+    symbols = [*form.parameters, *["L"] * form.delayed]
+    values, J = p.copy(), np.eye(len(p))
+    for i, symbol in enumerate(symbols):
+        if symbol == "K":
+            factor = 1 / dt if form.integrating else 1.0
+        elif symbol in ("T", "zeta"):
+            values[i] = math.exp(p[i])
+            factor = values[i] * (dt if symbol == "T" else 1.0)
+            values[i] = factor
+        else:
+            factor = dt
+        values[i] = values[i] if symbol in ("T", "zeta") else p[i] * factor
+        J[i, i] = factor
+    if "zeta" not in symbols or values[2] - 1 <= SURE * se[2] * values[2]:
+        return form.name, tuple(symbols), values, J
+    T, zeta = values[1], values[2]
+    root = math.sqrt(zeta**2 - 1)
+    by = np.array([[zeta + root, T * (1 + zeta / root)], [zeta - root, T * (1 - zeta / root)]])
+    values[1:3] = T * (zeta + root), T * (zeta - root)
+    J[1:3] = by @ J[1:3]
+    symbols[1:3] = ["T1", "T2"]
+    return form.name.replace("second order", "two lags"), tuple(symbols), values, J

@@ -1,0 +1,218 @@
+"""Continuous forms with few parameters, sampled with a zero-order hold, with sensitivities to their parameters.
+
+The response to an input held for one sample is h_j = s(j - lambda) - s(j - 1 - lambda), s the unit step response and
+lambda the fraction of a sample in the delay; the numerator is the product of h and a, cut behind its last coefficient
+(Cayley-Hamilton). Time is counted in samples. Source: Franklin, Powell & Workman 1998, Digital Control of Dynamic
+Systems, section 4.3.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import Array
+
+# Of the form with parameters p at times t (m,): s, g = ds/dt (m,) and the derivatives of s (parameters, m)
+Response = Callable[[Array, Array], tuple[Array, Array, Array]]
+# Denominator of the form without its integrator, and its derivatives (parameters, order)
+Denominator = Callable[[Array], tuple[Array, Array]]
+SMALL = 0.01  # of (nu t / T)^2: below, the difference of nearly equal numbers is replaced by its series
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """Structure K N(s) / (s^i D(s)) exp(-L s), i = 1 for an ``integrating`` form.
+
+    Attributes
+    ----------
+    name, equation : str
+    parameters : tuple of str
+        Of K, log T, log zeta, Tz; the delay L follows where the form has one. Times in samples.
+    order : int
+        Degree of D.
+    integrating : bool
+    delayed : bool
+    response, denominator : callable
+    """
+
+    name: str
+    equation: str
+    parameters: tuple[str, ...]
+    order: int
+    integrating: bool
+    response: Response
+    denominator: Denominator
+    delayed: bool = True
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.parameters) + self.delayed
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """Discrete model q^-(whole+1) b / a of a form and its derivatives; ``a`` (order,) without the leading 1 and pole 1.
+
+    Attributes
+    ----------
+    whole : int
+        Whole samples of delay.
+    b, db : ndarray, shape (nb,), (parameters, nb)
+    a, da : ndarray, shape (order,), (parameters, order)
+    """
+
+    whole: int
+    b: Array
+    a: Array
+    db: Array
+    da: Array
+
+
+def sample(form: Form, p: Array) -> Sampled:
+    """Zero-order-hold model of a form with parameters p (size,)."""
+    delay = float(p[-1]) if form.delayed else 0.0
+    whole = math.floor(delay)
+    nb = form.order + form.integrating + form.delayed
+    t = np.maximum(np.arange(nb + 1) - (delay - whole), 0.0)
+    own = p[: len(form.parameters)]
+    s, g, ds = form.response(t, own)
+    s[0], g[0], ds[:, 0] = 0.0, 0.0, 0.0  # nothing before the delay has passed
+    a, da = form.denominator(own)
+    if form.delayed:
+        ds, da = np.vstack([ds, -g]), np.vstack([da, np.zeros((1, form.order))])
+    full, dfull = np.r_[1.0, a], np.hstack([np.zeros((form.size, 1)), da])
+    if form.integrating:
+        full, dfull = np.convolve(full, [1.0, -1.0]), dfull @ _difference(form.order + 1)
+    h, dh = np.diff(s), np.diff(ds)
+    toeplitz, held, n = _convolution(full, nb), _convolution(h, nb), min(nb, len(full))
+    return Sampled(whole, toeplitz @ h, a, dh @ toeplitz.T + dfull[:, :n] @ held[:, :n].T, da)
+
+
+def _difference(n: int) -> Array:
+    """Matrix (n, n + 1) that multiplies a polynomial in a row by 1 - q^-1."""
+    return np.eye(n, n + 1) - np.eye(n, n + 1, 1)
+
+
+def _convolution(x: Array, n: int) -> Array:
+    """Matrix (n, n) of the first n coefficients of the product with x."""
+    out = np.zeros((n, n))
+    for k, value in enumerate(x[:n].tolist()):
+        out.flat[k * n : n * n : n + 1] = value
+    return out
+
+
+def _integrator(t: Array, p: Array) -> tuple[Array, Array, Array]:
+    return p[0] * t, np.full(len(t), p[0]), t[None].copy()
+
+
+def _no_denominator(p: Array) -> tuple[Array, Array]:
+    return np.zeros(0), np.zeros((1, 0))
+
+
+def _lag(t: Array, p: Array) -> tuple[Array, Array, Array]:
+    K, T = p[0], math.exp(p[1])
+    E = np.exp(-t / T)
+    g = K / T * E
+    return K * (1 - E), g, np.vstack([1 - E, -t * g])
+
+
+def _integrator_lag(t: Array, p: Array) -> tuple[Array, Array, Array]:
+    K, T = p[0], math.exp(p[1])
+    E = np.exp(-t / T)
+    unit = t - T * (1 - E)
+    return K * unit, K * (1 - E), np.vstack([unit, -K * (T * (1 - E) - t * E)])
+
+
+def _lag_denominator(p: Array) -> tuple[Array, Array]:
+    x = math.exp(-p[1])
+    e = math.exp(-x)
+    return np.array([-e]), np.array([[0.0], [-x * e]])
+
+
+def _modes(x: Array, zeta: float) -> tuple[Array, Array, Array]:
+    """exp(-zeta x) times C = cos(nu x), S = sin(nu x) / nu, Q = (S - x C) / nu^2; nu^2 = 1 - zeta^2 of either sign."""
+    square = 1 - zeta * zeta
+    if abs(square) < 1e-12:
+        square = 1e-12
+    nu = complex(square) ** 0.5
+    first, second = np.exp((-zeta + 1j * nu) * x), np.exp((-zeta - 1j * nu) * x)
+    c, s = ((first + second) / 2).real, ((first - second) / (2j * nu)).real
+    z = square * x * x
+    series = x**3 * np.exp(-zeta * x) * (1 / 3 - z / 30 + z * z / 840)
+    return c, s, np.where(np.abs(z) < SMALL, series, (s - x * c) / square)
+
+
+def _second_order(t: Array, p: Array) -> tuple[Array, Array, Array]:
+    K, T, zeta = p[0], math.exp(p[1]), math.exp(p[2])
+    c, s, q = _modes(t / T, zeta)
+    unit, g = 1 - c - zeta * s, K / T * s
+    return K * unit, g, np.vstack([unit, -t * g, -zeta * K * q])
+
+
+def _second_order_zero(t: Array, p: Array) -> tuple[Array, Array, Array]:
+    K, T, zeta, Tz = p[0], math.exp(p[1]), math.exp(p[2]), p[3]
+    c, s, q = _modes(t / T, zeta)
+    g, slope = s / T, (c - zeta * s) / T**2  # impulse response for K = 1, and its derivative
+    unit = 1 - c - zeta * s + Tz * g
+    by_T = -t * g - Tz * (g + t * slope)
+    by_zeta = -q + Tz / T * (zeta * q - t / T * s)
+    return K * unit, K * (g + Tz * slope), np.vstack([unit, K * by_T, zeta * K * by_zeta, K * g])
+
+
+def _second_order_denominator(p: Array) -> tuple[Array, Array]:
+    x, zeta = math.exp(-p[1]), math.exp(p[2])
+    (c,), (s,), _ = _modes(np.array([x]), zeta)
+    last = math.exp(-2 * zeta * x)
+    by_T = [-2 * x * (zeta * c + (1 - zeta * zeta) * s), 2 * zeta * x * last]
+    by_zeta = [-2 * zeta * x * (zeta * s - c), -2 * zeta * x * last]
+    rows = [[0.0, 0.0], by_T, by_zeta] + [[0.0, 0.0]] * (len(p) > 3)
+    return np.array([-2 * c, last]), np.array(rows)
+
+
+def _equal_lags(n: int) -> Response:
+    """Response of K / (T s + 1)^n."""
+
+    def response(t: Array, p: Array) -> tuple[Array, Array, Array]:
+        K, x = p[0], t * math.exp(-p[1])
+        decay = np.exp(-x)
+        unit = 1 - decay * sum(x**k / math.factorial(k) for k in range(n))
+        g = K * math.exp(-p[1]) * decay * x ** (n - 1) / math.factorial(n - 1)
+        return K * unit, g, np.vstack([unit, -t * g])
+
+    return response
+
+
+def _equal_denominator(n: int) -> Denominator:
+    """Denominator of K / (T s + 1)^n: the power n of 1 - e q^-1, e = exp(-1/T)."""
+    binomial = np.array([math.comb(n, k) for k in range(1, n + 1)], dtype=np.float64)
+    power = np.arange(1, n + 1)
+
+    def denominator(p: Array) -> tuple[Array, Array]:
+        x = math.exp(-p[1])
+        a = binomial * (-math.exp(-x)) ** power
+        return a, np.vstack([np.zeros(n), power * x * a])
+
+    return denominator
+
+
+SECOND = "(T^2 s^2 + 2 zeta T s + 1)"
+OSCILLATION = ("K", "T", "zeta")
+LAG = Form("lag", "K / (T s + 1)", ("K", "T"), 1, False, _lag, _lag_denominator)
+SECOND_ORDER = (
+    Form("second order", f"K / {SECOND}", OSCILLATION, 2, False, _second_order, _second_order_denominator),
+    Form(
+        "second order with zero", f"K (Tz s + 1) / {SECOND}", (*OSCILLATION, "Tz"), 2, False,
+        _second_order_zero, _second_order_denominator,
+    ),
+)  # fmt: skip
+INTEGRATORS = (
+    Form("integrator", "K / s", ("K",), 0, True, _integrator, _no_denominator),
+    Form("integrator with lag", "K / (s (T s + 1))", ("K", "T"), 1, True, _integrator_lag, _lag_denominator),
+)
+EQUAL_LAGS = tuple(
+    Form(f"{word} equal lags", f"K / (T s + 1)^{n}", ("K", "T"), n, False, _equal_lags(n), _equal_denominator(n))
+    for n, word in ((3, "three"), (4, "four"), (5, "five"))
+)
