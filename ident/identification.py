@@ -15,6 +15,7 @@ Source: Schwarz 1978, Ann. Stat. 6, 461; Ljung 1999, System Identification, sect
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -33,12 +34,11 @@ from .estimators.order_selection import OrderSearch, choose_order
 from .estimators.prediction_error import armax, output_error
 from .model import Model
 from .responses.spectra import excited_band
-from .validation.model_validation import Validation, validate
+from .validation.handover import Handover, arx_by_choice, judge_handover
+from .validation.model_validation import Validation
 from .validation.prediction import simulated
 
 MOST_ORDER, MOST_DELAY = 5, 10
-FITTED = 2 / 3  # of a single run; the rest is used for validation
-FEWEST = 60  # samples of each part: below, the whole record is fitted and validated
 FIRST_ORDERS = (2, 4)  # orders for the search of delays; a low order alone mistakes an inverse response for a delay
 PENALTY = 20.0  # of BIC, for nk = 0 and for each lightly damped pole beyond the band
 RINGING, BEYOND = 0.9, 1.5  # radius of a lightly damped pole; frequency relative to the upper end of the band
@@ -46,15 +46,12 @@ EXACT = 1e-18  # of the variance: a loss below it is rounding
 SURE = 2.0  # standard errors between the static gain and zero
 CHECKED = (
     "Simulation of samples not fitted",
+    "Simulation of its own record",
     "Residuals against the input",
     "Poles and settling time",
     "Static gain",
     "Closed loop",
     "Exchanged signals",
-)
-OWN_RECORD = (
-    "the record is too short to hold out samples, so the model was validated on those that it was fitted to: record a "
-    "second run"
 )
 MOST_SAMPLES = 10_000  # in the search: of longer records the middle part of this length
 
@@ -68,19 +65,19 @@ class Identification(Plottable):
     record : Record
         The record with its operating point removed.
     model : Model
-        Fitted to the whole record, with its excited band.
+        Fitted to the whole record, with its excited band: the model that is handed over.
     arx : Model
         Of the same orders by least squares, as in the papers.
     tried : DataFrame
         One row per order and delay: na, nb, nk, loss (mean square simulation error), fit (%), bic.
     one_step : OrderSearch
         Order selection by one-step errors, as in the papers; optimistic under sensor noise.
-    validation : Validation
-        Of a model of the same orders on samples not used for its fit, if the record is long enough.
-    validated_on : str
-        Samples used for validation.
+    judged : Handover
+        Validations of the model on its own record, and of its structure on samples that were not fitted.
     bias, feedback, causality : str or None
         Sentences on sensor-noise bias, feedback, and swapped signals, if detected.
+    by_choice : str or None
+        Clause on an ARX model that was handed over by choice.
     notes : tuple of str
     """
 
@@ -89,12 +86,22 @@ class Identification(Plottable):
     arx: Model
     tried: pd.DataFrame
     one_step: OrderSearch
-    validation: Validation
-    validated_on: str
+    judged: Handover
     bias: str | None
     feedback: str | None
     causality: str | None
+    by_choice: str | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def validation(self) -> Validation:
+        """Validation on samples that were not fitted, where the record is long enough."""
+        return self.judged.structure
+
+    @property
+    def validated_on(self) -> str:
+        """Samples of ``validation``, and its model where that is not the one handed over."""
+        return self.judged.where
 
     @property
     def argument(self) -> str:
@@ -117,12 +124,14 @@ class Identification(Plottable):
     def verdicts(self) -> tuple[str, ...]:
         """Verdict and reservations, worst first."""
         low, high = self.model.band or (0.0, 0.0)
-        found = [s for s in (self.causality, self.feedback, self.bias) if s]
+        found = [s for s in (self.by_choice, self.causality, self.feedback, self.bias, self.judged.apart) if s]
+        own = () if self.judged.unseen else (f"The model that is handed over {self.judged.own.verdict}.",)
         return (
             f"The model {self.validation.verdict} (validation on {self.validated_on}).",
+            *own,
             *map(sentence, found),
             f"Valid in the excited band, {low:.3g} to {high:.3g} Hz.",
-            *map(sentence, (*self.validation.remarks, *self.model.notes)),
+            *map(sentence, (*self.judged.own.remarks, *self.model.notes)),
         )
 
     @property
@@ -133,18 +142,20 @@ class Identification(Plottable):
     @property
     def verdict(self) -> Verdict:
         """How far the model can be used in the excited band, from its validation and from the checks of the record."""
-        held = [item for item in self.validation.reservations if item[1] != self.validation.feedback]
-        feedback = self.feedback or self.validation.feedback
+        signs = (self.judged.own.feedback, self.validation.feedback)
+        held = [item for item in self.judged.reservations if item[1] not in signs]
+        feedback = self.feedback or next(filter(None, signs), None)
         found = [
             *([(DO_NOT_USE, self.causality)] if self.causality else []),
             *_of_gain(self.model),
             *held,
+            *([(RESERVATIONS, self.by_choice)] if self.by_choice else []),
             *([(RESERVATIONS, feedback)] if feedback else []),
-            *([] if self.validation.held_out else [(RESERVATIONS, OWN_RECORD)]),
         ]
         simulation, *checked = CHECKED
-        done = CHECKED if self.validation.held_out else tuple(checked)
-        left = () if self.validation.held_out else (f"{simulation}: the record is too short to hold out samples",)
+        unseen = self.judged.unseen
+        done = tuple(checked) if unseen else CHECKED
+        left = (f"{simulation}: {unseen.split(',')[0]}",) if unseen else ()
         return verdict_from([(level, sentence(words)) for level, words in found], done, left)
 
 
@@ -184,6 +195,7 @@ def identify(
     most_order: int = MOST_ORDER,
     delays: Sequence[int] | None = None,
     trend: bool = False,
+    handover: Literal["chosen", "arx"] = "chosen",
 ) -> Identification:
     """Identify a plant from a record of its input and output.
 
@@ -201,6 +213,9 @@ def identify(
         Candidate delays, samples; by default 0 to 10.
     trend : bool
         Remove a linear trend from each segment, not only its mean.
+    handover : {"chosen", "arx"}
+        The model that is handed over, ``model``: the one that was chosen, or ARX of the same orders, as in the papers,
+        with a reservation.
 
     Raises
     ------
@@ -226,21 +241,24 @@ def identify(
     best = tried.iloc[0]
     na, nb, nk = (int(best[name]) for name in ("na", "nb", "nk"))
     feedback = feedback_detected(whole)
-    fitted, other, validated_on = _split(whole, held_out)
-    trained = _estimated(fitted, na, nb, nk, feedback)
-    model = trained if fitted is whole else _estimated(whole, na, nb, nk, feedback)
-    plain = arx(whole, na, nb, nk)
+    plain, chosen = arx(whole, na, nb, nk), _estimated(whole, na, nb, nk, feedback)
+    by_arx = handover == "arx"
+
+    def estimate(part: Record) -> Model:
+        return arx(part, na, nb, nk) if by_arx else _estimated(part, na, nb, nk, feedback)
+
+    model = replace(plain if by_arx else chosen, band=band)
     return Identification(
         record=whole,
-        model=replace(model, band=band),
+        model=model,
         arx=replace(plain, band=band),
         tried=tried,
         one_step=choose_order(whole),
-        validation=validate(trained, other),
-        validated_on=validated_on,
-        bias=None if feedback else warn_of_bias(plain, model, band),
+        judged=judge_handover(model, whole, estimate, held_out),
+        bias=None if feedback else warn_of_bias(plain, chosen, band),
         feedback=feedback,
         causality=causality(whole),
+        by_choice=arx_by_choice(plain, chosen, band) if by_arx else None,
         notes=notes,
     )
 
@@ -326,18 +344,3 @@ def _middle(rec: Record) -> Record:
         return rec
     start = (len(rec) - MOST_SAMPLES) // 2
     return rec.part(start, start + MOST_SAMPLES).centred()
-
-
-def _split(rec: Record, held_out: Record | None) -> tuple[Record, Record, str]:
-    """Estimation record, validation record, and a description of the latter."""
-    if held_out is not None:
-        return rec, held_out, f"{len(held_out)} held-out samples"
-    last = rec.starts[-1]
-    if len(rec.starts) > 1 and min(last, len(rec) - last) >= FEWEST:
-        words = f"run {len(rec.starts)} of {len(rec.starts)}, model of the same orders fitted to the others"
-        return rec.part(0, last), rec.part(last, len(rec)), words
-    cut = int(FITTED * len(rec))
-    if len(rec) - cut < FEWEST:
-        return rec, rec, "the estimation record, too short to hold out samples: record a second run"
-    words = f"samples {cut + 1} to {len(rec)}, model of the same orders fitted to the samples before"
-    return rec.part(0, cut).centred(), rec.part(cut, len(rec)), words

@@ -201,7 +201,10 @@ def _without_disengagement(data: dict[str, Any]) -> dict[str, Any]:
 def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
     """Data of version 4 with dynamics of one structure, whatever fields of the new names held before."""
     dynamics = data.get("dynamics")
-    return data if dynamics is None else {**data, "dynamics": {**dynamics, "d": [1.0], "alternatives": []}}
+    if dynamics is None:
+        return data
+    new = {"d": [1.0], "alternatives": [], "held_out_on": None, "own_fit": None}
+    return {**data, "dynamics": {**dynamics, **new}}
 
 
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
@@ -210,7 +213,8 @@ def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
 # Version 4 added the monitoring of the load in ``load_line.engagement`` and ``setpoint_weight``, ``verdict``,
 # ``missed``, ``probability_interval`` and ``required_probability`` of gains; it dropped ``disengage_after`` (the loop
 # disengages at once and keeps its feed) and any ``load_low`` that is not above zero.
-# Version 5 added ``d`` and ``alternatives`` of dynamics: the noise denominator, other structures and their weights.
+# Version 5 added ``d`` and ``alternatives`` of dynamics: the noise denominator, other structures and their weights;
+# ``held_out_on`` and ``own_fit``: which samples and which model a fit is of.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,

@@ -1,20 +1,27 @@
 """Judging a model: real machines simulated on unseen data, bands of residuals that hold, verdicts that warn."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitmodels import parameters
 from fitmodels.core.errors import IdentError
+from fitmodels.core.verdict import RESERVATIONS
 from fitmodels.datasets import Record, join_records
 from fitmodels.ident import figures
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.prediction_error import armax, output_error
 from fitmodels.ident.excitation.signals import chirp, prbs
+from fitmodels.ident.identification import identify
 from fitmodels.ident.model import Model
+from fitmodels.ident.pi.tuning import tune_pi
 from fitmodels.ident.responses.frequency import frequency_response
+from fitmodels.ident.validation.handover import judge_handover
 from fitmodels.ident.validation.model_validation import plausibility_remarks, settling_time, validate
 from fitmodels.ident.validation.prediction import k_steps, one_step, simulated
 from fitmodels.ident.validation.residual_tests import independence, whiteness
+from fitmodels.parameters.gather.control import model_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
@@ -242,3 +249,96 @@ def test_independence_flags_what_is_left_of_the_input():
     step = one_step(PLANT, rec, simulated(PLANT, rec))
     bent = replace(step, e=step.e + 0.05 * rec.u)
     assert independence(bent, rec.u[:, None], 0).flagged == 1.0
+
+
+# --- the model that is handed over --------------------------------------------------------------------
+
+
+def estimated(rec):
+    return output_error(rec, 3, 3, initial="offset")
+
+
+def test_what_is_judged_is_what_is_handed_over():
+    """The figures of ``own`` are those of the model in the file, on the record that it was fitted to."""
+    rec = recorded(chirp(), 30, 1)
+    found = identify(rec, orders=(3, 3, 1))
+    section = parameters.collect(tool="a", work="b", dynamics=found).dynamics
+    held = model_of(section)
+    assert held.theta.tolist() == found.model.theta.tolist()
+    error = rec.y - simulated(held, rec)
+    assert section.own_fit == pytest.approx(100 * (1 - np.std(error) / np.std(rec.y)), abs=0.01)
+    assert section.held_out_fit == found.judged.structure.fit != found.judged.own.fit
+    assert section.held_out_on == "samples 501 to 750, the same structure fitted to the samples before"
+    assert not found.judged.reservations
+
+
+def test_a_plant_that_changes_during_the_record_is_named():
+    """The static gain falls to .7 in the last third: the structure fits, but no one model."""
+    u = prbs(2.5, hold=0.2)
+    u = np.concatenate([u, u, u])[:1500]
+    y = PLANT.simulate(u)
+    y[1000:] *= 0.7
+    rec = Record(u=u, y=y + 0.005 * np.random.default_rng(1).standard_normal(len(y)), sample_time=0.02).centred()
+    model = replace(estimated(rec), band=(0.1, 2.0))
+    judged = judge_handover(model, rec, estimated)
+    assert judged.apart.startswith("the model fitted to all samples and the one that was validated (samples 1001")
+    assert "the plant changed during the record" in judged.apart
+    assert (RESERVATIONS, judged.apart) in judged.reservations
+
+
+def test_one_plant_does_not_change():
+    rec = recorded(chirp(), 20, 3).centred()
+    assert judge_handover(replace(estimated(rec), band=(0.1, 2.0)), rec, estimated).apart is None
+
+
+def test_a_poor_model_of_its_own_record_is_named_as_such():
+    rec = recorded(prbs(2.5, hold=0.2), 0, 1).centred()
+    found = judge_handover(estimated(rec), rec, estimated)
+    words = [text for _, text in found.reservations]
+    assert any(text.endswith("(model on its own record)") for text in words)
+    assert any("the same structure fitted to the samples before)" in text for text in words)
+
+
+def test_an_unstable_part_costs_only_the_held_out_fit():
+    rec = recorded(prbs(2.5, hold=0.2), 30, 1).centred()
+
+    def once(part):
+        if len(part) < len(rec):
+            raise IdentError("no stable model.")
+        return estimated(part)
+
+    found = judge_handover(estimated(rec), rec, once)
+    assert found.unseen == (
+        "the structure could not be validated on samples 501 to 750, the same structure fitted to the samples before: "
+        "no stable model"
+    )
+    assert found.reservations == ((RESERVATIONS, found.unseen),)
+
+
+def test_arx_is_handed_over_by_choice_with_its_warning():
+    """At 30 dB of sensor noise ARX is off by 30 %: its file says so, and so does the verdict on gains."""
+    rec = recorded(chirp(), 30, 1)
+    found = identify(rec, orders=(3, 3, 1), handover="arx")
+    assert found.model.structure == "arx"
+    assert found.model.theta.tolist() == found.arx.theta.tolist() == arx(rec.centred(), 3, 3).theta.tolist()
+    assert found.verdict.level >= RESERVATIONS
+    section = parameters.collect(tool="a", work="b", dynamics=found).dynamics
+    (words,) = [reason for reason in section.verdict.reasons if reason.startswith("The ARX model was handed over")]
+    assert float(re.search(r"by up to (\S+) %", words)[1]) > 15
+    assert section.structure == "arx"
+    pi = tune_pi(found, 2.0, 4.0, nominal=True, n=12)
+    assert f"Model: {words}" in pi.verdict.reasons
+
+
+def test_one_step_errors_of_box_jenkins_are_white_and_their_bands_hold():
+    """True noise model: 5 % of the lags are significant, and the one-step error is the innovation (.6 of the noise)."""
+    u, found = prbs(2.5, hold=0.2), []
+    for seed in range(20):
+        rec, other = recorded(u, 30, 2 * seed, 0.8), recorded(u, 30, 2 * seed + 1, 0.8)
+        model = replace(estimated(rec), structure="box_jenkins", d=np.array([1.0, -0.8]))
+        v = validate(model, other)
+        found.append((v.independence.flagged, v.whiteness.flagged, (100 - v.k_step_fit[1]) / (100 - v.fit)))
+    past, white, ratio = np.mean(found, axis=0)
+    assert 0.01 < past < 0.12
+    assert 0.02 < white < 0.09
+    assert ratio == pytest.approx(0.6, abs=0.05)

@@ -67,7 +67,7 @@ def free_responses(run: FreeRun, a: Array) -> list[tuple[slice, Array]]:
         if run.constant:
             n = s.stop - s.start
             columns = np.column_stack([np.ones(n), np.pad(columns, ((0, n - len(columns)), (0, 0)))])
-        out.append((slice(s.start, s.start + n), _orthonormal(columns)))
+        out.append((slice(s.start, s.start + n), orthonormal(columns)))
     return out
 
 
@@ -84,7 +84,7 @@ def constants(run: FreeRun, theta: Array) -> Array:
     return np.array(out)
 
 
-def _orthonormal(columns: Array) -> Array:
+def orthonormal(columns: Array) -> Array:
     """Orthonormal columns of the same span; NaN where an unstable model has overflowed."""
     if not columns.shape[1]:
         return columns

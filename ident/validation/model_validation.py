@@ -15,7 +15,7 @@ from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE
 from ...datasets.records.record import Record
 from ..estimators.bias_checks import feedback_detected
 from ..model import Model
-from .prediction import check_frame, fit_percent, k_steps, lagged_inputs, one_step, simulated
+from .prediction import BY_EQUATION, check_frame, fit_percent, k_steps, lagged_inputs, one_step, simulated
 from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
 
 GOOD, POOR = 80.0, 50.0  # % of fit: R2 0.96 and 0.75
@@ -78,6 +78,11 @@ class Validation(Plottable):
     verdict: str = ""
     concern: int = 0
     reservations: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def fit_reservations(self) -> tuple[tuple[int, str], ...]:
+        """The reservations about figures of the fit and about residuals, without those about poles and feedback."""
+        return tuple(item for item in self.reservations if item[1] not in (*self.remarks, self.feedback))
 
 
 def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lags: int = LAGS) -> Validation:
@@ -147,16 +152,19 @@ def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lag
         starts=other.starts,
         labels=(other.output, other.unit_y),
     )
-    return with_verdict(found, other.input)
+    return with_verdict(found, other.input, model.structure in BY_EQUATION)
 
 
-def with_verdict(found: Validation, name: str) -> Validation:
-    """The validation with its verdict in one sentence, its reservations and its level of concern."""
+def with_verdict(found: Validation, name: str, by_equation: bool) -> Validation:
+    """The validation with its verdict in one sentence, its reservations and its level of concern.
+
+    ``by_equation``: the poles of the noise are those of the plant, so that a one-step fit can hide a poor plant.
+    """
     where = "the record" if found.held_out else "its own estimation record"
     text = f"simulates {where} with {found.fit:.0f} % fit (R2 {found.rsquared:.4g})"
     nearest = min(found.k_step_fit)
     reservations = _fit_reservations(found)
-    if found.k_step_fit[nearest] - found.fit > OPTIMISM:
+    if by_equation and found.k_step_fit[nearest] - found.fit > OPTIMISM:
         optimistic = f"the {nearest}-step-ahead fit of {found.k_step_fit[nearest]:.0f} % is optimistic"
         text += f"; {optimistic}"
         reservations.append((RESERVATIONS, f"{optimistic}, the simulation fit is {found.fit:.0f} %"))

@@ -3,11 +3,13 @@
     simulation    y(t) = b/a u(t) + response of 1/a to the initial state + constant
     prediction    y = G u + H e,    e_k = (1 + h_1 q^-1 + ... + h_(k-1) q^-(k-1)) e
 
-Initial state and constant are estimated by least squares in each segment. H is 1/a for arx, c/a for armax, and 1 for
-every other structure, whose prediction over any horizon is the simulation. Source: Ljung 1999, section 3.2.
+Initial state and constant are estimated by least squares in each segment. H is 1/a for arx, c/a for armax, 1/d for
+box_jenkins and 1 for every other structure, whose prediction over any horizon is the simulation. Source: Ljung 1999,
+section 3.2.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..estimators.filters import filtered, lagged
-from ..estimators.free_simulation import FreeRun, free_responses, projected_out, regressor_columns
+from ..estimators.free_simulation import FreeRun, free_responses, orthonormal, projected_out, regressor_columns
 from ..estimators.prediction_error import equation_rows, innovations
 from ..model import Model
 
@@ -105,7 +107,12 @@ def fit_percent(y: Array, yhat: Array, stretches: tuple[slice, ...]) -> float:
     return float(100 * (1 - np.sqrt(np.sum((y - yhat) ** 2) / total)))
 
 
-PREDICTORS = ("arx", "armax")  # structures with a noise model: the others predict by simulation
+BY_EQUATION = ("arx", "armax")  # structures whose noise passes through 1/a
+
+
+def has_noise_model(model: Model) -> bool:
+    """Whether H differs from 1; otherwise a prediction is the simulation."""
+    return any(len(polynomial) > 1 for polynomial in model.noise)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +124,7 @@ class OneStep:
     e : ndarray, shape (N,)
         For the rows with all regressors, the free offset (and initial state) projected out.
     J : ndarray, shape (N, p)
-        d prediction / d coefficient: a, b, and c for armax.
+        d prediction / d coefficient: a, b, and c for armax, d for box_jenkins.
     rows : ndarray of int, shape (N,)
         Sample index of each row.
     stretches : tuple of slice
@@ -135,12 +142,8 @@ class OneStep:
 
 def one_step(model: Model, rec: Record, simulated: Array) -> OneStep:
     """One-step errors; without a noise model, the errors of the simulation ``simulated`` (N,)."""
-    if model.structure not in PREDICTORS:
-        at_u, _ = operating_points(model, rec)
-        run = FreeRun(rec.u - at_u, rec.y, rec.stretches, model.na, model.nb, model.nk, True)
-        q = free_columns(run, model.a, True)
-        J = regressor_columns(run, *(filtered([1.0], model.a, x, rec.stretches) for x in (simulated, run.u)))
-        return OneStep(rec.y - simulated, projected_out(J, q), np.arange(len(rec)), rec.stretches, q)
+    if model.structure not in BY_EQUATION:
+        return _whitened(model, rec, simulated)
     y, Phi, stretches = equation_rows(rec.centred(), model.na, model.nb, model.nk)
     span = max(model.na, model.nk + model.nb - 1)
     rows = np.concatenate([np.arange(min(s.start + span, s.stop), s.stop) for s in rec.stretches])
@@ -150,13 +153,35 @@ def one_step(model: Model, rec: Record, simulated: Array) -> OneStep:
     return OneStep(projected_out(e[:, None], q)[:, 0], projected_out(J, q), rows, stretches, q)
 
 
+def _whitened(model: Model, rec: Record, simulated: Array) -> OneStep:
+    """Simulation errors filtered by d, without the first samples of each segment, whose past is not known."""
+    at_u, _ = operating_points(model, rec)
+    run = FreeRun(rec.u - at_u, rec.y, rec.stretches, model.na, model.nb, model.nk, True)
+    q = free_columns(run, model.a, True)
+    J = regressor_columns(run, *(filtered([1.0], model.a, x, rec.stretches) for x in (simulated, run.u)))
+    e, nd = rec.y - simulated, len(model.d) - 1
+    if not nd:
+        return OneStep(e, projected_out(J, q), np.arange(len(rec)), rec.stretches, q)
+    rows = np.concatenate([np.arange(s.start + nd, s.stop) for s in rec.stretches])
+    ends = np.cumsum([0, *(s.stop - s.start - nd for s in rec.stretches)]).tolist()
+    stretches = tuple(slice(a, b) for a, b in pairwise(ends))
+    white = filtered(model.d, [1.0], np.column_stack([e, J]), rec.stretches)
+    J = np.column_stack([white[:, 1:], -lagged(e, range(1, nd + 1), rec.stretches)])
+    free = []
+    for (s, columns), to in zip(q, stretches, strict=True):
+        whole = np.zeros((to.stop - to.start + nd, columns.shape[1]))
+        whole[: s.stop - s.start] = columns
+        free.append((to, orthonormal(filtered(model.d, [1.0], whole, (slice(0, len(whole)),))[nd:])))
+    return OneStep(projected_out(white[rows, 0], free), projected_out(J[rows], free), rows, stretches, free)
+
+
 def k_steps(model: Model, step: OneStep, k: int) -> Array:
     """k-step-ahead errors, shape (N,); the first k - 1 of each segment span fewer steps."""
-    if model.structure not in PREDICTORS or k == 1:
+    if k == 1 or not has_noise_model(model):
         return step.e
     pulse = np.zeros(k)
     pulse[0] = 1.0
-    h = filtered(model.c, model.a, pulse, (slice(0, k),))
+    h = filtered(*model.noise, pulse, (slice(0, k),))
     return filtered(h, [1.0], step.e, step.stretches)
 
 

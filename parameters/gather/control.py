@@ -41,9 +41,15 @@ def dynamics_section(
     from ...ident.identification import Identification
 
     if isinstance(dynamics, Identification):
-        fit = dynamics.validation.fit if dynamics.validation.held_out else None
+        judged = dynamics.judged
+        fit, where = (None, None) if judged.unseen else (judged.structure.fit, judged.where)
         section = _model(dynamics.model, fit if held_out_fit is None else held_out_fit)
-        return {**section, "verdict": VerdictSection.of(dynamics.verdict).model_dump()}
+        return {
+            **section,
+            "held_out_on": where if held_out_fit is None else None,
+            "own_fit": float(judged.own.fit),
+            "verdict": VerdictSection.of(dynamics.verdict).model_dump(),
+        }
     return _model(dynamics, held_out_fit)
 
 

@@ -116,8 +116,12 @@ class DynamicsSection(Plottable, Section):
     band : tuple of float or None
         Hz that the record excited; the model is not supported outside.
     held_out_fit : float or None
-        Per cent of the output of a record it was not fitted to that a free run explains, 100 (1 - rms error / rms);
-        ``held_out_sha256`` is the checksum of that record.
+        Per cent of the output of samples that were not fitted that a free run explains, 100 (1 - rms error / rms);
+        ``held_out_sha256`` is the checksum of their record.
+    held_out_on : str or None
+        Samples and model of ``held_out_fit``: the same structure fitted without them, where one record was divided.
+    own_fit : float or None
+        The same of this model on the record that it was fitted to, in per cent.
     alternatives : tuple of AlternativeModel
         Other structures that the record supports, with their weights. Draws of the uncertainty are of this mixture.
     verdict : VerdictSection or None
@@ -151,6 +155,8 @@ class DynamicsSection(Plottable, Section):
     band: tuple[NotNegative, NotNegative] | None = None
     held_out_fit: Number | None = None
     held_out_sha256: Sha256 | None = None
+    held_out_on: Text | None = None
+    own_fit: Number | None = None
     alternatives: Annotated[tuple[AlternativeModel, ...], Field(max_length=MOST_ALTERNATIVES)] = ()
     verdict: VerdictSection | None = None
     notes: tuple[str, ...] = ()

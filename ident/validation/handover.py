@@ -1,0 +1,160 @@
+"""Validation of the model that is handed over, and of its structure on samples that were not fitted.
+
+The model is estimated from all samples, so no sample is left to validate it. Two validations together judge it:
+
+    structure    the same structure, estimated from a part of the record, simulates the other samples
+    own          the model itself simulates its own record; its residuals, poles and settling time are those judged
+
+Where both models differ in the excited band by more than their standard errors allow, the plant changed during the
+record, or the structure does not describe it. A record held out on purpose validates the model itself.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.errors import IdentError
+from ...core.verdict import RESERVATIONS
+from ...datasets.records.record import Record
+from ..estimators.bias_checks import FREQUENCIES, response_error
+from ..model import Model
+from .model_validation import Validation, validate
+
+FITTED = 2 / 3  # of a single run; the rest is used for validation
+FEWEST = 60  # samples of each part: below, the whole record is fitted and validated
+APART = 0.1  # of |G|: a smaller difference of the two models does not matter
+SIGNIFICANT = 4.0  # standard errors of that difference
+TOO_SHORT = "the estimation record, too short to hold out samples: record a second run"
+OWN_RECORD = (
+    "the record is too short to hold out samples, so the model was validated on those that it was fitted to: record a "
+    "second run"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Handover:
+    """Validations of the model that is handed over.
+
+    Attributes
+    ----------
+    structure : Validation
+        On samples that were not fitted, of the same structure fitted to the others; of the model itself on a record
+        that was held out; where neither can be had, ``own``.
+    own : Validation
+        Of the model on the record that it was fitted to.
+    where : str
+        Samples and model of ``structure``.
+    apart : str or None
+        Clause on the difference between the model and that of ``structure``, if it is significant.
+    unseen : str or None
+        Reason why no samples were held out.
+    """
+
+    structure: Validation
+    own: Validation
+    where: str
+    apart: str | None = None
+    unseen: str | None = None
+
+    @property
+    def reservations(self) -> tuple[tuple[int, str], ...]:
+        """Reservations with their level; each clause states which model and samples its figure is of."""
+        if self.unseen:
+            return (*self.own.reservations, (RESERVATIONS, self.unseen))
+        own = [(level, f"{words} (model on its own record)") for level, words in self.own.fit_reservations]
+        judged = self.structure.fit_reservations
+        other = [(level, f"{words} ({self.where})") for level, words in judged if not _repeated(words, own)]
+        kept = [item for item in self.own.reservations if item not in self.own.fit_reservations]
+        apart = [(RESERVATIONS, self.apart)] if self.apart else []
+        return (*other, *own, *kept, *apart)
+
+
+def _repeated(words: str, own: list[tuple[int, str]]) -> bool:
+    """Whether a clause that is no figure of the fit stands among those of the own record."""
+    return words.startswith("residuals depend") and any(text.startswith("residuals depend") for _, text in own)
+
+
+def judge_handover(
+    model: Model, whole: Record, estimate: Callable[[Record], Model], held_out: Record | None = None
+) -> Handover:
+    """Validate a model that was estimated from a whole record.
+
+    Parameters
+    ----------
+    model : Model
+        The model that is handed over, ``estimate(whole)``.
+    whole : Record
+        Centred.
+    estimate : callable
+        Estimates the same structure from any record.
+    held_out : Record, optional
+        A separate run, which the model itself is validated on.
+
+    Examples
+    --------
+    >>> from fitmodels.ident.estimators.least_squares import arx
+    >>> u, e = np.random.default_rng(1).standard_normal((2, 600))
+    >>> y = Model(b=[0.0, 0.5], a=[1.0, -0.8], nk=1, sample_time=0.02).simulate(u + 0.1 * e)
+    >>> rec = Record(u=u, y=y, sample_time=0.02).centred()
+    >>> judged = judge_handover(arx(rec, 1, 1), rec, lambda part: arx(part, 1, 1))
+    >>> judged.where, judged.reservations
+    ('samples 401 to 600, the same structure fitted to the samples before', ())
+    """
+    own = validate(model, whole)
+    if held_out is not None:
+        return Handover(validate(model, held_out), own, f"{len(held_out)} held-out samples")
+    fitted, other, where = _split(whole)
+    if fitted is whole:
+        return Handover(own, own, where, unseen=OWN_RECORD)
+    try:
+        trained = estimate(fitted)
+        structure = validate(trained, other)
+    except IdentError as error:
+        unseen = f"the structure could not be validated on {where}: {str(error).rstrip('.')}"
+        return Handover(own, own, "the estimation record", unseen=unseen)
+    return Handover(structure, own, where, _apart(model, trained, where))
+
+
+def _split(rec: Record) -> tuple[Record, Record, str]:
+    """Estimation record, validation record, and a description of the latter and of its model."""
+    last = rec.starts[-1]
+    if len(rec.starts) > 1 and min(last, len(rec) - last) >= FEWEST:
+        words = f"run {len(rec.starts)} of {len(rec.starts)}, the same structure fitted to the others"
+        return rec.part(0, last).centred(), rec.part(last, len(rec)), words
+    cut = int(FITTED * len(rec))
+    if len(rec) - cut < FEWEST:
+        return rec, rec, TOO_SHORT
+    words = f"samples {cut + 1} to {len(rec)}, the same structure fitted to the samples before"
+    return rec.part(0, cut).centred(), rec.part(cut, len(rec)), words
+
+
+def _apart(model: Model, trained: Model, where: str) -> str | None:
+    """Sentence on the largest significant difference of two models in the excited band."""
+    if model.band is None or model.cov_params is None or trained.cov_params is None:
+        return None
+    f = np.geomspace(*model.band, FREQUENCIES)
+    g, other = model.response(f), trained.response(f)
+    error = np.hypot(response_error(model, f), response_error(trained, f))
+    found = (np.abs(other - g) > APART * np.abs(g)) & (np.abs(other - g) > SIGNIFICANT * error)
+    if not found.any():
+        return None
+    k = int(np.argmax(np.where(found, np.abs(other / g - 1), 0.0)))
+    share = abs(other[k] / g[k] - 1)
+    return (
+        f"the model fitted to all samples and the one that was validated ({where}) differ by {100 * share:.0f} % at "
+        f"{f[k]:.3g} Hz, more than their standard errors allow: the plant changed during the record, or the structure "
+        "does not describe it"
+    )
+
+
+def arx_by_choice(plain: Model, reference: Model, band: tuple[float, float]) -> str:
+    """Clause on an ARX model that is handed over by choice, with its largest difference from the unbiased estimate."""
+    f = np.geomspace(*band, FREQUENCIES)
+    distance = np.abs(plain.response(f) / reference.response(f) - 1)
+    k = int(np.argmax(distance))
+    return (
+        "the ARX model was handed over by choice: in the excited band its response differs from that of the model of "
+        f"structure {reference.structure!r} by up to {100 * distance[k]:.2g} % (at {f[k]:.3g} Hz); noise of the sensor "
+        "biases ARX, and neither its standard errors nor the probability of gains tuned on it contain that bias"
+    )
