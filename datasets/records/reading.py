@@ -1,4 +1,4 @@
-"""Read a file of samples as a `Record`: sample time from the times, gaps as breaks, every assumption noted."""
+"""Read a file of samples as a `Record`: sample time from the times, gaps by their length, every assumption noted."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -13,12 +13,14 @@ from ...core.suggestions import closest
 from ..tables import Table
 from .columns import ColumnHeader, choose, find, heads, in_unit, is_counter, is_label, time_column, times
 from .formats import record_tables
+from .gaps import without_short
 from .record import Record, join_records
 from .sampling import FEWEST, sample_time_of
 from .timing import RecordOptions, Samples, timed, untimed
 
 File: TypeAlias = str | os.PathLike[str] | Table
 ROLES = ("time", "input", "output")
+PARTIAL = 0.2  # share of rows with one of two signals, beyond which one is sampled more slowly: its rows are the record
 
 
 def read_record(
@@ -118,14 +120,18 @@ def _record(table: Table, asked: RecordOptions) -> Record:
         record = untimed(samples, asked, asked.sample_time or 0.0)
     found = (*(text.rstrip(".") for text in table.warnings), *presumed, *u_notes, *y_notes, *notes, *record.notes)
     checked = (
-        *signal_findings(u.name, samples.values[:, 0], unit_u),
-        *signal_findings(y.name, samples.values[:, 1], unit_y),
+        *(
+            note
+            for head, x, unit in zip((u, y), samples.values.T, (unit_u, unit_y), strict=True)
+            for note in signal_findings(head.name, x[np.isfinite(x)], unit)
+        ),
     )
     record = replace(
         record,
         input=u.name, output=y.name, unit_u=unit_u, unit_y=unit_y,
         source=table.path.name, sha256=table.sha256, notes=(*found, *checked),
     )  # fmt: skip
+    record = without_short(record)
     return record.less(*asked.offsets) if asked.offsets is not None else record
 
 
@@ -150,18 +156,20 @@ def _units(
 def _samples(
     table: Table, clock: ColumnHeader | None, values: Array, known: Sequence[ColumnHeader]
 ) -> tuple[Samples, list[str]]:
-    """Rows without an empty cell; a row left out makes a gap in the time, and the rows around it no neighbours."""
+    """Rows with a time and a signal; a row left out makes a gap in the time, and an empty cell one in its signal."""
     time = times(clock)[0] if clock is not None else np.arange(len(values), dtype=np.float64)
-    keep = np.isfinite(time) & np.isfinite(values).all(axis=1)
+    full = np.isfinite(time) & np.isfinite(values).all(axis=1)
     notes = []
-    if not keep.all():
-        first = int(table.lines[np.flatnonzero(~keep)[0]])
-        notes.append(f"{np.count_nonzero(~keep)} row(s) lack a number, the first in line {first}: left out, as a gap")
-    if np.count_nonzero(keep) < FEWEST:
+    if not full.all():
+        first = int(table.lines[np.flatnonzero(~full)[0]])
+        notes.append(f"{np.count_nonzero(~full)} row(s) lack a number, the first in line {first}")
+    if np.count_nonzero(full) < FEWEST:
         raise DataError(
-            f"{table.path.name} has {np.count_nonzero(keep)} full rows of time, input and output; a record needs "
+            f"{table.path.name} has {np.count_nonzero(full)} full rows of time, input and output; a record needs "
             f"{FEWEST} to determine its sample time, and hundreds to identify a machine."
         )
+    partial = np.isfinite(time) & np.isfinite(values).any(axis=1)
+    keep = partial if np.count_nonzero(partial & ~full) <= PARTIAL * np.count_nonzero(full) else full
     changed = np.zeros(len(values), dtype=bool)
     for head in known:
         if is_label(head) and not is_counter(head):
@@ -171,7 +179,8 @@ def _samples(
     time, values, lines = time[keep], values[keep], table.lines[keep]
     again = np.zeros(len(time), dtype=bool)
     if clock is not None:
-        again[1:] = (np.diff(time) == 0) & (np.diff(values, axis=0) == 0).all(axis=1) & (np.diff(runs) == 0)
+        same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+        again[1:] = (np.diff(time) == 0) & same.all(axis=1) & (np.diff(runs) == 0)
         if np.count_nonzero(again) > 0.2 * len(again):
             again[:] = False  # a time that does not change, not duplicate rows
     if again.any():

@@ -32,6 +32,8 @@ class TimeAxis:
     sample_time : float, s
     starts : ndarray of int, shape (stretches,)
         First row of each stretch.
+    lost : ndarray of int, shape (rows,)
+        Samples lost before each row; -1 where a run begins, or the step is not a whole number of samples.
     jitter : float
         Largest deviation of a regular step, as a share of the sample time.
     missing : int
@@ -41,6 +43,7 @@ class TimeAxis:
 
     sample_time: float
     starts: Rows
+    lost: Rows
     jitter: float
     missing: int
     notes: tuple[str, ...]
@@ -164,10 +167,12 @@ def time_axis(
     if np.count_nonzero(stray) > FEW * np.count_nonzero(inside) or (scatter > EVEN and not rounded):
         raise DataError(_uneven(steps[inside] * seconds, name))
     T = nominal(T * seconds, (place if rounded else worst * T) * seconds / np.count_nonzero(regular))
-    missing = int(np.rint(steps[lost] * seconds / T - 1).sum())
+    before = np.full(len(time), -1)
+    before[1:] = np.where(lost, np.rint(steps * seconds / T) - 1, np.where(inside & ~stray, 0, -1))
+    missing = int(before[1:][lost].sum())
     notes = [_step_note(name, T, worst, place * seconds if rounded else 0.0)]
     notes += _break_notes(name, lines, lost, stray, missing, len(starts) - 1 - len(cuts))
-    return TimeAxis(T, np.union1d(starts, np.flatnonzero(lost | stray) + 1), worst, missing, tuple(notes))
+    return TimeAxis(T, np.flatnonzero(before), before, worst, missing, tuple(notes))
 
 
 def _refuse_repeats(steps: Array, inside: NDArray[np.bool_], name: str, lines: Rows) -> None:
@@ -225,14 +230,14 @@ def _break_notes(
     notes = []
     if restarts > 0:
         notes.append(f"{name} starts again {restarts} time(s): each is a separate run")
-    for places, what in (
-        (lost, f"{missing} sample(s) are missing"),
-        (stray, "the step is not a whole number of samples"),
+    for places, what, then in (
+        (lost, f"{missing} sample(s) are missing", ""),
+        (stray, "the step is not a whole number of samples", ": a new segment begins after each"),
     ):
         rows = np.flatnonzero(places) + 1
         if rows.size:
             shown = ", ".join(str(lines[row]) for row in rows[:3]) + (", ..." if rows.size > 3 else "")
-            notes.append(f"{what}, in {rows.size} place(s) (line {shown}): a new segment begins after each")
+            notes.append(f"{what}, in {rows.size} place(s) (line {shown}){then}")
     return notes
 
 

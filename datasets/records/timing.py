@@ -1,4 +1,4 @@
-"""Rows with or without times -> an even Record: times first, a given rate where they fail, lines where asked."""
+"""Rows with or without times -> an even Record: times first, a given rate where they fail, gaps by their length."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -8,6 +8,7 @@ import numpy as np
 from ...core.arrays import Array, is_positive
 from ...core.errors import DataError, UsageError
 from .columns import ColumnHeader, seconds_in, times
+from .gaps import fill_gaps
 from .record import Record
 from .resampling import GAP, interpolated
 from .sampling import Rows, TimeAxis, run_starts, time_axis
@@ -28,13 +29,13 @@ class RecordOptions:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Rows that hold numbers.
+    """Rows that hold a time and at least one of both signals.
 
     Attributes
     ----------
     time : ndarray, shape (n,), in its own unit
     values : ndarray, shape (n, 2)
-        Input and output.
+        Input and output; NaN where a cell is empty.
     lines, places : ndarray of int, shape (n,)
         Line in the file, and row counted with those that were left out as gaps.
     cuts : ndarray of int
@@ -50,9 +51,9 @@ class Samples:
 
 def untimed(samples: Samples, asked: RecordOptions, sample_time: float) -> Record:
     """Rows as evenly spaced samples at the given rate."""
-    gaps = np.flatnonzero(np.diff(samples.places) > 1) + 1
-    starts = np.union1d(np.union1d([0], gaps), samples.cuts)
-    return _even(samples, TimeAxis(sample_time, starts.astype(np.intp), 0.0, 0, ()), asked)
+    lost = np.diff(samples.places, prepend=-1) - 1
+    lost[[0, *samples.cuts]] = -1
+    return _even(samples, TimeAxis(sample_time, np.flatnonzero(lost), lost, 0.0, 0, ()), asked)
 
 
 def timed(clock: ColumnHeader, samples: Samples, asked: RecordOptions, unit: str | None) -> Record:
@@ -113,15 +114,26 @@ def _agree(measured: float, given: float, name: str, within: float) -> None:
 
 
 def _even(samples: Samples, axis: TimeAxis, asked: RecordOptions) -> Record:
-    u, y = samples.values.T
-    record = Record(u, y, axis.sample_time, tuple(axis.starts.tolist()), notes=axis.notes)
+    even = fill_gaps(samples.values, axis.lost, samples.lines, axis.sample_time, ("input", "output"))
+    u, y = even.values.T
+    record = Record(u, y, axis.sample_time, even.starts, notes=(*axis.notes, *even.notes))
     return record.resampled(asked.resample) if asked.resample is not None else record
+
+
+def _full(samples: Samples) -> Samples:
+    """The rows with both signals."""
+    keep = np.asarray(np.isfinite(samples.values).all(axis=1))
+    begins = np.zeros(len(keep), dtype=np.intp)
+    begins[samples.cuts] = 1
+    cuts = np.flatnonzero(np.diff(np.cumsum(begins)[keep])) + 1
+    return Samples(samples.time[keep], samples.values[keep], samples.lines[keep], samples.places[keep], cuts)
 
 
 def _uneven(samples: Samples, seconds: float, name: str, rate: float, notes: tuple[str, ...]) -> Record:
     """Uneven samples interpolated linearly at least as densely as they are, then decimated to the rate."""
     if not is_positive(rate):
         raise UsageError(f"--resample {rate!r}: a rate in Hz above zero, for instance 50.")
+    samples = _full(samples)
     starts = run_starts(samples.time, samples.cuts, name, samples.lines)
     time = samples.time * seconds
     steps = np.diff(time)

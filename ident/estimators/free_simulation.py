@@ -95,9 +95,11 @@ def orthonormal(columns: Array) -> Array:
 
 def orthonormal_factors(columns: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Q (N, k) of the same span, triangle R (k, k), and which of the columns are kept as independent: columns = Q R."""
-    Q, R = np.linalg.qr(columns)
-    kept = np.abs(np.diag(R)) > NEARLY_ALIKE * np.sqrt((R * R).sum(axis=0))
-    return (Q, R, kept) if kept.all() else (Q[:, kept], R[np.ix_(kept, kept)], kept)
+    several = columns[:, : len(columns)]  # a segment of n samples has n directions at most
+    Q, R = np.linalg.qr(several)
+    kept = np.zeros(columns.shape[1], dtype=np.bool_)
+    own = kept[: len(R)] = np.abs(np.diag(R)) > NEARLY_ALIKE * np.sqrt((R * R).sum(axis=0))
+    return (Q, R, kept) if kept.all() else (Q[:, own], R[np.ix_(own, own)], kept)
 
 
 def impulse_response_columns(den: Array, length: int, count: int, constant: bool) -> Array:

@@ -195,5 +195,5 @@ def lagged_inputs(rec: Record, step: OneStep, lags: range) -> Array:
     for column, lag in enumerate(lags):
         if lag < 0:
             for s in rec.stretches:
-                out[s.start : s.stop + lag, column] = u[s.start - lag : s.stop]
+                out[s.start : max(s.stop + lag, s.start), column] = u[min(s.start - lag, s.stop) : s.stop]
     return out[step.rows]
