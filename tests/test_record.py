@@ -1,5 +1,7 @@
 """A record keeps its stretches apart, and changes its rate without changing what it says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fitmodels.core.errors import DataError, UsageError
@@ -111,3 +113,16 @@ def test_runs_of_two_clocks_are_joined_and_the_files_named():
 def test_what_cannot_be_is_said(call, error, words):
     with pytest.raises(error, match=words):
         call(sines(5.0, n=100))
+
+
+def test_a_reference_follows_its_record():
+    """Through parts, centring, decimation and joining; one of another length is refused."""
+    rec = Record(u=np.arange(200.0), y=np.ones(200), sample_time=0.01, starts=(0, 100), reference=np.arange(200.0))
+    assert rec.part(50, 150).reference.tolist() == rec.u[50:150].tolist()
+    assert rec.centred().reference.tolist() == rec.centred().u.tolist()
+    assert rec.decimated(5).reference.tolist() == rec.decimated(5).u.tolist()
+    assert join_records([rec, rec]).reference.tolist() == [*rec.u, *rec.u]
+    with pytest.raises(DataError, match=r"reference has shape \(3,\), input \(200,\)"):
+        replace(rec, reference=np.ones(3))
+    with pytest.raises(DataError, match="1 of 2 records have a reference"):
+        join_records([rec, replace(rec, reference=None)])

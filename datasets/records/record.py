@@ -39,6 +39,8 @@ class Record(Plottable):
         File, and hash of its bytes (of the numbers, where there is no file; of the hashes, where there are several).
     notes : tuple of str
         Assumptions and corrections made when reading.
+    reference : ndarray, shape (N,), or None
+        Reference of the controller that was active, less its mean in each stretch of a centred record.
 
     Examples
     --------
@@ -59,6 +61,7 @@ class Record(Plottable):
     source: str | None = None
     sha256: str | None = None
     notes: tuple[str, ...] = ()
+    reference: Array | None = None
 
     def __post_init__(self) -> None:
         u, y = (np.ascontiguousarray(a, dtype=np.float64) for a in (self.u, self.y))
@@ -73,6 +76,8 @@ class Record(Plottable):
                     f"{name} is {values[k]} at sample {k}: a record holds numbers only. Leave the gap out and let what "
                     "follows be a separate segment (starts)."
                 )
+        if self.reference is not None:
+            object.__setattr__(self, "reference", _checked_reference(self.reference, u))
         if not is_positive(self.sample_time):
             raise DataError(f"sample_time {self.sample_time!r} s: it must be above zero, for instance 0.02 for 50 Hz.")
         starts = tuple(int(s) for s in self.starts)
@@ -126,23 +131,25 @@ class Record(Plottable):
         starts = tuple(max(self.stretches[k].start - start, 0) for k in kept)
         assert self.offsets is not None  # noqa: S101  set in __post_init__
         return replace(
-            self, u=self.u[start:stop], y=self.y[start:stop], starts=starts, offsets=self.offsets[kept], sha256=None
-        )
+            self, u=self.u[start:stop], y=self.y[start:stop], starts=starts, offsets=self.offsets[kept], sha256=None,
+            reference=None if self.reference is None else self.reference[start:stop],
+        )  # fmt: skip
 
     def centred(self, trend: bool = False) -> "Record":
         """The record minus the mean (with ``trend``, the line) of each stretch, which ``offsets`` keeps."""
         u, y = self.u.copy(), self.y.copy()
+        reference = None if self.reference is None else self.reference.copy()
         assert self.offsets is not None  # noqa: S101
-        offsets = self.offsets.copy()
+        offsets = np.column_stack([self.offsets, np.zeros(len(self.starts))])
         for k, s in enumerate(self.stretches):
-            for j, values in enumerate((u, y)):
+            for j, values in enumerate((u, y) if reference is None else (u, y, reference)):
                 mean = values[s].mean()
                 offsets[k, j] += mean
                 values[s] -= mean
                 if trend and s.stop - s.start > 1:
                     time = np.arange(s.stop - s.start) - (s.stop - s.start - 1) / 2
                     values[s] -= time * (time @ values[s]) / (time @ time)
-        return replace(self, u=u, y=y, offsets=offsets)
+        return replace(self, u=u, y=y, offsets=offsets[:, :2], reference=reference)
 
     def less(self, u: float, y: float) -> "Record":
         """The record minus one operating point for all stretches, which ``offsets`` keeps.
@@ -201,7 +208,8 @@ class Record(Plottable):
                 f"no segment of this record has 3 samples left at {self.rate * up / down:g} Hz: the longest has "
                 f"{max(s.stop - s.start for s in self.stretches)} at {self.rate:g} Hz."
             )
-        parts = [[rational(x[self.stretches[i]], up, down) for x in (self.u, self.y)] for i in kept]
+        signals = (self.u, self.y) if self.reference is None else (self.u, self.y, self.reference)
+        parts = [[rational(x[self.stretches[i]], up, down) for x in signals] for i in kept]
         begins = np.concatenate([[0], np.cumsum([len(part[0]) for part in parts])])[:-1]
         slower = min(1.0, up / down)
         notes = [
@@ -219,7 +227,19 @@ class Record(Plottable):
             offsets=self.offsets[kept],
             sha256=None,
             notes=(*self.notes, *notes),
+            reference=None if self.reference is None else np.concatenate([part[2] for part in parts]),
         )
+
+
+def _checked_reference(reference: Array, u: Array) -> Array:
+    """The reference as an array of the shape of the input; DataError if it is not one of finite numbers."""
+    values = np.ascontiguousarray(reference, dtype=np.float64)
+    if values.shape != u.shape:
+        raise DataError(f"reference has shape {values.shape}, input {u.shape}; a record needs one value per sample.")
+    if not np.isfinite(values).all():
+        k = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise DataError(f"reference is {values[k]} at sample {k}: a record holds numbers only. Leave the gap out.")
+    return values
 
 
 def join_records(records: Sequence[Record]) -> Record:
@@ -247,6 +267,12 @@ def join_records(records: Sequence[Record]) -> Record:
             )
     begin = np.concatenate([[0], np.cumsum([len(rec) for rec in records])])
     sources = dict.fromkeys(rec.source for rec in records if rec.source)
+    references = [rec.reference for rec in records if rec.reference is not None]
+    if references and len(references) < len(records):
+        raise DataError(
+            f"{len(references)} of {len(records)} records have a reference: runs that are joined are all of one loop, "
+            "or all of the open loop. Identify them separately."
+        )
     hashes = "".join(rec.sha256 or "" for rec in records)
     return replace(
         first,
@@ -257,4 +283,5 @@ def join_records(records: Sequence[Record]) -> Record:
         source=" + ".join(sources) or None,
         sha256=hashlib.sha256(hashes.encode()).hexdigest(),
         notes=tuple(dict.fromkeys(note for rec in records for note in rec.notes)),
+        reference=np.concatenate(references) if references else None,
     )

@@ -84,7 +84,14 @@ def block_means(rec: Record, k: int) -> Record:
     )
     starts = np.cumsum([0, *((s.stop - s.start) // k for s in kept)])[:-1]
     return replace(
-        rec, u=u, y=y, sample_time=rec.sample_time * k, starts=tuple(int(s) for s in starts), offsets=None, sha256=None
+        rec,
+        u=u,
+        y=y,
+        sample_time=rec.sample_time * k,
+        starts=tuple(int(s) for s in starts),
+        offsets=None,
+        sha256=None,
+        reference=None,
     )
 
 
