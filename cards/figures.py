@@ -18,6 +18,9 @@ from ..fit.law_figures import normal_quantiles, observed_against_predicted, resi
 
 if TYPE_CHECKING:
     from ..ident.identification import Identification
+    from ..ident.physical_models.drive import DriveFit
+    from ..ident.physical_models.force_process import ForceProcess
+    from ..ident.physical_models.step_response import StepFit
 
 NAMES = ("response_surfaces.png", "observed_predicted.png", "residuals.png")
 Panel = Callable[[LawFit, Axes], Axes]
@@ -117,13 +120,27 @@ def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> N
         "orders": lambda: order_map(found.one_step),
     }
     for name, draw in panels.items():
-        ax, path = computed(draw), folder / f"{name}.png"
-        if isinstance(ax, NotAvailable):
-            _save_note(f"{name}: not drawn, as {ax}", path)
-            continue
-        figure = ax.get_figure()
-        if not isinstance(figure, Figure):
-            continue
-        if caption:
-            figure.text(0.99, 0.005, caption, ha="right", va="bottom", fontsize=7, color="0.4")
-        _save(figure, path)
+        _draw_one(draw, folder / f"{name}.png", caption)
+
+
+def draw_physical(fit: "StepFit | DriveFit | ForceProcess", folder: Path, caption: str = "") -> Path:
+    """Write the figure of a physical model into ``folder`` and return its path; ``caption`` is printed on it."""
+    names = {"StepFit": "step_response", "DriveFit": "drive", "ForceProcess": "force_process"}
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{names[type(fit).__name__]}.png"
+    _draw_one(fit.plot, path, caption)
+    return path
+
+
+def _draw_one(draw: Callable[[], Axes], path: Path, caption: str) -> None:
+    """Draw and write one figure; where that fails, one with the reason."""
+    ax = computed(draw)
+    if isinstance(ax, NotAvailable):
+        _save_note(f"{path.stem}: not drawn, as {ax}", path)
+        return
+    figure = ax.get_figure()
+    if not isinstance(figure, Figure):
+        return
+    if caption:
+        figure.text(0.99, 0.005, caption, ha="right", va="bottom", fontsize=7, color="0.4")
+    _save(figure, path)

@@ -17,11 +17,21 @@ if TYPE_CHECKING:
     from ..fit import LawFit
     from ..fit.bayes.posterior import Posterior
     from ..ident.identification import Identification
+    from ..ident.physical_models.drive import DriveFit
+    from ..ident.physical_models.force_process import ForceProcess
+    from ..ident.physical_models.step_response import StepFit
+
+    PhysicalFit = StepFit | DriveFit | ForceProcess
 
 PARAMETERS, DRAWS = "params.json", "draws.npz"
 FORMS = README, PROGRAM, PAGE = "README.md", "card.json", "card.html"
 FIGURES = ("figures/response_surfaces.png", "figures/observed_predicted.png", "figures/residuals.png")
 DYNAMICS_FIGURES = ("figures/simulated.png", "figures/bode.png", "figures/residuals.png", "figures/orders.png")
+FIT_FIGURES = {  # of physical models, by their names on the command line
+    "step": "figures/step_response.png",
+    "drive": "figures/drive.png",
+    "force-process": "figures/force_process.png",
+}
 PI_FIGURE = "figures/pi.png"  # of `fitmodels tune`
 FILES = (PARAMETERS, *FORMS, *FIGURES)
 LONGEST_NAME = 80  # bytes of tool and of work in a folder's name; most file systems end at 255 for both
@@ -95,6 +105,7 @@ def write(
     posteriors: "Sequence[Posterior]" = (),
     posterior_figures: bool = False,
     identification: "Identification | None" = None,
+    physical: "PhysicalFit | None" = None,
     data_lines: Sequence[str] = (),
     publication: PublicationPart | None = None,
     force: bool = False,
@@ -117,6 +128,8 @@ def write(
         Those that ``pf`` was collected with; ``posterior_figures`` adds four figures of each.
     identification : Identification, optional
         Behind the dynamics of ``pf``, for its figures.
+    physical : StepFit, DriveFit or ForceProcess, optional
+        Behind the dynamics, drive or adaptive force of ``pf``, for its figure.
     data_lines : sequence of str
         How the data file was read, for the card of a file without a section on its tests.
     publication : PublicationPart, optional
@@ -141,7 +154,9 @@ def write(
     ['README.md', 'card.html', 'card.json', 'params.json']
     """
     folder = Path(folder)
-    if not force and any((folder / name).exists() for name in (*FILES, DRAWS, *DYNAMICS_FIGURES)):
+    if not force and any(
+        (folder / name).exists() for name in (*FILES, DRAWS, *DYNAMICS_FIGURES, *FIT_FIGURES.values())
+    ):
         raise UsageError(f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out.")
     try:
         with staged(folder.parent) as stage:
@@ -151,6 +166,8 @@ def write(
             if posteriors:
                 (made / DRAWS).write_bytes(draws_of(posteriors))
             _draw(made / "figures", pf, laws, posteriors if posterior_figures else (), identification)
+            if physical is not None:
+                _draw_physical(made / "figures", pf, physical)
             _write_forms(pf, made, publication, data_lines)
             _moved(made, folder, pf, whole=whole)
     except OSError as error:
@@ -201,6 +218,12 @@ def _draw(
 
         draw_figures(laws, folder, banner)
         draw_posteriors(posteriors, folder, banner)
+
+
+def _draw_physical(folder: Path, pf: ParameterFile, fit: "PhysicalFit") -> None:
+    from .figures import draw_physical
+
+    draw_physical(fit, folder, "not measured" if pf.identity.simulated else "")
 
 
 def folder_names(pairs: Iterable[tuple[str, str]]) -> list[str]:

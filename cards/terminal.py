@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import TextTable
-from ..core.verdict import USABLE
+from ..core.verdict import USABLE, Verdict
 from ..datasets import Runs
 from ..fit.defaults import Refused
 from ..fit.statsmodels_ols import TOLERANCE
@@ -26,8 +26,12 @@ from .content.verdicts import sorted_by_level, verdicts_of
 from .reading_terminal import Command, count_rows, lines_of
 
 if TYPE_CHECKING:
+    from ..datasets import Record
     from ..fit.statsmodels_ols import StatsmodelsComparison
     from ..ident.identification import Identification
+    from ..ident.physical_models.drive import DriveFit
+    from ..ident.physical_models.force_process import ForceProcess
+    from ..ident.physical_models.step_response import StepFit
 
 NOTHING = (
     "no law can be fitted to these columns. A wear law needs AW or VB and at least one of V, f, d, t, ae; a force or "
@@ -130,6 +134,31 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
     words = _texts(line if line.endswith(".") else f"{line}." for line in dict.fromkeys(lines))
     table = _table(coefficient_table(model.coefficients))
     return _block(head, *_reasons(model.verdict), Text(model.equation), table, *words)
+
+
+def physical_block(
+    fit: "StepFit | DriveFit | ForceProcess", verdict: Verdict, records: "Sequence[Record]"
+) -> RenderableType:
+    """A physical model: its verdict with the reasons, its estimates, what was checked, and how the record was read."""
+    from scipy.special import stdtrit
+
+    from ..core.display import estimates
+    from ..core.verdict import LEVELS
+
+    rec = records[0]
+    runs = f", {len(records)} runs" if len(records) > 1 else ""
+    head = Text(f"{rec.output} from {rec.input}", style="bold")
+    head.append(f"   {sum(map(len, records))} samples at {rec.rate:g} Hz{runs}   ", style="not bold")
+    head.append(LEVELS[verdict.level], style=STYLES[verdict.level])
+    names = [str(name).replace("_", " ") for name in fit.params.index]
+    half = float(stdtrit(fit.df, 0.975)) * fit.bse
+    low, high = ((fit.params + sign * half).tolist() for sign in (-1, 1))
+    table = estimates(names, fit.params, fit.bse, low, high, units=[fit.units[str(n)] for n in fit.params.index])
+    said = [words for words in fit.remarks if words not in verdict.reasons]
+    checked = [f"Checked: {', '.join(verdict.checked)}."]
+    left = [f"Not checked: {'; '.join(verdict.not_checked)}."] if verdict.not_checked else []
+    notes = [sentence(note) for note in fit.notes]
+    return _block(head, *map(_item, verdict.reasons), _table(table), *_texts([*said, *checked, *left, *notes]))
 
 
 def _law_block(law: LawPart, command: Command) -> RenderableType:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import UsageError
 from .arguments import Parser, pairs, traced, typed
 from .output import Printer, print_json
+from .physical import SECTION, check_options, physical_options, report
 
 if TYPE_CHECKING:
     from ..datasets import Record
@@ -44,6 +45,7 @@ def parser() -> Parser:
     p.add_argument("--held-out", metavar="RUN", help="a further run for validation")
     p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
     p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")
+    physical_options(p)
     p.add_argument("--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis")
     p.add_argument("--work", metavar="NAME", default="unnamed", help="name of the work material")
     p.add_argument("--params", metavar="FILE", help="parameter file to add the dynamics to")
@@ -61,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
     from ..core.progress import progress_bar
     from ..ident import identify
 
+    check_options(args)
     orders = _orders(args.orders)
     target = _target(args)
     former = None if args.params is None else _former(args)
@@ -69,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
         records = [_read(name, args) for name in args.file]
         held_out = None if args.held_out is None else _read(args.held_out, args)
         step.say(f"identifying {records[0].output} from {records[0].input}")
+        if args.model is not None:
+            return report(records, held_out, former, target, args)
         found = identify(records, held_out=held_out, orders=orders, trend=bool(args.trend))
         pf = _collected(found, records, former, args)
     if args.json:
@@ -115,8 +120,10 @@ def _former(args: argparse.Namespace) -> "ParameterFile":
     from .. import parameters
 
     pf = parameters.read(args.params)
-    if pf.dynamics is not None and not args.force:
-        raise UsageError(f"{args.params} has dynamics; replace them with --force.")
+    name = SECTION.get(args.model or "", "dynamics")
+    replaced = name if name != "adaptive_force" else ""  # of which only the estimates are replaced
+    if replaced and getattr(pf, name) is not None and not args.force:
+        raise UsageError(f"{args.params} has a section {name}; replace it with --force.")
     return pf
 
 

@@ -188,16 +188,11 @@ def of_map(found: FeasibleMap) -> Display:
 
 
 @display_of.register
-def of_fit(fit: StepFit | DriveFit) -> Display:
-    """The verdict; the parameters."""
-    return Display(fit.verdict, by_fields(fit).facts, _estimated(fit), fit.notes)
-
-
-@display_of.register
-def of_force_process(fit: ForceProcess) -> Display:
+def of_fit(fit: StepFit | DriveFit | ForceProcess) -> Display:
     """The verdict and the estimates in words; the parameters; the reasons of the verdict."""
     head = f"{fit.verdict.words}: {fit.words}"
-    return Display(head, by_fields(fit).facts, _estimated(fit), (*fit.verdict.reasons, *fit.notes))
+    said = tuple(reason for reason in fit.verdict.reasons if reason not in fit.words)
+    return Display(head, by_fields(fit).facts, _estimated(fit), (*said, *fit.notes))
 
 
 def _estimated(fit: StepFit | DriveFit | ForceProcess) -> TextTable:

@@ -8,10 +8,14 @@ from .checks.report import CheckReport
 from .draws import Draws
 from .file import ParameterFile
 from .sections.base import VerdictSection
+from .sections.drive import COEFFICIENTS, DriveSection
 from .sections.dynamics import DynamicsSection
 from .sections.law import LawSection
 
-SECTIONS = ("design", "tool_life", "posterior", "dynamics", "pi", "load_line", "limits", "roughness", "adaptive_force")
+SECTIONS = (
+    *("design", "tool_life", "posterior", "dynamics", "drive", "pi", "load_line", "limits", "roughness"),
+    "adaptive_force",
+)
 MARKS = {True: "passed", False: "FAILED", None: "not tested"}
 
 
@@ -91,3 +95,17 @@ def of_dynamics(model: DynamicsSection) -> Display:
     head = f"{model.input} to {model.output}, na {len(model.a) - 1}, nb {len(model.b) - model.nk}, nk {model.nk}"
     facts = tuple(fact for fact in facts_of(model) if fact[0] != "verdict")
     return Display(f"{head} at {model.sample_time:g} s, {gain}", facts, sentences=verdict_sentences(model.verdict))
+
+
+@display_of.register
+def of_drive(drive: DriveSection) -> Display:
+    """Inertia and friction with their standard errors; the other fields; the verdict."""
+    units = (drive.unit_inertia, drive.unit_viscous, drive.unit_force, drive.unit_force)
+    values = [float(getattr(drive, name)) for name in COEFFICIENTS]
+    shown = zip(COEFFICIENTS, values, units, strict=True)
+    head = f"{drive.output} from {drive.input}: " + ", ".join(f"{n} {format_plain(v)} {unit}" for n, v, unit in shown)
+    held = drive.uncertainty
+    errors = dict(zip(held.of, np.sqrt(np.diag(held.matrix)), strict=True)) if held.kind == "covariance" else {}
+    grid = estimates(COEFFICIENTS, values, [errors.get(name) for name in COEFFICIENTS])
+    facts = tuple(fact for fact in facts_of(drive) if fact[0] not in ("verdict", *COEFFICIENTS))
+    return Display(head, facts, grid, verdict_sentences(drive.verdict))

@@ -14,6 +14,7 @@ from ..core.files import cause, locked_folder, write_together, write_whole
 from .file_format import REMEDY, SCHEMA, content_sha256, migrated, parse_strict_json
 from .messages import schema_message
 from .sections.base import Section, Sha256
+from .sections.drive import DriveSection
 from .sections.dynamics import DynamicsSection, PiSection
 from .sections.force_control import AdaptiveForceSection, RoughnessSection
 from .sections.law import LawSection
@@ -45,6 +46,8 @@ class ParameterFile(Plottable, Section):
         Summaries of the posterior draws of the laws' parameters, and the file that holds them.
     dynamics : Dynamics or None
         The identified feed drive and cut.
+    drive : Drive or None
+        Inertia and friction of the feed drive.
     pi : Pi or None
         Gains tuned on the dynamics.
     load_line : LoadLine or None
@@ -77,6 +80,7 @@ class ParameterFile(Plottable, Section):
     tool_life: ToolLifeSection | None = None
     posterior: PosteriorSection | None = None
     dynamics: DynamicsSection | None = None
+    drive: DriveSection | None = None
     pi: PiSection | None = None
     load_line: LoadLineSection | None = None
     limits: LimitsSection | None = None

@@ -199,7 +199,8 @@ def _without_disengagement(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
-    """Data of version 4 with dynamics of one structure, whatever fields of the new names held before."""
+    """Data of version 4 with dynamics of one structure and no drive, whatever fields of the new names held before."""
+    data = {**data, "drive": None}
     dynamics = data.get("dynamics")
     if dynamics is None:
         return data
@@ -214,7 +215,8 @@ def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
 # ``missed``, ``probability_interval`` and ``required_probability`` of gains; it dropped ``disengage_after`` (the loop
 # disengages at once and keeps its feed) and any ``load_low`` that is not above zero.
 # Version 5 added ``d`` and ``alternatives`` of dynamics: the noise denominator, other structures and their weights;
-# ``held_out_on`` and ``own_fit``: which samples and which model a fit is of.
+# ``held_out_on`` and ``own_fit``: which samples and which model a fit is of; ``drive``; and settings of adaptive force
+# that are not stated.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,

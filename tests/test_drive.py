@@ -207,7 +207,7 @@ F0, V0, X0 = motion()
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: drive_fit(record(X0, F0, "")), "give unit=, one of m, mm"),
+        (lambda: drive_fit(record(X0, F0, "")), "(unit=, or --unit COLUMN=mm), one of m, mm"),
         (lambda: drive_fit(record(X0, F0, unit_u="V")), "'V': give force="),
         (lambda: drive_fit(record(X0, F0), 0.0), "force 0.0"),
         (lambda: drive_fit(record(np.ones(12000), F0)), "is constant"),
@@ -232,6 +232,6 @@ def test_refusals(call, says):
 
 def test_verdicts():
     F, _, x = motion(seed=3)
-    assert drive_fit(record(x, F)).verdict.startswith("M 9")
-    assert "opposite to the motion" in drive_fit(record(x, -F)).verdict
-    assert "This is large" in drive_fit(record(x, np.roll(F, 300))).verdict
+    assert drive_fit(record(x, F)).words.startswith("M 9")
+    assert "opposite to the motion" in drive_fit(record(x, -F)).verdict.reasons[0]
+    assert "of the force is not explained" in drive_fit(record(x, np.roll(F, 300))).words

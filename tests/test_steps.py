@@ -48,7 +48,7 @@ def test_truth_comes_back(order, shape, height, delay):
     assert fit.delay == pytest.approx(delay, abs=1e-5)
     np.testing.assert_allclose(fit.shape, shape, rtol=1e-4)  # flat around zeta = 1
     assert fit.fit > 99.99
-    assert ("No significant delay" in fit.verdict) == (delay == 0)
+    assert ("No significant delay" in fit.words) == (delay == 0)
 
 
 def test_time_to_63_of_a_servo():
@@ -97,7 +97,7 @@ def test_the_model_runs_as_the_fit():
 def test_two_time_constants():
     fit = step_response_fit(wave(num=[1.0], den=np.polymul([0.2, 1.0], [0.05, 1.0]), delay=0.0, n=800), 2)
     np.testing.assert_allclose(fit.time_constants, [0.2, 0.05], rtol=1e-3)
-    assert "Overdamped: time constants 0.2 and 0.05 s" in fit.verdict
+    assert "Overdamped: time constants 0.2 and 0.05 s" in fit.words
     swinging = step_response_fit(wave(num=[1.0], den=[0.01, 0.06, 1.0]), 2)
     assert swinging.time_constants == ()
 
@@ -109,7 +109,7 @@ def test_errors_hold_under_coloured_noise():
     assert (np.abs(z) < 1.96).mean() > 0.85
     assert z.std() < 1.35
     assert sum(f.colour > 0 for f in fits) == 40
-    assert "coloured (autoregression of order" in fits[0].verdict
+    assert "coloured (autoregression of order" in fits[0].words
 
 
 def test_delay_may_be_given():
@@ -129,11 +129,11 @@ def test_noisy_measured_input_is_still_a_step():
 
 def test_wrong_order_is_told():
     swinging = step_response_fit(wave(num=[1.0], den=[0.005, 0.02, 1.0], n=600), 1)
-    assert "fit order 2" in swinging.verdict
+    assert "fit order 2" in swinging.words
     lag = step_response_fit(wave(delay=0.0, noise=0.05), 2)
-    assert "fit order 1" in lag.verdict or "Overdamped" in lag.verdict
+    assert "fit order 1" in lag.words or "Overdamped" in lag.words
     short = wave(den=(3.0, 1.0))
-    assert "has not settled within" in step_response_fit(short.part(0, 60)).verdict
+    assert "has not settled within" in step_response_fit(short.part(0, 60)).words
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -144,7 +144,7 @@ def test_servo_square_wave_has_a_rate_limit(measurements, order):
     fit = step_response_fit(rec, order)
     speed = np.abs(data[:, 4])
     assert fit.rate_limit == pytest.approx(np.median(speed[speed > 30]), rel=0.03)
-    assert "rate-limited at 45.6" in fit.verdict
+    assert "rate-limited at 45.6" in fit.words
     assert fit.fit > (85 if order == 1 else 90)
     assert fit.plot().get_ylabel() == "position [mm]"
 

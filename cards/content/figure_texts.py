@@ -20,6 +20,9 @@ PICTURES = {  # written to the folder of a card by fitmodels
     "simulated": "Measured output and simulation of the model",
     "bode": "Bode diagram of the model with bands, and the measured frequency response",
     "orders": "Model orders by one-step prediction error",
+    "step_response": "Measured output and fitted step response",
+    "drive": "Measured speed, and simulation from the force alone",
+    "force_process": "Measured force, and simulation from the feed command alone",
     "pi": "Map of the PI gains, and step response with the chosen gains",
 }
 EXPONENTS = "Exponents of the power laws with their 95 % intervals"
@@ -152,4 +155,10 @@ def _of_picture(pf: ParameterFile, stem: str) -> str:
         return (
             f"A simulation explains {pf.dynamics.held_out_fit:.1f} % of the variation of samples not used in the fit."
         )
+    if stem == "drive" and pf.drive is not None and pf.drive.simulated_fit is not None:
+        return f"The simulation explains {pf.drive.simulated_fit:.1f} % of the measured speed."
+    if stem == "step_response" and pf.dynamics is not None and pf.dynamics.notes:
+        return pf.dynamics.notes[0]
+    if stem == "force_process" and pf.adaptive_force is not None and pf.adaptive_force.notes:
+        return pf.adaptive_force.notes[0]
     return f"{_caption(stem)}; its numbers are not in the parameter file."

@@ -7,7 +7,7 @@ from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
 from .design import at_words, middle, reference
 from .numbers import figure, number, percent, quantity
-from .verdicts import ADAPTIVE_FORCE, DYNAMICS, GAINS, TOOL_LIFE, verdicts_of
+from .verdicts import ADAPTIVE_FORCE, DRIVE, DYNAMICS, GAINS, TOOL_LIFE, verdicts_of
 
 
 def title(pf: ParameterFile) -> str:
@@ -29,11 +29,13 @@ def _holds(pf: ParameterFile) -> list[str]:
     laws = [f"{law.quantity} {law.response}" for law in pf.laws.values()]
     said = [("law of " if len(laws) == 1 else "laws of ") + join_words(laws)] if laws else []
     said += [f"a dynamic model of {pf.dynamics.output} from {pf.dynamics.input}"] if pf.dynamics else []
+    said += ["inertia and friction of a feed drive"] if pf.drive else []
     said += ["PI gains"] if pf.pi else []
+    force = "settings" if pf.adaptive_force is not None and pf.adaptive_force.Kd is not None else "estimates"
     said += [name for name, section in (
         ("settings of constant load", pf.load_line),
         ("settings of constant roughness", pf.roughness),
-        ("settings of adaptive force", pf.adaptive_force),
+        (f"{force} of adaptive force", pf.adaptive_force),
     ) if section]  # fmt: skip
     return said
 
@@ -105,6 +107,8 @@ def intended(pf: ParameterFile) -> tuple[str, ...]:
         )
     if pf.dynamics and DYNAMICS not in refused:
         said.append(f"To simulate {pf.dynamics.output} from {pf.dynamics.input} and to tune a controller for it.")
+    if pf.drive and DRIVE not in refused:
+        said.append("To simulate the motion of the feed drive from its force, and to size its feed-forward.")
     if pf.pi and GAINS not in refused:
         said.append(
             "To set up a PI controller with the form, sample time and limits given here, after the checks below."
@@ -114,7 +118,9 @@ def intended(pf: ParameterFile) -> tuple[str, ...]:
     if pf.roughness and pf.roughness.law not in refused:
         said.append("To turn at constant roughness through the reference force given here.")
     if pf.adaptive_force and ADAPTIVE_FORCE not in refused:
-        said.append("To start an adaptive force controller from the estimates and rates given here.")
+        rates = " and rates" if pf.adaptive_force.Kd is not None else ""
+        chosen = "" if rates else ", once its rates and gains are chosen"
+        said.append(f"To start an adaptive force controller from the estimates{rates} given here{chosen}.")
     return tuple(said) or (f"As a record of {pair}: the file holds nothing to compute with yet.",)
 
 

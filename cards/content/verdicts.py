@@ -17,7 +17,7 @@ NO_VERDICT = (
     "fit the data again."
 )
 # what a verdict is of, besides laws
-TOOL_LIFE, DYNAMICS, GAINS, ADAPTIVE_FORCE = "tool life", "dynamics", "gains", "adaptive force"
+TOOL_LIFE, DYNAMICS, DRIVE, GAINS, ADAPTIVE_FORCE = "tool life", "dynamics", "feed drive", "gains", "adaptive force"
 LISTED = 12  # edges or lines of a suspect that are named
 
 
@@ -62,12 +62,15 @@ def sorted_by_level(verdicts: Sequence[VerdictPart]) -> list[tuple[str, list[str
 
 
 def verdicts_of(pf: ParameterFile) -> tuple[VerdictPart, ...]:
-    """The verdicts on the laws, the tool life, the dynamics, the gains and the settings of adaptive force in a file.
+    """The verdicts on the laws, tool life, dynamics, feed drive, gains and settings of adaptive force in a file.
 
     Gains have one where a tuning judged them; those that were given have none, as a controller of a machine has none.
     """
     gains = None if pf.pi is None or pf.pi.verdict is None else pf.pi
-    others = ((TOOL_LIFE, pf.tool_life), (DYNAMICS, pf.dynamics), (GAINS, gains), (ADAPTIVE_FORCE, pf.adaptive_force))
+    others = (
+        (TOOL_LIFE, pf.tool_life), (DYNAMICS, pf.dynamics), (DRIVE, pf.drive), (GAINS, gains),
+        (ADAPTIVE_FORCE, pf.adaptive_force),
+    )  # fmt: skip
     laws = (verdict_part(response, law.verdict) for response, law in pf.laws.items())
     return (*laws, *(verdict_part(name, section.verdict) for name, section in others if section is not None))
 

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import FitmodelsError
 from ...parameters import ParameterFile
-from ...parameters.sections.base import Covariance
+from ...parameters.sections.base import Covariance, ModelCovariance
+from ...parameters.sections.drive import DriveSection
 from ...parameters.sections.force_control import AdaptiveForceSection, RoughnessSection
 from ...parameters.sections.load_line import (
     Bound,
@@ -16,9 +17,9 @@ from ...parameters.sections.load_line import (
     Range,
 )
 from .design import middle_of, reference
-from .numbers import fact, figure, percent, quantity, sentence
+from .numbers import count, fact, figure, number, percent, places, quantity, sentence, spread
 from .parts import FactPart, NumberPart, WindowPart
-from .verdicts import ADAPTIVE_FORCE, law_cautions, verdict_part
+from .verdicts import ADAPTIVE_FORCE, DRIVE, law_cautions, verdict_part
 
 if TYPE_CHECKING:
     from ...controllers.region.operating_point import OperatingPoint
@@ -60,6 +61,7 @@ def window_parts(pf: ParameterFile) -> tuple[WindowPart, ...]:
         window,
         None if pf.load_line is None else load_line_window(pf.load_line, pf),
         None if pf.roughness is None else roughness_window(pf.roughness, pf),
+        None if pf.drive is None else drive_window(pf.drive),
         None if pf.adaptive_force is None else adaptive_force_window(pf.adaptive_force),
     )
     return tuple(each for each in found if each is not None)
@@ -149,17 +151,79 @@ def roughness_window(r: RoughnessSection, pf: ParameterFile) -> WindowPart:
     return WindowPart(title="Constant roughness", facts=facts, sentences=tuple(sentence(text) for text in sentences))
 
 
+def drive_window(d: DriveSection) -> WindowPart:
+    """Inertia and friction of a feed drive."""
+    errors = _standard_errors(d.uncertainty)
+    values = (
+        ("inertia M", "M", d.unit_inertia),
+        ("viscous friction Fv", "Fv", d.unit_viscous),
+        ("Coulomb friction Fc", "Fc", d.unit_force),
+        ("constant force", "offset", d.unit_force),
+    )
+    unit = f"{d.unit_force} per {d.unit_u or 'unit of the input'}"
+    facts = (
+        *(
+            item
+            for words, name, of in values
+            for value in [getattr(d, name)]
+            for item in fact(words, number(value, errors.get(name), of), _error(value, errors, name))
+        ),
+        *(fact("force that is not explained", percent(d.relative_error, 2)) if d.relative_error is not None else ()),
+        *fact("simulation from the force alone", places(d.simulated_fit, 1, "%"), "of the speed, samples fitted"),
+        *(fact("held-out fit", places(d.held_out_fit, 1, "%"), "of the speed of a record that was not fitted")
+          if d.held_out_fit is not None else ()),
+        *fact("force per unit", figure(d.force_per_unit, 6, unit)),
+        *fact("low-pass", figure(d.cutoff, 4, "Hz")),
+        *fact("sample time", figure(d.sample_time, 6, "s")),
+        *fact("rows", count(d.n)),
+    )  # fmt: skip
+    law = f"{d.input} = M a + Fv v + Fc sign(v) + offset, with {d.output} for the motion"
+    return WindowPart(
+        title="Feed drive",
+        verdict=verdict_part(DRIVE, d.verdict),
+        facts=facts,
+        sentences=tuple(sentence(text) for text in (law, *d.notes)),
+    )
+
+
+def _standard_errors(uncertainty: object) -> dict[str, float]:
+    """Standard errors by name; empty where there is no covariance."""
+    if not isinstance(uncertainty, ModelCovariance):
+        return {}
+    return {name: row[k] ** 0.5 for k, (name, row) in enumerate(zip(uncertainty.of, uncertainty.matrix, strict=True))}
+
+
+def _error(value: float, errors: dict[str, float], name: str) -> str:
+    """The standard error of an estimate in words; empty where it is not known."""
+    error = errors.get(name)
+    return f"standard error {spread(value, error).text}" if error else ""
+
+
 def adaptive_force_window(a: AdaptiveForceSection) -> WindowPart:
-    """Settings of adaptive force control."""
+    """Estimates and settings of adaptive force control."""
+    errors = _standard_errors(a.uncertainty)
+    lacking = [name for name in ("g1", "g2", "g3", "Kd", "lam") if getattr(a, name) is None]
     points = (
         fact(f"force at depth {quantity(figure(p.depth, 6, a.unit_depth))}", figure(p.force, 6, a.unit_force))
         for p in a.set_points
     )
     facts = (
-        *fact("m", figure(a.m, 6), "first estimate, divided by k"),
-        *fact("alpha", figure(a.alpha, 6), "first estimate, divided by k"),
-        *fact("beta", figure(a.beta, 6), "first estimate, divided by k"),
-        *(item for name in ("g1", "g2", "g3") for item in fact(name, figure(getattr(a, name), 6), "adaptation rate")),
+        *(
+            item
+            for name in ("m", "alpha", "beta")
+            for item in fact(
+                name,
+                figure(getattr(a, name), 6),
+                ", ".join(filter(None, ("first estimate, divided by k", _error(getattr(a, name), errors, name)))),
+            )
+        ),
+        *fact("depth of the run", figure(a.depth, 6, a.unit_depth)),
+        *(
+            item
+            for name in ("g1", "g2", "g3")
+            if getattr(a, name) is not None
+            for item in fact(name, figure(getattr(a, name), 6), "adaptation rate")
+        ),
         *fact("Kd", figure(a.Kd, 6)),
         *fact("lambda", figure(a.lam, 6, "1/s")),
         *(item for point in points for item in point),
@@ -172,7 +236,10 @@ def adaptive_force_window(a: AdaptiveForceSection) -> WindowPart:
         title="Adaptive force",
         verdict=verdict_part(ADAPTIVE_FORCE, a.verdict),
         facts=facts,
-        sentences=tuple(sentence(note) for note in a.notes),
+        sentences=(
+            *([f"Settings not stated: {', '.join(lacking)}; a controller needs them."] if lacking else []),
+            *map(sentence, a.notes),
+        ),
     )
 
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 TEETH = 2  # assumed
 NEEDED = (
-    "unit_u", "reference_time", "reference_damping", "sample_time", "average_time", "low", "high", "force_low",
-    "force_high",
+    "g1", "g2", "g3", "Kd", "lam", "unit_u", "reference_time", "reference_damping", "sample_time", "average_time",
+    "low", "high", "force_low", "force_high",
 )  # fmt: skip
 
 

@@ -138,6 +138,18 @@ def pairs() -> list[list[str]]:
     return rows + [[work, "M20", "emulsion"] for work in stainless]
 
 
+def step_record() -> list[list[str]]:
+    """Steps of a servo with a lag of 0.12 s and a delay of 0.034 s at 50 Hz: command, speed, noise of the sensor."""
+    t = np.arange(400) / 50
+    u = np.where(t % 4 < 1, 0.0, np.where(t % 4 < 2.5, 2.0, 1.0))
+    y = np.zeros_like(t)
+    for at, size in zip(t[1:], np.diff(u), strict=True):
+        y += 30 * size * -np.expm1(-np.maximum(t - at - 0.034, 0) / 0.12)
+    y += 0.4 * np.random.default_rng(21).standard_normal(t.size)
+    rows = [["# simulated: no measurement"], ["time [s]", "command [V]", "feed rate [mm/s]"]]
+    return rows + [[f"{a:.2f}", f"{b:.1f}", f"{c:.2f}"] for a, b, c in zip(t, u, y, strict=True)]
+
+
 CUTS = {"E01": (120, 0.2, (512.0, 534.0, 561.0)), "E02": (160, 0.3, (704.0, 741.0, 795.0))}  # V, f, forces in N
 
 
@@ -172,6 +184,7 @@ FILES = {
     "inch.csv": (inches, ","),
     "drive.csv": (lambda: drive(18), ","),
     "drive-again.csv": (lambda: drive(19), ","),
+    "servo-steps.csv": (step_record, ","),
     "milling.csv": (milling, ","),
     "fraesen.csv": (workshop_milling, ";"),
 }

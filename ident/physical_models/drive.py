@@ -17,7 +17,7 @@ so that no refit is needed. Blocks longer than the correlation of the residuals 
 make the standard error several times too small: several block lengths are used, and the largest result is taken.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core.display import Plottable
 from ...core.errors import IdentError
+from ...core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ...datasets import Record
 from ...datasets.records.record import join_records
 from .equation_of_motion import FilteredRows, Motion, motion_of, rows_of, velocity_and_travel
@@ -36,6 +37,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 NAMES = ("M", "Fv", "Fc", "offset")
 INDEPENDENT = 0.02  # share of a column orthogonal to the others: below it, its coefficient is not identifiable
+
+LARGE, TOO_LARGE = 0.2, 0.5  # share of the force that is not explained
+DF = 13  # of the standard errors: a 95 % interval spans 2.2 of them
+GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
+CHECKED = ("Share of the force explained", "Signs of inertia and friction", "Simulation of the record")
+NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -114,7 +121,7 @@ class DriveFit(Plottable):
 
         ``sample_time`` in s is that of the record unless given.
         """
-        if not (self.M > 0 and self.Fc >= 0):
+        if not self.possible:
             raise IdentError(
                 f"inertia {self.M:.4g}, Coulomb friction {self.Fc:.4g}: physically impossible. Check the sign of force "
                 "(force=-...) and the units."
@@ -146,18 +153,74 @@ class DriveFit(Plottable):
         return simulated, 100 * (1 - float(np.linalg.norm(motion.v - simulated)) / spread)
 
     @property
-    def verdict(self) -> str:
-        """Estimates, share of the unexplained force, and reservations."""
-        estimates = ", ".join(f"{n} {v:.5g} +- {s:.2g}" for n, v, s in zip(NAMES, self.theta, self.bse, strict=True))
-        weak = [n for n, v, s in zip(NAMES[:3], self.theta, self.bse, strict=False) if abs(v) < 2 * s]
-        text = f"{estimates}; relative residual force {100 * self.relative_error:.2g} %."
-        if self.relative_error > 0.2:
-            text += " This is large: another force acts, or time or units of force and motion do not match."
+    def possible(self) -> bool:
+        """Whether inertia and Coulomb friction have the signs that a simulation needs."""
+        return self.M > 0 and self.Fc >= 0
+
+    @property
+    def df(self) -> int:
+        """Degrees of freedom of the standard errors, about."""
+        return DF
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each parameter."""
+        rotary = self.motion.speed_unit == "rad/s"
+        inertia, viscous, force = ("kg m^2", "N m s/rad", "N m") if rotary else ("kg", "N s/m", "N")
+        return dict(zip(NAMES, (inertia, viscous, force, force), strict=True))
+
+    @property
+    def words(self) -> str:
+        """Estimates with their standard errors, then ``remarks``."""
+        values = zip(NAMES, self.theta, self.bse, self.units.values(), strict=True)
+        return " ".join([", ".join(f"{n} {v:.5g} +- {s:.2g} {unit}" for n, v, s, unit in values) + ".", *self.remarks])
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Share of the force that is not explained, fit of the simulation, and findings, a sentence each."""
+        run = [f"Simulated from the force alone: fit {self.own_run[1]:.1f} % of the speed."] if self.possible else []
+        share = (
+            f"Force that is not explained: {100 * self.relative_error:.2g} % ({self.rows} rows, {self.left_out} near "
+        )
+        return (f"{share}reversals left out).", *run, *(words for _, words in self._findings()))
+
+    @property
+    def verdict(self) -> Verdict:
+        """How far the estimates can be used: share of the force explained, signs, and free run."""
+        found = list(self._findings())
+        percent = self.own_run[1] if self.possible else 0.0
+        if self.possible and percent < GOOD:
+            level, limit = (RESERVATIONS, GOOD) if percent >= POOR else (DO_NOT_USE, POOR)
+            found.append(
+                (
+                    level,
+                    f"Simulated from the force alone, the model explains {percent:.0f} % of the speed, less than "
+                    f"{limit:.0f} %.",
+                )
+            )
+        return verdict_from(found, CHECKED, (NOT_HELD_OUT,))
+
+    def _findings(self) -> Iterator[tuple[int, str]]:
+        se = self.bse.to_numpy()
+        weak = [n for n, v, s in zip(NAMES[:3], self.theta, se, strict=False) if abs(v) < 2 * s]
+        if (self.theta[:3] < -2 * se[:3]).any():
+            yield (
+                DO_NOT_USE,
+                "A negative value means that the force is opposite to the motion: give force with a minus sign.",
+            )
+        elif not self.possible:
+            yield DO_NOT_USE, f"Inertia {self.M:.4g} and Coulomb friction {self.Fc:.4g}: physically impossible."
+        if self.relative_error > LARGE:
+            yield (
+                DO_NOT_USE if self.relative_error > TOO_LARGE else RESERVATIONS,
+                f"{100 * self.relative_error:.0f} % of the force is not explained, more than {100 * LARGE:.0f} %: "
+                "another force acts, or time or units of force and motion do not match.",
+            )
         if weak:
-            text += f" {' and '.join(weak)} not significantly different from zero: excite more speeds, or higher ones."
-        if (self.theta[:3] < -2 * self.bse.to_numpy()[:3]).any():
-            text += " A negative value means that the force is opposite to the motion: give force with a minus sign."
-        return text
+            yield (
+                RESERVATIONS,
+                f"{' and '.join(weak)} not significantly different from zero: excite more speeds, or higher ones.",
+            )
 
 
 def drive_fit(

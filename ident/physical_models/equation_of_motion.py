@@ -119,16 +119,18 @@ def _units(rec: Record, factor: float | None, unit: str | None) -> tuple[float, 
     """N per unit of input, SI per unit of output, and number of differentiations to a velocity."""
     if factor is None and rec.unit_u not in FORCE_UNITS:
         raise IdentError(
-            f"input {rec.input} is in {rec.unit_u or 'no named unit'!r}: give force=, the N (or N m) per "
-            "unit, for instance motor constant times gear ratio over current."
+            f"input {rec.input} is in {rec.unit_u or 'no named unit'!r}: give force= (--force-per-unit), the N (or N "
+            "m) of one unit, for instance motor constant times gear ratio for a current. Where another column is the "
+            "force, name it as the input."
         )
     if factor is not None and not (np.isfinite(factor) and factor != 0):
         raise IdentError(f"force {factor!r}: N per unit of {rec.input}, not zero.")
     known = unit or rec.unit_y
     if known not in MOTION_UNITS:
         raise IdentError(
-            f"output {rec.output} is in {known or 'no named unit'!r}: give unit=, one of {', '.join(MOTION_UNITS)}; "
-            "the inertia scales with it."
+            f"output {rec.output} is in {known or 'no named unit'!r}, but a drive needs a position or a speed: name "
+            "that column as the output, or give its unit (unit=, or --unit COLUMN=mm), one of "
+            f"{', '.join(MOTION_UNITS)}; the inertia scales with it."
         )
     size, times = MOTION_UNITS[known]
     return (FORCE_UNITS[rec.unit_u] if factor is None else float(factor)), size, times

@@ -142,16 +142,35 @@ class ForceProcess(Plottable):
             )
 
     @property
+    def df(self) -> int:
+        """Degrees of freedom of the standard errors."""
+        return max((self.discrete.n or 0) - 4, 1)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each of ``ratios``."""
+        per = f"{self.unit_u or '1'}/{self.unit_y or '1'}" if self.unit_u or self.unit_y else ""
+        return dict(zip(RATIOS, (f"s^2 {per}".strip(), f"s {per}".strip(), per), strict=True))
+
+    @property
     def words(self) -> str:
-        """Estimates and their basis, one or two sentences."""
-        values = ", ".join(
-            f"{name} {v:.4g} +- {s:.2g}" for name, v, s in zip(RATIOS, self.ratios, self.bse, strict=True)
-        )
-        text = f"{values}; fit {self.fit:.1f} %."
+        """Estimates with their standard errors, then ``remarks``."""
+        values = zip(RATIOS, self.ratios, self.bse, self.units.values(), strict=True)
+        text = ", ".join(f"{name} {v:.4g} +- {s:.2g} {unit}".rstrip() for name, v, s, unit in values)
+        return " ".join([f"{text}.", *self.remarks])
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Fit and poles, and m, d, c, k or the reason why they are not identifiable, a sentence each."""
+        poles = " and ".join(f"{p.real:.4g}" if p.imag == 0 else f"{p:.4g}" for p in self.poles)
+        fit = f"Fit {self.fit:.1f} %; poles {poles} rad/s."
         if not self.parameters:
-            return f"{text} m, d, c, k are {self.identifiable['m']}."
-        errors = self.parameter_errors
-        return f"{text} " + ", ".join(f"{n} {v:.4g} +- {errors[n]:.2g}" for n, v in self.parameters.items()) + "."
+            free = next(name for name in PARAMETERS if self.identifiable[name] != "given")
+            return fit, f"The parameter {free} is {self.identifiable[free]}."
+        known = {name: v for name, v in self.parameters.items() if self.identifiable[name] != "given"}
+        basis = next(self.identifiable[name] for name in known)
+        values = ", ".join(f"{name} {v:.4g} +- {self.parameter_errors[name]:.2g}" for name, v in known.items())
+        return fit, f"{basis[0].upper()}{basis[1:]}: {values}."
 
 
 def force_process_fit(
@@ -308,9 +327,9 @@ def _open(ratios: Array, given: Mapping[str, float], drive: str | None) -> str:
     if np.abs(np.imag(roots)).max() > 0 or not (ratios > 0).all():
         return "the poles are complex or unstable, which no positive m, d, c gives"
     if not given:
-        return "m, d and k only as the products m/k, (mc+d)/k and dc/k; give one of m, k, d"
+        return "m, d and k only as the products m/k, (mc+d)/k and dc/k; give one of m, k, d (--given m=VALUE)"
     if not drive:
-        return "the pole of the drive is not identified; give drive='faster' or 'slower'"
+        return "the pole of the drive is not identified; give drive='faster' or 'slower' (--drive-pole)"
     return ""
 
 

@@ -7,7 +7,8 @@ The time constant of a servo is the time to 63.2 % of the step (SURF, "ts"). The
 ``gain sum du_j s(t - t_j - L)``, so that the delay may be any fraction of a sample.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -16,14 +17,20 @@ from numpy.typing import ArrayLike
 from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import IdentError
+from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict, verdict_from
 from ...datasets import Record
 from ..continuous import ContinuousModel
-from ..estimators.filters import ROUNDING, covariance, inverse_of_squares
+from ..estimators.filters import ROUNDING, covariance, inverse_of_squares, squares
 from ..model import Model
 from .step_shapes import SHAPES, Stretch, one_step, overshoot, ramp_rate, stretches_of, time_constants, unit_response
 
 if TYPE_CHECKING:
     import pandas as pd
+
+GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
+SURE = 2.0  # standard errors between the gain and zero
+CHECKED = ("Simulation of the record", "Overshoot and rate limit", "Settling within the record", "Static gain")
+NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -128,18 +135,80 @@ class StepFit(Plottable):
         )
 
     def model(self, sample_time: float) -> Model:
-        """The discrete model for an input held between samples, sample time in s."""
-        return self.continuous.sampled(sample_time)
+        """The discrete model for an input held between samples, sample time in s, with its covariance.
+
+        The covariance is that of ``names`` by the delta method. Near a whole number of samples of delay the model gets
+        the coefficient of the next sample too, which then is zero within its standard error.
+        """
+        at = self.params.to_numpy(dtype=np.float64)
+        moved = []
+        for j, name in enumerate(self.names):
+            step = 1e-5 * (sample_time if name == "delay" else abs(at[j]))
+            # a delay below the first sample would be refused: the difference is then one-sided
+            ends = (max(at[j] - step, 0.0) if name == "delay" else at[j] - step), at[j] + step
+            pair = [self._with(name, end).continuous.sampled(sample_time) for end in ends]
+            moved.append((pair[0], pair[1], ends[1] - ends[0]))
+        base = self.continuous.sampled(sample_time)
+        every = [base, *(model for low, high, _ in moved for model in (low, high))]
+        nk, length = min(m.nk for m in every), max(len(m.b) for m in every)
+
+        def theta(m: Model) -> Array:
+            return np.concatenate([m.a[1:], m.b[nk:], np.zeros(length - len(m.b))])
+
+        J = np.column_stack([(theta(high) - theta(low)) / width for low, high, width in moved])
+        e = np.concatenate([run.y - fitted for run, fitted in zip(self.runs, self.fitted, strict=True)])
+        return replace(
+            base, b=np.pad(base.b, (0, length - len(base.b))), nk=nk, cov_params=J @ self.cov_params @ J.T,
+            noise_variance=float(np.mean(e**2)), n=len(e),
+        )  # fmt: skip
+
+    def _with(self, name: str, value: float) -> "StepFit":
+        """The same fit with another value of one parameter."""
+        if name == "gain":
+            return replace(self, gain=value)
+        if name == "delay":
+            return replace(self, delay=value)
+        place = SHAPES[self.order].index(name)
+        return replace(self, shape=tuple(value if k == place else v for k, v in enumerate(self.shape)))
 
     @property
-    def verdict(self) -> str:
-        """Estimates, quality of the fit, and reservations."""
-        return verdict(self, overshoot(self.runs))
+    def df(self) -> int:
+        """Degrees of freedom of the standard errors."""
+        return max(sum(map(len, self.fitted)) - len(self.names), 1)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each parameter that can be estimated; empty where it has none."""
+        gain = f"{self.unit_y or '1'}/{self.unit_u or '1'}" if self.unit_y or self.unit_u else ""
+        return {"gain": gain, "time_constant": "s", "natural_frequency": "rad/s", "damping": "", "delay": "s"}
+
+    @property
+    def words(self) -> str:
+        """Estimates with their standard errors, then ``remarks``."""
+        values = [
+            f"{name.replace('_', ' ')} {value:.4g} +- {error:.2g} {self.units[name]}".rstrip()
+            for name, value, error in zip(self.names, self.params.to_numpy(), self.bse.to_numpy(), strict=True)
+        ]
+        return " ".join([f"{', '.join(values)}.", *self.remarks])
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Time to 63.2 %, quality of the fit, and findings, a sentence each."""
+        kind = (
+            f"coloured (autoregression of order {self.colour}), allowed for in the errors" if self.colour else "white"
+        )
+        fit = f"Order {self.order}: 63.2 % after {self.time_to_63:.4g} s; fit {self.fit:.1f} %; residuals {kind}."
+        return (fit, *(words for _, words in _findings(self)))
+
+    @property
+    def verdict(self) -> Verdict:
+        """How far the model can be used."""
+        return verdict_from(_findings(self), CHECKED, (NOT_HELD_OUT,))
 
 
 def step_response_fit(
     rec: Record | tuple[ArrayLike, ArrayLike],
-    order: Literal[1, 2] = 1,
+    order: Literal[1, 2] | None = 1,
     *,
     delay: float | None = None,
     step: float = 1.0,
@@ -151,7 +220,8 @@ def step_response_fit(
     ----------
     rec : Record, or (t, y)
         Steps of the input, up or down, from rest; or times (s, any spacing) and output of one step.
-    order : 1 or 2
+    order : 1, 2 or None
+        None: 2 where the record distinguishes it from 1, by Schwarz's criterion with the effective number of samples.
     delay : float or None
         s; None: estimated.
     step, at : float
@@ -171,6 +241,8 @@ def step_response_fit(
     """
     from .step_search import search
 
+    if order is None:
+        return _of_chosen_order(*(step_response_fit(rec, n, delay=delay, step=step, at=at) for n in (1, 2)))
     if order not in (1, 2):
         raise IdentError(f"order {order!r}: 1 or 2; for more, identify a record with arx or output_error.")
     if delay is not None and not (np.isfinite(delay) and delay >= 0):
@@ -191,6 +263,21 @@ def step_response_fit(
     )  # fmt: skip
 
 
+def _of_chosen_order(first: StepFit, second: StepFit) -> StepFit:
+    """The fit of the order that Schwarz's criterion prefers; order 1 where the damping of order 2 is not known."""
+    e1, e2 = (np.concatenate([run.y - y for run, y in zip(f.runs, f.fitted, strict=True)]) for f in (first, second))
+    whole = ROUNDING * squares(np.concatenate([run.y - run.y.mean() for run in second.runs]))
+    r = float(e2[1:] @ e2[:-1]) / max(squares(e2), whole)
+    size = len(e2) * (1 - max(r, 0.0)) / (1 + max(r, 0.0))
+    gain = size * float(np.log(max(squares(e1), whole) / max(squares(e2), whole)))
+    better = gain > np.log(size) and float(second.bse["damping"]) <= second.shape[1] / 2
+    other, chosen = (first, second) if better else (second, first)
+    note = (
+        f"order {chosen.order} was chosen by the record: fit {chosen.fit:.1f} %, order {other.order} {other.fit:.1f} %"
+    )
+    return replace(chosen, notes=(*chosen.notes, note))
+
+
 def _names(rec: Record | tuple[ArrayLike, ArrayLike]) -> tuple[str, str, str, str, tuple[str, ...]]:
     """Input, output, their units and notes."""
     if isinstance(rec, Record):
@@ -198,52 +285,60 @@ def _names(rec: Record | tuple[ArrayLike, ArrayLike]) -> tuple[str, str, str, st
     return "u", "y", "", "", ()
 
 
-POOR = 80.0  # % fit below which the model structure, not the noise, is inadequate
+def _findings(fit: "StepFit") -> list[tuple[int, str]]:
+    """Remarks (level 0) and reservations, each a sentence."""
+    window = max(float(np.max(np.diff([*run.at, run.time[-1]]))) for run in fit.runs)
+    return [*_of_output(fit), *_of_order(fit), *_of_window(fit, window), *_of_fit(fit)]
 
 
-def verdict(fit: "StepFit", over: float) -> str:
-    """Estimates with standard errors, then reservations; ``over`` is the measured overshoot."""
-    units = _units(fit)
-    values = [
-        f"{name.replace('_', ' ')} {value:.4g} +- {error:.2g}{units[name]}"
-        for name, value, error in zip(fit.names, fit.params.to_numpy(), fit.bse.to_numpy(), strict=True)
-    ]
-    kind = "white" if not fit.colour else f"coloured (autoregression of order {fit.colour}), allowed for in the errors"
-    text = f"{', '.join(values)}; 63.2 % after {fit.time_to_63:.4g} s; fit {fit.fit:.1f} %; residuals {kind}."
-    return " ".join([text, *_reservations(fit, over)])
-
-
-def _units(fit: "StepFit") -> dict[str, str]:
-    gain = f" {fit.unit_y or '1'}/{fit.unit_u or '1'}" if fit.unit_y or fit.unit_u else ""
-    return {"gain": gain, "time_constant": " s", "natural_frequency": " rad/s", "damping": "", "delay": " s"}
-
-
-def _reservations(fit: "StepFit", over: float) -> list[str]:
-    out = []
+def _of_output(fit: "StepFit") -> Iterator[tuple[int, str]]:
+    over = overshoot(fit.runs)
     if fit.rate_limit is not None:
         unit = f"{fit.unit_y}/s" if fit.unit_y else "1/s"
-        out.append(
+        yield (
+            RESERVATIONS,
             f"The output is rate-limited at {fit.rate_limit:.4g} {unit}: the rise time grows with the step size. "
-            "Use smaller steps to identify the lag."
+            "Use smaller steps to identify the lag.",
         )
     if fit.order == 1 and over > max(0.05, 4 * fit.scatter):
-        out.append(f"The output overshoots by {100 * over:.0f} %: fit order 2.")
-    if fit.order == 2 and len(fit.time_constants) == 2:
+        yield RESERVATIONS, f"The output overshoots by {100 * over:.0f} %: fit order 2."
+
+
+def _of_order(fit: "StepFit") -> Iterator[tuple[int, str]]:
+    if fit.order == 1:
+        return
+    if len(fit.time_constants) == 2:
         slow, fast = fit.time_constants
-        out.append(f"Overdamped: time constants {slow:.4g} and {fast:.4g} s.")
-    if fit.order == 2:
-        damping, error = fit.shape[1], float(fit.bse["damping"])
-        if error > damping / 2:
-            out.append("The second order is not distinguishable from a delay: fit order 1.")
-        elif error > 1e-6 and abs(damping - 1) < 2 * error:
-            out.append("A damping ratio of 1 lies within two standard errors: over- or underdamped is not decided.")
-    window = max(float(np.max(np.diff([*run.at, run.time[-1]]))) for run in fit.runs)
+        yield USABLE, f"Overdamped: time constants {slow:.4g} and {fast:.4g} s."
+    damping, error = fit.shape[1], float(fit.bse["damping"])
+    if error > damping / 2:
+        yield RESERVATIONS, "The second order is not distinguishable from a delay: fit order 1."
+    elif error > 1e-6 and abs(damping - 1) < 2 * error:
+        yield USABLE, "A damping ratio of 1 lies within two standard errors: over- or underdamped is not decided."
+
+
+def _of_window(fit: "StepFit", window: float) -> Iterator[tuple[int, str]]:
     if fit.time_to_63 - fit.delay > (window - fit.delay) / 3:
-        out.append(
-            f"The response has not settled within {window:.3g} s: gain and time are extrapolated. Record longer."
+        yield (
+            RESERVATIONS,
+            f"The response has not settled within {window:.3g} s: gain and time are extrapolated. Record longer.",
         )
     if "delay" not in fit.names and fit.delay < 1e-6 * window:
-        out.append("No significant delay.")
-    if fit.fit < POOR and fit.rate_limit is None:
-        out.append(f"Poor fit of order {fit.order}: check the figure, and try order {3 - fit.order}.")
-    return out
+        yield USABLE, "No significant delay."
+
+
+def _of_fit(fit: "StepFit") -> Iterator[tuple[int, str]]:
+    error = float(fit.bse["gain"])
+    if abs(fit.gain) < SURE * error:
+        yield (
+            DO_NOT_USE,
+            f"The gain is {fit.gain:.3g} with a standard error of {error:.2g}: its sign is not known. Use larger steps "
+            "or record more of them.",
+        )
+    if fit.fit < GOOD and (fit.rate_limit is None or fit.fit < POOR):
+        level, limit = (RESERVATIONS, GOOD) if fit.fit >= POOR else (DO_NOT_USE, POOR)
+        yield (
+            level,
+            f"The fit of order {fit.order} is {fit.fit:.0f} %, less than {limit:.0f} %: look at the figure, and try "
+            f"order {3 - fit.order}.",
+        )

@@ -46,7 +46,8 @@ def stretches_of(rec: Record) -> list[Stretch]:
         why = f"it changes {edges} times in {len(rec)} samples" if off <= LEFTOVER else "it varies between its edges"
         raise IdentError(
             f"input {rec.input} is not made of steps: {why} (at most one change in {PLATEAU} samples, "
-            f"and {LEFTOVER:.0%} of its range off the plateaus). Fit arx or output_error instead."
+            f"and {LEFTOVER:.0%} of its range off the plateaus). Identify a transfer function instead: identify, or "
+            "fitmodels ident without --as step."
         )
     return runs
 

@@ -89,7 +89,7 @@ class Judged(NamedTuple):
 
 
 def judged_parts(pf: "ParameterFile", *, loop_only: bool = False) -> list[Judged]:
-    """Laws, dynamics, gains and force process of a file; of a loop, the law of its limits, dynamics and gains."""
+    """Laws, dynamics, drive, gains and force process of a file; of a loop, law of its limits, dynamics and gains."""
     loop = () if pf.load_line is None else (pf.load_line.law,)
     parts = [
         Judged(f"laws.{short_name(name)}", law.verdict, "fit the data again")
@@ -98,13 +98,15 @@ def judged_parts(pf: "ParameterFile", *, loop_only: bool = False) -> list[Judged
     ]
     if pf.dynamics is not None:
         parts.append(Judged("dynamics", pf.dynamics.verdict, "identify the record again"))
+    if pf.drive is not None and not loop_only:
+        parts.append(Judged("drive", pf.drive.verdict, "identify it again: fitmodels ident --as drive"))
     gains = getattr(
         pf.pi, "verdict", None
     )  # gains that were given have none: the simulation before an export judges them
     if isinstance(gains, VerdictSection):
         parts.append(Judged("pi", gains, "tune again"))
     if pf.adaptive_force is not None and not loop_only:
-        remedy = "give collect the verdict of its ForceProcess"
+        remedy = "identify it again: fitmodels ident --as force-process"
         parts.append(Judged("adaptive_force", pf.adaptive_force.verdict, remedy))
     return parts
 
@@ -136,14 +138,18 @@ def verdict_words(where: str, verdict: VerdictSection, shown: int = SHOWN) -> st
 def cautions(pf: "ParameterFile", *names: str) -> list[str]:
     """A sentence on each part of the file that is not usable without reservations, with all its reasons.
 
-    ``names`` are responses of laws, ``dynamics``, ``pi`` and ``adaptive_force``; all parts without them.
+    ``names`` are responses of laws, ``dynamics``, ``drive``, ``pi`` and ``adaptive_force``; all parts without them.
     """
     said = []
     for part in judged_parts(pf):
         kind, _, law = part.where.partition(".")
         if names and (law or kind) not in names:
             continue
-        what = f"law of {law}" if law else {"dynamics": "dynamics", "pi": "gains"}.get(kind, "force process")
+        what = (
+            f"law of {law}"
+            if law
+            else {"dynamics": "dynamics", "drive": "drive", "pi": "gains"}.get(kind, "force process")
+        )
         if part.verdict is None:
             said.append(f"No verdict on the {what}: it is not known how far it can be used; {part.remedy}.")
         elif part.verdict.concern > USABLE:

@@ -41,7 +41,7 @@ def _covariances(pf: ParameterFile) -> Iterator[FileFinding]:
         for name, law in pf.laws.items()
         if isinstance(law.uncertainty, Covariance)
     ]
-    for name, section in (("dynamics", pf.dynamics), ("adaptive_force", pf.adaptive_force)):
+    for name, section in (("dynamics", pf.dynamics), ("drive", pf.drive), ("adaptive_force", pf.adaptive_force)):
         if section is not None and isinstance(section.uncertainty, ModelCovariance):
             held.append((name, section.uncertainty.matrix))
     for where, matrix in held:
@@ -110,6 +110,7 @@ SECTION_UNITS: Mapping[str, Mapping[str, tuple[str, str | None]]] = {
     "roughness": {"unit_roughness": ("", "um"), "unit_force": ("force", "N"), "unit_feed": ("feed", "mm/rev")},
     "adaptive_force": {"unit_force": ("force", "N"), "unit_depth": ("depth", "mm"), "unit_u": ("command", None)},
     "dynamics": {"unit_u": ("input", None), "unit_y": ("output", None)},
+    "drive": {"unit_u": ("input", None), "unit_y": ("output", None)},
     "pi": {"unit_u": ("command", None), "unit_y": ("measurement", None)},
 }
 
@@ -289,5 +290,5 @@ def _set_points(force: AdaptiveForceSection) -> Iterator[str]:
         yield "the set points are not in order of depth, each once"
     if force.low is not None and force.high is not None and not force.low < force.high:
         yield f"the limits of the command are {force.low:g} to {force.high:g}"
-    if not force.alpha + force.Kd > force.lam * force.m:
+    if force.Kd is not None and force.lam is not None and not force.alpha + force.Kd > force.lam * force.m:
         yield "alpha + Kd is not above lambda m, so its Lyapunov function need not decrease"

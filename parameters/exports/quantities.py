@@ -60,7 +60,7 @@ _OF_LOOP = {
     "overload_after": ("s", "time above it before the feed is inhibited"),
     "dwell": ("s", "time on the lower limit that means a worn tool"),
 }
-_SECTIONS = ("limits", "roughness", "adaptive_force")
+_SECTIONS = ("drive", "limits", "roughness", "adaptive_force")
 _UNIT_OF = {
     **dict.fromkeys(("sample_time", "servo_time", "reference_time"), "s"),
     **dict.fromkeys(("average_time", "threshold_time", "process_time"), "s"),
@@ -70,6 +70,11 @@ _UNIT_OF = {
     "roughness": "unit_roughness",
     "force_per_feed": "unit_force/(unit_feed)",
     "lam": "1/s",
+    "M": "unit_inertia",
+    "Fv": "unit_viscous",
+    **dict.fromkeys(("Fc", "offset"), "unit_force"),
+    "cutoff": "Hz",
+    **dict.fromkeys(("simulated_fit", "held_out_fit"), "%"),
     "depth": "unit_depth",
 }
 

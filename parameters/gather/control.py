@@ -1,27 +1,38 @@
-"""Identified models, tuned gains and limits as sections; gains that miss their specification need a reason."""
+"""Identified models, drives and cuts, tuned gains and limits as sections.
+
+Gains that miss their specification need a reason.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ...core.errors import GateError, ParameterError
 from ...core.verdict import Verdict
 from ..messages import short
 from ..sections.base import ModelCovariance, Section, VerdictSection
+from ..sections.drive import COEFFICIENTS
 from ..sections.dynamics import AlternativeModel, DynamicsSection, PiFigures, PiSection, PiSpecification
+from ..sections.force_control import AdaptiveForceSection
 from ..sections.load_line import LimitsSection
 
 if TYPE_CHECKING:
     from ...core.arrays import Array
+    from ...datasets import Record
     from ...ident.identification import Identification
     from ...ident.model import Model
+    from ...ident.physical_models.drive import DriveFit
+    from ...ident.physical_models.force_process import ForceProcess
+    from ...ident.physical_models.step_response import StepFit
     from ...ident.pi.gains import PiGains
     from ...ident.pi.tuning import TunedPi
 
 Gains: TypeAlias = "PiGains | TunedPi | PiSection | Mapping[str, Any]"
 
 BOUNDS = {"power": "kW", "force": "N", "wear": "mm"}
+ESTIMATES = ("m", "alpha", "beta")  # m/k, (mc+d)/k, dc/k
+UNITS = ("unit_u", "unit_force")
 RANGES = {"feed": "mm/rev", "feed_rate": "mm/min", "speed": "m/min", "spindle_speed": "1/min"}
 
 
@@ -108,6 +119,113 @@ def model_of(section: DynamicsSection) -> "Model":
         b=np.array(s.b), a=np.array(s.a), nk=s.nk, sample_time=T, cov_params=covariance(s), input=s.input,
         output=s.output, unit_u=s.unit_u, unit_y=s.unit_y, band=s.band, alternatives=others,
     )  # fmt: skip
+
+
+def step_section(
+    fit: "StepFit", rec: "Record", verdict: Verdict, held_out: "tuple[float, str | None] | None" = None
+) -> dict[str, Any]:
+    """The section ``dynamics`` of a step response, sampled as its record.
+
+    Parameters
+    ----------
+    fit : StepFit
+    rec : Record
+        The record that it was fitted to, with its operating point removed, for sample time and excited band.
+    verdict : Verdict
+        Of the fit, and of its simulation of other samples where there are any.
+    held_out : (float, str or None), optional
+        Per cent of the output of another record that a free run explains, and the checksum of that record.
+    """
+    from ...ident.estimators.build_model import record_facts
+    from ...ident.responses.spectra import excited_band
+
+    model = replace(fit.model(rec.sample_time), **record_facts(rec), band=excited_band(rec))
+    name = {1: "first", 2: "second"}[fit.order]
+    return {
+        **dynamics_section(model, None if held_out is None else held_out[0]),
+        "structure": f"step response of {name} order with delay",
+        "held_out_sha256": None if held_out is None else held_out[1],
+        "verdict": VerdictSection.of(verdict).model_dump(),
+        "notes": [f"Estimates: {fit.words}", *fit.notes],
+    }
+
+
+def drive_section(
+    fit: "DriveFit", rec: "Record", verdict: Verdict, held_out: "tuple[float, str | None] | None" = None
+) -> dict[str, Any]:
+    """The section ``drive`` of inertia and friction; ``verdict`` and ``held_out`` as of `step_section`."""
+    rotary = fit.motion.speed_unit == "rad/s"
+    force = "N m" if rotary else "N"
+    return {
+        **dict(zip(COEFFICIENTS, map(float, fit.theta), strict=True)),
+        "uncertainty": {
+            "kind": "covariance",
+            "of": list(COEFFICIENTS),
+            "matrix": ((fit.cov_params + fit.cov_params.T) / 2).tolist(),
+            "df": fit.df,
+        },
+        "unit_inertia": "kg m^2" if rotary else "kg",
+        "unit_viscous": f"{force} s/{'rad' if rotary else 'm'}",
+        "unit_force": force,
+        "unit_speed": fit.motion.speed_unit,
+        **{name: getattr(rec, name) for name in ("input", "output", "unit_u")},
+        "unit_y": fit.motion.unit,
+        "force_per_unit": None if fit.motion.factor is None else float(fit.motion.factor),
+        "relative_error": fit.relative_error,
+        "simulated_fit": fit.own_run[1] if fit.possible else None,
+        "sample_time": float(rec.sample_time),
+        "cutoff": float(fit.cutoff),
+        "n": int(fit.rows),
+        "record_sha256": rec.sha256,
+        "held_out_fit": None if held_out is None else held_out[0],
+        "held_out_sha256": None if held_out is None else held_out[1],
+        "verdict": VerdictSection.of(verdict).model_dump(),
+        "notes": list(fit.notes),
+    }
+
+
+def force_process_section(
+    fit: "ForceProcess", former: AdaptiveForceSection | None = None, depth: float | None = None
+) -> dict[str, Any]:
+    """The section ``adaptive_force``: the estimates of a force process; the settings are those of a former section.
+
+    Parameters
+    ----------
+    fit : ForceProcess
+    former : AdaptiveForceSection, optional
+        Its rates, gains, set points and limits are kept.
+    depth : float, optional
+        Depth of cut of the run, mm; without it no plant can be simulated, as k is proportional to it.
+
+    Raises
+    ------
+    ParameterError
+        The settings of the former section are in other units than the record.
+    """
+    units = dict(zip(UNITS, (fit.unit_u, fit.unit_y or "N"), strict=True))
+    kept = {} if former is None else former.model_dump()
+    for name, unit in units.items():
+        if former is not None and getattr(former, name) not in ("", unit):
+            raise ParameterError(
+                f"adaptive_force: the settings of the file are in {short(getattr(former, name))}, the record in "
+                f"{short(unit)}: estimates and settings need the same units. Convert the column, give its unit, or "
+                "write to another file."
+            )
+    cov = (fit.cov_params + fit.cov_params.T) / 2
+    return {
+        **kept,
+        **dict(zip(ESTIMATES, map(float, fit.ratios), strict=True)),
+        **units,
+        "uncertainty": {
+            "kind": "covariance",
+            "of": list(ESTIMATES),
+            "matrix": cov.tolist(),
+            "df": fit.df,
+        },
+        "depth": depth,
+        "verdict": VerdictSection.of(fit.verdict).model_dump(),
+        "notes": [f"Estimates: {fit.words}", *fit.notes],
+    }
 
 
 def pi_section(pi: Gains, *, scaling_u: float = 1.0, forced: str | None = None) -> dict[str, Any]:

@@ -113,7 +113,7 @@ class SetPoint(Section):
 
 
 class AdaptiveForceSection(Section):
-    """Initial estimates and settings of an adaptive force controller.
+    """Initial estimates and settings of an adaptive force controller; settings that are not stated are None.
 
     Attributes
     ----------
@@ -121,11 +121,11 @@ class AdaptiveForceSection(Section):
         Estimates divided by k, for a command in unit_u and a force in unit_force; times in s.
     uncertainty : ModelCovariance or NoCovariance or None
         Of m, alpha, beta.
-    g1, g2, g3 : float
+    g1, g2, g3 : float or None
         Rates of adaptation; 0 freezes an estimate.
-    Kd : float
+    Kd : float or None
         Gain, in the units of alpha.
-    lam : float
+    lam : float or None
         lambda of E, 1/s.
     set_points : tuple of SetPoint
         Forces by depth, in unit_force and unit_depth.
@@ -158,11 +158,11 @@ class AdaptiveForceSection(Section):
     alpha: Number
     beta: Number
     uncertainty: Annotated[ModelCovariance | NoCovariance, Field(discriminator="kind")] | None = None
-    g1: NotNegative
-    g2: NotNegative
-    g3: NotNegative
-    Kd: Positive
-    lam: Positive
+    g1: NotNegative | None = None
+    g2: NotNegative | None = None
+    g3: NotNegative | None = None
+    Kd: Positive | None = None
+    lam: Positive | None = None
     set_points: Annotated[tuple[SetPoint, ...], Field(max_length=1000)] = ()
     unit_u: str = ""
     unit_force: str = "N"

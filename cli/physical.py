@@ -1,0 +1,222 @@
+"""``fitmodels ident --as``: a step response, a feed drive, or drive and cut of adaptive force from a recorded run."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from ..core.errors import UsageError
+from .arguments import Parser, traced, typed, values
+from .output import Printer, print_json
+
+if TYPE_CHECKING:
+    from ..core.verdict import Verdict
+    from ..datasets import Record
+    from ..ident.physical_models.drive import DriveFit
+    from ..ident.physical_models.force_process import ForceProcess
+    from ..ident.physical_models.step_response import StepFit
+    from ..parameters import ParameterFile
+
+STEP, DRIVE, FORCE = "step", "drive", "force-process"
+SECTION: Final = {STEP: "dynamics", DRIVE: "drive", FORCE: "adaptive_force"}
+OPTIONS: Final = {  # of each model; an option of another one would have no effect
+    STEP: ("order", "delay", "held_out"),
+    DRIVE: ("force_per_unit", "cutoff", "held_out"),
+    FORCE: ("given", "drive_pole", "depth"),
+}
+OF_IDENTIFICATION: Final = ("orders", "trend")
+GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
+
+
+class Found(NamedTuple):
+    """A fit, its section of the parameter file, and its verdict with that of other samples."""
+
+    fit: "StepFit | DriveFit | ForceProcess"
+    section: dict[str, Any]
+    verdict: "Verdict"
+
+
+def physical_options(p: Parser) -> None:
+    """Add ``--as`` and the options of its models."""
+    group = p.add_argument_group(
+        "physical models, instead of a transfer function of free order",
+        "step: first or second order with delay, written as dynamics; drive: inertia and friction from force and\n"
+        "motion; force-process: the estimates of adaptive force control from feed command and cutting force.",
+    )
+    group.add_argument("--as", dest="model", choices=[STEP, DRIVE, FORCE], help="the model that is fitted")
+    group.add_argument("--order", type=int, choices=[1, 2], help="step: the order (default: chosen by the record)")
+    group.add_argument("--delay", type=float, metavar="S", help="step: the delay, where it is known")
+    group.add_argument(
+        "--force-per-unit", type=float, metavar="N", help="drive: N (or N m) for one unit of the input, as 35.2 for V"
+    )
+    group.add_argument("--cutoff", type=float, metavar="HZ", help="drive: low-pass (default: 0.04 of the sample rate)")
+    group.add_argument("--depth", type=float, metavar="MM", help="force-process: depth of cut of the run")
+    group.add_argument("--given", action="append", metavar="m=2.0", help="force-process: one of m, k and d, if known")
+    pole = "force-process: the pole of the drive is the faster or the slower one, with --given"
+    group.add_argument("--drive-pole", choices=["faster", "slower"], help=pole)
+
+
+def check_options(args: argparse.Namespace) -> None:
+    """Raise UsageError for an option that the chosen model does not have."""
+    allowed = OPTIONS.get(args.model or "", ("held_out", *OF_IDENTIFICATION))
+    every = {name for names in (*OPTIONS.values(), OF_IDENTIFICATION) for name in names}
+    for name in sorted(every - set(allowed)):
+        if getattr(args, name) is not None:
+            option = f"--{name.replace('_', '-')}"
+            owners = [f"--as {model}" for model, names in OPTIONS.items() if name in names]
+            where = "without --as" if name in OF_IDENTIFICATION else f"with {' and '.join(owners)}"
+            raise UsageError(f"{option} has an effect only {where}; leave it out, or choose another model.")
+
+
+def fitted(records: "Sequence[Record]", held_out: "Record | None", args: argparse.Namespace, pf: Any) -> Found:  # noqa: ANN401
+    """The model of ``--as``; ``pf`` is the parameter file that it will be added to, or None."""
+    from ..datasets.records.record import join_records
+
+    rec = records[0] if len(records) == 1 else join_records(records)
+    if args.model == STEP:
+        return _step(rec, held_out, args)
+    if args.model == DRIVE:
+        return _drive(rec, held_out, args)
+    return _force(rec, args, pf)
+
+
+def _step(rec: "Record", held_out: "Record | None", args: argparse.Namespace) -> Found:
+    from ..ident import step_response_fit, validate
+    from ..parameters.gather.control import step_section
+
+    fit = step_response_fit(rec, args.order, delay=args.delay)
+    verdict, other = fit.verdict, None
+    if held_out is not None:
+        percent = validate(fit.model(rec.sample_time), held_out).fit
+        other = (percent, held_out.sha256)
+        verdict = _with_held_out(verdict, percent, f"the {fit.output} of {len(held_out)} samples not fitted")
+    return Found(fit, step_section(fit, rec.centred(), verdict, other), verdict)
+
+
+def _drive(rec: "Record", held_out: "Record | None", args: argparse.Namespace) -> Found:
+    from ..ident import drive_fit
+    from ..parameters.gather.control import drive_section
+
+    fit = drive_fit(rec, args.force_per_unit, cutoff=args.cutoff)
+    verdict, other = fit.verdict, None
+    if held_out is not None and fit.possible:
+        percent = fit.free_run(held_out)[2]
+        other = (percent, held_out.sha256)
+        verdict = _with_held_out(verdict, percent, f"the speed of {len(held_out)} samples not fitted")
+    return Found(fit, drive_section(fit, rec, verdict, other), verdict)
+
+
+def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") -> Found:
+    from ..ident import force_process_fit
+    from ..parameters.gather.control import force_process_section
+
+    given = values(args.given, "--given")
+    if unknown := sorted(set(given) - {"m", "k", "d"}):
+        raise UsageError(f"--given {unknown[0]}: one of m, k and d, as m=2.0.")
+    if args.depth is not None and not args.depth > 0:
+        raise UsageError(f"--depth {args.depth:g} mm: a depth of cut lies above zero.")
+    fit = force_process_fit(rec.centred(), drive=args.drive_pole, **given)
+    former = None if pf is None else pf.adaptive_force
+    return Found(fit, force_process_section(fit, former, args.depth), fit.verdict)
+
+
+def _with_held_out(verdict: "Verdict", percent: float, what: str) -> "Verdict":
+    """The verdict with that of a simulation of other samples."""
+    from ..core.verdict import DO_NOT_USE, RESERVATIONS, verdict_from
+
+    found = [(verdict.level, words) for words in verdict.reasons]
+    if percent < GOOD:
+        level, limit = (RESERVATIONS, GOOD) if percent >= POOR else (DO_NOT_USE, POOR)
+        found.append((level, f"The simulation explains {percent:.0f} % of {what}, less than {limit:.0f} %."))
+    return verdict_from(found, ("Simulation of samples not fitted", *verdict.checked))
+
+
+def report(
+    records: "Sequence[Record]",
+    held_out: "Record | None",
+    former: "ParameterFile | None",
+    folder: Path | None,
+    args: argparse.Namespace,
+) -> int:
+    """Fit the model of ``--as``, print it, write its section, and return the exit code."""
+    from ..cards import terminal
+    from ..parameters.sections.base import VerdictSection
+
+    found = fitted(records, held_out, args, former)
+    pf = _collected(found, records, former, args)
+    name = SECTION[args.model]
+    if args.json:
+        fit, verdict = found.fit, VerdictSection.of(found.verdict).model_dump()
+        estimates = {
+            key: {"estimate": float(value), "se": float(se)}
+            for key, value, se in zip(fit.params.index, fit.params, fit.bse, strict=True)
+        }
+        facts = {"model": args.model, "section": name, "verdict": verdict, "words": fit.words, "estimates": estimates}
+        print_json("physical-model", {**facts, "parameters": pf.model_dump(mode="json")})
+    else:
+        Printer().show(terminal.physical_block(found.fit, found.verdict, records))
+    written = _written(found, records, pf, former, folder, args)
+    if written and not args.json:
+        Printer().show(written)
+    return 0
+
+
+def _collected(
+    found: Found, records: "Sequence[Record]", former: "ParameterFile | None", args: argparse.Namespace
+) -> "ParameterFile":
+    """A new parameter file, or the given one with its section replaced; gains tuned on other dynamics are removed."""
+    from .. import parameters
+    from ..parameters.file import sealed
+
+    section: dict[str, Any] = {SECTION[args.model]: found.section}
+    if former is not None:
+        gains = {"pi": None} if args.model == STEP else {}
+        return sealed(former, **section, **gains, provenance=traced(former, args.words))
+    options = ("input", "output", "unit", "rate", "model", *OPTIONS[args.model])
+    source = records[0].source
+    return parameters.collect(
+        tool=args.tool,
+        work=args.work,
+        **section,
+        data_file=args.file[0] if source is None else Path(source).name,
+        data_sha256=records[0].sha256,
+        n_rows=sum(map(len, records)),
+        command=typed(args.words),
+        options={name: value for name in options if (value := getattr(args, name)) is not None},
+    )
+
+
+def _written(
+    found: Found,
+    records: "Sequence[Record]",
+    pf: "ParameterFile",
+    former: "ParameterFile | None",
+    folder: Path | None,
+    args: argparse.Namespace,
+) -> str:
+    from .. import cards
+    from ..cards.folder import DYNAMICS_FIGURES, FIT_FIGURES, FORMS, PARAMETERS, PI_FIGURE
+    from ..parameters.file import replace
+
+    figure = FIT_FIGURES[args.model]
+    if former is not None:
+        place = Path(args.params).parent
+        drawn: dict[Path, bytes | None] = {place / figure: _picture(found, pf)}
+        if args.model == STEP and not pf.laws:  # figures of laws have the same names
+            drawn |= {place / name: None for name in (*DYNAMICS_FIGURES, PI_FIGURE)}
+        replace(pf, args.params, former, drawn)
+        return f"Written: {SECTION[args.model]} in {args.params}, {place / figure}"
+    if folder is None:
+        return ""
+    cards.write(pf, folder, physical=found.fit, data_lines=records[0].notes, force=args.force)
+    return f"Written: {folder}/ ({', '.join((PARAMETERS, *FORMS, figure))})"
+
+
+def _picture(found: Found, pf: "ParameterFile") -> bytes:
+    """The figure of the fit as a PNG."""
+    from tempfile import TemporaryDirectory
+
+    from ..cards.figures import draw_physical
+
+    with TemporaryDirectory() as made:
+        return draw_physical(found.fit, Path(made), "not measured" if pf.identity.simulated else "").read_bytes()
