@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
+INTEGRATOR = 1e-14  # of the sum of |a|: a(1) below it is rounding of zero, a pole at exactly 1
 Structure = Literal["arx", "sriv", "output_error", "armax", "box_jenkins", "given"]
 
 
@@ -160,9 +161,26 @@ class Model(Plottable):
         return np.pad(self.b, (0, n - len(self.b))), np.pad(self.a, (0, n - len(self.a))), self.sample_time
 
     @property
+    def integrating(self) -> bool:
+        """Whether one pole lies at exactly 1, but for rounding, and all others inside the unit circle.
+
+        >>> Model(b=[0.0, 0.5], a=[1.0, -1.5, 0.5], nk=1, sample_time=0.1).integrating
+        True
+        """
+        if not self._pole_at_one:
+            return False
+        return float(np.abs(np.roots(np.cumsum(self.a)[:-1])).max(initial=0.0)) < 1.0
+
+    @property
+    def _pole_at_one(self) -> bool:
+        return self.na > 0 and abs(float(self.a.sum())) <= INTEGRATOR * float(np.abs(self.a).sum())
+
+    @property
     def poles(self) -> NDArray[np.complex128]:
-        """Roots of a, in z."""
-        return np.asarray(np.roots(self.transfer_function[1]), dtype=np.complex128)
+        """Roots of a, in z; that of an integrator is exactly 1."""
+        a = self.transfer_function[1]
+        roots = np.r_[1.0, np.roots(np.cumsum(a)[:-1])] if self._pole_at_one else np.roots(a)
+        return np.asarray(roots, dtype=np.complex128)
 
     @property
     def zeros(self) -> NDArray[np.complex128]:
@@ -192,13 +210,43 @@ class Model(Plottable):
     @property
     def dc_gain(self) -> float:
         """Response to a constant input of 1, in unit_y per unit_u; infinite for an integrator."""
-        below = float(self.a.sum())
+        below = 0.0 if self._pole_at_one else float(self.a.sum())
         return float(self.b.sum()) / below if below != 0 else float(np.copysign(np.inf, self.b.sum()))
 
+    @property
+    def rate_gain(self) -> float:
+        """Final slope of the response to a constant input of 1, in unit_y per unit_u and second; 0 without integrator.
+
+        >>> Model(b=[0.0, 0.05], a=[1.0, -1.5, 0.5], nk=1, sample_time=0.1).rate_gain
+        1.0
+        """
+        if not self.integrating:
+            return 0.0
+        return float(self.b.sum()) / float(np.cumsum(self.a)[:-1].sum()) / self.sample_time
+
+    def with_integrator(self) -> "Model":
+        """The model b / (a (1 - q^-1)), which takes the change of the output for its own output.
+
+        >>> lag = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1, cov_params=np.eye(2))
+        >>> both = lag.with_integrator()
+        >>> both.a.tolist(), both.cov_params.shape
+        ([1.0, -1.5, 0.5], (3, 3))
+        """
+        a = np.convolve(self.a, [1.0, -1.0])
+        cov = self.cov_params
+        if cov is not None:
+            by = np.zeros((len(cov) + 1, len(cov)))  # theta with the integrator, by theta
+            by[: self.na, : self.na], by[self.na + 1 :, self.na :] = np.eye(self.na), np.eye(self.nb)
+            by[1 : self.na + 1, : self.na] -= np.eye(self.na)
+            cov = by @ cov @ by.T
+        others = tuple((weight, other.with_integrator()) for weight, other in self.alternatives)
+        return replace(self, a=a, cov_params=cov, alternatives=others)
+
     def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """G at frequencies in Hz, complex, the shape of ``frequency``."""
+        """G at frequencies in Hz, complex, the shape of ``frequency``; infinite at 0 for an integrator."""
         z = np.exp(-2j * np.pi * np.asarray(frequency, dtype=np.float64) * self.sample_time)
-        return np.asarray(np.polyval(self.b[::-1], z) / np.polyval(self.a[::-1], z), dtype=np.complex128)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.polyval(self.b[::-1], z) / np.polyval(self.a[::-1], z), dtype=np.complex128)
 
     def simulate(self, u: ArrayLike) -> Array:
         """Simulated output (N,) from rest for an input u (N,)."""
