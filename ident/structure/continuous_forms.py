@@ -9,78 +9,29 @@ Sources: Ljung 1999, System Identification, sections 10.2 and 4.3; Soderstrom & 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.arrays import Array
+from ...core.errors import IdentError
 from ...datasets.records.record import Record
-from ..estimators.build_model import record_facts
 from ..estimators.filters import filtered, squares, whitening
 from ..model import Model
+from .fitted_form import FittedForm, described
 from .form_estimation import FormData, FormFit, at_limit, form_data, free_columns, improved
-from .sampled_forms import EQUAL_LAGS, INTEGRATORS, LAG, SECOND_ORDER, Form, Sampled, sample
+from .sampled_forms import EQUAL_LAGS, INTEGRATORS, LAG, SECOND_ORDER, Form, sample
 
 MOST_DELAY = 60  # samples, of the grid
 BEHIND = 100.0  # of N ln V: a form that far behind the best is not refined
 DAMPING_RATIOS = {0.1: 20, 0.4: 10, 1.2: 8}  # of the grid, with the number of time constants
 COARSE = 10  # time constants of the grid
 NEIGHBOUR = 0.75  # samples: a delay further off is another minimum
+NOISE_STEPS = 2  # estimates of the noise model when a form is fitted anew
 NO_DELAY = 2.0  # standard errors of the delay: below, the form without a delay is fitted too
-SURE = 2.0  # standard errors above 1: a damping ratio that is written as two time constants
 UNLIKELY = 6.0  # standard deviations of chi-squared: larger first errors come from the input before the stretch
 CHI2_MEDIAN = 0.455  # of one degree of freedom
-QUANTITIES = {"K": "gain", "T": "time constant", "zeta": "damping ratio", "Tz": "time constant of the zero",
-              "L": "delay", "T1": "time constant", "T2": "second time constant"}  # fmt: skip
-EQUATIONS = {
-    "two lags": "K / ((T1 s + 1)(T2 s + 1))",
-    "two lags with zero": "K (Tz s + 1) / ((T1 s + 1)(T2 s + 1))",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class FittedForm:
-    """Continuous form fitted to a record.
-
-    Attributes
-    ----------
-    name, equation : str
-        ``lag with delay``, ``K / (T s + 1) exp(-L s)``.
-    symbols, units : tuple of str
-        K in unit_y per unit_u (per second for an integrating form), times in s.
-    values : ndarray, shape (k,)
-    cov : ndarray, shape (k, k)
-        Covariance of ``values``, coloured noise allowed for.
-    model : Model
-        Zero-order-hold model, its covariance of rank k by linear propagation.
-    e : ndarray, shape (N,)
-        Measured less simulated output with the estimated initial state and offset; zero where left out.
-    noise : ndarray
-        Autoregression that whitens ``e``; starts with 1.
-    integrating : bool
-    """
-
-    name: str
-    equation: str
-    symbols: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
-    cov: Array
-    model: Model
-    e: Array
-    noise: Array
-    integrating: bool
-
-    @property
-    def k(self) -> int:
-        """Number of parameters."""
-        return len(self.values)
-
-    @property
-    def bse(self) -> Array:
-        """Standard errors of ``values``."""
-        return np.sqrt(np.diag(self.cov))
 
 
 def fit_forms(
@@ -99,6 +50,7 @@ def fit_forms(
 
     Examples
     --------
+    >>> from fitmodels.datasets import Record
     >>> from fitmodels.ident.continuous import sampled
     >>> u = np.sign(np.sin(0.05 * np.arange(400) ** 1.2))
     >>> y = sampled([2.0], [0.5, 1.0], dt=0.1, delay=0.33).simulate(u)
@@ -114,7 +66,56 @@ def fit_forms(
         found = _fits(data, shifts)
         data, found = _without_unknown_past(data, found, shifts)
         found = _whitened(data, found)
-    return tuple(_described(rec, data, fit) for fit in found)
+    return tuple(described(rec, data, fit) for fit in found)
+
+
+def refit_form(rec: Record, fitted: FittedForm, *, beside: Array | None = None) -> FittedForm:
+    """The same form fitted to another record, starting at the parameters of ``fitted``.
+
+    Raises
+    ------
+    IdentError
+        The search leaves the range of finite errors.
+    """
+    data = form_data(rec, beside)
+    with np.errstate(all="ignore"):
+        found = improved(data, fitted.form, fitted.p, fitted.noise)
+        if found is not None:
+            data = _compared(data, found)
+        for _ in range(NOISE_STEPS if found else 0):
+            found = improved(data, fitted.form, found.p, whitening(data.packed(found.plain), data.compared)[0]) or found
+    if found is None:
+        raise IdentError(f"{fitted.name} cannot be fitted to this record: its errors are not finite.")
+    return described(rec, data, found)
+
+
+def integrating(rec: Record, estimate: Callable[[Record], Model]) -> Model:
+    """Model with a pole at exactly 1: ``estimate`` of the running sum of the input, times 1 / (1 - q^-1).
+
+    Level and slope of both signals are removed from each segment: the input at which the output rests is not known.
+
+    Examples
+    --------
+    >>> from fitmodels.datasets import Record
+    >>> from fitmodels.ident import output_error
+    >>> u = np.sign(np.sin(0.05 * np.arange(400) ** 1.2))
+    >>> y = Model(b=[0.0, 0.05], a=[1.0, -1.5, 0.5], nk=1, sample_time=0.1).simulate(u + 0.3)
+    >>> y += 0.01 * np.random.default_rng(1).standard_normal(400)
+    >>> model = integrating(Record(u=u, y=y, sample_time=0.1), lambda rec: output_error(rec, 1, 1, 1))
+    >>> model.integrating, model.a.round(2).tolist(), round(model.operating_point[0], 1)
+    (True, [1.0, -1.5, 0.5], -0.3)
+    """
+    u = rec.u - rec.u.mean()
+    total = np.concatenate([np.cumsum(u[s]) for s in rec.stretches])
+    straight = replace(rec, u=total).centred(trend=True)
+    model = estimate(straight)
+    slope_y, slope_u = (
+        np.mean([np.polyfit(np.arange(s.stop - s.start), x[s], 1)[0] for s in rec.stretches if s.stop - s.start > 1])
+        for x in (rec.y, total)
+    )
+    u0, y0 = np.average(np.asarray(rec.offsets), axis=0, weights=[s.stop - s.start for s in rec.stretches])
+    rest = rec.u.mean() + slope_u - slope_y / model.dc_gain
+    return replace(model.with_integrator(), operating_point=(float(u0 + rest), float(y0)))
 
 
 def _fits(data: FormData, delays: Array) -> list[FormFit]:
@@ -166,14 +167,16 @@ def _without_unknown_past(data: FormData, found: list[FormFit], delays: Array) -
     """The data less the first samples of stretches whose response to the input before them is not zero; new fits."""
     if not found:
         return data, found
-    best = min(found, key=lambda fit: fit.loss)
-    late = math.ceil(best.p[best.form.size - 1]) + 1 if best.form.delayed else 0
-    usual = float(np.median(np.square(best.e))) / CHI2_MEDIAN
-    skipped = tuple(late * _differs(best.e[s.start : s.start + late], s, usual) for s in data.stretches)
-    if not any(skipped):
-        return data, found
-    data = replace(data, skipped=skipped)
-    return data, _fits(data, delays)
+    shorter = _compared(data, min(found, key=lambda fit: fit.loss))
+    return (data, found) if shorter is data else (shorter, _fits(shorter, delays))
+
+
+def _compared(data: FormData, fit: FormFit) -> FormData:
+    """The data less the first samples of stretches that the input before them still moves."""
+    late = math.ceil(fit.p[fit.form.size - 1]) + 1 if fit.form.delayed else 0
+    usual = float(np.median(np.square(fit.plain))) / CHI2_MEDIAN
+    skipped = tuple(late * _differs(fit.plain[s.start : s.start + late], s, usual) for s in data.stretches)
+    return replace(data, skipped=skipped) if any(skipped) else data
 
 
 def _differs(first: Array, s: slice, usual: float) -> bool:
@@ -279,74 +282,3 @@ def _parameters(point: list[float], weights: Array, delay: float) -> Array:
     """K, log T, log zeta, Tz, L of a point of the grid."""
     gain = float(weights.sum())
     return np.array([gain, *point, *(weights[1:] / (gain or 1.0)), delay])
-
-
-def _described(rec: Record, data: FormData, fit: FormFit) -> FittedForm:
-    """The fit in physical units, with its discrete model and its residual."""
-    form, k = fit.form, fit.form.size
-    sampled, cov = sample(form, fit.p[:k]), fit.cov[:k, :k]
-    residual = fit.plain.copy()
-    for s, skipped in zip(data.stretches, data.skipped, strict=True):
-        residual[s.start : s.start + skipped] = 0.0
-    name, symbols, values, J = _physical(form, fit.p[:k], np.sqrt(np.diag(cov)), rec.sample_time)
-    delay = " exp(-L s)" if form.delayed else ""
-    equation = EQUATIONS.get(name, form.equation) + delay
-    per = " s" if form.integrating else ""
-    gain = f"{rec.unit_y or '1'}/({rec.unit_u or '1'}{per})" if per else f"{rec.unit_y or '1'}/{rec.unit_u or '1'}"
-    units = tuple(gain if s == "K" else "" if s == "zeta" else "s" for s in symbols)
-    return FittedForm(
-        name=name + (" with delay" if form.delayed and " with " not in name else " and delay" if form.delayed else ""),
-        equation=equation,
-        symbols=symbols,
-        units=units,
-        values=values,
-        cov=J @ cov @ J.T,
-        model=_model(rec, fit, sampled, cov),
-        e=residual,
-        noise=fit.h,
-        integrating=form.integrating,
-    )
-
-
-def _model(rec: Record, fit: FormFit, sampled: Sampled, cov: Array) -> Model:
-    """The zero-order-hold model of a fit; the covariance of its coefficients has the rank of the parameters."""
-    a, da = np.r_[1.0, sampled.a], np.hstack([np.zeros((len(sampled.db), 1)), sampled.da])
-    if fit.form.integrating:
-        a, da = (
-            np.convolve(a, [1.0, -1.0]),
-            np.hstack([da, np.zeros((len(da), 1))]) - np.hstack([np.zeros((len(da), 1)), da]),
-        )
-    by = np.hstack([da[:, 1:], sampled.db])
-    nk = sampled.whole + 1
-    n, k = fit.J.shape
-    variance = fit.loss / max(n - k - len(fit.h) + 1, 1)
-    return Model(
-        b=np.r_[np.zeros(nk), sampled.b], a=a, nk=nk, structure="box_jenkins", d=fit.h, cov_params=by.T @ cov @ by,
-        noise_variance=variance, **record_facts(rec),
-    )  # fmt: skip
-
-
-def _physical(form: Form, p: Array, se: Array, dt: float) -> tuple[str, tuple[str, ...], Array, Array]:
-    """Name, symbols, values in seconds, and their derivatives with respect to p."""
-    symbols = [*form.parameters, *["L"] * form.delayed]
-    values, J = p.copy(), np.eye(len(p))
-    for i, symbol in enumerate(symbols):
-        if symbol == "K":
-            factor = 1 / dt if form.integrating else 1.0
-        elif symbol in ("T", "zeta"):
-            values[i] = math.exp(p[i])
-            factor = values[i] * (dt if symbol == "T" else 1.0)
-            values[i] = factor
-        else:
-            factor = dt
-        values[i] = values[i] if symbol in ("T", "zeta") else p[i] * factor
-        J[i, i] = factor
-    if "zeta" not in symbols or values[2] - 1 <= SURE * se[2] * values[2]:
-        return form.name, tuple(symbols), values, J
-    T, zeta = values[1], values[2]
-    root = math.sqrt(zeta**2 - 1)
-    by = np.array([[zeta + root, T * (1 + zeta / root)], [zeta - root, T * (1 - zeta / root)]])
-    values[1:3] = T * (zeta + root), T * (zeta - root)
-    J[1:3] = by @ J[1:3]
-    symbols[1:3] = ["T1", "T2"]
-    return form.name.replace("second order", "two lags"), tuple(symbols), values, J

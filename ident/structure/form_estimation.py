@@ -73,6 +73,7 @@ class FormFit:
     e: Array
     J: Array
     plain: Array  # not whitened, shape (N,)
+    offsets: Array  # of the output of each stretch
 
     @property
     def loss(self) -> float:
@@ -121,6 +122,8 @@ class Residual:
         Not whitened, with the estimated initial state and offset.
     x : ndarray, shape (N,)
         Response to the input and to the initial state.
+    offsets : ndarray, shape (stretches,)
+        Estimated offset of the output of each stretch.
     model : Sampled
     lags : ndarray, shape (N, nb)
         Lagged input filtered by 1 / a.
@@ -130,6 +133,7 @@ class Residual:
     level: Array
     plain: Array
     x: Array
+    offsets: Array
     model: Sampled
     lags: Array
 
@@ -149,13 +153,12 @@ def residual_of(data: FormData, form: Form, p: Array, h: Array) -> Residual:
     Q, R = np.linalg.qr(white[:, 1:])
     kept = np.abs(np.diag(R)) > DEPENDENT * np.linalg.norm(white[:, 1:], axis=0)
     Q, along = Q[:, kept], Q[:, kept].T @ white[:, 0]
-    weights = np.linalg.solve(R[np.ix_(kept, kept)], along)
-    transient = free[:, kept] * weights
-    moving = np.flatnonzero(kept) % (form.order + 1) > 0  # the first column of each stretch is its offset
-    moving &= np.flatnonzero(kept) < len(data.stretches) * (form.order + 1)
-    return Residual(
-        white[:, 0] - Q @ along, Q, e - transient.sum(axis=1), x + transient[:, moving].sum(axis=1), model, U
-    )
+    weights = np.zeros(free.shape[1])
+    weights[kept] = np.linalg.solve(R[np.ix_(kept, kept)], along)
+    own = np.arange(len(data.stretches)) * (form.order + 1)  # column of the offset of each stretch
+    moving = free[:, : len(own) * (form.order + 1)] * weights[: len(own) * (form.order + 1)]
+    moving[:, own] = 0.0
+    return Residual(white[:, 0] - Q @ along, Q, e - free @ weights, x + moving.sum(axis=1), weights[own], model, U)
 
 
 def sensitivities_of(data: FormData, form: Form, at: Residual, h: Array) -> Array:
@@ -208,7 +211,7 @@ def improved(data: FormData, form: Form, p: Array, h: Array) -> FormFit | None:
             damping *= 10
         if moved @ moved <= ENOUGH**2 * loss / len(at.e) or damping > 1e6:
             break
-    return FormFit(form, p, h, at.e, J, at.plain)
+    return FormFit(form, p, h, at.e, J, at.plain, at.offsets)
 
 
 def _step(J: Array, e: Array, p: Array, damping: float, bounds: tuple[Array, Array]) -> Array:
