@@ -9,6 +9,8 @@ from fitmodels.datasets.records.record import join_records
 from fitmodels.ident.continuous import sampled
 from fitmodels.ident.structure.continuous_forms import FittedForm, fit_forms
 from fitmodels.ident.structure.sampled_forms import EQUAL_LAGS, INTEGRATORS, LAG, SECOND_ORDER, Form, sample
+from fitmodels.ident.validation.model_validation import validate
+from fitmodels.parameters.sections.dynamics import DynamicsSection
 from scipy.signal import lfilter
 
 DT, N = 0.02, 750
@@ -135,3 +137,31 @@ def test_runs_of_an_integrator_share_their_rest_input() -> None:
     assert np.abs((form.values - PLANTS["integrator with lag"][-1]) / form.bse).max() < 3.5
     assert form.integrating
     assert form.units == ("1/(1 s)", "s")
+
+
+def test_integrating_model_is_validated_with_a_free_slope() -> None:
+    model = named(fit_forms(recorded("integrator with lag", 1)), "integrator with lag").model
+    other = replace(recorded("integrator with lag", 2), sha256="2")
+    drifting = replace(other, y=other.y + 0.01 * np.arange(N))
+    found, drift = validate(model, other), validate(model, drifting)
+    assert found.concern == 0
+    assert found.fit > 90
+    assert drift.fit == pytest.approx(found.fit, abs=1e-6)
+
+
+def test_integrating_model_in_the_parameter_file() -> None:
+    given = {"kind": "none", "reason": "given"}
+    model = sampled([2.0], [0.5, 1.0, 0.0], DT)
+    section = DynamicsSection(b=model.b.tolist(), a=model.a.tolist(), nk=1, sample_time=DT, uncertainty=given)
+    assert section.integrating
+    assert not section.stable
+    assert section.poles[0] == 1
+    assert np.isinf(section.dc_gain)
+    assert model.rate_gain == pytest.approx(2.0, rel=1e-9)
+
+
+def test_five_slow_lags_are_not_an_integrator() -> None:
+    model = sampled([1.0], np.poly([-1.0] * 5), DT)
+    assert model.stable
+    assert not model.integrating
+    assert model.dc_gain == pytest.approx(1.0, rel=1e-3)

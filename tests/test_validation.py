@@ -192,7 +192,7 @@ def test_short_stretches_are_left_out_and_said():
 
 
 REFUSED = {
-    "unstable": (lambda rec: validate(Model(b=[1], a=[1, -1.0], nk=0, sample_time=0.02), rec), "radius 1"),
+    "unstable": (lambda rec: validate(Model(b=[1], a=[1, -1.1], nk=0, sample_time=0.02), rec), "radius 1.1"),
     "other rate": (lambda rec: validate(replace(PLANT, sample_time=0.01), rec), "resample"),
     "other unit": (lambda rec: validate(replace(PLANT, unit_u="mV"), replace(rec, unit_u="V")), "convert one of them"),
     "steps": (lambda rec: validate(PLANT, rec, steps=(0,)), "whole numbers"),

@@ -89,33 +89,37 @@ def refit_form(rec: Record, fitted: FittedForm, *, beside: Array | None = None) 
     return described(rec, data, found)
 
 
-def integrating(rec: Record, estimate: Callable[[Record], Model]) -> Model:
-    """Model with a pole at exactly 1: ``estimate`` of the running sum of the input, times 1 / (1 - q^-1).
+def integrating(rec: Record, estimate: Callable[[Record, Array], Model]) -> Model:
+    """Model with a pole at exactly 1: the estimate from the running sum of the input, times 1 / (1 - q^-1).
 
-    Level and slope of both signals are removed from each segment: the input at which the output rests is not known.
+    Parameters
+    ----------
+    rec : Record
+    estimate : callable
+        Estimates a model from the record of the running sum and from a column (N, 1) that it fits beside the plant: a
+        slope, because the input at which the output rests is not known.
 
     Examples
     --------
     >>> from fitmodels.datasets import Record
     >>> from fitmodels.ident import output_error
     >>> u = np.sign(np.sin(0.05 * np.arange(400) ** 1.2))
-    >>> y = Model(b=[0.0, 0.05], a=[1.0, -1.5, 0.5], nk=1, sample_time=0.1).simulate(u + 0.3)
+    >>> y = Model(b=[0.0, 0.05], a=[1.0, -1.5, 0.5], nk=1, sample_time=0.1).simulate(u - u.mean())
     >>> y += 0.01 * np.random.default_rng(1).standard_normal(400)
-    >>> model = integrating(Record(u=u, y=y, sample_time=0.1), lambda rec: output_error(rec, 1, 1, 1))
-    >>> model.integrating, model.a.round(2).tolist(), round(model.operating_point[0], 1)
-    (True, [1.0, -1.5, 0.5], -0.3)
+    >>> model = integrating(Record(u=u, y=y, sample_time=0.1), lambda rec, slope: output_error(rec, 1, 1, 1))
+    >>> model.integrating, model.a.round(2).tolist()
+    (True, [1.0, -1.5, 0.5])
     """
-    u = rec.u - rec.u.mean()
-    total = np.concatenate([np.cumsum(u[s]) for s in rec.stretches])
-    straight = replace(rec, u=total).centred(trend=True)
-    model = estimate(straight)
-    slope_y, slope_u = (
-        np.mean([np.polyfit(np.arange(s.stop - s.start), x[s], 1)[0] for s in rec.stretches if s.stop - s.start > 1])
-        for x in (rec.y, total)
-    )
+    data = form_data(rec)
+    mean = float(rec.u.mean())
+    total = np.concatenate([np.cumsum(rec.u[s] - mean) for s in rec.stretches])
+    slope = data.ramp[:, None] / data.longest
+    inner = estimate(replace(rec, u=total).centred(), slope)
+    left = rec.y - filtered(inner.b, inner.a, total, rec.stretches)
+    columns = np.column_stack([slope, free_columns(data, inner.a)])
+    rise = float(np.linalg.lstsq(columns, left, rcond=None)[0][0]) / data.longest  # of the output, per sample
     u0, y0 = np.average(np.asarray(rec.offsets), axis=0, weights=[s.stop - s.start for s in rec.stretches])
-    rest = rec.u.mean() + slope_u - slope_y / model.dc_gain
-    return replace(model.with_integrator(), operating_point=(float(u0 + rest), float(y0)))
+    return replace(inner.with_integrator(), operating_point=(float(u0) + mean - rise / inner.dc_gain, float(y0)))
 
 
 def _fits(data: FormData, delays: Array) -> list[FormFit]:

@@ -30,7 +30,8 @@ class Validation(Plottable):
     Attributes
     ----------
     fit : float
-        Simulation fit 100 (1 - |y - yhat| / |y - mean|), %, initial state and offset estimated in each segment.
+        Simulation fit 100 (1 - |y - yhat| / |y - mean|), %, initial state and offset estimated in each segment; of an
+        integrating model about the line of each segment, its slope estimated too.
     rsquared : float
         1 - |y - yhat|^2 / |y - mean|^2 of the simulation.
     fit_training_means, fit_zero_state : float
@@ -123,6 +124,7 @@ def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lag
     """
     check_frame(model, other)
     other, remarks = long_stretches(model, other, steps)
+    raw, other = other, without_slope(other) if model.integrating else other
     y, s = other.y, other.stretches
     yhat = simulated(model, other)
     step = one_step(model, other, yhat)
@@ -137,7 +139,7 @@ def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lag
     found = Validation(
         fit=fit_percent(y, yhat, s),
         rsquared=float(1 - left @ left / ((y - mean) @ (y - mean))),
-        fit_training_means=fit_percent(y, simulated(model, other, True, "training"), s),
+        fit_training_means=fit_percent(raw.y, simulated(model, raw, True, "training"), s),
         fit_zero_state=fit_percent(y, simulated(model, other, False), s),
         k_step_fit=k_step_fit,
         whiteness=residual_whiteness(step, cov, not held_out, lags),
@@ -153,6 +155,20 @@ def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lag
         labels=(other.output, other.unit_y),
     )
     return with_verdict(found, other.input, model.structure in BY_EQUATION)
+
+
+def without_slope(rec: Record) -> Record:
+    """The record without the line in the output of each segment, which an integrating model does not explain.
+
+    >>> rec = without_slope(Record(u=[0.0, 1.0, 0.0, 1.0], y=[0.0, 1.0, 2.0, 3.0], sample_time=0.1))
+    >>> bool(np.allclose(rec.y, 0))
+    True
+    """
+    y = rec.y.copy()
+    for s in rec.stretches:
+        line = np.column_stack([np.ones(s.stop - s.start), np.linspace(-1, 1, s.stop - s.start)])
+        y[s] -= line @ np.linalg.lstsq(line, y[s], rcond=None)[0]
+    return replace(rec, y=y)
 
 
 def with_verdict(found: Validation, name: str, by_equation: bool) -> Validation:
@@ -239,13 +255,13 @@ def settling_time(model: Model, share: float = 0.02) -> float:
 def plausibility_remarks(model: Model, longest: float) -> tuple[str, ...]:
     """Remarks on implausible poles and settling; ``longest`` is the longest segment in seconds."""
     remarks = []
-    settling = settling_time(model)
+    settling = 0.0 if model.integrating else settling_time(model)
     if settling > longest:
         remarks.append(
             f"the step response settles in {settling:.3g} s but the longest segment lasts {longest:.3g} s: its "
             f"static gain ({model.dc_gain:.4g}) is an extrapolation"
         )
-    for p in model.poles[np.abs(model.poles) > 0]:
+    for p in model.poles[(np.abs(model.poles) > 0) & (model.poles != 1)]:
         s = np.log(p) / model.sample_time
         damping, hertz = -s.real / abs(s), abs(s) / (2 * np.pi)
         if p.imag > 0 and damping < RINGING:

@@ -3,9 +3,9 @@
     simulation    y(t) = b/a u(t) + response of 1/a to the initial state + constant
     prediction    y = G u + H e,    e_k = (1 + h_1 q^-1 + ... + h_(k-1) q^-(k-1)) e
 
-Initial state and constant are estimated by least squares in each segment. H is 1/a for arx, c/a for armax, 1/d for
-box_jenkins and 1 for every other structure, whose prediction over any horizon is the simulation. Source: Ljung 1999,
-section 3.2.
+Initial state and constant (of an integrating model with a slope) are estimated by least squares in each segment. H is
+1/a for arx, c/a for armax, 1/d for box_jenkins and 1 for every other structure, whose prediction over any horizon is
+the simulation. Source: Ljung 1999, section 3.2.
 """
 
 from dataclasses import dataclass, replace
@@ -32,12 +32,13 @@ def simulated(model: Model, rec: Record, state: bool = True, offset: Offset = "e
     Parameters
     ----------
     model : Model
-        Stable.
+        Stable, or with one pole at exactly 1 (``integrating``).
     rec : Record
     state : bool
         Estimate the initial state of each segment; otherwise it starts from rest at the operating point.
     offset : {"estimate", "training"}
-        Constant of each segment: estimated, or the operating point of the training record.
+        Constant of each segment, of an integrating model with a slope: estimated, or the operating point of the
+        training record.
 
     Raises
     ------
@@ -60,16 +61,23 @@ def simulated(model: Model, rec: Record, state: bool = True, offset: Offset = "e
     if offset == "training":
         y += at_y
     left = rec.y - y
-    return rec.y - projected_out(left, free_columns(run, model.a, offset == "estimate"))
+    return rec.y - projected_out(left, free_columns(run, model, offset == "estimate"))
 
 
-def free_columns(run: FreeRun, a: Array, constant: bool) -> list[tuple[slice, Array]]:
-    """Orthonormal columns, by segment, of the free initial state, constant, or both."""
+def free_columns(run: FreeRun, model: Model, constant: bool) -> list[tuple[slice, Array]]:
+    """Orthonormal columns, by segment, of the free initial state, constant, or both.
+
+    With the constant of an integrating model comes a slope: the input at which its output rests is not known.
+    """
     if run.free and run.states:
-        return free_responses(replace(run, constant=constant), a)
-    if not constant:
+        found = free_responses(replace(run, constant=constant), model.a)
+    elif constant:
+        found = [(s, np.full((s.stop - s.start, 1), (s.stop - s.start) ** -0.5)) for s in run.stretches]
+    else:
         return []
-    return [(s, np.full((s.stop - s.start, 1), (s.stop - s.start) ** -0.5)) for s in run.stretches]
+    if not (constant and model.integrating):
+        return found
+    return [(s, orthonormal(np.column_stack([columns, np.linspace(-1, 1, len(columns))]))) for s, columns in found]
 
 
 def operating_points(model: Model, rec: Record) -> tuple[Array, Array]:
@@ -92,7 +100,7 @@ def check_frame(model: Model, rec: Record) -> None:
     for what, here, there in (("input", rec.unit_u, model.unit_u), ("output", rec.unit_y, model.unit_y)):
         if here and there and here != there:
             raise IdentError(f"{what} of the record is in {here}, of the model in {there}: convert one of them.")
-    if not model.stable:
+    if not (model.stable or model.integrating):
         raise IdentError(
             f"unstable: a pole at radius {model.radius:.4g}, so the simulation grows without bound however well the "
             "model predicts one step ahead. Try nk = 0, lower orders, or output error."
@@ -157,7 +165,7 @@ def _whitened(model: Model, rec: Record, simulated: Array) -> OneStep:
     """Simulation errors filtered by d, without the first samples of each segment, whose past is not known."""
     at_u, _ = operating_points(model, rec)
     run = FreeRun(rec.u - at_u, rec.y, rec.stretches, model.na, model.nb, model.nk, True)
-    q = free_columns(run, model.a, True)
+    q = free_columns(run, model, True)
     J = regressor_columns(run, *(filtered([1.0], model.a, x, rec.stretches) for x in (simulated, run.u)))
     e, nd = rec.y - simulated, len(model.d) - 1
     if not nd:

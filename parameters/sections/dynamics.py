@@ -31,6 +31,7 @@ from .base import (
 Array = NDArray[np.float64]
 Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
 MOST_ALTERNATIVES = 100
+INTEGRATOR = 1e-14  # of the sum of |a|: a(1) below it is rounding of zero, a pole at exactly 1
 
 
 class AlternativeModel(Section):
@@ -179,8 +180,9 @@ class DynamicsSection(Plottable, Section):
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Roots of a, in z."""
-        return np.asarray(np.roots(self.a), dtype=np.complex128)
+        """Roots of a, in z; that of an integrator is exactly 1."""
+        roots = np.r_[1.0, np.roots(np.cumsum(self.a)[:-1])] if self._pole_at_one else np.roots(self.a)
+        return np.asarray(roots, dtype=np.complex128)
 
     @property
     def stable(self) -> bool:
@@ -188,9 +190,23 @@ class DynamicsSection(Plottable, Section):
         return bool((np.abs(self.poles) < 1).all())
 
     @property
+    def integrating(self) -> bool:
+        """Whether one pole lies at exactly 1, but for rounding, and all others inside the unit circle.
+
+        >>> given = {"kind": "none", "reason": "given"}
+        >>> DynamicsSection(b=[0.0, 0.5], a=[1.0, -1.0], nk=1, sample_time=0.1, uncertainty=given).integrating
+        True
+        """
+        return self._pole_at_one and bool((np.abs(self.poles[1:]) < 1).all())
+
+    @property
+    def _pole_at_one(self) -> bool:
+        return len(self.a) > 1 and abs(float(np.sum(self.a))) <= INTEGRATOR * float(np.sum(np.abs(self.a)))
+
+    @property
     def dc_gain(self) -> float:
         """Response to a constant input of 1, unit_y per unit_u; infinite for an integrator."""
-        above, below = float(np.sum(self.b)), float(np.sum(self.a))
+        above, below = float(np.sum(self.b)), 0.0 if self._pole_at_one else float(np.sum(self.a))
         return above / below if below else float(np.copysign(np.inf, above))
 
     def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
