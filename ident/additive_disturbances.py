@@ -1,0 +1,184 @@
+"""Additive disturbances of the output: spikes, drift and spectral lines, tested beside a regression of high order.
+
+Spikes are additive outliers: an isolated wrong sample appears in the innovations as the polynomial a, which a matched
+filter separates from a load impulse (a single innovation). Their samples are then treated as missing. Source: Chang,
+Tiao & Chen 1988, doi 10.1080/00401706.1988.10488367.
+
+A line is tested by the F test of a sine and a cosine in addition to all lags, at every frequency of a grid: the
+regression alone absorbs a line almost completely. Source: Thomson 1982, doi 10.1109/PROC.1982.12433 (F test of a line).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Array
+from ..datasets.records.record import Record
+from .estimators.filters import filtered
+from .estimators.long_arx import LongArx, golden, input_lags, long_arx, middle
+
+SPIKE = 6.0  # robust standard deviations of the innovations
+PATCH = (1, 2, 3)  # samples of one spike
+LIKE_A_SPIKE = 0.95  # of the response as a load impulse, a change of the innovation
+MOST_SPIKES, ROUNDS = 0.05, 6  # share of the samples above which the noise has heavy tails; repetitions
+FALSE_ALARM = 1e-4  # probability that a record without lines has one
+DRIFT, DRIFT_ALARM = 3, 1e-5  # degree; stricter, as a slow plant leaves some of its dynamics
+INTEGRATING = 1e-6  # a(1) of an integrator, relative to the sum of |a|: its output drifts without a disturbance
+MOST_LINES = 4
+SLOWEST = 4.0  # periods of a line within a stretch; slower ones are drift
+PADDED = 4  # points of the search per independent frequency
+REFINED = 12  # evaluations of the exact frequency
+MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
+
+
+def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], bool]:
+    """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes."""
+    bad = np.zeros(len(rec), dtype=bool)
+    clean, lags = rec, input_lags(middle(rec), y_lags)
+    for _ in range(ROUNDS):
+        fit = long_arx(middle(clean), y_lags, lags)
+        e = innovations(clean, fit)
+        new = _spikes(e, fit.a, clean.stretches) & ~bad
+        if not new.any():
+            break
+        bad |= new
+        if bad.mean() > MOST_SPIKES:
+            return rec, np.empty(0, dtype=np.intp), True
+        clean = _filled(clean, e, fit.a, bad)
+    return clean, np.flatnonzero(bad), False
+
+
+def innovations(rec: Record, fit: LongArx) -> Array:
+    """Innovations e of all samples (N,), without the level of each stretch; 0 where lags are missing."""
+    e = filtered(fit.a, [1.0], rec.y, rec.stretches) - filtered(fit.b, [1.0], rec.u, rec.stretches)
+    for s in rec.stretches:
+        start = min(s.start + max(len(fit.a), len(fit.b)) - 1, s.stop)
+        if start < s.stop:
+            e[start : s.stop] -= np.median(e[start : s.stop])
+        e[s.start : start] = 0.0
+    return np.asarray(e)
+
+
+def _spikes(e: Array, a: Array, stretches: tuple[slice, ...]) -> NDArray[np.bool_]:
+    """Samples of spikes: the largest matched response within the length of a, if larger than that of a load impulse."""
+    scale = MAD * float(np.median(np.abs(e[e != 0.0]))) if e.any() else 0.0
+    found = np.zeros(len(e), dtype=bool)
+    if scale == 0.0:
+        return found
+    for s in stretches:
+        part, width = e[s], np.ones(s.stop - s.start, dtype=np.intp)
+        best = np.zeros(len(part))
+        for count in PATCH:
+            shape = np.convolve(a, np.ones(count))
+            response = np.abs(_matched(part, shape)) / np.linalg.norm(shape)
+            larger = response > best * (1.1 if count > 1 else 1.0)  # fewer samples where both explain it
+            best, width = np.where(larger, response, best), np.where(larger, count, width)
+        for k in np.argsort(-best):
+            if best[k] <= SPIKE * scale:
+                break
+            near = slice(max(k - len(a), 0), k + len(a))
+            if best[k] == best[near].max() and best[k] >= LIKE_A_SPIKE * np.abs(part[near]).max():
+                found[s.start + k : min(s.start + k + width[k], s.stop)] = True
+    return found
+
+
+def _matched(e: Array, shape: Array) -> Array:
+    """Sum of shape(i) e(k + i) for every k of a stretch (n,)."""
+    return np.convolve(e, shape[::-1])[len(shape) - 1 :][: len(e)]
+
+
+def _filled(rec: Record, e: Array, a: Array, bad: NDArray[np.bool_]) -> Record:
+    """The record with the samples ``bad`` replaced by the values with the smallest innovations."""
+    y = rec.y.copy()
+    products = np.r_[np.correlate(a, a, "full")[len(a) - 1 :], 0.0]
+    for s in rec.stretches:
+        at = np.flatnonzero(bad[s])
+        c = _matched(e[s], a)
+        for group in np.split(at, np.flatnonzero(np.diff(at) >= len(a)) + 1):
+            if group.size:
+                lag = np.minimum(np.abs(group[:, None] - group), len(a))
+                y[s.start + group] -= np.linalg.solve(products[lag], c[group])
+    return replace(rec, y=y)
+
+
+def drift_degree(fit: LongArx, columns: Array) -> int:
+    """Degree of the drift, 0 for none; ``columns`` (N, k) are the powers 1 to 3 of time in each stretch."""
+    x, n = columns[fit.rows], len(fit.rows)
+    tested = [fit.f_test(x[:, _powers(x, degree)]) for degree in range(1, DRIFT + 1)]
+    if min(p for p, _ in tested) > DRIFT_ALARM:
+        return 0
+    stretches = x.shape[1] // DRIFT
+    bic = [n * np.log(max(1 - share, 1e-300)) + k * stretches * np.log(n) for k, (_, share) in enumerate(tested, 1)]
+    return 1 + int(np.argmin(bic))
+
+
+def _powers(x: Array, degree: int) -> NDArray[np.bool_]:
+    return np.arange(x.shape[1]) % DRIFT < degree
+
+
+def drift_range(a: Array, coefficients: Array, length: int) -> float | None:
+    """Range of the drift of the output over a stretch from the polynomial of the regression; None if a has a root at 1.
+
+    The polynomial a maps polynomials of time to polynomials of the same degree; its inverse gives that of the output.
+    """
+    t = 2 * (np.arange(length) + 0.5) / length - 1
+    powers = t[:, None] ** np.arange(len(coefficients) + 1)
+    after = filtered(a, [1.0], powers, (slice(0, length),))[len(a) - 1 :]
+    maps = np.linalg.lstsq(powers[len(a) - 1 :], after, rcond=None)[0]
+    if np.abs(np.diag(maps)).min() < INTEGRATING * np.abs(a).sum():
+        return None
+    return float(np.ptp(powers @ np.linalg.solve(maps, np.r_[0.0, coefficients])))
+
+
+def line_statistics(fit: LongArx, rows: slice, size: int) -> Array:
+    """Decrease of the sum of squares by a cosine and a sine at frequencies k / size, k = 0 ... size / 2.
+
+    ``rows`` are those of one stretch. With Q the columns of the regression and z = exp(-jwt), Fourier transforms of Q
+    and of e give the products of the regression with both columns at all frequencies.
+    """
+    n = rows.stop - rows.start
+    Z, g = np.fft.rfft(fit.q[rows], size, axis=0), np.fft.rfft(fit.left[rows], size)
+    w = 2 * np.pi * np.arange(size // 2 + 1) / size
+    doubled = np.full(len(w), n, dtype=np.complex128)  # sum of z^2
+    doubled[1:-1] = (1 - np.exp(-2j * w[1:-1] * n)) / (1 - np.exp(-2j * w[1:-1]))
+    cc = (n + doubled.real) / 2 - (Z.real**2).sum(axis=1)
+    ss = (n - doubled.real) / 2 - (Z.imag**2).sum(axis=1)
+    cs = doubled.imag / 2 - (Z.real * Z.imag).sum(axis=1)
+    det = cc * ss - cs**2
+    usable = (np.minimum(cc, ss) > 1e-11 * n) & (det > 1e-6 * cc * ss)
+    usable[[0, -1]] = False
+    fell = ss * g.real**2 - 2 * cs * g.real * g.imag + cc * g.imag**2
+    return np.where(usable, fell / np.where(usable, det, 1.0), 0.0)
+
+
+def strongest_line(fit: LongArx, rec: Record) -> tuple[float, float]:
+    """Frequency (cycles per sample) of the line that explains most, and its p value over the grid."""
+    from scipy.special import fdtrc
+
+    stretch = np.searchsorted(rec.starts, fit.rows, side="right") - 1
+    longest = int(np.argmax(np.bincount(stretch)))
+    where = np.flatnonzero(stretch == longest)
+    rows = slice(int(where[0]), int(where[-1]) + 1)
+    n = len(where)
+    size = 1 << int(np.ceil(np.log2(PADDED * n)))
+    fell = line_statistics(fit, rows, size)
+    fell[: int(np.ceil(SLOWEST * size / n))] = 0.0
+    k = int(np.argmax(fell))
+    f = golden(lambda x: -decrease(fit, rows, x), (k - 1) / size, (k + 1) / size, REFINED)
+    largest = max(float(fell[k]), decrease(fit, rows, f))
+    rest = max(fit.rss - largest, 1e-300) / (fit.free - 2)
+    return f, min(1.0, n * float(fdtrc(2, fit.free - 2, largest / 2 / rest)))
+
+
+def decrease(fit: LongArx, rows: slice, f: float) -> float:
+    """Decrease of the sum of squares by a line of frequency f, cycles per sample, in one stretch."""
+    t = np.arange(rows.stop - rows.start)
+    z = np.stack([np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)], axis=1)
+    c = z.T @ fit.left[rows]
+    held = fit.q[rows].T @ z
+    g = z.T @ z - held.T @ held
+    det = g[0, 0] * g[1, 1] - g[0, 1] ** 2
+    if det <= 1e-6 * g[0, 0] * g[1, 1] or min(g[0, 0], g[1, 1]) <= 1e-11 * len(t):
+        return 0.0
+    return float((g[1, 1] * c[0] ** 2 - 2 * g[0, 1] * c[0] * c[1] + g[0, 0] * c[1] ** 2) / det)

@@ -1,0 +1,349 @@
+"""Disturbances of a record: spikes, drift, lines, static nonlinearity and quantisation, each with size and place.
+
+Spikes are replaced in the record; drift and lines are columns to be fitted beside the plant; the others cannot be
+removed and are reservations. Records of more than 4000 samples are tested on their middle part, spikes on all samples.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Array
+from ..core.display import Display, Displayable
+from ..core.rounding import format_plain as plain
+from ..core.verdict import RESERVATIONS, USABLE
+from ..datasets.records.record import Record
+from .additive_disturbances import (
+    DRIFT,
+    FALSE_ALARM,
+    MOST_LINES,
+    MOST_SPIKES,
+    drift_degree,
+    drift_range,
+    strongest_line,
+    without_spikes,
+)
+from .estimators.long_arx import EXACT, LongArx, input_lags, long_arx, middle, order_of
+from .static_nonlinearity import Nonlinearity, clipped, nonlinearity, quantum
+
+RELEVANT = 0.02  # of the standard deviation of y: smaller drift and lines are named without a reservation
+NARROW = 0.02  # of half the range of u: smaller dead zones and backlash are named without a reservation
+FEWEST_STEPS = 20  # of a quantised output over its range
+COARSE = 0.5  # standard deviation of the rounding per standard deviation of the innovations
+ALIASES = 2  # multiples of the sample rate for which the true frequency of a line is named
+MAINS = (50.0, 60.0)
+SHOWN = 6  # samples of spikes that are named
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """One disturbance of a record.
+
+    Attributes
+    ----------
+    kind : str
+        ``spikes``, ``heavy tails``, ``drift``, ``line``, ``dead zone``, ``backlash``, ``saturation``, ``curvature``,
+        ``quantisation``, or ``clipped output``.
+    size : float
+        In ``unit``: amplitude of a line, range of a drift, largest spike, width of a dead zone, level of a saturation.
+    unit : str
+    place : str
+        Samples, frequency or range of the input.
+    sentence : str
+        Description with what was done and what to do.
+    level : int
+        Of the verdict: 0 named only, 1 reservations.
+    """
+
+    kind: str
+    size: float
+    unit: str
+    place: str
+    sentence: str
+    level: int = RESERVATIONS
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Disturbances(Displayable):
+    """Disturbances of a record and what to fit beside the plant.
+
+    Attributes
+    ----------
+    found : tuple of Disturbance
+    record : Record
+        The record with spikes replaced.
+    lines : tuple of float
+        Frequencies in Hz of sine and cosine columns.
+    drift : int
+        Degree of the polynomial in time; 0 for none.
+    replaced : ndarray of int
+        Samples of the output that were replaced.
+    remark : str or None
+        Why nothing was tested.
+    """
+
+    found: tuple[Disturbance, ...]
+    record: Record
+    lines: tuple[float, ...] = ()
+    drift: int = 0
+    replaced: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+    remark: str | None = None
+
+    def _display(self) -> Display:
+        head = ", ".join(item.kind for item in self.found) or self.remark or "no disturbance found"
+        return Display(head, sentences=tuple(item.sentence for item in self.found))
+
+    @property
+    def reservations(self) -> tuple[tuple[int, str], ...]:
+        """Level and sentence of each disturbance that lowers the verdict."""
+        return tuple((item.level, item.sentence) for item in self.found if item.level > USABLE)
+
+    @property
+    def beside(self) -> Array:
+        """Columns (N, k) to be fitted to the output beside the plant."""
+        return columns_beside(self.record, self.lines, self.drift)
+
+
+def columns_beside(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
+    """Cosine and sine of each line and powers of time in each stretch, shape (N, k), zero outside the stretch."""
+    columns = []
+    for s in rec.stretches:
+        n = s.stop - s.start
+        t = np.arange(n)
+        x = 2 * (t + 0.5) / n - 1
+        own = [x**k for k in range(1, drift + 1)]
+        for f in lines:
+            own += [np.cos(2 * np.pi * f * rec.sample_time * t), np.sin(2 * np.pi * f * rec.sample_time * t)]
+        for values in own:
+            columns.append(np.zeros(len(rec)))
+            columns[-1][s] = values
+    return np.column_stack(columns) if columns else np.empty((len(rec), 0))
+
+
+def disturbances(rec: Record) -> Disturbances:
+    """Disturbances of a record.
+
+    Parameters
+    ----------
+    rec : Record
+
+    Returns
+    -------
+    Disturbances
+        With the record whose spikes are replaced, and the columns to fit beside the plant.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> u = np.repeat(rng.standard_normal(75), 10)
+    >>> y = np.convolve(u, 0.2 * 0.8 ** np.arange(40))[:750] + 0.02 * rng.standard_normal(750)
+    >>> y += 0.1 * np.sin(2 * np.pi * 7.3 * 0.02 * np.arange(750))
+    >>> y[300] += 1.0
+    >>> [(item.kind, item.place) for item in disturbances(Record(u=u, y=y, sample_time=0.02)).found]
+    [('spikes', 'sample 301'), ('line', '7.3 Hz')]
+    """
+    order = order_of(rec)
+    if not order:
+        return Disturbances((), rec, remark=f"disturbances were not tested: {len(rec)} samples are too few")
+    clean, replaced, heavy = without_spikes(rec.centred(), order)
+    part = middle(clean)
+    lags = input_lags(part, order)
+    fit = long_arx(part, order, lags)
+    static = [*_of_quantum(rec, fit), *_of_clipping(rec)]
+    clean = replace(rec, y=clean.y + _offsets(clean)[:, 1] - _offsets(rec)[:, 1], sha256=rec.sha256)
+    if fit.rss <= EXACT * float(part.y @ part.y):
+        return Disturbances(tuple(static), clean, remark="disturbances were not tested: the record has no noise")
+    drift, lines, found, held = _tested(part, fit)
+    named = [
+        *_of_spikes(rec, clean, replaced, heavy),
+        *_of_drift(part, held, drift),
+        *_of_lines(part, held, lines, drift),
+    ]
+    named += [*_of_nonlinearity(rec, found), *static]
+    return Disturbances(tuple(named), clean, lines, drift, replaced)
+
+
+def _tested(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], Nonlinearity | None, LongArx]:
+    """Degree of drift, frequencies of lines, nonlinearity, and the regression with drift and lines."""
+    order, raw = len(fit.a) - 1, rec.u + _offsets(rec)[:, 0]
+    powers = columns_beside(rec, (), DRIFT)
+    drift = drift_degree(fit, powers) if powers.shape[1] < fit.free / 10 else 0
+    lines: tuple[float, ...] = ()
+    held = long_arx(rec, order, fit.lags, columns_beside(rec, lines, drift)) if drift else fit
+    while len(lines) < MOST_LINES:
+        f, p = strongest_line(held, rec)
+        if p > FALSE_ALARM:
+            break
+        lines = (*lines, f / rec.sample_time)
+        held = long_arx(rec, order, fit.lags, columns_beside(rec, lines, drift))
+    return drift, lines, nonlinearity(held, rec, raw, columns_beside(rec, lines, drift)), held
+
+
+def _offsets(rec: Record) -> Array:
+    """Operating point of u and y at every sample, shape (N, 2)."""
+    assert rec.offsets is not None  # noqa: S101  set by the record
+    return np.repeat(rec.offsets, np.diff([*rec.starts, len(rec)]), axis=0)
+
+
+def _unit(unit: str) -> str:
+    return f" {unit}" if unit else ""
+
+
+def _of_spikes(rec: Record, clean: Record, at: NDArray[np.intp], heavy: bool) -> list[Disturbance]:
+    if heavy:
+        words = (
+            f"more than {MOST_SPIKES:.0%} of the samples of {rec.output} are outliers of its noise, too many to "
+            "replace: check the sensor and its wiring, and record again"
+        )
+        return [Disturbance("heavy tails", float("nan"), rec.unit_y, "all samples", words)]
+    if not at.size:
+        return []
+    largest = float(np.abs(rec.y[at] - clean.y[at]).max())
+    shown = ", ".join(str(k + 1) for k in at[:SHOWN]) + (f" and {len(at) - SHOWN} more" if len(at) > SHOWN else "")
+    place = f"sample{'s' * (len(at) > 1)} {shown}"
+    words = (
+        f"{rec.output} has spikes of up to {plain(largest, 3)}{_unit(rec.unit_y)} at {len(at)} of {len(rec)} samples "
+        f"({place}); they were replaced by values consistent with the other samples: check shielding and contacts of "
+        "the sensor"
+    )
+    return [Disturbance("spikes", largest, rec.unit_y, place, words)]
+
+
+def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:
+    if not drift:
+        return []
+    longest = int(np.argmax(np.diff([*rec.starts, len(rec)])))
+    count = rec.stretches[longest].stop - rec.stretches[longest].start
+    block = len(fit.beside) // len(rec.starts)
+    size = drift_range(fit.a, fit.beside[longest * block : longest * block + drift], count)
+    if size is None:
+        return []
+    relative = _relative(size, rec)
+    words = (
+        f"{rec.output} drifts by {plain(size, 2)}{_unit(rec.unit_y)} within {plain(count * rec.sample_time)} s "
+        f"({relative:.0%} of its standard deviation), fitted beside the plant as a polynomial of degree {drift}: warm "
+        "up the machine, or correct the offset of the sensor before each run"
+    )
+    return [Disturbance("drift", size, rec.unit_y, "whole record", words, _level(relative))]
+
+
+def _relative(size: float, rec: Record) -> float:
+    return size / max(float(np.std(rec.y)), 1e-300)
+
+
+def _level(relative: float) -> int:
+    return RESERVATIONS if relative >= RELEVANT else USABLE
+
+
+def _of_lines(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -> list[Disturbance]:
+    out = []
+    block = fit.beside.reshape(len(rec.starts), -1)[:, drift:] if lines else np.empty((1, 0))
+    for k, f in enumerate(lines):
+        z = np.exp(-2j * np.pi * f * rec.sample_time * np.arange(len(fit.a)))
+        size = float(np.hypot(block[:, 2 * k], block[:, 2 * k + 1]).max() / abs(fit.a @ z))
+        relative = _relative(size, rec)
+        words = (
+            f"{rec.output} has a line at {f:.4g} Hz of amplitude {plain(size, 2)}{_unit(rec.unit_y)} ({relative:.0%} "
+            f"of its standard deviation), fitted beside the plant. {_origins(f, rec.rate)}"
+        )
+        out.append(Disturbance("line", size, rec.unit_y, f"{f:.4g} Hz", words, _level(relative)))
+    return out
+
+
+def _origins(f: float, rate: float) -> str:
+    """Frequencies that a sampled line may have.
+
+    >>> _origins(10.0, 50.0)
+    'Sampled at 50 Hz, it may stem from 10, 40, 60 (mains), 90 or 110 Hz: compare with teeth x rpm / 60'
+    """
+    true = [f, *(x for n in range(1, ALIASES + 1) for x in (n * rate - f, n * rate + f))]
+    named = []
+    for x in true:
+        mains = next((m for m in MAINS if abs(x / m - round(x / m)) * m < 0.002 * x and 1 <= round(x / m) <= 3), None)
+        named.append(f"{x:.4g}" + (" (mains)" if mains else ""))
+    return (
+        f"Sampled at {rate:.4g} Hz, it may stem from {', '.join(named[:-1])} or {named[-1]} Hz: compare with teeth x "
+        "rpm / 60"
+    )
+
+
+def _of_nonlinearity(rec: Record, found: Nonlinearity | None) -> list[Disturbance]:
+    if found is None:
+        return []
+    place, words = {
+        "dead zone": _dead_zone,
+        "backlash": _backlash,
+        "saturation": _saturation,
+        "curvature": _curvature,
+    }[found.kind](rec, found)
+    low, high = found.low, found.high
+    size = {"dead zone": high - low, "backlash": high, "saturation": high if np.isfinite(high) else low}
+    narrow = found.kind in ("dead zone", "backlash") and size[found.kind] < NARROW * float(np.ptp(rec.u)) / 2
+    level = USABLE if narrow else RESERVATIONS
+    return [Disturbance(found.kind, size.get(found.kind, found.change), rec.unit_u, place, words, level)]
+
+
+def _dead_zone(rec: Record, found: Nonlinearity) -> tuple[str, str]:
+    place = f"{rec.input} from {plain(found.low, 3)} to {plain(found.high, 3)}{_unit(rec.unit_u)}"
+    return place, (
+        f"dead zone: {rec.output} does not respond to {place} ({found.beyond:.0%} of the samples), so that gain and "
+        "delay depend on the amplitude: record with the amplitude that the controller will use, or away from this range"
+    )
+
+
+def _backlash(rec: Record, found: Nonlinearity) -> tuple[str, str]:
+    place = f"reversals of {rec.input}"
+    return place, (
+        f"backlash of {plain(found.high, 3)}{_unit(rec.unit_u)} at {place}, so that gain and delay depend on the "
+        "amplitude: record with the amplitude that the controller will use, or preload the drive"
+    )
+
+
+def _saturation(rec: Record, found: Nonlinearity) -> tuple[str, str]:
+    unit = _unit(rec.unit_u)
+    below, above = f"below {plain(found.low, 3)}{unit}", f"above {plain(found.high, 3)}{unit}"
+    sides = [words for words, end in ((below, found.low), (above, found.high)) if np.isfinite(end)]
+    place = f"{rec.input} {' and '.join(sides)}"
+    return place, (
+        f"saturation: {rec.output} hardly responds to {place} ({found.beyond:.0%} of the samples), so that the gain is "
+        "understated: record with a smaller amplitude, or record the limited signal as the input"
+    )
+
+
+def _curvature(rec: Record, found: Nonlinearity) -> tuple[str, str]:
+    raw = rec.u + _offsets(rec)[:, 0]
+    place = f"{rec.input} from {plain(float(raw.min()), 3)} to {plain(float(raw.max()), 3)}{_unit(rec.unit_u)}"
+    return place, (
+        f"the gain from {rec.input} to {rec.output} varies over {place}: the model holds for this operating point and "
+        "amplitude only; record runs of several amplitudes and compare their gains"
+    )
+
+
+def _of_quantum(rec: Record, fit: LongArx) -> list[Disturbance]:
+    step = quantum(rec.y)
+    if step is None:
+        return []
+    scatter = np.sqrt(fit.rss / max(fit.free, 1))
+    span = float(np.ptp(rec.y))
+    if step / np.sqrt(12) < COARSE * scatter or span > 50 * FEWEST_STEPS * step:
+        return []
+    words = (
+        f"{rec.output} is quantised in steps of {plain(step)}{_unit(rec.unit_y)}, {span / step:.0f} over its range, "
+        "which is most of its noise: use a finer range of the converter, or a larger amplitude"
+    )
+    level = RESERVATIONS if span < FEWEST_STEPS * step else USABLE
+    return [Disturbance("quantisation", step, rec.unit_y, "all samples", words, level)]
+
+
+def _of_clipping(rec: Record) -> list[Disturbance]:
+    found = clipped(rec.y)
+    if found is None:
+        return []
+    value = found[0] + float(_offsets(rec)[0, 1])
+    place = f"{rec.output} {plain(value)}{_unit(rec.unit_y)}"
+    words = (
+        f"{rec.output} is held at {plain(value)}{_unit(rec.unit_y)} in {found[1]:.0%} of the samples, the end of the "
+        "range of its sensor, so that the gain is understated: use a larger range, or a smaller amplitude"
+    )
+    return [Disturbance("clipped output", value, rec.unit_y, place, words)]

@@ -1,0 +1,190 @@
+"""Least-squares ARX of high order: innovations of a record without a choice of structure, and F tests of further terms.
+
+    y(t) = level + sum a_i y(t-i) + sum b_j u(t-j) + beside(t) + e(t)
+
+Twenty lags of y and up to sixty of u whiten the usual plants under sensor noise as well as under equation noise, so
+that the F test of a further term (a sine, a polynomial, a function of u) holds its level without knowledge of the
+plant. The term is tested jointly with the lags: twenty lags of y absorb a sine almost completely, and the residuals
+alone show none.
+
+Source: Soderstrom & Stoica 1989, System Identification, section 11.5 (F test of nested regressions).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.arrays import Array
+from ...datasets.records.record import Record
+from .regressors import r_of
+
+Y_LAGS, U_LAGS = 20, (20, 40, 60)
+SAMPLES_PER_LAG = 30  # of y: shorter records have fewer lags
+FEWEST_LAGS = 4
+MOST_ROWS = 4000  # of longer records the middle part
+DEPENDENT = 1e-7  # of its length: a lag of u beyond is a combination of the lags before (a slow chirp has about ten)
+EXACT = 1e-12  # of the variance of y: innovations below are rounding or the printed digits of a simulation
+
+
+@dataclass(frozen=True, slots=True)
+class LongArx:
+    """Least-squares fit of high order.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (m,)
+        Samples with a complete regressor.
+    q : ndarray, shape (m, p)
+        Orthonormal columns of the regressors.
+    left : ndarray, shape (m,)
+        Innovations e, unit of y.
+    a, b : ndarray
+        Polynomials in q^-1: a y = b u + level + beside + e.
+    lags : ndarray of int
+        Lags of u in the regression.
+    beside : ndarray, shape (k,)
+        Coefficients of the further columns.
+    """
+
+    rows: NDArray[np.intp]
+    q: Array
+    left: Array
+    a: Array
+    b: Array
+    lags: NDArray[np.intp]
+    beside: Array
+
+    @property
+    def free(self) -> int:
+        """Degrees of freedom of the innovations."""
+        return self.q.shape[0] - self.q.shape[1]
+
+    @property
+    def rss(self) -> float:
+        """Sum of squares of the innovations."""
+        return float(self.left @ self.left)
+
+    def orthogonal(self, x: Array) -> Array:
+        """Part of columns x (m, k) that the regression does not explain."""
+        return np.asarray(x - self.q @ (self.q.T @ x))
+
+    def f_test(self, x: Array) -> tuple[float, float]:
+        """Probability (p value) of adding columns x (m, k), and the share of the sum of squares that they remove."""
+        return self.tested(self.orthogonal(x), np.linalg.norm(x, axis=0))
+
+    def tested(self, x: Array, length: Array) -> tuple[float, float]:
+        """`f_test` of columns that are orthogonal to the regression; ``length`` (k,) before that."""
+        from scipy.special import fdtrc
+
+        there = np.linalg.norm(x, axis=0) > 1e-9 * length
+        if not there.any():
+            return 1.0, 0.0
+        q, r = np.linalg.qr(x[:, there] / length[there])
+        size = np.abs(np.diag(r))
+        c = q[:, size > 1e-3 * size.max()].T @ self.left
+        fell, count = float(c @ c), len(c)
+        rest = max(self.rss - fell, 1e-300)
+        return float(fdtrc(count, self.free - count, fell / count / (rest / (self.free - count)))), fell / self.rss
+
+
+def middle(rec: Record) -> Record:
+    """The middle part of a record of more than 4000 samples."""
+    if len(rec) <= MOST_ROWS:
+        return rec
+    start = (len(rec) - MOST_ROWS) // 2
+    return rec.part(start, start + MOST_ROWS)
+
+
+def input_lags(rec: Record, y_lags: int) -> NDArray[np.intp]:
+    """Lags of u that the regression needs: up to 1, 2 or 3 times ``y_lags``, by BIC, without dependent ones."""
+    near, most = y_lags, y_lags * len(U_LAGS)
+    if max(s.stop - s.start for s in rec.stretches) < 3 * most:
+        most = near
+    t = rows_of(rec, most)
+    first, further = np.arange(near + 1), np.arange(near + 1, most + 1)
+    held = np.column_stack(
+        [levels(rec, t), lagged_rows(rec.u, first, t), lagged_rows(rec.y, 1 + np.arange(y_lags), t),
+         lagged_rows(rec.u, further, t), rec.y[t]]
+    )  # fmt: skip
+    r = r_of(held)
+    own = np.abs(np.diag(r)) > DEPENDENT * np.sqrt((r * r).sum(axis=0))
+    start = held.shape[1] - most - y_lags - 2
+    first = first[own[start : start + len(first)]]
+    further = further[own[start + near + 1 + y_lags : -1]]
+    left = np.cumsum(r[::-1, -1] ** 2)[::-1]
+    n, base = len(t), start + near + 1 + y_lags
+    ends = range(near, most + 1, y_lags)
+    bic = [n * np.log(max(left[base + end - near], 1e-300)) + np.log(n) * (further <= end).sum() for end in ends]
+    return np.concatenate([first, further[further <= ends[int(np.argmin(bic))]]])
+
+
+def order_of(rec: Record) -> int:
+    """Lags of y for the length of a record; 0 where it is too short."""
+    order = min(len(rec) // SAMPLES_PER_LAG, Y_LAGS)
+    return order if order >= FEWEST_LAGS else 0
+
+
+def long_arx(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None) -> LongArx:
+    """The regression of high order with ``beside`` (N, k), columns over all samples of the record."""
+    from scipy.linalg import solve_triangular
+
+    t = rows_of(rec, max(y_lags, int(lags[-1])))
+    extra = np.empty((len(t), 0)) if beside is None else beside[t]
+    past = lagged_rows(rec.y, 1 + np.arange(y_lags), t)
+    q, r = np.linalg.qr(np.column_stack([levels(rec, t), lagged_rows(rec.u, lags, t), extra, past]))
+    c = q.T @ rec.y[t]
+    diagonal = np.abs(np.diag(r))
+    r[np.diag_indices(len(r))] += np.where(diagonal < 1e-14 * diagonal.max(), 1e-14 * diagonal.max(), 0.0)
+    theta = solve_triangular(r, c)
+    b = np.zeros(int(lags[-1]) + 1)
+    end = theta.size - y_lags
+    start = end - extra.shape[1] - len(lags)
+    b[lags] = theta[start : start + len(lags)]
+    return LongArx(
+        rows=t,
+        q=q,
+        left=rec.y[t] - q @ c,
+        a=np.r_[1.0, -theta[end:]],
+        b=b,
+        lags=lags,
+        beside=theta[start + len(lags) : end],
+    )
+
+
+def rows_of(rec: Record, span: int) -> NDArray[np.intp]:
+    """Samples of all stretches after the first ``span`` of each."""
+    return np.concatenate([np.arange(min(s.start + span, s.stop), s.stop) for s in rec.stretches])
+
+
+def levels(rec: Record, t: NDArray[np.intp]) -> Array:
+    """One column for each stretch with rows: 1 within it."""
+    stretch = np.searchsorted(rec.starts, t, side="right") - 1
+    return np.asarray(stretch[:, None] == np.unique(stretch), dtype=np.float64)
+
+
+def lagged_rows(x: Array, lags: NDArray[np.intp], t: NDArray[np.intp]) -> Array:
+    """x(t - lag), shape (rows, lags)."""
+    return np.asarray(x[t[:, None] - lags])
+
+
+def golden(function: Callable[[float], float], low: float, high: float, steps: int) -> float:
+    """Minimum of a function between two limits by golden section.
+
+    >>> round(golden(lambda x: (x - 0.3) ** 2, 0.0, 1.0, 30), 4)
+    0.3
+    """
+    ratio = (np.sqrt(5) - 1) / 2
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    at_a, at_b = function(a), function(b)
+    for _ in range(steps):
+        if at_a < at_b:
+            high, b, at_b = b, a, at_a
+            a = high - ratio * (high - low)
+            at_a = function(a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + ratio * (high - low)
+            at_b = function(b)
+    return float(low + high) / 2
