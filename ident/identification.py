@@ -1,14 +1,9 @@
-"""Identification of a record: excited band, delay, order, estimate, and validation by simulation of other samples.
+"""Identification of a record: excited band, structure, estimate, and validation by simulation of other samples.
 
-Orders are compared by their simulation error, not by one-step errors, which are optimistic under sensor noise: each is
-fitted by SRIV, and Schwarz's criterion of the simulation decides,
-
-    BIC = N_e ln V + 2 p ln N_e,      N_e = N (1 - r) / (1 + r),
-
-V the mean square simulation error over the record, p the number of coefficients, r the lag-one autocorrelation of the
-residuals of the best model, N_e the effective sample size. Each coefficient is penalised twice, because the location of
-a further pole is selected too. nk = 0 is penalised by 20, because a plant with a zero-order hold responds one sample
-later at the earliest; so is each lightly damped pole beyond the excited band, where the record holds no information.
+The structure is chosen by `structure.search`: orders, delays and continuous forms, each with a noise model of its own,
+compared by Schwarz's criterion of their innovations. The model is estimated with its noise model (`box_jenkins`, or
+`arx` where the noise enters through the poles of the plant), and carries the other structures that the record supports
+with their weights.
 
 Source: Schwarz 1978, Ann. Stat. 6, 461; Ljung 1999, System Identification, sections 16.4 to 16.6.
 """
@@ -20,7 +15,6 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import IdentError
 from ..core.threads import one_thread
@@ -28,21 +22,16 @@ from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.record import Record, join_records
 from .estimators.bias_checks import causality, feedback_detected, response_error, warn_of_bias
 from .estimators.input_checks import check_varies
-from .estimators.instrumental import sriv
 from .estimators.least_squares import arx
 from .estimators.order_selection import OrderSearch, choose_order
-from .estimators.prediction_error import armax, output_error
 from .model import Model
 from .responses.spectra import excited_band
+from .structure.candidates import Candidate, estimated
+from .structure.continuous_forms import FittedForm
+from .structure.search import MOST_ORDER, Search, mixture, search
 from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation
-from .validation.prediction import simulated
 
-MOST_ORDER, MOST_DELAY = 5, 10
-FIRST_ORDERS = (2, 4)  # orders for the search of delays; a low order alone mistakes an inverse response for a delay
-PENALTY = 20.0  # of BIC, for nk = 0 and for each lightly damped pole beyond the band
-RINGING, BEYOND = 0.9, 1.5  # radius of a lightly damped pole; frequency relative to the upper end of the band
-EXACT = 1e-18  # of the variance: a loss below it is rounding
 SURE = 2.0  # standard errors between the static gain and zero
 CHECKED = (
     "Simulation of samples not fitted",
@@ -53,7 +42,7 @@ CHECKED = (
     "Closed loop",
     "Exchanged signals",
 )
-MOST_SAMPLES = 10_000  # in the search: of longer records the middle part of this length
+MOST_SAMPLES = 4000  # in the search: of longer records the middle part of this length
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -68,8 +57,10 @@ class Identification(Plottable):
         Fitted to the whole record, with its excited band: the model that is handed over.
     arx : Model
         Of the same orders by least squares, as in the papers.
-    tried : DataFrame
-        One row per order and delay: na, nb, nk, loss (mean square simulation error), fit (%), bic.
+    search : Search
+        Candidate structures with their criteria and weights.
+    chosen : Candidate
+        Of ``search``: the structure of ``model``.
     one_step : OrderSearch
         Order selection by one-step errors, as in the papers; optimistic under sensor noise.
     judged : Handover
@@ -84,7 +75,8 @@ class Identification(Plottable):
     record: Record
     model: Model
     arx: Model
-    tried: pd.DataFrame
+    search: Search
+    chosen: Candidate
     one_step: OrderSearch
     judged: Handover
     bias: str | None
@@ -104,20 +96,28 @@ class Identification(Plottable):
         return self.judged.where
 
     @property
+    def tried(self) -> pd.DataFrame:
+        """One row per candidate: na, nb, nk, loss (mean square simulation error), fit (%), bic, structure, weight."""
+        return self.search.table
+
+    @property
+    def form(self) -> FittedForm | None:
+        """The continuous form, where one was chosen."""
+        return self.chosen.form
+
+    @property
     def argument(self) -> str:
-        """Reason for this order and delay, in two sentences."""
-        best = self.tried.iloc[0]
-        first = (
-            f"na {best.na:.0f}, nb {best.nb:.0f}, nk {best.nk:.0f} has the smallest BIC of {len(self.tried)} orders "
-            f"and delays (simulation fit {best.fit:.1f} %)."
-        )
-        other = self.tried[self.tried["na"] != best.na]
-        if other.empty:
+        """Reason for this structure, in two sentences."""
+        best, found = self.chosen, self.search.candidates
+        size = f"has the smallest criterion (BIC) of {len(found)} structures"
+        first = f"{_named(best)} {size} (simulation fit {self.search.fit(best):.1f} %)."
+        other = [one for one in found if one.na != best.na or (one.form is None) != (best.form is None)]
+        if not other:
             return first
-        second = other.iloc[0]
+        second = other[0]
         return (
-            f"{first} The best model of another order, na {second.na:.0f}, nb {second.nb:.0f}, nk {second.nk:.0f}, has "
-            f"a simulation fit of {second.fit:.1f} % and a BIC larger by {second.bic - best.bic:.0f}."
+            f"{first} The best of another order or kind, {_named(second)}, has a simulation fit of "
+            f"{self.search.fit(second):.1f} % and a criterion larger by {second.total - best.total:.0f}."
         )
 
     @property
@@ -157,6 +157,14 @@ class Identification(Plottable):
         done = tuple(checked) if unseen else CHECKED
         left = (f"{simulation}: {unseen.split(',')[0]}",) if unseen else ()
         return verdict_from([(level, sentence(words)) for level, words in found], done, left)
+
+
+def _named(one: Candidate) -> str:
+    """Name of a continuous form, or orders and delay."""
+    orders = f"na {one.na}, nb {one.nb}, nk {one.nk}"
+    if one.form is not None:
+        return f"{one.form.name[0].upper()}{one.form.name[1:]} ({orders})"
+    return f"{orders} with equation noise" if one.structure == "arx" else orders
 
 
 def sentence(clause: str) -> str:
@@ -210,7 +218,7 @@ def identify(
     most_order : int
         Largest candidate order.
     delays : sequence of int, optional
-        Candidate delays, samples; by default 0 to 10.
+        Candidate delays, samples; by default 0 to 10, and further while the best lies at the end.
     trend : bool
         Remove a linear trend from each segment, not only its mean.
     handover : {"chosen", "arx"}
@@ -235,107 +243,47 @@ def identify(
     """
     whole = (rec if isinstance(rec, Record) else join_records(rec)).centred(trend)
     check_varies(whole)
-    notes = tuple(whole.notes)
     band = excited_band(whole)
-    tried = _search(_middle(whole), most_order, delays, orders)
-    best = tried.iloc[0]
-    na, nb, nk = (int(best[name]) for name in ("na", "nb", "nk"))
     feedback = feedback_detected(whole)
-    plain, chosen = arx(whole, na, nb, nk), _estimated(whole, na, nb, nk, feedback)
+    found = search(_middle(whole), most_order=most_order, delays=delays, orders=orders, least_delay=int(bool(feedback)))
+    best, chosen = mixture(whole, found)
+    one_step = _one_step(whole)
+    plain = _plain(whole, best, one_step)
     by_arx = handover == "arx"
 
     def estimate(part: Record) -> Model:
-        return arx(part, na, nb, nk) if by_arx else _estimated(part, na, nb, nk, feedback)
+        return arx(part, plain.na, plain.nb, plain.nk) if by_arx else estimated(part, best)
 
     model = replace(plain if by_arx else chosen, band=band)
     return Identification(
         record=whole,
         model=model,
         arx=replace(plain, band=band),
-        tried=tried,
-        one_step=choose_order(whole),
+        search=found,
+        chosen=best,
+        one_step=one_step,
         judged=judge_handover(model, whole, estimate, held_out),
         bias=None if feedback else warn_of_bias(plain, chosen, band),
         feedback=feedback,
         causality=causality(whole),
         by_choice=arx_by_choice(plain, chosen, band) if by_arx else None,
-        notes=notes,
+        notes=(*whole.notes, *found.notes),
     )
 
 
-def _estimated(rec: Record, na: int, nb: int, nk: int, feedback: str | None) -> Model:
-    """Output error; in closed loop ARMAX, whose noise model avoids the bias by feedback."""
-    if feedback:
-        return armax(rec, na, nb, max(na, 1), nk)
-    return output_error(rec, nb, na, nk, initial="offset")
+def _one_step(rec: Record) -> OrderSearch:
+    """Order selection by one-step errors, over the orders that the longest segment allows."""
+    longest = max(s.stop - s.start for s in rec.stretches)
+    most = max(min(10, longest // 12), 1)
+    return choose_order(rec, range(most + 1), range(1, most + 1), range(2 * most + 1))
 
 
-def _search(
-    rec: Record, most_order: int, delays: Sequence[int] | None, orders: tuple[int, int, int] | None
-) -> pd.DataFrame:
-    """Simulation errors of the candidate orders and delays."""
-    if orders is not None:
-        return _compared(rec, [orders])
-    near = sorted(set(range(MOST_DELAY + 1) if delays is None else delays))
-    looks = [order for order in FIRST_ORDERS if order <= max(most_order, FIRST_ORDERS[0])]
-    first = _compared(rec, [(n, n, nk) for n in looks for nk in near])
-    candidates = set()
-    for n in range(1, most_order + 1):
-        order = min((abs(look - n), -look, look) for look in looks)[2]
-        candidates |= {(n, nb, k) for nb in (max(n - 1, 1), n) for k in _delays(first, order) if k in near}
-    return _compared(rec, sorted(candidates))
-
-
-def _delays(first: pd.DataFrame, order: int) -> set[int]:
-    """Candidate delays: the best of this order, its neighbours, and the longest that is nearly as good."""
-    of = first[first["na"] == order]
-    of = first if of.empty else of
-    best = int(of["nk"].to_numpy()[of["bic"].to_numpy().argmin()])
-    longest = int(of.loc[of["bic"] <= of["bic"].min() + np.log(MOST_SAMPLES) / 2, "nk"].max())
-    return {best - 1, best, best + 1, longest}
-
-
-def _compared(rec: Record, candidates: Sequence[tuple[int, int, int]]) -> pd.DataFrame:
-    """One row per order that can be fitted; IdentError if there is none."""
-    rows, residuals, refusal = [], [], None
-    for na, nb, nk in candidates:
-        try:
-            model = sriv(rec, na, nb, nk, initial="offset")
-        except IdentError as error:
-            refusal = refusal or error
-            continue
-        if not model.stable:
-            continue
-        left = rec.y - simulated(model, rec)
-        loss = float(np.mean(left**2))
-        rows.append({"na": na, "nb": nb, "nk": nk, "p": na + nb, "loss": loss, "ringing": _ringing(model, rec)})
-        residuals.append(left)
-    if not rows:
-        raise refusal or IdentError(
-            "no order gives a stable model of this record: input and output may be swapped, or the plant is not "
-            "stable. Record it in closed loop, or remove the trend."
-        )
-    table = pd.DataFrame(rows)
-    size = _effective_size(residuals[int(table["loss"].to_numpy().argmin())])
-    spread = float(np.var(rec.y))
-    table["bic"] = size * np.log(np.maximum(table["loss"], EXACT * spread)) + 2 * table["p"] * np.log(size)
-    table["bic"] += PENALTY * (table["nk"] == 0) + PENALTY * table["ringing"]
-    table["fit"] = 100 * (1 - np.sqrt(table["loss"] / spread))
-    return table.drop(columns=["p", "ringing"]).sort_values(["bic", "na", "nb"], ignore_index=True)
-
-
-def _ringing(model: Model, rec: Record) -> int:
-    """Number of lightly damped poles beyond the excited band."""
-    beyond = 2 * np.pi * BEYOND * excited_band(rec)[1] * model.sample_time
-    return int(np.sum((np.abs(model.poles) > RINGING) & (np.abs(np.angle(model.poles)) > beyond)))
-
-
-def _effective_size(left: Array) -> float:
-    """Effective sample size of autocorrelated residuals."""
-    power = float(left @ left)
-    r = float(left[1:] @ left[:-1]) / power if power > 0 else 0.0
-    r = min(max(r, 0.0), 0.99)
-    return max(len(left) * (1 - r) / (1 + r), 20.0)
+def _plain(rec: Record, best: Candidate, one_step: OrderSearch) -> Model:
+    """ARX of the orders of the candidate; where these are not identifiable, of those that one-step errors select."""
+    try:
+        return arx(rec, best.na, best.nb, best.nk)
+    except IdentError:
+        return arx(rec, *one_step.chosen)
 
 
 def _middle(rec: Record) -> Record:

@@ -27,8 +27,10 @@ from .free_simulation import impulse_response_columns, orthonormal_factors
 from .input_checks import check_identifiable, checked_record, not_centred
 from .instrumental import Initial
 from .prediction_error import Minimum, minimise, search_note
-from .starting_values import high_order_arx, shifted_columns, steiglitz_mcbride
+from .starting_values import high_order_arx, shifted_rows, steiglitz_mcbride
 
+DAMPING = 1e-8  # of the first step: starting values are near the minimum
+ONE = np.ones(1)
 START_STEPS = 8  # of the iteration for starting values, of which the best is taken
 
 
@@ -46,6 +48,8 @@ class WhitenedRun:
         Samples at the start of each segment that are left out.
     states, constant : bool
         Whether the initial state and a constant of each segment are estimated.
+    beside : ndarray, shape (N, k), or None
+        Signals added to the output with coefficients that are estimated for each segment: lines, drift.
     """
 
     u: Array
@@ -58,17 +62,18 @@ class WhitenedRun:
     skipped: int
     states: bool = True
     constant: bool = True
+    beside: Array | None = None
 
     @property
     def hidden(self) -> int:
-        """Number of initial states and constants."""
-        return len(self.stretches) * (self.nf * self.states + self.constant)
+        """Number of initial states, constants and coefficients of signals beside the plant."""
+        signals = 0 if self.beside is None else self.beside.shape[1]
+        return len(self.stretches) * (self.nf * self.states + self.constant + signals)
 
     def polynomials(self, theta: Array) -> tuple[Array, Array, Array]:
         """Of theta: f with its leading 1, the coefficients b_nk ..., and d with its leading 1."""
-        f, b, d = np.split(theta, [self.nf, self.nf + self.nb])
-        one = np.ones(1)
-        return np.concatenate([one, f]), b, np.concatenate([one, d])
+        p = self.nf + self.nb
+        return np.concatenate([ONE, theta[: self.nf]]), theta[self.nf : p], np.concatenate([ONE, theta[p:]])
 
 
 def whitened_run(rec: Record, orders: tuple[int, int, int, int], initial: Initial = "offset") -> WhitenedRun:
@@ -83,61 +88,73 @@ def whitened_run(rec: Record, orders: tuple[int, int, int, int], initial: Initia
 
 def whitened_errors(run: WhitenedRun, theta: Array) -> tuple[Array, Array]:
     """Errors e (n,) and -de / d theta (n, nf + nb + nd), initial states and constants projected out of both."""
-    parts = [_segment(run, theta, run.u[s], run.y[s])[:2] for s in run.stretches]
+    parts = [segment_errors(run, theta, s)[:2] for s in run.stretches]
     if len(parts) == 1:
-        return parts[0]
-    return np.concatenate([e for e, _ in parts]), np.vstack([J for _, J in parts])
+        return parts[0][0], parts[0][1].T
+    return np.concatenate([e for e, _ in parts]), np.hstack([J for _, J in parts]).T
 
 
 def noise_of(run: WhitenedRun, theta: Array) -> list[Array]:
     """Measured less simulated output of each segment, initial state and constant included in the simulation."""
-    return [_segment(run, theta, run.u[s], run.y[s])[2] for s in run.stretches]
+    return [segment_errors(run, theta, s)[2] for s in run.stretches]
 
 
 def constants_of(run: WhitenedRun, theta: Array) -> Array:
     """Constant of each segment, shape (segments,)."""
-    return np.array([_segment(run, theta, run.u[s], run.y[s])[3] for s in run.stretches])
+    return np.array([segment_errors(run, theta, s)[3] for s in run.stretches])
 
 
-def _segment(run: WhitenedRun, theta: Array, u: Array, y: Array) -> tuple[Array, Array, Array, float]:
-    """Errors, sensitivities, noise 1/d e, and the constant of one segment."""
+def segment_errors(run: WhitenedRun, theta: Array, segment: slice) -> tuple[Array, Array, Array, float]:
+    """Errors, sensitivities (one row for each coefficient), noise 1/d e, and the constant of one segment."""
     from scipy.signal import lfilter
 
-    f, b, d = run.polynomials(theta)
+    (f, b, d), (nf, nb, nd) = run.polynomials(theta), (run.nf, run.nb, run.nd)
+    u, y = run.u[segment], run.y[segment]
     n, start = len(u), run.skipped
-    uf = lfilter(np.ones(1), f, u)
+    first = start + nd
+    uf = lfilter(ONE, f, u)
     x = np.zeros(n)
     x[run.nk :] = np.convolve(uf, b)[: n - run.nk]
-    free = impulse_response_columns(f, n - start, run.nf if run.states else 0, run.constant)
     v, constant = y[start:] - x[start:], 0.0
-    Q = None
+    free = free_columns(run, f, segment)
     if free.shape[1]:
-        Q, R, kept = orthonormal_factors(_convolved(d, free)[run.nd :])
+        Q, R, kept = orthonormal_factors(convolved(d, free))
         c = np.zeros(free.shape[1])
-        c[kept] = np.linalg.solve(R, Q.T @ np.convolve(v, d)[run.nd : len(v)])
+        c[kept] = np.linalg.solve(R, Q.T @ np.convolve(v, d)[nd : len(v)])
         response = free @ c
         x[start:] += response
         v, constant = v - response, float(c[0]) if run.constant else 0.0
-    xf = lfilter(np.ones(1), f, x)
-    first = start + run.nd
-    J = np.empty((n - first, len(theta)), order="F")
-    shifted_columns(J[:, : run.nf], -np.convolve(xf, d)[:n] if run.nd else -xf, 1, first)
-    shifted_columns(J[:, run.nf : run.nf + run.nb], np.convolve(uf, d)[:n] if run.nd else uf, run.nk, first)
-    shifted_columns(J[:, run.nf + run.nb :], -v, 1, run.nd)
-    e = np.convolve(v, d)[run.nd : len(v)]
-    if Q is not None:
-        J -= Q @ (Q.T @ J)
-    return e, J, v, constant
+    xf = lfilter(ONE, f, x)
+    J = np.empty((nf + nb + nd, n - first))
+    shifted_rows(J[:nf], -_filtered(d, xf), 1, first)
+    shifted_rows(J[nf : nf + nb], _filtered(d, uf), run.nk, first)
+    shifted_rows(J[nf + nb :], -v, 1, nd)
+    if free.shape[1]:
+        J -= (J @ Q) @ Q.T
+    return np.convolve(v, d)[nd : len(v)], J, v, constant
 
 
-def _convolved(d: Array, columns: Array) -> Array:
-    """Columns (n, k) filtered by the polynomial d."""
-    if len(d) == 1:
-        return columns
-    out = columns.copy()
-    for k in range(1, len(d)):
-        out[k:] += d[k] * columns[:-k]
+def free_columns(run: WhitenedRun, f: Array, segment: slice) -> Array:
+    """Columns of the constant and of the responses to the initial state, and those fitted beside the plant."""
+    n = segment.stop - segment.start - run.skipped
+    free = impulse_response_columns(f, n, run.nf if run.states else 0, run.constant)
+    if run.beside is None:
+        return free
+    return np.hstack([free, run.beside[segment.start + run.skipped : segment.stop]])
+
+
+def convolved(d: Array, columns: Array) -> Array:
+    """Columns (n, k) filtered by the polynomial d, without the first samples that lack a past: (n - nd, k)."""
+    nd = len(d) - 1
+    out = columns[nd:].copy()
+    for k in range(1, nd + 1):
+        out += d[k] * columns[nd - k : len(columns) - k]
     return out
+
+
+def _filtered(d: Array, x: Array) -> Array:
+    """Signal x (n,) filtered by the polynomial d, from rest."""
+    return np.convolve(x, d)[: len(x)] if len(d) > 1 else x
 
 
 @one_thread
@@ -149,6 +166,7 @@ def box_jenkins(
     nk: int = 1,
     *,
     initial: Initial = "offset",
+    beside: Array | None = None,
     max_steps: int = 100,
     tol: float = 1e-10,
 ) -> Model:
@@ -163,6 +181,9 @@ def box_jenkins(
         In closed loop ``nk`` is 1 or more.
     initial : {"offset", "estimate", "zero"}
         Initial state of each segment: estimated with a constant, estimated, or at rest. ``auto`` is ``offset``.
+    beside : ndarray, shape (N, k), optional
+        Signals that are added to the output, each with a coefficient of its own in each segment: the sine and cosine of
+        a spectral line, the powers of time of a drift.
     max_steps, tol : int, float
         Largest number of trials; converged when the predicted reduction is below ``tol`` of the loss.
 
@@ -189,7 +210,7 @@ def box_jenkins(
     ([-0.8, 0.5], [1.0, -0.9])
     """
     rec = checked_record(rec, {"nb": nb, "nf": nf, "nd": nd}, nk)
-    run = whitened_run(rec, (nf, nb, nk, nd), initial)
+    run = replace(whitened_run(rec, (nf, nb, nk, nd), initial), beside=beside)
     end = whitened_minimum(run, starting_theta(run), max_steps, tol)
     return box_jenkins_model(rec, run, end)
 
@@ -220,10 +241,10 @@ def with_noise(run: WhitenedRun, theta: Array) -> Array:
 
 def _iterated(run: WhitenedRun, x: Array) -> Array:
     """The best of a few steps of the iteration for starting values on an output x (N,)."""
-    f, found = np.ones(1), []
+    f, found = ONE, []
     for _ in range(START_STEPS):
-        theta = steiglitz_mcbride(run.u, x, run.stretches, (run.nf, run.nb, run.nk), run.skipped, f)
-        f = np.concatenate([np.ones(1), theta[: run.nf]])
+        theta, _ = steiglitz_mcbride(run.u, x, run.stretches, (run.nf, run.nb, run.nk), run.skipped, f)
+        f = np.concatenate([ONE, theta[: run.nf]])
         found.append((squares(whitened_errors(run, theta)[0]), theta))
     return min(found, key=lambda pair: pair[0])[1]
 
@@ -243,7 +264,7 @@ def whitened_minimum(run: WhitenedRun, theta: Array, max_steps: int, tol: float)
         f, _, d = run.polynomials(theta)
         return is_stable(f, EDGE) and is_stable(d, EDGE)
 
-    return minimise(theta, lambda th: whitened_errors(run, th), stable, squares(run.y), tol, max_steps)
+    return minimise(theta, lambda th: whitened_errors(run, th), stable, squares(run.y), tol, max_steps, DAMPING)
 
 
 def box_jenkins_model(rec: Record, run: WhitenedRun, end: Minimum) -> Model:

@@ -70,6 +70,7 @@ def minimise(
     size: float,
     tol: float = 1e-12,
     max_steps: int = 100,
+    damping: float = 1e-4,
 ) -> Minimum:
     """Minimise e'e by Levenberg-Marquardt, restricted to admissible theta.
 
@@ -87,9 +88,12 @@ def minimise(
         Converged when the predicted reduction is below this share of the loss.
     max_steps : int
         Largest number of trials, accepted or not.
+    damping : float
+        Of the first step, relative to sensitivities of length 1. It falls to a third at best in each step, so a small
+        one spares steps from a good start.
     """
     e, J = evaluate(theta)
-    loss, damping, grow, steps, outside = squares(e), 1e-4, 2.0, 0, False
+    loss, grow, steps, outside = squares(e), 2.0, 0, False
     for _ in range(max_steps):
         if loss <= ROUNDING * size:
             return Minimum(theta, e, J, steps, True, "exact fit")

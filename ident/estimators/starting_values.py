@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Array
-from .filters import filtered, reflected
+from .filters import EDGE, filtered, is_stable, reflected
 from .free_simulation import impulse_response_columns
 
 HIGH_ORDER = 20
@@ -33,6 +33,8 @@ class HighOrder:
     rows : int
     loss : float
         Mean square of the one-step errors.
+    stable : bool
+        Whether its poles lay inside the unit circle.
     """
 
     a: Array
@@ -40,10 +42,17 @@ class HighOrder:
     x: Array
     rows: int
     loss: float
+    stable: bool
 
 
 def high_order_arx(
-    u: Array, y: Array, stretches: Sequence[slice], first: int = 0, order: int = HIGH_ORDER, delay: int = 0
+    u: Array,
+    y: Array,
+    stretches: Sequence[slice],
+    first: int = 0,
+    order: int = HIGH_ORDER,
+    delay: int = 0,
+    beside: Array | None = None,
 ) -> HighOrder:
     """Least squares on ``order`` past outputs and the inputs of lags ``first`` ... ``order + delay``, with a constant.
 
@@ -56,30 +65,40 @@ def high_order_arx(
     level = np.zeros((len(t), len(long)))
     for k, s in enumerate(long):
         level[(t >= s.start) & (t < s.stop), k] = 1.0
+    if beside is not None:
+        level = np.hstack([level, beside[t]])
     Phi = np.hstack([-y[t[:, None] - np.arange(1, order + 1)], u[t[:, None] - np.arange(first, span + 1)], level])
     R = np.linalg.qr(np.column_stack([Phi, y[t]]), mode="r")
     theta = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=SMALL)[0]
     e = R[:, -1] - R[:, :-1] @ theta
-    a = reflected(np.r_[1.0, theta[:order]])
+    a = np.r_[1.0, theta[:order]]
+    stable, a = is_stable(a, EDGE), reflected(a)
     b = np.r_[np.zeros(first), theta[order : order + span + 1 - first]]
-    return HighOrder(a, b, filtered(b, a, u, stretches), len(t), float(e @ e) / len(t))
+    return HighOrder(a, b, filtered(b, a, u, stretches), len(t), float(e @ e) / len(t), stable)
 
 
 def steiglitz_mcbride(
     u: Array, x: Array, stretches: Sequence[slice], orders: tuple[int, int, int], skipped: int, f: Array, steps: int = 1
-) -> Array:
-    """Theta = f_1 ..., b_nk ... after ``steps`` of the iteration from the denominator ``f``.
+) -> tuple[Array, float]:
+    """Theta = f_1 ..., b_nk ... after ``steps`` of the iteration from the denominator ``f``, and its mean square error.
 
-    Each segment has a free initial state and a constant; its first ``skipped`` samples are left out.
+    Each segment has a free initial state and a constant; its first ``skipped`` samples are left out. The error is that
+    of the equation of the last step.
     """
     nf, nb, _ = orders
-    theta = np.zeros(nf + nb)
+    long = [s for s in stretches if s.stop - s.start > skipped + 2 * nf + nb + 2]
+    rows = sum(s.stop - s.start - skipped for s in long)
+    theta, square = np.zeros(nf + nb), np.inf
+    if not long:
+        return theta, square
     for _ in range(steps):
-        parts = [_equation(u[s], x[s], f, orders, skipped) for s in stretches if s.stop - s.start > skipped + nf + 2]
-        R = np.vstack([_projected(part, nf + nb + 1) for part in parts])
+        parts = [_projected(_equation(u[s], x[s], f, orders, skipped), nf + nb + 1) for s in long]
+        R = parts[0] if len(parts) == 1 else np.vstack(parts)
         theta = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=1e-12)[0]
+        e = R[:, -1] - R[:, :-1] @ theta
+        square = float(e @ e) / rows
         f = reflected(np.concatenate([np.ones(1), theta[:nf]]))
-    return np.concatenate([f[1:], theta[nf:]])
+    return np.concatenate([f[1:], theta[nf:]]), square
 
 
 def _projected(part: Array, kept: int) -> Array:
@@ -95,20 +114,21 @@ def _equation(u: Array, x: Array, f: Array, orders: tuple[int, int, int], skippe
     nf, nb, nk = orders
     uf, xf = lfilter(np.ones(1), f, np.stack([u, x]))
     free = impulse_response_columns(f, len(u) - skipped, nf, True)
-    out = np.empty((len(u) - skipped, 1 + nf + nf + nb + 1), order="F")
-    out[:, : 1 + nf] = free
-    shifted_columns(out[:, 1 + nf : 1 + 2 * nf], -xf, 1, skipped)
-    shifted_columns(out[:, 1 + 2 * nf : -1], uf, nk, skipped)
-    out[:, -1] = xf[skipped:]
-    return out
+    out = np.empty((1 + nf + nf + nb + 1, len(u) - skipped))
+    out[: 1 + nf] = free.T
+    shifted_rows(out[1 + nf : 1 + 2 * nf], -xf, 1, skipped)
+    shifted_rows(out[1 + 2 * nf : -1], uf, nk, skipped)
+    out[-1] = xf[skipped:]
+    return out.T
 
 
-def shifted_columns(out: Array, x: Array, lag: int, first: int) -> None:
-    """Write x(t - lag), x(t - lag - 1) ... for t from ``first`` into the columns of ``out``; zero before the start."""
-    for k in range(out.shape[1]):
+def shifted_rows(out: Array, x: Array, lag: int, first: int) -> None:
+    """Write x(t - lag), x(t - lag - 1) ... for t from ``first`` into the rows of ``out``; zero before the start."""
+    n = out.shape[1]
+    for k in range(len(out)):
         at = first - lag - k
         if at >= 0:
-            out[:, k] = x[at : at + len(out)]
+            out[k] = x[at : at + n]
         else:
-            out[:-at, k] = 0.0
-            out[-at:, k] = x[: max(len(out) + at, 0)]
+            out[k, : min(-at, n)] = 0.0
+            out[k, min(-at, n) :] = x[: max(n + at, 0)]

@@ -1,0 +1,297 @@
+"""Candidate structures of a record: orders and delays of b/a, each fitted with a noise model of its own.
+
+Delays and orders are screened on the simulated output of a high-order ARX model, which holds little of the noise, by
+the iteration of Steiglitz & McBride; the structures that remain are fitted to the measured output by
+Levenberg-Marquardt, both signals filtered by an autoregressive noise model.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...core.errors import IdentError
+from ...datasets.records.record import Record
+from ..estimators.box_jenkins import (
+    WhitenedRun,
+    box_jenkins_model,
+    noise_of,
+    prewhitened,
+    whitened_errors,
+    whitened_minimum,
+    whitened_run,
+)
+from ..estimators.filters import EDGE, burg, filtered, is_stable, squares
+from ..estimators.least_squares import arx
+from ..estimators.order_losses import losses
+from ..estimators.regressors import Lags, arx_regressors, gram
+from ..estimators.starting_values import high_order_arx, steiglitz_mcbride
+from ..model import Model
+from .choice import criterion, guard
+from .continuous_forms import FittedForm, fit_forms
+
+ONE = np.ones(1)
+FIRST_STEPS, STEPS = 5, 2  # of the iteration: at the first delay of an order, and at each further one
+REFINED = 1e-6  # predicted reduction of the loss, as a share, at which a candidate has converged
+MOST_STEPS = 12  # of Levenberg-Marquardt for a candidate
+EXACT = 1e-18  # of the variance: a loss below it is rounding
+NO_DELAY = (
+    20.0  # of the criterion, for nk = 0: behind a zero-order hold a plant responds one sample later at the earliest
+)
+FINAL, FINAL_STEPS = 1e-10, 100  # the same for a final estimate
+EQUATIONS = 6  # candidates with equation noise
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A fitted structure.
+
+    Attributes
+    ----------
+    structure : str
+        ``box_jenkins``, or ``arx`` with noise through the poles of the plant.
+    na, nb, nk : int
+    theta : ndarray, shape (na + nb,)
+        a_1 ..., b_nk ...
+    d : ndarray
+        Noise polynomial, 1 for arx.
+    loss : float
+        Mean square simulation error.
+    variance : float
+        Of the innovations.
+    criterion, guard : float
+        Schwarz's criterion, and the penalty of structure that the record cannot support.
+    weight : float
+        Share in the mixture of structures.
+    parameters : int
+        Of the plant, counted by the criterion.
+    form : FittedForm or None
+        The continuous form that the coefficients are computed from.
+    """
+
+    structure: str
+    na: int
+    nb: int
+    nk: int
+    theta: Array
+    d: Array
+    loss: float
+    variance: float
+    criterion: float
+    guard: float = 0.0
+    weight: float = 0.0
+    parameters: int = 0
+    form: FittedForm | None = None
+
+    @property
+    def total(self) -> float:
+        """Criterion and penalty: the smallest is chosen."""
+        return self.criterion + self.guard
+
+    @property
+    def a(self) -> Array:
+        """Denominator, starting with 1."""
+        return np.concatenate([ONE, self.theta[: self.na]])
+
+    @property
+    def b(self) -> Array:
+        """Numerator with its nk leading zeros."""
+        return np.concatenate([np.zeros(self.nk), self.theta[self.na :]])
+
+
+@dataclass(frozen=True, slots=True)
+class Screen:
+    """Data on which candidates are compared.
+
+    Attributes
+    ----------
+    rec : Record
+        Centred.
+    band : tuple of float
+        Excited band, Hz.
+    d : ndarray
+        Noise polynomial of the residual of the high-order model.
+    u, x, y : ndarray, shape (N,)
+        Input, simulated output of the high-order model, and output, filtered by ``d``.
+    beside : ndarray, shape (N, k), or None
+        Signals fitted beside the plant.
+    """
+
+    rec: Record
+    band: tuple[float, float]
+    d: Array
+    u: Array
+    x: Array
+    y: Array
+    beside: Array | None = None
+
+    def skipped(self, na: int, nb: int, nk: int) -> int:
+        """Samples at the start of each segment that are left out."""
+        return max(nb + nk - 1 - na, 0) + len(self.d) - 1
+
+
+def screen_of(rec: Record, band: tuple[float, float], first: int, delay: int, beside: Array | None = None) -> Screen:
+    """The record with the simulated output of its high-order model, both whitened."""
+    high = high_order_arx(rec.u, rec.y, rec.stretches, first, delay=delay, beside=beside)
+    x = high.x if high.stable and squares(rec.y - high.x) < squares(rec.y) else rec.y
+    parts = [rec.y[s] - x[s] for s in rec.stretches if s.stop - s.start > 2 * len(high.a)]
+    left = [v - v.mean() for v in parts]
+    d = burg(left)[0] if left and squares(np.concatenate(left)) > EXACT * squares(rec.y) else ONE
+    u, x, y = (filtered(d, [1.0], v, rec.stretches) for v in (rec.u, x, rec.y))
+    return Screen(rec, band, d, u, x, y, beside)
+
+
+def scanned(screen: Screen, na: int, nb: int, delays: Iterable[int]) -> dict[int, tuple[float, Array]]:
+    """Mean square error and theta of the iteration at each delay, each started from the one before."""
+    found: dict[int, tuple[float, Array]] = {}
+    f, steps = ONE, FIRST_STEPS
+    for nk in delays:
+        theta, square = equation(screen, (na, nb, nk), f, steps)
+        if np.isfinite(square):
+            found[nk] = (square, theta)
+            f, steps = np.concatenate([ONE, theta[:na]]), STEPS
+    return found
+
+
+def equation(screen: Screen, orders: tuple[int, int, int], f: Array, steps: int) -> tuple[Array, float]:
+    """Steps of the iteration on the output of the high-order model."""
+    return steiglitz_mcbride(screen.u, screen.x, screen.rec.stretches, orders, screen.skipped(*orders), f, steps)
+
+
+def fitted(screen: Screen, orders: tuple[int, int, int], theta: Array) -> Candidate | None:
+    """The candidate from a starting value, by Levenberg-Marquardt; None if the record is too short for it."""
+    plain = replace(whitened_run(screen.rec, (*orders, 0)), beside=screen.beside)
+    if not plain.stretches:
+        return None
+    run = prewhitened(plain, screen.d)
+    end = whitened_minimum(run, theta, MOST_STEPS, REFINED)
+    return judged(screen, plain, end.theta)
+
+
+def judged(screen: Screen, plain: WhitenedRun, theta: Array) -> Candidate:
+    """A theta of an output-error run with its own noise model and criterion."""
+    v = noise_of(plain, theta)
+    rows = sum(len(part) for part in v)
+    free = rows / max(rows - plain.hidden, 1)
+    loss = free * sum(squares(part) for part in v) / rows
+    floor = EXACT * float(np.var(screen.rec.y))
+    d, variance = burg(v) if loss > floor else (ONE, floor)
+    return with_criterion(
+        screen, Candidate("box_jenkins", plain.nf, plain.nb, plain.nk, theta, d, loss, max(free * variance, floor), 0.0)
+    )
+
+
+def with_criterion(screen: Screen, one: Candidate) -> Candidate:
+    """The candidate with its criterion and the penalty of structure beyond the band."""
+    n, rec, p = len(screen.rec), screen.rec, one.parameters or one.na + one.nb
+    noise = 0 if one.structure == "arx" else len(one.d) - 1
+    penalty = guard(one.b, one.a, rec.sample_time, screen.band, n) + NO_DELAY * (one.nk == 0)
+    return replace(one, parameters=p, criterion=criterion(n, one.variance, p, noise), guard=penalty)
+
+
+def refined(screen: Screen, one: Candidate) -> Candidate:
+    """The candidate with plant and noise model fitted jointly."""
+    nd = len(one.d) - 1
+    if one.structure != "box_jenkins" or nd == 0:
+        return one
+    run = replace(whitened_run(screen.rec, (one.na, one.nb, one.nk, nd)), beside=screen.beside)
+    if not run.stretches:
+        return one
+    end = whitened_minimum(run, np.concatenate([one.theta, one.d[1:]]), MOST_STEPS, REFINED)
+    return judged(screen, replace(run, nd=0), end.theta[: one.na + one.nb])
+
+
+def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) -> list[Candidate]:
+    """Candidates with equation noise, a y = b u + e, by least squares on all orders at once: the best few."""
+    na, nb = range(1, most_order + 1), most_order + 1
+    lags = Lags(most_order, 0, max(delays) + nb - 1)
+    rec = screen.rec
+    if max(s.stop - s.start for s in rec.stretches) <= 3 * lags.span:
+        return []
+    total = gram(rec, lags)
+    rss = losses(total, na, nb, delays)
+    if rss is None:
+        return []
+    n = len(rec)
+    p = np.arange(1, nb + 1) + np.array(na)[:, None]
+    bic = n * np.log(rss / total.rows) + p * np.log(n)
+    best = np.argsort(bic, axis=None)[:EQUATIONS]
+    found = (
+        _equation_candidate(screen, na[i], j + 1, delays[k])
+        for k, i, j in zip(*np.unravel_index(best, bic.shape), strict=True)
+    )
+    return [one for one in found if one is not None]
+
+
+def _equation_candidate(screen: Screen, na: int, nb: int, nk: int) -> Candidate | None:
+    """One order by least squares; None if it is not stable."""
+    Phi, y, _ = arx_regressors(screen.rec, na, nb, nk)
+    both = np.column_stack([np.ones(len(y)), Phi])
+    theta = np.linalg.lstsq(both, y, rcond=None)[0][1:]
+    if not is_stable(np.concatenate([ONE, theta[:na]]), EDGE):
+        return None
+    e = y - Phi @ theta
+    variance = float(np.var(e))
+    plain = whitened_run(screen.rec, (na, nb, nk, 0))
+    loss = squares(whitened_errors(plain, theta)[0]) / len(y)
+    return with_criterion(screen, Candidate("arx", na, nb, nk, theta, ONE, loss, variance, 0.0))
+
+
+def form_candidates(screen: Screen, delays: Sequence[int] | None) -> list[Candidate]:
+    """Continuous forms with few parameters, judged as the other candidates."""
+    return [_of_form(screen, form) for form in fit_forms(screen.rec, delays, beside=screen.beside) if form.model.stable]
+
+
+def _of_form(screen: Screen, form: FittedForm) -> Candidate:
+    model, stretches = form.model, screen.rec.stretches
+    v = [np.trim_zeros(form.e[s], "f") for s in stretches]
+    v = [part for part in v if len(part) > 2]
+    rows, hidden = sum(map(len, v)), (model.na + 1) * len(stretches)
+    free = rows / max(rows - hidden, 1)
+    d, variance = burg(v)
+    floor = EXACT * float(np.var(screen.rec.y))
+    return with_criterion(screen, Candidate(
+        "box_jenkins", model.na, model.nb, model.nk, model.theta, d, free * sum(map(squares, v)) / rows,
+        max(free * variance, floor), 0.0, parameters=form.k, form=form,
+    ))  # fmt: skip
+
+
+def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model:
+    """Final estimate of a candidate on any record of the machine, started from its coefficients.
+
+    Raises
+    ------
+    IdentError
+        The record does not identify the structure.
+    """
+    if one.form is not None:
+        return _form_estimated(rec, one.form, beside)
+    if one.structure == "arx":
+        return arx(rec, one.na, one.nb, one.nk)
+    run = replace(whitened_run(rec, (one.na, one.nb, one.nk, len(one.d) - 1)), beside=beside)
+    if not run.stretches:
+        raise IdentError(
+            f"no segment of the record is long enough for na {one.na}, nb {one.nb}, nk {one.nk}: record longer."
+        )
+    end = whitened_minimum(run, np.concatenate([one.theta, one.d[1:]]), FINAL_STEPS, FINAL)
+    return box_jenkins_model(rec, run, end)
+
+
+def _form_estimated(rec: Record, form: FittedForm, beside: Array | None) -> Model:
+    """The model of a continuous form."""
+    if rec.sha256 == form.model.record:
+        return form.model
+    late = range(max(form.model.nk - 2, 0), form.model.nk + 2)
+    again = [one for one in fit_forms(rec, late, beside=beside) if one.name == form.name]
+    if not again:
+        raise IdentError(f"the form {form.name} cannot be estimated from {len(rec)} samples: record longer.")
+    return again[0].model
+
+
+def no_model() -> IdentError:
+    """Error for a record that no candidate fits."""
+    return IdentError(
+        "no order gives a stable model of this record: input and output may be swapped, or the plant is not stable. "
+        "Record it in closed loop, or remove the trend."
+    )

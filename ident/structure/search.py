@@ -1,0 +1,242 @@
+"""Search of the structure of a record: all candidates with their criteria and weights, and the limits reached.
+
+    y = b/a u + 1/d e      or, with equation noise,      a y = b u + e
+
+Orders na are 1 to 5, nb 1 to na + 1 and more where the criterion asks for it, delays whole samples, extended while the
+best lies at the end. Each candidate has a noise model of its own; `choice` holds criterion, penalty and weights.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from ...core.arrays import Array
+from ...core.errors import IdentError
+from ...datasets.records.record import Record
+from ..estimators.box_jenkins import box_jenkins
+from ..model import Model
+from ..responses.spectra import excited_band
+from .candidates import (
+    STEPS,
+    Candidate,
+    Screen,
+    equation,
+    equation_candidates,
+    estimated,
+    fitted,
+    form_candidates,
+    no_model,
+    refined,
+    scanned,
+    screen_of,
+)
+from .choice import weights
+
+MOST_ORDER, MOST_DELAY = 5, 10
+FARTHEST = 100  # samples of delay, or a tenth of the longest segment
+AHEAD = 3  # delays scanned beyond the best
+NEAR = 2  # delays fitted for each pair of orders
+REFINED = 8  # candidates whose plant and noise model are fitted jointly
+MOST_SAMPLES = 4000  # of longer records a part of this length is searched
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """Candidates of a record, the chosen one first.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        Sorted by criterion and penalty.
+    n : int
+        Samples searched.
+    spread : float
+        Variance of the output.
+    notes : tuple of str
+        Limits of the search that the chosen candidate reaches.
+    """
+
+    candidates: tuple[Candidate, ...]
+    n: int
+    spread: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def chosen(self) -> Candidate:
+        """The candidate with the smallest criterion and penalty."""
+        return self.candidates[0]
+
+    def fit(self, one: Candidate) -> float:
+        """Simulation fit of a candidate, %."""
+        return float(100 * (1 - np.sqrt(one.loss / self.spread)))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row per candidate; ``bic`` is criterion and penalty."""
+        rows = [
+            {
+                "na": one.na, "nb": one.nb, "nk": one.nk, "loss": one.loss, "fit": self.fit(one), "bic": one.total,
+                "structure": one.structure, "form": one.form.name if one.form else "", "noise": len(one.d) - 1,
+                "variance": one.variance, "guard": one.guard, "weight": one.weight,
+            }
+            for one in self.candidates
+        ]  # fmt: skip
+        return pd.DataFrame(rows)
+
+
+def search(
+    rec: Record,
+    *,
+    most_order: int = MOST_ORDER,
+    delays: Sequence[int] | None = None,
+    orders: tuple[int, int, int] | None = None,
+    least_delay: int = 0,
+    beside: Array | None = None,
+) -> Search:
+    """Candidates of a record.
+
+    Parameters
+    ----------
+    rec : Record
+        Centred.
+    most_order : int
+        Largest na.
+    delays : sequence of int, optional
+        Candidate delays, samples; by default 0 to 10 and further while the best lies at the end.
+    orders : (na, nb, nk), optional
+        The only structure, with either noise model.
+    least_delay : int
+        1 for a record in closed loop, where a direct response cannot be separated from the feedback.
+    beside : ndarray, shape (N, k), optional
+        Signals on the output that are fitted beside the plant.
+
+    Raises
+    ------
+    IdentError
+        No candidate is stable, or the record is too short for any.
+    """
+    band = excited_band(rec)
+    if orders is not None:
+        return _result(rec, _given(rec, band, orders, beside), ())
+    longest = max(s.stop - s.start for s in rec.stretches)
+    reach = Reach.of(delays, least_delay, min(FARTHEST, longest // 10))
+    screen = screen_of(rec, band, least_delay, 0 if reach.open else reach.delays[-1], beside)
+    tried = range(1, min(most_order, max(longest // 20, 1)) + 1)
+    found = [one for na in tried for one in _of_order(screen, na, reach)]
+    last = max((one.nk for one in found), default=0)
+    found += equation_candidates(screen, len(tried), reach.upto(last + AHEAD))
+    found += form_candidates(screen, reach.upto(last + AHEAD))
+    if not found:
+        raise no_model()
+    found = sorted(found, key=lambda one: one.total)
+    found = [refined(screen, one) for one in found[:REFINED]] + found[REFINED:]
+    found = sorted(found, key=lambda one: one.total)
+    return _result(rec, found, _limits(found[0], most_order, reach))
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Delays that may be tried, and whether they were left to the search (``open``)."""
+
+    delays: tuple[int, ...]
+    open: bool
+
+    @classmethod
+    def of(cls, delays: Sequence[int] | None, least: int, farthest: int) -> "Reach":
+        """The delays asked for, or all from ``least`` to ``farthest``."""
+        if delays is None:
+            return cls(tuple(range(least, max(farthest, least) + 1)), True)
+        return cls(tuple(sorted({max(int(k), least) for k in delays})), False)
+
+    def upto(self, last: int) -> list[int]:
+        """The delays asked for, or those up to ``last`` and at least the usual number."""
+        return [k for k in self.delays if k <= max(last, MOST_DELAY)] if self.open else list(self.delays)
+
+
+def _best_delay(screen: Screen, na: int, reach: Reach) -> tuple[int, Array]:
+    """Best delay of an order with na coefficients of b, scanned further while the best lies at the end; its f."""
+    found = scanned(screen, na, na, reach.upto(MOST_DELAY))
+    while found:
+        best, end = min(found, key=lambda nk: found[nk][0]), max(found)
+        more = [k for k in reach.upto(end + MOST_DELAY) if k > end] if best > end - AHEAD else []
+        if not more:
+            return best, np.concatenate([np.ones(1), found[best][1][:na]])
+        found |= scanned(screen, na, na, more)
+    return reach.delays[0], np.ones(1)
+
+
+def _of_order(screen: Screen, na: int, reach: Reach) -> list[Candidate]:
+    """Candidates of one na: nb from 1 to na + 1, and further while the criterion falls."""
+    best, f = _best_delay(screen, na, reach)
+    out: list[Candidate] = []
+    lowest = np.inf
+    for nb in range(1, 2 * na + 3):
+        around = {best - 1, best, best + 1, best + na - nb, best + na - nb + 1, best + na - nb - 1}
+        tried = [(*equation(screen, (na, nb, k), f, STEPS), k) for k in sorted(around) if k in reach.delays]
+        tried = sorted(tried, key=lambda t: t[1])[:NEAR]
+        found = [one for theta, _, k in tried if (one := fitted(screen, (na, nb, k), theta)) is not None]
+        out += found
+        least = min((one.total for one in found), default=np.inf)
+        if nb > na and least >= lowest:
+            break
+        lowest = min(lowest, least)
+    return out
+
+
+def _given(
+    rec: Record, band: tuple[float, float], orders: tuple[int, int, int], beside: Array | None
+) -> list[Candidate]:
+    """The given structure, its noise model chosen."""
+    na, nb, nk = orders
+    screen = screen_of(rec, band, min(nk, 1), nk, beside)
+    start = box_jenkins(rec, nb, na, 0, nk, beside=beside)
+    one = fitted(screen, orders, start.theta)
+    if one is None or not np.isfinite(one.criterion):
+        raise no_model()
+    return [refined(screen, one)]
+
+
+def _result(rec: Record, found: Sequence[Candidate], notes: tuple[str, ...]) -> Search:
+    """Candidates with their weights."""
+    shares = weights([one.total for one in found])
+    ranked = tuple(replace(one, weight=float(w)) for one, w in zip(found, shares, strict=True))
+    return Search(ranked, len(rec), float(np.var(rec.y)), notes)
+
+
+def _limits(best: Candidate, most_order: int, reach: Reach) -> tuple[str, ...]:
+    """Notes on limits that the best candidate reaches."""
+    notes, last = [], reach.delays[-1]
+    if best.na == most_order and best.form is None:
+        notes.append(f"na {best.na} is the largest order tried: the plant may be of higher order (most_order)")
+    if best.nk == last and len(reach.delays) > 1:
+        notes.append(f"nk {best.nk} is the longest delay tried: the plant may have a longer one (delays)")
+    return tuple(notes)
+
+
+def mixture(rec: Record, found: Search, beside: Array | None = None) -> tuple[Candidate, Model]:
+    """The chosen candidate, and its final estimate with the alternatives that the record supports.
+
+    A candidate whose coefficients are not identifiable is left out.
+
+    Raises
+    ------
+    IdentError
+        No candidate is identifiable.
+    """
+    models: list[tuple[float, Candidate, Model]] = []
+    refusal: IdentError | None = None
+    for one in found.candidates:
+        if models and one.weight == 0:
+            break
+        try:
+            models.append((one.weight, one, estimated(rec, one, beside)))
+        except IdentError as error:
+            refusal = refusal or error
+    if not models:
+        raise refusal or no_model()
+    total = sum(weight for weight, _, _ in models)
+    others = tuple((weight / total, model) for weight, _, model in models[1:] if weight > 0)
+    _, chosen, model = models[0]
+    return chosen, replace(model, alternatives=others)
